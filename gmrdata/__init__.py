@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from gmrdata.score.score import ScoreConfig as ScoreConfig
     from gmrdata.score.score import score_manifest as score_manifest
     from gmrdata.score.score import score_predictions as score_predictions
+    from gmrdata.solve.sequence import SequenceConfig as SequenceConfig
+    from gmrdata.solve.sequence import regenerate_sequence as regenerate_sequence
     from gmrdata.stage.run import Run as Run
     from gmrdata.values.body import BodyModel as BodyModel
     from gmrdata.values.camera import CameraPath as CameraPath
@@ -38,8 +40,6 @@ if TYPE_CHECKING:
     from gmrdata.values.motion import Motion as Motion
     from gmrdata.values.people import PersonFiles as PersonFiles
     from gmrdata.world.compose import motion_in_camera as motion_in_camera
-    from gmrdata.world.sequence import SequenceConfig as SequenceConfig
-    from gmrdata.world.sequence import regenerate_sequence as regenerate_sequence
 
 __version__ = "0.2.0"
 
@@ -65,7 +65,7 @@ _NAMES = {
     "values.motion": ("Motion",),
     "values.people": ("PersonFiles",),
     "world.compose": ("motion_in_camera",),
-    "world.sequence": ("SequenceConfig", "regenerate_sequence"),
+    "solve.sequence": ("SequenceConfig", "regenerate_sequence"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 

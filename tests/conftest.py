@@ -21,6 +21,7 @@ settings.load_profile("gmrdata")
 pytest_plugins = (
     "tests.browser",
     "tests.filming",
+    "tests.fixtures.command_line",
     "tests.fixtures.file_server",
     "tests.fixtures.filmed_sets",
     "tests.fixtures.inference",

@@ -6,14 +6,14 @@ import numpy as np
 from fusion.session import FusionSession, Person
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.fused_motion import FusedClip, fuse_clip
+from gmrdata.fusion.evidence import FusionConfig, known_frames
+from gmrdata.fusion.fused_motion import FusedClip, fuse_clip
 from gmrdata.gmr.predict import predict_deltas
 from gmrdata.values import transforms
 from gmrdata.values.camera import fill_gaps
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import whole_ratio
 from gmrdata.values.motion_metrics import orientation_errors_deg, translation_errors_mm
-from gmrdata.world.evidence import FusionConfig, known_frames
 
 FEWEST_KNOWN = 8  # frames with a camera that are left on either side of a gap
 CONFIG = FusionConfig()

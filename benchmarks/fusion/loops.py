@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from fusion.session import MEASURE, FusionSession
 
+from gmrdata.fusion.evidence import FusionConfig
+from gmrdata.fusion.fused_motion import fuse_clip
+from gmrdata.fusion.fusion import SamePlace
+from gmrdata.fusion.measured_delta_errors import noisy
 from gmrdata.gmr.config import DataConfig
-from gmrdata.gmr.delta_errors import noisy
-from gmrdata.gmr.fused_motion import fuse_clip
 from gmrdata.gmr.split import split_manifests
 from gmrdata.motion.resample import resample
 from gmrdata.values.clip import Clip, clip_on_body
 from gmrdata.values.motion import Motion
-from gmrdata.world.evidence import FusionConfig
-from gmrdata.world.fusion import SamePlace
 
 SECONDS, LONGEST_S = 20.0, 26.0
 NEAR_M = 0.1  # a person who comes back so near stands on the same spot

@@ -16,9 +16,15 @@ from sfm.ours import Regenerated, regenerate
 from sfm.score import true_clips
 from sfm.twins import Twins, make_twins
 
+from gmrdata.fusion.delta_errors import DeltaErrors
+from gmrdata.fusion.fused_motion import scale_error
+from gmrdata.fusion.measured_delta_errors import (
+    HeldOut,
+    MeasureConfig,
+    delta_errors,
+    held_out_motions,
+)
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.gmr.delta_errors import HeldOut, MeasureConfig, delta_errors, held_out_motions
-from gmrdata.gmr.fused_motion import scale_error
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.read.bodies import load_body
@@ -29,7 +35,6 @@ from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, clip_on_body, load_clip
 from gmrdata.values.people import person_file
-from gmrdata.world.delta_errors import DeltaErrors
 
 OUT_DIR = Path("out/bench")
 MEASURE = MeasureConfig()

@@ -24,11 +24,11 @@ from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.manifest.read import load_clips
-from gmrdata.masks import onnx
-from gmrdata.masks.sources import MasksRecipe
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.local_poses import read_local_poses
 from gmrdata.pages.scores import scores_page
+from gmrdata.people import onnx
+from gmrdata.people.sources import MasksRecipe
 from gmrdata.read import emdb, human36m, openpose
 from gmrdata.read.amc import read_amc
 from gmrdata.read.bodies import read_body, save_body

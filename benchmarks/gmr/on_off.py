@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from gmrdata.baselines.camera_as_world import predict_camera_as_world
 from gmrdata.film.programmes import Circular
 from gmrdata.film.render_set import render_set
 from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe
 from gmrdata.film.shots import Film
+from gmrdata.score.camera_as_world import predict_camera_as_world
 from gmrdata.score.score import score_manifest, score_predictions
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.files import read_json

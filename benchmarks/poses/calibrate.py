@@ -17,12 +17,12 @@ import numpy as np
 from render.tables import show
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
-from gmrdata.masks.landmarks import LANDMARKS
-from gmrdata.poses.calibration import TrueTrack, measure_errors, measure_offsets, true_track
-from gmrdata.poses.landmark_body import BODY_FILE, LandmarkBodyRecord
-from gmrdata.poses.landmarks import LandmarksConfig, LandmarkTrack, find_landmarks, load_tracks
-from gmrdata.poses.lifter import SeenLandmarks
-from gmrdata.poses.noise import NOISE_FILE
+from gmrdata.people.calibration import TrueTrack, measure_errors, measure_offsets, true_track
+from gmrdata.people.landmark_body import BODY_FILE, LandmarkBodyRecord
+from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmarks import LandmarksConfig, LandmarkTrack, find_landmarks, load_tracks
+from gmrdata.people.lifter import SeenLandmarks
+from gmrdata.people.noise import NOISE_FILE
 from gmrdata.read.bodies import load_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import straightened

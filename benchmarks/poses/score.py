@@ -8,11 +8,11 @@ import numpy as np
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.intrinsics import load_intrinsics
-from gmrdata.masks.landmarks import LANDMARKS
-from gmrdata.poses.calibration import TrueTrack, seen_truth, true_track
-from gmrdata.poses.landmark_body import landmark_offsets_m
-from gmrdata.poses.landmarks import LandmarksConfig, find_landmarks, load_tracks
-from gmrdata.poses.local_poses import (
+from gmrdata.people.calibration import TrueTrack, seen_truth, true_track
+from gmrdata.people.landmark_body import landmark_offsets_m
+from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmarks import LandmarksConfig, find_landmarks, load_tracks
+from gmrdata.people.local_poses import (
     LANDMARKS_FOLDER,
     ImageTimes,
     Lens,
@@ -23,11 +23,11 @@ from gmrdata.poses.local_poses import (
 )
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import image_number, list_images
+from gmrdata.solve.video import INTRINSICS, OWN_POSES
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import fit_similarities
-from gmrdata.world.video import INTRINSICS, OWN_POSES
 
 TWELVE = [
     LANDMARKS.index(f"{side}_{part}")

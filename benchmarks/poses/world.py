@@ -15,21 +15,24 @@ from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.intrinsics import load_intrinsics
 from gmrdata.cli.video import solve_one
-from gmrdata.masks.sources import MasksConfig, PersonSource
-from gmrdata.poses.landmarks import load_tracks
-from gmrdata.poses.lifter import SeenLandmarks
-from gmrdata.poses.local_poses import (
+from gmrdata.people.landmarks import load_tracks
+from gmrdata.people.lifter import SeenLandmarks
+from gmrdata.people.local_poses import (
     LANDMARKS_FOLDER,
     POSES_FOLDER,
     ImageTimes,
     Lens,
     seen_landmarks,
 )
-from gmrdata.poses.placement import place
+from gmrdata.people.placement import place
+from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.bodies import load_body
 from gmrdata.read.video import VideoConfig
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.score.world_metrics import root_errors_percent, segment_errors_mm
+from gmrdata.solve.video import INTRINSICS, OWN_POSES, VideoSolveConfig
+from gmrdata.solve.video_verdict import VideoVerdict
+from gmrdata.solve.videos import EachVideo
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
@@ -39,9 +42,6 @@ from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert
 from gmrdata.world.quality import load_record
-from gmrdata.world.video import INTRINSICS, OWN_POSES, VideoSolveConfig
-from gmrdata.world.video_verdict import VideoVerdict
-from gmrdata.world.videos import EachVideo
 
 STANDS = ("static",)
 """Programmes whose camera does not move."""

@@ -9,7 +9,7 @@ import numpy as np
 from real.sequences import RealSequence
 
 from gmrdata.cameras.colmap import matrix_of, pycolmap
-from gmrdata.masks.folder import find_mask
+from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
 from gmrdata.values.transforms import invert
 

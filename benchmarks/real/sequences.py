@@ -10,7 +10,7 @@ from real.cases import Case, MaskKind
 from real.clips import RealClip
 from real.pictures import Film
 
-from gmrdata.masks.sources import MasksConfig, OnnxSource, PersonSource, make_masks, masks_seconds
+from gmrdata.people.sources import MasksConfig, OnnxSource, PersonSource, make_masks, masks_seconds
 from gmrdata.read.frames import read_color
 from gmrdata.read.models import POSE_LANDMARKS
 

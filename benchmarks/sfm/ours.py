@@ -8,7 +8,7 @@ from render.timing import run_python
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_entry, read_manifest
-from gmrdata.masks.sources import masks_seconds
+from gmrdata.people.sources import masks_seconds
 from gmrdata.stage.store import stage_seconds
 from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts
 from gmrdata.values.clip import Clip

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.files import CAMERAS_FILE, SfmCameras, load_cameras, save_cameras
-from gmrdata.masks.folder import find_mask
+from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
 from gmrdata.read.numbers import rigid_rows
 from gmrdata.read.threedpw_arrays import read_sequence_file

@@ -9,7 +9,7 @@ import numpy as np
 from gmrdata.cameras.files import load_cameras, load_points, load_quality
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.masks.sources import MasksConfig, OnnxSource, make_masks, masks_seconds
+from gmrdata.people.sources import MasksConfig, OnnxSource, make_masks, masks_seconds
 from gmrdata.read.frames import check_images, list_images
 from gmrdata.read.video import extract_video
 from gmrdata.stage.store import stage_seconds

@@ -10,7 +10,13 @@ from typing import Any
 from record import Record, machine
 from tables.clips import scored_set, training_set
 
-from gmrdata.baselines.own_poses import (
+from gmrdata.gmr.bundled import bundled_run
+from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.write import write_manifest
+from gmrdata.paper.comparison import TableRecord
+from gmrdata.paper.make import make_table
+from gmrdata.paper.own_poses import (
     ESTIMATOR,
     FEATURES_FOLDER,
     KEYPOINTS_FOLDER,
@@ -19,15 +25,9 @@ from gmrdata.baselines.own_poses import (
     OwnPosesRecord,
     own_poses,
 )
-from gmrdata.gmr.bundled import bundled_run
-from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import write_manifest
+from gmrdata.paper.plan import Given
+from gmrdata.paper.recipe import TableRecipe, load_table
 from gmrdata.stage.run import Run
-from gmrdata.tables.comparison import TableRecord
-from gmrdata.tables.make import make_table
-from gmrdata.tables.plan import Given
-from gmrdata.tables.recipe import TableRecipe, load_table
 from gmrdata.twins.twin_set import SET_FOLDER
 
 OUT_DIR = Path("out/bench")

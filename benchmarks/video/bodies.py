@@ -14,16 +14,16 @@ import numpy as np
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, MASKS_FOLDER, VideoFacts
 
 from gmrdata.cameras.intrinsics import GivenIntrinsics, IntrinsicsConfig
-from gmrdata.masks.sources import FolderSource, MasksConfig
+from gmrdata.people.sources import FolderSource, MasksConfig
 from gmrdata.read.bodies import load_body, save_body
 from gmrdata.read.camera_bodies import SeenPerson, read_camera_bodies
+from gmrdata.solve.video import GivenBodies, VideoSolveConfig, solve_video
+from gmrdata.solve.video_verdict import VideoVerdict
 from gmrdata.stage.run import Run
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.world.placement import TrueCamera, place_body
-from gmrdata.world.video import GivenBodies, VideoSolveConfig, solve_video
-from gmrdata.world.video_verdict import VideoVerdict
 from tests.read import camera_files
 from tests.read.camera_files import Seen
 

@@ -24,12 +24,12 @@ from gmrdata.cameras.files import Geometry, load_quality
 from gmrdata.cameras.intrinsics import IntrinsicsConfig, load_intrinsics
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.self_calibration import SelfCalibrationConfig
-from gmrdata.masks.sources import FolderSource, MasksConfig, masks_named
+from gmrdata.people.sources import FolderSource, MasksConfig, masks_named
 from gmrdata.read.frames import list_images
 from gmrdata.read.video import VideoConfig
+from gmrdata.solve.video import FRAMES, MASKS, QUICK_SFM, SFM, VideoSolveConfig, solve_video
+from gmrdata.solve.video_verdict import VideoVerdict
 from gmrdata.values.files import write_json
-from gmrdata.world.video import FRAMES, MASKS, QUICK_SFM, SFM, VideoSolveConfig, solve_video
-from gmrdata.world.video_verdict import VideoVerdict
 
 LONGEST_PX = 640
 FOLDER_FPS_HZ = 15.0  # of a folder of images, about

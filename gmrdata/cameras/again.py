@@ -15,7 +15,7 @@ from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import known_radial_k1, reconstruct
 from gmrdata.cameras.verdict import agreement_reasons
-from gmrdata.masks.folder import find_mask
+from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.masks.folder import find_mask
+from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import image_bytes, image_number, is_turned, read_gray
 from gmrdata.stage.jobs import in_threads
 from gmrdata.values.camera import bent

@@ -17,7 +17,7 @@ Out = Annotated[
 
 def baseline_zero(manifest: flags.Manifest, out: Out, redo: flags.Redo = False) -> None:
     """Zero motion: everybody stays in the pose of the first frame."""
-    from gmrdata.baselines.constant import predict_zero
+    from gmrdata.score.constant import predict_zero
 
     answer(predict_zero(manifest, out, run=Run(redo=redo)))
 
@@ -35,7 +35,7 @@ def baseline_mean(
         training: Manifests whose motions are averaged.
         fps_hz: Frame rate at which motions are averaged [Hz].
     """
-    from gmrdata.baselines.constant import MeanConfig, predict_mean
+    from gmrdata.score.constant import MeanConfig, predict_mean
 
     flags.need(training, "a manifest to average: --training")
     answer(predict_mean(manifest, training, out, MeanConfig(fps_hz=fps_hz), run=Run(redo=redo)))
@@ -54,7 +54,7 @@ def baseline_camera_as_world(
         camera: ignored; or, as the reference that knows the camera, true or recovered.
         cameras: For recovered cameras: a folder with <clip id>/ as `gmrdata sfm --out` makes it.
     """
-    from gmrdata.baselines.camera_as_world import CameraAsWorldConfig, predict_camera_as_world
+    from gmrdata.score.camera_as_world import CameraAsWorldConfig, predict_camera_as_world
 
     config = CameraAsWorldConfig(camera=camera)
     answer(predict_camera_as_world(manifest, out, config, cameras_dir=cameras, run=Run(redo=redo)))
@@ -80,7 +80,7 @@ def baseline_vibe_cam(
         image_size: Width and height of the images that the detector was given [px]; the camera's
             when left out.
     """
-    from gmrdata.baselines.vibe_cam import VibeCamConfig, predict_vibe_cam
+    from gmrdata.paper.vibe_cam import VibeCamConfig, predict_vibe_cam
 
     tracks = {}
     for text in person:
@@ -107,8 +107,8 @@ def baseline_joint_train(
         out: Run folder.
         recipe: A recipe file of kind `joint`; the defaults (GMR's) when left out.
     """
-    from gmrdata.baselines.joint_config import JointConfig
-    from gmrdata.baselines.joint_train import train_joint
+    from gmrdata.paper.joint_config import JointConfig
+    from gmrdata.paper.joint_train import train_joint
     from gmrdata.stage.recipes import load_recipe
 
     flags.need(manifests, "a manifest file")
@@ -129,7 +129,7 @@ def baseline_joint(
     Args:
         run: Run folder of `gmrdata baseline joint_train`.
     """
-    from gmrdata.baselines.joint_predict import predict_joint
+    from gmrdata.paper.joint_predict import predict_joint
 
     answer(predict_joint(run, manifest, features, out, run=Run(redo=redo)))
 
@@ -146,7 +146,7 @@ def baseline_own_poses(
 
     It stands where the paper has VIBE and STAF (docs/poses.md says how good it is).
     """
-    from gmrdata.baselines.own_poses import own_poses
+    from gmrdata.paper.own_poses import own_poses
 
     path, run = flags.body_path(body), Run(redo=redo)
     answer(

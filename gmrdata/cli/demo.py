@@ -17,6 +17,7 @@ from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import keep_body, load_body, read_body
+from gmrdata.solve.sequence import SequenceConfig, regenerate_sequence
 from gmrdata.stage.jobs import Job, Pool, run_jobs, worker_pool
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -28,7 +29,6 @@ from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.quality import load_record, quality_record
-from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
 
 
 def run_demo(

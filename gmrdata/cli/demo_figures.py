@@ -8,11 +8,11 @@ from pydantic import FiniteFloat, TypeAdapter, ValidationError
 from gmrdata.cli.demo_motions import MotionsConfig
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
-from gmrdata.masks.sources import masks_seconds
 from gmrdata.pages import report_data
 from gmrdata.pages.overview import summary_table, write_overview
 from gmrdata.pages.report import write_report
 from gmrdata.pages.report_data import ClipReport
+from gmrdata.people.sources import masks_seconds
 from gmrdata.read.bodies import read_body
 from gmrdata.score.records import Scores
 from gmrdata.stage.progress import answers

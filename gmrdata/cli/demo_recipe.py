@@ -9,10 +9,10 @@ from gmrdata.film.programmes import Programme
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.shots import Film
 from gmrdata.gmr.config import TrainConfig
+from gmrdata.solve.sequence import SequenceConfig
 from gmrdata.values import limits
 from gmrdata.values.people import person_file
 from gmrdata.values.records import Config
-from gmrdata.world.sequence import SequenceConfig
 
 
 class DemoClip(Config):

@@ -77,8 +77,8 @@ def export(
         threedpw: 3DPW's own folder: the 2D keypoints and clothed templates for 3dpw.
         redo: Write again what is there.
     """
-    from gmrdata.cli.export_files import Given, write_exports, write_network
-    from gmrdata.cli.export_formats import ExportOptions
+    from gmrdata.export.files import Given, write_exports, write_network
+    from gmrdata.export.formats import ExportOptions
 
     flags.need(to, "a format: --to tum")
     if "onnx" in to and len(set(to)) > 1:

@@ -12,7 +12,7 @@ from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
 if TYPE_CHECKING:
-    from gmrdata.gmr.fused_motion import Loop
+    from gmrdata.fusion.fused_motion import Loop
 
 
 def fuse(
@@ -48,10 +48,10 @@ def fuse(
     """
     from pydantic import ValidationError
 
-    from gmrdata.gmr import fused_motion as stage
+    from gmrdata.fusion import fused_motion as stage
+    from gmrdata.fusion.evidence import fusion_config_of
     from gmrdata.gmr.bundled import bundled_run
     from gmrdata.pages.fusion import write_fusion_page
-    from gmrdata.world.evidence import fusion_config_of
 
     try:
         config = stage.FuseConfig(
@@ -81,7 +81,7 @@ def fuse(
 
 def _loop(text: str) -> "Loop":
     """What a --loops stands for; BadRecipe for what is no pair of times."""
-    from gmrdata.gmr.fused_motion import Loop
+    from gmrdata.fusion.fused_motion import Loop
 
     first, _, other = text.partition(":")
     try:
@@ -113,8 +113,8 @@ def delta_errors(
     """
     from pydantic import ValidationError
 
-    from gmrdata.gmr.delta_errors import MeasureConfig, measure_delta_errors
-    from gmrdata.world.delta_errors import HEADINGS, error_rows
+    from gmrdata.fusion.delta_errors import HEADINGS, error_rows
+    from gmrdata.fusion.measured_delta_errors import MeasureConfig, measure_delta_errors
 
     flags.need(runs, "the run folder of a network")
     flags.need(manifests, "a manifest file")

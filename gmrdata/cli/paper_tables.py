@@ -8,7 +8,7 @@ from tyro.conf import Positional, UseAppendAction
 from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.cli.options import FEATURES, KEYPOINTS, POSES, Body, DryRun, RunFlags, body_path
 from gmrdata.cli.shards import ArrayFlags, print_script
-from gmrdata.tables import ScaleName
+from gmrdata.paper import ScaleName
 
 
 def tables(
@@ -52,10 +52,10 @@ def tables(
     """
     from gmrdata.gmr.bundled import bundled_run
     from gmrdata.pages.scores import write_scores_pages
-    from gmrdata.tables.comparison import TableRecord, explanations, shown_rows
-    from gmrdata.tables.make import make_table
-    from gmrdata.tables.plan import HEADINGS, Given, plan_table, planned_runs
-    from gmrdata.tables.recipe import load_table
+    from gmrdata.paper.comparison import TableRecord, explanations, shown_rows
+    from gmrdata.paper.make import make_table
+    from gmrdata.paper.plan import HEADINGS, Given, plan_table, planned_runs
+    from gmrdata.paper.recipe import load_table
 
     recipe = load_table(table)
     given = Given(

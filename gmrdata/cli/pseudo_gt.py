@@ -90,7 +90,7 @@ def threedpw_compare(manifest: Positional[Path], out: Path | None = None) -> Non
         manifest: A manifest of kind pseudo_gt, or the folder that holds one.
         out: CSV file for the rows, besides the table.
     """
-    from gmrdata.threedpw import table7
+    from gmrdata.paper import table7
 
     rows = table7.compare_with_table7(manifest)
     print_table(table7.HEADINGS, table7.table_rows(rows))

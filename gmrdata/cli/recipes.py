@@ -179,7 +179,7 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
 
 def _make_lifter(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     """Train the lifter of the built-in local poses; says where its weights are."""
-    from gmrdata.poses.training import LifterRecipe, train_lifter
+    from gmrdata.people.training import LifterRecipe, train_lifter
     from gmrdata.read.bodies import anny_file
     from gmrdata.stage.recipes import load_recipe
 

@@ -37,8 +37,8 @@ def masks(
             projected body), a folder of masks, or a recipe (.yaml) of kind `masks`.
         camera_body: Clip file (.npz) in the camera's frame, for the silhouette.
     """
-    from gmrdata.masks.sources import masks_named
     from gmrdata.pages.frames import masks_of_frames
+    from gmrdata.people.sources import masks_named
 
     flags.need(sources, "a source of masks: --sources onnx")
     config = masks_named(
@@ -82,8 +82,8 @@ def sfm(
     from gmrdata.cameras.files import load_quality
     from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.cli.video_page import write_page
-    from gmrdata.masks.sources import masks_named
-    from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
+    from gmrdata.people.sources import masks_named
+    from gmrdata.solve.sequence import SequenceConfig, regenerate_sequence
 
     flags.need(masks, "a source of masks: --masks silhouette")
     named = masks_named(masks, model=model, landmarks=landmarks, weights=weights, classes=classes)

@@ -18,11 +18,11 @@ from gmrdata.values.errors import BadRecipe, MissingInput
 if TYPE_CHECKING:
     from gmrdata.cameras.intrinsics import GivenIntrinsics
     from gmrdata.cli.export import FormatName
-    from gmrdata.masks.sources import MasksConfig
+    from gmrdata.people.sources import MasksConfig
     from gmrdata.read.video_files import NamedVideo
-    from gmrdata.world.video import GivenBodies, VideoSolveConfig
-    from gmrdata.world.video_verdict import VideoVerdict
-    from gmrdata.world.videos import EachVideo, OwnPoses
+    from gmrdata.solve.video import GivenBodies, VideoSolveConfig
+    from gmrdata.solve.video_verdict import VideoVerdict
+    from gmrdata.solve.videos import EachVideo, OwnPoses
 
 FILES = "files"
 FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S = 0.02, 0.12, 0.25, 0.005, 0.08
@@ -102,9 +102,9 @@ def video(
     from gmrdata.cameras.intrinsics import IntrinsicsConfig
     from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.read.video_files import find_videos
+    from gmrdata.solve.video import QUICK_SFM, VideoSolveConfig
+    from gmrdata.solve.videos import EachVideo
     from gmrdata.world.bodies import BodiesConfig
-    from gmrdata.world.video import QUICK_SFM, VideoSolveConfig
-    from gmrdata.world.videos import EachVideo
 
     flags.need(sources, "a video, or a folder of numbered images or of videos")
     config = VideoSolveConfig(
@@ -147,7 +147,7 @@ def video(
 def _own_poses(poses: Path | None, config: "VideoSolveConfig") -> "OwnPoses":
     """Whether people are those of the built-in estimator; without its networks, and when nobody
     asked for people, that is said."""
-    from gmrdata.world.video import own_networks
+    from gmrdata.solve.video import own_networks
 
     if poses not in (None, OWN):
         return "no"
@@ -173,7 +173,7 @@ def _solve_alone(
 ) -> None:
     from gmrdata.read.video import is_video
     from gmrdata.read.video_files import NamedVideo
-    from gmrdata.world.video import FRAMES
+    from gmrdata.solve.video import FRAMES
 
     verdict = solve_one(NamedVideo(out.name, source, poses), out, each, run)
     if is_video(source):
@@ -187,9 +187,9 @@ def _solve_alone(
 
 def solve_one(video: "NamedVideo", out: Path, each: "EachVideo", run: Run) -> "VideoVerdict":
     """One video with all of its stages; errors as of `solve_video`."""
-    from gmrdata.gmr.fused_motion import fuse_own_people
-    from gmrdata.world.video import solve_video
-    from gmrdata.world.video_verdict import VideoVerdict
+    from gmrdata.fusion.fused_motion import fuse_own_people
+    from gmrdata.solve.video import solve_video
+    from gmrdata.solve.video_verdict import VideoVerdict
 
     bodies = _given(video.poses_path, each, out, run) if each.has_people(video) else None
     path = solve_video(
@@ -227,7 +227,7 @@ def _masks(
     weights: Path | None,
     classes: tuple[str, ...],
 ) -> "MasksConfig | None":
-    from gmrdata.masks.sources import masks_named, network_files
+    from gmrdata.people.sources import masks_named, network_files
 
     flags.need(names, "a source of masks: --masks person, or none")
     if names == NO_MASKS:
@@ -267,7 +267,7 @@ def _lens(
 def _given(poses: Path | None, each: "EachVideo", out: Path, run: Run) -> "GivenBodies":
     """The poses' file if there is one, and the body for them, which is kept beside the result."""
     from gmrdata.read.bodies import keep_body
-    from gmrdata.world.video import GivenBodies
+    from gmrdata.solve.video import GivenBodies
 
     body_path = keep_body(chosen_body(each.body), out / "body", run=run)
     return GivenBodies(poses, body_path, asked=each.own_poses != "seen")
@@ -283,7 +283,7 @@ def chosen_body(body: str) -> str:
 def _write_cameras(out: Path, images: Path, verdict: "VideoVerdict") -> None:
     """Cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world; none of
     a rejected video, and nothing of what an earlier run had accepted."""
-    from gmrdata.cli.export_formats import seen_points, write_background
+    from gmrdata.export.formats import seen_points, write_background
     from gmrdata.read.video import video_record
     from gmrdata.world.background import load_background
     from gmrdata.write.trajectories import write_tum

@@ -55,7 +55,7 @@ def write_page(
 
 def _has_cameras_alone(out_dir: Path) -> bool:
     """Whether the files are of a video that was accepted for its cameras; the verb writes them."""
-    from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict
+    from gmrdata.solve.video_verdict import VERDICT_FILE, VideoVerdict
 
     path = out_dir / VERDICT_FILE
     return path.is_file() and VideoVerdict.read(path).accepted
@@ -66,10 +66,10 @@ def write_files(
 ) -> Sequence[tuple[str, str]]:
     """Files for other programs of the people who were accepted, by `fused/` where it is there; what
     could not be written, and why.  Of cameras alone they are there, or were not wanted."""
-    from gmrdata.cli.export_files import Given, exported
-    from gmrdata.cli.export_formats import ExportOptions
     from gmrdata.cli.video import FILES, TAKEN_ALONG
-    from gmrdata.manifest.exported import list_clips, world_people_dir
+    from gmrdata.export.files import Given, exported
+    from gmrdata.export.formats import ExportOptions
+    from gmrdata.export.sources import list_clips, world_people_dir
     from gmrdata.values.people import PSEUDO_GT
     from gmrdata.world.quality import load_record
 

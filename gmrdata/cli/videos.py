@@ -12,7 +12,7 @@ from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError
 
 if TYPE_CHECKING:
     from gmrdata.read.video_files import FoundVideos, NamedVideo
-    from gmrdata.world.videos import EachVideo, VideoEntry
+    from gmrdata.solve.videos import EachVideo, VideoEntry
 
 HEADINGS = ("video", "state", "frames", "people", "reasons")
 PLAN_HEADINGS = ("video", "images", "size [px]", "poses", "about [s]")
@@ -25,7 +25,7 @@ def prepare(found: "FoundVideos", each: "EachVideo", poses: Path | None) -> "Fou
         BadRecipe: what is asked can only be of one video, or of folders of images.
         MissingInput: there are no such poses.
     """
-    from gmrdata.masks.sources import FolderSource
+    from gmrdata.people.sources import FolderSource
     from gmrdata.read.video import is_video
     from gmrdata.read.video_files import with_poses
 
@@ -45,7 +45,7 @@ def prepare(found: "FoundVideos", each: "EachVideo", poses: Path | None) -> "Fou
 
 def solve(found: "FoundVideos", out: Path, each: "EachVideo", run: Run, strict: bool) -> None:
     """Solve the videos of a batch, say which were rejected, and write the index."""
-    from gmrdata.world.videos import Videos, solve_videos
+    from gmrdata.solve.videos import Videos, solve_videos
 
     with then(lambda: _show(out)):
         record = solve_videos(found.videos, out, _with_files(found, each), solve_listed, run)
@@ -56,8 +56,8 @@ def solve(found: "FoundVideos", out: Path, each: "EachVideo", run: Run, strict: 
 
 def solve_listed(video: "NamedVideo", out_dir: Path, each: "EachVideo", run: Run) -> "VideoEntry":
     """A job: one video in its own folder, with page and files, as if it were alone."""
-    from gmrdata.world.video_verdict import VideoVerdict
-    from gmrdata.world.videos import make_entry, video_dir
+    from gmrdata.solve.video_verdict import VideoVerdict
+    from gmrdata.solve.videos import make_entry, video_dir
 
     folder = video_dir(out_dir, video.name)
 
@@ -71,9 +71,9 @@ def solve_listed(video: "NamedVideo", out_dir: Path, each: "EachVideo", run: Run
 
 def _with_files(found: "FoundVideos", each: "EachVideo") -> "EachVideo":
     """With all files that the videos have in common, found once."""
-    from gmrdata.masks.sources import network_files
+    from gmrdata.people.sources import network_files
     from gmrdata.read.bodies import anny_file
-    from gmrdata.world.video import own_networks
+    from gmrdata.solve.video import own_networks
 
     files = {} if each.config.masks is None else network_files(each.config.masks)
     lens = each.lens
@@ -94,7 +94,7 @@ def _with_files(found: "FoundVideos", each: "EachVideo") -> "EachVideo":
 def _show(out: Path) -> None:
     """Write the index, and say which videos were rejected or failed and how many of each."""
     from gmrdata.pages.videos import write_videos_page
-    from gmrdata.world.videos import RECORD_FILE, Videos
+    from gmrdata.solve.videos import RECORD_FILE, Videos
 
     record = Videos.read(out / RECORD_FILE)
     counts = {state: record.in_state(state) for state in ("accepted", "rejected", "failed")}

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from markupsafe import Markup, escape
 
-from gmrdata.masks.folder import find_mask
-from gmrdata.masks.sources import MasksConfig, make_masks
 from gmrdata.pages.report_data import ClipReport
+from gmrdata.people.folder import find_mask
+from gmrdata.people.sources import MasksConfig, make_masks
 from gmrdata.read import frames as frame_files
 from gmrdata.read.video import VideoConfig, as_frames
 from gmrdata.stage.run import DEFAULT_RUN, Run

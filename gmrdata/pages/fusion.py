@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmrdata.gmr.fused_motion import (
+from gmrdata.fusion.fused_motion import (
     RECORD_FILE,
     RESULT_HEADINGS,
     FusedPerson,

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from gmrdata.masks.folder import find_mask
 from gmrdata.pages.frames import jpeg_image, masked_tile
 from gmrdata.pages.solved import Reader, Solved, read_people, read_reconstruction, reasons_by_person
+from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import number_in_name, read_color, read_gray
 from gmrdata.read.threedpw_layout import SequenceFiles, require_inside
 from gmrdata.threedpw.people import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord

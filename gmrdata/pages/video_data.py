@@ -9,8 +9,7 @@ import numpy as np
 
 from gmrdata.cameras.files import CamerasQuality, Lens, SfmCameras
 from gmrdata.cameras.intrinsics import Intrinsics, load_intrinsics
-from gmrdata.manifest.exported import SFM, ExportedClip, list_clips, load_exported
-from gmrdata.masks.folder import find_mask
+from gmrdata.export.sources import SFM, ExportedClip, list_clips, load_exported
 from gmrdata.pages.footage import NO_MARKS, Footage, Marks, direction_marks
 from gmrdata.pages.solved import (
     Reader,
@@ -20,8 +19,10 @@ from gmrdata.pages.solved import (
     read_reconstruction,
     reasons_by_person,
 )
+from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images, number_in_name
 from gmrdata.read.video import VIDEO_FILE, VideoRecord
+from gmrdata.solve.video_verdict import VERDICT_FILE, VideoVerdict, judge_cameras
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
@@ -32,7 +33,6 @@ from gmrdata.world.pseudo_gt import config_of
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.verdict import Verdict
-from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict, judge_cameras
 from gmrdata.write.take import Performer
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from gmrdata.pages.html import Cell, Table, render
+from gmrdata.solve.videos import FAILED, PAGE, RECORD_FILE, VideoEntry, Videos, video_dir
 from gmrdata.values.files import remove_orphans, write_text
-from gmrdata.world.videos import FAILED, PAGE, RECORD_FILE, VideoEntry, Videos, video_dir
 
 HEADINGS = (
     "video", "frames", "with a camera", Cell("rate", unit="Hz"), Cell("focal length", unit="px"),

@@ -17,7 +17,7 @@ GVHMR     `hmr4d_results.pt`: `smpl_params_incam` with `global_orient` (T, 3), `
 TRAM      `hps/hps_track_<k>.npy`: `pred_rotmat`, `pred_trans` (T, 1, 3), SMPL's transl before a
           camera of `img_focal` and `img_center`, which `camera.npy` holds (lib/models/hmr_vimo.py,
           `get_trans`); or EMDB's `.npz`, which holds all of them.
-gmrdata   the folder of `gmrdata.poses.local_poses`: poses and pelves before the video's own camera.
+gmrdata   the folder of `gmrdata.people.local_poses`: poses and pelves before the video's camera.
 PHALP     `<name>.pkl` of PHALP and 4D-Humans: `camera_bbox` (3,) = s, tx, ty of a crop round
           `center` (2,) whose side is the larger of `scale` (2,) [px].  `camera` (3,) is the same
           in a square of 256 px that holds the image of `size` (height, width), seen with 5000 px

@@ -12,6 +12,7 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
 from gmrdata.read.bodies import read_body
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
+from gmrdata.solve.sequence import regenerate_sequence
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import is_made, run_stage
 from gmrdata.threedpw.people import SequencePeople, make_people
@@ -20,7 +21,6 @@ from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.people import person_file
 from gmrdata.world.quality import load_record, quality_record, unsolved_quality
-from gmrdata.world.sequence import regenerate_sequence
 from gmrdata.world.verdict import Doubts, verdict_of
 
 UNSOLVED = "unsolved"  # the stage's name where there is no reconstruction

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.masks.silhouette import silhouette
+from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath

@@ -22,23 +22,6 @@ Answer = subprocess.CompletedProcess[str]
 
 
 @pytest.fixture
-def gmrdata(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
-    """The command line in this process: exit code, and what it wrote to both streams."""
-
-    def run(*arguments: object) -> Answer:
-        command, code = [str(argument) for argument in arguments], 0
-        capsys.readouterr()
-        try:
-            main(command)
-        except SystemExit as ended:
-            code = int(ended.code or 0)
-        said = capsys.readouterr()
-        return Answer(command, code, said.out, said.err)
-
-    return run
-
-
-@pytest.fixture
 def walks_command(
     tmp_path: Path, small_body: BodyModel, write_person: Callable[..., Path]
 ) -> Callable[[int], tuple[object, ...]]:

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.gmr.fused_motion import RECORD_FILE, FusionRecord
-from tests.gmr.test_fused_motion import clip, errors_path, pseudo_gt  # noqa: F401  fixtures
+from gmrdata.fusion.fused_motion import RECORD_FILE, FusionRecord
+from tests.fusion.test_fused_motion import clip, errors_path, pseudo_gt  # noqa: F401  fixtures
 
 
 def test_fuse_says_what_it_found_and_writes_a_page(

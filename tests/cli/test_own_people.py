@@ -9,14 +9,14 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.cli.video import plan
-from gmrdata.gmr.fused_motion import FusionRecord
+from gmrdata.fusion.fused_motion import FusionRecord
 from gmrdata.read.camera_bodies import read_camera_bodies
 from gmrdata.read.video import VideoConfig
 from gmrdata.read.video_files import NamedVideo
+from gmrdata.solve.video import VideoSolveConfig
+from gmrdata.solve.video_verdict import VideoVerdict
+from gmrdata.solve.videos import EachVideo
 from gmrdata.values.clip import load_clip
-from gmrdata.world.video import VideoSolveConfig
-from gmrdata.world.video_verdict import VideoVerdict
-from gmrdata.world.videos import EachVideo
 from tests.filming import CAMERAS_ALONE, Filmed
 
 N_IMAGES, SIZE_PX = 12, (640, 360)

@@ -12,11 +12,11 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.read.bodies import save_body
+from gmrdata.solve.video_verdict import VideoVerdict
+from gmrdata.solve.videos import Videos
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
-from gmrdata.world.video_verdict import VideoVerdict
-from gmrdata.world.videos import Videos
 from tests.film.set_kills import contents
 from tests.filming import INTRINSICS_PX, Filmed
 from tests.fixtures.filmed_sets import HEIGHT_PX, N_FRAMES, WIDTH_PX, Made

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from gmrdata.solve.videos import Videos
 from gmrdata.stage import finished
-from gmrdata.world.videos import Videos
 from tests.film.set_kills import contents, leftovers
 from tests.filming import CAMERAS_ALONE, INTRINSICS_PX
 

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.baselines.camera_as_world import find_cameras, recovered_cameras
 from gmrdata.film.extras import Extras, make_cast
 from gmrdata.film.programmes import Circular
 from gmrdata.film.set_plan import SyntheticClip, planned_clip
 from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.resample import hold_pose
+from gmrdata.score.camera_as_world import find_cameras, recovered_cameras
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.body import BodyModel

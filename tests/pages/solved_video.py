@@ -10,7 +10,7 @@ import numpy as np
 from gmrdata.cameras.files import POINTS_FILE, load_cameras, save_points
 from gmrdata.cameras.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.film.programmes import Circular, Panning
-from gmrdata.gmr.fused_motion import fuse_people
+from gmrdata.fusion.fused_motion import fuse_people
 from gmrdata.read.bodies import save_body
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
@@ -18,8 +18,8 @@ from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.people import PersonFiles
 from gmrdata.world.pseudo_gt import make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
+from tests.fusion.test_delta_errors import record
 from tests.pages.conftest import paint_clip
-from tests.world.test_delta_errors import record
 from tests.world.test_make import as_input, reconstruction, true_clip
 
 OFF_PX = 0.25

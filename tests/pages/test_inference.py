@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from gmrdata.film.camera_moves import look_at
-from gmrdata.masks.silhouette import silhouette
 from gmrdata.pages import inference as drawing
 from gmrdata.pages.inference import Film, draw_body, film_camera, write_body_video, write_top_view
+from gmrdata.people.silhouette import silhouette
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import intrinsics_from_fov, project

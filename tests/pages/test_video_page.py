@@ -13,6 +13,7 @@ from gmrdata.cameras.intrinsics import Intrinsics
 from gmrdata.pages.footage import BAR_PX
 from gmrdata.pages.video import make_video_page
 from gmrdata.pages.video_data import footage_of, gather_video
+from gmrdata.solve.video_verdict import VERDICT_FILE, VideoVerdict, unsolved
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import MissingInput
@@ -20,7 +21,6 @@ from gmrdata.values.files import read_npz, write_npz
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 from gmrdata.world.verdict import verdict_of
-from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict, unsolved
 from tests.browser import Visit
 from tests.pages.html_pages import Page
 from tests.pages.solved_video import N_ROWS, OFF_PX, fuse_video, solved_video

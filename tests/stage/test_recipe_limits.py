@@ -7,14 +7,14 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cli.demo_recipe import Training
 from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.film.shots import Film
 from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.train import GmrRecipe
-from gmrdata.masks.silhouette import SilhouetteConfig
+from gmrdata.paper.joint_config import JointConfig
+from gmrdata.people.silhouette import SilhouetteConfig
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values.errors import BadRecipe

@@ -8,12 +8,12 @@ from gmrdata.cli.demo_recipe import DemoRecipe
 from gmrdata.cli.recipes import run
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.gmr.train import GmrRecipe
-from gmrdata.masks.sources import MasksRecipe
-from gmrdata.poses.training import LifterRecipe
+from gmrdata.paper.recipe import TableRecipe
+from gmrdata.people.sources import MasksRecipe
+from gmrdata.people.training import LifterRecipe
 from gmrdata.stage import recipes
 from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_kind
 from gmrdata.stage.run import DEFAULT_RUN
-from gmrdata.tables.recipe import TableRecipe
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.errors import BadRecipe, MissingInput

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.masks.boxes import Detection
-from gmrdata.masks.onnx import DetectionsRecord, FrameRecord
-from gmrdata.masks.union import MasksRecord
+from gmrdata.people.boxes import Detection
+from gmrdata.people.onnx import DetectionsRecord, FrameRecord
+from gmrdata.people.union import MasksRecord
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import (
     FileState,

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.manifest.current import FrameRange
-from gmrdata.threedpw.table7 import merged, n_frames, n_shared
+from gmrdata.paper.table7 import merged, n_frames, n_shared
 
 ranges = st.lists(
     st.builds(

@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 
 from gmrdata.film.programmes import Circular, Panning, camera_path
-from gmrdata.masks.silhouette import silhouette
-from gmrdata.masks.sources import (
+from gmrdata.motion.gait import make_gait
+from gmrdata.people.silhouette import silhouette
+from gmrdata.people.sources import (
     FolderSource,
     MasksConfig,
     OnnxSource,
     PersonSource,
     SilhouetteSource,
 )
-from gmrdata.motion.gait import make_gait
 from gmrdata.read.bodies import save_body
 from gmrdata.read.frames import write_gray
+from gmrdata.solve.sequence import people_masks
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.people import PersonFiles
@@ -28,7 +29,6 @@ from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
 from gmrdata.world.pseudo_gt import make_pseudo_gt
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig
-from gmrdata.world.sequence import people_masks
 from tests.world.test_make import as_input, reconstruction, true_clip
 
 SIZE_PX = (320, 180)

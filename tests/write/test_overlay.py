@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.masks.silhouette import silhouette
+from gmrdata.people.silhouette import silhouette
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project

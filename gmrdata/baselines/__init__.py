@@ -1,1 +1,0 @@
-"""What GMR is compared with."""

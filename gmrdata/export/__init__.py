@@ -1,0 +1,1 @@
+"""What any stage made, in any format."""

@@ -1,0 +1,374 @@
+"""The formats of `gmrdata export`: for each, what a clip must have, and what writes it.
+
+A function here takes loaded clips and the path to write, and calls a writer of `gmrdata.write`
+with plain values.  What it can't write is an error, which the verb says of that clip alone.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from gmrdata.cli.export import FormatName, Seen, Trajectory
+from gmrdata.export.sources import ExportedClip
+from gmrdata.read.frames import number_in_name
+from gmrdata.stage.progress import console
+from gmrdata.values import transforms
+from gmrdata.values.bodies import SMPL
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadMotionFile, BadSequence
+from gmrdata.values.motion import Motion
+
+if TYPE_CHECKING:
+    from gmrdata.world.background import Background
+    from gmrdata.write.colmap import ColmapPoints
+    from gmrdata.write.system_results import TrackedPerson
+
+Need = Literal["camera", "world", "in_world", "trajectory", "images", "one_person"]
+"""in_world: a motion in the world, of which perhaps no frame is valid; trajectory: a camera or a
+motion in the world, whichever is asked for."""
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What the flags of `gmrdata export` say to the formats."""
+
+    of: Trajectory = "camera"  # whose trajectory tum and kitti hold
+    observations: Seen = "keyframes"  # which image points a COLMAP model has
+    threedpw: Path | None = None  # 3DPW's own folder
+
+
+class Format(NamedTuple):
+    """How one format is written."""
+
+    unit: Literal["clip", "sequence"]  # a file for each clip, or for all people of a sequence
+    path: str
+    """Below OUT/<format>/.  {id} is the clip's or the sequence's name, {split} 3DPW's, {subject}
+    and {take} are the two parts of EMDB's name."""
+    needs: tuple[Need, ...]  # what is looked at before anything is written
+    write: Callable[[Sequence[ExportedClip], Path, ExportOptions], None]
+    """Writes the clips of one unit to a path that is not there: a file, or a folder to make."""
+
+
+def why_not(format: Format, clips: Sequence[ExportedClip], options: ExportOptions) -> str:
+    """Why clips of one unit can't be written in a format; empty if they can, as far as is known."""
+    return next(filter(None, (_lacks(need, clips, options) for need in format.needs)), "")
+
+
+def _lacks(need: Need, clips: Sequence[ExportedClip], options: ExportOptions) -> str:
+    if need == "trajectory":
+        need = "camera" if options.of == "camera" else "world"
+    if need == "one_person":
+        n_people = len(clips) + len(clips[0].extras)
+        return f"has {n_people} people, and the format holds one" if n_people > 1 else ""
+    return next(filter(None, (_clip_lacks(need, one) for one in clips)), "")
+
+
+def _clip_lacks(need: Need, exported: ExportedClip) -> str:
+    clip = exported.clip
+    if need == "camera" and clip.camera is None:
+        return "has no camera"
+    if need == "camera" and clip.camera is not None and not clip.camera.has_camera.any():
+        return "has no frame with a known camera"
+    if need in ("world", "in_world") and clip.motion.frame != "world":
+        return "its motion is in the camera's frame, not in a world"
+    if need == "world" and not clip.valid.any():
+        return "has no valid frame"
+    if need == "images" and exported.images_dir is None:
+        return "has no images; give them with --images"
+    return ""
+
+
+def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
+    from gmrdata.cameras.files import load_cameras
+    from gmrdata.world.background import is_kept_in_place, load_background
+    from gmrdata.write.colmap import NO_POINTS, write_colmap
+
+    exported = clips[0]
+    path.mkdir()
+    if exported.sfm_dir is None:
+        write_colmap(path, camera_of(exported.clip), _image_names(exported))
+        return
+    world_of: Clip | None = exported.clip
+    if load_cameras(exported.sfm_dir).geometry == "full" and is_kept_in_place(exported.clip):
+        what = "its scale is not known: the model is in the unit and world of its reconstruction"
+        console.print(f"{exported.sequence}: {what}", markup=False, soft_wrap=True)
+        world_of = None
+    found = load_background(exported.sfm_dir, world_of)
+    names: Sequence[str | None]
+    if options.observations == "none":
+        numbers = exported.clip.image_numbers.tolist()
+        name_of = dict(zip(numbers, _image_names(exported), strict=True))
+        names = [name_of.get(number) for number in found.image_numbers.tolist()]
+        points = replace(NO_POINTS, world_m=found.points_m)
+    else:
+        names, points = seen_points(found, exported.sfm_dir, options.observations)
+    write_background(path, found, names, points, exported.images_dir)
+
+
+def seen_points(
+    found: "Background", sfm_dir: Path, observations: Literal["keyframes", "all"]
+) -> tuple[Sequence[str], "ColmapPoints"]:
+    """Names of solved cameras' images, and the background points as these images see them."""
+    from gmrdata.world.background import load_background_tracks
+    from gmrdata.write.colmap import ColmapPoints
+
+    tracks = load_background_tracks(sfm_dir, found)
+    seen = tracks if observations == "all" else tracks.of_adjusted()
+    points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
+    return tracks.image_names, points
+
+
+def write_background(
+    folder: Path,
+    found: "Background",
+    image_names: Sequence[str | None],
+    points: "ColmapPoints",
+    images_dir: Path | None,
+) -> None:
+    """Solved cameras and points as a COLMAP model, with the lens that they were solved with."""
+    from gmrdata.write.colmap import write_colmap
+
+    radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
+    write_colmap(folder, found.camera, image_names, points, radial=radial, images_dir=images_dir)
+
+
+def _image_names(exported: ExportedClip) -> list[str | None]:
+    """File name of each row's image; None for a row without one."""
+    return [None if image is None else image.name for image in exported.image_paths()]
+
+
+def export_tum(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The camera's or the pelvis's path; frames without one are left out, so times have gaps."""
+    from gmrdata.write.trajectories import write_tum
+
+    poses, known = _trajectory(clips[0], options.of)
+    times_s = np.flatnonzero(known) / clips[0].clip.motion.fps_hz
+    write_tum(path, poses[known], times_s)
+
+
+def export_kitti(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The same, a line for each frame: one that lacks a pose can't be left out."""
+    from gmrdata.write.trajectories import write_kitti
+
+    poses, known = _trajectory(clips[0], options.of)
+    _require_all(clips[0], known, options.of, "tum leaves such frames out")
+    write_kitti(path, poses)
+
+
+def export_gem_x(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """`camera.pt` with cam_from_world of each frame of the video."""
+    from gmrdata.write.trajectories import write_gem_x
+
+    camera = camera_of(clips[0].clip)
+    _require_all(clips[0], camera.has_camera, "camera", "GEM-X needs one for each frame")
+    write_gem_x(path, camera.world_from_cam)
+
+
+def _require_all(exported: ExportedClip, known: np.ndarray, of: Trajectory, remedy: str) -> None:
+    if len(missing := np.flatnonzero(~known)):
+        frames = ", ".join(map(str, missing[:3]))
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        what = f"clip {exported.id}: the {of} of frame {frames}{more} is not known"
+        raise BadMotionFile(f"{what}; {remedy}")
+
+
+def _trajectory(exported: ExportedClip, of: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """world_from_cam or world_from_root (T, 4, 4), and in which frames it is known, (T,) bool."""
+    if of == "camera":
+        camera = camera_of(exported.clip)
+        return camera.world_from_cam, camera.has_camera
+    motion = exported.clip.motion
+    return transforms.rigid(motion.root_rotmats, motion.pelvis_m), exported.clip.valid
+
+
+def export_3dpw(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The people of a sequence; of those who were rejected no frame is `campose_valid`."""
+    from gmrdata.read.threedpw_arrays import N_KEYPOINTS, SMPL_SHAPES, read_sequence_file
+    from gmrdata.read.threedpw_layout import find_sequence
+    from gmrdata.threedpw.world_sequence import sequence_arrays, with_original
+    from gmrdata.write.threedpw import write_sequence_file
+
+    _usable(clips, "campose_valid is 0 in all frames")
+    _require_images_by_row(clips[0])
+    for one in clips:
+        if one.clip.motion.body.startswith(SMPL) and one.clip.motion.shape[SMPL_SHAPES:].any():
+            what = f"{len(one.clip.motion.shape)} shape coefficients, 3DPW has {SMPL_SHAPES}"
+            raise BadSequence(f"clip {one.id} has {what}")
+    name = clips[0].sequence
+    unseen = [np.zeros((one.clip.motion.n_frames, N_KEYPOINTS, 3)) for one in clips]
+    arrays = sequence_arrays(
+        name,
+        [one.clip for one in clips],
+        [one.body for one in clips],
+        [one.clip.motion.gender for one in clips],
+        unseen,
+    )
+    if options.threedpw is not None:
+        original = read_sequence_file(find_sequence(options.threedpw, name).pickle_path)
+        arrays = with_original(arrays, original)
+    write_sequence_file(path, arrays)
+
+
+def _usable(clips: Sequence[ExportedClip], rest: str) -> list[bool]:
+    """Whether a clip has frames that may be used; says what becomes of the others."""
+    usable = [bool(one.clip.valid.any()) for one in clips]
+    if not any(usable):
+        raise BadMotionFile("has no valid frame")
+    for one, is_usable in zip(clips, usable, strict=True):
+        if not is_usable:
+            text = f"clip {one.id} has no valid frame: {rest}"
+            console.print(text, markup=False, soft_wrap=True)
+    return usable
+
+
+def _require_images_by_row(exported: ExportedClip) -> None:
+    """Refuse a clip whose row t is not image t, where a layout knows images by their row."""
+    numbers = exported.clip.image_numbers
+    off = np.flatnonzero((numbers >= 0) & (numbers != np.arange(len(numbers))))
+    if len(off):
+        what = f"row {off[0]} is image {numbers[off[0]]}, and in this layout row {off[0]}"
+        raise BadSequence(f"clip {exported.id}: {what}. Export a clip of all images, from 0 on")
+
+
+def export_emdb(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """One person; the parts of EMDB as it was read, and both for clips from elsewhere."""
+    from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
+    from gmrdata.write.emdb import emdb_name, emdb_sequence, seen_in_image, write_emdb
+
+    (exported,) = clips
+    _require_images_by_row(exported)
+    about_path, parts = exported.clip_path.parent / ABOUT_FILE, (True, True)
+    if about_path.is_file():
+        about = EmdbAbout.read(about_path)
+        parts = (about.emdb1, about.emdb2)
+    name = "_".join(emdb_name(exported.id))
+    sequence = emdb_sequence(name, exported.clip, exported.body, parts)
+    write_emdb(path, sequence, *seen_in_image(exported.clip, exported.body))
+
+
+def export_wham(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The people of a sequence, each in the frames that may be used."""
+    from gmrdata.write.system_results import write_wham
+
+    usable = zip(clips, _usable(clips, "left out"), strict=True)
+    people = [_tracked(one) if is_usable else None for one, is_usable in usable]
+    write_wham(path, people, clips[0].clip.camera)
+
+
+def export_gvhmr(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """One person, in every frame of the video."""
+    from gmrdata.write.system_results import write_gvhmr
+
+    person = _tracked(clips[0])
+    missed = np.flatnonzero(person.frame_numbers != np.arange(len(person.frame_numbers)))
+    if len(missed):
+        what = f"row {missed[0]} is frame {person.frame_numbers[missed[0]]} of the video"
+        raise BadMotionFile(f"{what}, and GVHMR has a row for each frame; wham names its frames")
+    write_gvhmr(path, person, clips[0].clip.camera)
+
+
+def _tracked(exported: ExportedClip) -> "TrackedPerson":
+    """The person and the frames of the video, counted as `gmrdata evaluate` counts them."""
+    from gmrdata.score.results import frames_of_rows
+    from gmrdata.write.system_results import TrackedPerson
+
+    images = []
+    if exported.images_dir is not None:
+        images = [number_in_name(image.name) for image in exported.images_dir.iterdir()]
+    frames = frames_of_rows(exported.clip, [number for number in images if number is not None])
+    rows = exported.clip.valid & (frames >= 0)
+    return TrackedPerson(exported.clip.motion, exported.rest_pelvis_m, rows, frames)
+
+
+def export_usd(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """All who are in a sequence, and the camera."""
+    from gmrdata.export.takes import result_take
+    from gmrdata.write.usd import write_usd
+
+    write_usd(path, result_take(clips))
+
+
+def export_rrd(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The same with frames, masks and points, and the truth beside it, as far as they are there."""
+    from gmrdata.export.takes import TRUTH, mask_paths, result_take, truth_take, with_points
+    from gmrdata.write.recording import write_recording
+
+    first, true = clips[0], truth_take(clips)
+    takes = [with_points(result_take(clips), first)]
+    write_recording(
+        path,
+        [*takes, true[0]] if true else takes,
+        shown_from_world={TRUTH: true[1]} if true else {},
+        images=first.image_paths() if first.images_dir else [],
+        masks=mask_paths(first),
+    )
+
+
+def export_mp4(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The frames with all bodies drawn over them."""
+    from gmrdata.export.takes import result_take
+    from gmrdata.write.overlay import write_overlay
+
+    write_overlay(path, result_take(clips), clips[0].image_paths())
+
+
+def export_glb(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """One person, and the camera."""
+    from gmrdata.write.glb import write_glb
+
+    clip, body = clips[0].clip, clips[0].body
+    write_glb(path, clip.motion, body, shown=clip.valid, camera=clip.camera)
+
+
+def export_amass(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """A file for each unbroken stretch of valid frames."""
+    from gmrdata.write.amass import write_amass
+
+    _write_runs(clips[0], path, ".npz", write_amass)
+
+
+def export_bvh(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The same as BVH."""
+    from gmrdata.write.bvh import write_bvh
+
+    _write_runs(clips[0], path, ".bvh", write_bvh)
+
+
+def _write_runs(
+    exported: ExportedClip,
+    folder: Path,
+    suffix: str,
+    write: Callable[[Path, Motion, BodyModel], None],
+) -> None:
+    """A file for each unbroken stretch of valid frames, named by its first and last row."""
+    from gmrdata.export.takes import unbroken_runs
+
+    folder.mkdir()
+    for rows in unbroken_runs(exported.clip.valid):
+        name = f"{exported.id}_{rows.start:05d}-{rows.stop - 1:05d}{suffix}"
+        write(folder / name, exported.clip.motion.take(rows), exported.body)
+
+
+FORMATS: dict[FormatName, Format] = {
+    "colmap": Format("sequence", "{id}", ("camera",), export_colmap),
+    "tum": Format("clip", "{id}.txt", ("trajectory",), export_tum),
+    "kitti": Format("clip", "{id}.txt", ("trajectory",), export_kitti),
+    "gem-x": Format("sequence", "{id}/preprocess/camera.pt", ("camera",), export_gem_x),
+    "3dpw": Format("sequence", "sequenceFiles/{split}/{id}.pkl", ("camera",), export_3dpw),
+    "emdb": Format(
+        "clip", "{subject}/{take}/{subject}_{take}_data.pkl", ("camera", "world"), export_emdb
+    ),
+    "wham": Format("sequence", "{id}/wham_output.pkl", ("in_world",), export_wham),
+    "gvhmr": Format("clip", "{id}/hmr4d_results.pt", ("world",), export_gvhmr),
+    "amass": Format("clip", "{id}", ("world",), export_amass),
+    "bvh": Format("clip", "{id}", ("world",), export_bvh),
+    "glb": Format("clip", "{id}.glb", ("world",), export_glb),
+    "usd": Format("sequence", "{id}.usdc", ("world",), export_usd),
+    "rrd": Format("sequence", "{id}.rrd", ("world",), export_rrd),
+    "mp4": Format("sequence", "{id}.mp4", ("camera", "world", "images"), export_mp4),
+}

@@ -1,0 +1,1 @@
+"""Camera and network together, with error bars."""

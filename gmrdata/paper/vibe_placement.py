@@ -1,0 +1,163 @@
+"""Where a posed person stands before a camera, from 2D joints: one frame at a time.
+
+The closed form is the global alignment of DeepCap (Habermann et al. 2020): the translation that
+brings the 3D joints nearest to the rays of their 2D joints, weighted by confidence.  From there, or
+from the frame before, Gauss-Newton steps minimise the reprojection error itself, robustly.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.paper.clip_keypoints import ClipKeypoints
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project_cam
+from gmrdata.values.clip import Clip
+from gmrdata.values.records import Config
+from gmrdata.values.skinning import motion_joints_m
+
+NEAREST_M = 0.1  # joints nearer to the camera's plane than this can't be in the picture [m]
+
+
+class PlacementConfig(Config):
+    """How a person is placed before the camera."""
+
+    min_confidence: float = Field(default=0.3, ge=0.0)
+    """Joints with less confidence are not looked at."""
+    min_joints: int = Field(default=6, ge=2)
+    """A frame with fewer joints is not valid; two would do for exact ones."""
+    robust_px: float = Field(default=10.0, gt=0.0)
+    """Error beyond which a joint's weight falls (Huber 1964) [px]."""
+
+
+def place(
+    joints_m: np.ndarray,
+    points: np.ndarray,
+    intrinsics_px: np.ndarray,
+    config: PlacementConfig,
+    previous_m: np.ndarray | None = None,
+) -> np.ndarray | None:
+    """The pelvis in the camera's frame (3,) [m]; None where the joints do not tell.
+
+    Args:
+        joints_m: (24, 3) joints from the pelvis, in the camera's axes [m].
+        points: (24, 3) x [px], y [px], confidence of the same joints.
+        intrinsics_px: (3, 3) calibration matrix [px].
+        previous_m: (3,) where the pelvis was in the frame before [m], a second place to start from.
+    """
+    from scipy.optimize import least_squares
+
+    used = used_joints(points, config)
+    if used.sum() < config.min_joints:
+        return None
+    joints_m, points_px, confidence = joints_m[used], points[used, :2], points[used, 2]
+    lowest_m = NEAREST_M - joints_m[:, 2].min()
+    starts_m = [closed_form(joints_m, points_px, confidence, intrinsics_px), previous_m]
+    root_weights = np.sqrt(confidence)[:, None]
+
+    def residuals(pelvis_m: np.ndarray) -> np.ndarray:
+        image_px = (joints_m + pelvis_m) @ intrinsics_px.T
+        return ((image_px[:, :2] / image_px[:, 2:] - points_px) * root_weights).ravel()
+
+    def jacobian(pelvis_m: np.ndarray) -> np.ndarray:
+        image_px = (joints_m + pelvis_m) @ intrinsics_px.T
+        ratios_px = image_px[:, :2] / image_px[:, 2:]
+        rows = intrinsics_px[:2] - ratios_px[..., None] * intrinsics_px[2]
+        return (rows / image_px[:, 2:, None] * root_weights[..., None]).reshape(-1, 3)
+
+    in_front = [start for start in starts_m if start is not None and start[2] > lowest_m]
+    if not in_front:
+        return None
+    found = least_squares(
+        residuals,
+        min(in_front, key=lambda start: _huber(residuals(start), config.robust_px)),
+        jac=jacobian,
+        bounds=([-np.inf, -np.inf, lowest_m], np.inf),
+        x_scale="jac",
+        loss="huber",
+        f_scale=config.robust_px,
+        ftol=1e-12,
+        xtol=1e-12,
+        gtol=1e-12,
+    )
+    at_the_camera = found.active_mask[2] != 0
+    return None if at_the_camera or not found.success else np.asarray(found.x)
+
+
+def used_joints(points: np.ndarray, config: PlacementConfig) -> np.ndarray:
+    """Which joints (24, 3) x [px], y [px], confidence are looked at: (24,) bool."""
+    return np.asarray((points[:, 2] >= config.min_confidence) & (points[:, 2] > 0))
+
+
+def closed_form(
+    joints_m: np.ndarray, points_px: np.ndarray, confidence: np.ndarray, intrinsics_px: np.ndarray
+) -> np.ndarray | None:
+    """The translation (3,) that brings joints nearest to their rays [m]; None for parallel rays.
+
+    Joints (n, 3) from the pelvis, in the camera's axes [m], are at image points (n, 2) with weights
+    (n,).
+    """
+    homogeneous = np.concatenate([points_px, np.ones((len(points_px), 1))], axis=1)
+    rays = np.linalg.solve(intrinsics_px, homogeneous.T).T
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    # What is left of a vector across each ray.
+    across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
+    left = np.einsum("n,nij->ij", confidence, across)
+    right = -np.einsum("n,nij,nj->i", confidence, across, joints_m)
+    if np.linalg.cond(left) > 1e12:
+        return None
+    return np.asarray(np.linalg.solve(left, right))
+
+
+def _huber(residuals_px: np.ndarray, robust_px: float) -> float:
+    """What `least_squares` minimises with this loss, but for a factor."""
+    sizes = np.abs(residuals_px / robust_px)
+    return float(np.where(sizes <= 1, sizes**2, 2 * sizes - 1).sum())
+
+
+NO_POSE = "no pose"
+NOT_TOLD = "too few joints detected, or none of them before the camera"
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where a person is over T rows."""
+
+    pelvis_m: np.ndarray  # (T, 3) in the camera's frame [m]; NaN where it is not known
+    missing: tuple[str, ...]  # (T,) why it is not known; empty where it is
+    residual_px: float | None
+    """Median distance of the joints from their keypoints; None where no row is known [px]."""
+
+
+def place_person(
+    posed: Clip,
+    found: ClipKeypoints,
+    intrinsics_px: np.ndarray,
+    body: BodyModel,
+    config: PlacementConfig,
+) -> Placed:
+    """Place a person in each row that has a pose (translation aside) and enough keypoints."""
+    at_origin = replace(posed.motion, pelvis_m=np.zeros((posed.motion.n_frames, 3)))
+    joints_m = motion_joints_m(body, at_origin)  # in the camera's axes
+    has_pose = posed.valid & np.isfinite(joints_m).all(axis=(1, 2))
+    has_pose &= np.isfinite(posed.motion.local_rotmats).all(axis=(1, 2, 3))
+    pelvis_m = np.full((len(joints_m), 3), np.nan)
+    missing, residuals_px = list(found.missing), []
+    previous_m: np.ndarray | None = None
+    for row, points in enumerate(found.points):
+        if not missing[row] and not has_pose[row]:
+            missing[row] = NO_POSE
+        if missing[row]:
+            previous_m = None
+            continue
+        previous_m = place(joints_m[row], points, intrinsics_px, config, previous_m)
+        if previous_m is None:
+            missing[row] = NOT_TOLD
+            continue
+        pelvis_m[row] = previous_m
+        used = used_joints(points, config)
+        image_px = project_cam(joints_m[row, used] + previous_m, intrinsics_px)
+        residuals_px.append(np.linalg.norm(image_px - points[used, :2], axis=1))
+    median_px = float(np.median(np.concatenate(residuals_px))) if residuals_px else None
+    return Placed(pelvis_m, tuple(missing), median_px)

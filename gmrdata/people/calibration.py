@@ -1,0 +1,115 @@
+"""What is measured on rendered people once, for the files that travel with the package.
+
+`true_joints` brings a clip and the landmarks that the network saw of it together; from many of
+them come the offsets of landmarks on a body, and the network's errors (`noise`).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from gmrdata.people.landmark_body import (
+    HANGS_ON,
+    LEG_M,
+    TURNS_WITH,
+    landmarks_on,
+    mirrored_offsets_m,
+)
+from gmrdata.people.landmarks import LandmarkTrack
+from gmrdata.people.lifter import SeenLandmarks
+from gmrdata.people.noise import LandmarkNoise, SeenTruth, measure_noise
+from gmrdata.values.body import BodyModel, leg_length_m
+from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
+from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.transforms import invert
+
+ROUNDS, LEAST_ERROR = 10, 0.02
+"""Of the robust least squares, and the error from which a landmark counts less, per distance."""
+
+
+class TrueTrack(NamedTuple):
+    """A rendered person over T frames in which the network saw it, in the camera's axes."""
+
+    seen: SeenLandmarks
+    rows: np.ndarray  # (T,) of the clip
+    joints_m: np.ndarray  # (T, 24, 3)
+    turned: np.ndarray  # (T, 24, 3, 3) cam_from_joint
+    rotmats: np.ndarray  # (T, 24, 3, 3) local, the root's in the camera's axes
+    leg_m: float
+
+
+def true_track(track: LandmarkTrack, seen: SeenLandmarks, clip: Clip, body: BodyModel) -> TrueTrack:
+    """The frames of a track that the clip has; `seen` is the same track's."""
+    rows = rows_of_numbers(clip.image_numbers, track.image_numbers)
+    kept = rows >= 0
+    rows = rows[kept]
+    cam_from_world = invert(camera_of(clip).world_from_cam[rows])
+    motion = clip.motion.take(rows)
+    rotmats = motion.rotmats.copy()
+    rotmats[:, 0] = cam_from_world[:, :3, :3] @ rotmats[:, 0]
+    pelvis_m = (cam_from_world[:, :3, :3] @ motion.pelvis_m[..., None])[..., 0]
+    rest_joints_m = body.rest_joints_m(motion.shape)
+    joints_m, turned = posed_joints_m(rest_joints_m, rotmats, pelvis_m + cam_from_world[:, :3, 3])
+    seen = SeenLandmarks(
+        seen.times_s[kept], seen.rays[kept], seen.world_m[kept], seen.visibility[kept]
+    )
+    return TrueTrack(seen, rows, joints_m, turned, rotmats, leg_length_m(rest_joints_m))
+
+
+def measure_offsets(tracks: Sequence[TrueTrack]) -> np.ndarray:
+    """Offsets (33, 3) on a leg of `LEG_M` that lay landmarks onto the rays that were seen [m]."""
+    joints_m = np.concatenate([one.joints_m for one in tracks])[:, list(HANGS_ON)]
+    grown = np.concatenate([np.full(len(one.rows), one.leg_m / LEG_M) for one in tracks])
+    turned = np.concatenate([one.turned for one in tracks])[:, list(TURNS_WITH)]
+    turned = turned * grown[:, None, None, None]
+    rays = np.concatenate([one.seen.rays for one in tracks])
+    visible = np.concatenate([one.seen.visibility for one in tracks])
+    depths = joints_m[..., 2]
+    # (x + o x) - u (z + o z) = 0 in units of the distance, for x and y.
+    design = (turned[..., :2, :] - rays[..., None] * turned[..., 2:, :]) / depths[..., None, None]
+    target = rays - joints_m[..., :2] / depths[..., None]
+    offsets_m = np.zeros((len(HANGS_ON), 3))
+    for n in range(len(offsets_m)):
+        rows, wanted = design[:, n], target[:, n]
+        for _ in range(ROUNDS):
+            errors = np.linalg.norm(rows @ offsets_m[n] - wanted, axis=-1)
+            weights = visible[:, n] / (1 + (errors / LEAST_ERROR) ** 2)
+            normal = np.einsum("f,fij,fik->jk", weights, rows, rows)
+            right = np.einsum("f,fij,fi->j", weights, rows, wanted)
+            offsets_m[n] = np.linalg.solve(normal + 1e-3 * np.eye(3), right)
+    return mirrored_offsets_m(offsets_m)
+
+
+def measure_errors(
+    tracks: Sequence[TrueTrack], offsets_m: np.ndarray, rate_hz: float
+) -> LandmarkNoise:
+    """The network's errors on all tracks, which are at one frame rate."""
+    return measure_noise(seen_truth(tracks, offsets_m, rate_hz), rate_hz)
+
+
+def seen_truth(tracks: Sequence[TrueTrack], offsets_m: np.ndarray, rate_hz: float) -> SeenTruth:
+    """All tracks' true landmarks beside what was seen; a missing frame begins another run."""
+    runs, n_runs = [], 0
+    for one in tracks:
+        breaks = np.diff(one.seen.times_s, prepend=one.seen.times_s[0]) > 1.5 / rate_hz
+        runs.append(n_runs + np.cumsum(breaks))
+        n_runs = int(runs[-1][-1]) + 1
+    true_m = [
+        landmarks_on(
+            torch.as_tensor(one.joints_m),
+            torch.as_tensor(one.turned),
+            torch.full((len(one.rows),), one.leg_m, dtype=torch.float64),
+            torch.as_tensor(offsets_m),
+        ).numpy()
+        for one in tracks
+    ]
+    return SeenTruth(
+        runs=np.concatenate(runs),
+        true_m=np.concatenate(true_m),
+        facing=np.concatenate([one.turned[:, 0, :, 2] for one in tracks]),
+        rays=np.concatenate([one.seen.rays for one in tracks]),
+        world_m=np.concatenate([one.seen.world_m for one in tracks]),
+        visibility=np.concatenate([one.seen.visibility for one in tracks]),
+    )

@@ -1,0 +1,252 @@
+"""What a recipe may say of masks: where they come from, one source or several united."""
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import Field, ValidationError
+
+from gmrdata.people.folder import FolderMaskConfig, folder_masks
+from gmrdata.people.maskrcnn import MaskRcnnConfig, maskrcnn_masks
+from gmrdata.people.onnx import OnnxConfig, onnx_masks
+from gmrdata.people.person import PersonMaskConfig, person_masks
+from gmrdata.people.silhouette import SilhouetteConfig, silhouette_masks
+from gmrdata.people.union import UnionConfig, unite_masks
+from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
+from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import stage_seconds
+from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.records import Config
+
+Settings = TypeVar("Settings", bound=Config)
+USED_BY = {  # Which sources read an option of the command line
+    "--model": ("onnx", "person"),
+    "--landmarks": ("person",),
+    "--weights": ("maskrcnn",),
+    "--classes": ("onnx", "maskrcnn"),
+}
+
+
+class SilhouetteSource(SilhouetteConfig):
+    """The projected body of the sequence; needs no network."""
+
+    kind: Literal["silhouette"] = "silhouette"
+
+
+class FolderSource(FolderMaskConfig):
+    """A folder of masks that another tool made."""
+
+    kind: Literal["folder"] = "folder"
+    path: Path
+    """The folder; one mask for each frame, `<image stem>.png` or `<image file name>.png`."""
+
+
+class OnnxSource(OnnxConfig):
+    """A YOLOX detector in an ONNX file, run by OpenCV."""
+
+    kind: Literal["onnx"] = "onnx"
+    model: Path | None = None
+    """A relative path counts from where the command runs; the one of `fetch models` if left out."""
+
+
+class PersonSource(PersonMaskConfig):
+    """People's outlines by BlazePose, started by a YOLOX detector; both run by OpenCV."""
+
+    kind: Literal["person"] = "person"
+    model: Path | None = None
+    """The detector's ONNX file; the one of `gmrdata fetch models` if left out."""
+    landmarks: Path | None = None
+    """BlazePose's TFLite file; the one of `gmrdata fetch models` if left out."""
+
+
+class MaskRcnnSource(MaskRcnnConfig):
+    """torchvision's Mask R-CNN; needs the extra `maskrcnn`."""
+
+    kind: Literal["maskrcnn"] = "maskrcnn"
+    weights: Path | None = None
+    """File of the network's state dict; torchvision fetches its own when left out."""
+
+
+MaskSource = Annotated[
+    SilhouetteSource | FolderSource | OnnxSource | PersonSource | MaskRcnnSource,
+    Field(discriminator="kind"),
+]
+
+
+class MasksConfig(UnionConfig):
+    """Masks of one sequence."""
+
+    sources: tuple[MaskSource, ...] = Field(default=(SilhouetteSource(),), min_length=1)
+    """Where masks come from; a pixel is masked if any source says so."""
+
+
+class MasksRecipe(MasksConfig):
+    """Masks of any frames, as a file for `gmrdata masks --sources` and `gmrdata sfm --masks`."""
+
+    recipe: Literal["masks"]
+
+
+def make_masks(
+    images_dir: Path,
+    out_dir: Path,
+    config: MasksConfig,
+    *,
+    people: tuple[PersonFiles, ...] = (),
+    left_out: Collection[int] = (),
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
+
+    Silhouettes need people: camera-frame clips and their bodies.  Images whose numbers are
+    `left_out` are known to be unusable and get no mask.
+
+    Raises:
+        MissingInput: silhouettes without people, or a file that is not there; for a network that
+            was not fetched the message names the command.
+        BadFrames: a frame or mask is missing, unreadable or of another size.
+        BadMotionFile: a clip is not in the camera frame, or has no intrinsics.
+        BadDetector: not a file of such a network, truncated, or one of another layout.
+        MissingExtra: torchvision is not installed, or doesn't fit torch.
+        FetchFailed: torchvision could not fetch its weights.
+    """
+    made: dict[str, Path] = {}
+    for name, source in zip(source_names(config.sources), config.sources, strict=True):
+        made[name] = _make(source, images_dir, sources_dir(out_dir) / name, people, left_out, run)
+    union = _settings(config, UnionConfig)
+    return unite_masks(made, images_dir, out_dir, union, left_out=left_out, run=run)
+
+
+def masks_named(
+    names: Sequence[str],
+    *,
+    model: Path | None = None,
+    landmarks: Path | None = None,
+    weights: Path | None = None,
+    classes: tuple[str, ...] = (),
+) -> MasksConfig:
+    """The sources that a command line names; the options are those of the detectors.
+
+    A name is "silhouette", "onnx", "person", "maskrcnn", a folder of masks, or a recipe file
+    (.yaml) of kind `masks`, whose sources all count and whose other settings hold.
+
+    Raises:
+        MissingInput: a name that is neither of these nor a folder.
+        BadRecipe: a class that COCO lacks, a broken recipe, or an option that nothing uses.
+    """
+    chosen: dict[str, object] = {"classes": classes} if classes else {}
+    sources: list[MaskSource] = []
+    settings: dict[str, object] = {}
+    try:
+        for name in names:
+            if name == "silhouette":
+                sources.append(SilhouetteSource())
+            elif name == "onnx":
+                sources.append(OnnxSource.model_validate({"model": model} | chosen))
+            elif name == "person":
+                sources.append(PersonSource(model=model, landmarks=landmarks))
+            elif name == "maskrcnn":
+                sources.append(MaskRcnnSource.model_validate({"weights": weights} | chosen))
+            elif name.endswith(".yaml"):
+                recipe = load_recipe(find_recipe(name), MasksRecipe)
+                sources += recipe.sources
+                settings = dict(_settings(recipe, UnionConfig))
+            elif Path(name).is_dir():
+                sources.append(FolderSource(path=Path(name)))
+            else:
+                known = "silhouette, onnx, person, maskrcnn, a folder of masks or a recipe (.yaml)"
+                raise MissingInput(f"{name}: no such folder of masks; name {known}")
+    except ValidationError as error:
+        raise BadRecipe("; ".join(found["msg"] for found in error.errors())) from None
+    given = {"--model": model, "--landmarks": landmarks, "--weights": weights}
+    _require_used(names, given | {"--classes": classes})
+    return MasksConfig.model_validate({"sources": tuple(sources)} | settings)
+
+
+def _require_used(names: Sequence[str], options: dict[str, object]) -> None:
+    """An option that no source reads is a mistake, not a default."""
+    for option, value in options.items():
+        if value and not set(USED_BY[option]) & set(names):
+            raise BadRecipe(f"{option} is for {' and '.join(USED_BY[option])}, which is not named")
+
+
+def network_files(config: MasksConfig) -> dict[str, Path]:
+    """The networks' files that `make_masks` would read, by role; what it would raise for files that
+    are not there, this raises before any work."""
+    found = {}
+    for name, source in zip(source_names(config.sources), config.sources, strict=True):
+        if isinstance(source, OnnxSource | PersonSource):
+            found[f"{name} detector"] = find_model(YOLOX_NANO, source.model)
+        if isinstance(source, PersonSource):
+            found[f"{name} landmarks"] = find_model(POSE_LANDMARKS, source.landmarks)
+        if isinstance(source, MaskRcnnSource) and source.weights is not None:
+            found[f"{name} weights"] = source.weights
+    return found
+
+
+def without_files(config: MasksConfig) -> MasksConfig:
+    """The recipe without its networks' files, whose hashes stand in the record instead."""
+    files = {"model", "landmarks", "weights"}
+    sources = tuple(
+        source.model_copy(update=dict.fromkeys(files & type(source).model_fields.keys()))
+        for source in config.sources
+    )
+    return config.model_copy(update={"sources": sources})
+
+
+def sources_dir(masks_dir: Path) -> Path:
+    """The folder with each source's own masks."""
+    return masks_dir.with_name(f"{masks_dir.name}_by")
+
+
+def masks_seconds(masks_dir: Path) -> float:
+    """Wall time that masks took, their sources included [s]."""
+    stages = [path.parent for path in sorted(sources_dir(masks_dir).glob(f"*/{STAGE_FILE}"))]
+    return sum(stage_seconds(folder) for folder in (masks_dir, *stages))
+
+
+def source_names(sources: Sequence[MaskSource]) -> list[str]:
+    """The kinds, numbered where one occurs more than once."""
+    kinds = [source.kind for source in sources]
+    return [
+        f"{kind}_{kinds[: place + 1].count(kind)}" if kinds.count(kind) > 1 else kind
+        for place, kind in enumerate(kinds)
+    ]
+
+
+def _make(
+    source: MaskSource,
+    images_dir: Path,
+    out_dir: Path,
+    people: tuple[PersonFiles, ...],
+    left_out: Collection[int],
+    run: Run,
+) -> Path:
+    match source:
+        case SilhouetteSource():
+            body = _settings(source, SilhouetteConfig)
+            return silhouette_masks(people, images_dir, out_dir, body, left_out=left_out, run=run)
+        case FolderSource():
+            made = _settings(source, FolderMaskConfig)
+            return folder_masks(source.path, images_dir, out_dir, made, left_out=left_out, run=run)
+        case OnnxSource():
+            onnx, model = _settings(source, OnnxConfig), find_model(YOLOX_NANO, source.model)
+            return onnx_masks(model, images_dir, out_dir, onnx, left_out=left_out, run=run)
+        case PersonSource():
+            person = _settings(source, PersonMaskConfig)
+            files = (
+                find_model(YOLOX_NANO, source.model),
+                find_model(POSE_LANDMARKS, source.landmarks),
+            )
+            return person_masks(*files, images_dir, out_dir, person, left_out=left_out, run=run)
+        case MaskRcnnSource():
+            net = _settings(source, MaskRcnnConfig)
+            weights = source.weights
+            return maskrcnn_masks(weights, images_dir, out_dir, net, left_out=left_out, run=run)
+
+
+def _settings(source: Config, model: type[Settings]) -> Settings:
+    """A source's settings without its files, whose hashes stand in the record instead."""
+    return model(**{name: getattr(source, name) for name in model.model_fields})

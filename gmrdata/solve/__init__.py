@@ -1,0 +1,1 @@
+"""One sequence from frames to verdict."""

@@ -1,0 +1,269 @@
+"""`gmrdata export` as a person meets it, and what other programs read of what it wrote."""
+
+import inspect
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+import cv2  # noqa: F401  (before pycolmap)
+import numpy as np
+import pycolmap
+import pytest
+import torch
+from evo.tools import file_interface
+
+from gmrdata.cameras.files import load_quality
+from gmrdata.cli.export import FormatName, export
+from gmrdata.export.formats import FORMATS
+from gmrdata.values import transforms
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from tests.clip_manifests import write_clips
+
+Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def manifest(walkers: list[Clip], small_body: BodyModel, tmp_path: Path) -> Path:
+    """A clip whose camera is known but in frame 5, one without a camera, and one in its frame."""
+    first, second = walkers
+    camera = camera_of(first)
+    known = np.arange(camera.n_frames) != 5
+    holed = np.where(known[:, None, None], camera.world_from_cam, np.nan)
+    camera = replace(camera, world_from_cam=holed, has_camera=known)
+    clips = [
+        replace(first, id="holed", camera=camera),
+        replace(second, id="alone", camera=None),
+        replace(second, id="seen", motion=replace(second.motion, frame="camera"), camera=None),
+    ]
+    classes = ("circular", "none", "none")
+    return write_clips(tmp_path / "in", small_body, clips, camera_motions=classes)
+
+
+def test_what_can_be_written_is_and_the_rest_is_named(
+    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    said = gmrdata("export", manifest, "--to", "tum", "kitti", "--out", tmp_path / "out")
+    assert said.returncode == 1
+    assert "alone: no tum: has no camera" in said.stderr
+    assert "holed: no kitti: clip holed: the camera of frame 5 is not known" in said.stderr
+    assert "5 of 6 could not be written" in said.stderr
+    written = [path.relative_to(tmp_path / "out") for path in (tmp_path / "out").rglob("*.txt")]
+    assert written == [Path("tum/holed.txt")]
+    read = file_interface.read_tum_trajectory_file(tmp_path / "out/tum/holed.txt")
+    camera = camera_of(load_clip(manifest.with_name("holed.npz")))
+    rows = np.flatnonzero(camera.has_camera)
+    np.testing.assert_allclose(read.timestamps, rows / 30, atol=1e-9)
+    assert np.abs(np.array(read.poses_se3) - camera.world_from_cam[rows]).max() < 1e-9
+
+
+def test_the_way_of_the_person(manifest: Path, tmp_path: Path, gmrdata: Gmrdata) -> None:
+    out = tmp_path / "out"
+    said = gmrdata("export", manifest, "--to", "tum", "kitti", "--of", "person", "--out", out)
+    assert "seen: no kitti: its motion is in the camera's frame, not in a world" in said.stderr
+    assert said.returncode == 1  # frames 10 to 12 of `holed` are not valid either
+    motion = load_clip(manifest.with_name("alone.npz")).motion
+    for read in (
+        file_interface.read_tum_trajectory_file(out / "tum/alone.txt"),
+        file_interface.read_kitti_poses_file(out / "kitti/alone.txt"),
+    ):
+        expected = transforms.rigid(motion.root_rotmats, motion.pelvis_m)
+        assert np.abs(np.array(read.poses_se3) - expected).max() < 1e-9
+
+
+def test_nothing_is_overwritten_unless_told_so(
+    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    out = tmp_path / "out"
+    arguments = ("export", manifest, "--to", "tum", "--clips", "holed", "--out", out)
+    assert gmrdata(*arguments).returncode == 0
+    (out / "tum/holed.txt").write_text("mine")
+    said = gmrdata(*arguments)
+    assert said.returncode == 1 and "already there. Pass --redo" in said.stderr
+    assert (out / "tum/holed.txt").read_text() == "mine"
+    assert gmrdata(*arguments, "--redo").returncode == 0
+    assert (out / "tum/holed.txt").read_text() != "mine"
+    assert [path.name for path in (out / "tum").iterdir()] == ["holed.txt"]
+
+
+def test_a_dry_run_lists_and_writes_nothing(
+    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    said = gmrdata("export", manifest, "--to", "tum", "--out", tmp_path / "out", "--dry-run")
+    assert said.returncode == 0 and not (tmp_path / "out").exists()
+    assert "to write" in said.stdout and "left out: has no camera" in said.stdout
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (("--to",), "nothing given. Name a format"),
+        (("--to", "tum", "--clips", "nobody"), "no clip nobody; there are alone, holed, seen"),
+        (("--to", "tum", "--truth", "TRUTH"), "has none of the clips; there are walk.p1"),
+    ],
+)
+def test_flags_that_fit_nothing(
+    flags: tuple[str, ...], said: str, manifest: Path, walkers: list[Clip],
+    small_body: BodyModel, tmp_path: Path, gmrdata: Gmrdata,
+) -> None:  # fmt: skip
+    truth = tmp_path / "truth.npz"
+    save_clip(truth, walkers[1], small_body.rest_pelvis_m(walkers[1].motion.shape))
+    flags = tuple(flag.replace("TRUTH", str(truth)) for flag in flags)
+    answer = gmrdata("export", manifest, "--out", tmp_path / "out", *flags)
+    assert answer.returncode in (1, 2) and said in answer.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_broken_clip_does_not_stop_the_others(
+    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    broken = manifest.with_name("holed.npz")
+    broken.write_bytes(broken.read_bytes()[:500])
+    arguments = ("--of", "person", "--clips", "holed", "alone", "--out", tmp_path / "out")
+    said = gmrdata("export", manifest, "--to", "tum", *arguments)
+    assert said.returncode == 1 and "holed: no tum: " in said.stderr
+    assert "holed.npz: not a readable .npz" in said.stderr.replace("\n", "")
+    assert (tmp_path / "out/tum/alone.txt").is_file()
+
+
+def test_images_of_one_sequence_are_not_taken_for_those_of_another(
+    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    (tmp_path / "images/holed").mkdir(parents=True)
+    (tmp_path / "images/holed/00000.png").touch()
+    arguments = ("export", manifest, "--to", "colmap", "--out", tmp_path, "--images")
+    said = gmrdata(*arguments, tmp_path / "images")
+    assert f"alone: no colmap: {tmp_path}/images/alone: no such folder of images" in said.stderr
+    assert (tmp_path / "colmap/holed/sparse/0/images.bin").is_file()
+    said = gmrdata(*arguments, tmp_path / "images/holed", "--redo")
+    assert "holed/holed: no such folder of images" in said.stderr
+    alone = ("--clips", "holed", "--redo")
+    assert gmrdata(*arguments, tmp_path / "images/holed", *alone).returncode == 0
+
+
+def test_a_rendered_clip_becomes_a_model_without_points(
+    walkers: list[Clip], small_body: BodyModel, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    clip = walkers[0]
+    save_clip(tmp_path / "in/clip.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
+    (tmp_path / "in/frames").mkdir()
+    for number in range(20):
+        (tmp_path / f"in/frames/{number:05d}.png").touch()
+    assert gmrdata("export", tmp_path / "in", "--to", "colmap", "--out", tmp_path).returncode == 0
+    for model in models(tmp_path / "colmap/walk.p0"):
+        names = sorted(image.name for image in model.images.values())
+        assert names == [f"{number:05d}.png" for number in range(20)]
+        assert model.num_points3D() == 0
+    shutil.rmtree(tmp_path / "in/frames")
+    said = gmrdata("export", tmp_path / "in", "--to", "colmap", "--out", tmp_path / "without")
+    assert said.returncode == 1 and "has no images. Give their folder" in said.stderr
+    assert not list((tmp_path / "without").rglob("*.*"))
+
+
+def test_each_format_is_described_in_the_help_and_on_the_page() -> None:
+    page = (Path(__file__).parents[2] / "docs/export.md").read_text(encoding="utf-8")
+    described = inspect.getdoc(export) or ""
+    for name in (*get_args(FormatName), "onnx"):
+        assert f"\n        {name}: " in described
+        assert f"\n| `{name}` | " in page, name
+    assert set(FORMATS) == set(get_args(FormatName))
+
+
+def models(folder: Path) -> list[Any]:
+    return [pycolmap.Reconstruction(str(folder / name)) for name in ("sparse/0", "text")]
+
+
+@pytest.fixture(scope="module")
+def solved(made_set: Path, filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A regenerated set as COLMAP models and GEM-X's files; tests leave them as they are."""
+    from gmrdata.cli import main
+
+    out = tmp_path_factory.mktemp("exported")
+    images = str(filmed_set.root / "imageFiles")
+    flags = ["--to", "colmap", "gem-x", "--images", images, "--out", str(out)]
+    main(["export", str(made_set), *flags])
+    return out
+
+
+@pytest.mark.slow
+def test_pycolmap_finds_the_stages_reprojection_error(made_set: Path, solved: Path) -> None:
+    stage = load_quality(made_set / "sequences/arc_00/sfm")
+    for model in models(solved / "colmap/arc_00"):
+        assert model.num_reg_images() == stage.frames
+        assert {image.name for image in model.images.values()} >= {"image_00000.jpg"}
+        model.update_point_3d_errors()
+        error_px = model.compute_mean_reprojection_error()
+        assert error_px == pytest.approx(stage.mean_reprojection_px, rel=0.01)
+        assert any((point.color > 0).any() for point in model.points3D.values())
+
+
+@pytest.mark.slow
+def test_the_model_lies_in_the_world_of_the_clip(
+    made_set: Path, filmed_set: Any, solved: Path
+) -> None:
+    camera = camera_of(load_clip(made_set / "sequences/arc_00/pseudo_gt/person_0.npz"))
+    model, _ = models(solved / "colmap/arc_00")
+    found = [model.image(row + 1).cam_from_world().matrix() for row in range(camera.n_frames)]
+    expected = transforms.invert(camera.world_from_cam)[:, :3]
+    assert np.abs(np.array(found) - expected).max() < 1e-9
+    # The room's walls are 3 m and more away: the points are metric, like the cameras.
+    places_m = np.array([point.xyz for point in model.points3D.values()])
+    assert 2 < np.median(np.linalg.norm(places_m - camera.centres_world_m[0], axis=1)) < 8
+    cameras = torch.load(solved / "gem-x/arc_00/preprocess/camera.pt", weights_only=True)
+    assert np.abs(cameras.numpy()[:, :3] - expected).max() < 1e-6
+
+
+@pytest.mark.slow
+def test_a_camera_that_only_turns_has_no_points(made_set: Path, solved: Path) -> None:
+    for model in models(solved / "colmap/pan_00"):
+        assert model.num_reg_images() == 36 and model.num_points3D() == 0
+
+
+@pytest.mark.slow
+def test_all_observations_none_and_an_older_folder(
+    made_set: Path, filmed_set: Any, solved: Path, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    source = tmp_path / "arc_00"
+    shutil.copytree(made_set / "sequences/arc_00", source)
+    keyframes, _ = models(solved / "colmap/arc_00")
+
+    def export(observations: str, out: Path, *flags: object) -> subprocess.CompletedProcess[str]:
+        chosen = ("--observations", observations, "--out", out)
+        return gmrdata("export", source, "--to", "colmap", *chosen, *flags)
+
+    assert export("all", tmp_path / "all").returncode == 0
+    everything, _ = models(tmp_path / "all/colmap/arc_00")
+    assert everything.compute_num_observations() > 1.2 * keyframes.compute_num_observations()
+    (source / "sfm/tracks.npz").unlink()
+    said = export("keyframes", tmp_path / "older")
+    assert said.returncode == 1 and "kept no tracks" in said.stderr
+    assert not list((tmp_path / "older").rglob("*.bin"))
+    images = filmed_set.root / "imageFiles/arc_00"
+    assert export("none", tmp_path / "none", "--images", images).returncode == 0
+    bare, _ = models(tmp_path / "none/colmap/arc_00")
+    assert bare.compute_num_observations() == 0
+    assert bare.num_points3D() >= keyframes.num_points3D() and bare.num_reg_images() == 36
+
+
+@pytest.mark.slow
+def test_a_model_without_a_metric_scale_keeps_its_own_world(
+    made_set: Path, small_body: BodyModel, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    source = tmp_path / "arc_00"
+    shutil.copytree(made_set / "sequences/arc_00/sfm", source / "sfm")
+    clip = load_clip(made_set / "sequences/arc_00/pseudo_gt/person_0.npz")
+    camera = camera_of(clip)
+    world_from_cam = camera.world_from_cam.copy()
+    world_from_cam[:, :3, 3] = world_from_cam[0, :3, 3]
+    still = replace(clip, camera=replace(camera, world_from_cam=world_from_cam))
+    path = source / "pseudo_gt/person_0.npz"
+    save_clip(path, still, small_body.rest_pelvis_m(clip.motion.shape))
+    said = gmrdata("export", source, "--to", "colmap", "--out", tmp_path)
+    assert said.returncode == 0 and "its scale is not known" in said.stderr
+    stage = load_quality(source / "sfm")
+    for model in models(tmp_path / "colmap" / "arc_00.p0"):
+        error_px = model.compute_mean_reprojection_error()
+        assert error_px == pytest.approx(stage.mean_reprojection_px, rel=0.01)

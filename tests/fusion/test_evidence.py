@@ -1,0 +1,167 @@
+"""What a clip with cameras says: noise, known frames, error bars, and feet that stand."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.fusion.evidence import (
+    OWN_FUSION,
+    FusionConfig,
+    Noise,
+    error_bars,
+    fusion_config_of,
+    known_frames,
+    measured_noise,
+    planted_feet,
+    seen_poses,
+    unseen_frames,
+    widened,
+    with_pace_errors,
+)
+from gmrdata.fusion.fusion import ErrorProcess, FusedPoses, SeenMotions
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.transforms import rigid
+from gmrdata.world.bodies import BodiesRecord, Estimator
+
+CONFIG = FusionConfig()
+
+
+def clip_of(motion: Motion, camera_m: tuple[float, float, float] = (0.0, -5.0, 1.5)) -> Clip:
+    n = motion.n_frames
+    cameras = rigid(np.tile(np.eye(3), (n, 1, 1)), np.tile(camera_m, (n, 1)))
+    camera = CameraPath(np.eye(3), 640, 480, cameras, np.ones(n, dtype=bool))
+    return Clip("walk", motion, np.ones(n, dtype=bool), np.arange(n), camera)
+
+
+def motions_of(motion: Motion, sigma: float = 0.05) -> SeenMotions:
+    n = motion.n_frames
+    parts = [ErrorProcess(np.full((n - 1, 6), sigma), np.full(6, time_s)) for time_s in (0.2, 5.0)]
+    return SeenMotions(*deltas(motion.root_rotmats, motion.pelvis_m), *parts)
+
+
+@pytest.fixture
+def motion(walk: Callable[..., Motion]) -> Motion:
+    return walk(30.0, 240)
+
+
+def test_noise_along_and_across_the_ray_is_found(motion: Motion) -> None:
+    clip, rng = clip_of(motion), np.random.default_rng(0)
+    rays = motion.pelvis_m - [0.0, -5.0, 1.5]
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    noise = 0.005 * rng.normal(size=rays.shape)
+    along = 0.02 * rng.normal(size=(len(rays), 1))
+    noise += (along - (noise * rays).sum(axis=1, keepdims=True)) * rays
+    turns = Rotation.from_rotvec(0.01 * rng.normal(size=rays.shape)).as_matrix()
+    noisy = replace(
+        motion, pelvis_m=motion.pelvis_m + noise, root_rotmats=motion.root_rotmats @ turns
+    )
+    found = measured_noise(replace(clip, motion=noisy), motions_of(motion), CONFIG)
+    assert found.along_m == pytest.approx(0.02, rel=0.25)
+    assert found.across_m == pytest.approx(0.005, rel=0.35)
+    assert found.turn_rad == pytest.approx(0.01, rel=0.25)
+
+
+def test_without_noise_there_is_the_floor(motion: Motion) -> None:
+    found = measured_noise(clip_of(motion), motions_of(motion), CONFIG)
+    assert (found.along_m, found.across_m) == (CONFIG.place_floor_m, CONFIG.place_floor_m)
+    assert np.rad2deg(found.turn_rad) == pytest.approx(CONFIG.turn_floor_deg)
+
+
+def test_a_noise_that_is_given_is_taken(motion: Motion) -> None:
+    config = FusionConfig(place_sigma_m=0.03, turn_sigma_deg=2.0)
+    found = measured_noise(clip_of(motion), motions_of(motion), config)
+    assert (found.along_m, found.across_m) == (0.03, 0.03)
+    assert np.rad2deg(found.turn_rad) == pytest.approx(2.0)
+
+
+def test_depth_may_be_said_to_be_less_sure(motion: Motion) -> None:
+    config = FusionConfig(place_sigma_m=0.01, along_sigma_m=0.15)
+    found = measured_noise(clip_of(motion), motions_of(motion), config)
+    assert (found.along_m, found.across_m) == (0.15, 0.01)
+
+
+def test_a_pace_that_may_be_wrong_is_mostly_so_forward(motion: Motion) -> None:
+    motions = motions_of(motion, sigma=0.0)
+    found = with_pace_errors(motions, 30.0, 0.3)
+    walked_m = np.linalg.norm(np.diff(motion.pelvis_m, axis=0).sum(axis=0))
+    pace = walked_m * 30.0 / (motion.n_frames - 1)
+    sigma = found.slow.sigma
+    assert not sigma[:, :3].any() and found.fast is motions.fast
+    np.testing.assert_allclose(np.median(sigma[:, 5]), 0.3 * pace, rtol=0.15)
+    np.testing.assert_allclose(sigma[:, 3] / sigma[:, 5], 0.5)
+
+
+def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path: Path) -> None:
+    """Known by who saw them, in a video's folder and beside its pseudo ground truth."""
+    folder = tmp_path / "bodies"
+    folder.mkdir()
+    assert fusion_config_of(tmp_path) == FusionConfig()
+    systems: dict[Estimator, FusionConfig] = {"wham": FusionConfig(), "gmrdata": OWN_FUSION}
+    for estimator, config in systems.items():
+        BodiesRecord(
+            estimator=estimator, file="poses", body="anny", people=(), left_out=(), notes=()
+        ).write(folder / "bodies.json")
+        assert fusion_config_of(tmp_path) == fusion_config_of(tmp_path / "pseudo_gt") == config
+
+
+def test_a_place_is_less_sure_along_the_ray(motion: Motion) -> None:
+    clip = clip_of(motion)
+    seen = seen_poses(clip, Noise(0.1, 0.01, 0.02))
+    ray = motion.pelvis_m[7] - [0.0, -5.0, 1.5]
+    ray /= np.linalg.norm(ray)
+    across = np.linalg.svd(ray[None])[2][1:]
+    covariance = seen.place_covariance_m2[7]
+    assert ray @ covariance @ ray == pytest.approx(0.1**2)
+    np.testing.assert_allclose(across @ covariance @ across.T, 0.01**2 * np.eye(2), atol=1e-12)
+
+
+def test_known_and_unseen_frames(motion: Motion) -> None:
+    clip = clip_of(motion)
+    valid, has_camera = clip.valid.copy(), clip.valid.copy()
+    valid[10:20] = False  # the person was not found
+    valid[30:40] = has_camera[30:40] = False  # the camera was lost
+    assert clip.camera is not None
+    cut = replace(clip, valid=valid, camera=replace(clip.camera, has_camera=has_camera))
+    np.testing.assert_array_equal(known_frames(cut), valid)
+    assert np.flatnonzero(unseen_frames(cut)).tolist() == list(range(10, 20))
+    wide = widened(motions_of(motion), unseen_frames(cut), 3.0).fast.sigma[:, 0] / 0.05
+    assert np.flatnonzero(wide > 1).tolist() == list(range(9, 20))
+    assert not known_frames(replace(clip, camera=None)).any()
+
+
+def test_a_wrong_scale_is_part_of_the_error_bar(motion: Motion) -> None:
+    clip, n = clip_of(motion), motion.n_frames
+    assert clip.camera is not None
+    cameras = clip.camera.world_from_cam.copy()
+    cameras[:, 0, 3] = np.linspace(-10, 10, n)
+    moving = replace(clip, camera=replace(clip.camera, world_from_cam=cameras))
+    zero = np.zeros((n, 3, 3))
+    poses = FusedPoses(motion.root_rotmats, motion.pelvis_m, zero, zero, 1)
+    place_m, turn_deg = error_bars(poses, moving, CONFIG, scale_share=0.02)
+    assert place_m[0, 0] == pytest.approx(np.hypot(0.2, CONFIG.slow_place_m), rel=1e-3)
+    assert place_m[n // 2].max() < 0.012
+    np.testing.assert_allclose(turn_deg, CONFIG.slow_turn_deg)
+    none_m, _ = error_bars(poses, replace(moving, camera=None), CONFIG, scale_share=0.02)
+    assert none_m.max() == 0
+
+
+def test_a_walking_persons_feet_stand_in_turn(motion: Motion, small_body: BodyModel) -> None:
+    feet = planted_feet(small_body, motion, motions_of(motion), CONFIG)
+    assert feet.points_root_m.shape == (240, 6, 3)
+    by_foot = feet.still.reshape(239, 2, 3).any(axis=2)
+    assert 0.3 < by_foot.mean() < 0.8
+    assert by_foot.any(axis=1).mean() > 0.7
+    world_m = (
+        motion.pelvis_m[:, None]
+        + (motion.root_rotmats[:, None] @ feet.points_root_m[..., None])[..., 0]
+    )
+    moved_m = np.linalg.norm(np.diff(world_m, axis=0), axis=-1)
+    assert moved_m[feet.still].max() * 30 < CONFIG.planted_m_per_s

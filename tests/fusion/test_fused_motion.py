@@ -1,0 +1,223 @@
+"""Cameras and a network put together: from a pseudo ground truth to clips with error bars."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.fusion.evidence import FusionConfig
+from gmrdata.fusion.fused_motion import (
+    DEFAULT_CONFIG,
+    HEADINGS,
+    RECORD_FILE,
+    RESULT_HEADINGS,
+    FuseConfig,
+    FusionRecord,
+    Loop,
+    fuse_clip,
+    fuse_own_people,
+    fuse_people,
+    load_sigma,
+    person_clips,
+    plan,
+    result_rows,
+)
+from gmrdata.gmr.predict import TrainedGmr
+from gmrdata.gmr.source_rate import deltas_at_source_rate
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
+from gmrdata.values.files import write_npz
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_metrics import angles_rad
+from tests.fusion.test_delta_errors import record
+from tests.fusion.test_evidence import clip_of
+from tests.reconstructions import pseudo_gt_quality, quality_of_path
+
+GAP = slice(20, 50)
+
+
+@pytest.mark.parametrize("fps_hz", [10.0, 30.0, 25.0])
+def test_motions_at_the_poses_rate_are_shares_of_the_networks(
+    fps_hz: float, walk: Callable[..., Motion], constant: Callable[..., TrainedGmr]
+) -> None:
+    motion = walk(fps_hz, 41)
+    found, found_m = deltas_at_source_rate(constant([0.0, 0.2, 0.0], [0.0, 0.0, 0.1]), motion)
+    assert found.shape == (40, 3, 3)
+    np.testing.assert_allclose(angles_rad(found), 0.2 * 10 / fps_hz, rtol=1e-5)
+    # Along the arc's chord; at a lower rate than the steps', in straight pieces.
+    np.testing.assert_allclose(np.linalg.norm(found_m, axis=1), 0.1 * 10 / fps_hz, rtol=0.01)
+
+
+def test_too_few_poses_are_refused(walk: Callable[..., Motion], untrained: TrainedGmr) -> None:
+    with pytest.raises(BadMotionFile, match="Give a longer motion"):
+        deltas_at_source_rate(untrained, walk(30.0, 3))
+
+
+@pytest.fixture
+def clip(walk: Callable[..., Motion]) -> Clip:
+    """A walk of 3 s before a camera that is lost for a second."""
+    whole = clip_of(walk(30.0, 90))
+    has_camera = np.ones(90, dtype=bool)
+    has_camera[GAP] = False
+    assert whole.camera is not None
+    return replace(whole, valid=has_camera, camera=replace(whole.camera, has_camera=has_camera))
+
+
+@pytest.fixture
+def pseudo_gt(tmp_path: Path, clip: Clip, small_body: BodyModel) -> Path:
+    folder = tmp_path / "video" / "pseudo_gt"
+    folder.mkdir(parents=True)
+    save_clip(folder / "person_0.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
+    assert clip.camera is not None
+    pseudo_gt_quality(quality_of_path(clip.camera), 1.0).write(folder / "quality.json")
+    return folder
+
+
+@pytest.fixture
+def errors_path(tmp_path: Path) -> Path:
+    record().write(tmp_path / "delta_errors.json")
+    return tmp_path / "delta_errors.json"
+
+
+def test_the_folder_has_whole_clips_with_error_bars(
+    pseudo_gt: Path, clip: Clip, run_dir: Path, body_path: Path, errors_path: Path, tmp_path: Path
+) -> None:
+    config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.5),), loop_sigma_m=5.0)
+    made = fuse_people(
+        pseudo_gt.parent, run_dir, body_path, tmp_path / "out", config, errors_path=errors_path
+    )
+    person = FusionRecord.read(made / RECORD_FILE).people[0]
+    assert (person.frames, person.frames_with_camera) == (90, 60)
+    assert [(gap.start, gap.stop) for gap in person.gaps] == [(20, 50)]
+    assert person.loops[0].apart_m > 0.5
+    fused = load_clip(made / "person_0.npz")
+    assert fused.valid.all()
+    assert fused.camera is not None
+    assert fused.camera.has_camera.sum() == 60
+    off_m = np.linalg.norm(fused.motion.pelvis_m - clip.motion.pelvis_m, axis=1)
+    assert off_m[clip.valid].max() < 0.02
+    sigma = load_sigma(made / "sigma_0.npz")
+    np.testing.assert_array_equal(sigma["has_camera"], clip.valid)
+    place_m = sigma["place_sigma_m"].max(axis=1)
+    assert place_m[clip.valid].max() < 0.05 < place_m[GAP].max()
+    assert person.gaps[0].place_sigma_m <= place_m[GAP].max()
+    assert len(result_rows(FusionRecord.read(made / RECORD_FILE))[0]) == len(RESULT_HEADINGS)
+    again = fuse_people(
+        pseudo_gt.parent, run_dir, body_path, tmp_path / "out", config, errors_path=errors_path
+    )
+    assert again == made
+
+
+def test_people_of_the_built_in_estimator_get_the_packages_network(
+    pseudo_gt: Path,
+    clip: Clip,
+    small_body: BodyModel,
+    errors_path: Path,
+    run_dir: Path,
+    body_path: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Once it has a record of its errors; and what was made of them goes when they do."""
+    from gmrdata.fusion import fused_motion
+
+    network, folder = tmp_path / "network", pseudo_gt.parent
+    shutil.copytree(run_dir, network)
+    monkeypatch.setattr(fused_motion, "bundled_run", lambda: network)
+    fuse_own_people(folder, body_path)
+    assert not (folder / "fused").exists()
+    shutil.copy(errors_path, network / "delta_errors.json")
+    fuse_own_people(folder, body_path)
+    assert load_clip(folder / "fused" / "person_0.npz").valid.all()
+    assert len(load_sigma(folder / "fused" / "sigma_0.npz")["place_sigma_m"]) == 90
+    fuse_own_people(folder, None)
+    assert not (folder / "fused").exists() and pseudo_gt.is_dir()
+    fuse_own_people(folder, body_path)
+    short = replace(
+        clip,
+        motion=clip.motion.take(slice(0, 2)),
+        valid=clip.valid[:2],
+        image_numbers=clip.image_numbers[:2],
+        camera=camera_of(clip).at_rows(slice(0, 2)),
+    )
+    save_clip(pseudo_gt / "person_0.npz", short, small_body.rest_pelvis_m(clip.motion.shape))
+    fuse_own_people(folder, body_path)
+    assert "without the network's motions" in " ".join(capsys.readouterr().err.split())
+    assert not (folder / "fused").exists()
+
+
+def test_the_true_motions_fill_the_gap(
+    clip: Clip, small_body: BodyModel, untrained: TrainedGmr, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a network that is right, the gap holds the truth."""
+    from gmrdata.fusion import fused_motion
+    from gmrdata.values.motion_deltas import deltas
+
+    truth = clip.motion
+    monkeypatch.setattr(
+        fused_motion,
+        "deltas_at_source_rate",
+        lambda gmr, motion: deltas(truth.root_rotmats, truth.pelvis_m),
+    )
+    config = FusionConfig(ground=False)
+    fused = fuse_clip(clip, untrained, record(), small_body, config)
+    off_m = np.linalg.norm(fused.clip.motion.pelvis_m - truth.pelvis_m, axis=1)
+    assert off_m.max() < 0.02
+    np.testing.assert_allclose(fused.network_m, truth.pelvis_m, atol=0.02)
+
+
+def test_a_clip_without_cameras_is_the_networks_path(
+    clip: Clip, small_body: BodyModel, constant: Callable[..., TrainedGmr]
+) -> None:
+    gmr = constant([0.0, 0.0, 0.0], [0.0, 0.0, 0.1])
+    alone = replace(clip, camera=None)
+    fused = fuse_clip(alone, gmr, record(), small_body, FusionConfig(feet=False))
+    path_m = fused.clip.motion.pelvis_m
+    assert np.linalg.norm(path_m[-1] - path_m[0]) == pytest.approx(89 / 30, rel=1e-4)
+    place_m = fused.arrays["place_sigma_m"].max(axis=1)
+    assert place_m[0] < 1e-5
+    assert place_m[-1] > 0.1
+
+
+def test_what_a_dry_run_says(pseudo_gt: Path, run_dir: Path, errors_path: Path) -> None:
+    config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
+    rows = plan(pseudo_gt, run_dir, config, errors_path=errors_path)
+    assert rows == [("walk", "90", "30", "60", "1.00", "1")]
+    assert len(rows[0]) == len(HEADINGS)
+
+
+def test_bad_input_is_refused_with_the_remedy(
+    pseudo_gt: Path,
+    clip: Clip,
+    run_dir: Path,
+    errors_path: Path,
+    small_body: BodyModel,
+    tmp_path: Path,
+) -> None:
+    def fuse(config: FuseConfig = DEFAULT_CONFIG, source: Path = pseudo_gt, **more: Path) -> None:
+        fuse_people(source, run_dir, None, tmp_path / "out", config, **more)
+
+    with pytest.raises(MissingInput, match="gmrdata delta-errors"):
+        fuse()
+    with pytest.raises(MissingInput, match="person_0.npz"):
+        person_clips(tmp_path)
+    outside = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=17.8),))
+    with pytest.raises(BadRecipe, match="lasts 2.97 s"):
+        fuse(outside, errors_path=errors_path)
+    twice = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=1.01),))
+    with pytest.raises(BadRecipe, match="both are frame 30"):
+        fuse(twice, errors_path=errors_path)
+    seen = replace(clip, motion=replace(clip.motion, frame="camera"))
+    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+    save_clip(tmp_path / "camera.npz", seen, rest_pelvis_m)
+    with pytest.raises(BadMotionFile, match="not in the world"):
+        fuse(source=tmp_path / "camera.npz", errors_path=errors_path)
+    write_npz(tmp_path / "sigma.npz", {"format": "gmrdata-clip/1"})
+    with pytest.raises(BadRecord, match="sigma.npz"):
+        load_sigma(tmp_path / "sigma.npz")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,336 @@
+"""The non-sequential model: it learns from features that tell, and refuses what does not fit."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from gmrdata.cli import main
+from gmrdata.gmr.checkpoint import latest_checkpoint
+from gmrdata.gmr.config import LossConfig, NetworkConfig
+from gmrdata.gmr.flat_runs import in_memory
+from gmrdata.gmr.vertex_loss import make_loss_bodies
+from gmrdata.gmr.windows import Batch, TrainingSet
+from gmrdata.motion.gait import embedded_motions
+from gmrdata.paper.joint_config import JointConfig
+from gmrdata.paper.joint_data import (
+    joint_runs,
+    load_features,
+    make_joint_batch,
+    split_rows,
+    training_runs,
+)
+from gmrdata.paper.joint_model import JointModel, load_joint
+from gmrdata.paper.joint_predict import predict_joint
+from gmrdata.paper.joint_train import fit_joint, joint_loss
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import (
+    BadCheckpoint,
+    BadFeatures,
+    BadManifest,
+    BadMotionFile,
+    MissingInput,
+    TrainingDiverged,
+)
+from gmrdata.values.files import write_npz
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion_metrics import angles_rad
+
+WriteSet = Callable[..., Path]
+N_FEATURES = 48
+SMALL = JointConfig(
+    model=NetworkConfig(layers=1, hidden=48, output_scale=0.1),
+    loss=LossConfig(n_vertices=16),
+    frames=16,
+    learning_rate=3e-3,
+    batch_size=8,
+    steps=150,
+)
+
+
+@pytest.fixture(scope="module")
+def walks(small_body: BodyModel) -> list[Clip]:
+    """Six generated people at 20 fps, 4 s each."""
+    rng = np.random.default_rng(0)
+    motions = embedded_motions(small_body, rng, count=6, fps_hz=20.0, duration_s=4.0)
+    n = motions[0].n_frames
+    return [
+        Clip(f"walk_{i}", motion, np.ones(n, bool), np.full(n, -1), None)
+        for i, motion in enumerate(motions)
+    ]
+
+
+def told(clip: Clip) -> np.ndarray:
+    """Image features that tell everything: one fixed random map of local pose and root motion."""
+    motion = clip.motion
+    delta_rotmats, delta_m = deltas(motion.root_rotmats, motion.pelvis_m)
+    motions = np.concatenate([delta_rotmats.reshape(-1, 9) * 10, delta_m * 10], axis=1)
+    motions = np.concatenate([motions, motions[-1:]])
+    numbers = np.concatenate([motion.local_rotmats.reshape(len(motions), -1), motions], axis=1)
+    mapping = np.random.default_rng(99).normal(0, 1, (numbers.shape[1], N_FEATURES))
+    return (numbers @ mapping).astype(np.float32)
+
+
+def write_features(folder: Path, clips: list[Clip]) -> None:
+    for clip in clips:
+        write_npz(folder / f"{clip.id}.npz", {"features": told(clip)})
+
+
+def pose_error_deg(local_rotmats: np.ndarray, true_rotmats: np.ndarray) -> float:
+    """Mean angle of the local rotations."""
+    return float(np.rad2deg(angles_rad(true_rotmats @ local_rotmats.swapaxes(-1, -2))).mean())
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file by its path within a folder."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def test_it_learns(
+    walks: list[Clip],
+    small_body: BodyModel,
+    write_set: WriteSet,
+    body_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """On people that it has not seen it beats the mean pose and zero motion by far."""
+    training, held_out = walks[:5], walks[5]
+    write_features(tmp_path / "features", walks)
+    recipe = tmp_path / "joint.yaml"
+    recipe.write_text(json.dumps(SMALL.model_dump(mode="json")))
+    asked = ["baseline", "joint_train", str(write_set(tmp_path / "training", training))]
+    asked += ["--features", str(tmp_path / "features"), "--recipe", str(recipe)]
+    main([*asked, "--body", str(body_path), "--out", str(tmp_path / "run")])
+    lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
+    first, last = json.loads(lines[0]), json.loads(lines[-1])
+    assert (first["step"], last["step"]) == (10, 150)
+    assert last["loss"] < 0.3 * first["loss"]
+    assert all(last[term] < first[term] for term in ("local_pose", "translation", "vertex"))
+
+    asked = ["baseline", "joint", str(tmp_path / "run")]
+    asked += [str(write_set(tmp_path / "scored", [held_out]))]
+    main([*asked, "--features", str(tmp_path / "features"), "--out", str(tmp_path / "out")])
+    assert capsys.readouterr().out.split() == [str(tmp_path / "run"), str(tmp_path / "out")]
+    found = load_clip(tmp_path / "out" / "predictions" / "walk_5.npz")
+    assert (found.motion.fps_hz, found.motion.n_frames) == (10.0, 40)
+    assert found.valid.all()
+    true = held_out.motion
+    true_local = true.local_rotmats[::2]
+    mean_pose = load_joint(tmp_path / "run").mean_pose.reshape(23, 2, 3).numpy()
+    x = mean_pose[:, 0] / np.linalg.norm(mean_pose[:, 0], axis=1, keepdims=True)
+    y = mean_pose[:, 1] - (x * mean_pose[:, 1]).sum(1, keepdims=True) * x
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    mean_rotmats = np.stack([x, y, np.cross(x, y)], axis=-1)
+    of_mean_deg = pose_error_deg(np.broadcast_to(mean_rotmats, true_local.shape), true_local)
+    assert pose_error_deg(found.motion.local_rotmats, true_local) < 0.6 * of_mean_deg
+    _, true_m = deltas(true.root_rotmats[::2], true.pelvis_m[::2])
+    _, delta_m = deltas(found.motion.root_rotmats, found.motion.pelvis_m)
+    still_mm = 1000 * np.linalg.norm(true_m, axis=1).mean()
+    assert 1000 * np.linalg.norm(delta_m - true_m, axis=1).mean() < 0.6 * still_mm
+
+
+def test_the_same_recipe_gives_the_same_network(
+    walks: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    runs = training_runs([(clip, told(clip)) for clip in walks[:2]], 10.0)
+    config = SMALL.model_copy(update={"steps": 3})
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        fit_joint(runs, [small_body], tmp_path / name, config)
+    assert contents(tmp_path / "one") == contents(tmp_path / "other")
+
+
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(
+    walks: list[Clip],
+    small_body: BodyModel,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Stopped in step 6, it goes on from step 4, with the dropout that it would have had."""
+    runs = training_runs([(clip, told(clip)) for clip in walks[:2]], 10.0)
+    model = SMALL.model.model_copy(update={"layers": 2, "dropout": 0.3})
+    changes = {"model": model, "steps": 9, "log_every": 1, "checkpoint_every": 4}
+    config = SMALL.model_copy(update=changes)
+    for name in ("whole", "stopped"):
+        (tmp_path / name).mkdir()
+    fit_joint(runs, [small_body], tmp_path / "whole", config)
+
+    def stop_in_step_6(runs: TrainingSet, config: JointConfig, step: int) -> Batch:
+        if step == 6:
+            raise KeyboardInterrupt
+        return make_joint_batch(runs, config, step)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("gmrdata.paper.joint_data.make_joint_batch", stop_in_step_6)
+        fit_joint(runs, [small_body], tmp_path / "stopped", config)
+    pointer = tmp_path / "stopped" / "checkpoints" / "latest"
+    assert pointer.read_text() == "step_00000004\n"
+    fit_joint(runs, [small_body], tmp_path / "stopped", config)
+    assert contents(tmp_path / "stopped") == contents(tmp_path / "whole")
+    steps = [json.loads(line)["step"] for line in (tmp_path / "whole/metrics.jsonl").open()]
+    assert steps == list(range(1, 10))
+
+
+def test_what_is_read_is_what_was_written(
+    walks: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    runs = training_runs([(walks[0], told(walks[0]))], 10.0)
+    model = fit_joint(runs, [small_body], tmp_path, SMALL.model_copy(update={"steps": 2})).eval()
+    features = torch.from_numpy(split_rows(runs.frames.poses)[0][:40])[None]
+    with torch.no_grad():
+        one, other = model(features), load_joint(tmp_path)(features)
+    assert torch.equal(one.local_rotmats, other.local_rotmats)
+    assert torch.equal(one.motions.delta_m, other.motions.delta_m)
+    folder = latest_checkpoint(tmp_path)
+    assert folder is not None
+    weights = folder / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:-8])
+    with pytest.raises(BadCheckpoint, match=r"model.safetensors: truncated"):
+        load_joint(tmp_path)
+    state = json.loads((folder / "state.json").read_text())
+    for broken in ({}, state | {"config": {"model": 1}}, state | {"n_features": None}):
+        (folder / "state.json").write_text(json.dumps(broken))
+        with pytest.raises(BadCheckpoint, match=r"state.json: .*Give a run"):
+            load_joint(tmp_path)
+    for key in state:
+        rest = {other: value for other, value in state.items() if other != key}
+        (folder / "state.json").write_text(json.dumps(rest))
+        with pytest.raises(BadCheckpoint, match=rf"state.json: has no .*`{key}`"):
+            load_joint(tmp_path)
+    del state["config"]["model"]["output_scale"]
+    (folder / "state.json").write_text(json.dumps(state))
+    with pytest.raises(BadCheckpoint, match=r"has no key `config\.model\.output_scale`"):
+        load_joint(tmp_path)
+    with pytest.raises(MissingInput, match="no trained model there"):
+        load_joint(tmp_path / "nowhere")
+
+
+def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
+    """A run that is shorter than a window is padded, and the padding does not count."""
+    short = replace(walks[0], valid=np.arange(80) < 12)
+    runs = joint_runs(short, told(short), 10.0)
+    assert [len(run.poses) for run in runs] == [6, 6]
+    config = SMALL.model_copy(update={"reverse_probability": 0.0})
+    batch = make_joint_batch(TrainingSet(in_memory(runs), "6d"), config, step=1)
+    assert batch.lengths.tolist() == [6] * 8
+    assert batch.mask.sum().item() == 40
+    torch.manual_seed(0)
+    model = JointModel(config, N_FEATURES).eval()
+    output = model(batch.poses, batch.lengths)
+    cut = replace(
+        batch,
+        poses=batch.poses[:, :6],
+        mask=batch.mask[:, :5],
+        motions=type(batch.motions)(
+            batch.motions.delta_rotmats[:, :5], batch.motions.delta_m[:, :5]
+        ),
+        local_rotmats=batch.local_rotmats[:, :6],
+    )
+    loss_bodies = make_loss_bodies([small_body], None, "cpu")
+    for reduction in ("mean", "sum"):
+        both = config.model_copy(update={"loss": LossConfig(reduction=reduction)})
+        padded = joint_loss(output, batch, loss_bodies, both)
+        whole = joint_loss(model(cut.poses), cut, loss_bodies, both)
+        for one, other in zip(padded.items(), whole.items(), strict=True):
+            assert one[0] == other[0]
+            assert one[1].item() == pytest.approx(other[1].item(), rel=1e-4, abs=1e-9)
+
+
+def test_a_window_played_backwards(walks: list[Clip]) -> None:
+    runs = joint_runs(replace(walks[0], valid=np.arange(80) < 12), told(walks[0]), 20.0)
+    batches = [
+        make_joint_batch(
+            TrainingSet(in_memory(runs), "6d"),
+            SMALL.model_copy(update={"reverse_probability": share}),
+            1,
+        )
+        for share in (0.0, 1.0)
+    ]
+    assert torch.equal(batches[0].poses[:, :12].flip(1), batches[1].poses[:, :12])
+    ahead, back = (batch.motions.delta_rotmats[:, :11] for batch in batches)
+    torch.testing.assert_close(back, ahead.flip(1).transpose(-1, -2))
+
+
+def test_every_run_is_a_sequence_of_its_own(
+    walks: list[Clip], small_body: BodyModel, write_set: WriteSet, tmp_path: Path
+) -> None:
+    """And one frame alone is a pose; rows beside a gap are not valid at the lower rate."""
+    valid = np.ones(80, bool)
+    valid[[21, 25]] = False
+    clip = replace(walks[0], valid=valid)
+    runs = training_runs([(walks[1], told(walks[1]))], 10.0)
+    (tmp_path / "run").mkdir()
+    model = fit_joint(runs, [small_body], tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
+    write_features(tmp_path / "features", [clip])
+    manifest = write_set(tmp_path / "set", [clip])
+    predict_joint(tmp_path / "run", manifest, tmp_path / "features", tmp_path / "out")
+    found = load_clip(tmp_path / "out" / "predictions" / "walk_0.npz")
+    # Row 11 at 10 fps is row 22, and row 21 between it and row 20 is not valid.
+    np.testing.assert_array_equal(np.flatnonzero(~found.valid), [11, 13])
+    np.testing.assert_allclose(found.motion.pelvis_m[12], found.motion.pelvis_m[10], atol=1e-9)
+    np.testing.assert_allclose(found.motion.pelvis_m[14], found.motion.pelvis_m[12], atol=1e-9)
+    with torch.no_grad():
+        alone = model.eval()(torch.from_numpy(told(clip)[24:25])[None]).local_rotmats[0, 0]
+    np.testing.assert_allclose(found.motion.local_rotmats[12], alone.numpy(), atol=1e-5)
+
+
+def test_features_that_do_not_fit(
+    walks: list[Clip], small_body: BodyModel, write_set: WriteSet, tmp_path: Path
+) -> None:
+    clip, path = walks[0], tmp_path / "walk_0.npz"
+    with pytest.raises(MissingInput, match=r"walk_0.npz: no image features of clip walk_0"):
+        load_features(tmp_path, clip)
+    good = told(clip)
+    holed = good.copy()
+    holed[[7, 9]] = np.nan
+    for arrays, words in (
+        ({"feature": good}, r"features is none, expected numbers of shape \(80, D\)"),
+        ({"features": good[:-1]}, r"float32 of shape \(79, 48\), expected"),
+        ({"features": good[:, :0]}, "has no columns"),
+        ({"features": good.astype(int)}, "int64 of shape"),
+        ({"features": holed}, r"row 7 holds NaN or infinite numbers \(2 rows in all\)"),
+    ):
+        write_npz(path, arrays)
+        with pytest.raises(BadFeatures, match=rf"walk_0.npz: .*{words}"):
+            load_features(tmp_path, clip)
+    valid = np.ones(80, bool)
+    valid[[7, 9]] = False
+    assert load_features(tmp_path, replace(clip, valid=valid)).shape == (80, N_FEATURES)
+    path.write_bytes(b"PK")
+    with pytest.raises(BadMotionFile, match=r"walk_0.npz: not a readable .npz"):
+        load_features(tmp_path, clip)
+    with pytest.raises(BadFeatures, match="features have 48 or 7 numbers|features have 7 or 48"):
+        training_runs([(clip, good), (walks[1], good[:, :7])], 10.0)
+    runs = training_runs([(clip, good)], 10.0)
+    (tmp_path / "run").mkdir()
+    fit_joint(runs, [small_body], tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
+    write_npz(path, {"features": good[:, :7]})
+    manifest = write_set(tmp_path / "set", [clip])
+    with pytest.raises(BadFeatures, match="7 numbers per frame, but the model takes 48"):
+        predict_joint(tmp_path / "run", manifest, tmp_path, tmp_path / "out")
+
+
+def test_clips_that_do_not_fit(walks: list[Clip]) -> None:
+    clip = walks[0]
+    odd = replace(clip, motion=replace(clip.motion, fps_hz=25.0))
+    with pytest.raises(BadMotionFile, match="25 fps is no whole multiple of 10 fps"):
+        joint_runs(odd, told(clip), 10.0)
+    flicker = replace(clip, valid=np.arange(80) % 2 == 0)
+    with pytest.raises(BadManifest, match="none of the 1 training clips has two valid frames"):
+        training_runs([(flicker, told(clip))], 20.0)
+
+
+def test_a_step_size_that_is_far_too_large(
+    walks: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    runs = training_runs([(walks[0], told(walks[0]))], 10.0)
+    with pytest.raises(TrainingDiverged, match="Lower learning_rate, or set gradient_norm"):
+        fit_joint(runs, [small_body], tmp_path, SMALL.model_copy(update={"learning_rate": 1e30}))
+    assert latest_checkpoint(tmp_path) is None

@@ -1,0 +1,359 @@
+"""The paper's tables: their recipes, and a tiny one made from the command line."""
+
+import csv
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.cli import main
+from gmrdata.gmr.config import DataConfig
+from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.runs import usable_clips
+from gmrdata.gmr.train import GmrRecipe
+from gmrdata.motion.gait import embedded_motions
+from gmrdata.paper.comparison import (
+    OverSeeds,
+    TableData,
+    TableRecord,
+    TableRow,
+    TrainingSet,
+    orderings,
+)
+from gmrdata.paper.make import clip_figure, held_out_set, make_table
+from gmrdata.paper.plan import Given, folder_name, plan_table
+from gmrdata.paper.recipe import joint_config, load_table, train_config
+from gmrdata.read.bodies import save_body
+from gmrdata.score.records import PaperMetrics
+from gmrdata.stage import recipes
+from gmrdata.stage.run import Run
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.values.files import read_json
+from tests.clip_manifests import write_clips
+from tests.record_keys import assert_each_key_is_needed
+from tests.score.score_records import clip_score, metrics
+from tests.score.score_records import scores as score_record
+
+TINY = """
+recipe: table
+table: 2
+title: Two losses
+paper_data: something larger
+scales:
+  small:
+    note: Tiny.
+    seeds: [3]
+    train:
+      model: {layers: 1, hidden: 8, output_scale: 0.1}
+      loss: {n_vertices: 8}
+      windows: {frames: 16}
+      batch_size: 4
+      steps: 4
+      eval_every: 1000
+rows:
+- {name: Chordal, paper: {ome_deg: 1.0, tme_mm: 6.0, vme_mm: 9.0}}
+- name: Angular
+  train: {loss: {orientation_loss: angular}}
+  paper: {ome_deg: 1.5, tme_mm: 7.0, vme_mm: 9.5}
+"""
+
+
+def test_every_table_of_the_paper_loads_and_its_folders_differ() -> None:
+    names = [name for name in recipes.recipe_names() if name.startswith("paper/")]
+    assert names == [f"paper/table{n}" for n in (1, 10, 2, 3, 4, 5, 6, 9)]
+    for name in names:
+        recipe = load_table(name.removeprefix("paper/table"))
+        assert recipe.table == int(name.removeprefix("paper/table"))
+        assert recipe.scales.keys() == {"paper", "small"}
+        assert len({folder_name(row.name) for row in recipe.rows}) == len(recipe.rows)
+
+
+@pytest.mark.parametrize(
+    ("table", "row", "figures"),
+    [
+        ("1", "Quaternion / axis-angle", (None, None, 9.46)),
+        ("1", "axis-angle / 6D", (None, None, 10.83)),
+        ("2", "Chordal", (1.01, 6.82, 9.28)),
+        ("3", "V+O", (0.99, 7.05, 9.34)),
+        ("3", "V+O+S+T(4/2048)", (0.76, 5.14, 7.01)),
+        ("4", "w/ flip augmentation", (0.70, 4.78, 6.47)),
+        ("5", "Ours(GT input)", (1.60, 27.55, 29.39)),
+        ("6", "VIBE-CAM, camera-motion-on", (4.66, 81.70, 132.63)),
+        ("9", "3 / 1024", (0.86, 5.91, 7.96)),
+        ("10", "Non-sequential", (3.90, 45.48, 126.83)),
+    ],
+)
+def test_figures_are_the_papers(table: str, row: str, figures: tuple[float | None, ...]) -> None:
+    recipe = load_table(table)
+    found = {one.name.lower(): one.paper for one in recipe.rows}[row.lower()]
+    assert tuple(found.get(metric) for metric in ("ome_deg", "tme_mm", "vme_mm")) == figures
+
+
+def test_rows_at_the_papers_scale_have_its_settings() -> None:
+    """Table 4's first row is Table 3's last; flip is its one difference to the second."""
+    table3 = load_table("3")
+    table4 = load_table("4")
+    without, with_flip = (train_config(table4, row, "paper", 0, ()) for row in table4.rows)
+    assert train_config(table3, table3.rows[-1], "paper", 0, ()) == without
+    assert (without.model.layers, without.model.hidden) == (4, 2048)
+    assert (without.learning_rate, without.batch_size) == (5e-5, 32)
+    assert without.windows.reverse_probability == 0.0
+    assert (without.loss.reduction, without.windows.all_phases) == ("sum", False)
+    assert with_flip.windows.reverse_probability == 0.5
+    vertex_alone = train_config(table3, table3.rows[0], "paper", 0, ()).loss
+    assert (vertex_alone.vertex, vertex_alone.orientation) == (1.0, 0.0)
+    assert (vertex_alone.translation, vertex_alone.smoothness) == (0.0, 0.0)
+
+
+def test_each_recipe_of_the_paper_sums_its_loss_or_says_that_it_does_not() -> None:
+    recipe = recipes.load_recipe(recipes.find_recipe("gmr"), GmrRecipe)
+    assert (recipe.train.loss.reduction, recipe.train.windows.all_phases) == ("sum", False)
+    for name in ("1", "2", "3", "4", "5", "6", "9", "10"):
+        table = load_table(name)
+        for scale, reduction in (("paper", "sum"), ("small", "mean")):
+            row = table.rows[-1]
+            for config in (
+                train_config(table, row, scale, 0, ()),
+                joint_config(table, row, scale, 0) if name == "10" else None,
+            ):
+                assert config is None or config.loss.reduction == reduction
+            assert ("means in the loss" in table.scales[scale].note) == (reduction == "mean")
+
+
+def test_table_9_has_both_latent_sizes() -> None:
+    table = load_table("9")
+    plan = plan_table(table, "paper", Given((Path("a.yaml"),), scored=Path("b.yaml")))
+    sizes = [
+        (config.model.layers, config.model.hidden, config.model.n_features)
+        for config in plan.trainings.values()
+    ]
+    nine = [(layers, hidden) for layers in (2, 3, 4) for hidden in (512, 1024, 2048)]
+    assert sizes[:9] == [(layers, hidden, hidden) for layers, hidden in nine]
+    assert sizes[9:] == [(layers, hidden, 2048) for layers, hidden in nine if hidden < 2048]
+
+
+def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(TINY.replace("orientation_loss:", "orientation_los:"))
+    with pytest.raises(BadRecipe) as caught:
+        load_table(str(path))
+    assert str(path) in str(caught.value)
+    assert "row 'Angular' at scale small" in str(caught.value)
+    assert "loss.orientation_los: Extra inputs are not permitted" in str(caught.value)
+
+
+def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path: Path) -> None:
+    table5 = load_table("5")
+    with pytest.raises(MissingInput) as caught:
+        make_table(table5, "small", Given(()), tmp_path, run=Run(workers=1))
+    message = str(caught.value)
+    assert "VIBE-CAM: clips to score (--scored); VIBE's poses" in message
+    assert "Ours(GT input): motions to train on (--manifest)" in message
+    scored = Path("set.yaml")
+    plan = plan_table(table5, "small", Given((Path("a.yaml"),), scored=scored))
+    assert plan.lacking.keys() == {"VIBE-CAM", "Ours"}
+    assert list(plan.trainings) == [f"ours_gt_input/seed_{n}" for n in range(3)]
+
+
+def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves() -> None:
+    """Table 6: one score of a set and its twins, two rows."""
+    table6 = load_table("6")
+    plan = plan_table(table6, "small", Given((Path("a.yaml"),), scored=Path("set.yaml")), (0,))
+    off, on = (f"Ours(GT input), camera-motion-{word}" for word in ("off", "on"))
+    assert plan.scorings[off] == plan.scorings[on]
+    assert len(plan.trainings) == 1 and len(plan.lacking) == 4
+
+    clips = [
+        clip_score(name, metrics(0.0, tme_mm, 0.0), camera_motion=name, n_motions=n_motions)
+        for name, n_motions, tme_mm in (("static", 5, 7.0), ("linear", 1, 2.0), ("small", 3, 6.0))
+    ]
+    scores = score_record(clips)
+    assert clip_figure("tme_mm", scores, "predicted", table6.row(off)) == 7.0
+    assert clip_figure("tme_mm", scores, "predicted", table6.row(on)) == 5.0
+    with pytest.raises(BadManifest, match="none has a camera that stands still"):
+        clip_figure("tme_mm", score_record(clips[1:]), "predicted", table6.row(off))
+
+
+def test_a_network_stands_for_the_trainings_of_a_table_that_compares_none() -> None:
+    given = Given((), Path("set.yaml"), Path("poses"), Path("keypoints"), network=Path("run"))
+    plan = plan_table(load_table("6"), "small", given)
+    assert not plan.trainings and not plan.lacking
+    assert [[one.training for one in ones] for ones in plan.scorings.values()] == [[None]] * 8
+    joint = replace(given, features=Path("features"), videos=(Path("videos.yaml"),))
+    plan = plan_table(load_table("10"), "small", joint)
+    assert list(plan.trainings) == [f"non_sequential/seed_{n}" for n in range(3)]
+    with pytest.raises(BadRecipe, match=r"table 4 compares trainings \(.*Leave out --network"):
+        plan_table(load_table("4"), "small", given)
+
+
+def test_rows_have_the_name_of_who_estimated() -> None:
+    table5 = load_table("5")
+    plan = plan_table(table5, "small", Given((), Path("set.yaml"), estimator="Lifter"))
+    named = ["Lifter-CAM", "Ours(Lifter)", "Ours(GT input)", table5.rows[-1].name]
+    assert [plan.shown_name(row) for row in table5.rows] == named
+    paper = plan_table(table5, "small", Given((), Path("set.yaml")))
+    assert [paper.shown_name(row) for row in table5.rows] == [row.name for row in table5.rows]
+
+
+def test_orderings_in_sentences() -> None:
+    def row(name: str, paper: float, mean: float) -> TableRow:
+        ours = OverSeeds(mean=mean, spread=0.1, by_seed=(mean - 0.1, mean + 0.1))
+        return TableRow(
+            name=name,
+            name_in_paper=name,
+            method="gmr",
+            clips="all",
+            paper=PaperMetrics(ome_deg=paper, tme_mm=None, vme_mm=None),
+            seeds=(0, 1),
+            settings=None,
+            ours=PaperMetrics(ome_deg=ours, tme_mm=ours, vme_mm=ours),
+        )
+
+    lines = orderings([row("a", 1.0, 2.0), row("b", 1.1, 1.95), row("c", 1.2, 3.0)])
+    assert lines == [
+        "OME: 2 of the paper's 3 orderings hold here.",
+        "OME, holds: a below c; b below c.",
+        "OME, does not hold: a below b (within the seeds' spread).",
+        "OME: the paper's best row is a, here it is b.",
+    ]
+
+
+def test_each_key_of_a_table_is_needed(tmp_path: Path) -> None:
+    zero = PaperMetrics(ome_deg=None, tme_mm=1.0, vme_mm=1.0)
+    ours = OverSeeds(mean=1.0, spread=None, by_seed=(1.0,))
+    row = TableRow(
+        name="a",
+        name_in_paper=None,
+        method="gmr",
+        clips="all",
+        paper=zero,
+        seeds=(0,),
+        settings={"steps": 3},
+        ours=PaperMetrics(ome_deg=ours, tme_mm=ours, vme_mm=ours),
+    )
+    data = TableData(
+        paper="3DPW",
+        training=(TrainingSet(name="walks/manifest.yaml", clips=2),),
+        left_out={"of held-out subject 02": 1},
+        network="bundled",
+        estimator="VIBE",
+        scored="walks (1 clips, 9 motions)",
+        held_out_subjects=("02",),
+    )
+    record = TableRecord(
+        table=2,
+        title="Two losses",
+        scale="small",
+        note="",
+        data=data,
+        rows=(row,),
+        lacking={"b": ("clips to score (--scored)",)},
+        statements=(),
+    )
+    free = ("data.left_out", "lacking", "rows.0.settings")
+    assert_each_key_is_needed(record, tmp_path / "table2.json", free)
+
+
+@pytest.fixture
+def body_path(small_body: BodyModel, tmp_path: Path) -> Path:
+    save_body(tmp_path / "body.npz", small_body)
+    return tmp_path / "body.npz"
+
+
+@pytest.fixture
+def write_walks(small_body: BodyModel, tmp_path: Path) -> Callable[..., Path]:
+    """A manifest of generated walks, named like CMU's trials."""
+
+    def write(name: str, trials: list[str], seed: int) -> Path:
+        motions = embedded_motions(
+            small_body,
+            np.random.default_rng(seed),
+            count=len(trials),
+            fps_hz=20.0,
+            duration_s=3.0,
+        )
+        clips = [
+            Clip(id, motion, np.ones(motion.n_frames, bool), np.full(motion.n_frames, -1), None)
+            for id, motion in zip(trials, motions, strict=True)
+        ]
+        return write_clips(tmp_path / name, small_body, clips, dataset="CMU")
+
+    return write
+
+
+@pytest.mark.slow
+def test_a_table_from_the_command_line_and_again(
+    write_walks: Callable[..., Path],
+    body_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Subject 02 is held out; the second call finds everything made."""
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    motions, out = write_walks("walks", ["01_01", "01_02", "02_01"], 1), tmp_path / "out"
+
+    def tables(*more: str) -> str:
+        command = ["tables", str(tmp_path / "tiny.yaml")]
+        command += ["--manifest", str(motions), "--held-out", "2", "--body", str(body_path)]
+        command += ["--out", str(out), "--workers", "1", *more]
+        main(command)
+        return capsys.readouterr().out
+
+    planned = tables("--dry-run")
+    assert "angular/seed_3" in planned and "2 of 2 trainings to make" in planned
+    assert not out.exists()
+    said = tables()
+    assert "TME: " in said and "of the paper's 1 orderings hold here" in said
+    record = read_json(out / "table2.json")
+    chordal, angular, zero = record["rows"]
+    assert chordal["settings"]["loss"]["orientation_loss"] == "chordal"
+    assert angular["settings"]["loss"]["orientation_loss"] == "angular"
+    assert angular["seeds"] == [3] and angular["paper"]["ome_deg"] == 1.5
+    scores = read_json(out / "scores" / "angular" / "seed_3" / "scores.json")
+    pooled = scores["overall"]["pooled_over_motions"]
+    assert angular["ours"]["tme_mm"]["mean"] == pooled["predicted"]["tme_mm"]
+    assert zero["ours"]["tme_mm"]["mean"] == pooled["zero"]["tme_mm"]
+    assert chordal["ours"]["ome_deg"]["mean"] != angular["ours"]["ome_deg"]["mean"]
+    assert [clip["id"] for clip in scores["clips"]] == ["02_01"]
+    assert record["data"]["training"] == [{"name": "walks/manifest.yaml", "clips": 2}]
+    assert load_gmr(out / "runs" / "angular" / "seed_3").step == 4
+    with (out / "table2.csv").open(newline="") as stream:
+        assert [row["row"] for row in csv.DictReader(stream)] == [
+            "Chordal",
+            "Angular",
+            "no motion at all",
+        ]
+    text = (out / "table2.md").read_text()
+    assert "means over motions and vertices, where eqs. 9-14 are sums." in text
+    assert "trained on in all their phases" in text
+    assert "Paper: something larger." in text and "Scale small. Tiny." in text
+    made = _written(out)
+    assert tables() == said
+    assert _written(out) == made
+
+
+def test_the_held_out_set_holds_the_same_motions(
+    write_walks: Callable[..., Path], tmp_path: Path
+) -> None:
+    motions = write_walks("walks", ["01_01", "02_01", "02_02"], 1)
+    path = held_out_set([motions], DataConfig(held_out_subjects=(2,)), tmp_path / "held_out")
+    copies = {one.clip.id: one.clip for one in usable_clips(path).clips}
+    originals = {one.clip.id: one.clip for one in usable_clips(motions).clips}
+    assert copies.keys() == {"02_01", "02_02"}
+    for id, clip in copies.items():
+        assert (clip.motion.pelvis_m == originals[id].motion.pelvis_m).all()
+        assert (clip.motion.local_rotmats == originals[id].motion.local_rotmats).all()
+    with pytest.raises(BadRecipe, match="nothing to score: give --scored"):
+        held_out_set([motions], DataConfig(), tmp_path / "other")
+
+
+def _written(out: Path) -> dict[str, int]:
+    """When each run and score was written."""
+    return {
+        path.relative_to(out).as_posix(): path.stat().st_mtime_ns
+        for path in out.rglob("stage.json")
+    }

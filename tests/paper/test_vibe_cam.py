@@ -1,0 +1,268 @@
+"""VIBE-CAM from files: the translation comes back, and what is not there is not made up."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.cli import main
+from gmrdata.film.render_outputs import project_joints
+from gmrdata.paper.clip_keypoints import clip_keypoints
+from gmrdata.paper.vibe_cam import VibeCamConfig, predict_vibe_cam
+from gmrdata.score.camera_as_world import as_if_still
+from gmrdata.stage.run import Run
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadKeypoints, BadMotionFile, BadRecipe, BadRecord, MissingInput
+from gmrdata.values.files import read_json
+from gmrdata.values.motion import Motion
+from gmrdata.world.compose import motion_in_camera
+from tests.paper.openpose_files import person, write_frame, write_frames
+
+WriteSet = Callable[..., Path]
+
+
+def seen(clip: Clip) -> Motion:
+    return motion_in_camera(clip.motion, camera_of(clip).world_from_cam)
+
+
+def write_poses(folder: Path, clip: Clip, body: BodyModel) -> None:
+    """What another network gives: local pose, orientation in the camera, shape; no translation."""
+    motion = replace(seen(clip), pelvis_m=np.zeros((clip.motion.n_frames, 3)), source="network")
+    posed = replace(clip, motion=motion, camera=None)
+    save_clip(folder / f"{clip.id}.npz", posed, body.rest_pelvis_m(motion.shape))
+
+
+@pytest.fixture
+def files(
+    filmed: tuple[Clip, ...],
+    small_body: BodyModel,
+    write_set: WriteSet,
+    body_path: Path,
+    tmp_path: Path,
+) -> Callable[..., Path]:
+    """Write what VIBE-CAM needs of the first clip but keypoints, and a function that runs it."""
+    manifest = write_set(tmp_path / "set", filmed[:1])
+    write_poses(tmp_path / "poses", filmed[0], small_body)
+
+    def run(config: VibeCamConfig | None = None) -> Path:
+        poses, keypoints, out = (tmp_path / name for name in ("poses", "keypoints", "out"))
+        return predict_vibe_cam(
+            manifest, poses, keypoints, out, config, body_path=body_path, run=Run(redo=True)
+        )
+
+    return run
+
+
+def errors_mm(made: Path, clip: Clip) -> np.ndarray:
+    """Distance of each predicted row's pelvis from the true one before the camera (T,) [mm]."""
+    found = load_clip(made / "predictions" / f"{clip.id}.npz").motion
+    true = as_if_still(seen(clip))
+    return 1000 * np.linalg.norm(found.pelvis_m - true.pelvis_m, axis=1)
+
+
+@pytest.mark.parametrize("n", [25, 21])
+def test_exact_keypoints_give_the_true_translation(
+    files: Callable[..., Path],
+    filmed: tuple[Clip, ...],
+    small_body: BodyModel,
+    tmp_path: Path,
+    n: int,
+) -> None:
+    write_frames(tmp_path / "keypoints" / "walk_0", filmed[0], small_body, n=n)
+    made = files()
+    found = load_clip(made / "predictions" / "walk_0.npz")
+    assert found.valid.all() and found.motion.frame == "world"
+    assert errors_mm(made, filmed[0]).max() < 1e-3
+    true = as_if_still(seen(filmed[0]))
+    np.testing.assert_allclose(found.motion.root_rotmats, true.root_rotmats, atol=1e-9)
+    record = read_json(made / "predictions.json")["clips"]["walk_0"]
+    assert record["median_residual_px"] < 1e-6
+    assert record["not_predicted"] == []
+
+
+def test_two_pixels_of_noise(
+    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    """At 3.7 m before a camera of 640x480 and 60 degrees, the median error is 17 mm, in depth."""
+    rng = np.random.default_rng(0)
+    folder = tmp_path / "keypoints" / "walk_0"
+    write_frames(folder, filmed[0], small_body, noise_px=2.0, rng=rng)
+    made = files()
+    found = errors_mm(made, filmed[0])
+    assert seen(filmed[0]).pelvis_m[:, 2].mean() == pytest.approx(3.7, abs=0.1)
+    assert np.median(found) == pytest.approx(17, abs=1)
+    assert found.max() < 100
+    record = read_json(made / "predictions.json")["clips"]["walk_0"]
+    # Rayleigh's median is 1.18 sigma; three fitted numbers take a little of it.
+    assert record["median_residual_px"] == pytest.approx(2 * 1.18, rel=0.1)
+
+
+def test_rows_without_keypoints_are_not_predicted(
+    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    clip, folder = filmed[0], tmp_path / "keypoints" / "walk_0"
+    write_frames(folder, clip, small_body)
+    points_px = project_joints(clip, small_body).image_px
+    (folder / "clip_000000000103_keypoints.json").unlink()
+    write_frame(folder, 110, [])
+    write_frame(folder, 111, [])
+    write_frame(folder, 120, [person(points_px[20], 0.2)])
+    made = files()
+    found = load_clip(made / "predictions" / "walk_0.npz")
+    np.testing.assert_array_equal(np.flatnonzero(~found.valid), [3, 10, 11, 20])
+    assert np.isnan(found.motion.pelvis_m[~found.valid]).all()
+    assert np.nanmax(errors_mm(made, clip)) < 1e-3
+    assert read_json(made / "predictions.json")["clips"]["walk_0"]["not_predicted"] == [
+        {"start": 3, "stop": 4, "reason": "no keypoint file"},
+        {"start": 10, "stop": 12, "reason": "nobody detected"},
+        {
+            "start": 20,
+            "stop": 21,
+            "reason": "too few joints detected, or none of them before the camera",
+        },
+    ]
+
+
+def test_two_people(
+    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    """By track where one is named, wherever it stands in the list; else the more confident."""
+    clip, folder = filmed[0], tmp_path / "keypoints" / "walk_0"
+    points_px = project_joints(clip, small_body).image_px
+    for row, frame_px in enumerate(points_px):
+        people = [person(frame_px, 0.7, track=6), person(frame_px + 40, 0.9, track=2)]
+        write_frame(folder, 100 + row, people if row % 2 else people[::-1])
+    named = errors_mm(files(VibeCamConfig(person_ids={"walk_0": 6})), clip)
+    assert named.max() < 1e-3
+    made = files()
+    assert errors_mm(made, clip).min() > 100
+    crowded = read_json(made / "predictions.json")["clips"]["walk_0"]["n_rows_with_several_people"]
+    assert crowded == 40
+    with pytest.raises(BadKeypoints, match="walk_0: no person 3 detected in any image of clip"):
+        files(VibeCamConfig(person_ids={"walk_0": 3}))
+    with pytest.raises(BadRecipe, match="person_ids: no clip run_1 in the manifest, which has"):
+        files(VibeCamConfig(person_ids={"run_1": 3}))
+
+
+def test_keypoints_of_smaller_images_are_scaled_when_that_is_said(
+    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    clip, folder = filmed[0], tmp_path / "keypoints" / "walk_0"
+    points_px = project_joints(clip, small_body).image_px
+    for row, frame_px in enumerate(points_px):
+        write_frame(folder, 100 + row, [person(frame_px / 2, 0.8)])
+    assert errors_mm(files(), clip).min() > 1000
+    half = files(VibeCamConfig(image_size_px=(320, 240)))
+    assert errors_mm(half, clip).max() < 1e-3
+    with pytest.raises(BadKeypoints, match="images of 320x320 px are of another shape than the"):
+        files(VibeCamConfig(image_size_px=(320, 320)))
+
+
+def test_keypoints_that_cannot_be_of_the_clip(
+    filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    clip = filmed[0]
+    points_px = project_joints(clip, small_body).image_px
+    for factor, words in (
+        (3.0, r"are not of the camera's images of 640x480 px. Say with image_size_px"),
+        (1 / 640, "points are shares of the image, not pixels. Run OpenPose with --keypoint_scale"),
+    ):
+        folder = tmp_path / f"times_{factor:.3f}"
+        for row, frame_px in enumerate(points_px):
+            write_frame(folder, 100 + row, [person(frame_px * factor, 0.8)])
+        with pytest.raises(BadKeypoints, match=words):
+            clip_keypoints(clip, folder)
+    write_frame(tmp_path / "others", 7, [person(points_px[0], 0.8)])
+    with pytest.raises(
+        BadKeypoints, match="holds frames 7 to 7, but clip walk_0 has images 100 to"
+    ):
+        clip_keypoints(clip, tmp_path / "others")
+    unnumbered = replace(clip, image_numbers=np.full(40, -1))
+    with pytest.raises(BadKeypoints, match="but clip walk_0 has no images"):
+        clip_keypoints(unnumbered, tmp_path / "others")
+    for number in range(100, 140):
+        write_frame(tmp_path / "nobody", number, [])
+    with pytest.raises(BadKeypoints, match="nobody: nobody detected in any image of clip walk_0"):
+        clip_keypoints(clip, tmp_path / "nobody")
+    with pytest.raises(BadMotionFile, match="clip walk_0 has no camera"):
+        clip_keypoints(replace(clip, camera=None), tmp_path / "nobody")
+
+
+def test_a_truncated_or_missing_file_leaves_nothing(
+    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    folder = tmp_path / "keypoints" / "walk_0"
+    with pytest.raises(MissingInput, match="keypoints/walk_0: no such"):
+        files()
+    write_frames(folder, filmed[0], small_body)
+    path = folder / "clip_000000000105_keypoints.json"
+    path.write_text(path.read_text()[:200])
+    with pytest.raises(BadRecord, match="clip_000000000105_keypoints.json: not JSON"):
+        files()
+    (tmp_path / "poses" / "walk_0.npz").unlink()
+    with pytest.raises(MissingInput, match=r"poses/walk_0.npz: no such file"):
+        files()
+    assert not (tmp_path / "out").exists()
+
+
+def test_poses_that_do_not_fit(
+    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    clip, path = filmed[0], tmp_path / "poses" / "walk_0.npz"
+    write_frames(tmp_path / "keypoints" / "walk_0", clip, small_body)
+    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+    posed = load_clip(path)
+
+    def refused(other: Clip, words: str) -> None:
+        save_clip(path, other, rest_pelvis_m)
+        with pytest.raises(BadMotionFile, match=words):
+            files()
+
+    refused(clip, "the motion is not in the camera frame")
+    motion = posed.motion
+    refused(replace(posed, motion=replace(motion, body="giant")), "of body giant with 10 shape")
+    refused(replace(posed, motion=replace(motion, fps_hz=30.0)), "40 frames at 30 fps, but clip")
+    refused(replace(posed, image_numbers=posed.image_numbers + 1), "of other images than clip")
+
+
+def test_rows_without_a_pose(
+    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    write_frames(tmp_path / "keypoints" / "walk_0", filmed[0], small_body)
+    path = tmp_path / "poses" / "walk_0.npz"
+    posed = load_clip(path)
+    local_rotmats = posed.motion.local_rotmats.copy()
+    local_rotmats[4, 22] = np.nan
+    lost = replace(
+        posed,
+        motion=replace(posed.motion, local_rotmats=local_rotmats),
+        valid=np.arange(40) != 9,
+    )
+    save_clip(path, lost, small_body.rest_pelvis_m(posed.motion.shape))
+    found = load_clip(files() / "predictions" / "walk_0.npz")
+    np.testing.assert_array_equal(np.flatnonzero(~found.valid), [4, 9])
+
+
+def test_the_verb(
+    filmed: tuple[Clip, ...],
+    small_body: BodyModel,
+    write_set: WriteSet,
+    body_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    manifest = write_set(tmp_path / "set", filmed[:1])
+    write_poses(tmp_path / "poses", filmed[0], small_body)
+    write_frames(tmp_path / "keypoints" / "walk_0", filmed[0], small_body)
+    asked = ["baseline", "vibe_cam", str(manifest), "--poses", str(tmp_path / "poses")]
+    asked += ["--keypoints", str(tmp_path / "keypoints"), "--body", str(body_path)]
+    main([*asked, "--image-size", "640", "480", "--out", str(tmp_path / "out")])
+    assert capsys.readouterr().out.split() == [str(tmp_path / "out")]
+    assert errors_mm(tmp_path / "out", filmed[0]).max() < 1e-3
+    with pytest.raises(SystemExit) as ended:
+        main([*asked, "--person", "walk_0", "--out", str(tmp_path / "no")])
+    assert ended.value.code == 1
+    assert "--person walk_0: expected the clip's id, =, and a number" in capsys.readouterr().err

@@ -1,0 +1,99 @@
+"""The landmark network's real weights, broken ones, and another network's."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+import flatbuffers
+import numpy as np
+import pytest
+
+from gmrdata.people.landmark_network import Crop, crop_around, open_landmark_network
+from gmrdata.read.frames import read_color
+from gmrdata.values.errors import BadDetector, MissingInput
+
+
+def another_network() -> bytes:
+    """A TFLite file that only passes 256 x 256 pixels through a ReLU, from TFLite's schema."""
+    builder = flatbuffers.Builder(0)
+
+    def vector(items: Sequence[int], tables: bool = False) -> int:
+        builder.StartVector(4, len(items), 4)
+        for item in reversed(items):
+            builder.PrependUOffsetTRelative(item) if tables else builder.PrependInt32(item)
+        return int(builder.EndVector())
+
+    def table(n_fields: int, **slots: tuple[str, int]) -> int:
+        builder.StartObject(n_fields)
+        for slot, (kind, value) in slots.items():
+            getattr(builder, f"Prepend{kind}Slot")(int(slot[1:]), value, 0)
+        return int(builder.EndObject())
+
+    def tensor(name: str) -> int:
+        text, shape = builder.CreateString(name), vector([1, 256, 256, 3])
+        return table(8, _0=("UOffsetTRelative", shape), _3=("UOffsetTRelative", text))
+
+    tensors = vector([tensor("in"), tensor("out")], tables=True)
+    ends = [vector([0]), vector([1])]
+    relu = vector([table(4, _0=("Int8", 19), _2=("Int32", 1), _3=("Int32", 19))], tables=True)
+    linked = {f"_{n + 1}": ("UOffsetTRelative", end) for n, end in enumerate(ends)}
+    operators = vector([table(9, **linked)], tables=True)
+    graph = table(5, _0=("UOffsetTRelative", tensors), **linked, _3=("UOffsetTRelative", operators))
+    graphs, buffers = vector([graph], tables=True), vector([table(1)], tables=True)
+    model = table(
+        8,
+        _0=("Uint32", 3),
+        _1=("UOffsetTRelative", relu),
+        _2=("UOffsetTRelative", graphs),
+        _4=("UOffsetTRelative", buffers),
+    )
+    builder.Finish(model, file_identifier=b"TFL3")
+    return bytes(builder.Output())
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        (lambda whole: b"", "truncated, or not a TFLite file"),
+        (lambda whole: whole[: len(whole) // 2], "truncated, or not a TFLite file"),
+        (lambda whole: whole[:-1000], "truncated, or not a TFLite file"),
+        (lambda whole: b"<html>404</html>" * 9, "truncated, or not a TFLite file"),
+        (lambda whole: another_network(), r"not BlazePose GHUM: its outputs have \[196608\]"),
+    ],
+)
+def test_a_broken_file_and_another_network_are_told(
+    broken: Callable[[bytes], bytes], said: str, pose_landmarks: Path, tmp_path: Path
+) -> None:
+    model = tmp_path / "mine.tflite"
+    model.write_bytes(broken(pose_landmarks.read_bytes()))
+    with pytest.raises(BadDetector, match=rf"mine\.tflite: {said}.*`gmrdata fetch models` gets it"):
+        open_landmark_network(model)
+
+
+def test_a_missing_file_is_named_with_the_command(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match=r"no\.tflite: .* `gmrdata fetch models` gets it"):
+        open_landmark_network(tmp_path / "no.tflite")
+
+
+def test_a_person_in_a_picture_on_its_side_has_the_same_outline(
+    pose_landmarks: Path, shared_path: Callable[[str], Path]
+) -> None:
+    """The crop that the landmarks give is turned as the person is, so it has the same content."""
+    look = open_landmark_network(pose_landmarks)
+    image = read_color(shared_path("video/static_people/00001.jpg"))
+    person = look(image, crop_around(np.array([545.0, 87.0, 668.0, 372.0])))
+    x_px, y_px = person.next_crop.centre_px
+    assert abs(person.next_crop.turn_rad) < 0.2 and 545 < x_px < 668 and 87 < y_px < 372
+    quarter = Crop(
+        np.array([image.shape[0] - y_px, x_px]),
+        person.next_crop.side_px,
+        person.next_crop.turn_rad + np.pi / 2,
+    )
+    upright = look(image, person.next_crop)
+    lying = look(cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE), quarter)
+    assert min(upright.score, lying.score) > 0.99
+    back = cv2.rotate(lying.mask, cv2.ROTATE_90_COUNTERCLOCKWISE)
+    assert (upright.mask & back).sum() > 0.98 * (upright.mask | back).sum()
+    turned_rad = lying.next_crop.turn_rad - upright.next_crop.turn_rad
+    np.testing.assert_allclose(turned_rad, np.pi / 2, atol=0.02)
+    np.testing.assert_allclose(upright.box_px, [545, 87, 668, 372], atol=15)

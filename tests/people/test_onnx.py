@@ -1,0 +1,252 @@
+"""The ONNX detector on real weights and frames, on broken models, and on hostile images."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.people import onnx
+from gmrdata.people.onnx import DETECTIONS_FILE, OnnxConfig, onnx_masks, open_detector
+from gmrdata.people.yolox import COCO_NAMES, letterbox
+from gmrdata.read.frames import read_color, read_gray
+from gmrdata.values.errors import BadDetector, BadFrames, MissingInput, StaleOutput
+
+
+@pytest.fixture
+def threads() -> Iterator[Callable[[int], None]]:
+    before = cv2.getNumThreads()
+    yield cv2.setNumThreads
+    cv2.setNumThreads(before)
+
+
+def best_dog_read_directly(model: Path, image: np.ndarray) -> tuple[list[float], float]:
+    """The surest dog, straight from YOLOX's definition, one number at a time."""
+    height, width = image.shape[:2]
+    ratio = min(416 / width, 416 / height)
+    reduced_width, reduced_height = int(width * ratio), int(height * ratio)
+    canvas = np.full((416, 416, 3), 114, np.uint8)
+    canvas[:reduced_height, :reduced_width] = cv2.resize(image, (reduced_width, reduced_height))
+    net = cv2.dnn.readNetFromONNX(str(model))
+    net.setInput(cv2.dnn.blobFromImage(canvas))
+    answer = net.forward()[0]
+    dog = answer[:, 4] * answer[:, 5 + 16]
+    row = int(dog.argmax())
+    stride, at = next(
+        (s, row - before)
+        for s, before in ((8, 0), (16, 52 * 52), (32, 52 * 52 + 26 * 26))
+        if row - before < (416 // s) ** 2
+    )
+    x = (answer[row, 0] + at % (416 // stride)) * stride
+    y = (answer[row, 1] + at // (416 // stride)) * stride
+    w, h = np.exp(answer[row, 2]) * stride, np.exp(answer[row, 3]) * stride
+    to_x, to_y = width / reduced_width, height / reduced_height
+    box = [(x - w / 2) * to_x, (y - h / 2) * to_y, (x + w / 2) * to_x, (y + h / 2) * to_y]
+    return box, float(dog[row])
+
+
+def test_the_dog_is_where_a_direct_reading_finds_it(yolox_nano: Path, dog_dir: Path) -> None:
+    image = read_color(dog_dir / "00003.png")
+    found = open_detector(yolox_nano, OnnxConfig(classes=("dog",)))(image)
+    box_px, score = best_dog_read_directly(yolox_nano, image)
+    best = int(found.scores.argmax())
+    assert score > 0.5
+    np.testing.assert_allclose(found.scores[best], score, rtol=1e-6)
+    np.testing.assert_allclose(found.boxes_px[best], box_px, atol=1e-3)
+    assert COCO_NAMES[found.classes[best]] == "dog"
+
+
+def test_masks_cover_the_dog_in_every_frame(
+    yolox_nano: Path, dog_dir: Path, tmp_path: Path
+) -> None:
+    out_dir = onnx_masks(yolox_nano, dog_dir, tmp_path / "masks", OnnxConfig())
+    record = json.loads((out_dir / DETECTIONS_FILE).read_text())["frames"]
+    for path in sorted(dog_dir.glob("*.png")):
+        mask = read_gray(out_dir / path.name, (640, 360))
+        assert set(np.unique(mask)) == {0, 255}
+        # The dog is the dark part of the middle of these frames: black fur on green grass.
+        dark = read_color(path).max(axis=2) < 60
+        dark[:, :270] = dark[:, 400:] = False
+        assert dark.sum() > 1000
+        assert (mask[dark] == 255).mean() > 0.99
+        assert 0.02 < (mask == 255).mean() < 0.3
+    # The first frame's dog is weak on its own; the track keeps it.
+    assert max(box["score"] for box in record["00000"]["found"]) < OnnxConfig().min_score
+    assert record["00000"]["masked"]
+
+
+def test_two_runs_and_two_thread_counts_give_the_same_bytes(
+    yolox_nano: Path, dog_dir: Path, tmp_path: Path, threads: Callable[[int], None]
+) -> None:
+    made = []
+    for run, count in enumerate((1, 1, 2)):
+        threads(count)
+        out_dir = onnx_masks(yolox_nano, dog_dir, tmp_path / str(run), OnnxConfig())
+        made.append({p.name: p.read_bytes() for p in out_dir.iterdir() if p.name != "stage.json"})
+    assert len(made[0]) == 5
+    assert made[0] == made[1] == made[2]
+
+
+def test_a_second_input_size_only_adds(yolox_nano: Path, dog_dir: Path) -> None:
+    image = read_color(dog_dir / "00003.png")
+    sizes_px = ((416, 416), (640, 384))
+    one = open_detector(yolox_nano, OnnxConfig(classes=("dog",)))(image)
+    both = open_detector(yolox_nano, OnnxConfig(classes=("dog",), input_sizes_px=sizes_px))(image)
+    assert both.scores.max() >= one.scores.max()
+    alone = open_detector(yolox_nano, OnnxConfig(classes=("dog",), input_sizes_px=sizes_px[1:]))
+    top = alone(image)
+    x0, y0, x1, y1 = one.boxes_px[one.scores.argmax()]
+    np.testing.assert_allclose(
+        top.boxes_px[top.scores.argmax()], [x0, y0, x1, y1], atol=0.2 * (y1 - y0)
+    )
+
+
+def test_a_stopped_run_goes_on_at_the_next_frame(
+    yolox_nano: Path, dog_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[int] = []
+
+    def stopping(limit: int) -> Callable[..., onnx.Detector]:
+        def open_stopping(model_path: Path, config: OnnxConfig) -> onnx.Detector:
+            detect = open_detector(model_path, config)
+
+            def counted(image: np.ndarray) -> onnx.Detections:
+                if len(seen) == limit:
+                    raise KeyboardInterrupt
+                seen.append(1)
+                return detect(image)
+
+            return counted
+
+        return open_stopping
+
+    whole = onnx_masks(yolox_nano, dog_dir, tmp_path / "whole", OnnxConfig())
+    monkeypatch.setattr(onnx, "open_detector", stopping(2))
+    with pytest.raises(KeyboardInterrupt):
+        onnx_masks(yolox_nano, dog_dir, tmp_path / "out", OnnxConfig())
+    assert not (tmp_path / "out").exists()
+    monkeypatch.setattr(onnx, "open_detector", stopping(4))
+    resumed = onnx_masks(yolox_nano, dog_dir, tmp_path / "out", OnnxConfig())
+    assert len(seen) == 4
+    names = sorted(p.name for p in whole.iterdir() if p.name != "stage.json")
+    assert names == sorted(p.name for p in resumed.iterdir() if p.name != "stage.json")
+    assert all((whole / n).read_bytes() == (resumed / n).read_bytes() for n in names)
+
+
+def test_another_model_or_recipe_asks_for_redo(
+    yolox_nano: Path, dog_dir: Path, tmp_path: Path
+) -> None:
+    small = tmp_path / "frames"
+    small.mkdir()
+    for name in ("00000.png", "00001.png"):
+        shutil.copy(dog_dir / name, small)
+    model = tmp_path / "moved.onnx"
+    shutil.copy(yolox_nano, model)
+    onnx_masks(yolox_nano, small, tmp_path / "out", OnnxConfig())
+    onnx_masks(model, small, tmp_path / "out", OnnxConfig())  # the same bytes elsewhere
+    with pytest.raises(StaleOutput, match="config.min_score"):
+        onnx_masks(model, small, tmp_path / "out", OnnxConfig(min_score=0.9))
+    with model.open("ab") as stream:
+        stream.write(b"\x00")
+    with pytest.raises(StaleOutput, match="inputs.model"):
+        onnx_masks(model, small, tmp_path / "out", OnnxConfig())
+
+
+@pytest.mark.parametrize(
+    ("cut", "said"),
+    [
+        (lambda b: b"", "empty file"),
+        (lambda b: b[: len(b) // 2], "truncated, or not an ONNX file"),
+        (lambda b: b[:-1000], "truncated, or not an ONNX file|can't open this network"),
+        (lambda b: b"<html>404</html>" * 9, "not an ONNX file"),
+        (lambda b: b"\x80\x04\x95" + b[:999], "not an ONNX file"),
+    ],
+)
+def test_a_broken_model_is_told(
+    cut: Callable[[bytes], bytes], said: str, yolox_nano: Path, noise_dir: Path, tmp_path: Path
+) -> None:
+    model = tmp_path / "mine.onnx"
+    model.write_bytes(cut(yolox_nano.read_bytes()))
+    with pytest.raises(BadDetector, match=said) as caught:
+        onnx_masks(model, noise_dir, tmp_path / "out", OnnxConfig())
+    assert "mine.onnx" in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("inputs", "operator", "said"),
+    [
+        ([("x", (1, 3, 64, 64))], "Relu", r"its output has the shape \(1, 3, 64, 64\), but YOLOX"),
+        ([("x", (1, 1, 28, 28))], "Relu", r"it should have one input .* has x \(1, 1, 28, 28\)"),
+        ([("x", (1, 80))], "Relu", r"has x \(1, 80\)"),
+        ([("x", (1, 3, 64, 64)), ("y", (1, 4))], "Relu", r"has x .*, y \(1, 4\)"),
+        ([("x", (1, 3, "h", "w"))], "Relu", "leaves its input's size open; give input_sizes_px"),
+        ([("x", (1, 3, 64, 64))], "NoSuchOperator", "OpenCV can't (open|run) this network"),
+    ],
+)
+def test_a_network_of_another_layout_is_told(
+    inputs: list[tuple[str, tuple[int | str, ...]]],
+    operator: str,
+    said: str,
+    onnx_bytes: Callable[..., bytes],
+    noise_dir: Path,
+    tmp_path: Path,
+) -> None:
+    model = tmp_path / "other.onnx"
+    model.write_bytes(onnx_bytes(*inputs, operator=operator))
+    with pytest.raises(BadDetector, match=said):
+        onnx_masks(model, noise_dir, tmp_path / "out", OnnxConfig())
+
+
+def test_a_missing_model_is_named(noise_dir: Path, tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match=r"no\.onnx"):
+        onnx_masks(tmp_path / "no.onnx", noise_dir, tmp_path / "out", OnnxConfig())
+
+
+def test_grey_and_16_bit_frames_are_read(yolox_nano: Path, dog_dir: Path, tmp_path: Path) -> None:
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    grey = cv2.imread(str(dog_dir / "00003.png"), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(frames / "0.png"), grey)
+    cv2.imwrite(str(frames / "1.png"), grey.astype(np.uint16) * 257)
+    assert np.array_equal(read_color(frames / "0.png"), read_color(frames / "1.png"))
+    out_dir = onnx_masks(yolox_nano, frames, tmp_path / "out", OnnxConfig())
+    mask = read_gray(out_dir / "0.png", (640, 360))
+    assert mask.any()
+    assert np.array_equal(mask, read_gray(out_dir / "1.png", (640, 360)))
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n" + b"\x00" * 40, b"GIF89a" * 20])
+def test_a_broken_frame_is_named(
+    content: bytes, onnx_bytes: Callable[..., bytes], noise_dir: Path, tmp_path: Path
+) -> None:
+    (noise_dir / "00001.png").write_bytes(content)
+    model = tmp_path / "net.onnx"
+    model.write_bytes(onnx_bytes(("x", (1, 3, 64, 64))))
+    with pytest.raises(BadFrames, match=r"00001\.png"):
+        onnx_masks(model, noise_dir, tmp_path / "out", OnnxConfig())
+
+
+@pytest.mark.parametrize(
+    ("bad", "said"),
+    [
+        ({"classes": ["persn"]}, "not classes of COCO: persn; there are: person, bicycle"),
+        ({"classes": []}, "at least 1"),
+        ({"weak_score": 0.9}, "must not be above min_score"),
+        ({"input_sizes_px": [[400, 416]]}, "400x416: sides must be multiples of 32"),
+        ({"min_scroe": 0.5}, "Extra inputs"),
+    ],
+)
+def test_wrong_recipes_are_refused(bad: dict[str, object], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        OnnxConfig.model_validate(bad)
+
+
+def test_a_wide_frame_lies_in_the_upper_part_of_the_input(dog_dir: Path) -> None:
+    image = read_color(dog_dir / "00003.png")
+    blob, scales = letterbox(image, (416, 416))
+    np.testing.assert_allclose(scales, [0.65, 0.65])
+    assert (blob[0, :, 234:] == 114).all()

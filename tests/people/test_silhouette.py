@@ -1,0 +1,255 @@
+"""Silhouettes of the projected body."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gmrdata.people.silhouette import (
+    DOTTED_FROM_PX,
+    SilhouetteConfig,
+    dilate,
+    rows_that_show,
+    silhouette,
+    silhouette_masks,
+)
+from gmrdata.read.bodies import save_body
+from gmrdata.read.frames import read_gray
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project_cam
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
+from gmrdata.values.motion import Motion
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.skinning import motion_vertices_m
+
+INTRINSICS_PX = intrinsics_from_fov(60.0, 160, 120)
+
+
+def square(x_px: float, y_px: float, side_px: float, depth_m: float) -> np.ndarray:
+    """Corners (4, 3) of an upright square whose image is given, in the camera frame [m]."""
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * side_px + [x_px, y_px]
+    rays = np.column_stack([corners, np.ones(4)]) @ np.linalg.inv(INTRINSICS_PX).T
+    return rays * depth_m
+
+
+FACES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def test_a_square_covers_exactly_its_pixels() -> None:
+    # Image corners on pixel centres: those pixels and all between are inside.
+    mask = silhouette(square(40.5, 30.5, 20, 2.0), FACES, INTRINSICS_PX, (160, 120))
+    expected = np.zeros((120, 160), np.uint8)
+    expected[30:51, 40:61] = 255
+    assert np.array_equal(mask, expected)
+
+
+def test_faces_behind_the_camera_leave_no_trace() -> None:
+    mask = silhouette(square(40.5, 30.5, 20, -2.0), FACES, INTRINSICS_PX, (160, 120))
+    assert not mask.any()
+
+
+@pytest.fixture
+def camera_clip(small_body: BodyModel) -> Clip:
+    """A person 4 m in front of the camera who turns a little."""
+    n = 3
+    turn = np.linspace(0, 0.6, n)
+    # SMPL's rest frame (y up) seen by a camera with y down: half a turn about x.
+    upside_down = np.diag([1.0, -1.0, -1.0])
+    about_y = np.zeros((n, 3, 3))
+    about_y[:, 0, 0] = about_y[:, 2, 2] = np.cos(turn)
+    about_y[:, 0, 2], about_y[:, 2, 0] = np.sin(turn), -np.sin(turn)
+    about_y[:, 1, 1] = 1.0
+    motion = Motion(
+        local_rotmats=np.tile(np.eye(3), (n, 23, 1, 1)),
+        root_rotmats=upside_down @ about_y,
+        pelvis_m=np.tile([0.2, 0.1, 4.0], (n, 1)),
+        shape=np.zeros(small_body.n_shape),
+        fps_hz=10.0,
+        body=small_body.name,
+        gender="neutral",
+        frame="camera",
+        source="test",
+    )
+    unknown = np.full((n, 4, 4), np.nan)
+    camera = CameraPath(INTRINSICS_PX, 160, 120, unknown, np.zeros(n, dtype=bool))
+    return Clip("turning", motion, np.ones(n, dtype=bool), np.arange(5, 5 + n), camera)
+
+
+@pytest.fixture
+def images_dir(tmp_path: Path) -> Path:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for i in (5, 6, 7):
+        cv2.imwrite(str(folder / f"image_{i:05d}.jpg"), np.full((120, 160, 3), 90, np.uint8))
+    return folder
+
+
+def written(tmp_path: Path, clip: Clip, body: BodyModel) -> tuple[PersonFiles, ...]:
+    save_body(tmp_path / "body.npz", body)
+    save_clip(tmp_path / "camera.npz", clip, body.rest_pelvis_m(clip.motion.shape))
+    return (PersonFiles(tmp_path / "camera.npz", tmp_path / "body.npz"),)
+
+
+def test_every_vertex_of_the_body_is_masked(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    people = written(tmp_path, camera_clip, small_body)
+    config = SilhouetteConfig(dilate_px=2)
+    out_dir = silhouette_masks(people, images_dir, tmp_path / "masks", config)
+    vertices_m = motion_vertices_m(small_body, camera_clip.motion)
+    for row, number in enumerate(camera_clip.image_numbers):
+        mask = read_gray(out_dir / f"image_{number:05d}.png", (160, 120))
+        assert set(np.unique(mask)) == {0, 255}
+        points_px = project_cam(vertices_m[row], INTRINSICS_PX)
+        x, y = np.floor(points_px).astype(int).T
+        assert (mask[y, x] == 255).all()
+        rows, columns = np.nonzero(mask)
+        assert columns.min() > points_px[:, 0].min() - 5
+        assert columns.max() < points_px[:, 0].max() + 5
+        assert rows.min() > points_px[:, 1].min() - 5 and rows.max() < points_px[:, 1].max() + 5
+
+
+def test_an_image_without_a_pose_is_an_error(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    clip = replace(camera_clip, image_numbers=np.array([5, 6, -1]))
+    people = written(tmp_path, clip, small_body)
+    with pytest.raises(BadFrames, match=r"image_00007\.jpg: .*has no pose"):
+        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
+    made = silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig(), left_out=(7,))
+    assert sorted(p.name for p in made.glob("*.png")) == ["image_00005.png", "image_00006.png"]
+
+
+def test_a_clip_for_another_image_size_is_an_error(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    assert camera_clip.camera is not None
+    clip = replace(camera_clip, camera=replace(camera_clip.camera, width_px=120, height_px=160))
+    people = written(tmp_path, clip, small_body)
+    with pytest.raises(BadFrames, match="160x120 px, but .* says 120x160 px"):
+        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
+
+
+def test_a_world_frame_clip_is_an_error(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    clip = replace(camera_clip, motion=replace(camera_clip.motion, frame="world"))
+    people = written(tmp_path, clip, small_body)
+    with pytest.raises(BadMotionFile, match="camera-frame motion"):
+        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
+
+
+def test_two_people_are_masked_both(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    moved_m = camera_clip.motion.pelvis_m + np.array([0.6, 0.0, 0.5])
+    other = replace(camera_clip, motion=replace(camera_clip.motion, pelvis_m=moved_m))
+    (first,) = written(tmp_path, camera_clip, small_body)
+    (tmp_path / "b").mkdir()
+    (second,) = written(tmp_path / "b", other, small_body)
+    alone = [
+        silhouette_masks((person,), images_dir, tmp_path / f"m{i}", SilhouetteConfig())
+        for i, person in enumerate((first, second))
+    ]
+    both = silhouette_masks((first, second), images_dir, tmp_path / "both", SilhouetteConfig())
+    for path in sorted(both.glob("*.png")):
+        masks = [read_gray(folder / path.name) for folder in alone]
+        assert np.array_equal(read_gray(path), masks[0] | masks[1])
+        assert (masks[0] != masks[1]).any()
+
+
+def test_where_a_body_is_not_valid_its_neighbours_are_masked(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    clip = replace(camera_clip, valid=np.array([True, False, True]))
+    people = written(tmp_path, clip, small_body)
+    masks = silhouette_masks(people, images_dir, tmp_path / "masks", SilhouetteConfig())
+    before, between, after = (read_gray(path) for path in sorted(masks.glob("*.png")))
+    assert np.array_equal(between, before | after)
+
+
+@pytest.mark.parametrize(("without_body", "value"), [("everything", 255), ("nothing", 0)])
+def test_a_body_that_is_unknown_for_long_masks_all_or_nothing(
+    without_body: str,
+    value: int,
+    camera_clip: Clip,
+    small_body: BodyModel,
+    images_dir: Path,
+    tmp_path: Path,
+) -> None:
+    pelvis_m = camera_clip.motion.pelvis_m.copy()
+    pelvis_m[1] = np.nan
+    motion = replace(camera_clip.motion, pelvis_m=pelvis_m)
+    clip = replace(camera_clip, motion=motion, valid=np.array([True, False, True]))
+    config = SilhouetteConfig.model_validate({"bridge_frames": 0, "without_body": without_body})
+    people = written(tmp_path, clip, small_body)
+    masks = silhouette_masks(people, images_dir, tmp_path / "masks", config)
+    between = read_gray(sorted(masks.glob("*.png"))[1])
+    assert (between == value).all()
+
+
+def test_rows_that_show_where_a_person_may_be() -> None:
+    valid = np.array([False, True, False, False, True, False, False, False])
+    assert rows_that_show(valid, 1, 5) == [1]
+    assert rows_that_show(valid, 2, 2) == [1, 4]
+    assert rows_that_show(valid, 3, 1) == []  # the one before is two rows away
+    assert rows_that_show(valid, 0, 1) == [1]
+    assert rows_that_show(valid, 7, 3) == [4]
+    assert rows_that_show(valid, 7, 2) == []
+    assert rows_that_show(np.zeros(4, dtype=bool), 2, 9) == []
+
+
+def far_body(small_body: BodyModel) -> np.ndarray:
+    """Its vertices 2.5 m in front of the camera, head up: most of its triangles are small."""
+    rest_m = small_body.template_m
+    return (rest_m - rest_m.mean(axis=0)) * [1.0, -1.0, -1.0] + [0.0, 0.0, 2.5]
+
+
+def disc(radius_px: int) -> np.ndarray:
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
+
+
+def test_dots_cover_what_filled_triangles_cover(small_body: BodyModel) -> None:
+    vertices_m, size_px = far_body(small_body), (640, 480)
+    intrinsics_px = intrinsics_from_fov(60.0, *size_px)
+    filled = silhouette(vertices_m, small_body.faces, intrinsics_px, size_px)
+    for radius_px in (DOTTED_FROM_PX, 8):
+        dotted = silhouette(vertices_m, small_body.faces, intrinsics_px, size_px, radius_px) > 0
+        narrower = cv2.dilate(filled, disc(radius_px - 1)) > 0
+        wider = cv2.dilate(filled, disc(radius_px + 1)) > 0
+        assert dotted[narrower].all() and not dotted[~wider].any()
+
+
+@settings(deadline=None)
+@given(
+    spots=st.lists(st.tuples(st.integers(0, 29), st.integers(0, 39)), max_size=4),
+    radius_px=st.integers(0, 9),
+)
+def test_dilation_of_the_occupied_part_is_that_of_all(
+    spots: list[tuple[int, int]], radius_px: int
+) -> None:
+    mask = np.zeros((30, 40), np.uint8)
+    for spot in spots:
+        mask[spot] = 255
+    assert np.array_equal(dilate(mask, radius_px), cv2.dilate(mask, disc(radius_px)))
+
+
+@pytest.mark.parametrize("dilate_px", [0, 8])
+def test_a_corner_that_is_no_number_leaves_no_trace(dilate_px: int) -> None:
+    corners_m = square(40.5, 30.5, 20, 2.0)
+    corners_m[1, 0] = np.nan  # a corner of the first triangle alone
+    mask = silhouette(corners_m, FACES, INTRINSICS_PX, (160, 120), dilate_px)
+    assert np.array_equal(
+        mask, silhouette(corners_m, FACES[1:], INTRINSICS_PX, (160, 120), dilate_px)
+    )
+
+
+def test_without_people_there_is_no_silhouette(images_dir: Path, tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match="at least one person"):
+        silhouette_masks((), images_dir, tmp_path / "m", SilhouetteConfig())
+    assert not (tmp_path / "m").exists()

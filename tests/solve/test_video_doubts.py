@@ -1,0 +1,84 @@
+"""What a video's own times and lost frames say against bodies on its frames."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.video import VIDEO_FILE, VideoRecord
+from gmrdata.solve.sequence import DOUBTS_FILE, _doubts_of_video, video_doubts
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.world.verdict import Doubts
+
+
+def video(times_s: list[float], *, every: int = 1, n_lost: int = 0) -> VideoRecord:
+    n = len(times_s)
+    return VideoRecord(
+        container="mp4",
+        codec="h264",
+        pixel_format="yuv420p",
+        stored_size_px=(64, 48),
+        size_px=(64, 48),
+        is_turned=False,
+        n_deinterlaced=0,
+        n_expected=n * every + n_lost,
+        n_decoded=n * every,
+        every=every,
+        numbers=tuple(range(0, n * every, every)),
+        times_s=tuple(times_s),
+    )
+
+
+def walk(body: BodyModel, n: int = 10, fps_hz: float = 10.0) -> Clip:
+    motion = make_gait("circle", n / fps_hz, fps_hz, body, np.random.default_rng(2))
+    n = motion.n_frames
+    return Clip("walk", motion, np.ones(n, dtype=bool), np.arange(n), None)
+
+
+def test_even_times_of_the_bodys_rate_are_no_doubt(anny: BodyModel) -> None:
+    clip = walk(anny)
+    jitter = 0.1 * np.arange(clip.motion.n_frames) + 0.005 * (np.arange(clip.motion.n_frames) % 2)
+    doubts = video_doubts(video(jitter.tolist()), [clip])
+    assert doubts.sequence == () and not any(doubts.frames[0])
+
+
+def test_a_frame_that_came_late_is_not_used(anny: BodyModel) -> None:
+    clip = walk(anny)
+    times_s = 0.1 * np.arange(clip.motion.n_frames)
+    times_s[4:] += 0.1
+    doubts = video_doubts(video(times_s.tolist()), [clip, clip])
+    assert doubts.sequence == ()
+    for frames in doubts.frames:
+        assert [row for row, text in enumerate(frames) if text] == [4]
+        assert frames[4] == "shown 0.200 s after the image before, not 0.100 s"
+
+
+def test_another_rate_is_named(anny: BodyModel) -> None:
+    clip = walk(anny)
+    times_s = (0.04 * np.arange(clip.motion.n_frames)).tolist()
+    doubts = video_doubts(video(times_s), [clip])
+    assert doubts.sequence == ("the body has 10 frames per second, the video 25",)
+    # Every second row of a body has twice the time between its images.
+    numbers = 2 * np.arange(clip.motion.n_frames)
+    half = replace(clip, image_numbers=numbers)
+    times_s = (0.05 * np.arange(2 * clip.motion.n_frames)).tolist()
+    assert video_doubts(video(times_s), [half]).sequence == ()
+    assert video_doubts(video(times_s, every=2), [half]).sequence == ()
+
+
+def test_lost_frames_reject(anny: BodyModel, tmp_path: Path) -> None:
+    clip = walk(anny)
+    times_s = (0.1 * np.arange(clip.motion.n_frames)).tolist()
+    record = video(times_s, n_lost=5)
+    (reason,) = video_doubts(record, [clip]).sequence
+    n = clip.motion.n_frames
+    assert reason.startswith(f"5 of the video's {n + 5} frames could not be decoded")
+    frames_dir = tmp_path / "frames"
+    frames_dir.mkdir()
+    record.write(frames_dir / VIDEO_FILE)
+    path = _doubts_of_video(frames_dir, [clip], tmp_path)
+    assert path == tmp_path / DOUBTS_FILE and Doubts.read(path).sequence == (reason,)
+    video(times_s).write(frames_dir / VIDEO_FILE)
+    assert _doubts_of_video(frames_dir, [clip], tmp_path) is None and not path.exists()
