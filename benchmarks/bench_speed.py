@@ -22,8 +22,10 @@ import pytest
 from dask.local import SynchronousExecutor
 from render.tables import show
 
-from gmrdata.cameras import geometry, keyframes, mapping, matches
+from gmrdata.cameras import geometry
 from gmrdata.cameras import reconstruct as stage
+from gmrdata.cameras.map import mapping
+from gmrdata.cameras.match import keyframes, matches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.stage import store
 from gmrdata.values.files import write_json

@@ -38,18 +38,18 @@ def test_the_root_holds_two_files() -> None:
 
 def test_no_import_runs_back_up() -> None:
     up = []
-    for path in sorted(PACKAGE.glob("*/*.py")):
-        here = path.parent.name
+    for path in sorted(PACKAGE.glob("*/**/*.py")):
+        here = path.relative_to(PACKAGE).parts[0]
         for line, folder in imported_folders(path):
             if folder in ORDER and ORDER.index(folder) > ORDER.index(here):
-                up.append(f"{here}/{path.name}:{line} imports {folder}")
+                up.append(f"{path.relative_to(PACKAGE)}:{line} imports {folder}")
     assert not up
 
 
 def test_pages_are_imported_by_the_command_line_alone() -> None:
     importers = {
-        path.parent.name
-        for path in PACKAGE.glob("*/*.py")
+        path.relative_to(PACKAGE).parts[0]
+        for path in PACKAGE.glob("*/**/*.py")
         for _, folder in imported_folders(path)
         if folder == "pages"
     }

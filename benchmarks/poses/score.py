@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
-from gmrdata.cameras.intrinsics import load_intrinsics
+from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.people.calibration import TrueTrack, seen_truth, true_track
 from gmrdata.people.landmark_body import landmark_offsets_m
 from gmrdata.people.landmark_network import LANDMARKS

@@ -13,7 +13,7 @@ import numpy as np
 from poses.score import DETECTOR, NETWORK
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
-from gmrdata.cameras.intrinsics import load_intrinsics
+from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.cli.video import solve_one
 from gmrdata.people.landmarks import load_tracks
 from gmrdata.people.lifter import SeenLandmarks

@@ -9,7 +9,7 @@ from render.scale import Scale
 
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.matches import match_frames
+from gmrdata.cameras.match.matches import match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.film.render import RenderConfig, render_clip

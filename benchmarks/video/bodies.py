@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, MASKS_FOLDER, VideoFacts
 
-from gmrdata.cameras.intrinsics import GivenIntrinsics, IntrinsicsConfig
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, IntrinsicsConfig
 from gmrdata.people.sources import FolderSource, MasksConfig
 from gmrdata.read.bodies import load_body, save_body
 from gmrdata.read.camera_bodies import SeenPerson, read_camera_bodies

@@ -12,7 +12,7 @@ import numpy as np
 from real.clips import RealClip
 from video.clips import FACTS_FILE, FRAMES_FOLDER, MASKS_FOLDER, VideoFacts
 
-from gmrdata.cameras.intrinsics import (
+from gmrdata.cameras.lens.intrinsics import (
     GivenIntrinsics,
     Intrinsics,
     IntrinsicsConfig,

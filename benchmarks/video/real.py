@@ -21,9 +21,9 @@ from render.tables import show
 
 from gmrdata.cameras.again import AGAIN_FILE, AgainRecord, solve_again
 from gmrdata.cameras.files import Geometry, load_quality
-from gmrdata.cameras.intrinsics import IntrinsicsConfig, load_intrinsics
+from gmrdata.cameras.lens.intrinsics import IntrinsicsConfig, load_intrinsics
+from gmrdata.cameras.lens.self_calibration import SelfCalibrationConfig
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.self_calibration import SelfCalibrationConfig
 from gmrdata.people.sources import FolderSource, MasksConfig, masks_named
 from gmrdata.read.frames import list_images
 from gmrdata.read.video import VideoConfig

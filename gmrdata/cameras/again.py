@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.cameras.agreement import agreement, least_extent
+from gmrdata.cameras.check.agreement import agreement, least_extent
+from gmrdata.cameras.check.verdict import agreement_reasons
 from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import known_radial_k1, reconstruct
-from gmrdata.cameras.verdict import agreement_reasons
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run

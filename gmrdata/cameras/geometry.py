@@ -6,15 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.cameras.agreement import agreement, least_extent
-from gmrdata.cameras.behind_masks import match_behind_masks
-from gmrdata.cameras.coverage import covered_share
+from gmrdata.cameras.check.agreement import agreement, least_extent
+from gmrdata.cameras.check.coverage import covered_share
 from gmrdata.cameras.files import Agreement, CamerasQuality, Evidence
-from gmrdata.cameras.focal import turning_focal
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words
-from gmrdata.cameras.keyframes import choose_keyframes, with_frames_between
-from gmrdata.cameras.keypoint_adjustment import adjust_keypoints
-from gmrdata.cameras.mapping import (
+from gmrdata.cameras.map.focal import turning_focal
+from gmrdata.cameras.map.mapping import (
     hardly_travels,
     map_again,
     map_frames,
@@ -22,12 +19,15 @@ from gmrdata.cameras.mapping import (
     place_between,
     refine_mapped,
 )
-from gmrdata.cameras.matches import Matches, match_frames
-from gmrdata.cameras.one_scale import weakest_step
+from gmrdata.cameras.map.one_scale import weakest_step
+from gmrdata.cameras.map.rotation_only import RotationOnly, refine_turning, solve_rotation_only
+from gmrdata.cameras.map.solution import Solution, fill_short_gaps, quality_of, turning_solution
+from gmrdata.cameras.match.behind_masks import match_behind_masks
+from gmrdata.cameras.match.keyframes import choose_keyframes, with_frames_between
+from gmrdata.cameras.match.keypoint_adjustment import adjust_keypoints
+from gmrdata.cameras.match.matches import Matches, match_frames
+from gmrdata.cameras.match.tracks import errors_px, mean_over_points, tracks_of
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.rotation_only import RotationOnly, refine_turning, solve_rotation_only
-from gmrdata.cameras.solution import Solution, fill_short_gaps, quality_of, turning_solution
-from gmrdata.cameras.tracks import errors_px, mean_over_points, tracks_of
 from gmrdata.values import transforms
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.records import figure

@@ -9,8 +9,8 @@ import numpy as np
 
 from gmrdata.cameras import files
 from gmrdata.cameras.frames import Frames, reduced
+from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.read.frames import check_images, list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage

@@ -16,7 +16,7 @@ from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 
 if TYPE_CHECKING:
-    from gmrdata.cameras.intrinsics import GivenIntrinsics
+    from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
     from gmrdata.cli.export import FormatName
     from gmrdata.people.sources import MasksConfig
     from gmrdata.read.video_files import NamedVideo
@@ -99,7 +99,7 @@ def video(
             other seeds, and reject a path that these don't give.
         strict: End with exit code 1 for a rejected video.
     """
-    from gmrdata.cameras.intrinsics import IntrinsicsConfig
+    from gmrdata.cameras.lens.intrinsics import IntrinsicsConfig
     from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.read.video_files import find_videos
     from gmrdata.solve.video import QUICK_SFM, VideoSolveConfig
@@ -250,7 +250,7 @@ def _lens(
 ) -> "GivenIntrinsics | None":
     from pydantic import ValidationError
 
-    from gmrdata.cameras.intrinsics import GivenIntrinsics
+    from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 
     given = {"focal_px": focal_px, "fov_deg": fov_deg, "file": file}
     named = {key: value for key, value in given.items() if value is not None}

@@ -17,7 +17,7 @@ from gmrdata.cameras.files import (
     load_points,
     load_quality,
 )
-from gmrdata.cameras.tracks import Tracks, errors_px, load_tracks
+from gmrdata.cameras.match.tracks import Tracks, errors_px, load_tracks
 from gmrdata.values import transforms
 from gmrdata.values.clip import Clip, load_clip, rows_of_numbers
 from gmrdata.values.errors import GmrdataError

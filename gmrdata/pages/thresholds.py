@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmrdata.cameras.check.verdict import angles_deg, relative_moves
 from gmrdata.cameras.files import CamerasQuality
 from gmrdata.cameras.recipe import CamerasVerdictConfig
-from gmrdata.cameras.verdict import angles_deg, relative_moves
 from gmrdata.pages.html import Cell, Table
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Solved

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmrdata.cameras.files import CamerasQuality, Lens, SfmCameras
-from gmrdata.cameras.intrinsics import Intrinsics, load_intrinsics
+from gmrdata.cameras.lens.intrinsics import Intrinsics, load_intrinsics
 from gmrdata.export.sources import SFM, ExportedClip, list_clips, load_exported
 from gmrdata.pages.footage import NO_MARKS, Footage, Marks, direction_marks
 from gmrdata.pages.solved import (

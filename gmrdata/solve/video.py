@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.again import AGAIN_FILE, AgainRecord, solve_again
+from gmrdata.cameras.check.verdict import lens_notes, lens_reasons
 from gmrdata.cameras.files import load_cameras, load_quality
-from gmrdata.cameras.intrinsics import (
+from gmrdata.cameras.lens.intrinsics import (
     GivenIntrinsics,
     Intrinsics,
     IntrinsicsConfig,
@@ -18,7 +19,6 @@ from gmrdata.cameras.intrinsics import (
 )
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.cameras.verdict import lens_notes, lens_reasons
 from gmrdata.people.local_poses import ImageTimes, Lens, LocalPosesConfig, local_poses
 from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.frames import check_images, image_number, list_images

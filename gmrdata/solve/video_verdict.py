@@ -7,9 +7,9 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import NonNegativeFloat, model_validator
 
+from gmrdata.cameras.check.verdict import camera_reasons, frame_tests, jump_cause, turns_too_fast
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.recipe import CamerasVerdictConfig
-from gmrdata.cameras.verdict import camera_reasons, frame_tests, jump_cause, turns_too_fast
 from gmrdata.values.records import Record
 from gmrdata.values.rows import first_reasons
 from gmrdata.world.verdict import Verdict, verdict_of

@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.cameras.intrinsics import GivenIntrinsics, Source, load_intrinsics
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, Source, load_intrinsics
 from gmrdata.people.sources import sources_dir, without_files
 from gmrdata.read.video import VideoConfig, is_video
 from gmrdata.read.video_files import NamedVideo

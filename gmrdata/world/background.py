@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras import files
-from gmrdata.cameras.tracks import Tracks, load_tracks
+from gmrdata.cameras.match.tracks import Tracks, load_tracks
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers

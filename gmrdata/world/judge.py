@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gmrdata.cameras.files import CamerasQuality
-from gmrdata.cameras.verdict import (
+from gmrdata.cameras.check.verdict import (
     angles_deg,
     camera_reasons,
     frame_tests,
@@ -16,6 +15,7 @@ from gmrdata.cameras.verdict import (
     relative_moves,
     turns_too_fast,
 )
+from gmrdata.cameras.files import CamerasQuality
 from gmrdata.values import transforms
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.rows import first_reasons, text_runs

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.colmap import pycolmap
-from gmrdata.cameras.features import pinhole_params
+from gmrdata.cameras.match.features import pinhole_params
 from gmrdata.values import transforms
 from gmrdata.values.camera import project
 

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from gmrdata.cameras import geometry, mapping
+from gmrdata.cameras import geometry
 from gmrdata.cameras.files import Agreement, Mapper
-from gmrdata.cameras.focal import FreedFocal
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.geometry import WELL_MATCHED, is_bent, without_each
-from gmrdata.cameras.matches import Matches, PairMatches
+from gmrdata.cameras.map import mapping
+from gmrdata.cameras.map.focal import FreedFocal
+from gmrdata.cameras.map.rotation_only import RotationOnly
+from gmrdata.cameras.map.solution import Solution
+from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.rotation_only import RotationOnly
-from gmrdata.cameras.solution import Solution
 from gmrdata.values import transforms
 
 CONFIG = SfmConfig()

@@ -10,9 +10,9 @@ import pytest
 
 from gmrdata.cameras.files import load_cameras, load_points, load_quality
 from gmrdata.cameras.frames import Frames, reduced
+from gmrdata.cameras.match.tracks import errors_px, load_tracks
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.cameras.tracks import errors_px, load_tracks
 from gmrdata.read.frames import read_gray
 from gmrdata.values.camera import straightened
 from tests.cameras.test_reconstruct import centre_errors_m, rotation_errors_deg

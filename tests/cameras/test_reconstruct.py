@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from gmrdata.cameras.check.verdict import camera_reasons
 from gmrdata.cameras.files import (
     Evidence,
     SfmCameras,
@@ -18,10 +19,9 @@ from gmrdata.cameras.files import (
     load_quality,
 )
 from gmrdata.cameras.geometry import _why_unsolved
+from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.cameras.tracks import errors_px, load_tracks, mean_over_points
-from gmrdata.cameras.verdict import camera_reasons
 from gmrdata.read.frames import list_images
 from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction

@@ -9,9 +9,9 @@ import pytest
 
 from gmrdata.cameras.files import load_cameras, load_points, load_quality
 from gmrdata.cameras.frames import Frames, reduced
+from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.cameras.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.read.frames import list_images, read_gray
 from gmrdata.values.errors import BadFrames, NoReconstruction
 from tests.read.test_frames import with_exif

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.files import POINTS_FILE, load_cameras, save_points
-from gmrdata.cameras.tracks import TRACKS_FILE, Tracks, save_tracks
+from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.film.programmes import Circular, Panning
 from gmrdata.fusion.fused_motion import fuse_people
 from gmrdata.read.bodies import save_body

@@ -9,7 +9,7 @@ import av
 import numpy as np
 import pytest
 
-from gmrdata.cameras.intrinsics import Intrinsics
+from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.pages.footage import BAR_PX
 from gmrdata.pages.video import make_video_page
 from gmrdata.pages.video_data import footage_of, gather_video

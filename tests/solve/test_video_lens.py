@@ -2,7 +2,7 @@
 
 import pytest
 
-from gmrdata.cameras.intrinsics import Intrinsics, Source
+from gmrdata.cameras.lens.intrinsics import Intrinsics, Source
 from gmrdata.solve.video import VideoSolveConfig, _of_lens
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras import files
-from gmrdata.cameras.tracks import TRACKS_FILE, Tracks, save_tracks
+from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.check.verdict import is_out_of_order
 from gmrdata.cameras.files import Agreement, WeakestStep
-from gmrdata.cameras.verdict import is_out_of_order
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.motion import Motion

@@ -9,7 +9,7 @@ import pycolmap
 import pytest
 
 from gmrdata.cameras.files import Lens
-from gmrdata.cameras.tracks import Tracks, errors_px, mean_over_points
+from gmrdata.cameras.match.tracks import Tracks, errors_px, mean_over_points
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, project
 from gmrdata.values.errors import BadMotionFile

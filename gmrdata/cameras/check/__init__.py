@@ -1,0 +1,1 @@
+"""Whether cameras can be trusted."""

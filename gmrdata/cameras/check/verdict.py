@@ -1,0 +1,242 @@
+"""Whether cameras can be used, as far as they tell by themselves: all of them, and each of them.
+
+Nothing here needs a body or metres.  Every check compares one figure with one threshold of the
+recipe, and what fails says both.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.cameras.files import Agreement, CamerasQuality, SfmCameras, WeakestStep
+from gmrdata.cameras.recipe import CamerasVerdictConfig
+from gmrdata.values import transforms
+
+if TYPE_CHECKING:
+    from gmrdata.cameras.lens.intrinsics import Intrinsics
+
+OUT_OF_ORDER_ROWS = 5
+"""Rows from a camera to the one that is nearest to it in place and turn, in the median: beside it
+where images are in order, a third of the sequence away where they are shuffled."""
+MOVING_BACKGROUND = 0.4
+"""Share of what two frames share that moves otherwise than the cameras say, from which the
+background itself does.  Measured: 0.56 and 0.75 to 0.98 behind a sea and crowds, up to 0.31 with a
+person or a wrong focal length."""
+
+ANOTHER_PLACE = "no camera was found: the picture shows another place, beyond a cut"
+NOTHING_SEEN = "no camera was found: the picture is black or even, or all of it is masked"
+
+
+def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
+    """Why the cameras of a sequence can't be used."""
+    registered, fewest = quality.registered_share, config.min_registered_share
+    cuts, featureless = len(quality.cuts_after_frames), len(quality.featureless)
+    if registered < fewest:
+        known = [f"{featureless} are black or even, or wholly masked"] if featureless else []
+        known += [f"the picture changes to another place {cuts} times"] if cuts else []
+        few = f"{registered:.0%} of the images have a camera, fewer than {fewest:.0%}"
+        yield "; ".join([few, ", ".join(known)] if known else [few])
+    if quality.geometry != "full" and quality.frames < config.min_frames_in_place:
+        yield (
+            f"{quality.frames} frames, fewer than {config.min_frames_in_place}, do not tell a "
+            "camera that stays in its place from one that travels"
+        )
+    error_px, most_px = quality.mean_reprojection_px, config.max_reprojection_px
+    if error_px > most_px:
+        yield f"the mean reprojection error is {error_px:.2f} px, more than {most_px:g} px"
+    if cuts / max(1, quality.frames - 1) > config.max_cuts_share:
+        yield (
+            f"the picture changes to another place {cuts} times: images of several takes, out of "
+            "order, or black"
+        )
+    yield from _step_reasons(quality, config)
+    yield from _focal_reasons(quality, config)
+    share, least = quality.second_share, config.min_second_share
+    if share is not None and share < least:
+        yield (
+            f"of some keyframes, solved alone, {share:.0%} get a camera, fewer than {least:.0%}: "
+            "nothing confirms the path"
+        )
+    if (again := quality.agreement) is not None:
+        yield from agreement_reasons("a part of the keyframes, solved alone,", again, config)
+
+
+def agreement_reasons(what: str, again: Agreement, config: CamerasVerdictConfig) -> Iterator[str]:
+    """Why cameras can't be used of which a second solution, named by `what`, says otherwise."""
+    if again.turn_deg > config.max_again_deg:
+        yield (
+            f"{what} gives another path: the camera turns {again.turn_deg:.1f} degrees otherwise, "
+            f"more than {config.max_again_deg:g}"
+        )
+    if again.place_share > config.max_again_share:
+        yield (
+            f"{what} gives another path: the camera is {again.place_share:.1%} of its way off, "
+            f"more than {config.max_again_share:.1%}"
+        )
+
+
+def _step_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
+    if (step := quality.weakest_step) is None:
+        return
+    failed = list(_hold_reasons(step, config))
+    yield from failed
+    if failed and step.moving_share >= MOVING_BACKGROUND:
+        yield (
+            f"the background itself moves, up to {step.moving_share:.0%} of what two frames share: "
+            "water, a crowd or leaves, which masks may keep out"
+        )
+
+
+def _hold_reasons(step: WeakestStep, config: CamerasVerdictConfig) -> Iterator[str]:
+    hold = (
+        f"the cameras up to row {step.after} and those from row {step.before} on hardly hold each "
+        f"other: {step.loose_share:.2%} of their way is open"
+    )
+    together, most = step.loose_moving_share, config.max_loose_moving_share
+    if (ratio := step.distance_ratio) > config.max_distance_ratio:
+        yield (
+            f"what one keyframe sees is {ratio:.0f} times as far away as what the next one sees, "
+            f"more than {config.max_distance_ratio:g}: pieces of different scale"
+        )
+    if step.loose_share > config.max_loose_share:
+        yield f"{hold}, more than {config.max_loose_share:.2%}; the two may differ in scale"
+    elif together > most:
+        yield (
+            f"{hold}, and up to {step.moving_share:.0%} of what two frames share moves otherwise "
+            f"than they say, which together is {together:.3%}, more than {most:.3%}; they may "
+            "follow what moves"
+        )
+
+
+def _focal_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
+    factor, sigma = quality.focal_factor, quality.focal_sigma
+    # Both are null where the background holds no focal length: nothing was measured then.
+    if factor is None or sigma is None:
+        return
+    if abs(factor - 1.0) - config.max_focal_deviation > config.focal_sigmas * sigma:
+        yield (
+            f"the background asks for a focal length {factor:.2f} times the one in use "
+            f"(standard error {sigma:.2f}; {config.max_focal_deviation:.0%} and "
+            f"{config.focal_sigmas:g} of these may be off)"
+        )
+
+
+def lens_reasons(
+    cameras: SfmCameras, lens: "Intrinsics", config: CamerasVerdictConfig
+) -> Iterator[str]:
+    """Why cameras can't be used for want of a known lens."""
+    yield from lens.objections
+    # Points at known places hold the turns of a camera that travels, unless its lens is a guess.
+    if cameras.geometry == "full" and not lens.is_guess:
+        return
+    spread_deg = turn_spread_deg(cameras.path.world_from_cam)
+    off_deg, most_deg = lens.focal_sigma * spread_deg, config.max_focal_turn_deg
+    if off_deg > most_deg:
+        yield (
+            f"the focal length is known to ±{lens.focal_sigma:.0%} only, so the camera's turns, "
+            f"{spread_deg:.1f} degrees about their mean, are to ±{off_deg:.1f} degrees, more than "
+            f"{most_deg:g}; give it (--focal, --fov, --intrinsics)"
+        )
+
+
+def lens_notes(cameras: SfmCameras, lens: "Intrinsics") -> list[str]:
+    """What the lens leaves uncertain where nobody knows it and the frames don't tell."""
+    if not lens.is_guess:
+        return []
+    off_deg = lens.focal_sigma * turn_spread_deg(cameras.path.world_from_cam)
+    return [
+        f"the focal length, {lens.focal_px:.0f} px, is a guess to ±{lens.focal_sigma:.0%}: the "
+        f"camera's turns are to ±{off_deg:.1f} degrees, distances from the camera and the metric "
+        f"scale to ±{lens.focal_sigma:.0%}"
+    ]
+
+
+def turn_spread_deg(world_from_cam: np.ndarray) -> float:
+    """Root mean square of the angles of cameras (T, 4, 4) to their mean orientation; 0 for none."""
+    known = world_from_cam[np.isfinite(world_from_cam[:, 0, 0])]
+    if not len(known):
+        return 0.0
+    turns = Rotation.from_matrix(known[:, :3, :3])
+    off_rad = (turns.mean().inv() * turns).magnitude()
+    return float(np.rad2deg(np.sqrt((off_rad**2).mean())))
+
+
+def frame_tests(
+    quality: CamerasQuality,
+    sfm_rows: np.ndarray,
+    has_camera: np.ndarray,
+    config: CamerasVerdictConfig,
+) -> list[tuple[np.ndarray, str]]:
+    """What each of T frames must pass, (T,) bool, and the reason where it doesn't; in order.
+    `sfm_rows` (T,) are rows of the reconstruction, -1 for a frame without an image."""
+    # An interpolated camera has none of its own; it is marked, and held by its neighbours.
+    enough = np.isin(sfm_rows, quality.interpolated)
+    enough |= np.array(quality.inliers_per_frame)[sfm_rows] >= config.min_inliers
+    return [
+        (sfm_rows >= 0, "it has no image"),
+        (~_behind_cut(quality, sfm_rows, has_camera), ANOTHER_PLACE),
+        (has_camera | ~np.isin(sfm_rows, quality.featureless), NOTHING_SEEN),
+        (has_camera, "no camera was found"),
+        (enough, f"fewer than {config.min_inliers} inliers"),
+    ]
+
+
+def _behind_cut(
+    quality: CamerasQuality, sfm_rows: np.ndarray, has_camera: np.ndarray
+) -> np.ndarray:
+    """(T,) bool: frames of a stretch between two cuts in which no frame has a camera."""
+    cuts = np.array(quality.cuts_after_frames, dtype=int)
+    stretch = np.searchsorted(cuts, sfm_rows)
+    placed = np.unique(stretch[has_camera])
+    return ~np.isin(stretch, placed) & (len(cuts) > 0)
+
+
+def jump_cause(
+    world_from_cam: np.ndarray, quality: CamerasQuality, config: CamerasVerdictConfig
+) -> str:
+    """Why cameras (T, 4, 4) jump, as far as their path and its figures tell."""
+    if is_out_of_order(world_from_cam):
+        return "images out of order"
+    if any(_focal_reasons(quality, config)):
+        return "the focal length is wrong, and the cameras with it"
+    return "images are missing, or the cameras are wrong"
+
+
+def is_out_of_order(world_from_cam: np.ndarray) -> bool:
+    """Whether the nearest to most of the cameras (T, 4, 4) are far from them in the sequence."""
+    from scipy.spatial import KDTree
+
+    rows = np.flatnonzero(np.isfinite(world_from_cam[:, 0, 0]))
+    if len(rows) < 4 * OUT_OF_ORDER_ROWS:
+        return False
+    centres, turns = world_from_cam[rows, :3, 3], world_from_cam[rows, :3, :3].reshape(-1, 9)
+    extent = np.linalg.norm(np.ptp(centres, axis=0))
+    # Where it only turns, the places say nothing.
+    places = (centres - centres.mean(axis=0)) / extent if extent > 0 else np.zeros((len(rows), 3))
+    _, nearest = KDTree(np.c_[places, turns]).query(np.c_[places, turns], k=2)
+    return bool(np.median(np.abs(rows[nearest[:, 1]] - rows)) > OUT_OF_ORDER_ROWS)
+
+
+def turns_too_fast(
+    world_from_cam: np.ndarray, fps_hz: float, config: CamerasVerdictConfig
+) -> np.ndarray:
+    """(T - 1,) bool: steps between frames over which no camera turns that somebody holds."""
+    # A comparison with NaN is False: an unknown step is no jump.
+    turn_deg = angles_deg(relative_moves(world_from_cam, 1))
+    return np.asarray(turn_deg * fps_hz > config.max_turn_deg_per_s)
+
+
+def relative_moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
+    """(T - step, 4, 4) motion over `step` frames, in the axes of the first camera of each."""
+    return np.asarray(transforms.invert(world_from_cam[:-step]) @ world_from_cam[step:])
+
+
+def angles_deg(moves: np.ndarray) -> np.ndarray:
+    """(N,) rotation angles of transforms (N, 4, 4) [degrees]; NaN where unknown."""
+    known = np.isfinite(moves).all(axis=(1, 2))
+    angles = np.full(len(moves), np.nan)
+    if known.any():
+        angles[known] = Rotation.from_matrix(moves[known, :3, :3]).magnitude()
+    return np.rad2deg(angles)

@@ -1,0 +1,383 @@
+"""Stage: the lens, as somebody gives it, the camera notes it, or the frames show it."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+from pydantic.dataclasses import dataclass as part
+
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.lens.self_calibration import (
+    SelfCalibration,
+    SelfCalibrationConfig,
+    StartTried,
+    guessed_px,
+    self_calibrate,
+)
+from gmrdata.read.frames import check_images, list_images
+from gmrdata.read.intrinsics import Calibration, exif_focal_px, read_intrinsics, video_focal_px
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
+from gmrdata.values.camera import bent, straightened
+from gmrdata.values.errors import BadIntrinsics
+from gmrdata.values.records import PART, Config, Figure, Record
+
+INTRINSICS_FILE = "intrinsics.json"
+GIVEN_SIGMA, EXIF_SIGMA, VIDEO_SIGMA = 0.01, 0.05, 0.12
+"""Standard errors, as shares: of a calibration, of whole millimetres of 35 mm film, and of those
+for a video, which a phone crops to steady it."""
+USUAL_FOCAL, USUAL_SIGMA = 0.85, 0.3
+"""Focal length over the longer side, and the standard error of its logarithm, of cameras that
+nothing is known of: phones have 0.65 to 0.95, 3DPW's 1.02, a car's 0.58, long lenses 2 and more."""
+LARGEST_CORNER = 3.0  # from the principal point, in focal lengths: 143 degrees across
+
+
+class GivenIntrinsics(Config):
+    """What the command line gave: one of the three."""
+
+    focal_px: PositiveFloat | None = None
+    """Focal length [px]."""
+    fov_deg: float | None = Field(default=None, gt=1, lt=170)
+    """Horizontal field of view: from the left edge of the picture to the right [degrees]."""
+    file: Path | None = None
+    """A calibration, in a format of `gmrdata.read.intrinsics`, or an `intrinsics.json`."""
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if sum(value is not None for value in (self.focal_px, self.fov_deg, self.file)) != 1:
+            raise ValueError("give one of focal length, field of view and file")
+        return self
+
+
+class IntrinsicsConfig(Config):
+    """Where the lens may come from, and how it is sought."""
+
+    self_calibration: SelfCalibrationConfig = SelfCalibrationConfig()
+    look_in_frames: bool = True
+    """Seek the lens in the frames, which also checks one that is given or noted; if not, one that
+    is neither is guessed."""
+    object_sigmas: float = Field(default=2.0, gt=0)
+    """By how many standard errors the frames must ask for another focal length to object."""
+    object_share: float = Field(default=0.03, gt=0)
+    """And by how much of it."""
+
+
+Source = Literal["given", "metadata", "self_calibrated", "prior"]
+
+
+@part(frozen=True, config=PART)
+class AskedLens:
+    """The lens that the frames ask for, whatever is taken."""
+
+    focal_px: Figure
+    focal_sigma: Figure
+    """As a share of it."""
+    radial_k1: Figure
+    radial_k1_sigma: Figure
+    motion: Literal["full", "rotation_only"]
+    """What the camera does, by which it was found."""
+
+
+class Intrinsics(Record):
+    """`intrinsics.json`: a pinhole with square or oblong pixels, and one term of distortion."""
+
+    format: Literal["gmrdata-intrinsics/1"] = "gmrdata-intrinsics/1"
+    source: Source
+    width_px: PositiveInt
+    height_px: PositiveInt
+    focal_px: float = Field(gt=0)
+    """Focal length along x [px]."""
+    focal_y_px: float = Field(gt=0)
+    """The same along y [px]: another one where pixels are not square."""
+    focal_sigma: float = Field(gt=0)
+    """Standard error of the focal length, as a share of it."""
+    centre_px: tuple[float, float]
+    """Principal point: the picture's middle unless it was given [px]."""
+    radial_k1: float
+    """A point at r, in units of the focal length, is seen at r + k1 r^3; 0 for none."""
+    radial_k1_sigma: float | None
+    """Its standard error; null where it was not measured."""
+    focal_observable: bool | None
+    """Whether the frames hold the focal length; null where they were not asked."""
+    asked: AskedLens | None
+    """What the frames ask for; null where they say nothing, or were not asked."""
+    starts: tuple[StartTried, ...]
+    objections: tuple[str, ...]
+    """Why the lens that was taken can't be trusted; a verdict must say them."""
+    notes: tuple[str, ...]
+    """Where it comes from and what it means, in sentences for a page."""
+
+    @property
+    def matrix_px(self) -> np.ndarray:
+        """(3, 3) calibration matrix [px]."""
+        (cx, cy), fx, fy = self.centre_px, self.focal_px, self.focal_y_px
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def is_guess(self) -> bool:
+        """Whether nobody knows the focal length: every figure that hangs on it is as uncertain."""
+        return self.source == "prior"
+
+    def pinhole_px(self, seen_px: np.ndarray) -> np.ndarray:
+        """Where a pinhole would show what is seen at pixels (..., 2) of the frames [px]."""
+        return self._through(straightened, seen_px)
+
+    def seen_px(self, pinhole_px: np.ndarray) -> np.ndarray:
+        """Where the frames show what a pinhole would show at pixels (..., 2) [px]."""
+        return self._through(bent, pinhole_px)
+
+    def _through(
+        self, lens: Callable[[np.ndarray, float], np.ndarray], points_px: np.ndarray
+    ) -> np.ndarray:
+        focal_px, centre_px = np.array([self.focal_px, self.focal_y_px]), np.array(self.centre_px)
+        if self.radial_k1 == 0:
+            return np.asarray(points_px, dtype=np.float64)
+        return np.asarray(
+            centre_px + focal_px * lens((points_px - centre_px) / focal_px, self.radial_k1)
+        )
+
+
+def load_intrinsics(folder: Path) -> Intrinsics:
+    """The lens in a folder that `find_intrinsics` made."""
+    return Intrinsics.read(folder / INTRINSICS_FILE)
+
+
+class _IntrinsicsRecipe(Config):
+    """What the stage's record holds; the file that was given is an input."""
+
+    config: IntrinsicsConfig
+    focal_px: float | None
+    fov_deg: float | None
+
+
+def find_intrinsics(
+    images_dir: Path,
+    masks_dir: Path | None,
+    out_dir: Path,
+    config: IntrinsicsConfig,
+    *,
+    given: GivenIntrinsics | None = None,
+    video: Path | None = None,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Find the lens of a sequence: given, else noted by the camera, else shown by the frames.
+
+    What is given or noted is held against what the frames ask for; where they say nothing and
+    nobody else does, a usual focal length is taken with a wide error.
+
+    Args:
+        images_dir: Frames with consecutive numbers, all of one size.
+        masks_dir: Masks (255 = dynamic), one per frame; None to use whole frames.
+        out_dir: Folder to make: `intrinsics.json`.
+        given: What is known of the lens; None for nothing.
+        video: The file that the frames come from, which may name the lens.
+
+    Raises:
+        BadFrames: frames or masks are missing, of different sizes, or not images.
+        BadIntrinsics: what is given can't be the lens of these frames.
+    """
+    given_file = None if given is None else given.file
+
+    def work(partial: Path) -> None:
+        images = list_images(images_dir)
+        size_px = check_images(images)
+        known = _known(given, images[0], video, size_px)
+        asked = None
+        if config.look_in_frames:
+            focal_px = USUAL_FOCAL * max(size_px) if known is None else known.lens.focal_px[0]
+            frames = Frames(images, masks_dir, guessed_px(focal_px, size_px), size_px)
+            work_dir = partial / "colmap"
+            work_dir.mkdir()
+            asked = self_calibrate(frames, work_dir, config.self_calibration)
+            shutil.rmtree(work_dir)
+        _decided(known, asked, size_px, config).write(partial / INTRINSICS_FILE)
+
+    recipe = _IntrinsicsRecipe(
+        config=config,
+        focal_px=None if given is None else given.focal_px,
+        fov_deg=None if given is None else given.fov_deg,
+    )
+    inputs = {"images": images_dir, "masks": masks_dir, "file": given_file, "video": video}
+    there = {role: path for role, path in inputs.items() if path is not None}
+    return run_stage("intrinsics", out_dir, recipe, there, work, run=run)
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A lens that is not of the frames themselves."""
+
+    source: Source
+    lens: Calibration
+    sigma: float
+    words: str
+
+
+def _known(
+    given: GivenIntrinsics | None, image: Path, video: Path | None, size_px: tuple[int, int]
+) -> _Known | None:
+    """What is given, else noted by the camera."""
+    if given is not None:
+        lens, words = _given_lens(given, size_px)
+        _require_possible(lens, size_px, words)
+        return _Known("given", lens, GIVEN_SIGMA, words)
+    noted_px, sigma = exif_focal_px(image, size_px), EXIF_SIGMA
+    if noted_px is None and video is not None:
+        noted_px, sigma = video_focal_px(video, size_px), VIDEO_SIGMA
+    if noted_px is None:
+        return None
+    words = f"The camera notes a lens of {noted_px:.0f} px, which is right to {100 * sigma:.0f} %."
+    return _Known("metadata", _pinhole(noted_px, size_px), sigma, words)
+
+
+def _given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Calibration, str]:
+    if given.file is not None:
+        return _lens_of_file(given.file, size_px), f"The lens is that of {given.file.name}."
+    if given.fov_deg is not None:
+        focal_px = 0.5 * size_px[0] / float(np.tan(np.deg2rad(given.fov_deg) / 2))
+        return _pinhole(focal_px, size_px), f"A field of view of {given.fov_deg:g}° was given."
+    assert given.focal_px is not None
+    return _pinhole(given.focal_px, size_px), f"A focal length of {given.focal_px:g} px was given."
+
+
+def _lens_of_file(path: Path, size_px: tuple[int, int]) -> Calibration:
+    """A calibration, or our own record for frames of this size."""
+    path = path / INTRINSICS_FILE if (path / INTRINSICS_FILE).is_file() else path
+    if path.name != INTRINSICS_FILE:
+        return read_intrinsics(path, size_px)
+    own = Intrinsics.read(path)
+    if (own.width_px, own.height_px) != size_px:
+        what = f"for {own.width_px}x{own.height_px} px, the frames have {size_px[0]}x{size_px[1]}"
+        raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")
+    return Calibration((own.focal_px, own.focal_y_px), own.centre_px, own.radial_k1)
+
+
+def _pinhole(focal_px: float, size_px: tuple[int, int]) -> Calibration:
+    return Calibration((focal_px, focal_px), (size_px[0] / 2, size_px[1] / 2), 0.0)
+
+
+def _require_possible(lens: Calibration, size_px: tuple[int, int], words: str) -> None:
+    """Refuse what can't be a lens: one that sees too wide, or that folds the picture."""
+    corner = np.maximum(lens.centre_px, np.subtract(size_px, lens.centre_px)) / lens.focal_px
+    r = float(np.linalg.norm(corner))
+    if r > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
+        what = f"{words} No camera sees that of {size_px[0]}x{size_px[1]} px"
+        raise BadIntrinsics(f"{what}; the focal length is in pixels of these frames")
+    if lens.radial_k1 < 0 and r > 2 / 3 / np.sqrt(-3 * lens.radial_k1):
+        what = f"{words} Its distortion of {lens.radial_k1:g} folds the corners of the picture"
+        raise BadIntrinsics(f"{what}; calibrate again, or undistort the frames")
+
+
+def _decided(
+    known: _Known | None,
+    found: SelfCalibration | None,
+    size_px: tuple[int, int],
+    config: IntrinsicsConfig,
+) -> Intrinsics:
+    """The record of the lens that is taken."""
+    asked = None if found is None else _asked(found, size_px)
+    taken = _taken(known, asked, found, size_px)
+    notes, objections = [taken.words], []
+    if known is not None and asked is not None:
+        apart = float(np.log(asked.focal_px / known.lens.focal_px[0]))
+        sigma = float(np.hypot(asked.focal_sigma, known.sigma))
+        words = _compared(known, asked)
+        if abs(apart) <= max(config.object_sigmas * sigma, config.object_share):
+            notes.append(f"{words}, which agrees.")
+        elif known.source == "given":
+            objections.append(f"{words}: the lens that is given is not that of these frames.")
+        else:
+            notes.append(f"{words}: the two disagree.")
+            taken = replace(taken, sigma=float(np.hypot(taken.sigma, apart)))
+    if found is not None and asked is None:
+        notes.append(f"The frames do not show the focal length: {found.reason}.")
+    own_k1 = taken.source == "self_calibrated" and asked is not None
+    return Intrinsics(
+        source=taken.source,
+        width_px=size_px[0],
+        height_px=size_px[1],
+        focal_px=taken.lens.focal_px[0],
+        focal_y_px=taken.lens.focal_px[1],
+        focal_sigma=taken.sigma,
+        centre_px=taken.lens.centre_px,
+        radial_k1=taken.lens.radial_k1,
+        radial_k1_sigma=asked.radial_k1_sigma if own_k1 and asked is not None else None,
+        focal_observable=None if found is None else asked is not None,
+        asked=asked,
+        starts=() if found is None else found.starts,
+        objections=tuple(objections),
+        notes=tuple(notes),
+    )
+
+
+def _taken(
+    known: _Known | None,
+    asked: AskedLens | None,
+    found: SelfCalibration | None,
+    size_px: tuple[int, int],
+) -> _Known:
+    """What is given; else what is firmer, the camera's own note or the frames; else a guess."""
+    rough = known is None or (known.source == "metadata" and _is_firmer(asked, known))
+    if known is not None and not rough:
+        return known
+    if asked is None:
+        return _guess(found, size_px)
+    (cx, cy), focal_px = (size_px[0] / 2, size_px[1] / 2), asked.focal_px
+    lens = Calibration((focal_px, focal_px), (cx, cy), asked.radial_k1)
+    how = "the camera turns" if asked.motion == "rotation_only" else "the camera moves"
+    words = f"The lens was found in the frames, as {how}: {_lens_in_words(asked)}."
+    return _Known("self_calibrated", lens, asked.focal_sigma, words)
+
+
+def _guess(found: SelfCalibration | None, size_px: tuple[int, int]) -> _Known:
+    """A usual lens, drawn to the little that the frames show: means of logarithms, by variance."""
+    log_focal, sigma, why = np.log(USUAL_FOCAL), USUAL_SIGMA, NOTHING_SHOWS
+    if found is not None and found.focal is not None and found.focal_sigma < USUAL_SIGMA:
+        weights = np.array([USUAL_SIGMA, found.focal_sigma]) ** -2
+        log_focal = np.average([log_focal, np.log(found.focal)], weights=weights)
+        sigma, why = float(weights.sum() ** -0.5), LITTLE_SHOWS
+    guess = _pinhole(float(np.exp(log_focal)) * max(size_px), size_px)
+    words = f"{why} {GUESSED.format(focal_px=guess.focal_px[0], sigma=100 * sigma)}"
+    return _Known("prior", guess, sigma, words)
+
+
+def _is_firmer(asked: AskedLens | None, known: _Known) -> bool:
+    return asked is not None and asked.focal_sigma < known.sigma
+
+
+def _asked(found: SelfCalibration, size_px: tuple[int, int]) -> AskedLens | None:
+    """What the frames ask for in their own pixels; None where they don't show it."""
+    if not found.observable or found.focal is None or found.motion is None:
+        return None
+    return AskedLens(
+        focal_px=found.focal * max(size_px),
+        focal_sigma=found.focal_sigma,
+        radial_k1=found.radial_k1,
+        radial_k1_sigma=found.radial_k1_sigma,
+        motion=found.motion,
+    )
+
+
+def _compared(known: _Known, asked: AskedLens) -> str:
+    whose = "the given one" if known.source == "given" else "what the camera notes"
+    factor = asked.focal_px / known.lens.focal_px[0]
+    return f"The frames ask for {_lens_in_words(asked)}, {factor:.3f} times {whose}"
+
+
+def _lens_in_words(asked: AskedLens) -> str:
+    focal = f"a focal length of {asked.focal_px:.0f} px ± {100 * asked.focal_sigma:.1f} %"
+    if asked.radial_k1 == 0:
+        return f"{focal}, without distortion"
+    return f"{focal}, and a distortion k1 of {asked.radial_k1:.3f} ± {asked.radial_k1_sigma:.3f}"
+
+
+NOTHING_SHOWS = "Nothing shows the focal length: a usual one was taken."
+LITTLE_SHOWS = "A usual focal length was taken together with the little that the frames show of it."
+GUESSED = (
+    "It is {focal_px:.0f} px, and may be off by {sigma:.0f} %. The distance from the camera, the "
+    "motion along the line of sight and the camera's turns are as uncertain. Give --focal, --fov "
+    "or --intrinsics."
+)

@@ -1,0 +1,1 @@
+"""What frames share: features, matches, keyframes, tracks."""

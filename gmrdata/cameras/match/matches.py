@@ -1,0 +1,196 @@
+"""Verified matches between frames, and the features of each, those inside its mask last."""
+
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.files import Lens
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.match.features import find_features
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.values.errors import BadFrames, NoReconstruction
+
+DATABASE_FILE = "database.db"
+FEWEST_FEATURES = 8  # a frame with fewer can't be matched
+MIN_FRAMES = 3  # frames with features that a reconstruction needs at least
+MASKED_SHARE = 0.9  # masks that cover more leave nothing to be seen
+DARK_GREY = 24  # frames whose 95th percentile is darker are black [of 255]
+
+
+@dataclass(frozen=True, eq=False)
+class PairMatches:
+    """Verified matches of two frames, given by their rows."""
+
+    first: int
+    second: int
+    features: np.ndarray  # (M, 2) feature index in the first and in the second frame
+    configuration: str  # By COLMAP's two-view test: CALIBRATED, PLANAR, PANORAMIC, ...
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """All that is known of a sequence before a geometry is chosen."""
+
+    keypoints_px: list[np.ndarray]
+    """T arrays (N, 2): image points of each frame, those inside its mask last [px]."""
+    pairs: list[PairMatches]  # Pairs with enough verified matches, in order of (first, second)
+    n_free: list[int] = field(default_factory=list)
+    """How many of each frame's image points are outside its mask: only they are matched with each
+    other."""
+    descriptors: list[np.ndarray] = field(default_factory=list)
+    """T arrays (N, 128) uint8 of the same image points; none where nothing is masked."""
+
+    @property
+    def n_of_pair(self) -> dict[tuple[int, int], int]:
+        """How many matches each pair of rows has."""
+        return {(pair.first, pair.second): len(pair.features) for pair in self.pairs}
+
+    def ends_px(self, pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
+        """(M, 2) places of a pair's matches in its first and in its second frame [px]."""
+        first_px, second_px = self.keypoints_px[pair.first], self.keypoints_px[pair.second]
+        return first_px[pair.features[:, 0]], second_px[pair.features[:, 1]]
+
+    def without(self, lens: Lens | None, intrinsics_px: np.ndarray) -> "Matches":
+        """The same with image points where they would be without distortion."""
+        if lens is None:
+            return self
+        (fx, fy), middle_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
+        camera = pycolmap.Camera(
+            model="OPENCV",
+            width=round(2 * middle_px[0]),
+            height=round(2 * middle_px[1]),
+            params=[fx, fy, *middle_px, lens.k1, lens.k2, 0.0, 0.0],
+        )
+        straight = [
+            camera.cam_from_img(seen_px) * [fx, fy] + middle_px if len(seen_px) else seen_px
+            for seen_px in self.keypoints_px
+        ]
+        return replace(self, keypoints_px=straight)
+
+
+def matched_points(matches: Matches) -> np.ndarray:
+    """(T,) how many image points of each frame any pair's matches have."""
+    seen = [set[int]() for _ in matches.keypoints_px]
+    for pair in matches.pairs:
+        seen[pair.first].update(pair.features[:, 0].tolist())
+        seen[pair.second].update(pair.features[:, 1].tolist())
+    return np.array([len(points) for points in seen], np.int64)
+
+
+def match_frames(
+    frames: Frames, work_dir: Path, config: SfmConfig, *, calibrated: bool = True
+) -> Matches:
+    """Find and match features; COLMAP's `database.db` stays in `work_dir` for the mappers.
+
+    Where the intrinsics are but a guess (not `calibrated`), pairs are verified without them, by a
+    fundamental matrix, so that the matches favour no focal length.
+    """
+    pycolmap.set_random_seed(config.seed)
+    database_path = work_dir / DATABASE_FILE
+    found = find_features(frames, database_path, config, calibrated=calibrated)
+    match_features(database_path, config)
+    sort_pairs(database_path)
+    matches = read_matches(database_path, frames.images)
+    matches = replace(matches, n_free=found.n_free, descriptors=found.descriptors)
+    _require_usable(matches, frames)
+    return matches
+
+
+def match_features(database_path: Path, config: SfmConfig, *, verified: bool = True) -> None:
+    """Match the images of a database with those that follow, and with some further on; the matches
+    are held against the epipolar geometry too where they are to be `verified`."""
+    # One thread: with two, pycolmap 4.2.1 now and then gives other matches for the same features.
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.num_threads = 1
+    matching.skip_geometric_verification = not verified
+    pairing = pycolmap.SequentialPairingOptions()
+    pairing.overlap, pairing.quadratic_overlap = config.overlap, True
+    pairing.num_threads = 1
+    pycolmap.match_sequential(
+        database_path=database_path,
+        matching_options=matching,
+        pairing_options=pairing,
+        verification_options=verification_options(config),
+        device=pycolmap.Device.cpu,
+    )
+
+
+def verification_options(config: SfmConfig) -> Any:
+    """How matches of two frames are held against their epipolar geometry."""
+    options = pycolmap.TwoViewGeometryOptions()
+    options.min_num_inliers = config.min_pair_inliers
+    options.ransac.max_error = config.verification_error_px
+    options.ransac.random_seed = config.seed
+    # A slow camera leaves matches where they are, as a watermark would.
+    options.detect_watermark = False
+    return options
+
+
+def sort_pairs(database_path: Path) -> None:
+    """Put the pairs in order: threads write them as they finish, and mappers depend on it."""
+    with closing(pycolmap.Database.open(database_path)) as database:
+        pair_ids, geometries = database.read_two_view_geometries()
+        database.clear_two_view_geometries()
+        for i in np.argsort(np.asarray(pair_ids, dtype=np.uint64)):
+            image_pair = pycolmap.pair_id_to_image_pair(pair_ids[i])
+            database.write_two_view_geometry(*image_pair, geometries[i])
+
+
+def read_matches(database_path: Path, images: list[Path]) -> Matches:
+    """The image points and verified matches of a database, by the rows of its images."""
+    with closing(pycolmap.Database.open(database_path)) as database:
+        row_of_name = {image.name: row for row, image in enumerate(images)}
+        row_of_id: dict[int, int] = {}
+        keypoints_px = [np.zeros((0, 2))] * len(images)
+        for image in database.read_all_images():
+            row = row_of_id[image.image_id] = row_of_name.pop(image.name)
+            if database.exists_keypoints(image.image_id):
+                points = np.asarray(database.read_keypoints(image.image_id), dtype=np.float64)
+                if len(points):
+                    keypoints_px[row] = points[:, :2]
+        if row_of_name:
+            unread = images[min(row_of_name.values())]
+            raise BadFrames(f"{unread}: cannot be decoded; extract or copy this frame again")
+        pairs = []
+        pair_ids, geometries = database.read_two_view_geometries()
+        for pair_id, geometry in zip(pair_ids, geometries, strict=True):
+            first, second = (row_of_id[i] for i in pycolmap.pair_id_to_image_pair(pair_id))
+            features = np.asarray(geometry.inlier_matches, dtype=np.int64).reshape(-1, 2)
+            if len(features):
+                configuration = pycolmap.TwoViewGeometryConfiguration(geometry.config).name
+                if first > second:
+                    first, second, features = second, first, features[:, ::-1]
+                pairs.append(PairMatches(first, second, features, configuration))
+    return Matches(keypoints_px, sorted(pairs, key=lambda pair: (pair.first, pair.second)))
+
+
+def _why_featureless(frames: Frames) -> str:
+    """What keeps the frames from having features, by how much is masked and how bright they are."""
+    if frames.masks_dir is not None:
+        masked = np.mean([(frames.mask(image) > 127).mean() for image in frames.images])
+        if masked > MASKED_SHARE:
+            return f"the masks cover {masked:.0%} of the picture; check what made them"
+    brightness = np.median([np.percentile(frames.gray(image), 95) for image in frames.images])
+    if brightness < DARK_GREY:
+        return f"the frames are black (grey value {brightness:.0f} of 255); check the images"
+    return "the background is textureless; take a sequence that shows more of its surroundings"
+
+
+def _require_usable(matches: Matches, frames: Frames) -> None:
+    counts = np.array(matches.n_free)
+    folder = frames.images[0].parent
+    if (counts >= FEWEST_FEATURES).sum() < MIN_FRAMES:
+        where = "outside the masks" if frames.masks_dir is not None else "in the frames"
+        raise NoReconstruction(
+            f"{folder}: {int(np.median(counts))} features per frame {where}: "
+            f"{_why_featureless(frames)}"
+        )
+    if not matches.pairs:
+        raise NoReconstruction(
+            f"{folder}: no two frames show the same background; check that the frames are in order "
+            "and belong to one take"
+        )

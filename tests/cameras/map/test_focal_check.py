@@ -1,0 +1,191 @@
+"""The focal length that a reconstruction chooses: COLMAP's own synthetic ones, and filmed ones."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
+from gmrdata.cameras.files import Lens, load_quality
+from gmrdata.cameras.map.focal import (
+    FREED_NOT_INDEPENDENT,
+    SYSTEMATIC_FOCAL,
+    freed_focal,
+    with_lens,
+)
+from gmrdata.cameras.match.matches import Matches
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
+
+NOISE_PX = 0.4
+
+
+def synthetic(seed: int, frames: int = 12) -> Any:
+    """Cameras all round a cloud of points, with noise in the image points."""
+    pycolmap.set_random_seed(seed)
+    options = pycolmap.SyntheticDatasetOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig = 1, 1, frames
+    options.num_points3D = 200
+    options.camera_model_id = pycolmap.CameraModelId.PINHOLE
+    options.camera_width, options.camera_height = 540, 960
+    options.camera_params = [700.0, 700.0, 270.0, 480.0]
+    model = pycolmap.synthesize_dataset(options)
+    noise = pycolmap.SyntheticNoiseOptions()
+    noise.point2D_stddev = NOISE_PX
+    pycolmap.synthesize_noise(noise, model)
+    return model
+
+
+def with_focal(model: Any, factor: float) -> Any:
+    """The model as a bundle adjustment with a wrong focal length leaves it."""
+    wrong = pycolmap.Reconstruction(model)
+    (camera,) = wrong.cameras.values()
+    camera.focal_length_x *= factor
+    camera.focal_length_y *= factor
+    bundle_adjuster(wrong).solve()
+    return wrong
+
+
+def distorted(model: Any, k1: float, k2: float = 0.0) -> Any:
+    """The model with its image points where a lens with that distortion shows them."""
+    (camera,) = model.cameras.values()
+    focal_px, centre_px = camera.params[:2], camera.params[2:]
+    for image in model.images.values():
+        for seen in image.points2D:
+            at = (seen.xy - centre_px) / focal_px
+            seen.xy = centre_px + focal_px * at * (1 + k1 * (at @ at) + k2 * (at @ at) ** 2)
+    return model
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_right_intrinsics_are_kept_within_the_standard_error(seed: int) -> None:
+    freed = freed_focal(with_focal(synthetic(seed), 1.0))
+    assert freed is not None and freed.radial_k1 is not None and freed.radial_k1_sigma is not None
+    assert 0.0125 < freed.sigma < 0.02
+    assert abs(freed.factor - 1.0) < 1.5 * freed.sigma
+    assert abs(freed.radial_k1) < 2 * freed.radial_k1_sigma < 0.1
+
+
+@pytest.mark.parametrize("factor", [2.2, 1.3, 1.05, 1 / 1.05, 1 / 1.3, 1 / 2.2])
+def test_wrong_intrinsics_are_undone(factor: float) -> None:
+    freed = freed_focal(with_focal(synthetic(3), factor))
+    assert freed is not None
+    assert freed.factor == pytest.approx(1 / factor, rel=0.01)
+
+
+def test_the_standard_error_is_that_of_many_noises() -> None:
+    """Errors of single image points are independent here, so the covariance is right as it is."""
+    found = [freed_focal(with_focal(synthetic(seed), 1.0)) for seed in range(10, 20)]
+    factors = np.array([freed.factor for freed in found if freed is not None])
+    stated = np.array([freed.sigma for freed in found if freed is not None])
+    by_noise = np.sqrt(stated**2 - SYSTEMATIC_FOCAL**2) / FREED_NOT_INDEPENDENT
+    pulls = (factors - 1.0) / by_noise
+    assert 0.5 < pulls.std() < 1.7
+
+
+def test_the_model_stays_as_it_is_and_the_figures_repeat() -> None:
+    model = with_focal(synthetic(4), 1.1)
+    before = {i: model.image(i).cam_from_world().matrix() for i in model.reg_image_ids()}
+    first, second = freed_focal(model), freed_focal(model)
+    assert first == second
+    (camera,) = model.cameras.values()
+    assert camera.focal_length_x == pytest.approx(770.0)
+    for i, matrix in before.items():
+        assert np.array_equal(model.image(i).cam_from_world().matrix(), matrix)
+
+
+@pytest.mark.parametrize("k1", [0.06, -0.2])
+def test_distortion_is_measured_and_is_not_taken_for_a_focal_length(k1: float) -> None:
+    model = distorted(synthetic(5), k1)
+    bundle_adjuster(model).solve()
+    freed = freed_focal(model)
+    assert freed is not None and freed.radial_k1 is not None and freed.radial_k1_sigma is not None
+    assert abs(freed.radial_k1 - k1) < 2 * freed.radial_k1_sigma < 0.1
+    assert abs(freed.factor - 1.0) < 2 * freed.sigma
+
+
+def test_a_lens_with_two_focal_lengths_is_kept() -> None:
+    model = synthetic(6)
+    (camera,) = model.cameras.values()
+    fx, fy, cx, cy = camera.params
+    for image in model.images.values():
+        for seen in image.points2D:
+            seen.xy = [seen.xy[0], cy + 1.1 * (seen.xy[1] - cy)]
+    camera.params = [fx, 1.1 * fy, cx, cy]
+    freed = freed_focal(model)
+    assert freed is not None and abs(freed.factor - 1.0) < 0.01
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.1])
+def test_a_lens_is_found_and_its_image_points_are_put_right(stretch: float) -> None:
+    """On pixels that are square and such that are not."""
+    truth = synthetic(7)
+    (camera,) = truth.cameras.values()
+    bare = [point.xy.copy() for point in truth.image(1).points2D]
+    model = distorted(pycolmap.Reconstruction(truth), 0.2, 0.1)
+    fx, fy, cx, cy = camera.params
+    (given,) = model.cameras.values()
+    given.params = [fx, stretch * fy, cx, cy]
+    for image in model.images.values():
+        for seen in image.points2D:
+            seen.xy = [seen.xy[0], cy + stretch * (seen.xy[1] - cy)]
+    seen_px = np.array([point.xy for point in model.image(1).points2D])
+    bundle_adjuster(model).solve()
+    bent, lens = with_lens(model)
+    assert lens is not None and lens.explains > 0.05
+    model.update_point_3d_errors()
+    bent.update_point_3d_errors()
+    assert bent.compute_mean_reprojection_error() < 0.97 * model.compute_mean_reprojection_error()
+    # Both terms lean on each other; what counts is where they put a point.
+    for r in (0.15, 0.3):
+        shift = lens.k1 * r**3 + lens.k2 * r**5
+        assert shift == pytest.approx(0.2 * r**3 + 0.1 * r**5, abs=0.2 / fx)
+    matrix = np.array([[fx, 0, cx], [0, stretch * fy, cy], [0, 0, 1]])
+    matches = Matches([seen_px, np.zeros((0, 2))], [])
+    for of, most_px in ((Lens(0.2, 0.1, 0.1), 1e-6), (lens, 0.2)):
+        straight_px, none_px = matches.without(of, matrix).keypoints_px
+        straight_px[:, 1] = cy + (straight_px[:, 1] - cy) / stretch
+        assert np.median(np.linalg.norm(straight_px - bare, axis=1)) < most_px
+        assert none_px.shape == (0, 2)
+
+
+@pytest.mark.parametrize(("frames", "k2"), [(12, 0.0), (12, 0.003), (4, -0.2), (12, -4.0)])
+def test_no_lens_is_taken_that_hardly_helps_has_few_points_or_folds_the_picture(
+    frames: int, k2: float
+) -> None:
+    model = distorted(synthetic(8, frames), 0.0, k2)
+    bundle_adjuster(model).solve()
+    same, lens = with_lens(model)
+    assert same is model and lens is None
+
+
+def test_nothing_is_said_of_an_empty_model() -> None:
+    assert freed_focal(pycolmap.Reconstruction()) is None
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.3, 1 / 1.3])
+def test_a_filmed_arc_names_its_focal_length(
+    film: Callable[[str, int], Any], tmp_path: Path, factor: float
+) -> None:
+    filmed = film("arc", 12)
+    intrinsics_px = filmed.intrinsics_px.copy()
+    intrinsics_px[[0, 1], [0, 1]] *= factor
+    config = SfmConfig(max_features=1200)
+    made = reconstruct(filmed.images_dir, filmed.masks_dir, intrinsics_px, tmp_path / "o", config)
+    quality = load_quality(made)
+    assert quality.focal_factor is not None and quality.focal_sigma is not None
+    assert quality.geometry == "full"
+    assert quality.focal_sigma < 0.03
+    assert abs(quality.focal_factor - 1 / factor) < 3 * quality.focal_sigma
+
+
+def test_a_filmed_pan_names_its_focal_length(pan: Any, tmp_path: Path) -> None:
+    config = SfmConfig(max_features=1200)
+    made = reconstruct(pan.images_dir, pan.masks_dir, pan.intrinsics_px, tmp_path / "o", config)
+    quality = load_quality(made)
+    assert quality.focal_factor is not None and quality.focal_sigma is not None
+    assert quality.geometry == "rotation_only"
+    assert quality.focal_sigma < 0.03
+    assert abs(quality.focal_factor - 1.0) < 2 * quality.focal_sigma

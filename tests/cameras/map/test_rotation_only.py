@@ -1,0 +1,138 @@
+"""The solver for a camera that only turns, on exact and noisy made-up matches."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gmrdata.cameras.map.rotation_only import relative_rotation, solve_rotation_only, unit_rays
+from gmrdata.cameras.match.matches import Matches, PairMatches
+from gmrdata.values.camera import intrinsics_from_fov
+
+INTRINSICS_PX = intrinsics_from_fov(60.0, 640, 360)
+
+
+def turning_matches(
+    world_from_cam: np.ndarray,
+    noise_px: float,
+    wrong_share: float,
+    rng: np.random.Generator,
+    n_points: int = 800,
+) -> Matches:
+    """Matches of far points between frames 1, 2 and 4 apart, some of them wrong."""
+    n = len(world_from_cam)
+    centre = world_from_cam[n // 2] @ [0.0, 0.0, 1.0]
+    points = centre + rng.normal(0, 0.35, (n_points, 3))
+    keypoints, visible = [], []
+    for rotation in world_from_cam:
+        seen = points @ rotation
+        image = (seen / seen[:, 2:]) @ INTRINSICS_PX.T
+        inside = (seen[:, 2] > 0.1) & (np.abs(image[:, :2] - [320, 180]) < [320, 180]).all(axis=1)
+        visible.append(inside)
+        keypoints.append(image[:, :2] + rng.normal(0, noise_px, (len(points), 2)))
+    pairs = []
+    for step in (1, 2, 4):
+        for first in range(n - step):
+            common = np.flatnonzero(visible[first] & visible[first + step])
+            second = common.copy()
+            wrong = rng.random(len(common)) < wrong_share
+            second[wrong] = rng.permutation(second[wrong])
+            features = np.stack([common, second], axis=1)
+            pairs.append(PairMatches(first, first + step, features, "PANORAMIC"))
+    return Matches(keypoints, sorted(pairs, key=lambda pair: (pair.first, pair.second)))
+
+
+def panning_rotations(n: int) -> np.ndarray:
+    turns = np.stack([0.1 * np.sin(np.arange(n)), np.linspace(-0.5, 0.5, n), 0.02 * np.ones(n)], 1)
+    return Rotation.from_rotvec(turns).as_matrix()
+
+
+def angles_deg(found: np.ndarray, true: np.ndarray, root: int) -> np.ndarray:
+    """Errors relative to one frame, so that the choice of world doesn't matter."""
+    relative_found = found[root].T @ found
+    relative_true = true[root].T @ true
+    difference = np.swapaxes(relative_found, 1, 2) @ relative_true
+    return np.rad2deg(Rotation.from_matrix(difference).magnitude())
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=25, deadline=None)
+def test_a_pair_of_views_gives_back_its_exact_rotation(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rotation = Rotation.from_rotvec(rng.normal(0, 0.3, 3)).as_matrix()
+    rays = unit_rays(rng.uniform([0, 0], [640, 360], (60, 2)), INTRINSICS_PX)
+    turned = rays @ rotation.T
+    wrong = rng.choice(60, 20, replace=False)
+    turned[wrong] = unit_rays(rng.uniform([0, 0], [640, 360], (20, 2)), INTRINSICS_PX)
+    found, agree = relative_rotation(rays, turned, 1e-4, rng)
+    assert np.abs(found - rotation).max() < 1e-9
+    assert agree.sum() >= 40 and np.linalg.det(found) == pytest.approx(1.0)
+
+
+def test_exact_matches_give_exact_rotations() -> None:
+    true = panning_rotations(9)
+    matches = turning_matches(true, 0.0, 0.0, np.random.default_rng(0))
+    solution = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
+    assert solution.has_camera.all()
+    assert angles_deg(solution.world_from_cam_rotmats, true, 0).max() < 1e-6
+    assert solution.residuals_px.max() < 1e-6
+
+
+def test_noise_and_wrong_matches_are_averaged_out() -> None:
+    true = panning_rotations(9)
+    matches = turning_matches(true, 0.5, 0.2, np.random.default_rng(0))
+    solution = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
+    assert angles_deg(solution.world_from_cam_rotmats, true, 4).max() < 0.06
+    # 0.5 px in x and y of both images: a median of 0.5 * sqrt(2) * sqrt(2 ln 2) for right matches.
+    right = solution.residuals_px[solution.residuals_px < 5]
+    assert np.median(right) == pytest.approx(0.83, abs=0.1)
+    assert (solution.pair_medians_px < 1.5).all()
+
+
+def test_frames_without_matches_have_no_camera() -> None:
+    true = panning_rotations(9)
+    matches = turning_matches(true, 0.1, 0.0, np.random.default_rng(0))
+    kept = [pair for pair in matches.pairs if 8 not in (pair.first, pair.second)]
+    solution = solve_rotation_only(
+        Matches(matches.keypoints_px, kept), INTRINSICS_PX, 2.0, np.random.default_rng(1)
+    )
+    assert solution.has_camera.tolist() == [True] * 8 + [False]
+    assert angles_deg(solution.world_from_cam_rotmats[:8], true[:8], 0).max() < 0.02
+
+
+THREADS_SCRIPT = """
+import hashlib, runpy, sys
+import numpy as np
+from gmrdata.cameras.map.rotation_only import solve_rotation_only
+here = runpy.run_path(sys.argv[1])
+rotmats = here["panning_rotations"](60)
+matches = here["turning_matches"](rotmats, 0.5, 0.1, np.random.default_rng(0), 100)
+solution = solve_rotation_only(matches, here["INTRINSICS_PX"], 2.0, np.random.default_rng(1))
+print(hashlib.sha256(solution.world_from_cam_rotmats.tobytes()).hexdigest())
+"""
+
+
+def test_the_number_of_blas_threads_does_not_change_a_bit() -> None:
+    """A dense solver's sums depend on its threads; two workers on one machine must agree.
+
+    They do for 180 unknowns, from few matches as from many.
+    """
+    digests = set()
+    for threads in ("1", "2", "4"):
+        answer = subprocess.run(
+            [sys.executable, "-c", THREADS_SCRIPT, __file__],
+            env={
+                **os.environ,
+                "OMP_NUM_THREADS": threads,
+                "OPENBLAS_NUM_THREADS": threads,
+            },
+            capture_output=True,
+            check=True,
+        )
+        digests.add(answer.stdout)
+    assert len(digests) == 1

@@ -1,0 +1,116 @@
+"""A keyframe that a mapper left with few of its matched points."""
+
+from contextlib import closing
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.map import mapping
+from gmrdata.cameras.map.weak_keyframes import LEAST_HELD, has_weak, triangulate_again
+from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.values import transforms
+from gmrdata.values.transforms import fit_similarity
+from tests.cameras.drawn_models import (
+    INTRINSICS_PX,
+    SIZE_PX,
+    drawn_camera,
+    drawn_points,
+    model_of,
+    places_of,
+    seen_px,
+)
+
+N_FRAMES, N_POINTS, WEAK = 8, 200, 4
+CONFIG = SfmConfig()
+IMAGES = [Path(f"{i:04d}.png") for i in range(1, N_FRAMES + 1)]
+FRAMES = Frames(IMAGES, None, INTRINSICS_PX, SIZE_PX)
+
+
+class Scene:
+    """Cameras on a way of 2 units, what they see with 0.2 px of noise, and all of its matches."""
+
+    def __init__(self) -> None:
+        rng = np.random.default_rng(0)
+        self.places = np.linspace(0, 2.0, N_FRAMES)[:, None] * [1, 0, 0.2]
+        self.places += rng.normal(0, 0.05, (N_FRAMES, 3))
+        self.cameras = transforms.rigid(np.tile(np.eye(3), (N_FRAMES, 1, 1)), self.places)
+        self.points = drawn_points(N_POINTS, rng)
+        noise_px = rng.normal(0, 0.2, (N_FRAMES, N_POINTS, 2))
+        self.image_px = seen_px(self.cameras, self.points) + noise_px
+        same = np.tile(np.arange(N_POINTS)[:, None], (1, 2))
+        pairs = [PairMatches(*two, same, "CALIBRATED") for two in combinations(range(N_FRAMES), 2)]
+        self.matches = Matches(list(self.image_px), pairs)
+
+    def model(self, held: int) -> Any:
+        """Of which one keyframe is astray and has so many points, the farthest."""
+        cameras = self.cameras.copy()
+        cameras[WEAK, :3, 3] += [0.1, 0.1, 0.1]
+        model = model_of(cameras, self.points, self.image_px)
+        for point in np.argsort(-self.points[:, 2])[held:]:
+            model.delete_observation(WEAK + 1, int(point))
+        return model
+
+    def write_database(self, path: Path) -> None:
+        with closing(pycolmap.Database.open(path)) as database:
+            camera_id = database.write_camera(drawn_camera())
+            for image, image_px in zip(FRAMES.images, self.image_px, strict=True):
+                image_id = database.write_image(pycolmap.Image(image.name, [], camera_id))
+                database.write_keypoints(image_id, image_px.astype(np.float32))
+            for pair in self.matches.pairs:
+                geometry = pycolmap.TwoViewGeometry()
+                geometry.config = int(pycolmap.TwoViewGeometryConfiguration.CALIBRATED)
+                geometry.inlier_matches = pair.features.astype(np.uint32)
+                database.write_two_view_geometry(pair.first + 1, pair.second + 1, geometry)
+
+    def error(self, model: Any) -> float:
+        """How far the keyframe is from its place."""
+        found = places_of(model)
+        fit = fit_similarity(self.places, found, scale=True)
+        return float(np.linalg.norm(fit.apply(found)[WEAK] - self.places[WEAK]))
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Path]:
+    """The scene, and the folder of its database."""
+    drawn, folder = Scene(), tmp_path_factory.mktemp("drawn")
+    drawn.write_database(folder / DATABASE_FILE)
+    return drawn, folder
+
+
+def test_a_keyframe_is_weak_below_a_share_of_its_matched_points(
+    scene: tuple[Scene, Path],
+) -> None:
+    drawn, _ = scene
+    least = round(LEAST_HELD * N_POINTS)
+    assert not has_weak(drawn.model(N_POINTS), drawn.matches, FRAMES)
+    assert not has_weak(drawn.model(least), drawn.matches, FRAMES)
+    assert has_weak(drawn.model(least - 1), drawn.matches, FRAMES)
+
+
+def test_points_are_found_again_and_bring_a_weak_keyframe_back(
+    scene: tuple[Scene, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A keyframe of photos round a fox kept 53 points of far background, and was 134 mm off."""
+    drawn, folder = scene
+    model, _ = mapping._built([drawn.model(20)], FRAMES, drawn.matches, folder, CONFIG)
+    assert model.image(WEAK + 1).num_points3D > 0.95 * N_POINTS
+    monkeypatch.setattr(mapping, "TRIANGULATED_AGAIN", 0)
+    left, _ = mapping._built([drawn.model(20)], FRAMES, drawn.matches, folder, CONFIG)
+    assert left.image(WEAK + 1).num_points3D <= 20
+    assert drawn.error(model) < 0.005 and drawn.error(model) < drawn.error(left) / 3
+
+
+def test_a_model_of_a_part_of_the_images_finds_points_again(scene: tuple[Scene, Path]) -> None:
+    """COLMAP ended with the matches of an image that a model doesn't have."""
+    drawn, folder = scene
+    n = N_FRAMES - 1
+    model = model_of(drawn.cameras[:n], drawn.points[:20], drawn.image_px[:n])
+    triangulate_again(model, folder / DATABASE_FILE, CONFIG)
+    assert model.num_reg_images() == n
+    assert all(model.image(i).num_points3D > 0.9 * N_POINTS for i in model.reg_image_ids())
