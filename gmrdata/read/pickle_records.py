@@ -31,6 +31,7 @@ _CALLS = {
     **{f"{module}.bytes": "bytes" for module in ("__builtin__", "builtins")},
     **{f"{module}.set": "set" for module in ("__builtin__", "builtins")},
     "collections.defaultdict": "dict",
+    "collections.OrderedDict": "ordered",
     "joblib.numpy_pickle.NumpyArrayWrapper": JOBLIB_ARRAY,
 }
 """Kind of record for each name that may be called, as Python 2 and 3, old and new numpy say it."""
@@ -39,7 +40,6 @@ _TORCH_CALLS = {
     "torch._utils._rebuild_parameter": "parameter",
     "torch.storage._load_from_bytes": TORCH_STORAGE,
     "torch.Size": "size",
-    "collections.OrderedDict": "ordered",
 }
 STORAGE_DTYPES = {
     "torch.DoubleStorage": "<f8",
@@ -87,6 +87,10 @@ def record_of_call(name: str, arguments: tuple[Any, ...], budget: Budget) -> Any
             return record_of_call(made, (), budget)
         case "set", (list() as members,):
             return set_of(members, budget)
+        case "ordered", (list() as items,):  # as Python 2 wrote it; an item is [key, value]
+            for key, _ in items:
+                budget.check_key(key)
+            return dict(items)
     value = _plain_value(kind, arguments)
     value = _record(str(kind), arguments) if value is None else value
     if value is None:
@@ -102,7 +106,7 @@ def _plain_value(kind: str | None, arguments: tuple[Any, ...]) -> Any:
         case "bytes", ():
             return b""
         case ("dict", ("__builtin__.dict" | "builtins.dict",)) | ("ordered", ()):
-            return {}  # of a defaultdict; or what torch keeps tensors or a tensor's hooks in
+            return {}  # torch keeps tensors and a tensor's hooks in the latter
         case "size", (tuple() as sizes,):
             return sizes
     return None

@@ -2,6 +2,7 @@
 
 import pickle  # noqa: TID251  The tests write the pickles that are to be read.
 import struct
+from collections import OrderedDict
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,14 @@ def test_scalars_object_arrays_and_sparse_matrices(tmp_path: Path, protocol: int
     assert np.array_equal(found["csr"].toarray(), [[0, 2], [5, 0]])
 
 
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_an_ordered_dict_is_a_dict(tmp_path: Path, protocol: int) -> None:
+    value = OrderedDict(b=OrderedDict(), a=1)
+    assert list(read(tmp_path, pickle.dumps(value, protocol)).items()) == [("b", {}), ("a", 1)]
+    python_2 = named("collections", "OrderedDict") + b"((l(lS'b'\naI1\naa(lS'a'\naI2\naatR."
+    assert list(read(tmp_path, python_2).items()) == [("b", 1), ("a", 2)]
+
+
 def test_python_2_text_pickle_with_binary_array(tmp_path: Path) -> None:
     """Protocol 0 of Python 2: raw bytes as an escaped string, `copy_reg`, and numpy's old names."""
     data = (
@@ -167,7 +176,8 @@ HOSTILE = {
     "numpy.ndarray.tofile": b"\x80\x04\x8c\x05numpy\x8c\x0endarray.tofile\x93.",
     "os.path.join": b"(S'a'\nios.path\njoin\n.",
     "chumpy.ch_ops.add": named("chumpy.ch_ops", "add") + b")\x81.",
-    "collections.OrderedDict": named("collections", "OrderedDict") + b"(tR.",
+    "collections.Counter": named("collections", "Counter") + b"(tR.",
+    "collections.OrderedDict": named("collections", "OrderedDict") + b"(S'abc'\ntR.",
     "gmrdata.read.safe_pickle.load_plain": named("gmrdata.read.safe_pickle", "load_plain")
     + b"(S'x'\ntR.",
 }
