@@ -3,10 +3,13 @@
 docs/api.md says what each public name is for.  Each is imported when it is first used.
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gmrdata.export.export import export as export
     from gmrdata.film.programmes import camera_path as camera_path
     from gmrdata.film.programmes import camera_programme as camera_programme
     from gmrdata.film.render import RenderConfig as RenderConfig
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _NAMES = {
+    "export.export": ("export",),
     "film.programmes": ("camera_path", "camera_programme"),
     "film.render": ("RenderConfig", "render_clip"),
     "gmr.config": ("TrainConfig",),
@@ -77,6 +81,17 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'gmrdata' has no attribute {name!r}")
     globals()[name] = getattr(import_module(f"gmrdata.{_HOME[name]}"), name)
     return globals()[name]
+
+
+class _Package(ModuleType):
+    """A job's name stands for the job, whether or not the folder of that name was imported."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __dir__() -> list[str]:

@@ -1,37 +1,31 @@
 """The verb that hands results on to other programs: export."""
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
+from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.gmr import Weights
-from gmrdata.values.errors import BadRecipe
+from gmrdata.export.formats import FORMATS, NETWORK, FormatName, Seen, Trajectory
+from gmrdata.stage.progress import remark
+from gmrdata.values.errors import StageFailed
 
-FormatName = Literal[
-    "colmap",
-    "tum",
-    "kitti",
-    "gem-x",
-    "3dpw",
-    "emdb",
-    "wham",
-    "gvhmr",
-    "amass",
-    "bvh",
-    "glb",
-    "usd",
-    "rrd",
-    "mp4",
+if TYPE_CHECKING:
+    from gmrdata.export.export import Exported
+
+HEADINGS = ("format", "clip", "file or folder", "state")
+SAID = {name: format.says for name, format in FORMATS.items()} | {"onnx": NETWORK}
+Formats = Annotated[
+    tuple[FormatName | Literal["onnx"], ...],
+    arg(help="\n".join(["Formats.", *(f"{name}: {says}." for name, says in SAID.items())])),
 ]
-Trajectory = Literal["camera", "person"]
-Seen = Literal["keyframes", "all", "none"]
 
 
 def export(
     source: Positional[Path],
-    to: tuple[FormatName | Literal["onnx"], ...],
+    to: Formats,
     out: Path,
     clips: tuple[str, ...] = (),
     of: Trajectory = "camera",
@@ -49,22 +43,6 @@ def export(
     Args:
         source: A manifest, a clip's file, or the folder of a rendered set, of sfm, threedpw, floor,
             motions, infer, a baseline or a demo; or of clips' files.
-        to: Formats.
-            colmap: a COLMAP model, binary and text, with the tracks of a solved sequence.
-            tum: trajectory as TUM's RGB-D benchmark has it, with times.
-            kitti: trajectory as KITTI's odometry has it, a line per frame.
-            gem-x: GEM-X's camera file, preprocess/camera.pt.
-            3dpw: 3DPW's sequence files, people and cameras in one world that does not drift.
-            emdb: EMDB's files.
-            wham: wham_output.pkl.
-            gvhmr: hmr4d_results.pt.
-            amass: SMPL+H's npz, a file for each unbroken stretch of valid frames.
-            bvh: Mixamo's joints [cm], in such files.
-            glb: a person and the camera, animated.
-            usd: all people of a sequence and the camera (extra `export`).
-            rrd: the same for rerun, with frames, masks, points and truth (extra `view`).
-            mp4: the frames with bodies and paths drawn over them.
-            onnx: the network of a training run, whose folder is then the source.
         out: Output folder: <format>/<clip id>.
         clips: Names of the clips to write; all when left out.
         of: Whose trajectory tum and kitti hold: the camera's, or the person's pelvis.
@@ -77,20 +55,29 @@ def export(
         threedpw: 3DPW's own folder: the 2D keypoints and clothed templates for 3dpw.
         redo: Write again what is there.
     """
-    from gmrdata.export.files import Given, write_exports, write_network
-    from gmrdata.export.formats import ExportOptions
+    from gmrdata.export.export import export as write
 
     flags.need(to, "a format: --to tum")
-    if "onnx" in to and len(set(to)) > 1:
-        raise BadRecipe("onnx is of a training run, the other formats of clips. Export it alone")
-    if "onnx" in to:
-        write_network(source, out, which, redo=redo, dry_run=dry_run)
+    results = write(
+        source, to, out, clips=clips, of=of, observations=observations, body=body, images=images,
+        truth=truth, threedpw=threedpw, which=which, redo=redo, dry_run=dry_run,
+    )  # fmt: skip
+    if dry_run:
+        print_table(HEADINGS, [_planned(one) for one in results])
         return
-    write_exports(
-        Given(source, clips, body, images, truth),
-        tuple(dict.fromkeys(name for name in to if name != "onnx")),
-        out,
-        ExportOptions(of=of, observations=observations, threedpw=threedpw),
-        redo=redo,
-        dry_run=dry_run,
-    )
+    for unit, _ in (one for one in results if not one.left_out and one.unit.format == "onnx"):
+        answer(unit.path)
+    written = (one.unit.format for one in results if not one.left_out and one.unit.ids)
+    for name in dict.fromkeys(written):
+        answer(out / name)
+    left_out = [one for one in results if one.left_out]
+    for unit, reason in left_out:
+        remark(f"{unit.name}: no {unit.format}: {reason}")
+    if left_out:
+        raise StageFailed(f"{len(left_out)} of {len(results)} could not be written, see above")
+
+
+def _planned(one: "Exported") -> tuple[str, str, str, str]:
+    state = "to replace" if one.unit.path.exists() else "to write"
+    state = f"left out: {one.left_out}" if one.left_out else state
+    return one.unit.format, one.unit.name, str(one.unit.path), state

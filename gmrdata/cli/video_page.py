@@ -30,17 +30,14 @@ def page(
         files: Write BVH, GLB, AMASS, COLMAP and TUM files of people who were accepted.
     """
     from gmrdata.cli import options as flags
+    from gmrdata.export.export import images_of
 
     flags.need(folders, "a folder of a solved video")
     for folder in folders:
-        own = None if images is None else _of(images, folder, alone=len(folders) == 1)
+        own, alone = images, len(folders) == 1
+        if images is not None:
+            own = images_of(images, folder.resolve().name, alone=alone)
         answer(write_page(folder, images=own, body=body, files=files))
-
-
-def _of(images: Path, folder: Path, *, alone: bool) -> Path:
-    """A sequence's images: in a folder of its name, or right there if it is alone."""
-    named = images / folder.resolve().name
-    return images if alone and not named.is_dir() else named
 
 
 def write_page(
@@ -67,8 +64,7 @@ def write_files(
     """Files for other programs of the people who were accepted, by `fused/` where it is there; what
     could not be written, and why.  Of cameras alone they are there, or were not wanted."""
     from gmrdata.cli.video import FILES, TAKEN_ALONG
-    from gmrdata.export.files import Given, exported
-    from gmrdata.export.formats import ExportOptions
+    from gmrdata.export.export import export
     from gmrdata.export.sources import list_clips, world_people_dir
     from gmrdata.values.people import PSEUDO_GT
     from gmrdata.world.quality import load_record
@@ -87,8 +83,9 @@ def write_files(
             shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
         if not ids:
             return ()
-        given = Given(people_dir, tuple(ids), body, images, None)
-        results = exported(given, TAKEN_ALONG, out_dir / FILES, ExportOptions(), redo=True)
+        results = export(
+            people_dir, TAKEN_ALONG, out_dir / FILES, clips=ids, body=body, images=images, redo=True
+        )
     except (GmrdataError, ValueError) as error:
         return [("all formats", str(error))]
     return [

@@ -1,7 +1,8 @@
-"""The formats of `gmrdata export`: for each, what a clip must have, and what writes it.
+"""The formats of `gmrdata export`: what each is, what a clip must have, and what writes it.
 
 A function here takes loaded clips and the path to write, and calls a writer of `gmrdata.write`
-with plain values.  What it can't write is an error, which the verb says of that clip alone.
+with plain values.  What it can't write is an error, which is said of that clip alone.  Writers are
+imported where they are called, since the command line knows all formats before it runs.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,10 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from gmrdata.cli.export import FormatName, Seen, Trajectory
-from gmrdata.export.sources import ExportedClip
-from gmrdata.read.frames import number_in_name
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
 from gmrdata.values.bodies import SMPL
 from gmrdata.values.body import BodyModel
@@ -23,10 +21,17 @@ from gmrdata.values.errors import BadMotionFile, BadSequence
 from gmrdata.values.motion import Motion
 
 if TYPE_CHECKING:
+    from gmrdata.export.sources import ExportedClip
     from gmrdata.world.background import Background
     from gmrdata.write.colmap import ColmapPoints
     from gmrdata.write.system_results import TrackedPerson
 
+FormatName = Literal[
+    "colmap", "tum", "kitti", "gem-x", "3dpw", "emdb", "wham", "gvhmr", "amass", "bvh", "glb",
+    "usd", "rrd", "mp4",
+]  # fmt: skip
+Trajectory = Literal["camera", "person"]
+Seen = Literal["keyframes", "all", "none"]
 Need = Literal["camera", "world", "in_world", "trajectory", "images", "one_person"]
 """in_world: a motion in the world, of which perhaps no frame is valid; trajectory: a camera or a
 motion in the world, whichever is asked for."""
@@ -34,7 +39,7 @@ motion in the world, whichever is asked for."""
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What the flags of `gmrdata export` say to the formats."""
+    """What the formats are asked for."""
 
     of: Trajectory = "camera"  # whose trajectory tum and kitti hold
     observations: Seen = "keyframes"  # which image points a COLMAP model has
@@ -42,23 +47,33 @@ class ExportOptions:
 
 
 class Format(NamedTuple):
-    """How one format is written."""
+    """What one format is, and how it is written."""
 
-    unit: Literal["clip", "sequence"]  # a file for each clip, or for all people of a sequence
+    says: str  # what a file holds, for those who choose
+    unit: Literal["clip", "sequence", "trajectory"]
+    """A file for each clip, or for all people of a sequence; a trajectory is the clip's where it is
+    the person's, and the sequence's where it is the one camera's."""
     path: str
     """Below OUT/<format>/.  {id} is the clip's or the sequence's name, {split} 3DPW's, {subject}
     and {take} are the two parts of EMDB's name."""
     needs: tuple[Need, ...]  # what is looked at before anything is written
-    write: Callable[[Sequence[ExportedClip], Path, ExportOptions], None]
+    write: Callable[[Sequence["ExportedClip"], Path, ExportOptions], None]
     """Writes the clips of one unit to a path that is not there: a file, or a folder to make."""
 
 
-def why_not(format: Format, clips: Sequence[ExportedClip], options: ExportOptions) -> str:
+def unit_of(format: Format, options: ExportOptions) -> Literal["clip", "sequence"]:
+    """Whether a file is a clip's, or that of all people of a sequence."""
+    if format.unit == "trajectory":
+        return "sequence" if options.of == "camera" else "clip"
+    return format.unit
+
+
+def why_not(format: Format, clips: Sequence["ExportedClip"], options: ExportOptions) -> str:
     """Why clips of one unit can't be written in a format; empty if they can, as far as is known."""
     return next(filter(None, (_lacks(need, clips, options) for need in format.needs)), "")
 
 
-def _lacks(need: Need, clips: Sequence[ExportedClip], options: ExportOptions) -> str:
+def _lacks(need: Need, clips: Sequence["ExportedClip"], options: ExportOptions) -> str:
     if need == "trajectory":
         need = "camera" if options.of == "camera" else "world"
     if need == "one_person":
@@ -67,7 +82,7 @@ def _lacks(need: Need, clips: Sequence[ExportedClip], options: ExportOptions) ->
     return next(filter(None, (_clip_lacks(need, one) for one in clips)), "")
 
 
-def _clip_lacks(need: Need, exported: ExportedClip) -> str:
+def _clip_lacks(need: Need, exported: "ExportedClip") -> str:
     clip = exported.clip
     if need == "camera" and clip.camera is None:
         return "has no camera"
@@ -82,7 +97,7 @@ def _clip_lacks(need: Need, exported: ExportedClip) -> str:
     return ""
 
 
-def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_colmap(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
     from gmrdata.cameras.files import load_cameras
     from gmrdata.world.background import is_kept_in_place, load_background
@@ -96,7 +111,7 @@ def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOpti
     world_of: Clip | None = exported.clip
     if load_cameras(exported.sfm_dir).geometry == "full" and is_kept_in_place(exported.clip):
         what = "its scale is not known: the model is in the unit and world of its reconstruction"
-        console.print(f"{exported.sequence}: {what}", markup=False, soft_wrap=True)
+        remark(f"{exported.sequence}: {what}")
         world_of = None
     found = load_background(exported.sfm_dir, world_of)
     names: Sequence[str | None]
@@ -137,12 +152,12 @@ def write_background(
     write_colmap(folder, found.camera, image_names, points, radial=radial, images_dir=images_dir)
 
 
-def _image_names(exported: ExportedClip) -> list[str | None]:
+def _image_names(exported: "ExportedClip") -> list[str | None]:
     """File name of each row's image; None for a row without one."""
     return [None if image is None else image.name for image in exported.image_paths()]
 
 
-def export_tum(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_tum(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The camera's or the pelvis's path; frames without one are left out, so times have gaps."""
     from gmrdata.write.trajectories import write_tum
 
@@ -151,7 +166,7 @@ def export_tum(clips: Sequence[ExportedClip], path: Path, options: ExportOptions
     write_tum(path, poses[known], times_s)
 
 
-def export_kitti(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_kitti(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The same, a line for each frame: one that lacks a pose can't be left out."""
     from gmrdata.write.trajectories import write_kitti
 
@@ -160,7 +175,7 @@ def export_kitti(clips: Sequence[ExportedClip], path: Path, options: ExportOptio
     write_kitti(path, poses)
 
 
-def export_gem_x(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_gem_x(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """`camera.pt` with cam_from_world of each frame of the video."""
     from gmrdata.write.trajectories import write_gem_x
 
@@ -169,7 +184,7 @@ def export_gem_x(clips: Sequence[ExportedClip], path: Path, options: ExportOptio
     write_gem_x(path, camera.world_from_cam)
 
 
-def _require_all(exported: ExportedClip, known: np.ndarray, of: Trajectory, remedy: str) -> None:
+def _require_all(exported: "ExportedClip", known: np.ndarray, of: Trajectory, remedy: str) -> None:
     if len(missing := np.flatnonzero(~known)):
         frames = ", ".join(map(str, missing[:3]))
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
@@ -177,7 +192,7 @@ def _require_all(exported: ExportedClip, known: np.ndarray, of: Trajectory, reme
         raise BadMotionFile(f"{what}; {remedy}")
 
 
-def _trajectory(exported: ExportedClip, of: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+def _trajectory(exported: "ExportedClip", of: Trajectory) -> tuple[np.ndarray, np.ndarray]:
     """world_from_cam or world_from_root (T, 4, 4), and in which frames it is known, (T,) bool."""
     if of == "camera":
         camera = camera_of(exported.clip)
@@ -186,7 +201,7 @@ def _trajectory(exported: ExportedClip, of: Trajectory) -> tuple[np.ndarray, np.
     return transforms.rigid(motion.root_rotmats, motion.pelvis_m), exported.clip.valid
 
 
-def export_3dpw(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The people of a sequence; of those who were rejected no frame is `campose_valid`."""
     from gmrdata.read.threedpw_arrays import N_KEYPOINTS, SMPL_SHAPES, read_sequence_file
     from gmrdata.read.threedpw_layout import find_sequence
@@ -214,19 +229,18 @@ def export_3dpw(clips: Sequence[ExportedClip], path: Path, options: ExportOption
     write_sequence_file(path, arrays)
 
 
-def _usable(clips: Sequence[ExportedClip], rest: str) -> list[bool]:
+def _usable(clips: Sequence["ExportedClip"], rest: str) -> list[bool]:
     """Whether a clip has frames that may be used; says what becomes of the others."""
     usable = [bool(one.clip.valid.any()) for one in clips]
     if not any(usable):
         raise BadMotionFile("has no valid frame")
     for one, is_usable in zip(clips, usable, strict=True):
         if not is_usable:
-            text = f"clip {one.id} has no valid frame: {rest}"
-            console.print(text, markup=False, soft_wrap=True)
+            remark(f"clip {one.id} has no valid frame: {rest}")
     return usable
 
 
-def _require_images_by_row(exported: ExportedClip) -> None:
+def _require_images_by_row(exported: "ExportedClip") -> None:
     """Refuse a clip whose row t is not image t, where a layout knows images by their row."""
     numbers = exported.clip.image_numbers
     off = np.flatnonzero((numbers >= 0) & (numbers != np.arange(len(numbers))))
@@ -235,7 +249,7 @@ def _require_images_by_row(exported: ExportedClip) -> None:
         raise BadSequence(f"clip {exported.id}: {what}. Export a clip of all images, from 0 on")
 
 
-def export_emdb(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_emdb(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """One person; the parts of EMDB as it was read, and both for clips from elsewhere."""
     from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
     from gmrdata.write.emdb import emdb_name, emdb_sequence, seen_in_image, write_emdb
@@ -251,7 +265,7 @@ def export_emdb(clips: Sequence[ExportedClip], path: Path, options: ExportOption
     write_emdb(path, sequence, *seen_in_image(exported.clip, exported.body))
 
 
-def export_wham(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The people of a sequence, each in the frames that may be used."""
     from gmrdata.write.system_results import write_wham
 
@@ -260,7 +274,7 @@ def export_wham(clips: Sequence[ExportedClip], path: Path, options: ExportOption
     write_wham(path, people, clips[0].clip.camera)
 
 
-def export_gvhmr(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """One person, in every frame of the video."""
     from gmrdata.write.system_results import write_gvhmr
 
@@ -272,8 +286,9 @@ def export_gvhmr(clips: Sequence[ExportedClip], path: Path, options: ExportOptio
     write_gvhmr(path, person, clips[0].clip.camera)
 
 
-def _tracked(exported: ExportedClip) -> "TrackedPerson":
+def _tracked(exported: "ExportedClip") -> "TrackedPerson":
     """The person and the frames of the video, counted as `gmrdata evaluate` counts them."""
+    from gmrdata.read.frames import number_in_name
     from gmrdata.score.results import frames_of_rows
     from gmrdata.write.system_results import TrackedPerson
 
@@ -285,7 +300,7 @@ def _tracked(exported: ExportedClip) -> "TrackedPerson":
     return TrackedPerson(exported.clip.motion, exported.rest_pelvis_m, rows, frames)
 
 
-def export_usd(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_usd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """All who are in a sequence, and the camera."""
     from gmrdata.export.takes import result_take
     from gmrdata.write.usd import write_usd
@@ -293,9 +308,9 @@ def export_usd(clips: Sequence[ExportedClip], path: Path, options: ExportOptions
     write_usd(path, result_take(clips))
 
 
-def export_rrd(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_rrd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The same with frames, masks and points, and the truth beside it, as far as they are there."""
-    from gmrdata.export.takes import TRUTH, mask_paths, result_take, truth_take, with_points
+    from gmrdata.export.takes import TRUTH, result_take, truth_take, with_points
     from gmrdata.write.recording import write_recording
 
     first, true = clips[0], truth_take(clips)
@@ -305,11 +320,11 @@ def export_rrd(clips: Sequence[ExportedClip], path: Path, options: ExportOptions
         [*takes, true[0]] if true else takes,
         shown_from_world={TRUTH: true[1]} if true else {},
         images=first.image_paths() if first.images_dir else [],
-        masks=mask_paths(first),
+        masks=first.mask_paths(),
     )
 
 
-def export_mp4(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_mp4(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The frames with all bodies drawn over them."""
     from gmrdata.export.takes import result_take
     from gmrdata.write.overlay import write_overlay
@@ -317,7 +332,7 @@ def export_mp4(clips: Sequence[ExportedClip], path: Path, options: ExportOptions
     write_overlay(path, result_take(clips), clips[0].image_paths())
 
 
-def export_glb(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_glb(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """One person, and the camera."""
     from gmrdata.write.glb import write_glb
 
@@ -325,14 +340,14 @@ def export_glb(clips: Sequence[ExportedClip], path: Path, options: ExportOptions
     write_glb(path, clip.motion, body, shown=clip.valid, camera=clip.camera)
 
 
-def export_amass(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_amass(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """A file for each unbroken stretch of valid frames."""
     from gmrdata.write.amass import write_amass
 
     _write_runs(clips[0], path, ".npz", write_amass)
 
 
-def export_bvh(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+def export_bvh(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The same as BVH."""
     from gmrdata.write.bvh import write_bvh
 
@@ -340,35 +355,71 @@ def export_bvh(clips: Sequence[ExportedClip], path: Path, options: ExportOptions
 
 
 def _write_runs(
-    exported: ExportedClip,
+    exported: "ExportedClip",
     folder: Path,
     suffix: str,
     write: Callable[[Path, Motion, BodyModel], None],
 ) -> None:
     """A file for each unbroken stretch of valid frames, named by its first and last row."""
-    from gmrdata.export.takes import unbroken_runs
+    from gmrdata.motion.resample import valid_runs
 
     folder.mkdir()
-    for rows in unbroken_runs(exported.clip.valid):
-        name = f"{exported.id}_{rows.start:05d}-{rows.stop - 1:05d}{suffix}"
-        write(folder / name, exported.clip.motion.take(rows), exported.body)
+    for start, stop in valid_runs(exported.clip.valid):
+        name = f"{exported.id}_{start:05d}-{stop - 1:05d}{suffix}"
+        write(folder / name, exported.clip.motion.take(slice(start, stop)), exported.body)
 
 
-FORMATS: dict[FormatName, Format] = {
-    "colmap": Format("sequence", "{id}", ("camera",), export_colmap),
-    "tum": Format("clip", "{id}.txt", ("trajectory",), export_tum),
-    "kitti": Format("clip", "{id}.txt", ("trajectory",), export_kitti),
-    "gem-x": Format("sequence", "{id}/preprocess/camera.pt", ("camera",), export_gem_x),
-    "3dpw": Format("sequence", "sequenceFiles/{split}/{id}.pkl", ("camera",), export_3dpw),
-    "emdb": Format(
-        "clip", "{subject}/{take}/{subject}_{take}_data.pkl", ("camera", "world"), export_emdb
+FORMATS: dict[str, Format] = {
+    "colmap": Format(
+        "a COLMAP model, binary and text, with the tracks of a solved sequence",
+        "sequence", "{id}", ("camera",), export_colmap,
     ),
-    "wham": Format("sequence", "{id}/wham_output.pkl", ("in_world",), export_wham),
-    "gvhmr": Format("clip", "{id}/hmr4d_results.pt", ("world",), export_gvhmr),
-    "amass": Format("clip", "{id}", ("world",), export_amass),
-    "bvh": Format("clip", "{id}", ("world",), export_bvh),
-    "glb": Format("clip", "{id}.glb", ("world",), export_glb),
-    "usd": Format("sequence", "{id}.usdc", ("world",), export_usd),
-    "rrd": Format("sequence", "{id}.rrd", ("world",), export_rrd),
-    "mp4": Format("sequence", "{id}.mp4", ("camera", "world", "images"), export_mp4),
-}
+    "tum": Format(
+        "trajectory as TUM's RGB-D benchmark has it, with times",
+        "trajectory", "{id}.txt", ("trajectory",), export_tum,
+    ),
+    "kitti": Format(
+        "trajectory as KITTI's odometry has it, a line per frame",
+        "trajectory", "{id}.txt", ("trajectory",), export_kitti,
+    ),
+    "gem-x": Format(
+        "GEM-X's camera file, preprocess/camera.pt",
+        "sequence", "{id}/preprocess/camera.pt", ("camera",), export_gem_x,
+    ),
+    "3dpw": Format(
+        "3DPW's sequence files, people and cameras in one world that does not drift",
+        "sequence", "sequenceFiles/{split}/{id}.pkl", ("camera",), export_3dpw,
+    ),
+    "emdb": Format(
+        "EMDB's files",
+        "clip", "{subject}/{take}/{subject}_{take}_data.pkl", ("camera", "world"), export_emdb,
+    ),
+    "wham": Format(
+        "wham_output.pkl", "sequence", "{id}/wham_output.pkl", ("in_world",), export_wham
+    ),
+    "gvhmr": Format(
+        "hmr4d_results.pt", "clip", "{id}/hmr4d_results.pt", ("world",), export_gvhmr
+    ),
+    "amass": Format(
+        "SMPL+H's npz, a file for each unbroken stretch of valid frames",
+        "clip", "{id}", ("world",), export_amass,
+    ),
+    "bvh": Format("Mixamo's joints [cm], in such files", "clip", "{id}", ("world",), export_bvh),
+    "glb": Format(
+        "a person and the camera, animated", "clip", "{id}.glb", ("world",), export_glb
+    ),
+    "usd": Format(
+        "all people of a sequence and the camera (extra `export`)",
+        "sequence", "{id}.usdc", ("world",), export_usd,
+    ),
+    "rrd": Format(
+        "the same for rerun, with frames, masks, points and truth (extra `view`)",
+        "sequence", "{id}.rrd", ("world",), export_rrd,
+    ),
+    "mp4": Format(
+        "the frames with bodies and paths drawn over them",
+        "sequence", "{id}.mp4", ("camera", "world", "images"), export_mp4,
+    ),
+}  # fmt: skip
+NETWORK = "the network of a training run, whose folder is then the source"
+"""What the format onnx is, which is not of clips."""

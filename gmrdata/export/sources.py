@@ -6,7 +6,7 @@ Whoever writes a clip gets plain values and paths, and knows nothing of manifest
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -45,26 +45,20 @@ class ClipFiles:
     clip_path: Path
     listed: tuple[Path, ClipEntry] | None = None  # manifest and entry, if a manifest lists it
     images_dir: Path | None = None
-    masks_dir: Path | None = None
-    sfm_dir: Path | None = None
+    masks_dir: Path | None = None  # `<image stem>.png`, 255 = dynamic
+    sfm_dir: Path | None = None  # what `gmrdata.cameras.reconstruct` left
     truth_path: Path | None = None
     extras_paths: tuple[Path, ...] = ()
     split: str = "test"  # of 3DPW
 
 
-@dataclass(frozen=True, eq=False)
-class ExportedClip:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExportedClip(ClipFiles):
     """One person's clip, with what else is known of it."""
 
-    id: str  # fit for the name of a file
-    sequence: str  # people of one sequence share a world and a camera
-    clip_path: Path
     clip: Clip  # `valid` is False outside the manifest's kept ranges
     rest_pelvis_m: np.ndarray  # (3,) J0 of the person's shape, rest frame [m]
     body_names: tuple[str, ...]  # as `load_body` takes them: those that `body` chooses from
-    images_dir: Path | None
-    masks_dir: Path | None  # `<image stem>.png`, 255 = dynamic
-    sfm_dir: Path | None  # what `gmrdata.cameras.reconstruct` left
     truth: Clip | None  # of the same person, in a world of its own
     extras: tuple[Clip, ...]  # who moves besides, in the same rows, world and camera
 
@@ -92,9 +86,15 @@ class ExportedClip:
         if self.images_dir is None:
             remedy = "Give their folder, or the folder of the sequences' folders, with --images"
             raise MissingInput(f"clip {self.id} has no images. {remedy}")
-        paths = (
-            path for path in self.images_dir.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES
-        )
+        return self._by_number(self.images_dir, IMAGE_SUFFIXES)
+
+    def mask_paths(self) -> list[Path | None]:
+        """The mask of each row, 255 = dynamic; empty where there are no masks."""
+        return [] if self.masks_dir is None else self._by_number(self.masks_dir, (".png",))
+
+    def _by_number(self, folder: Path, suffixes: Collection[str]) -> list[Path | None]:
+        """The file of each row, by the number in its name."""
+        paths = (path for path in folder.iterdir() if path.suffix.lower() in suffixes)
         by_number = {number_in_name(path.name): path for path in paths}
         return [by_number.get(int(number)) for number in self.clip.image_numbers]
 
@@ -144,19 +144,15 @@ def load_exported(
         raise MissingInput(f"{images}: no such folder of images")
     truth_path = truth or files.truth_path
     extras = (path for path in files.extras_paths if "poses" in read_npz(path))
-    return ExportedClip(
-        id=files.id,
-        sequence=files.sequence,
-        clip_path=files.clip_path,
-        clip=clip,
-        rest_pelvis_m=read_npz(files.clip_path)["rest_pelvis_m"],
-        body_names=_bodies(files.clip_path, clip) if body is None else _given(body),
-        images_dir=images or files.images_dir,
-        masks_dir=files.masks_dir,
-        sfm_dir=files.sfm_dir,
-        truth=None if truth_path is None else load_clip(truth_path),
-        extras=tuple(map(load_clip, extras)),
-    )
+    own = {
+        "images_dir": images or files.images_dir,
+        "clip": clip,
+        "rest_pelvis_m": read_npz(files.clip_path)["rest_pelvis_m"],
+        "body_names": _bodies(files.clip_path, clip) if body is None else _given(body),
+        "truth": None if truth_path is None else load_clip(truth_path),
+        "extras": tuple(map(load_clip, extras)),
+    }
+    return ExportedClip(**(vars(files) | own))
 
 
 def _given(body: str) -> tuple[str, ...]:

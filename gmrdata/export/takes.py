@@ -2,19 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from gmrdata.export.sources import ExportedClip
-from gmrdata.read.frames import number_in_name
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import remark
 from gmrdata.twins.pseudo_gt_error import body_points_m, paired_rows
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadRecord, MissingInput
-from gmrdata.values.rows import text_runs
 from gmrdata.write.take import Performer, Take
 
 RESULT, TRUTH = "result", "truth"
@@ -38,7 +35,7 @@ def with_points(take: Take, exported: ExportedClip) -> Take:
     try:
         return replace(take, points_m=load_background(exported.sfm_dir, exported.clip).points_m)
     except BadRecord as error:
-        console.print(f"{exported.id}: no points: {error}", markup=False, soft_wrap=True)
+        remark(f"{exported.id}: no points: {error}")
         return take
 
 
@@ -65,23 +62,6 @@ def truth_take(clips: Sequence[ExportedClip]) -> tuple[Take, np.ndarray] | None:
     fit = transforms.fit_similarity(here_m, there_m, scale=False)
     placed = transforms.rigid(fit.rotmat, fit.translation_m)
     return Take(TRUTH, tuple(people), pairs[0][1].camera), placed
-
-
-def mask_paths(exported: ExportedClip) -> list[Path | None]:
-    """The mask of each row, by the number in its name; empty where there are no masks."""
-    if exported.masks_dir is None:
-        return []
-    by_number = {number_in_name(path.name): path for path in exported.masks_dir.glob("*.png")}
-    return [by_number.get(int(number)) for number in exported.clip.image_numbers]
-
-
-def unbroken_runs(valid: np.ndarray) -> list[slice]:
-    """The stretches of valid frames (T,)."""
-    return [
-        slice(start, stop)
-        for start, stop, here in text_runs("here" if one else "" for one in valid)
-        if here
-    ]
 
 
 def _in_rows_of(clip: Clip, truth: Clip) -> Clip:

@@ -1,6 +1,6 @@
 """`gmrdata export` as a person meets it, and what other programs read of what it wrote."""
 
-import inspect
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -15,9 +15,10 @@ import pytest
 import torch
 from evo.tools import file_interface
 
+import gmrdata
 from gmrdata.cameras.files import load_quality
-from gmrdata.cli.export import FormatName, export
-from gmrdata.export.formats import FORMATS
+from gmrdata.cli.export import SAID
+from gmrdata.export.formats import FORMATS, FormatName
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
@@ -163,13 +164,26 @@ def test_a_rendered_clip_becomes_a_model_without_points(
     assert not list((tmp_path / "without").rglob("*.*"))
 
 
-def test_each_format_is_described_in_the_help_and_on_the_page() -> None:
+def test_each_format_is_described_in_the_help_and_on_the_page(gmrdata: Gmrdata) -> None:
     page = (Path(__file__).parents[2] / "docs/export.md").read_text(encoding="utf-8")
-    described = inspect.getdoc(export) or ""
-    for name in (*get_args(FormatName), "onnx"):
-        assert f"\n        {name}: " in described
+    described = re.sub(r"[\s│]+", " ", gmrdata("export", "--help").stdout)
+    for name, says in SAID.items():
+        assert f" {name}: {says}." in described
         assert f"\n| `{name}` | " in page, name
-    assert set(FORMATS) == set(get_args(FormatName))
+    assert {*FORMATS, "onnx"} == {*get_args(FormatName), "onnx"} == set(SAID)
+
+
+def test_people_of_a_sequence_share_the_file_of_their_one_camera(
+    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    for number, walker in enumerate(walkers):
+        path = tmp_path / f"walk/pseudo_gt/person_{number}.npz"
+        save_clip(path, walker, small_body.rest_pelvis_m(walker.motion.shape))
+    names = {"camera": ["walk.txt"], "person": ["walk.p0.txt", "walk.p1.txt"]}
+    for of in ("camera", "person"):
+        made = gmrdata.export(str(tmp_path / "walk"), ["tum"], tmp_path / of, of=of)
+        assert [one.unit.path.name for one in made if not one.left_out] == names[of]
+        assert sorted(path.name for path in (tmp_path / of / "tum").iterdir()) == names[of]
 
 
 def models(folder: Path) -> list[Any]:

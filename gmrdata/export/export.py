@@ -1,0 +1,238 @@
+"""`gmrdata.export`: which files are to be written, and each as a whole or not at all."""
+
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from gmrdata.export.formats import (
+    FORMATS,
+    ExportOptions,
+    FormatName,
+    Seen,
+    Trajectory,
+    unit_of,
+    why_not,
+)
+from gmrdata.export.sources import ClipFiles, ExportedClip, list_clips, load_exported
+from gmrdata.gmr.config import Which
+from gmrdata.stage.progress import progress_bar, remark
+from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput, StaleOutput
+from gmrdata.values.files import write_bytes
+from gmrdata.write.emdb import emdb_name
+
+
+class Unit(NamedTuple):
+    """One thing to write: a clip, or the people of a sequence, in one format."""
+
+    format: str
+    name: str
+    path: Path
+    ids: tuple[str, ...]  # of the clips; empty for a network
+
+
+class Exported(NamedTuple):
+    """What became of a unit."""
+
+    unit: Unit
+    left_out: str  # why it was not written; empty if it was
+
+
+def export(
+    source: str | Path,
+    formats: Sequence[FormatName | Literal["onnx"]],
+    out: str | Path,
+    *,
+    clips: Sequence[str] = (),
+    of: Trajectory = "camera",
+    observations: Seen = "keyframes",
+    body: str | None = None,
+    images: str | Path | None = None,
+    truth: str | Path | None = None,
+    threedpw: str | Path | None = None,
+    which: Which = "latest",
+    redo: bool = False,
+    dry_run: bool = False,
+) -> list[Exported]:
+    """Write clips in the formats of other programs; what became of each file or folder.
+
+    A clip that can't be read, or that a format can't hold, is left out with its reason.
+
+    Args:
+        source: A manifest, a clip's file, or a folder that a stage left; as of `list_clips`.
+        formats: Names of `FORMATS`; or "onnx" alone, for which `source` is a training run.
+        out: Output folder; gets `<format>/<clip id>`.
+        clips: Ids of the clips to write; all when empty.
+        of: Whose trajectory tum and kitti hold.
+        observations: Which image points a COLMAP model has: of the keyframes; those of the frames
+            between, too; or none.
+        body: The body to use, as `load_body` takes it, or a folder of bodies; what lies beside the
+            clips when None.
+        images: Folder with the images of one sequence, or with a folder for each of several.
+        truth: Manifest, folder or clip with the exact motions of the same clips, by id.
+        threedpw: 3DPW's own folder, for its 2D keypoints and clothed templates.
+        which: Which weights of a network.
+        redo: Write again what is there.
+        dry_run: Only say what would be written.
+
+    Raises:
+        StaleOutput: something is there already, and `redo` is not set; nothing was written.
+        MissingInput: there is no such source, clip, body, image folder or network.
+    """
+    source, out = Path(source), Path(out)
+    wanted = tuple(dict.fromkeys(name for name in formats if name != "onnx"))
+    if "onnx" in formats:
+        if wanted:
+            what = "onnx is of a training run, the other formats of clips"
+            raise BadRecipe(f"{what}. Export it alone")
+        return [_export_network(source, out, which, redo=redo, dry_run=dry_run)]
+    given = _Given(body, _path(images), _path(truth))
+    options = ExportOptions(of, observations, _path(threedpw))
+    files = list_clips(source, clips)
+    plan = [(people, list(_units(people, wanted, options, out))) for people in _sequences(files)]
+    if not (redo or dry_run):
+        _refuse_to_overwrite([unit.path for _, units in plan for unit in units])
+    truths, results = _truths(given.truth, files), list[Exported]()
+    with progress_bar(shown=not dry_run) as bar:
+        for people, units in bar.track(plan, description="exporting"):
+            loaded = {one.id: _load(one, given, truths, len(plan) == 1) for one in people}
+            results += [Exported(unit, _write(unit, loaded, options, dry_run)) for unit in units]
+    return results
+
+
+def _path(given: str | Path | None) -> Path | None:
+    return None if given is None else Path(given)
+
+
+class _Given(NamedTuple):
+    """What stands in place of what lies beside the clips."""
+
+    body: str | None
+    images: Path | None
+    truth: Path | None
+
+
+def _sequences(wanted: Sequence[ClipFiles]) -> list[list[ClipFiles]]:
+    """The people of each sequence."""
+    sequences: dict[str, list[ClipFiles]] = {}
+    for files in wanted:
+        sequences.setdefault(files.sequence, []).append(files)
+    return list(sequences.values())
+
+
+def _units(
+    people: Sequence[ClipFiles], formats: Sequence[FormatName], options: ExportOptions, out: Path
+) -> Iterator[Unit]:
+    """What is to be written of one sequence."""
+    for name in formats:
+        of_all = unit_of(FORMATS[name], options) == "sequence"
+        groups = [people] if of_all else [(person,) for person in people]
+        for group in groups:
+            called = group[0].sequence if of_all else group[0].id
+            subject, take = emdb_name(called)
+            place = FORMATS[name].path.format(
+                id=called, split=group[0].split, subject=subject, take=take
+            )
+            yield Unit(name, called, out / name / place, tuple(person.id for person in group))
+
+
+def _truths(source: Path | None, wanted: Sequence[ClipFiles]) -> dict[str, Path]:
+    """The files of exact clips by id; says of which clips there is none."""
+    if source is None:
+        return {}
+    there = {files.id: files.clip_path for files in list_clips(source)}
+    without = [files.id for files in wanted if files.id not in there]
+    if len(without) == len(wanted):
+        raise MissingInput(f"{source}: has none of the clips; there are {', '.join(there)}")
+    if without:
+        remark(f"no truth for {', '.join(without)}")
+    return there
+
+
+def _load(
+    files: ClipFiles, given: _Given, truths: Mapping[str, Path], alone: bool
+) -> ExportedClip | GmrdataError:
+    """The clip, or why it can't be read."""
+    images = None if given.images is None else images_of(given.images, files.sequence, alone=alone)
+    try:
+        return load_exported(files, body=given.body, images=images, truth=truths.get(files.id))
+    except GmrdataError as error:
+        return error
+
+
+def images_of(folder: Path, sequence: str, *, alone: bool) -> Path:
+    """A sequence's images: in a folder of its name, or right in `folder` if it is alone."""
+    named = folder / sequence
+    return folder if alone and not named.is_dir() else named
+
+
+def _refuse_to_overwrite(paths: Sequence[Path]) -> None:
+    if there := [path for path in paths if path.exists()]:
+        more = f" and {len(there) - 1} more" if len(there) > 1 else ""
+        raise StaleOutput(f"{there[0]}{more}: already there. Pass --redo to write again")
+
+
+def _write(
+    unit: Unit,
+    loaded: Mapping[str, ExportedClip | GmrdataError],
+    options: ExportOptions,
+    dry_run: bool,
+) -> str:
+    """Write one unit; why it can't be, or "".  A dry run only looks."""
+    people: list[ExportedClip] = []
+    for one in map(loaded.__getitem__, unit.ids):
+        if isinstance(one, GmrdataError):
+            return str(one)
+        people.append(one)
+    format = FORMATS[unit.format]
+    if (reason := why_not(format, people, options)) or dry_run:
+        return reason
+    try:
+        with _whole(unit.path) as partial:
+            format.write(people, partial, options)
+    except GmrdataError as error:
+        return str(error).replace(_partial(unit.path).name, unit.path.name)
+    return ""
+
+
+def _export_network(
+    run_dir: Path, out: Path, which: Which, *, redo: bool, dry_run: bool
+) -> Exported:
+    """Write the network of a training run as `onnx/<run>.onnx`."""
+    from gmrdata.gmr.onnx_network import onnx_network
+    from gmrdata.gmr.predict import load_gmr
+
+    gmr = load_gmr(run_dir.resolve(), which)
+    path = out / "onnx" / f"{gmr.name}.onnx"
+    if not dry_run:
+        if not redo:
+            _refuse_to_overwrite([path])
+        write_bytes(path, onnx_network(gmr))
+    return Exported(Unit("onnx", gmr.name, path, ()), "")
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A sibling of `path` to write a file or folder to, which replaces it when the block ends."""
+    partial = _partial(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _remove(partial)
+    try:
+        yield partial
+        _remove(path)
+        partial.rename(path)
+    finally:
+        _remove(partial)
+
+
+def _partial(path: Path) -> Path:
+    """Keeps the suffix, by which some writers choose a form."""
+    return path.with_name(f".partial.{path.name}")
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
