@@ -17,7 +17,7 @@ from gmrdata.values.errors import BadRecipe, MissingInput
 
 if TYPE_CHECKING:
     from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
-    from gmrdata.cli.export import FormatName
+    from gmrdata.export.formats import FormatName
     from gmrdata.people.sources import MasksConfig
     from gmrdata.read.video_files import NamedVideo
     from gmrdata.solve.video import GivenBodies, VideoSolveConfig
