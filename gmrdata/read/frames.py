@@ -6,11 +6,13 @@ person sees.
 
 import re
 import struct
+import warnings
 from collections import Counter
 from collections.abc import Collection, Sequence
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path, PurePosixPath
-from typing import Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +20,15 @@ from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.values.files import write_bytes
 from gmrdata.values.limits import MOST_DIGITS, MOST_PIXELS
 
+if TYPE_CHECKING:
+    from PIL.Image import Exif
+    from PIL.ImageFile import ImageFile
+
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-# Start-of-frame markers (ITU T.81, table B.1): C0-CF without DHT (C4), JPG (C8) and DAC (CC).
-JPEG_START_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+ORIENTATION = 0x112  # EXIF 2.32, 4.6.4 A
+# Pillow warns of EXIF that is cut off, which is common and no fault of the picture.
+warnings.filterwarnings("ignore", module=r"PIL\.TiffImagePlugin")
 
 
 def image_number(path: Path) -> int:
@@ -77,10 +84,10 @@ def decoded(path: Path, flags: int, fault: str) -> np.ndarray:
 
     content = path.read_bytes() if path.is_file() else b""
     # The cameras' own smaller frames are BMPs, so named; others may not call one a PNG.
-    size_px = _bmp_size(content) if path.suffix == ".bmp" else _size_in_header(content)
-    if size_px is None:
+    header = _header(content, is_bmp=path.suffix == ".bmp")
+    if header is None:
         raise BadFrames(f"{path}: {fault}")
-    _require_small(path, size_px)
+    _require_small(path, header.size)
     try:
         # OpenCV turns by some flags and not by others, and a PNG by its version.  It is not given
         # the path, since it crashes on names whose bytes are no UTF-8.
@@ -90,7 +97,7 @@ def decoded(path: Path, flags: int, fault: str) -> np.ndarray:
         image = None
     if image is None:
         raise BadFrames(f"{path}: {fault}")
-    return _upright(np.asarray(image), exif_orientation(content))
+    return _upright(np.asarray(image), _orientation(header, content))
 
 
 def _require_small(path: Path, size_px: tuple[int, int]) -> None:
@@ -159,12 +166,12 @@ def _image_size(path: Path) -> tuple[int, int]:
     if not path.is_file():
         raise BadFrames(f"{path}: no such image")
     content = path.read_bytes()
-    size = _size_in_header(content) if _is_whole(content) else None
-    if size is None:
+    header = _header(content) if _is_whole(content) else None
+    if header is None:
         fault = "truncated or not an image" if content else "empty file (0 bytes)"
         raise BadFrames(f"{path}: {fault}; extract or copy this frame again")
-    _require_small(path, size)
-    return size if exif_orientation(content) <= 4 else size[::-1]
+    _require_small(path, header.size)
+    return header.size if _orientation(header, content) <= 4 else header.size[::-1]
 
 
 def is_turned(path: Path) -> bool:
@@ -174,26 +181,50 @@ def is_turned(path: Path) -> bool:
 
 def exif_orientation(content: bytes) -> int:
     """EXIF's orientation of a JPEG or PNG, 1 (upright) to 8; 1 where there is none that counts."""
-    tiff = exif_block(content)
-    order: Literal["little", "big"] = "little" if tiff.startswith(b"II") else "big"
-    if tiff[:4] not in (b"II*\0", b"MM\0*"):
-        return 1
-    start = int.from_bytes(tiff[4:8], order)
-    for at in range(start + 2, start + 2 + 12 * int.from_bytes(tiff[start : start + 2], order), 12):
-        # Tag 0x112 is one SHORT (type 3) in place (EXIF 2.32, 4.6.4 A).
-        entry = tiff[at : at + 12]
-        if len(entry) < 12:
-            return 1
-        if int.from_bytes(entry[:2], order) == 0x112 and int.from_bytes(entry[2:4], order) == 3:
-            value = int.from_bytes(entry[8:10], order)
-            return value if 1 <= value <= 8 else 1
-    return 1
+    header = _header(content)
+    return 1 if header is None else _orientation(header, content)
 
 
-def exif_block(content: bytes) -> bytes:
-    """The TIFF structure that is the EXIF of a JPEG or PNG; empty without."""
+def _orientation(header: "ImageFile", content: bytes) -> int:
+    value = _exif(header, content).get(ORIENTATION)
+    return value if isinstance(value, int) and 1 <= value <= 8 else 1
+
+
+def read_exif(path: Path) -> "Exif":
+    """What a JPEG or PNG says in EXIF; nothing where it has none that can be read."""
+    from PIL.Image import Exif
+
+    content = path.read_bytes()
+    header = _header(content)
+    return Exif() if header is None else _exif(header, content)
+
+
+def _header(content: bytes, *, is_bmp: bool = False) -> "ImageFile | None":
+    """The header of a PNG or JPEG, or of a BMP where that is expected; None for what is none."""
+    from PIL import BmpImagePlugin, JpegImagePlugin, PngImagePlugin
+
+    # Not by Image.open, which knows more kinds and has a limit of its own on sizes.
+    kind: type[ImageFile] = JpegImagePlugin.JpegImageFile
+    if is_bmp:
+        kind = BmpImagePlugin.BmpImageFile
+    elif content.startswith(PNG_SIGNATURE):
+        kind = PngImagePlugin.PngImageFile
+    try:
+        return kind(BytesIO(content))
+    except (SyntaxError, ValueError, OSError, ArithmeticError):
+        return None
+
+
+def _exif(header: "ImageFile", content: bytes) -> "Exif":
+    from PIL.Image import Exif
+
     is_png = content.startswith(PNG_SIGNATURE)
-    return _png_exif(content) if is_png else _jpeg_exif(content)
+    exif, tiff = Exif(), _png_exif(content) if is_png else header.info.get("exif", b"")
+    try:
+        exif.load(tiff)
+    except (SyntaxError, ValueError, OSError, LookupError, struct.error):
+        return Exif()
+    return exif
 
 
 def _upright(image: np.ndarray, orientation: int) -> np.ndarray:
@@ -207,22 +238,9 @@ def _upright(image: np.ndarray, orientation: int) -> np.ndarray:
     return np.ascontiguousarray(image[::down, ::right])
 
 
-def _jpeg_exif(content: bytes) -> bytes:
-    """The TIFF structure in a JPEG's APP1 segment; empty without."""
-    at = 2
-    while content[at : at + 1] == b"\xff" and content[at + 1 : at + 2] not in (b"\xda", b""):
-        if content[at + 1] == 0xFF:  # a fill byte
-            at += 1
-            continue
-        end = at + 2 + int.from_bytes(content[at + 2 : at + 4], "big")
-        if content[at + 1] == 0xE1 and content[at + 4 : at + 10] == b"Exif\0\0":
-            return content[at + 10 : end]
-        at = end
-    return b""
-
-
 def _png_exif(content: bytes) -> bytes:
-    """The TIFF structure in a PNG's eXIf chunk; empty without."""
+    """The TIFF structure in a PNG's eXIf chunk; empty without.  It may stand behind the pixels,
+    where Pillow gets only by decoding them."""
     at = len(PNG_SIGNATURE)
     while at + 8 <= len(content):
         end = at + 8 + int.from_bytes(content[at : at + 4], "big")
@@ -232,46 +250,8 @@ def _png_exif(content: bytes) -> bytes:
     return b""
 
 
-def _size_in_header(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of a PNG or JPEG, else None."""
-    return _png_size(content) if content.startswith(PNG_SIGNATURE) else _jpeg_size(content)
-
-
 def _is_whole(content: bytes) -> bool:
     """Whether a PNG or JPEG has its end."""
     if content.startswith(PNG_SIGNATURE):
         return b"IEND" in content[-64:]
     return b"\xff\xd9" in content[-1024:]
-
-
-def _bmp_size(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of a BMP, of whose header every version since 3 begins alike, else None."""
-    if len(content) < 54 or not content.startswith(b"BM"):
-        return None
-    width, height = struct.unpack("<ii", content[18:26])
-    return (width, abs(height)) if width > 0 and height else None
-
-
-def _png_size(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of a PNG, whose IHDR comes first, else None."""
-    if len(content) < 33:
-        return None
-    width, height = struct.unpack(">II", content[16:24])
-    return (width, height) if width and height else None
-
-
-def _jpeg_size(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of a JPEG: its first start-of-frame segment, else None."""
-    if not content.startswith(b"\xff\xd8"):
-        return None
-    at = 2
-    while at + 9 <= len(content) and content[at] == 0xFF:
-        marker = content[at + 1]
-        if marker == 0xFF:  # a fill byte
-            at += 1
-            continue
-        if marker in JPEG_START_OF_FRAME:
-            height, width = struct.unpack(">HH", content[at + 5 : at + 9])
-            return (width, height) if width and height else None
-        at += 2 + struct.unpack(">H", content[at + 2 : at + 4])[0]
-    return None

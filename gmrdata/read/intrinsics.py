@@ -6,15 +6,16 @@ says of its lens.
 """
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmrdata.read.frames import exif_block
+from gmrdata.read.frames import read_exif
 from gmrdata.values import plain_yaml
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 from gmrdata.values.files import parse_json
@@ -237,41 +238,23 @@ def _json(value: Mapping[str, Any]) -> _Found:
 def exif_focal_px(image: Path, size_px: tuple[int, int]) -> float | None:
     """Focal length by a picture's EXIF (CIPA DC-008: 0xA405, or 0x920A with the focal plane's
     resolution), for frames of this size [px]; None where it has none that can be."""
-    tiff = exif_block(image.read_bytes())
-    if tiff[:4] not in (b"II*\0", b"MM\0*"):
-        return None
-    order = "<" if tiff.startswith(b"II") else ">"
-    values: dict[int, float] = {}
-    with suppress(struct.error, ZeroDivisionError):
-        (first,) = struct.unpack_from(f"{order}I", tiff, 4)
-        main = dict(_entries(tiff, order, first))
-        values = dict(_entries(tiff, order, int(main[0x8769]))) if 0x8769 in main else {}
-    diagonal_px = float(np.hypot(*size_px))
+    said: dict[int, Any] = {}
+    with suppress(SyntaxError, ValueError, OSError, LookupError, TypeError, struct.error):
+        said = read_exif(image).get_ifd(0x8769)
+    # A ratio over 0 is NaN, which is no more than 0 either.
+    values = {tag: float(value) for tag, value in said.items() if isinstance(value, Real)}
     if (film_mm := values.get(0xA405, 0.0)) > 0:
-        return _possible(film_mm / FILM_DIAGONAL_MM * diagonal_px, size_px)
+        return _possible(film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px)), size_px)
     focal_mm, per_unit = values.get(0x920A, 0.0), values.get(0xA20E, 0.0)
-    unit_mm = {2: 25.4, 3: 10.0, 4: 1.0}.get(int(values.get(0xA210, 2)), 0.0)
+    unit_mm = {2.0: 25.4, 3.0: 10.0, 4.0: 1.0}.get(values.get(0xA210, 2.0), 0.0)
     taken_px = values.get(0xA002, 0.0)
-    if min(focal_mm, per_unit, unit_mm, taken_px) <= 0:
+    if not all(value > 0 for value in (focal_mm, per_unit, unit_mm, taken_px)):
         return None
     return _possible(focal_mm * per_unit / unit_mm * max(size_px) / taken_px, size_px)
 
 
 def _possible(focal_px: float, size_px: tuple[int, int]) -> float | None:
     return focal_px if 0.1 < focal_px / max(size_px) < 100 else None
-
-
-def _entries(tiff: bytes, order: str, start: int) -> Iterator[tuple[int, float]]:
-    """Tags and values of a directory, those that are one SHORT, LONG or RATIONAL."""
-    (count,) = struct.unpack_from(f"{order}H", tiff, start)
-    for at in range(start + 2, start + 2 + 12 * count, 12):
-        tag, kind, n = struct.unpack_from(f"{order}HHI", tiff, at)
-        if n == 1 and kind in (3, 4):
-            yield tag, struct.unpack_from(order + {3: "H", 4: "I"}[kind], tiff, at + 8)[0]
-        elif n == 1 and kind == 5:
-            (place,) = struct.unpack_from(f"{order}I", tiff, at + 8)
-            above, below = struct.unpack_from(f"{order}II", tiff, place)
-            yield tag, above / below if below else 0.0
 
 
 FILM_KEYS = ("com.apple.quicktime.camera.focal_length.35mm_equivalent",)
