@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from training.calibration import TrueTrack, seen_truth, true_track
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
-from gmrdata.people.calibration import TrueTrack, seen_truth, true_track
 from gmrdata.people.landmark_body import landmark_offsets_m
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.landmarks import LandmarksConfig, find_landmarks, load_tracks

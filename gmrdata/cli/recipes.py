@@ -74,7 +74,7 @@ class Inputs:
     camera_body: Path | None = None
     """Clip file (.npz) in the camera's frame, for masks from the silhouette (masks)."""
     manifest: UseAppendAction[tuple[Path, ...]] = ()
-    """Manifest to train on; may be given several times (gmr, joint, table), once for a lifter."""
+    """Manifest to train on; may be given several times (gmr, joint, table)."""
     scored: Path | None = None
     """Manifest to score (table)."""
     poses: Annotated[Path | None, flags.POSES] = None
@@ -94,7 +94,6 @@ TAKES = {
     "masks": ("frames", "camera_body", "body"),
     "gmr": ("manifest", "body"),
     "joint": ("manifest", "features", "body"),
-    "lifter": ("manifest", "body"),
     "table": ("manifest", "scored", "poses", "keypoints", "features", "videos", "body"),
 }
 """Inputs by kind of recipe."""
@@ -102,10 +101,9 @@ NEEDS = {
     "threedpw": ("root",),
     "masks": ("frames",),
     "joint": ("manifest", "features"),
-    "lifter": ("manifest",),
 }
 """Those that no recipe of a kind does without."""
-UNSHARED = ("masks", "gmr", "joint", "lifter")
+UNSHARED = ("masks", "gmr", "joint")
 """Kinds without a dry run, and without shards."""
 
 
@@ -118,7 +116,7 @@ def run(
     dry_run: flags.DryRun = False,
 ) -> None:
     """Run a recipe of any kind: demo, synthetic, threedpw, threedpw_twin, masks, gmr, joint,
-    lifter, table.
+    table.
 
     It does what the verb of that kind does with its defaults, whose dry run is here without a
     probe.  A recipe that lacks an input names the flag.
@@ -171,23 +169,8 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
         case "joint":
             manifests = given.pop("manifest")
             baseline_joint_train(manifests, out=out, recipe=path, redo=run.redo, **given)
-        case "lifter":
-            _make_lifter(path, out, inputs, run)
         case _:
             _train_and_score(path, out, inputs, run)
-
-
-def _make_lifter(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
-    """Train the lifter of the built-in local poses; says where its weights are."""
-    from gmrdata.people.training import LifterRecipe, train_lifter
-    from gmrdata.read.bodies import anny_file
-    from gmrdata.stage.recipes import load_recipe
-
-    config = load_recipe(path, LifterRecipe).config()
-    if len(inputs.manifest) != 1:
-        raise BadRecipe(f"{path}: a lifter is trained on one manifest. Give --manifest once")
-    body = flags.body_path(inputs.body) or anny_file()
-    answer(train_lifter(inputs.manifest[0], body, out, config, run=run))
 
 
 def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:

@@ -13,10 +13,15 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from gmrdata.people.landmark_body import LEG_M, landmark_offsets_m, landmarks_on, tree_joints
+from gmrdata.people.landmark_body import (
+    LEG_M,
+    from_hips,
+    landmark_offsets_m,
+    landmarks_on,
+    tree_joints,
+)
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.lifter import LiftedPose, SeenLandmarks
-from gmrdata.people.noise import from_hips
 from gmrdata.people.views import landmark_weights, views_of
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS, leg_length_m
 from gmrdata.values.records import Config

@@ -98,6 +98,6 @@ def landmarks_on(
     return joints_m[..., HANGS_ON, :] + (turned @ grown_m[..., None])[..., 0]
 
 
-def mirrored_offsets_m(offsets_m: Float[np.ndarray, "33 3"]) -> Float[np.ndarray, "33 3"]:
-    """The mean of both sides of the body."""
-    return (offsets_m + offsets_m[list(MIRRORED_LANDMARKS)] * [-1.0, 1.0, 1.0]) / 2
+def from_hips(points_m: Float[Tensor, "*batch 33 3"]) -> Float[Tensor, "*batch 33 3"]:
+    """Landmarks from the middle of the hips, as the network has its metres."""
+    return points_m - points_m[..., HIPS, :].mean(-2, keepdim=True)

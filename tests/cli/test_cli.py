@@ -158,8 +158,7 @@ def test_motions_are_listed(gmrdata: Gmrdata, cmu_dir: Path) -> None:
     assert "02_03.amc" in answer.stdout and "08_02.bvh" in answer.stdout
 
 
-NEEDED = {"threedpw": "--root", "masks": "--frames", "gmr": "--manifest", "table": "--manifest",
-          "lifter": "--manifest"}  # fmt: skip
+NEEDED = {"threedpw": "--root", "masks": "--frames", "gmr": "--manifest", "table": "--manifest"}
 """Flag without which no recipe of a kind does anything."""
 
 

@@ -54,7 +54,6 @@ RUN = (
 """Arguments of `gmrdata` in a folder of small files, in an order in which each finds its input."""
 
 ELSEWHERE = {
-    "run --manifest --out": "poses/test_training.py::test_a_recipe_makes_one",
     "baseline camera_as_world --camera --cameras --out": (
         "baselines/test_camera_as_world.py::test_ignored_true_and_recovered"
     ),
@@ -86,7 +85,7 @@ ELSEWHERE = {
     "fuse --gmr --out --dry-run": (
         "cli/test_fusion.py::test_fuse_says_what_it_found_and_writes_a_page"
     ),
-    "masks --out --sources": "masks/test_verb.py::test_a_video_and_a_folder_of_masks",
+    "masks --out --sources": "people/test_verb.py::test_a_video_and_a_folder_of_masks",
     "merge": "cli/test_shards.py::test_merge_ends_what_a_killed_last_shard_left",
     "page --images": (
         "cli/test_page.py::"

@@ -3,9 +3,13 @@
 import numpy as np
 import torch
 
-from gmrdata.people.landmark_body import landmark_offsets_m, landmarks_on, tree_joints
+from gmrdata.people.landmark_body import (
+    from_hips,
+    landmark_offsets_m,
+    landmarks_on,
+    tree_joints,
+)
 from gmrdata.people.lifter import SeenLandmarks
-from gmrdata.people.noise import from_hips
 from gmrdata.people.views import views_of
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.motion import Motion

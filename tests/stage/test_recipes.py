@@ -10,7 +10,6 @@ from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.paper.recipe import TableRecipe
 from gmrdata.people.sources import MasksRecipe
-from gmrdata.people.training import LifterRecipe
 from gmrdata.stage import recipes
 from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_kind
 from gmrdata.stage.run import DEFAULT_RUN
@@ -22,7 +21,6 @@ MODELS = {
     "demo": DemoRecipe,
     "synthetic": SyntheticRecipe,
     "gmr": GmrRecipe,
-    "lifter": LifterRecipe,
     "masks": MasksRecipe,
     "threedpw": ThreedpwRecipe,
     "threedpw_twin": TwinRecipe,
@@ -84,7 +82,7 @@ def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -
     path.write_text("recipe: masks\nsources: [{kind: silhouette}]\n")
     with pytest.raises(MissingInput, match="this recipe needs --frames"):
         run(str(path), tmp_path / "out", run=DEFAULT_RUN)
-    with pytest.raises(MissingInput, match="carries only: demo, gmr, gmr_bundled, gmr_cmu, lifter"):
+    with pytest.raises(MissingInput, match="carries only: demo, gmr, gmr_bundled, gmr_cmu, masks"):
         find_recipe("nothing")
 
 

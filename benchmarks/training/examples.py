@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from pydantic import Field
 from torch import Tensor
+from training.noise import LandmarkNoise, NoiseSampler
 
 from gmrdata.motion.resample import resample
 from gmrdata.people.landmark_body import (
@@ -23,7 +24,6 @@ from gmrdata.people.landmark_body import (
 )
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.lifter import RATE_HZ, WINDOW
-from gmrdata.people.noise import LandmarkNoise, NoiseSampler
 from gmrdata.people.views import window_features
 from gmrdata.values.body import MIRRORED, BodyModel, leg_length_m
 from gmrdata.values.motion import Motion

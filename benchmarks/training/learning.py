@@ -1,5 +1,11 @@
-"""Stage: the lifter, made of motions and of the landmark network's measured errors."""
+"""The lifter that ships, made of motions and of the landmark network's measured errors.
 
+    python -m training.learning MANIFEST OUT [--recipe FILE]
+
+MANIFEST is what `gmrdata motions` left of CMU's trials.  About ten minutes on one core.
+"""
+
+import argparse
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,22 +15,25 @@ import numpy as np
 import torch
 from pydantic import Field
 from torch import Tensor
+from training.examples import Example, ExampleSampler, SpoilConfig, bank_of
+from training.noise import NOISE_FILE, LandmarkNoise
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import ListManifest
 from gmrdata.manifest.read import load_entry, read_manifest
-from gmrdata.people.examples import Example, ExampleSampler, SpoilConfig, bank_of
 from gmrdata.people.landmark_body import tree_joints
 from gmrdata.people.lifter import Lifter, LifterConfig, save_lifter
-from gmrdata.people.noise import NOISE_FILE, LandmarkNoise
-from gmrdata.read.bodies import read_body
+from gmrdata.read.bodies import anny_file, read_body
 from gmrdata.stage.progress import progress_bar
+from gmrdata.stage.recipes import load_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadManifest, MissingInput
 from gmrdata.values.records import Config, Figure, Record
 
 LIFTER_FILE, RECORD_FILE = "lifter.safetensors", "lifter.json"
+RECIPE_FILE = Path(__file__).with_name("lifter.yaml")
+"""That of the weights that ship."""
 
 
 class TrainingConfig(Config):
@@ -82,8 +91,8 @@ def train_lifter(
 ) -> Path:
     """Stage: `lifter.safetensors` and `lifter.json`, trained on a manifest's motions.
 
-    Clips of CMU's held-out subjects and trials are known by their names (02_03).  About ten
-    minutes on one core.  MissingInput where no motion is left.
+    Clips of CMU's held-out subjects and trials are known by their names (02_03).  MissingInput
+    where no motion is left.
     """
 
     def work(partial: Path) -> None:
@@ -216,3 +225,13 @@ def _rate_of(config: TrainingConfig) -> Callable[[int], float]:
 def _average(average: Lifter, lifter: Lifter, decay: float) -> None:
     for mean, now in zip(average.parameters(), lifter.parameters(), strict=True):
         mean.lerp_(now, 1 - decay)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("manifest", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--recipe", type=Path, default=RECIPE_FILE)
+    given = parser.parse_args()
+    config = load_recipe(given.recipe, LifterRecipe).config()
+    train_lifter(given.manifest, anny_file(), given.out, config)

@@ -15,12 +15,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gmrdata.people.landmark_body import HIPS, MIRRORED_LANDMARKS
+from gmrdata.people.landmark_body import MIRRORED_LANDMARKS, from_hips
 from gmrdata.people.landmark_network import N_LANDMARKS
 from gmrdata.people.views import views_of
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import ArrayShapes, check_shapes, read_arrays
-from gmrdata.values.shapes import Float
 
 NOISE_FILE = Path(__file__).with_name("landmark_noise.npz")
 NOISE_FORMAT = "gmrdata-landmark-noise/1"
@@ -93,11 +92,6 @@ def measure_noise(seen: SeenTruth, rate_hz: float) -> LandmarkNoise:
         visibility=seen.visibility.astype(np.float32),
         world_maps=maps,
     )
-
-
-def from_hips(points_m: Float[Tensor, "*batch 33 3"]) -> Float[Tensor, "*batch 33 3"]:
-    """Landmarks from the middle of the hips, as the network has its metres."""
-    return points_m - points_m[..., HIPS, :].mean(-2, keepdim=True)
 
 
 def _level(facing: Tensor) -> Tensor:

@@ -1,6 +1,6 @@
-"""Make `landmark_body.json` and `landmark_noise.npz` of gmrdata/poses again, from rendered clips.
+"""Make `landmark_body.json` and `landmark_noise.npz` again, from rendered clips.
 
-    python benchmarks/poses/calibrate.py OUT MODELS CLIP... [--not-in-noise NAME...]
+    python -m training.calibrate OUT MODELS CLIP... [--not-in-noise NAME...]
 
 A CLIP is a folder with frames/ and clip.npz, as `render_set` and `video/clips.py` leave it, and
 clip.json where a lens bends it.  MODELS holds the two networks.  Landmarks are kept in
@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 from render.tables import show
+from training.calibration import TrueTrack, measure_errors, measure_offsets, true_track
+from training.noise import NOISE_FILE
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
-from gmrdata.people.calibration import TrueTrack, measure_errors, measure_offsets, true_track
 from gmrdata.people.landmark_body import BODY_FILE, LandmarkBodyRecord
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.landmarks import LandmarksConfig, LandmarkTrack, find_landmarks, load_tracks
 from gmrdata.people.lifter import SeenLandmarks
-from gmrdata.people.noise import NOISE_FILE
 from gmrdata.read.bodies import load_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import straightened

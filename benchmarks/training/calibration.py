@@ -9,19 +9,20 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from training.noise import LandmarkNoise, SeenTruth, measure_noise
 
 from gmrdata.people.landmark_body import (
     HANGS_ON,
     LEG_M,
+    MIRRORED_LANDMARKS,
     TURNS_WITH,
     landmarks_on,
-    mirrored_offsets_m,
 )
 from gmrdata.people.landmarks import LandmarkTrack
 from gmrdata.people.lifter import SeenLandmarks
-from gmrdata.people.noise import LandmarkNoise, SeenTruth, measure_noise
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
+from gmrdata.values.shapes import Float
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import invert
 
@@ -113,3 +114,8 @@ def seen_truth(tracks: Sequence[TrueTrack], offsets_m: np.ndarray, rate_hz: floa
         world_m=np.concatenate([one.seen.world_m for one in tracks]),
         visibility=np.concatenate([one.seen.visibility for one in tracks]),
     )
+
+
+def mirrored_offsets_m(offsets_m: Float[np.ndarray, "33 3"]) -> Float[np.ndarray, "33 3"]:
+    """The mean of both sides of the body."""
+    return (offsets_m + offsets_m[list(MIRRORED_LANDMARKS)] * [-1.0, 1.0, 1.0]) / 2
