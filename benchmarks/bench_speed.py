@@ -24,6 +24,7 @@ from render.tables import show
 
 from gmrdata.cameras import geometry
 from gmrdata.cameras import reconstruct as stage
+from gmrdata.cameras.check import agreement
 from gmrdata.cameras.map import mapping
 from gmrdata.cameras.match import keyframes, matches
 from gmrdata.cameras.recipe import SfmConfig
@@ -49,7 +50,7 @@ PARTS: dict[str, list[tuple[Any, str]]] = {
     "adjusting": [(mapping, "_finish")],
     "frames between": [(geometry, "with_frames_between"), (mapping, "place_frames")],
     "checks": [(mapping, "freed_focal"), (geometry, "weakest_step")],
-    "second solution": [(geometry, "map_again")],
+    "second solution": [(agreement, "map_again")],
     "refinement": [(geometry, "refine_mapped")],
 }
 

@@ -135,13 +135,15 @@ def motion_errors(found: np.ndarray, true: np.ndarray, step: int) -> tuple[float
 def solve_keyframes_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep the first model of the keyframes for all solutions of a test, which film the same."""
     from gmrdata.cameras import geometry
+    from gmrdata.cameras.check import agreement
 
-    names = (
-        "match_frames", "match_behind_masks", "adjust_keypoints", "map_frames", "map_again",
-        "map_otherwise", "with_frames_between",
+    of_geometry = (
+        "match_frames", "match_behind_masks", "adjust_keypoints", "map_frames",
+        "with_frames_between",
     )  # fmt: skip
-    for name in names:
-        monkeypatch.setattr(geometry, name, _once(getattr(geometry, name)))
+    for module, names in ((geometry, of_geometry), (agreement, ("map_again", "map_otherwise"))):
+        for name in names:
+            monkeypatch.setattr(module, name, _once(getattr(module, name)))
 
 
 def _once(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -13,8 +13,15 @@ ORDER = (
 """Each folder imports only folders before it, and itself."""
 
 
-def imported_folders(path: Path) -> Iterator[tuple[int, str]]:
-    """Line and folder of each import of gmrdata in a file, those inside functions too."""
+CAMERAS_ORDER = (
+    "recipe", "files", "colmap", "frames", "match", "map", "lens", "check", "geometry",
+    "reconstruct", "again",
+)  # fmt: skip
+"""The same of the files and folders of cameras/."""
+
+
+def imported_modules(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and name of each import of gmrdata in a file, those inside functions too."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -24,7 +31,13 @@ def imported_folders(path: Path) -> Iterator[tuple[int, str]]:
         for name in names:
             package, _, rest = name.partition(".")
             if package == "gmrdata" and rest:
-                yield node.lineno, rest.split(".")[0]
+                yield node.lineno, rest
+
+
+def imported_folders(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and folder of each of them."""
+    for line, name in imported_modules(path):
+        yield line, name.split(".")[0]
 
 
 def test_the_folders_are_those_of_the_order() -> None:
@@ -44,6 +57,34 @@ def test_no_import_runs_back_up() -> None:
             if folder in ORDER and ORDER.index(folder) > ORDER.index(here):
                 up.append(f"{path.relative_to(PACKAGE)}:{line} imports {folder}")
     assert not up
+
+
+def test_no_import_runs_back_up_in_cameras() -> None:
+    folder = PACKAGE / "cameras"
+    up = []
+    for path in sorted(folder.rglob("*.py")):
+        here = path.relative_to(folder).with_suffix("").parts[0]
+        for line, name in imported_modules(path):
+            of, there = (*name.split("."), "")[:2]
+            inside = of == "cameras" and {here, there} <= set(CAMERAS_ORDER)
+            if inside and CAMERAS_ORDER.index(there) > CAMERAS_ORDER.index(here):
+                up.append(f"{path.relative_to(folder)}:{line} imports {there}")
+    assert not up
+
+
+def test_no_circle_of_files_in_cameras() -> None:
+    files = {
+        ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
+        for path in PACKAGE.glob("cameras/**/*.py")
+    }
+    left = {
+        name: {there for _, there in imported_modules(path)} & files.keys() - {name}
+        for name, path in files.items()
+    }
+    # Files that import nothing that is left are in no circle.
+    while done := {name for name, imports in left.items() if not imports & left.keys()}:
+        left = {name: imports for name, imports in left.items() if name not in done}
+    assert not left
 
 
 def test_pages_are_imported_by_the_command_line_alone() -> None:

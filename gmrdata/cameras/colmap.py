@@ -9,6 +9,7 @@ import pycolmap as pycolmap
 
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
+from gmrdata.values.camera import project_cam
 
 # OpenCV first: with pycolmap loaded before it, cv2.imwrite of a PNG aborts the process, because
 # both wheels carry their own libpng (seen with pycolmap 4.2.1 and OpenCV 4.11).
@@ -21,6 +22,12 @@ def matrix_of(rigid: Any) -> np.ndarray:
     """A pycolmap.Rigid3d as a transform (4, 4)."""
     matrix = np.asarray(rigid.matrix())
     return transforms.rigid(matrix[:, :3], matrix[:, 3])
+
+
+def project_into(image: Any, points: np.ndarray) -> np.ndarray:
+    """Image points (N, 2) [px]; NaN behind the camera."""
+    points_cam = transforms.apply(matrix_of(image.cam_from_world()), points)
+    return project_cam(points_cam, np.asarray(image.camera.calibration_matrix()))
 
 
 MIN_PARALLAX_DEG = 0.1  # points with less hardly have a depth; COLMAP's 1 empties slow sequences

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from gmrdata.cameras import geometry
+from gmrdata.cameras.check import agreement
+from gmrdata.cameras.check.agreement import WELL_MATCHED, without_each
 from gmrdata.cameras.files import Agreement, Mapper
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.geometry import WELL_MATCHED, is_bent, without_each
+from gmrdata.cameras.geometry import is_bent
 from gmrdata.cameras.map import mapping
 from gmrdata.cameras.map.focal import FreedFocal
 from gmrdata.cameras.map.rotation_only import RotationOnly
@@ -105,9 +106,9 @@ def test_where_the_camera_hardly_travels_both_solutions_begin_again_until_they_a
             asked.append(args[-1].seed)
             return max(first, other, key=mapping._well_held)
 
-        monkeypatch.setattr(geometry, "map_again", again)
-        monkeypatch.setattr(geometry, "map_otherwise", otherwise)
-        found = geometry._mapped_again(start, frames, matches, tmp_path, CONFIG)
+        monkeypatch.setattr(agreement, "map_again", again)
+        monkeypatch.setattr(agreement, "map_otherwise", otherwise)
+        found = agreement.compare_again(start, frames, matches, tmp_path, CONFIG)
         assert found.agreement is not None
         return found.agreement.place_share
 
@@ -144,8 +145,8 @@ def test_two_keyframes_in_three_are_asked_where_half_of_them_do_not_confirm_the_
             found[rows] = (of_half if len(asked) == 1 else of_more)[rows]
             return found, 0.3
 
-        monkeypatch.setattr(geometry, "map_again", again)
-        return geometry._mapped_again(first, frames, matches, tmp_path, CONFIG)
+        monkeypatch.setattr(agreement, "map_again", again)
+        return agreement.compare_again(first, frames, matches, tmp_path, CONFIG)
 
     doubted = wrong if half == "another path" else few
     confirmed = answer(doubted, right)
@@ -153,10 +154,10 @@ def test_two_keyframes_in_three_are_asked_where_half_of_them_do_not_confirm_the_
     assert confirmed.agreement is not None and confirmed.agreement.place_share < 1e-9
     # Where neither gives the path it stays doubted, and so it does where two in three are too few.
     refuted = answer(doubted, wrong)
-    assert refuted.agreement is not None and refuted.agreement.place_share > geometry.SAME_SHARE
+    assert refuted.agreement is not None and refuted.agreement.place_share > agreement.SAME_SHARE
     if half == "another path":
         left = answer(wrong, few)
-        assert left.agreement is not None and left.agreement.place_share > geometry.SAME_SHARE
+        assert left.agreement is not None and left.agreement.place_share > agreement.SAME_SHARE
     assert answer(right, wrong).agreement == answer(right, right).agreement and asked == [6]
 
 

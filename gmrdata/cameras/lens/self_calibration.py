@@ -29,7 +29,6 @@ from gmrdata.cameras.colmap import (
 )
 from gmrdata.cameras.files import Lens
 from gmrdata.cameras.frames import Frames, reduced
-from gmrdata.cameras.geometry import weigh
 from gmrdata.cameras.map.focal import (
     FREED_NOT_INDEPENDENT,
     MAX_RADIAL,
@@ -41,7 +40,7 @@ from gmrdata.cameras.map.focal import (
     fit_turning,
     warp_error,
 )
-from gmrdata.cameras.map.rotation_only import solve_rotation_only
+from gmrdata.cameras.map.rotation_only import solve_rotation_only, weigh
 from gmrdata.cameras.match.keyframes import choose_keyframes
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, match_frames, matched_points
 from gmrdata.cameras.recipe import SfmConfig

@@ -10,9 +10,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from gmrdata.cameras.colmap import bundle_adjuster, camera_adjuster, matrix_of, pycolmap
+from gmrdata.cameras.colmap import (
+    bundle_adjuster,
+    camera_adjuster,
+    matrix_of,
+    project_into,
+    pycolmap,
+)
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.map.models import project_into
 from gmrdata.values import transforms
 
 JUMP = 5.0

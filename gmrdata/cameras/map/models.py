@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import matrix_of, pycolmap
+from gmrdata.cameras.colmap import matrix_of, project_into, pycolmap
 from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.map.solution import SeenPoints
 from gmrdata.cameras.match.features import pinhole_params
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.values import transforms
-from gmrdata.values.camera import project_cam
 
 MIN_PNP_INLIERS = 20  # points that a frame must agree with to be placed by them
 
@@ -159,12 +158,6 @@ def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list
         own_px = project_into(whole.image(image_id), points)
         errors.append(np.linalg.norm(project_into(model.image(image_id), moved) - own_px, axis=1))
     return float(np.median(np.concatenate(errors)))
-
-
-def project_into(image: Any, points: np.ndarray) -> np.ndarray:
-    """Image points (N, 2) [px]; NaN behind the camera."""
-    points_cam = transforms.apply(matrix_of(image.cam_from_world()), points)
-    return project_cam(points_cam, np.asarray(image.camera.calibration_matrix()))
 
 
 def _take_over(whole: Any, model: Any) -> None:

@@ -14,16 +14,22 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import LOSS_PX
-from gmrdata.cameras.files import Smoothing
+from gmrdata.cameras.files import Evidence, Smoothing
 from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.map.smoothing import noise_px, smooth_cameras
 from gmrdata.cameras.match.matches import Matches, PairMatches
+from gmrdata.cameras.match.rays import relative_rotation, unit_rays
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
+from gmrdata.values.records import figure
 
-HYPOTHESES = 200
 MATCHES_PER_PAIR = 200
 MAX_ITERATIONS = 30
+PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
+PARALLAX_GROWTH = 2.5
+"""Residuals of the worst tenth of pairs over those of the best, above which parallax may show.
+Measured: 1.2 for a still camera, 1.5-1.7 for pans, 3.4 for a hand-held one that moves by 3 cm."""
+PARALLAX_PX = 0.5  # residuals of the worst tenth of pairs below which parallax does no harm
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,38 +99,40 @@ def refine_turning(
     return replace(turning, world_from_cam_rotmats=refined[:, :3, :3]), smoothing
 
 
-def unit_rays(points_px: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
-    """Viewing directions (N, 3) of image points (N, 2) [px], camera frame, unit length."""
-    rays = np.c_[points_px, np.ones(len(points_px))] @ np.linalg.inv(intrinsics_px).T
-    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
-
-
-def relative_rotation(
-    rays_a: np.ndarray, rays_b: np.ndarray, threshold_rad: float, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation b_from_a (3, 3) that most matched unit rays (M, 3) agree with, and which do (M,)."""
-    samples = rng.integers(0, len(rays_a), size=(HYPOTHESES, 2))
-    hypotheses = _kabsch(rays_a[samples], rays_b[samples])
-    # b R a for every ray and hypothesis in one product, ten times as fast as to turn every ray.
-    # Chords stand for angles: the two differ by 1e-7 relative at these sizes.
-    products = (rays_b[:, :, None] * rays_a[:, None]).reshape(-1, 9)
-    agree = hypotheses.reshape(-1, 9) @ products.T > 1.0 - threshold_rad**2 / 2
-    most = agree.sum(axis=1).argmax()
-    rotation, best = hypotheses[most], agree[most]
-    for _ in range(3):
-        if best.sum() < 2:
-            break
-        rotation = _kabsch(rays_a[best][None], rays_b[best][None])[0]
-        best = ((rays_a @ rotation.T - rays_b) ** 2).sum(axis=1) < threshold_rad**2
-    return rotation, best
-
-
-def _kabsch(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Rotations (H, 3, 3) that best map directions a (H, N, 3) to b."""
-    u, _, vt = np.linalg.svd(np.einsum("hni,hnj->hij", b, a))
-    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    u[:, :, 2] *= sign[:, None]
-    return u @ vt
+def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidence:
+    """Judge a pure rotation by its residuals."""
+    medians_px = turning.pair_medians_px
+    median_px = figure(np.median(turning.residuals_px))
+    wide_px = figure(np.percentile(medians_px, 90))
+    near_px = figure(np.percentile(medians_px, 10))
+    share = figure(np.mean(turning.residuals_px < config.rotation_only_inlier_px))
+    fits = (
+        median_px <= config.rotation_only_median_px
+        and wide_px <= config.rotation_only_wide_median_px
+        and share >= config.rotation_only_share
+    )
+    panoramic = [pair.configuration in PANORAMIC for pair in matches.pairs]
+    parallax = wide_px > max(PARALLAX_PX, PARALLAX_GROWTH * near_px)
+    said, doubt = f"a pure rotation {'explains' if fits else 'does not explain'}", ""
+    if fits and parallax:
+        doubt = f", but residuals grow with the baseline (from {near_px} px), which may be parallax"
+    return Evidence(
+        verdict="full" if not fits else "either" if parallax else "rotation_only",
+        reason=(
+            f"{said} the matches: median residual {median_px} px "
+            f"(threshold {config.rotation_only_median_px}), in the worst tenth of the pairs "
+            f"{wide_px} px (threshold {config.rotation_only_wide_median_px}), "
+            f"{100 * share:.0f} % of the matches within {config.rotation_only_inlier_px} px "
+            f"(threshold {100 * config.rotation_only_share:.0f} %){doubt}"
+        ),
+        rotation_only_median_px=median_px,
+        rotation_only_wide_median_px=wide_px,
+        rotation_only_near_median_px=near_px,
+        rotation_only_share=share,
+        panoramic_pairs_share=float(np.mean(panoramic)),
+        pairs=len(matches.pairs),
+        features_per_frame=float(np.median(matches.n_free)),
+    )
 
 
 def _sample(pair: PairMatches, rng: np.random.Generator) -> np.ndarray:

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.colmap import project_into, pycolmap
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.map.models import project_into
 from gmrdata.cameras.match.matches import (
     DATABASE_FILE,
     Matches,

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.map.rotation_only import relative_rotation, unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
+from gmrdata.cameras.match.rays import relative_rotation, unit_rays
 from gmrdata.cameras.recipe import SfmConfig
 
 WINDOW_PX = 21
