@@ -21,7 +21,7 @@ import pytest
 from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage.progress import console
 from gmrdata.stage.store import stage_seconds
 from gmrdata.values.body import BodyModel

@@ -24,7 +24,8 @@ from render.scale import FULL, SMALL
 from render.tables import show
 from render.timing import run_python
 
-from gmrdata.read.bodies import keep_body, read_body
+from gmrdata.read.bodies import keep_body
+from gmrdata.read.body_file import read_body
 from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench

@@ -23,7 +23,7 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.people.landmark_body import MIRRORED_LANDMARKS, from_hips, tree_joints
 from gmrdata.people.lifter import WINDOW, LifterConfig, load_lifter
 from gmrdata.people.views import N_FEATURES, SEEN, views_of
-from gmrdata.read.bodies import anny_file
+from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import Clip
@@ -90,13 +90,13 @@ def test_held_out_subjects_and_trials_are_left_out(anny: BodyModel, tmp_path: Pa
     ]
     manifest = write_clips(tmp_path, anny, clips, dataset="CMU")
     config = TINY.model_copy(update={"held_out_trials": ("05_12",)})
-    made = train_lifter(manifest, anny_file(), tmp_path / "lifter", config)
+    made = train_lifter(manifest, ANNY_FILE, tmp_path / "lifter", config)
     record = LifterRecord.read(made.with_name("lifter.json"))
     assert record.motions == 1 and record.held_out == ("02_01", "05_12")
     assert load_lifter(made)(torch.zeros(1, WINDOW, N_FEATURES))[1].shape == (1,)
     nobody = config.model_copy(update={"held_out_subjects": (2, 3, 5)})
     with pytest.raises(MissingInput, match="no motion is left to train on"):
-        train_lifter(manifest, anny_file(), tmp_path / "other", nobody)
+        train_lifter(manifest, ANNY_FILE, tmp_path / "other", nobody)
 
 
 def people(n: int, seed: int) -> np.ndarray:

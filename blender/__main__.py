@@ -16,7 +16,7 @@ from typing import NoReturn, TypeVar
 from pydantic import ValidationError
 
 from gmrdata.film.render import RenderJob
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip

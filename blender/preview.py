@@ -8,7 +8,7 @@ from typing import Any
 
 from blender.__main__ import camera_of, import_bpy, parse, read_job, run
 from gmrdata.film.render import FRAME_LINE, PreviewJob
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.values.clip import load_clip
 
 SKY = (0.55, 0.68, 0.80)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gmrdata.motion.gait import make_gait as make_gait
     from gmrdata.motion.library import make_library as make_library
     from gmrdata.read.bodies import load_body as load_body
-    from gmrdata.read.bodies import save_body as save_body
+    from gmrdata.read.body_file import save_body as save_body
     from gmrdata.score.records import Scores as Scores
     from gmrdata.score.result_scores import ResultsConfig as ResultsConfig
     from gmrdata.score.result_scores import score_results as score_results
@@ -57,7 +57,8 @@ _NAMES = {
     "motion.files": ("read_motion",),
     "motion.gait": ("make_gait",),
     "motion.library": ("make_library",),
-    "read.bodies": ("load_body", "save_body"),
+    "read.bodies": ("load_body",),
+    "read.body_file": ("save_body",),
     "score.records": ("Scores",),
     "score.result_scores": ("ResultsConfig", "score_results"),
     "score.score": ("ScoreConfig", "score_manifest", "score_predictions"),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import PARENTS, BodyModel
 
 SIZES = {"female": 0.94, "male": 1.06, "neutral": 1.0}

@@ -31,7 +31,7 @@ from gmrdata.people import onnx
 from gmrdata.people.sources import MasksRecipe
 from gmrdata.read import emdb, human36m, openpose
 from gmrdata.read.amc import read_amc
-from gmrdata.read.bodies import read_body, save_body
+from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.frames import check_images, list_images, read_color, read_gray
 from gmrdata.read.smpl import read_smpl
 from gmrdata.read.threedpw_arrays import SequenceArrays, read_sequence_file

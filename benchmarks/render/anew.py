@@ -12,7 +12,7 @@ from pathlib import Path
 from blender.__main__ import import_bpy, read_job
 from gmrdata.film.render import RenderJob
 from gmrdata.motion.resample import slice_motion
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.values.clip import camera_of, load_clip
 
 job = read_job(Path(sys.argv[1]), RenderJob)

@@ -17,7 +17,7 @@ from gmrdata.film.programmes import (
 )
 from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.values.clip import Clip, camera_of, save_clip
 
 FPS_HZ = 10.0

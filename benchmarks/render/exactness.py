@@ -12,7 +12,7 @@ from render.timing import run_python
 from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.render_set import render_clips
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.stage.jobs import worker_pool
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel

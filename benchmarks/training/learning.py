@@ -23,7 +23,8 @@ from gmrdata.manifest.current import ListManifest
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.people.landmark_body import tree_joints
 from gmrdata.people.lifter import Lifter, LifterConfig, save_lifter
-from gmrdata.read.bodies import anny_file, read_body
+from gmrdata.read.bodies import ANNY_FILE
+from gmrdata.read.body_file import read_body
 from gmrdata.stage.progress import progress_bar
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -234,4 +235,4 @@ if __name__ == "__main__":
     parser.add_argument("--recipe", type=Path, default=RECIPE_FILE)
     given = parser.parse_args()
     config = load_recipe(given.recipe, LifterRecipe).config()
-    train_lifter(given.manifest, anny_file(), given.out, config)
+    train_lifter(given.manifest, ANNY_FILE, given.out, config)

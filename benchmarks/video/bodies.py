@@ -15,7 +15,8 @@ from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, MASKS_FOLDER, Vide
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, IntrinsicsConfig
 from gmrdata.people.sources import FolderSource, MasksConfig
-from gmrdata.read.bodies import load_body, save_body
+from gmrdata.read.bodies import load_body
+from gmrdata.read.body_file import save_body
 from gmrdata.read.camera_bodies import SeenPerson, read_camera_bodies
 from gmrdata.solve.video import GivenBodies, VideoSolveConfig, solve_video
 from gmrdata.solve.video_verdict import VideoVerdict

@@ -16,7 +16,8 @@ from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.library import file_source, gait_source, licence_of
-from gmrdata.read.bodies import keep_body, load_body, read_body
+from gmrdata.read.bodies import keep_body, load_body
+from gmrdata.read.body_file import read_body
 from gmrdata.solve.sequence import SequenceConfig, regenerate_sequence
 from gmrdata.stage.jobs import Job, Pool, run_jobs, worker_pool
 from gmrdata.stage.progress import console

@@ -13,7 +13,7 @@ from gmrdata.pages.overview import summary_table, write_overview
 from gmrdata.pages.report import write_report
 from gmrdata.pages.report_data import ClipReport
 from gmrdata.people.sources import masks_seconds
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.score.records import Scores
 from gmrdata.stage.progress import answers
 from gmrdata.stage.store import StageRecord, stage_seconds

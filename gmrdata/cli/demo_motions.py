@@ -10,7 +10,7 @@ from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.files import find_motions, input_files, read_motion
 from gmrdata.motion.gait import embedded_motions, make_gait
 from gmrdata.motion.resample import resample
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage

@@ -16,7 +16,6 @@ from tyro.conf import arg
 
 from gmrdata import __version__
 from gmrdata.cli.answers import answer, fail, print_table
-from gmrdata.values.errors import BadBodyFile
 
 State = Literal["there", "missing", "broken"]
 
@@ -216,24 +215,8 @@ def _models() -> Iterator[Part]:
 
 
 def _bodies() -> Iterator[Part]:
-    from gmrdata.read.bodies import cache_dir, read_body
-
     why = "3DPW, AMASS and EMDB on their own people: --body FILE, from https://smpl.is.tue.mpg.de"
-    smpl = Part("bodies", "SMPL", "missing", "", f"never part of gmrdata. {why}")
-    if _version("anny") is None:
-        return iter([smpl])
-    from gmrdata.read.anny import file_name
-
-    path = cache_dir() / file_name()
-    if not path.is_file():
-        note = "made once, in half a minute, by the first command that needs a body"
-        return iter([Part("bodies", "anny", "missing", str(path), note), smpl])
-    try:
-        read_body(path)
-    except BadBodyFile as error:
-        note = f"{error}. Delete it, and it is made again"
-        return iter([Part("bodies", "anny", "broken", str(path), note, required=True), smpl])
-    return iter([Part("bodies", "anny", "there", str(path)), smpl])
+    yield Part("bodies", "SMPL", "missing", "", f"never part of gmrdata. {why}")
 
 
 def _gpu(loaded: Loaded) -> Part:
@@ -244,7 +227,7 @@ def _gpu(loaded: Loaded) -> Part:
 
 
 def _machine() -> Iterator[Part]:
-    from gmrdata.read.bodies import cache_dir
+    from gmrdata.read.models import cache_dir
 
     yield Part("machine", "cores", "there", str(len(os.sched_getaffinity(0))))
     memory_bytes = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

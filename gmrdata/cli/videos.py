@@ -72,7 +72,7 @@ def solve_listed(video: "NamedVideo", out_dir: Path, each: "EachVideo", run: Run
 def _with_files(found: "FoundVideos", each: "EachVideo") -> "EachVideo":
     """With all files that the videos have in common, found once."""
     from gmrdata.people.sources import network_files
-    from gmrdata.read.bodies import anny_file
+    from gmrdata.read.bodies import ANNY_FILE
     from gmrdata.solve.video import own_networks
 
     files = {} if each.config.masks is None else network_files(each.config.masks)
@@ -86,7 +86,7 @@ def _with_files(found: "FoundVideos", each: "EachVideo") -> "EachVideo":
     if each.own_poses != "no":
         each = replace(each, own_files=own_networks(each.config))
     if (body := chosen_body(each.body)) == "anny":
-        return replace(each, body_files={"body": anny_file()})
+        return replace(each, body_files={"body": ANNY_FILE})
     path = Path(body).expanduser().absolute()
     return replace(each, body=str(path), body_files={"body": path})
 

@@ -13,7 +13,8 @@ from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.cmu import fetch_command
 from gmrdata.motion.library import file_source, gait_source, licence_of
-from gmrdata.read.bodies import keep_body, read_body
+from gmrdata.read.bodies import keep_body
+from gmrdata.read.body_file import read_body
 from gmrdata.stage import jobs as stage_jobs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run

@@ -12,7 +12,8 @@ import numpy as np
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.render_set import render_dir
 from gmrdata.film.set_plan import SyntheticRecipe, plan_takes, select
-from gmrdata.read.bodies import keep_body, read_body
+from gmrdata.read.bodies import keep_body
+from gmrdata.read.body_file import read_body
 from gmrdata.stage.jobs import count_files
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 

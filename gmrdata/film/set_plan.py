@@ -24,7 +24,7 @@ from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import find_motions, input_files, read_file
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.resample import hold_pose
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.source_motion import ReadConfig
 from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run

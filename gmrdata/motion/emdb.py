@@ -12,7 +12,8 @@ from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
-from gmrdata.read.bodies import keep_bodies, read_body
+from gmrdata.read.bodies import keep_bodies
+from gmrdata.read.body_file import read_body
 from gmrdata.read.emdb import FPS_HZ, EmdbSequence, find_sequences, read_emdb
 from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track

@@ -11,7 +11,8 @@ from gmrdata.manifest.entry import clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
 from gmrdata.read import human36m as files
-from gmrdata.read.bodies import keep_body, read_body
+from gmrdata.read.bodies import keep_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.numbers import smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run

@@ -34,7 +34,8 @@ from gmrdata.people.local_poses import (
     LocalPosesConfig,
     local_poses,
 )
-from gmrdata.read.bodies import anny_file, read_body
+from gmrdata.read.bodies import ANNY_FILE
+from gmrdata.read.body_file import read_body
 from gmrdata.read.frames import image_number, list_images, read_color
 from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.score.camera_as_world import seen_motion
@@ -133,7 +134,7 @@ def own_poses(
     sources = _Sources(
         find_model(YOLOX_NANO, detector_path),
         find_model(POSE_LANDMARKS, landmarks_path),
-        anny_file() if body_path is None else body_path,
+        ANNY_FILE if body_path is None else body_path,
     )
     filmed = [file for file in files if file.entry.images is not None]
     for file in files:

@@ -17,7 +17,7 @@ from gmrdata.people.fit import FitConfig, fit
 from gmrdata.people.landmarks import LandmarksConfig, LandmarkTrack, find_landmarks, load_tracks
 from gmrdata.people.lifter import WEIGHTS_FILE, LiftedPose, SeenLandmarks, lift
 from gmrdata.people.placement import place
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.frames import check_images, image_number, list_images
 from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.stage.progress import track as with_bar

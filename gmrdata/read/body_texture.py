@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.bodies import read_plain_npz
+from gmrdata.read.body_file import read_plain_npz
 from gmrdata.read.frames import decoded
 from gmrdata.values.errors import BadBodyFile, BadFrames, MissingInput
 

@@ -1,5 +1,6 @@
 """The small free networks that make masks: where they come from, and where they are kept."""
 
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.bodies import cache_dir
 from gmrdata.read.download import FetchConfig, download, drop_part, part_of, web_folder
 from gmrdata.stage.claims import claimed
 from gmrdata.stage.progress import track as with_bar
@@ -41,6 +41,12 @@ POSE_LANDMARKS = Model(
 )
 """BlazePose GHUM lite, a person's landmarks and outline (Apache-2.0)."""
 MODELS = (YOLOX_NANO, POSE_LANDMARKS)
+
+
+def cache_dir() -> Path:
+    """Where files that can be fetched again are: $XDG_CACHE_HOME/gmrdata, or ~/.cache/gmrdata."""
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "gmrdata"
 
 
 def models_dir() -> Path:

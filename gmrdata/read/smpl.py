@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.bodies import check_body, read_plain_npz
+from gmrdata.read.body_file import check_body, read_plain_npz
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.values.body import HANDS, N_JOINTS, PARENTS, BodyModel
 from gmrdata.values.errors import BadBodyFile, BrokenPickle

@@ -29,7 +29,7 @@ from gmrdata.values.records import Config, Record
 
 RECORDED_PACKAGES = (
     "numpy", "scipy", "torch", "torchvision", "roma", "safetensors", "pycolmap",
-    "opencv-python-headless", "bpy", "anny", "av",
+    "opencv-python-headless", "bpy", "av",
 )  # fmt: skip
 FRESH_NS = 2_000_000_000
 """A file that was written so short a time before it was hashed is hashed again [ns]."""

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import NonNegativeInt
 
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
 from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.stage.run import DEFAULT_RUN, Run

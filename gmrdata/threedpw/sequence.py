@@ -10,7 +10,7 @@ from gmrdata.cameras.files import QUALITY_FILE
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
 from gmrdata.solve.sequence import regenerate_sequence
 from gmrdata.stage.run import Run

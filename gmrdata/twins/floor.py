@@ -8,7 +8,8 @@ from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.entry import without_machine_paths
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.people.sources import masks_seconds
-from gmrdata.read.bodies import BODY_FILE, read_body
+from gmrdata.read.bodies import BODY_FILE
+from gmrdata.read.body_file import read_body
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import stage_seconds

@@ -13,7 +13,7 @@ from gmrdata.film.render import EXTRAS_FOLDER
 from gmrdata.film.render_set import render_dir, render_set
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, render_config, select
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.frames import list_images
 from gmrdata.read.threedpw_arrays import FPS_HZ
 from gmrdata.read.threedpw_layout import IMAGES_DIR, SEQUENCES_DIR, SPLITS, require_name

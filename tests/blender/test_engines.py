@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from gmrdata.film.camera_moves import look_at
 from gmrdata.film.render import RenderConfig, find_renderer, render_clip
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project

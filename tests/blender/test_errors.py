@@ -13,7 +13,7 @@ import pytest
 from blender.__main__ import main, run
 from gmrdata.film.camera_moves import look_at
 from gmrdata.film.render import RenderConfig, render_clip
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, save_clip

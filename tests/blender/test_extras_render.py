@@ -18,7 +18,7 @@ from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip

@@ -11,7 +11,7 @@ from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.film.render import RenderConfig, frame_files, render_clip
 from gmrdata.film.render_outputs import load_joints, read_depth, read_flow, read_normals
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import project, project_cam
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip

@@ -15,7 +15,7 @@ import pytest
 from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, load_clip, save_clip

@@ -32,7 +32,7 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.pages.sets import write_set_pages
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip

@@ -10,7 +10,7 @@ from gmrdata.film.camera_moves import look_at
 from gmrdata.film.people import PersonConfig, TextureConfig
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip

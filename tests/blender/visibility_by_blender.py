@@ -17,7 +17,7 @@ from blender.objects import add_object
 from blender.people.actors import add_actor
 from blender.people.person import joint_of_face, person_mesh
 from blender.visibility import visible_joints
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 
 arrays = np.load(sys.argv[1])
 body = read_body(Path(sys.argv[2]))

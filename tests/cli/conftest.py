@@ -11,7 +11,7 @@ import yaml
 
 from gmrdata.cli import main
 from gmrdata.cli.demo_recipe import DemoPaths
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from tests.cli.small_demos import RECIPE, demo_arguments, finish, start_gmrdata
 from tests.filming import CAMERAS_ALONE, Filmed

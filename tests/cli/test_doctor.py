@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from gmrdata.read.bodies import save_body
 from gmrdata.read.models import MODELS, models_dir
 from gmrdata.values.body import BodyModel
 
@@ -36,7 +35,7 @@ def test_it_finds_what_the_tests_run_with(
     blender, *_ = parts["Blender"]["found"].split()  # "5.2.3 LTS"
     assert parts["bpy"]["found"].startswith(blender)
     assert [parts[name]["state"] for name in ("export", "view", "tensorboard")] == ["there"] * 3
-    assert parts["anny"]["state"] == parts["SMPL"]["state"] == "missing"
+    assert parts["SMPL"]["state"] == "missing"
     assert f"free in {empty_cache}" in parts["cache"]["found"]
     # The same as a table, with its remedies.
     monkeypatch.setattr(doctor, "find_parts", lambda: [doctor.Part(**p) for p in parts.values()])
@@ -79,16 +78,9 @@ def test_a_library_that_does_not_load_is_said() -> None:
 
 
 def test_models_and_bodies_are_looked_into(empty_cache: Path, small_body: BodyModel) -> None:
-    from gmrdata.read.anny import file_name
-
     assert {part.state for part in doctor._models()} == {"missing"}
     models_dir().mkdir(parents=True)
     (models_dir() / MODELS[0].name).write_bytes(b"not a network")
     first = next(doctor._models())
     assert first.state == "broken" and "--redo" in first.note
-    body = empty_cache / file_name()
-    body.write_bytes(b"not a body")
-    assert next(doctor._bodies()).state == "broken"
-    save_body(body, small_body)
-    assert next(doctor._bodies()).state == "there"
     assert not any(part.required and part.state == "missing" for part in doctor._bodies())

@@ -11,7 +11,7 @@ import pycolmap
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.solve.video_verdict import VideoVerdict
 from gmrdata.solve.videos import Videos
 from gmrdata.twins.pseudo_gt_error import compare_clips

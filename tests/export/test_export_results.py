@@ -14,7 +14,7 @@ import torch
 from gmrdata.cli import main
 from gmrdata.gmr.predict import load_gmr, predict_deltas
 from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.read.emdb import read_emdb
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip

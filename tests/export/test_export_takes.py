@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from pxr import Usd, UsdGeom
 
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from gmrdata.export.sources import ExportedClip, list_clips, load_exported
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput

@@ -5,10 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from gmrdata.film.people import phenotypes_of, sample_person
-from gmrdata.motion.files import read_motion
-from gmrdata.motion.gait import make_gait
 from gmrdata.read.anny import (
     BMI_KG_PER_M2,
     STATURES_M,
@@ -17,7 +13,11 @@ from gmrdata.read.anny import (
     principal_directions,
     within_bounds,
 )
-from gmrdata.read.bodies import read_body, save_body
+
+from gmrdata.film.people import phenotypes_of, sample_person
+from gmrdata.motion.files import read_motion
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.body_file import read_body, save_body
 from gmrdata.values.body import JOINT, PHENOTYPES, BodyModel
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.skinning import motion_vertices_m
@@ -142,9 +142,9 @@ def test_who_is_too_tall_too_small_too_heavy_or_too_light_is_left_out(anny: Body
 def test_the_linear_people_are_annys_to_half_a_millimetre(anny: BodyModel, tmp_path: Path) -> None:
     """Against Anny's own mesh, for people that the body was not made from."""
     import torch
+    from gmrdata.read.anny import merged_weights, symmetric, t_posed
 
     from gmrdata.read import anny as anny_body
-    from gmrdata.read.anny import merged_weights, symmetric, t_posed
 
     with anny_body._anny_cache_in(tmp_path / "cache"):
         source = anny_body._read_anny()

@@ -13,7 +13,7 @@ from gmrdata.film.set_plan import (
     render_config,
     select,
 )
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip

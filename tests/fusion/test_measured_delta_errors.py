@@ -14,7 +14,7 @@ from gmrdata.fusion.measured_delta_errors import MeasureConfig, beside_truth, he
 from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.predict import TrainedGmr
 from gmrdata.gmr.train import train
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest

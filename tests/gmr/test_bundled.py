@@ -15,7 +15,7 @@ from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr, MeanGmr
 from gmrdata.gmr.predict import load_gmr, predict_deltas
 from gmrdata.gmr.train import GmrRecipe
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadCheckpoint

@@ -20,7 +20,7 @@ from gmrdata.gmr.infer import InferConfig
 from gmrdata.gmr.predict import load_gmr, predict_world_motion
 from gmrdata.motion import local_poses as reader
 from gmrdata.pages.inference import draw_motion
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, load_clip, save_clip

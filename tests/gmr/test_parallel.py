@@ -15,7 +15,7 @@ from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
 from gmrdata.gmr.parallel import Processes, own_part
 from gmrdata.gmr.train import train
 from gmrdata.gmr.windows import make_batch, make_training_set
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.files import read_json

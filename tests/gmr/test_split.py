@@ -16,7 +16,7 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import write_manifest
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage import recipes
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip

@@ -18,7 +18,7 @@ from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip

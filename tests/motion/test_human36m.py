@@ -15,7 +15,7 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.human36m import make_human36m
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.human36m import find_subjects, read_cameras, read_takes
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project

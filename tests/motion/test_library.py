@@ -15,7 +15,7 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.library import FEW_FILES, clip_id, library_files, make_library, motion_table
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput

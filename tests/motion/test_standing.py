@@ -15,7 +15,7 @@ from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library, motion_table
 from gmrdata.motion.retarget import retarget
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import ReadConfig, SourceMotion
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel

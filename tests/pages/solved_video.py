@@ -11,7 +11,7 @@ from gmrdata.cameras.files import POINTS_FILE, load_cameras, save_points
 from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.film.programmes import Circular, Panning
 from gmrdata.fusion.fused_motion import fuse_people
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, save_clip

@@ -12,7 +12,7 @@ from gmrdata.film.render import find_renderer
 from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.pages import sets
 from gmrdata.pages.sets import preview_set
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.stage import jobs
 from gmrdata.stage.jobs import Job, Outcome
 from gmrdata.values.body import BodyModel

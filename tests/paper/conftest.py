@@ -9,7 +9,7 @@ import pytest
 from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from tests.clip_manifests import write_clips

@@ -25,7 +25,7 @@ from gmrdata.paper.comparison import (
 from gmrdata.paper.make import clip_figure, held_out_set, make_table
 from gmrdata.paper.plan import Given, folder_name, plan_table
 from gmrdata.paper.recipe import joint_config, load_table, train_config
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes
 from gmrdata.stage.run import Run

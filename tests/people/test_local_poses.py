@@ -9,7 +9,7 @@ import pytest
 
 from gmrdata.people.landmarks import LandmarksConfig
 from gmrdata.people.local_poses import ImageTimes, Lens, LocalPosesConfig, local_poses
-from gmrdata.read.bodies import anny_file
+from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.camera_bodies import read_camera_bodies
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile
@@ -38,7 +38,7 @@ def poses_dir(
         folder / "frames",
         TIMES,
         LENS,
-        anny_file(),
+        ANNY_FILE,
         folder / "out",
         CONFIG,
         detector_path=yolox_nano,
@@ -88,7 +88,7 @@ def test_a_video_without_people_has_no_bodies(
         tmp_path / "frames",
         ImageTimes(np.array([0, 1]), 15.0),
         LENS,
-        anny_file(),
+        ANNY_FILE,
         tmp_path / "out",
         CONFIG,
         detector_path=yolox_nano,

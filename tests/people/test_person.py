@@ -16,7 +16,7 @@ from gmrdata.people.boxes import fill_boxes
 from gmrdata.people.onnx import OnnxConfig, open_detector
 from gmrdata.people.person import PersonMaskConfig, person_masks
 from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
-from gmrdata.read.bodies import anny_file
+from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import read_color, read_gray
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import save_clip
@@ -35,7 +35,7 @@ def rendered(anny: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
     clip = plan_clip("walk", motion, Small(), film, rng)
     save_clip(folder / "clip.npz", clip, anny.rest_pelvis_m(motion.shape))
     room = RenderConfig(samples=1, scene=SceneConfig(kind="room", seed=3), image_format="png")
-    files = folder / "clip.npz", anny_file(), folder / "render"
+    files = folder / "clip.npz", ANNY_FILE, folder / "render"
     return render_clip(*files, room, on_frame=lambda frame: None)
 
 

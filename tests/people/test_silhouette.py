@@ -17,7 +17,7 @@ from gmrdata.people.silhouette import (
     silhouette,
     silhouette_masks,
 )
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.read.frames import read_gray
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project_cam

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.read.bodies import FORMAT, check_body, read_body, save_body
+from gmrdata.read.body_file import FORMAT, check_body, read_body, save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, MissingInput
 

@@ -11,7 +11,8 @@ import torch
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.bodies import load_body, read_body, save_body
+from gmrdata.read.bodies import load_body
+from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.smpl import read_smpl
 from gmrdata.values.body import PARENTS, BodyModel
 from gmrdata.values.errors import BadBodyFile, UnsafePickle

@@ -8,7 +8,7 @@ import pytest
 
 from gmrdata.gmr.runs import UsableClip
 from gmrdata.motion.emdb import make_emdb
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.predictions import PredictedClip, file_clip
 from gmrdata.score.protocol_values import WorldBody, WorldPair

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.read.safe_pickle import load_object_npy
 from gmrdata.read.world_results import read_world_result
 from gmrdata.score.compare import Comparison

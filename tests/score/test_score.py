@@ -19,7 +19,7 @@ from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.runs import UsableClip, runs_at, usable_clips
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.score import METHODS, METRICS, Metric
 from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.predictions import network_clip

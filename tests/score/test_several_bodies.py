@@ -12,7 +12,8 @@ from gmrdata.gmr.train import train
 from gmrdata.manifest.read import load_clips
 from gmrdata.motion.emdb import make_emdb
 from gmrdata.motion.library import make_library
-from gmrdata.read.bodies import load_bodies, save_body
+from gmrdata.read.bodies import load_bodies
+from gmrdata.read.body_file import save_body
 from gmrdata.score.records import Scores
 from gmrdata.score.score import ScoreConfig, score_manifest, score_predictions
 from gmrdata.stage.run import Run

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
 from gmrdata.manifest.read import load_clips
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence, unusable_reasons
 from gmrdata.read.threedpw_arrays import SequenceArrays
 from gmrdata.threedpw.camera_frame import world_clip

@@ -14,7 +14,7 @@ from gmrdata.cli import main
 from gmrdata.film.programmes import camera_programme
 from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.read import load_clips
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.stage.progress import console
 from gmrdata.twins.floor import floor_of_twins, measure
 from gmrdata.twins.floor_record import Floor

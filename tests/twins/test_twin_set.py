@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
 from gmrdata.film.set_plan import SyntheticClip
-from gmrdata.read.bodies import read_body
+from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import Run

@@ -8,7 +8,7 @@ import pytest
 
 from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile

@@ -17,7 +17,7 @@ from gmrdata.cameras.files import (
 )
 from gmrdata.film.programmes import Circular, Panning, camera_path
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel

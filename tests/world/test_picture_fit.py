@@ -17,7 +17,7 @@ from gmrdata.people.sources import (
     PersonSource,
     SilhouetteSource,
 )
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.read.frames import write_gray
 from gmrdata.solve.sequence import people_masks
 from gmrdata.values.body import BodyModel

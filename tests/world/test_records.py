@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import QUALITY_FILE
-from gmrdata.read.bodies import save_body
+from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadRecord

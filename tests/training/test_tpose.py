@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.anny import FRONT, LEFT, UP, symmetric, t_pose_rotmats, t_posed
+from benchmarks.training.default_body import FRONT, LEFT, UP, symmetric, t_pose_rotmats, t_posed
 from gmrdata.values.body import JOINT, MIRRORED, PARENTS, BodyModel
 
 SIDES = (("left", LEFT), ("right", -LEFT))
