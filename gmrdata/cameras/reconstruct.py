@@ -14,8 +14,9 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.read.frames import check_images, list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
-from gmrdata.values.camera import CameraPath, bent
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecipe, NoReconstruction
+from gmrdata.values.lens import bent
 from gmrdata.values.records import Config
 
 

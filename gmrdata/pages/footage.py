@@ -16,8 +16,9 @@ from gmrdata.pages.frames import draw_mask_outline
 from gmrdata.read.frames import read_color, read_gray
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
-from gmrdata.values.camera import CameraPath, bent, project_cam
+from gmrdata.values.camera import CameraPath, project_cam
 from gmrdata.values.errors import BadFrames
+from gmrdata.values.lens import bent
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.overlay import OVERLAY_BGR, draw_body, draw_floor_path
 from gmrdata.write.take import Performer

@@ -24,7 +24,7 @@ from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import straightened
+from gmrdata.values.lens import straightened
 from gmrdata.values.local_poses import POSES_FILE, LocalPoses, LocalPosesRecord
 from gmrdata.values.people import person_file
 from gmrdata.values.records import Config

@@ -8,10 +8,10 @@ says of its lens.
 import struct
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from gmrdata.read.frames import read_exif
 from gmrdata.values import plain_yaml
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 from gmrdata.values.files import parse_json
+from gmrdata.values.lens import Lens, Origin
 
 MOST_BYTES = 1 << 20  # a calibration is a few lines
 FILM_DIAGONAL_MM = 43.267  # of 24 x 36 mm
@@ -27,28 +28,15 @@ MOST_SHIFT_PX = 1.0  # at the corner, by what one radial term can't say
 SHAPE_TOLERANCE = 0.01  # of the sides' ratio, between a calibration's picture and the frames
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """A lens as one file has it, in the pixels of the frames."""
+GIVEN_SIGMA, EXIF_SIGMA, VIDEO_SIGMA = 0.01, 0.05, 0.12
+"""Standard errors, as shares: of a calibration, of whole millimetres of 35 mm film, and of those
+for a video, which a phone crops to steady it."""
 
-    focal_px: tuple[float, float]
-    """Along x and y."""
-    centre_px: tuple[float, float]
-    """Principal point; (0, 0) is the outer corner of the first pixel."""
-    radial_k1: float
-    """A point at r, in units of the focal length, is seen at r + k1 r^3; 0 for a pinhole."""
+InFile = tuple[Lens, tuple[float, ...]]
+"""What a file says: a pinhole in its own pixels, and k1, k2, p1, p2, k3 as OpenCV has them."""
 
 
-class _Found(NamedTuple):
-    """What a file says, in its own pixels."""
-
-    focal_px: tuple[float, float]
-    centre_px: tuple[float, float]
-    terms: tuple[float, ...] = ()  # k1, k2, p1, p2, k3 as OpenCV has them
-    size_px: tuple[float, float] | None = None  # of its picture, None where it does not say
-
-
-def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Calibration:
+def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Lens:
     """A camera's calibration, for frames of this size (width, height).
 
     Raises:
@@ -64,71 +52,64 @@ def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Calibration:
     if path.stat().st_size > MOST_BYTES:
         raise BadIntrinsics(f"{path}: larger than a calibration can be; give another file")
     try:
-        found = _parse(path)
+        pinhole, terms = _parse(path, size_px)
     except (ValueError, KeyError, TypeError, IndexError, struct.error, OverflowError) as error:
         formats = "COLMAP's cameras.txt or .bin, OpenCV's YAML, 3x3 numbers, record3d's metadata"
         what = f"can't be read as intrinsics ({error})"
         raise BadIntrinsics(f"{path}: {what}; give {formats}") from None
-    return _for_frames(path, found, size_px)
+    _require_of_frames(path, pinhole, terms, size_px)
+    _require_one_term(path, pinhole, terms)
+    lens = replace(pinhole.at_size(size_px), radial=(terms[0] if terms else 0.0, 0.0))
+    return replace(lens, focal_from=Origin("given", GIVEN_SIGMA))
 
 
-def _for_frames(path: Path, found: _Found, size_px: tuple[int, int]) -> Calibration:
-    """What a file says in the frames' pixels; refused where it can't be of them."""
-    numbers = np.array([*found.focal_px, *found.centre_px, *found.terms])
-    if not np.isfinite(numbers).all() or min(found.focal_px) <= 0:
-        raise BadIntrinsics(f"{path}: a focal length of {found.focal_px} px; calibrate again")
-    own = found.size_px or (float(size_px[0]), float(size_px[1]))
-    if min(own) <= 0 or not np.isfinite(own).all():
-        raise BadIntrinsics(f"{path}: a picture of {own} px; calibrate again")
-    scale = np.divide(size_px, own)
+def _require_of_frames(
+    path: Path, pinhole: Lens, terms: tuple[float, ...], size_px: tuple[int, int]
+) -> None:
+    """Refuse what can't be the lens of frames of this size."""
+    focal_px, (width, height) = pinhole.focal_px, pinhole.size_px
+    if not np.isfinite([*focal_px, *pinhole.centre_px, *terms]).all() or min(focal_px) <= 0:
+        raise BadIntrinsics(f"{path}: a focal length of {focal_px} px; calibrate again")
+    if min(width, height) <= 0:
+        raise BadIntrinsics(f"{path}: a picture of {pinhole.size_px} px; calibrate again")
+    scale = np.divide(size_px, pinhole.size_px)
     if abs(np.log(scale[0] / scale[1])) > SHAPE_TOLERANCE:
-        what = f"for a picture of {own[0]:g}x{own[1]:g} px, the frames have {size_px[0]}x"
+        what = f"for a picture of {width}x{height} px, the frames have {size_px[0]}x"
         raise BadIntrinsics(f"{path}: {what}{size_px[1]} px; give the intrinsics of these frames")
-    if not (0 < found.centre_px[0] < own[0] and 0 < found.centre_px[1] < own[1]):
-        what = f"principal point {found.centre_px} px is outside of the picture"
+    if not (0 < pinhole.centre_px[0] < width and 0 < pinhole.centre_px[1] < height):
+        what = f"principal point {pinhole.centre_px} px is outside of the picture"
         raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")
-    _require_one_term(path, found, own)
-    fx, fy, cx, cy = (numbers[:4] * np.tile(scale, 2)).tolist()
-    return Calibration((fx, fy), (cx, cy), found.terms[0] if found.terms else 0.0)
 
 
-def _require_one_term(path: Path, found: _Found, size_px: tuple[float, float]) -> None:
+def _require_one_term(path: Path, pinhole: Lens, terms: tuple[float, ...]) -> None:
     """Refuse a lens whose further terms move the corner."""
-    _, k2, p1, p2, k3 = (*found.terms, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
-    corner = np.divide(np.maximum(found.centre_px, np.subtract(size_px, found.centre_px)),
-                       found.focal_px)  # fmt: skip
-    r2 = float(corner @ corner)
+    _, k2, p1, p2, k3 = (*terms, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
+    r2 = pinhole.corner_radius**2
     radial = abs(k2 * r2**2 + k3 * r2**3) * np.sqrt(r2)
-    shift_px = (radial + 3 * (abs(p1) + abs(p2)) * r2) * max(found.focal_px)
+    shift_px = (radial + 3 * (abs(p1) + abs(p2)) * r2) * max(pinhole.focal_px)
     if shift_px > MOST_SHIFT_PX:
         what = f"terms of distortion beyond k1 move the corner by {shift_px:.1f} px"
         remedy = "calibrate with one radial term (COLMAP: SIMPLE_RADIAL), or undistort the frames"
         raise BadIntrinsics(f"{path}: {what}; {remedy}")
 
 
-def _parse(path: Path) -> _Found:
+def _parse(path: Path, frames_px: tuple[int, int]) -> InFile:
+    """What a file says; of a picture as large as the frames where it says no size."""
     content = path.read_bytes()
     if path.suffix == ".bin":
         return _colmap_binary(content)
     text = content.decode("utf-8")
     if text.startswith("%YAML") or "opencv-matrix" in text:
-        return _opencv(text)
+        return _opencv(text, frames_px)
     if text.lstrip().startswith("{"):
         return _json(parse_json(text))
     if path.suffix in (".yaml", ".yml"):
-        return _ros(plain_yaml.parse(text)[0])
+        return _ros(plain_yaml.parse(text)[0], frames_px)
     lines = [line.split() for line in text.splitlines() if line.strip()[:1] not in ("", "#")]
     if any(len(words) > 4 and words[1] in COLMAP_TERMS for words in lines):
         return _one_of([_colmap_line(words) for words in lines])
     matrix = np.array([line for words in lines for line in words], dtype=np.float64).reshape(3, 3)
-    return _of_matrix(matrix)
-
-
-def _of_matrix(matrix: np.ndarray, terms: tuple[float, ...] = (), offset_px: float = 0.0) -> _Found:
-    fx, fy, cx, cy = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
-    if not np.allclose(matrix, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], atol=1e-6):
-        raise ValueError("no matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
-    return _Found((fx, fy), (cx + offset_px, cy + offset_px), terms)
+    return Lens.of_matrix(matrix, frames_px), ()
 
 
 COLMAP_TERMS = {
@@ -140,15 +121,20 @@ https://colmap.github.io/cameras.html"""
 COLMAP_PARAMETERS = {0: 3, 1: 4, 2: 4, 3: 5, 4: 8}
 
 
-def _colmap_camera(model: str, size_px: tuple[float, float], params: tuple[float, ...]) -> _Found:
+def _colmap_camera(model: str, size_px: tuple[float, float], params: tuple[float, ...]) -> InFile:
     number, focals = COLMAP_TERMS[model]
     if len(params) != COLMAP_PARAMETERS[number]:
         raise ValueError(f"{model} with {len(params)} parameters")
     n = len(focals)
-    return _Found((params[0], params[n - 1]), (params[n], params[n + 1]), params[n + 2 :], size_px)
+    focal_px, centre_px = (params[0], params[n - 1]), (params[n], params[n + 1])
+    return Lens(focal_px, centre_px, _whole(size_px)), params[n + 2 :]
 
 
-def _colmap_line(words: list[str]) -> _Found:
+def _whole(size_px: tuple[float, float]) -> tuple[int, int]:
+    return round(size_px[0]), round(size_px[1])
+
+
+def _colmap_line(words: list[str]) -> InFile:
     """CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]."""
     if words[1] not in COLMAP_TERMS:
         raise ValueError(f"camera model {words[1]}; known are {', '.join(COLMAP_TERMS)}")
@@ -156,7 +142,7 @@ def _colmap_line(words: list[str]) -> _Found:
     return _colmap_camera(words[1], (width, height), tuple(params))
 
 
-def _colmap_binary(content: bytes) -> _Found:
+def _colmap_binary(content: bytes) -> InFile:
     """uint64 count; of each camera uint32 id, int32 model, uint64 width, height, doubles."""
     names = {number: name for name, (number, _) in COLMAP_TERMS.items()}
     (count,), at, found = struct.unpack_from("<Q", content), 8, []
@@ -170,13 +156,13 @@ def _colmap_binary(content: bytes) -> _Found:
     return _one_of(found)
 
 
-def _one_of(cameras: list[_Found]) -> _Found:
+def _one_of(cameras: list[InFile]) -> InFile:
     if len(set(cameras)) != 1:
         raise ValueError(f"{len(cameras)} cameras; keep the one of these frames")
     return cameras[0]
 
 
-def _opencv(text: str) -> _Found:
+def _opencv(text: str, frames_px: tuple[int, int]) -> InFile:
     """cv2.FileStorage, as OpenCV's and Kalibr's calibration programs write it."""
     import cv2
 
@@ -188,16 +174,14 @@ def _opencv(text: str) -> _Found:
         storage.release()
     except (cv2.error, SystemError) as error:
         raise ValueError(f"OpenCV: {error}") from None
-    return _of_named(matrices, (sizes[0], sizes[1]) if min(sizes) > 0 else None)
+    return _of_named(matrices, _whole((sizes[0], sizes[1])) if min(sizes) > 0 else frames_px)
 
 
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "intrinsic_matrix", "K", "M1")
 TERMS_KEYS = ("distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "dist", "D", "D1")
 
 
-def _of_named(
-    matrices: Mapping[str, np.ndarray | None], size_px: tuple[float, float] | None
-) -> _Found:
+def _of_named(matrices: Mapping[str, np.ndarray | None], size_px: tuple[int, int]) -> InFile:
     """K and k1, k2, p1, p2, k3 under one of their usual names, by OpenCV's count of pixels."""
     found = next((matrices[key] for key in MATRIX_KEYS if matrices.get(key) is not None), None)
     if found is None:
@@ -206,11 +190,12 @@ def _of_named(
     flat = () if terms is None else tuple(np.asarray(terms, dtype=np.float64).ravel().tolist())
     if len(flat) > 5 and any(flat[5:]):
         raise ValueError(f"{len(flat)} terms of distortion")
-    matrix = np.asarray(found, dtype=np.float64).reshape(3, 3)
-    return _of_matrix(matrix, flat[:5], OPENCV_CENTRE_PX)._replace(size_px=size_px)
+    pinhole = Lens.of_matrix(np.asarray(found, dtype=np.float64).reshape(3, 3), size_px)
+    cx, cy = pinhole.centre_px
+    return replace(pinhole, centre_px=(cx + OPENCV_CENTRE_PX, cy + OPENCV_CENTRE_PX)), flat[:5]
 
 
-def _ros(value: Mapping[str, Any]) -> _Found:
+def _ros(value: Mapping[str, Any], frames_px: tuple[int, int]) -> InFile:
     """ROS's camera_info: matrices with rows, cols and data."""
     matrices = {
         key: np.array(entry["data"], dtype=np.float64)
@@ -218,50 +203,54 @@ def _ros(value: Mapping[str, Any]) -> _Found:
         if isinstance(entry, dict) and "data" in entry
     }
     sizes = value.get("image_width"), value.get("image_height")
-    size_px = None if None in sizes else (float(sizes[0] or 0), float(sizes[1] or 0))
-    return _of_named(matrices, size_px)
+    said = frames_px if None in sizes else _whole((float(sizes[0] or 0), float(sizes[1] or 0)))
+    return _of_named(matrices, said)
 
 
-def _json(value: Mapping[str, Any]) -> _Found:
+def _json(value: Mapping[str, Any]) -> InFile:
     """record3d's metadata (K by columns, w, h) or transforms.json (fl_x, cx, w, k1, ...)."""
-    size_px = (float(value["w"]), float(value["h"]))
+    size_px = _whole((float(value["w"]), float(value["h"])))
     if "K" in value:
         matrix = np.array(value["K"], dtype=np.float64).reshape(3, 3).T
-        return _of_matrix(matrix)._replace(size_px=size_px)
+        return Lens.of_matrix(matrix, size_px), ()
     fx = float(value["fl_x"])
     names = ("k1", "k2", "p1", "p2", "k3")
     terms = tuple(float(value.get(name, 0.0)) for name in names)
     focal_px = (fx, float(value.get("fl_y", fx)))
-    return _Found(focal_px, (float(value["cx"]), float(value["cy"])), terms, size_px)
+    return Lens(focal_px, (float(value["cx"]), float(value["cy"])), size_px), terms
 
 
-def exif_focal_px(image: Path, size_px: tuple[int, int]) -> float | None:
-    """Focal length by a picture's EXIF (CIPA DC-008: 0xA405, or 0x920A with the focal plane's
-    resolution), for frames of this size [px]; None where it has none that can be."""
+def exif_lens(image: Path, size_px: tuple[int, int]) -> Lens | None:
+    """The lens by a picture's EXIF (CIPA DC-008: 0xA405, or 0x920A with the focal plane's
+    resolution), for frames of this size; None where it has none that can be."""
     said: dict[int, Any] = {}
     with suppress(SyntaxError, ValueError, OSError, LookupError, TypeError, struct.error):
         said = read_exif(image).get_ifd(0x8769)
     # A ratio over 0 is NaN, which is no more than 0 either.
     values = {tag: float(value) for tag, value in said.items() if isinstance(value, Real)}
     if (film_mm := values.get(0xA405, 0.0)) > 0:
-        return _possible(film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px)), size_px)
+        return _noted(film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px)), size_px, EXIF_SIGMA)
     focal_mm, per_unit = values.get(0x920A, 0.0), values.get(0xA20E, 0.0)
     unit_mm = {2.0: 25.4, 3.0: 10.0, 4.0: 1.0}.get(values.get(0xA210, 2.0), 0.0)
     taken_px = values.get(0xA002, 0.0)
     if not all(value > 0 for value in (focal_mm, per_unit, unit_mm, taken_px)):
         return None
-    return _possible(focal_mm * per_unit / unit_mm * max(size_px) / taken_px, size_px)
+    focal_px = focal_mm * per_unit / unit_mm * max(size_px) / taken_px
+    return _noted(focal_px, size_px, EXIF_SIGMA)
 
 
-def _possible(focal_px: float, size_px: tuple[int, int]) -> float | None:
-    return focal_px if 0.1 < focal_px / max(size_px) < 100 else None
+def _noted(focal_px: float, size_px: tuple[int, int], sigma: float) -> Lens | None:
+    """A focal length that a camera notes; None where no camera has it."""
+    if not 0.1 < focal_px / max(size_px) < 100:
+        return None
+    return Lens.centred(focal_px, size_px, Origin("metadata", sigma))
 
 
 FILM_KEYS = ("com.apple.quicktime.camera.focal_length.35mm_equivalent",)
 
 
-def video_focal_px(video: Path, size_px: tuple[int, int]) -> float | None:
-    """Focal length that a phone notes in a video, for frames of this size [px]; None without."""
+def video_lens(video: Path, size_px: tuple[int, int]) -> Lens | None:
+    """The lens that a phone notes in a video, for frames of this size; None without."""
     import av
 
     said: dict[str, str] = {}
@@ -271,5 +260,6 @@ def video_focal_px(video: Path, size_px: tuple[int, int]) -> float | None:
     for key in FILM_KEYS:
         with suppress(ValueError):
             film_mm = float(said.get(key, ""))
-            return _possible(film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px)), size_px)
+            focal_px = film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px))
+            return _noted(focal_px, size_px, VIDEO_SIGMA)
     return None

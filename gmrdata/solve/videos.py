@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, Source, load_intrinsics
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, load_intrinsics
 from gmrdata.people.sources import sources_dir, without_files
 from gmrdata.read.video import VideoConfig, is_video
 from gmrdata.read.video_files import NamedVideo
@@ -29,6 +29,7 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.store import NotMade, run_stage
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import STAGE_FILE, remove_orphans
+from gmrdata.values.lens import Source
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
 from gmrdata.values.records import PART, Config, Figure, Record
 

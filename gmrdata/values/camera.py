@@ -82,45 +82,6 @@ def project(
     )
 
 
-def bent(straight: np.ndarray, radial_k1: float, radial_k2: float = 0.0) -> np.ndarray:
-    """Where a lens shows image points (..., 2) of a pinhole: r (1 + k1 r^2 + k2 r^4).
-
-    Points are from the principal point, in units of the focal length.
-    """
-    r2 = (straight**2).sum(axis=-1, keepdims=True)
-    return straight * (1 + radial_k1 * r2 + radial_k2 * r2**2)
-
-
-def straightened(seen: np.ndarray, radial_k1: float, radial_k2: float = 0.0) -> np.ndarray:
-    """Where a pinhole shows image points (..., 2) that a lens shows there: the reverse of `bent`.
-
-    Beyond the largest radius that a lens which folds the picture shows, points go to its edge.
-    """
-    k1, k2 = radial_k1, radial_k2
-    if k1 == k2 == 0:
-        return seen
-    size = np.sqrt((seen**2).sum(axis=-1, keepdims=True))
-    edge, steepest = _turning_points(k1, k2)
-    most = np.minimum(edge, WIDEST * size)
-    # Newton's method, begun where every step comes nearer.
-    r = np.minimum(size, min(edge, steepest))
-    for _ in range(STRAIGHTEN_STEPS):
-        step = (r + k1 * r**3 + k2 * r**5 - size) / (1 + 3 * k1 * r**2 + 5 * k2 * r**4)
-        r = np.clip(r - step, 0, most)
-    return seen * np.where(size > 0, r / np.where(size > 0, size, 1.0), 1.0)
-
-
-def _turning_points(k1: float, k2: float) -> tuple[float, float]:
-    """Radii r below which r + k1 r^3 + k2 r^5 grows, and where it grows fastest if k1 > 0."""
-    under_root = 9 * k1**2 - 20 * k2
-    over = float(np.sqrt(under_root)) - 3 * k1 if under_root >= 0 else 0.0
-    edge = float(np.sqrt(2 / over)) * (1 - 1e-6) if over > 0 else np.inf
-    steepest = float(np.sqrt(-0.3 * k1 / k2)) if k1 > 0 > k2 else np.inf
-    return edge, steepest
-
-
-WIDEST = 2.25  # most that a radius is of a pinhole over that of a lens
-STRAIGHTEN_STEPS = 12
 HEAD_ABOVE_PELVIS_M = 0.85
 FEET_BELOW_PELVIS_M = 1.05
 REACH_M = 0.4  # a standing adult of 1.9 m fits this box round the pelvis

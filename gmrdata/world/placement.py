@@ -13,7 +13,7 @@ import numpy as np
 from gmrdata.read.camera_bodies import AssumedCamera, SeenPerson
 from gmrdata.values.bodies import SMPL, shape_on
 from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
-from gmrdata.values.camera import straightened
+from gmrdata.values.lens import straightened
 from gmrdata.values.skinning import posed_joints_m
 
 

@@ -14,7 +14,7 @@ from gmrdata.cameras.match.tracks import errors_px, load_tracks
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import read_gray
-from gmrdata.values.camera import straightened
+from gmrdata.values.lens import straightened
 from tests.cameras.test_reconstruct import centre_errors_m, rotation_errors_deg
 
 RADIAL_K1 = -0.15

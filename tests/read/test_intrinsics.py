@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.colmap import pycolmap
-from gmrdata.read.intrinsics import exif_focal_px, read_intrinsics, video_focal_px
+from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
 from gmrdata.values.errors import BadIntrinsics, MissingInput
+from gmrdata.values.lens import Lens
 
 SIZE_PX = (640, 480)
 PINHOLE = "# Camera list\n1 PINHOLE 640 480 600 605 322 239\n"
@@ -39,7 +40,8 @@ def test_colmaps_cameras_are_read_at_the_size_of_the_frames(
     found = read_intrinsics(text_file(tmp_path, "cameras.txt", line), SIZE_PX)
     assert found.focal_px == focal_px
     assert found.centre_px == (320, 240)
-    assert found.radial_k1 == k1
+    assert found.radial == (k1, 0) and found.size_px == SIZE_PX
+    assert found.focal_from == ("given", GIVEN_SIGMA)
 
 
 @pytest.mark.parametrize("model", ["PINHOLE", "SIMPLE_RADIAL"])
@@ -55,7 +57,7 @@ def test_what_colmap_writes_is_read_from_its_folder(tmp_path: Path, model: str) 
     assert read_intrinsics(tmp_path / "cameras.txt", SIZE_PX) == from_binary
     assert from_binary.focal_px == (600, params[1] if model == "PINHOLE" else 600)
     assert from_binary.centre_px == (322, 239)
-    assert from_binary.radial_k1 == (0 if model == "PINHOLE" else -0.1)
+    assert from_binary.radial == (0 if model == "PINHOLE" else -0.1, 0)
 
 
 def test_opencvs_own_file_is_read_by_its_count_of_pixels(tmp_path: Path) -> None:
@@ -69,7 +71,7 @@ def test_opencvs_own_file_is_read_by_its_count_of_pixels(tmp_path: Path) -> None
     found = read_intrinsics(path, SIZE_PX)
     assert found.focal_px == (600, 605)
     assert found.centre_px == (320, 240)
-    assert found.radial_k1 == -0.12
+    assert found.radial == (-0.12, 0)
 
 
 def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path: Path) -> None:
@@ -144,19 +146,24 @@ def jpeg_with(folder: Path, tags: dict[int, object]) -> Path:
 def test_exif_gives_the_focal_length_on_film_or_on_the_sensor(tmp_path: Path) -> None:
     from PIL.TiffImagePlugin import IFDRational
 
-    film = exif_focal_px(jpeg_with(tmp_path, {0xA405: 26}), SIZE_PX)
-    assert film == pytest.approx(26 / 43.267 * 800, rel=1e-4)
+    def noted(tags: dict[int, object]) -> Lens | None:
+        return exif_lens(jpeg_with(tmp_path, tags), SIZE_PX)
+
+    film = noted({0xA405: 26})
+    assert film is not None and film.focal_px[0] == pytest.approx(26 / 43.267 * 800, rel=1e-4)
+    assert (film.centre_px, film.radial, film.focal_from.source) == ((320, 240), (0, 0), "metadata")
     sensor = {0x920A: IFDRational(17, 4), 0xA20E: IFDRational(5000, 1), 0xA210: 3, 0xA002: 1280}
     # 4.25 mm at 500 px/mm are 2125 px of a picture that is twice as wide as the frames.
-    assert exif_focal_px(jpeg_with(tmp_path, sensor), SIZE_PX) == pytest.approx(1062.5, rel=1e-3)
-    assert exif_focal_px(jpeg_with(tmp_path, {0x920A: IFDRational(17, 4)}), SIZE_PX) is None
-    assert exif_focal_px(jpeg_with(tmp_path, {0xA405: 0}), SIZE_PX) is None
+    lens = noted(sensor)
+    assert lens is not None and lens.focal_px == pytest.approx((1062.5, 1062.5), rel=1e-3)
+    nothing = ({0x920A: IFDRational(17, 4)}, {0xA405: 0}, sensor | {0xA20E: IFDRational(1, 0)})
+    assert [noted(tags) for tags in nothing] == [None] * 3
     path = jpeg_with(tmp_path, {0xA405: 26})
     content = path.read_bytes()
     at = content.index(b"Exif\0\0")
     for cut in range(6, 60, 3):
         path.write_bytes(content[: at + cut] + b"\xff" * 40)
-        assert exif_focal_px(path, SIZE_PX) in (None, film)
+        assert exif_lens(path, SIZE_PX) in (None, film)
 
 
 def test_a_phones_video_gives_it_too(tmp_path: Path) -> None:
@@ -171,6 +178,7 @@ def test_a_phones_video_gives_it_too(tmp_path: Path) -> None:
             file.mux(packet)
         for packet in stream.encode():
             file.mux(packet)
-    assert video_focal_px(path, (64, 48)) == pytest.approx(26 / 43.267 * 80, rel=1e-4)
+    lens = video_lens(path, (64, 48))
+    assert lens is not None and lens.focal_px[0] == pytest.approx(26 / 43.267 * 80, rel=1e-4)
     path.write_bytes(b"no video")
-    assert video_focal_px(path, (64, 48)) is None
+    assert video_lens(path, (64, 48)) is None

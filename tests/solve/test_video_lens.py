@@ -2,8 +2,9 @@
 
 import pytest
 
-from gmrdata.cameras.lens.intrinsics import Intrinsics, Source
+from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.solve.video import VideoSolveConfig, _of_lens
+from gmrdata.values.lens import Source
 
 
 def lens(source: Source, sigma: float) -> Intrinsics:

@@ -8,14 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.values.camera import (
-    CameraPath,
-    bent,
-    intrinsics_from_fov,
-    project,
-    project_cam,
-    straightened,
-)
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project, project_cam
 from gmrdata.values.transforms import invert, rigid
 
 INTRINSICS_PX = np.array([[612.5, 0.0, 301.25], [0.0, 598.0, 187.75], [0.0, 0.0, 1.0]])
@@ -70,26 +63,3 @@ def test_centres_are_the_translations() -> None:
     camera = CameraPath(INTRINSICS_PX, 640, 360, world_from_cam, np.ones(2, dtype=bool))
     assert camera.n_frames == 2
     np.testing.assert_array_equal(camera.centres_world_m, [[0, 1, 2], [3, 4, 5]])
-
-
-@pytest.mark.parametrize("k1", [-0.4, -0.1, 0.0, 0.3])
-@pytest.mark.parametrize("k2", [-0.1, 0.0, 0.06])
-def test_a_lens_bends_as_opencv_says_and_back(k1: float, k2: float) -> None:
-    r = np.linspace(0.0, 1.4, 80)
-    r = r[np.cumprod(1 + 3 * k1 * r**2 + 5 * k2 * r**4 > 0.1).astype(bool)]  # up to the fold
-    straight = np.stack([0.8 * r, -0.6 * r], axis=1)
-    seen = bent(straight, k1, k2)
-    points = np.c_[straight, np.ones(len(r))]
-    expected, _ = cv2.projectPoints(
-        points, np.zeros(3), np.zeros(3), np.eye(3), np.array([k1, k2, 0.0, 0.0])
-    )
-    np.testing.assert_allclose(seen, expected[:, 0], atol=1e-12)
-    np.testing.assert_allclose(straightened(seen, k1, k2), straight, atol=1e-7)
-
-
-@pytest.mark.parametrize(("k1", "k2"), [(-0.3, 0.0), (-0.2, 0.01), (0.3, -0.1), (0.0, -0.1)])
-def test_what_a_folding_lens_cannot_show_is_put_on_its_edge(k1: float, k2: float) -> None:
-    r = np.linspace(0.5, 3.0, 10_000)
-    shown = r + k1 * r**3 + k2 * r**5
-    straight = straightened(np.array([[1.01 * shown.max(), 0.0], [0.0, 50.0]]), k1, k2)
-    assert np.linalg.norm(straight, axis=1) == pytest.approx(r[shown.argmax()], abs=1e-3)

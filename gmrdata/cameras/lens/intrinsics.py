@@ -1,8 +1,7 @@
 """Stage: the lens, as somebody gives it, the camera notes it, or the frames show it."""
 
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, Self
 
@@ -19,17 +18,14 @@ from gmrdata.cameras.lens.self_calibration import (
     self_calibrate,
 )
 from gmrdata.read.frames import check_images, list_images
-from gmrdata.read.intrinsics import Calibration, exif_focal_px, read_intrinsics, video_focal_px
+from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.camera import bent, straightened
 from gmrdata.values.errors import BadIntrinsics
+from gmrdata.values.lens import ASSUMED, GIVEN, Lens, Origin, Source
 from gmrdata.values.records import PART, Config, Figure, Record
 
 INTRINSICS_FILE = "intrinsics.json"
-GIVEN_SIGMA, EXIF_SIGMA, VIDEO_SIGMA = 0.01, 0.05, 0.12
-"""Standard errors, as shares: of a calibration, of whole millimetres of 35 mm film, and of those
-for a video, which a phone crops to steady it."""
 USUAL_FOCAL, USUAL_SIGMA = 0.85, 0.3
 """Focal length over the longer side, and the standard error of its logarithm, of cameras that
 nothing is known of: phones have 0.65 to 0.95, 3DPW's 1.02, a car's 0.58, long lenses 2 and more."""
@@ -64,9 +60,6 @@ class IntrinsicsConfig(Config):
     """By how many standard errors the frames must ask for another focal length to object."""
     object_share: float = Field(default=0.03, gt=0)
     """And by how much of it."""
-
-
-Source = Literal["given", "metadata", "self_calibrated", "prior"]
 
 
 @part(frozen=True, config=PART)
@@ -112,33 +105,28 @@ class Intrinsics(Record):
     """Where it comes from and what it means, in sentences for a page."""
 
     @property
+    def lens(self) -> Lens:
+        centre = ASSUMED if self.source != "given" else GIVEN
+        radial = Origin(self.source if self.radial_k1 else centre.source, self.radial_k1_sigma)
+        return Lens(
+            focal_px=(self.focal_px, self.focal_y_px),
+            centre_px=self.centre_px,
+            size_px=(self.width_px, self.height_px),
+            radial=(self.radial_k1, 0.0),
+            focal_from=Origin(self.source, self.focal_sigma),
+            centre_from=centre,
+            radial_from=radial,
+        )
+
+    @property
     def matrix_px(self) -> np.ndarray:
         """(3, 3) calibration matrix [px]."""
-        (cx, cy), fx, fy = self.centre_px, self.focal_px, self.focal_y_px
-        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        return self.lens.matrix_px
 
     @property
     def is_guess(self) -> bool:
         """Whether nobody knows the focal length: every figure that hangs on it is as uncertain."""
         return self.source == "prior"
-
-    def pinhole_px(self, seen_px: np.ndarray) -> np.ndarray:
-        """Where a pinhole would show what is seen at pixels (..., 2) of the frames [px]."""
-        return self._through(straightened, seen_px)
-
-    def seen_px(self, pinhole_px: np.ndarray) -> np.ndarray:
-        """Where the frames show what a pinhole would show at pixels (..., 2) [px]."""
-        return self._through(bent, pinhole_px)
-
-    def _through(
-        self, lens: Callable[[np.ndarray, float], np.ndarray], points_px: np.ndarray
-    ) -> np.ndarray:
-        focal_px, centre_px = np.array([self.focal_px, self.focal_y_px]), np.array(self.centre_px)
-        if self.radial_k1 == 0:
-            return np.asarray(points_px, dtype=np.float64)
-        return np.asarray(
-            centre_px + focal_px * lens((points_px - centre_px) / focal_px, self.radial_k1)
-        )
 
 
 def load_intrinsics(folder: Path) -> Intrinsics:
@@ -188,7 +176,7 @@ def find_intrinsics(
         known = _known(given, images[0], video, size_px)
         asked = None
         if config.look_in_frames:
-            focal_px = USUAL_FOCAL * max(size_px) if known is None else known.lens.focal_px[0]
+            focal_px = USUAL_FOCAL * max(size_px) if known is None else known[0].focal_px[0]
             frames = Frames(images, masks_dir, guessed_px(focal_px, size_px), size_px)
             work_dir = partial / "colmap"
             work_dir.mkdir()
@@ -206,105 +194,95 @@ def find_intrinsics(
     return run_stage("intrinsics", out_dir, recipe, there, work, run=run)
 
 
-@dataclass(frozen=True)
-class _Known:
-    """A lens that is not of the frames themselves."""
-
-    source: Source
-    lens: Calibration
-    sigma: float
-    words: str
-
-
 def _known(
     given: GivenIntrinsics | None, image: Path, video: Path | None, size_px: tuple[int, int]
-) -> _Known | None:
-    """What is given, else noted by the camera."""
+) -> tuple[Lens, str] | None:
+    """The lens that is given, else noted by the camera, and how that is said."""
     if given is not None:
         lens, words = _given_lens(given, size_px)
-        _require_possible(lens, size_px, words)
-        return _Known("given", lens, GIVEN_SIGMA, words)
-    noted_px, sigma = exif_focal_px(image, size_px), EXIF_SIGMA
-    if noted_px is None and video is not None:
-        noted_px, sigma = video_focal_px(video, size_px), VIDEO_SIGMA
-    if noted_px is None:
+        _require_possible(lens, words)
+        return lens, words
+    noted = exif_lens(image, size_px)
+    if noted is None and video is not None:
+        noted = video_lens(video, size_px)
+    if noted is None:
         return None
-    words = f"The camera notes a lens of {noted_px:.0f} px, which is right to {100 * sigma:.0f} %."
-    return _Known("metadata", _pinhole(noted_px, size_px), sigma, words)
+    focal_px, percent = noted.focal_px[0], 100 * (noted.focal_from.sigma or 0.0)
+    words = f"The camera notes a lens of {focal_px:.0f} px, which is right to {percent:.0f} %."
+    return noted, words
 
 
-def _given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Calibration, str]:
+def _given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Lens, str]:
     if given.file is not None:
         return _lens_of_file(given.file, size_px), f"The lens is that of {given.file.name}."
+    origin = Origin("given", GIVEN_SIGMA)
     if given.fov_deg is not None:
         focal_px = 0.5 * size_px[0] / float(np.tan(np.deg2rad(given.fov_deg) / 2))
-        return _pinhole(focal_px, size_px), f"A field of view of {given.fov_deg:g}° was given."
+        words = f"A field of view of {given.fov_deg:g}° was given."
+        return Lens.centred(focal_px, size_px, origin), words
     assert given.focal_px is not None
-    return _pinhole(given.focal_px, size_px), f"A focal length of {given.focal_px:g} px was given."
+    words = f"A focal length of {given.focal_px:g} px was given."
+    return Lens.centred(given.focal_px, size_px, origin), words
 
 
-def _lens_of_file(path: Path, size_px: tuple[int, int]) -> Calibration:
+def _lens_of_file(path: Path, size_px: tuple[int, int]) -> Lens:
     """A calibration, or our own record for frames of this size."""
     path = path / INTRINSICS_FILE if (path / INTRINSICS_FILE).is_file() else path
     if path.name != INTRINSICS_FILE:
         return read_intrinsics(path, size_px)
-    own = Intrinsics.read(path)
-    if (own.width_px, own.height_px) != size_px:
-        what = f"for {own.width_px}x{own.height_px} px, the frames have {size_px[0]}x{size_px[1]}"
-        raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")
-    return Calibration((own.focal_px, own.focal_y_px), own.centre_px, own.radial_k1)
+    own = Intrinsics.read(path).lens
+    if own.size_px != size_px:
+        sizes = "for {}x{} px, the frames have {}x{}".format(*own.size_px, *size_px)
+        raise BadIntrinsics(f"{path}: {sizes}; give the intrinsics of these frames")
+    return replace(own, focal_from=Origin("given", GIVEN_SIGMA), radial_from=GIVEN)
 
 
-def _pinhole(focal_px: float, size_px: tuple[int, int]) -> Calibration:
-    return Calibration((focal_px, focal_px), (size_px[0] / 2, size_px[1] / 2), 0.0)
-
-
-def _require_possible(lens: Calibration, size_px: tuple[int, int], words: str) -> None:
+def _require_possible(lens: Lens, words: str) -> None:
     """Refuse what can't be a lens: one that sees too wide, or that folds the picture."""
-    corner = np.maximum(lens.centre_px, np.subtract(size_px, lens.centre_px)) / lens.focal_px
-    r = float(np.linalg.norm(corner))
+    r, size_px, k1 = lens.corner_radius, lens.size_px, lens.radial[0]
     if r > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
         what = f"{words} No camera sees that of {size_px[0]}x{size_px[1]} px"
         raise BadIntrinsics(f"{what}; the focal length is in pixels of these frames")
-    if lens.radial_k1 < 0 and r > 2 / 3 / np.sqrt(-3 * lens.radial_k1):
-        what = f"{words} Its distortion of {lens.radial_k1:g} folds the corners of the picture"
+    if k1 < 0 and r > 2 / 3 / np.sqrt(-3 * k1):
+        what = f"{words} Its distortion of {k1:g} folds the corners of the picture"
         raise BadIntrinsics(f"{what}; calibrate again, or undistort the frames")
 
 
 def _decided(
-    known: _Known | None,
+    known: tuple[Lens, str] | None,
     found: SelfCalibration | None,
     size_px: tuple[int, int],
     config: IntrinsicsConfig,
 ) -> Intrinsics:
     """The record of the lens that is taken."""
     asked = None if found is None else _asked(found, size_px)
-    taken = _taken(known, asked, found, size_px)
-    notes, objections = [taken.words], []
+    taken, words = _taken(known, asked, found, size_px)
+    notes, objections = [words], []
+    sigma = taken.focal_from.sigma or 0.0
     if known is not None and asked is not None:
-        apart = float(np.log(asked.focal_px / known.lens.focal_px[0]))
-        sigma = float(np.hypot(asked.focal_sigma, known.sigma))
-        words = _compared(known, asked)
-        if abs(apart) <= max(config.object_sigmas * sigma, config.object_share):
+        one = known[0]
+        apart = float(np.log(asked.focal_px / one.focal_px[0]))
+        both_sigma = float(np.hypot(asked.focal_sigma, one.focal_from.sigma or 0.0))
+        words = _compared(one, asked)
+        if abs(apart) <= max(config.object_sigmas * both_sigma, config.object_share):
             notes.append(f"{words}, which agrees.")
-        elif known.source == "given":
+        elif one.focal_from.source == "given":
             objections.append(f"{words}: the lens that is given is not that of these frames.")
         else:
             notes.append(f"{words}: the two disagree.")
-            taken = replace(taken, sigma=float(np.hypot(taken.sigma, apart)))
+            sigma = float(np.hypot(sigma, apart))
     if found is not None and asked is None:
         notes.append(f"The frames do not show the focal length: {found.reason}.")
-    own_k1 = taken.source == "self_calibrated" and asked is not None
     return Intrinsics(
-        source=taken.source,
+        source=taken.focal_from.source,
         width_px=size_px[0],
         height_px=size_px[1],
-        focal_px=taken.lens.focal_px[0],
-        focal_y_px=taken.lens.focal_px[1],
-        focal_sigma=taken.sigma,
-        centre_px=taken.lens.centre_px,
-        radial_k1=taken.lens.radial_k1,
-        radial_k1_sigma=asked.radial_k1_sigma if own_k1 and asked is not None else None,
+        focal_px=taken.focal_px[0],
+        focal_y_px=taken.focal_px[1],
+        focal_sigma=sigma,
+        centre_px=taken.centre_px,
+        radial_k1=taken.radial[0],
+        radial_k1_sigma=taken.radial_from.sigma,
         focal_observable=None if found is None else asked is not None,
         asked=asked,
         starts=() if found is None else found.starts,
@@ -314,38 +292,39 @@ def _decided(
 
 
 def _taken(
-    known: _Known | None,
+    known: tuple[Lens, str] | None,
     asked: AskedLens | None,
     found: SelfCalibration | None,
     size_px: tuple[int, int],
-) -> _Known:
+) -> tuple[Lens, str]:
     """What is given; else what is firmer, the camera's own note or the frames; else a guess."""
-    rough = known is None or (known.source == "metadata" and _is_firmer(asked, known))
-    if known is not None and not rough:
+    if known is not None and not _is_firmer(asked, known[0]):
         return known
     if asked is None:
         return _guess(found, size_px)
-    (cx, cy), focal_px = (size_px[0] / 2, size_px[1] / 2), asked.focal_px
-    lens = Calibration((focal_px, focal_px), (cx, cy), asked.radial_k1)
+    lens = Lens.centred(asked.focal_px, size_px, Origin("self_calibrated", asked.focal_sigma))
+    k1_from = Origin("self_calibrated", asked.radial_k1_sigma)
+    lens = replace(lens, radial=(asked.radial_k1, 0.0), radial_from=k1_from)
     how = "the camera turns" if asked.motion == "rotation_only" else "the camera moves"
-    words = f"The lens was found in the frames, as {how}: {_lens_in_words(asked)}."
-    return _Known("self_calibrated", lens, asked.focal_sigma, words)
+    return lens, f"The lens was found in the frames, as {how}: {_lens_in_words(asked)}."
 
 
-def _guess(found: SelfCalibration | None, size_px: tuple[int, int]) -> _Known:
+def _guess(found: SelfCalibration | None, size_px: tuple[int, int]) -> tuple[Lens, str]:
     """A usual lens, drawn to the little that the frames show: means of logarithms, by variance."""
     log_focal, sigma, why = np.log(USUAL_FOCAL), USUAL_SIGMA, NOTHING_SHOWS
     if found is not None and found.focal is not None and found.focal_sigma < USUAL_SIGMA:
         weights = np.array([USUAL_SIGMA, found.focal_sigma]) ** -2
         log_focal = np.average([log_focal, np.log(found.focal)], weights=weights)
         sigma, why = float(weights.sum() ** -0.5), LITTLE_SHOWS
-    guess = _pinhole(float(np.exp(log_focal)) * max(size_px), size_px)
-    words = f"{why} {GUESSED.format(focal_px=guess.focal_px[0], sigma=100 * sigma)}"
-    return _Known("prior", guess, sigma, words)
+    focal_px = float(np.exp(log_focal)) * max(size_px)
+    words = f"{why} {GUESSED.format(focal_px=focal_px, sigma=100 * sigma)}"
+    return Lens.centred(focal_px, size_px, Origin("prior", sigma)), words
 
 
-def _is_firmer(asked: AskedLens | None, known: _Known) -> bool:
-    return asked is not None and asked.focal_sigma < known.sigma
+def _is_firmer(asked: AskedLens | None, known: Lens) -> bool:
+    """Whether the frames say more than a camera's own note."""
+    source, sigma = known.focal_from
+    return source == "metadata" and asked is not None and asked.focal_sigma < (sigma or 0.0)
 
 
 def _asked(found: SelfCalibration, size_px: tuple[int, int]) -> AskedLens | None:
@@ -361,9 +340,10 @@ def _asked(found: SelfCalibration, size_px: tuple[int, int]) -> AskedLens | None
     )
 
 
-def _compared(known: _Known, asked: AskedLens) -> str:
-    whose = "the given one" if known.source == "given" else "what the camera notes"
-    factor = asked.focal_px / known.lens.focal_px[0]
+def _compared(known: Lens, asked: AskedLens) -> str:
+    is_given = known.focal_from.source == "given"
+    whose = "the given one" if is_given else "what the camera notes"
+    factor = asked.focal_px / known.focal_px[0]
     return f"The frames ask for {_lens_in_words(asked)}, {factor:.3f} times {whose}"
 
 

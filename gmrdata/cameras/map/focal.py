@@ -25,7 +25,7 @@ from gmrdata.cameras.files import Lens
 from gmrdata.cameras.map.rotation_only import RotationOnly, slopes_by_turns
 from gmrdata.cameras.match.keypoint_adjustment import MEASURED_PX
 from gmrdata.cameras.match.matches import Matches
-from gmrdata.values.camera import bent, straightened
+from gmrdata.values.lens import bent, straightened
 
 NOISE_FLOOR_PX = 0.05  # features are not placed better
 FREED_NOT_INDEPENDENT = 2.5

@@ -25,7 +25,7 @@ from gmrdata.cameras.lens.self_calibration import (
     nothing_found,
 )
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, read_matches
-from gmrdata.values.camera import bent
+from gmrdata.values.lens import bent
 
 SIZE_PX = (640, 480)
 CONFIG = SelfCalibrationConfig()
