@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from gmrdata.film.render import RenderConfig as RenderConfig
     from gmrdata.film.render import render_clip as render_clip
     from gmrdata.gmr.config import TrainConfig as TrainConfig
+    from gmrdata.gmr.infer import InferConfig as InferConfig
+    from gmrdata.gmr.infer import infer as infer
     from gmrdata.gmr.predict import load_gmr as load_gmr
     from gmrdata.gmr.predict import predict_world_motion as predict_world_motion
     from gmrdata.gmr.train import train as train
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from gmrdata.motion.library import make_library as make_library
     from gmrdata.read.bodies import load_body as load_body
     from gmrdata.read.body_file import save_body as save_body
+    from gmrdata.score.compare import CompareConfig as CompareConfig
+    from gmrdata.score.compare import compare as compare
     from gmrdata.score.records import Scores as Scores
     from gmrdata.score.result_scores import ResultsConfig as ResultsConfig
     from gmrdata.score.result_scores import score_results as score_results
@@ -51,6 +55,7 @@ _NAMES = {
     "film.programmes": ("camera_path", "camera_programme"),
     "film.render": ("RenderConfig", "render_clip"),
     "gmr.config": ("TrainConfig",),
+    "gmr.infer": ("InferConfig", "infer"),
     "gmr.predict": ("load_gmr", "predict_world_motion"),
     "gmr.train": ("train",),
     "manifest.read": ("load_clips", "read_manifest"),
@@ -59,6 +64,7 @@ _NAMES = {
     "motion.library": ("make_library",),
     "read.bodies": ("load_body",),
     "read.body_file": ("save_body",),
+    "score.compare": ("CompareConfig", "compare"),
     "score.records": ("Scores",),
     "score.result_scores": ("ResultsConfig", "score_results"),
     "score.score": ("ScoreConfig", "score_manifest", "score_predictions"),

@@ -19,7 +19,7 @@ from gmrdata.cameras.files import CamerasQuality
 from gmrdata.cli.demo_recipe import DemoRecipe
 from gmrdata.film.character import linked_files
 from gmrdata.film.set_plan import SyntheticRecipe
-from gmrdata.gmr.checkpoint import read_model, save_checkpoint
+from gmrdata.gmr.checkpoint import GmrState, read_model, save_step
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.train import GmrRecipe
@@ -331,7 +331,16 @@ def _networks(made: _Made) -> list[Target]:
     optimizer = torch.optim.Adam(model.parameters())
     sum(p.sum() for p in model.parameters()).backward()  # type: ignore[union-attr]
     optimizer.step()
-    folder = save_checkpoint(run, 3, model, optimizer, body="small", fps_hz=10.0)
+    state = GmrState(
+        step=3,
+        body="small",
+        model=model.config,
+        fps_hz=10.0,
+        processes=1,
+        averaged=False,
+        best=None,
+    )
+    folder = save_step(run, state, model, optimizer)
     kept = {path.name: path.read_bytes() for path in folder.iterdir()}
     ways = {"state.json": change.JSON, "model.safetensors": (change.changed_bytes,)}
     return [

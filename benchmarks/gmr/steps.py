@@ -56,7 +56,7 @@ def workload(config: TrainConfig, body: BodyModel) -> Workload:
         Clip(str(i), m, np.ones(m.n_frames, bool), np.full(m.n_frames, -1), None)
         for i, m in enumerate(motions)
     ]
-    training_set = make_training_set(clips, config.model.input, config.windows)
+    training_set = make_training_set(clips, config.model, config.windows)
     return Workload(config, body, training_set)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from record import Record, machine
 from tables.clips import scored_set, training_set
 
-from gmrdata.gmr.bundled import bundled_run
+from gmrdata.gmr.predict import BUNDLED, network_dir
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import write_manifest
@@ -70,7 +70,7 @@ class TablesSession:
 
     @cached_property
     def network(self) -> Path:
-        return bundled_run() if self.network_given is None else self.network_given.resolve()
+        return network_dir(BUNDLED) if self.network_given is None else self.network_given.resolve()
 
     @cached_property
     def scored(self) -> Path:

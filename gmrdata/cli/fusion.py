@@ -50,7 +50,7 @@ def fuse(
 
     from gmrdata.fusion import fused_motion as stage
     from gmrdata.fusion.evidence import fusion_config_of
-    from gmrdata.gmr.bundled import bundled_run
+    from gmrdata.gmr.predict import BUNDLED, network_dir
     from gmrdata.pages.fusion import write_fusion_page
 
     try:
@@ -66,7 +66,7 @@ def fuse(
         wrong = error.errors()[0]
         flag = str(wrong["loc"][0]).replace("_", "-")
         raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
-    network = bundled_run() if gmr is None else gmr
+    network = network_dir(BUNDLED if gmr is None else gmr)
     if dry_run:
         print_table(stage.HEADINGS, stage.plan(source, network, config, errors_path=errors))
         return

@@ -203,27 +203,25 @@ def infer(
             first pelvis upright at the origin.
         video: Whether to draw body.mp4, which takes longest.
     """
-    from gmrdata.gmr.bundled import bundled_run
-    from gmrdata.gmr.infer import RECORD_FILE, InferConfig, InferRecord, infer_world_motion
+    from gmrdata.gmr import infer as stage
+    from gmrdata.gmr.predict import BUNDLED
     from gmrdata.pages.inference import draw_motion
 
     if len(run_and_source) not in (1, 2):
         raise MissingInput("give a run folder and a file of poses, or the file of poses alone")
-    source = run_and_source[-1]
-    run_dir = run_and_source[0] if len(run_and_source) == 2 else bundled_run()
     if fps_hz is not None and not 0 < fps_hz < float("inf"):
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
     if bridge_frames < 0:
         raise BadRecipe(f"--bridge-frames {bridge_frames}: give 0 or more")
-    config = InferConfig(
+    config = stage.InferConfig(
         fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, level=level, video=video
     )
-    path = flags.body_path(body)
-    made = infer_world_motion(
-        run_dir, source, "anny" if path is None else str(path), out, config,
-        draw=draw_motion, joint_map=joint_map, run=Run(redo=redo),
+    network = run_and_source[0] if len(run_and_source) == 2 else BUNDLED
+    made = stage.infer(
+        network, run_and_source[-1], out, config,
+        body_path=flags.body_path(body), joint_map=joint_map, draw=draw_motion, run=Run(redo=redo),
     )  # fmt: skip
-    record, rows = InferRecord.read(made / RECORD_FILE), []
+    record, rows = stage.InferRecord.read(made / stage.RECORD_FILE), []
     for name, one in record.motions.items():
         span, rate, far = f"{one.first_frame}-{one.last_frame}", f"{one.fps_hz:g}", one.path_m
         rows.append((name, str(one.frames), span, str(one.filled_frames), rate, f"{far:.2f}"))
@@ -250,4 +248,4 @@ def compare(
 
     flags.need(scores, "the scores.json of two runs or more")
     config = stage.CompareConfig(names=names, seed=seed)
-    _show_comparison(stage.compare_scores(scores, out, config, run=Run(redo=redo)), scores)
+    _show_comparison(stage.compare(scores, out, config, run=Run(redo=redo)), scores)

@@ -50,7 +50,7 @@ def tables(
         estimator: Whose poses and keypoints they are, as the table shall call it.
         videos: Manifest that the non-sequential model is trained on; may be given several times.
     """
-    from gmrdata.gmr.bundled import bundled_run
+    from gmrdata.gmr.predict import network_dir
     from gmrdata.pages.scores import write_scores_pages
     from gmrdata.paper.comparison import TableRecord, explanations, shown_rows
     from gmrdata.paper.make import make_table
@@ -60,7 +60,7 @@ def tables(
     recipe = load_table(table)
     given = Given(
         manifest, scored, poses, keypoints, features, videos, held_out,
-        body_path(body), bundled_run() if network == Path("bundled") else network, estimator,
+        body_path(body), network and network_dir(network), estimator,
     )  # fmt: skip
     if array is not None:
         print_script(array)

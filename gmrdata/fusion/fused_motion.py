@@ -30,12 +30,16 @@ from gmrdata.fusion.evidence import (
 )
 from gmrdata.fusion.fusion import SamePlace, fuse
 from gmrdata.fusion.like_poses import corrected_by_like_poses
-from gmrdata.gmr.bundled import bundled_run
 from gmrdata.gmr.config import Which
 from gmrdata.gmr.infer import stand
-from gmrdata.gmr.predict import TrainedGmr, load_gmr
+from gmrdata.gmr.predict import (
+    BUNDLED,
+    TrainedGmr,
+    deltas_at_source_rate,
+    load_gmr,
+    network_dir,
+)
 from gmrdata.gmr.runs import check_finite
-from gmrdata.gmr.source_rate import deltas_at_source_rate
 from gmrdata.motion.resample import valid_runs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -223,7 +227,7 @@ def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAU
     of an earlier run stays.  A network without a record of its errors can't be weighed, and fuses
     nobody.
     """
-    fused_dir, network = video_dir / FUSED, bundled_run()
+    fused_dir, network = video_dir / FUSED, network_dir(BUNDLED)
     there = (video_dir / PSEUDO_GT).is_dir() and (network / DELTA_ERRORS_FILE).is_file()
     if body_path is not None and there:
         config = FuseConfig(fusion=fusion_config_of(video_dir))

@@ -10,9 +10,8 @@ from pydantic import Field, ValidationError
 from gmrdata.fusion.delta_errors import SPEEDS_M_PER_S, DeltaErrors, SeenBesideTruth, fit_errors
 from gmrdata.gmr.augmentation import turned
 from gmrdata.gmr.config import DataConfig, TrainConfig, Which, WindowConfig
-from gmrdata.gmr.predict import TrainedGmr, load_gmr
+from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, load_gmr
 from gmrdata.gmr.runs import runs_at
-from gmrdata.gmr.source_rate import deltas_at_source_rate
 from gmrdata.gmr.split import split_manifests, subject_of
 from gmrdata.stage.progress import track
 from gmrdata.stage.store import StageRecord

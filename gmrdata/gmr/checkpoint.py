@@ -119,33 +119,6 @@ def trained_checkpoint(run_dir: Path) -> Path:
     return folder
 
 
-def save_checkpoint(
-    run_dir: Path,
-    step: int,
-    model: Gmr,
-    optimizer: torch.optim.Optimizer,
-    *,
-    body: str,
-    fps_hz: float,
-    processes: int = 1,
-    best: Best | None = None,
-    average: Gmr | None = None,
-) -> Path:
-    """Keep a step of a GMR's training; best and averaged weights where the run has such."""
-    state = GmrState(
-        step=step,
-        body=body,
-        model=model.config,
-        fps_hz=fps_hz,
-        processes=processes,
-        averaged=average is not None,
-        best=None if best is None else best.score,
-    )
-    more = {} if best is None else {"best": best.weights}
-    more |= {} if average is None else {"average": writable(average.state_dict())}
-    return save_step(run_dir, state, model, optimizer, more)
-
-
 def save_step(
     run_dir: Path,
     state: StepState,
@@ -183,12 +156,17 @@ def save_step(
 
 def read_state(folder: Path) -> GmrState:
     """The `state.json` of a GMR's checkpoint, of former versions too."""
+    return read_step_state(folder, GmrState)
+
+
+def read_step_state(folder: Path, kind: type[State]) -> State:
+    """A kept step's `state.json`."""
     path = folder / STATE_FILE
     try:
         value = read_json(path)
         if isinstance(value, dict) and value.get("format") in _FORMER:
             value = _brought_up(value)
-        return GmrState.of_value(path, value)
+        return kind.of_value(path, value)
     except (MissingInput, BadRecord) as error:
         raise BadCheckpoint(f"{error}. {REMEDY}") from None
 
@@ -205,14 +183,6 @@ def _brought_up(value: dict[str, Any]) -> dict[str, Any]:
         for added, keys in _ADDED_TO_MODEL.items():
             model = (keys if version < added else {}) | model
     return first | value | {"format": GmrState.tag(), "model": model}
-
-
-def read_step_state(folder: Path, kind: type[State]) -> State:
-    """A kept step's `state.json`."""
-    try:
-        return kind.read(folder / STATE_FILE)
-    except (MissingInput, BadRecord) as error:
-        raise BadCheckpoint(f"{error}. {REMEDY}") from None
 
 
 def read_model(folder: Path, which: Which = "latest") -> Gmr:

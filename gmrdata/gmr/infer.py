@@ -26,7 +26,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import Which
-from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, network_dir, predict_world_motion
 from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
@@ -190,46 +190,52 @@ class InferConfig(Config):
     height_px: int = Field(default=480, ge=64, le=4096)
 
 
-DEFAULT_CONFIG = InferConfig()
 DrawMotion = Callable[[Path, Clip, BodyModel, InferConfig], None]
 """Adds pictures of a world motion to its folder; keeps those that are there."""
 
 
-def infer_world_motion(
-    run_dir: Path,
-    source: Path,
-    body_name: str,
-    out_dir: Path,
-    config: InferConfig = DEFAULT_CONFIG,
+def infer(
+    network: Path | str,
+    poses_path: Path | str,
+    out_dir: Path | str,
+    config: InferConfig | None = None,
     *,
-    draw: DrawMotion,
-    joint_map: Path | None = None,
+    body_path: Path | str | None = None,
+    joint_map: Path | str | None = None,
+    draw: DrawMotion | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Stage: predict the world motion of each person of a file and write it in usual formats.
+    """Predict the world motion of each person of a file and write it in usual formats.
 
     Args:
-        source: Local poses, as `gmrdata.motion.local_poses` lists the formats.
-        body_name: The body that stands for the people, as `load_body` takes it.
+        network: As `load_gmr` takes it.
+        poses_path: Local poses, as `gmrdata.motion.local_poses` lists the formats.
         out_dir: Gets `infer.json` and a folder for each unbroken run of each person: `clip.npz`,
             `amass.npz`, `motion.bvh`, `body.glb`, and what `draw` adds.  People and runs do not
             share a world: each starts above the origin of its own.
-        draw: Adds the pictures, as `gmrdata.pages.inference.draw_motion` does.
+        body_path: The body that stands for the people, as `load_body` takes it; None for the
+            default body.
         joint_map: For a BVH or AMC with unknown joint names.
+        draw: Adds pictures; None for none.
 
     Errors are MissingInput, BadCheckpoint, BadMotionFile for poses that are broken, or too short or
     slow for the network, UnsafePickle and BrokenPickle.
     """
     from gmrdata.read.bodies import load_body
 
+    run_dir, source, out_dir = network_dir(network), Path(poses_path), Path(out_dir)
+    config = config or InferConfig()
+    if draw is None:
+        config = config.model_copy(update={"video": False})
+    optional = {"joint_map": joint_map, "body": body_path}
     inputs = {f"poses_{role}": path for role, path in input_files(source).items()}
-    inputs |= {"run": run_dir} | ({"joint_map": joint_map} if joint_map is not None else {})
-    inputs |= {"body": Path(body_name)} if body_name != "anny" else {}
+    inputs |= {"run": run_dir} | {key: Path(it) for key, it in optional.items() if it is not None}
     if out_dir.is_dir() and is_made("infer", out_dir, config, inputs):
         return out_dir
     # Before anything is written, so that a bad file leaves nothing behind.
-    body = load_body(body_name)
-    gmr, worlds, left_out = _predict(run_dir, source, body, config, joint_map)
+    body = load_body("anny" if body_path is None else str(body_path))
+    gmr = load_gmr(run_dir, config.which)
+    worlds, left_out = _predict(gmr, source, body, config, inputs.get("joint_map"))
 
     def work(partial_dir: Path) -> None:
         InferRecord(
@@ -243,17 +249,17 @@ def infer_world_motion(
         ).write(partial_dir / RECORD_FILE)
         for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
             _write_files(partial_dir / name, world, body)
-        for name, world in worlds.items():
-            draw(partial_dir / name, world, body, config)
+        if draw is not None:
+            for name, world in worlds.items():
+                draw(partial_dir / name, world, body, config)
 
     return run_stage("infer", out_dir, config, inputs, work, resumable=True, run=run)
 
 
 def _predict(
-    run_dir: Path, source: Path, body: BodyModel, config: InferConfig, joint_map: Path | None
-) -> tuple[TrainedGmr, dict[str, Clip], dict[str, str]]:
-    """The network, the world motions by folder, and why runs of frames were left out."""
-    gmr = load_gmr(run_dir, config.which)
+    gmr: TrainedGmr, source: Path, body: BodyModel, config: InferConfig, joint_map: Path | None
+) -> tuple[dict[str, Clip], dict[str, str]]:
+    """World motions by folder, and why runs of frames were left out."""
     runs = read_local_poses(
         source, config.fps_hz, body=body, joint_map=joint_map, bridge_frames=config.bridge_frames
     )
@@ -275,7 +281,7 @@ def _predict(
         )
     for name, reason in left_out.items():
         console.print(f"left out {name}: {reason}", markup=False, soft_wrap=True)
-    return gmr, worlds, left_out
+    return worlds, left_out
 
 
 def _too_short(motion: Motion, fps_hz: float) -> str:

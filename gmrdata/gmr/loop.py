@@ -4,24 +4,27 @@ import math
 import os
 import shutil
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from gmrdata.gmr import checkpoint, steps
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.flat_runs import remove_files
 from gmrdata.gmr.losses import Motions, counts_of, gmr_loss
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.parallel import ALONE, Processes, averaging, check_device, own_part
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
-from gmrdata.gmr.runs import fitting_clips, no_runs, runs_at
+from gmrdata.gmr.runs import LazyClips, fitting_clips, no_runs, runs_at, usable_files
+from gmrdata.gmr.split import Split, split_manifests
+from gmrdata.gmr.steps import ALONE, Processes
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_bodies
 from gmrdata.gmr.windows import Batch, Mix, TrainingSet, make_batch, make_training_set
-from gmrdata.stage.progress import track
+from gmrdata.read.bodies import load_bodies
+from gmrdata.stage.progress import console, track
 from gmrdata.values.bodies import names_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
@@ -31,6 +34,32 @@ from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.motion_metrics import orientation_errors_deg, translation_errors_mm
 
 
+def fit_manifests(
+    manifest_paths: Sequence[Path],
+    run_dir: Path,
+    config: TrainConfig,
+    body_path: Path | None,
+    held_out_paths: Sequence[Path],
+    processes: Processes,
+) -> Split:
+    """Train on the clips of manifests, as `fit`; which clips they were.
+
+    The training frames are files in the run's folder until the training is done.
+    """
+    split = split_manifests(manifest_paths, config.data)
+    if split.statement and processes.is_first:
+        console.print(split.statement, markup=False, soft_wrap=True)
+    scored = [file for path in held_out_paths for file in usable_files(path)[0]]
+    bodies = load_bodies("anny" if body_path is None else str(body_path))
+    pack_dir, clips = run_dir / "pack", LazyClips(split.training)
+    training_set = _training_set(clips, bodies, config, split.mix, pack_dir)
+    held_out = LazyClips([*scored, *split.held_out])
+    _fit(training_set, bodies, run_dir, config, held_out, processes)
+    if processes.is_first:
+        remove_files(pack_dir)
+    return split
+
+
 def fit(
     clips: Sequence[Clip],
     bodies: Sequence[BodyModel],
@@ -38,56 +67,68 @@ def fit(
     config: TrainConfig,
     *,
     held_out: Sequence[Clip] = (),
-    mix: Mix | None = None,
-    pack_dir: Path | None = None,
-    processes: Processes = ALONE,
 ) -> Gmr:
     """Train a network: goes on from the folder's latest checkpoint, or begins; errors as `train`.
 
     Gives it with averaged weights if the recipe averages them.  Each clip is of one of the bodies,
-    which have one mesh; eq. 13 takes its own.  `pack_dir` gets the training frames, or is used as
-    it is if it is there, and is removed when the training is done; None keeps them in memory.
+    which have one mesh; eq. 13 takes its own.
     """
-    check_device(config.device)
-    training_set = make_training_set(
-        track(fitting_clips(clips, bodies), "reading clips", total=len(clips)),
-        config.model.input,
-        config.windows,
-        config.model.extra_inputs,
-        mix=mix,
-        bodies=[body.name for body in bodies],
-        pack_dir=pack_dir,
+    steps.check_device(config.device)
+    training_set = _training_set(clips, bodies, config)
+    return _fit(training_set, bodies, run_dir, config, held_out, ALONE)
+
+
+def _training_set(
+    clips: Sequence[Clip],
+    bodies: Sequence[BodyModel],
+    config: TrainConfig,
+    mix: Mix | None = None,
+    pack_dir: Path | None = None,
+) -> TrainingSet:
+    fitting = track(fitting_clips(clips, bodies), "reading clips", total=len(clips))
+    names = [body.name for body in bodies]
+    return make_training_set(
+        fitting, config.model, config.windows, mix=mix, bodies=names, pack_dir=pack_dir
     )
+
+
+def _fit(
+    training_set: TrainingSet,
+    bodies: Sequence[BodyModel],
+    run_dir: Path,
+    config: TrainConfig,
+    held_out: Sequence[Clip],
+    processes: Processes,
+) -> Gmr:
     scored_runs = held_out_runs(held_out, bodies, config.windows.fps_hz)
+    loss_bodies = make_loss_bodies(bodies, config.loss.n_vertices, config.device)
     seed = steps.derived_seed(config.seed, 0)
     with steps.torch_settings(config.device, config.threads, seed):
-        learner = _GmrLearner(training_set, scored_runs, bodies, run_dir, config, processes)
-        steps.run_steps(learner, config, run_dir, processes, tensorboard=config.tensorboard)
-    if pack_dir is not None and processes.is_first:
-        remove_files(pack_dir)
+        learner = _GmrLearner(training_set, scored_runs, loss_bodies, run_dir, config, processes)
+        steps.run_steps(learner, config, tensorboard=config.tensorboard)
     return learner.used
 
 
-class _GmrLearner:
+class _GmrLearner(steps.Learner[Batch]):
+    model: Gmr
+
     def __init__(
         self,
         training_set: TrainingSet,
         scored_runs: Sequence[Motion],
-        bodies: Sequence[BodyModel],
+        loss_bodies: tuple[LossBody, ...],
         run_dir: Path,
         config: TrainConfig,
         processes: Processes,
     ) -> None:
+        super().__init__(Gmr(config.model), config, run_dir, processes)
         self._training_set, self._scored_runs = training_set, scored_runs
-        self._run_dir, self._config, self._processes = run_dir, config, processes
-        self._loss_bodies = make_loss_bodies(bodies, config.loss.n_vertices, config.device)
-        self.model = Gmr(config.model).to(config.device)
-        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
+        self._config, self._loss_bodies = config, loss_bodies
         decay = config.average_decay
         self.average = steps.start_average(self.model, decay) if decay > 0 else None
         self.best: checkpoint.Best | None = None
-        self.done = self._resume()
-        self._network = averaging(_compiled(self.model, config), processes)
+        self._resume()
+        self._network = steps.averaging(_compiled(self.model, config), processes)
 
     @property
     def used(self) -> Gmr:
@@ -96,59 +137,71 @@ class _GmrLearner:
 
     def batch_of(self, step: int) -> Batch:
         config = self._config
-        size = config.batch_size * self._processes.count
+        size = config.batch_size * self.processes.count
         return make_batch(self._training_set, config.windows, size, config.seed, step)
 
     def gradients(self, batch: Batch) -> dict[str, float]:
-        return gradient_step(self._network, batch, self._loss_bodies, self._config, self._processes)
+        return gradient_step(self._network, batch, self._loss_bodies, self._config, self.processes)
 
     def rate_at(self, step: int) -> float:
         return learning_rate_at(self._config, step)
 
+    def state(self, done: int) -> checkpoint.GmrState:
+        return checkpoint.GmrState(
+            step=done,
+            body=names_of(one.body for one in self._loss_bodies),
+            model=self.model.config,
+            fps_hz=self._config.windows.fps_hz,
+            processes=self.processes.count,
+            averaged=self.average is not None,
+            best=None if self.best is None else self.best.score,
+        )
+
+    def more_weights(self) -> dict[str, dict[str, Tensor]]:
+        more = {} if self.best is None else {"best": self.best.weights}
+        if self.average is not None:
+            more["average"] = checkpoint.writable(self.used.state_dict())
+        return more
+
     def after(self, done: int, log: steps.Log) -> None:
-        config, fps_hz = self._config, self._config.windows.fps_hz
+        config = self._config
         if self.average is not None:
             self.average.update_parameters(self.model)
-        if not self._processes.is_first:
-            return
-        if self._scored_runs and steps.is_due(done, config.eval_every, config):
-            scores = held_out_scores(self.used, self._scored_runs, fps_hz)
+        is_scored = self._scored_runs and steps.is_due(done, config.eval_every, config)
+        if self.processes.is_first and is_scored:
+            scores = held_out_scores(self.used, self._scored_runs, config.windows.fps_hz)
             name = config.best_by
             self.best = checkpoint.best_of(self.best, done, name, scores[name], self.used)
             log({"step": done} | scores)
-        if steps.is_due(done, config.checkpoint_every, config):
-            checkpoint.save_checkpoint(
-                self._run_dir,
-                done,
-                self.model,
-                self.optimizer,
-                body=names_of(one.body for one in self._loss_bodies),
-                fps_hz=fps_hz,
-                processes=self._processes.count,
-                best=self.best,
-                average=None if self.average is None else self.used,
-            )
+        super().after(done, log)
 
-    def _resume(self) -> int:
-        """Load the latest checkpoint, if any: the number of steps done."""
-        folder, config = checkpoint.latest_checkpoint(self._run_dir), self._config
+    def _resume(self) -> None:
+        """Load the latest checkpoint, if any."""
+        folder, config = checkpoint.latest_checkpoint(self.run_dir), self._config
         if folder is None:
-            return 0
+            return
         state = checkpoint.read_state(folder)
         if state.step > config.steps:
             raise BadCheckpoint(f"{folder}: has more steps than the {config.steps} to train")
-        if state.processes != self._processes.count:
+        if state.processes != self.processes.count:
             raise BadCheckpoint(
                 f"{folder}: made by {state.processes} processes, so a step has other windows than"
-                f" with {self._processes.count}. Go on with as many, or train again"
+                f" with {self.processes.count}. Go on with as many, or train again"
             )
-        checkpoint.load_weights(folder, self.model)
-        checkpoint.load_optimizer(folder, self.model, self.optimizer)
+        self.go_on_from(folder, state.step)
         if self.average is not None:
             checkpoint.load_weights(folder, self.used, "average")
             self.average.n_averaged.fill_(state.step + 1)
         self.best = checkpoint.read_best(folder)
-        return state.step
+
+
+def own_part(batch: Batch, processes: Processes) -> Batch:
+    """This process's windows of a step's, of which each process has as many."""
+    if processes.count == 1:
+        return batch
+    size = len(batch.poses) // processes.count
+    rows = slice(processes.rank * size, (processes.rank + 1) * size)
+    return Batch(*(getattr(batch, field.name)[rows] for field in fields(batch)))
 
 
 def gradient_step(
@@ -162,7 +215,7 @@ def gradient_step(
     counts, part = counts_of(batch.mask, processes.count), own_part(batch, processes)
     device = config.device
 
-    def terms() -> dict[str, torch.Tensor]:
+    def terms() -> dict[str, Tensor]:
         with torch.autocast(device, torch.bfloat16, enabled=config.precision == "bf16"):
             delta_rotmats, delta_m = network(part.poses.to(device), part.lengths)
         predicted = Motions(delta_rotmats[:, :-1], delta_m[:, :-1])

@@ -1,22 +1,59 @@
-"""Inference: a trained network, and the world motion that it sees in a local pose sequence."""
+"""Networks to use, and the world motion that they see in a local pose sequence.
 
+A network is a run's folder, or a folder of weights alone, like the one in the package: that holds
+`bundle.json` and a safetensors file for each network, in float16.  Rounding a weight by 0.05 %
+changes a motion by far less than two trainings differ.  Several networks predict together
+(`MeanGmr`).
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
+from pydantic import Field
+from safetensors.torch import save_file
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.bundled import BUNDLE_FILE, read_bundle
-from gmrdata.gmr.checkpoint import read_model, read_state, trained_checkpoint
-from gmrdata.gmr.config import Which
+from gmrdata.gmr.checkpoint import (
+    REMEDY,
+    read_model,
+    read_network,
+    read_state,
+    trained_checkpoint,
+    writable,
+)
+from gmrdata.gmr.config import ModelConfig, Which
 from gmrdata.gmr.model import Gmr, MeanGmr, network_input
 from gmrdata.gmr.runs import runs_at
+from gmrdata.motion.resample import resample
+from gmrdata.values import limits
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadCheckpoint, BadMotionFile
+from gmrdata.values.errors import BadCheckpoint, BadMotionFile, BadRecord
 from gmrdata.values.motion import Motion, without_root
-from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.records import Record
 from gmrdata.values.shapes import Float
+
+BUNDLED = "bundled"
+"""The word for the network that the package brings.  `card.md` beside its weights says what it was
+trained on, and how it scores."""
+BUNDLE_FILE = "bundle.json"
+
+
+class Bundle(Record):
+    """`bundle.json`."""
+
+    format: Literal["gmrdata-networks/1"] = "gmrdata-networks/1"
+    name: str
+    model: ModelConfig
+    fps_hz: float = Field(gt=0)
+    body: str
+    step: int = Field(ge=0)
+    networks: int = Field(ge=1, le=limits.MOST_NETWORKS)
+    """How many; their files are `network_0.safetensors` and so on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,27 +66,72 @@ class TrainedGmr:
     step: int  # training steps behind the weights
 
 
-def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
+def network_dir(network: Path | str) -> Path:
+    """The folder of a network: the package's own for the word `bundled`."""
+    return Path(__file__).with_name("weights") if str(network) == BUNDLED else Path(network)
+
+
+def is_network(path: Path | str) -> bool:
+    """Whether a path, or the word `bundled`, is a network's."""
+    folder = network_dir(path)
+    return (folder / BUNDLE_FILE).is_file() or (folder / "checkpoints").is_dir()
+
+
+def load_gmr(network: Path | str, which: Which = "latest") -> TrainedGmr:
     """The latest checkpoint of a training run, or what scored best on its held-out clips.
 
-    Or a folder of weights alone, as `gmrdata.gmr.bundled` has one, which has no other weights.
+    Or a folder of weights alone, which has no other weights; `bundled` is the package's own.
     MissingInput where there is none, BadCheckpoint where it is broken or has no best weights.
     """
-    run_dir = Path(run_dir)
-    if (run_dir / BUNDLE_FILE).is_file():
-        return _load_bundle(run_dir, which)
-    folder = trained_checkpoint(run_dir)
-    state = read_state(folder)
-    model = read_model(folder, which).eval()
+    folder = network_dir(network)
+    if (folder / BUNDLE_FILE).is_file():
+        if which == "best":
+            raise BadCheckpoint(f"{folder}: has the latest weights alone. Use those")
+        bundle, bundled = read_bundle(folder)
+        return TrainedGmr(bundled.eval(), bundle.fps_hz, bundle.name, bundle.step)
+    kept = trained_checkpoint(folder)
+    state, model = read_state(kept), read_model(kept, which).eval()
     step = state.best.step if which == "best" and state.best is not None else state.step
-    return TrainedGmr(model, state.fps_hz, run_dir.name, step)
+    return TrainedGmr(model, state.fps_hz, folder.name, step)
 
 
-def _load_bundle(folder: Path, which: Which) -> TrainedGmr:
-    if which == "best":
-        raise BadCheckpoint(f"{folder}: has the latest weights alone. Use those")
-    bundle, model = read_bundle(folder)
-    return TrainedGmr(model.eval(), bundle.fps_hz, bundle.name, bundle.step)
+def read_bundle(folder: Path) -> tuple[Bundle, Gmr | MeanGmr]:
+    """A folder's record and its network; BadCheckpoint where something is broken or missing."""
+    try:
+        bundle = Bundle.read(folder / BUNDLE_FILE)
+    except BadRecord as error:
+        raise BadCheckpoint(f"{error}. {REMEDY}") from None
+    models = [read_network(folder, f"network_{i}", bundle.model) for i in range(bundle.networks)]
+    return bundle, models[0] if len(models) == 1 else MeanGmr(models)
+
+
+def write_bundle(run_dirs: Sequence[Path], name: str, out_dir: Path) -> Path:
+    """Keep the last weights of trained runs of one recipe, for use alone.
+
+    BadCheckpoint where the runs are of different networks or frame rates.
+    """
+    folders = [trained_checkpoint(run_dir) for run_dir in run_dirs]
+    states = [read_state(folder) for folder in folders]
+    first = states[0]
+    for run_dir, state in zip(run_dirs, states, strict=True):
+        if (state.model, state.fps_hz, state.body) != (first.model, first.fps_hz, first.body):
+            raise BadCheckpoint(
+                f"{run_dir}: of another network than {run_dirs[0]}. Give runs of one recipe"
+            )
+    out_dir.mkdir(parents=True, exist_ok=True)
+    for i, folder in enumerate(folders):
+        weights = writable(read_model(folder).state_dict())
+        halves = {key: value.half() for key, value in weights.items()}
+        save_file(halves, out_dir / f"network_{i}.safetensors")
+    Bundle(
+        name=name,
+        model=first.model,
+        fps_hz=first.fps_hz,
+        body=first.body,
+        step=first.step,
+        networks=len(folders),
+    ).write(out_dir / BUNDLE_FILE)
+    return out_dir
 
 
 def predict_deltas(
@@ -109,8 +191,41 @@ def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
     clip = Clip(motion.source, without_root(motion), np.ones(n, bool), np.full(n, -1), None)
     runs = runs_at(clip, gmr.fps_hz, all_phases=False)
     if not runs:
-        raise BadMotionFile(
-            f"{motion.source}: {n} frames at {motion.fps_hz:g} fps are less than two frames at"
-            f" {gmr.fps_hz:g} fps. Give a longer motion"
-        )
+        raise _too_short(gmr, motion)
     return runs[0]
+
+
+def _too_short(gmr: TrainedGmr, motion: Motion) -> BadMotionFile:
+    return BadMotionFile(
+        f"{motion.source}: {motion.n_frames} frames at {motion.fps_hz:g} fps are less than two"
+        f" frames at {gmr.fps_hz:g} fps. Give a longer motion"
+    )
+
+
+def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """dR (T-1, 3, 3) and dT (T-1, 3) [m] between all T poses, from the local ones alone.
+
+    The network runs at its own rate, mostly 10 Hz, over poses of 30.  Begun one pose later it sees
+    the same motion in another phase; from pose to pose the mean of all phases is taken.  A last
+    pose beyond the network's last moment goes on as the one before it did.  BadMotionFile where the
+    poses are fewer than two at the network's rate.
+    """
+    n = motion.n_frames
+    poses = without_root(motion)
+    turns, steps_m, counts = np.zeros((n - 1, 3)), np.zeros((n - 1, 3)), np.zeros((n - 1, 1))
+    for phase in range(max(1, int(motion.fps_hz / gmr.fps_hz + 1e-6))):
+        if (n - 1 - phase) / motion.fps_hz < 1 / gmr.fps_hz - 1e-6:
+            break
+        seen = predict_world_motion(gmr, poses.take(slice(phase, None)))
+        back = resample(replace(seen, local_rotmats=seen.local_rotmats[:, :0]), motion.fps_hz)
+        found, found_m = deltas(back.root_rotmats, back.pelvis_m)
+        rows = slice(phase, min(phase + len(found), n - 1))
+        count = rows.stop - phase
+        turns[rows] += Rotation.from_matrix(found[:count]).as_rotvec()
+        steps_m[rows] += found_m[:count]
+        counts[rows] += 1
+    if not counts.any():
+        raise _too_short(gmr, motion)
+    nearest = np.maximum.accumulate(np.where(counts[:, 0] > 0, np.arange(n - 1), 0))
+    turns, steps_m, counts = turns[nearest], steps_m[nearest], counts[nearest]
+    return Rotation.from_rotvec(turns / counts).as_matrix(), steps_m / counts

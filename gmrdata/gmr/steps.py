@@ -2,27 +2,45 @@
 
 Each step is seeded anew, so that a run that was stopped goes on bit for bit.  A run says of itself
 `metrics.jsonl`, and TensorBoard's event files if wanted.
+
+One training may have several processes, as `torchrun` starts them: one per GPU, or on CPUs.
+
+    torchrun --nproc-per-node 4 -m gmrdata train manifest.yaml --out run
+
+Each takes its part of a step's windows; the gradients are averaged, so that all have the same
+weights at all times.  The first process alone writes.  All must see the same run folder.
 """
 
+import atexit
 import json
 import math
+import os
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, nullcontext
+from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import torch
+import torch.distributed as dist
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
-from gmrdata.gmr.checkpoint import latest_checkpoint
+from gmrdata.gmr.checkpoint import (
+    StepState,
+    latest_checkpoint,
+    load_optimizer,
+    load_weights,
+    save_step,
+)
 from gmrdata.gmr.config import StepsConfig
-from gmrdata.gmr.parallel import ALONE, Processes, averaged
 from gmrdata.stage.progress import progress_bar
-from gmrdata.values.errors import MissingExtra, TrainingDiverged
+from gmrdata.values.errors import MissingExtra, StageFailed, TrainingDiverged
 from gmrdata.values.files import write_text
 
 Log = Callable[[Mapping[str, float]], None]  # takes a line: `step`, and numbers by name
@@ -30,35 +48,141 @@ Log = Callable[[Mapping[str, float]], None]  # takes a line: `step`, and numbers
 Batch = TypeVar("Batch")
 Tensors = tuple[Tensor, ...] | list[Tensor]
 AHEAD = 2  # batches that are ready or being made while a step is computed
+PATIENCE = timedelta(hours=2)  # they wait for scores on held-out clips, which the first makes
 
 
-class Learner(Protocol[Batch]):
-    """What the loop asks of a training, which begins with `done` steps.  Steps count from 0.
+@dataclass(frozen=True)
+class Processes:
+    """Which process this is, of how many."""
 
-    `batch_of` depends on the step's number alone; `gradients` fills them and gives the figures,
-    `loss` and `gradient_norm` among them; `rate_at` is Adam's step size; `after` scores and keeps.
-    """
-
-    done: int
+    rank: int = 0
+    count: int = 1
 
     @property
-    def optimizer(self) -> torch.optim.Optimizer: ...
-    def batch_of(self, step: int) -> Batch: ...
-    def gradients(self, batch: Batch) -> dict[str, float]: ...
-    def rate_at(self, step: int) -> float: ...
-    def after(self, done: int, log: Log) -> None: ...
+    def is_first(self) -> bool:  # the one that writes
+        return self.rank == 0
 
 
-def run_steps(
-    learner: Learner[Batch],
-    config: StepsConfig,
-    run_dir: Path,
-    processes: Processes = ALONE,
-    *,
-    tensorboard: bool = False,
+ALONE = Processes()
+
+
+def check_device(device: str) -> None:
+    if device == "cuda" and not torch.cuda.is_available():
+        raise StageFailed("no GPU here that torch can use. Train with device: cpu")
+
+
+def join_processes(device: str) -> Processes:
+    """Join the others that `torchrun` started, until this process ends; `ALONE` without it."""
+    check_device(device)
+    if not dist.is_torchelastic_launched():
+        return ALONE
+    # Once per process: a second group would find the first one's addresses and wait for ever.
+    if not dist.is_initialized():
+        if device == "cuda":
+            torch.cuda.set_device(int(os.environ["LOCAL_RANK"]))
+        dist.init_process_group("nccl" if device == "cuda" else "gloo", timeout=PATIENCE)
+        atexit.register(dist.destroy_process_group)
+    return Processes(dist.get_rank(), dist.get_world_size())
+
+
+def in_all_processes(
+    stage: Callable[[Callable[[Path], Any]], object],
+    work: Callable[[Path], Any],
+    processes: Processes,
 ) -> None:
+    """Do a stage's work in all processes, in the folder that the first one's stage gives it."""
+    if not processes.is_first:
+        folder = _from_first(None, processes)
+        if folder is not None:
+            work(Path(folder))
+        return
+    told = []
+
+    def work_of_first(partial_dir: Path) -> Any:
+        told.append(_from_first(str(partial_dir), processes))
+        return work(partial_dir)
+
+    try:
+        stage(work_of_first)
+    finally:
+        if not told:
+            _from_first(None, processes)
+
+
+def _from_first(value: str | None, processes: Processes) -> str | None:
+    """What the first process says; the others' own value is not looked at."""
+    values = [value]
+    if processes.count > 1:
+        dist.broadcast_object_list(values, src=0)
+    return values[0]
+
+
+def averaging(model: nn.Module, processes: Processes) -> nn.Module:
+    """The network, with gradients that are averaged over the processes as they are made."""
+    if processes.count == 1:
+        return model
+    # Without device_ids, inputs stay where they are: the lengths must stay on the CPU.
+    return nn.parallel.DistributedDataParallel(model, broadcast_buffers=False)
+
+
+def averaged(values: torch.Tensor, processes: Processes) -> torch.Tensor:
+    if processes.count > 1:
+        dist.all_reduce(values)
+        values = values / processes.count
+    return values
+
+
+class Learner(ABC, Generic[Batch]):
+    """A training, which begins with `done` steps.  Steps count from 0."""
+
+    model: nn.Module
+
+    def __init__(
+        self, model: nn.Module, config: StepsConfig, run_dir: Path, processes: Processes = ALONE
+    ) -> None:
+        self.model = model.to(config.device)
+        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
+        self.run_dir, self.processes = run_dir, processes
+        self.done = 0
+        self._steps = config
+
+    @abstractmethod
+    def batch_of(self, step: int) -> Batch:
+        """What a step learns from, by its number alone."""
+
+    @abstractmethod
+    def gradients(self, batch: Batch) -> dict[str, float]:
+        """Fill them; gives the figures, `loss` and `gradient_norm` among them."""
+
+    @abstractmethod
+    def state(self, done: int) -> StepState:
+        """What a kept step says of itself."""
+
+    def more_weights(self) -> dict[str, dict[str, Tensor]]:
+        """What is kept beside the network, by file: `writable` tensors."""
+        return {}
+
+    def rate_at(self, step: int) -> float:
+        """Adam's step size in a step."""
+        return self._steps.learning_rate
+
+    def after(self, done: int, log: Log) -> None:
+        """Keep the network after so many steps, where that is due."""
+        if self.processes.is_first and is_due(done, self._steps.checkpoint_every, self._steps):
+            kept = self.state(done), self.model, self.optimizer, self.more_weights()
+            save_step(self.run_dir, *kept)
+
+    def go_on_from(self, folder: Path, done: int) -> None:
+        """Take the network and its optimiser from a checkpoint."""
+        load_weights(folder, self.model)
+        load_optimizer(folder, self.model, self.optimizer)
+        self.done = done
+
+
+def run_steps(learner: Learner[Batch], config: StepsConfig, *, tensorboard: bool = False) -> None:
     """Train; within `torch_settings`."""
-    log_dir, done = run_dir if processes.is_first else None, learner.done
+    processes, run_dir, done = learner.processes, learner.run_dir, learner.done
+    log_dir = run_dir if processes.is_first else None
     with progress_bar(shown=processes.is_first) as bar, run_log(log_dir, done, tensorboard) as log:
         task = bar.add_task("training", total=config.steps, completed=done)
         for step, batch in prefetched(learner.batch_of, range(done, config.steps)):

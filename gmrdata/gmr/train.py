@@ -8,10 +8,10 @@
 
 A run that was killed, at any moment and however, goes on when it is started again, and ends with
 the weights that it would have had: each step's windows and dropout depend on (seed, step) alone.
-Started by `torchrun`, several processes train one network (gmrdata.gmr.parallel).
+Started by `torchrun`, several processes train one network (gmrdata.gmr.steps).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -65,12 +65,12 @@ class GmrRecipe(Config):
 
 
 def train(
-    manifest_paths: Sequence[Path],
-    run_dir: Path,
-    config: TrainConfig,
+    manifest_paths: Sequence[Path | str],
+    run_dir: Path | str,
+    config: TrainConfig | None = None,
     *,
-    body_path: Path | None = None,
-    held_out_paths: Sequence[Path] = (),
+    body_path: Path | str | None = None,
+    held_out_paths: Sequence[Path | str] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Train a network on the clips of manifests; resumes a killed run.
@@ -89,54 +89,28 @@ def train(
         StageFailed: a GPU is asked for, and there is none.
         StaleOutput: the folder was made with another recipe.
     """
-    from gmrdata.gmr.loop import fit
-    from gmrdata.gmr.parallel import from_first, join_processes
-    from gmrdata.gmr.runs import LazyClips, usable_files
-    from gmrdata.gmr.split import split_manifests
-    from gmrdata.read.bodies import body_inputs, load_bodies
-    from gmrdata.stage.progress import console
+    from gmrdata.gmr.loop import fit_manifests
+    from gmrdata.gmr.steps import in_all_processes, join_processes
+    from gmrdata.read.bodies import body_inputs
 
-    inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
-    inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}
-    inputs |= body_inputs(body_path)
+    config, run_dir = config or TrainConfig(), Path(run_dir)
+    manifests, held_out = [*map(Path, manifest_paths)], [*map(Path, held_out_paths)]
+    body = None if body_path is None else Path(body_path)
+    inputs = {f"manifest_{i}": path for i, path in enumerate(manifests)}
+    inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out)}
+    inputs |= body_inputs(body)
     processes = join_processes(config.device)
 
-    def fit_in(partial_dir: Path) -> dict[str, Any]:
-        split = split_manifests(manifest_paths, config.data)
-        if split.statement and processes.is_first:
-            console.print(split.statement, markup=False, soft_wrap=True)
-        scored = [file for path in held_out_paths for file in usable_files(path)[0]]
-        scored += split.held_out
-        fit(
-            LazyClips(split.training),
-            load_bodies("anny" if body_path is None else str(body_path)),
-            partial_dir,
-            config,
-            held_out=LazyClips(scored),
-            mix=split.mix,
-            pack_dir=partial_dir / "pack",
-            processes=processes,
-        )
+    def work(partial_dir: Path) -> dict[str, Any]:
+        split = fit_manifests(manifests, partial_dir, config, body, held_out, processes)
         made_by = {"processes": processes.count} | machine(config.device)
         return {"clips": len(split.training), "left_out": split.left_out} | made_by
 
-    if not processes.is_first:
-        partial = from_first(None, processes)
-        if partial is not None:
-            fit_in(Path(partial))
-        return run_dir
-
-    told = []
-
-    def work(partial_dir: Path) -> dict[str, Any]:
-        told.append(from_first(str(partial_dir), processes))
-        return fit_in(partial_dir)
-
-    try:
+    def stage(work: Callable[[Path], dict[str, Any]]) -> Path:
         return run_stage("gmr-train", run_dir, config, inputs, work, resumable=True, run=run)
-    finally:
-        if not told:
-            from_first(None, processes)
+
+    in_all_processes(stage, work, processes)
+    return run_dir
 
 
 def machine(device: str) -> dict[str, str]:

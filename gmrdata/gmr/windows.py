@@ -16,7 +16,7 @@ from gmrdata.gmr.augmentation import (
     turned,
     with_exchanged_arms,
 )
-from gmrdata.gmr.config import ExtraInput, Representation, WindowConfig
+from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation, WindowConfig
 from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, TrainingRun, in_files, in_memory
 from gmrdata.gmr.inputs import input_rotmats
 from gmrdata.gmr.losses import Motions
@@ -87,29 +87,28 @@ class Batch:
 
 def make_training_set(
     clips: Iterable[Clip],
-    representation: Representation,
+    model: ModelConfig,
     config: WindowConfig,
-    extra_inputs: tuple[ExtraInput, ...] = (),
     *,
     mix: Mix | None = None,
     bodies: Sequence[str] = (),
     pack_dir: Path | None = None,
 ) -> TrainingSet:
-    """Cut clips into runs at the network's frame rate, and compute their inputs once.
+    """Cut clips into runs at a network's frame rate, and compute its inputs once.
 
     The clips are gone through once and not kept, so they may come from disk one by one.  `bodies`
     are the names of those that they may have, in the order of their numbers; none for one body.
     With `pack_dir`, the runs' arrays are files in that folder, mapped and not kept in memory.
     """
-    rows = _run_rows(clips, representation, config, mix, list(bodies))
-    about = PackRecord(input=representation, fps_hz=config.fps_hz)
+    rows = _run_rows(clips, model.input, config, mix, list(bodies))
+    about = PackRecord(input=model.input, fps_hz=config.fps_hz)
     frames = in_memory(rows) if pack_dir is None else in_files(rows, pack_dir, about)
     if mix is None or mix.weights is None:
-        return TrainingSet(frames, representation, extra_inputs)
+        return TrainingSet(frames, model.input, model.extra_inputs)
     for part in set(range(len(mix.sizes))) - set(frames.parts.tolist()):
         name = f"manifest {mix.names[part] if mix.names else f'number {part}'}"
         raise BadManifest(f"{name} has a weight, but no clip of it gives a window. Leave it out")
-    return TrainingSet(frames, representation, extra_inputs, mix.weights)
+    return TrainingSet(frames, model.input, model.extra_inputs, mix.weights)
 
 
 def make_batch(

@@ -1,11 +1,5 @@
 """Reading local poses of any known format as clips, one for each unbroken run of one person.
 
-A world motion from the poses of an estimator, in three lines (they are run in a test):
-
-    from gmrdata.gmr.predict import load_gmr, predict_world_motion
-    from gmrdata.motion.local_poses import read_local_poses
-    world = predict_world_motion(load_gmr("run"), read_local_poses("poses.pkl", 30)[0].motion)
-
 A local pose is the rotation of each joint in its parent's frame; where the person is and how the
 root is turned is not looked at, so it does not matter whether a file's root is in a camera's frame
 or in a world.

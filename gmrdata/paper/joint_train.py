@@ -16,9 +16,15 @@ from torch import Tensor
 
 from gmrdata.gmr import checkpoint
 from gmrdata.gmr.losses import gmr_loss
-from gmrdata.gmr.parallel import check_device
 from gmrdata.gmr.runs import fitting_clips, usable_clips
-from gmrdata.gmr.steps import Log, derived_seed, fill_gradients, is_due, run_steps, torch_settings
+from gmrdata.gmr.steps import (
+    Learner,
+    check_device,
+    derived_seed,
+    fill_gradients,
+    run_steps,
+    torch_settings,
+)
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet
 from gmrdata.paper import joint_data
@@ -70,11 +76,13 @@ def fit_joint(
     check_device(config.device)
     with torch_settings(config.device, config.threads, derived_seed(config.seed, 0)):
         learner = _JointLearner(training_set, bodies, run_dir, config)
-        run_steps(learner, config, run_dir)
+        run_steps(learner, config)
     return learner.model
 
 
-class _JointLearner:
+class _JointLearner(Learner[Batch]):
+    model: JointModel
+
     def __init__(
         self,
         training_set: TrainingSet,
@@ -82,14 +90,14 @@ class _JointLearner:
         run_dir: Path,
         config: JointConfig,
     ) -> None:
-        self._training_set, self._run_dir, self._config = training_set, run_dir, config
-        self._loss_bodies = make_loss_bodies(bodies, config.loss.n_vertices, config.device)
         features, local_rotmats = joint_data.split_rows(training_set.frames.poses)
-        self.model = JointModel(config, features.shape[1])
-        self.model.start_from(torch.from_numpy(features), torch.from_numpy(local_rotmats))
-        self.model.to(config.device)
-        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
-        self.done = self._resume()
+        model = JointModel(config, features.shape[1])
+        model.start_from(torch.from_numpy(features), torch.from_numpy(local_rotmats))
+        super().__init__(model, config, run_dir)
+        self._training_set, self._config = training_set, config
+        self._loss_bodies = make_loss_bodies(bodies, config.loss.n_vertices, config.device)
+        if (folder := checkpoint.latest_checkpoint(run_dir)) is not None:
+            self.go_on_from(folder, checkpoint.read_step_state(folder, JointState).step)
 
     def batch_of(self, step: int) -> Batch:
         return joint_data.make_joint_batch(self._training_set, self._config, step + 1)
@@ -103,26 +111,13 @@ class _JointLearner:
 
         return fill_gradients(self.model, terms, config.gradient_norm)
 
-    def rate_at(self, step: int) -> float:
-        return self._config.learning_rate
-
-    def after(self, done: int, log: Log) -> None:
-        if is_due(done, self._config.checkpoint_every, self._config):
-            state = JointState(
-                step=done,
-                body=names_of(one.body for one in self._loss_bodies),
-                n_features=self.model.n_features,
-                config=self._config,
-            )
-            checkpoint.save_step(self._run_dir, state, self.model, self.optimizer)
-
-    def _resume(self) -> int:
-        folder = checkpoint.latest_checkpoint(self._run_dir)
-        if folder is None:
-            return 0
-        checkpoint.load_weights(folder, self.model)
-        checkpoint.load_optimizer(folder, self.model, self.optimizer)
-        return checkpoint.read_step_state(folder, JointState).step
+    def state(self, done: int) -> JointState:
+        return JointState(
+            step=done,
+            body=names_of(one.body for one in self._loss_bodies),
+            n_features=self.model.n_features,
+            config=self._config,
+        )
 
 
 def joint_loss(

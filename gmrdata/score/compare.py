@@ -76,20 +76,20 @@ class Comparison(Record):
         return self
 
 
-def compare_scores(
-    paths: Sequence[Path],
-    out_dir: Path,
+def compare(
+    scores_paths: Sequence[Path | str],
+    out_dir: Path | str,
     config: CompareConfig | None = None,
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Differences of two or more runs, by their `scores.json`, to the first one, clip by clip.
+    """Lay scored runs beside the first one, clip by clip: by the `scores.json` of two or more.
 
     Each clip counts once, whatever its length.  Only clips that all runs have are compared; the
     others are named.  A protocol's metrics are compared where all runs have the same protocol.
     `out_dir` gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
     """
-    config = config or CompareConfig()
+    config, paths, out_dir = config or CompareConfig(), [*map(Path, scores_paths)], Path(out_dir)
     if len(paths) < 2:
         raise MissingInput("fewer than two scored runs. Give a scores.json for each run")
 

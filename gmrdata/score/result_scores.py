@@ -13,7 +13,7 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.listing import read_listing
 from gmrdata.read.frames import number_in_name
 from gmrdata.read.world_results import ResultPerson
-from gmrdata.score.compare import CompareConfig, compare_scores
+from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.predictions import PredictedClip, clip_beside_truth
 from gmrdata.score.records import MatchedResult, ScoredResults
 from gmrdata.score.result_files import (
@@ -130,7 +130,7 @@ def score_results(
     if len(sets) == 1:
         return ScoredSets(tuple(scores), None)
     compared = CompareConfig(names=tuple(one.name for one in sets), seed=config.seed)
-    comparison = compare_scores(scores, out_dir / COMPARISON, compared, run=run)
+    comparison = compare(scores, out_dir / COMPARISON, compared, run=run)
     return ScoredSets(tuple(scores), comparison)
 
 

@@ -25,8 +25,7 @@ from gmrdata.fusion.fused_motion import (
     plan,
     result_rows,
 )
-from gmrdata.gmr.predict import TrainedGmr
-from gmrdata.gmr.source_rate import deltas_at_source_rate
+from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
@@ -128,7 +127,7 @@ def test_people_of_the_built_in_estimator_get_the_packages_network(
 
     network, folder = tmp_path / "network", pseudo_gt.parent
     shutil.copytree(run_dir, network)
-    monkeypatch.setattr(fused_motion, "bundled_run", lambda: network)
+    monkeypatch.setattr(fused_motion, "network_dir", lambda _: network)
     fuse_own_people(folder, body_path)
     assert not (folder / "fused").exists()
     shutil.copy(errors_path, network / "delta_errors.json")

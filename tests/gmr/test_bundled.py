@@ -9,11 +9,16 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
-from gmrdata.gmr.bundled import BUNDLE_FILE, bundled_run, read_bundle, write_bundle
-from gmrdata.gmr.checkpoint import save_checkpoint
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr, MeanGmr
-from gmrdata.gmr.predict import load_gmr, predict_deltas
+from gmrdata.gmr.predict import (
+    BUNDLE_FILE,
+    load_gmr,
+    network_dir,
+    predict_deltas,
+    read_bundle,
+    write_bundle,
+)
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
@@ -22,6 +27,7 @@ from gmrdata.values.errors import BadCheckpoint
 from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
+from tests.fixtures.inference import keep_gmr, stepped_gmr
 from tests.motion.written_files import vibe_person, write_vibe
 
 CONFIG = ModelConfig(
@@ -34,13 +40,8 @@ def make_run(tmp_path: Path) -> Callable[..., Path]:
     """A run's folder with a network of random weights."""
 
     def make(seed: int, config: ModelConfig = CONFIG, fps_hz: float = 10.0) -> Path:
-        torch.manual_seed(seed)
-        model = Gmr(config)
-        optimizer = torch.optim.Adam(model.parameters())
-        sum(parameter.sum() for parameter in model.parameters()).backward()  # type: ignore[union-attr]
-        optimizer.step()
         run_dir = tmp_path / f"run_{seed}"
-        save_checkpoint(run_dir, 40 + seed, model, optimizer, body="small", fps_hz=fps_hz)
+        keep_gmr(run_dir, 40 + seed, *stepped_gmr(config, seed), fps_hz=fps_hz)
         return run_dir
 
     return make
@@ -113,7 +114,7 @@ def test_broken_folders_are_named(make_run: Callable[..., Path], tmp_path: Path)
 
 
 def test_the_package_brings_a_network_with_its_card() -> None:
-    folder = bundled_run()
+    folder = network_dir("bundled")
     gmr = load_gmr(folder)
     assert (gmr.name, gmr.fps_hz) == ("bundled", 10.0)
     assert sum(file.stat().st_size for file in folder.iterdir()) < 10_000_000
@@ -126,7 +127,7 @@ def test_the_package_brings_a_network_with_its_card() -> None:
 def test_who_walks_is_seen_to_walk(walk: Callable[..., Motion]) -> None:
     """The embedded gait is nobody's, so this says little; but the way is forward, and near."""
     poses = walk(10.0, 40)
-    _, moves_m = predict_deltas(load_gmr(bundled_run()), poses.local_rotmats)
+    _, moves_m = predict_deltas(load_gmr(network_dir("bundled")), poses.local_rotmats)
     _, true_m = deltas(poses.root_rotmats, poses.pelvis_m)
     assert moves_m[:, 2].sum() == pytest.approx(true_m[:, 2].sum(), rel=0.4)
     apart_m = np.linalg.norm(moves_m - true_m, axis=1)

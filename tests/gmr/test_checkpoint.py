@@ -19,33 +19,24 @@ from gmrdata.gmr.checkpoint import (
     read_best,
     read_model,
     read_state,
-    save_checkpoint,
 )
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.values.errors import BadCheckpoint, MissingInput
 from gmrdata.values.files import write_json
+from tests.fixtures.inference import keep_gmr, stepped_gmr
 
 CONFIG = ModelConfig(layers=2, hidden=6, dropout=0.1)
-OF: dict[str, Any] = {"body": "anny", "fps_hz": 10.0}
-"""What the network is of."""
 
 
 def stepped(config: ModelConfig = CONFIG) -> tuple[Gmr, torch.optim.Adam]:
-    """A network that has taken one step."""
-    torch.manual_seed(0)
-    model = Gmr(config)
-    optimizer = torch.optim.Adam(model.parameters())
-    delta_rotmats, delta_m = model(torch.randn(2, 5, 92))
-    (delta_rotmats.square().sum() + delta_m.sum()).backward()
-    optimizer.step()
-    return model, optimizer
+    return stepped_gmr(config)
 
 
 @pytest.fixture
 def run_dir(tmp_path: Path) -> Path:
-    save_checkpoint(tmp_path, 40, *stepped(), **OF)
+    keep_gmr(tmp_path, 40, *stepped())
     return tmp_path
 
 
@@ -67,13 +58,13 @@ def test_everything_comes_back(run_dir: Path) -> None:
 
 
 def test_only_the_latest_stays_and_its_bytes_repeat(run_dir: Path, tmp_path: Path) -> None:
-    save_checkpoint(run_dir, 80, *stepped(), **OF)
+    keep_gmr(run_dir, 80, *stepped())
     assert sorted(p.name for p in (run_dir / "checkpoints").iterdir()) == [
         "latest",
         "step_00000080",
     ]
     other = tmp_path / "other"
-    save_checkpoint(other, 80, *stepped(), **OF)
+    keep_gmr(other, 80, *stepped())
     for file in checkpoint_dir(run_dir, 80).iterdir():
         assert file.read_bytes() == (checkpoint_dir(other, 80) / file.name).read_bytes()
 
@@ -97,9 +88,9 @@ def test_a_kill_while_writing_leaves_the_former(
         with monkeypatch.context() as patch:
             patch.setattr(place, die)
             with pytest.raises(Killed):
-                save_checkpoint(run_dir, 80, *stepped(), **OF)
+                keep_gmr(run_dir, 80, *stepped())
         assert load_gmr(run_dir).step == 40
-    save_checkpoint(run_dir, 80, *stepped(), **OF)
+    keep_gmr(run_dir, 80, *stepped())
     assert load_gmr(run_dir).step == 80
     assert len(list((run_dir / "checkpoints").iterdir())) == 2
 
@@ -129,7 +120,7 @@ def test_the_best_weights_come_back_or_are_refused(run_dir: Path) -> None:
         model.regression.bias += 1
     for worse in (2.0, 3.0, float("nan"), float("inf")):
         assert best_of(best, 40, "score", worse, model) is best
-    save_checkpoint(run_dir, 40, model, optimizer, best=best, **OF)
+    keep_gmr(run_dir, 40, model, optimizer, best=best)
     again = read_best(folder)
     assert again is not None
     assert again.score == BestScore(step=30, score="score", value=2.0)
@@ -188,7 +179,7 @@ def keys_of(value: dict[str, Any], name: str = "") -> list[str]:
 def test_each_key_of_a_state_is_needed(run_dir: Path) -> None:
     """A setting that is not stated is not taken for today's default."""
     model, optimizer = stepped()
-    save_checkpoint(run_dir, 40, model, optimizer, best=best_of(None, 3, "a", 2.0, model), **OF)
+    keep_gmr(run_dir, 40, model, optimizer, best=best_of(None, 3, "a", 2.0, model))
     path = checkpoint_dir(run_dir, 40) / "state.json"
     whole = path.read_text()
     keys = keys_of(json.loads(whole))

@@ -8,7 +8,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.config import Representation, WindowConfig
+from gmrdata.gmr.config import ModelConfig, Representation, WindowConfig
 from gmrdata.gmr.flat_runs import TrainingRun
 from gmrdata.gmr.rotations import to_rotmats
 from gmrdata.gmr.runs import runs_at
@@ -97,13 +97,13 @@ def test_nan_in_a_valid_frame_is_refused(field: str) -> None:
 
 def test_clips_without_two_frames_are_refused() -> None:
     with pytest.raises(BadManifest, match="none of the 1 training clips"):
-        make_training_set([counting_clip(1, 10.0)], "quaternion", WindowConfig())
+        make_training_set([counting_clip(1, 10.0)], ModelConfig(), WindowConfig())
 
 
 def test_training_in_all_phases_or_in_the_first() -> None:
     for all_phases, n_frames in ((True, [3, 3, 2]), (False, [3])):
         config = WindowConfig(all_phases=all_phases)
-        training_set = make_training_set([counting_clip(8, 30.0)], "quaternion", config)
+        training_set = make_training_set([counting_clip(8, 30.0)], ModelConfig(), config)
         assert np.diff(training_set.frames.ends, prepend=0).tolist() == n_frames
 
 
@@ -111,7 +111,7 @@ def test_bodies_do_not_mix() -> None:
     other = counting_clip(9, 10.0)
     other = replace(other, motion=replace(other.motion, body="large"))
     with pytest.raises(BadManifest, match="different bodies"):
-        make_training_set([counting_clip(9, 10.0), other], "quaternion", WindowConfig())
+        make_training_set([counting_clip(9, 10.0), other], ModelConfig(), WindowConfig())
 
 
 def same(a: Batch, b: Batch) -> bool:
@@ -136,7 +136,7 @@ def local_rotmats_of(run: TrainingRun, representation: Representation) -> np.nda
 
 def test_a_batch_depends_on_seed_and_step_alone(make_clips: Callable[..., list[Clip]]) -> None:
     config = WindowConfig(frames=12)
-    training_set = make_training_set(make_clips(3, 1), "quaternion", config)
+    training_set = make_training_set(make_clips(3, 1), ModelConfig(), config)
     batches = [make_batch(training_set, config, 4, seed=5, step=step) for step in range(4)]
     for step in (3, 1, 0, 2):
         assert same(make_batch(training_set, config, 4, seed=5, step=step), batches[step])
@@ -150,7 +150,7 @@ def test_windows_are_rows_of_the_runs(
 ) -> None:
     """Each window's poses are found in one run, forwards or backwards, with that run's motion."""
     config = WindowConfig(frames=9, reverse_probability=0.5)
-    training_set = make_training_set(make_clips(3, 2), representation, config)
+    training_set = make_training_set(make_clips(3, 2), ModelConfig(input=representation), config)
     runs = [training_set.window(i, slice(None)) for i in range(len(training_set.frames.ends))]
     batch = make_batch(training_set, config, 16, seed=0, step=0)
     directions = set()
@@ -178,7 +178,7 @@ def test_windows_are_rows_of_the_runs(
 
 def test_short_runs_are_padded_and_masked() -> None:
     config = WindowConfig(frames=6, reverse_probability=0.0)
-    training_set = make_training_set([counting_clip(4, 10.0)], "quaternion", config)
+    training_set = make_training_set([counting_clip(4, 10.0)], ModelConfig(), config)
     batch = make_batch(training_set, config, 2, seed=0, step=0)
     assert batch.lengths.tolist() == [4, 4]
     assert batch.mask.tolist() == [[True, True, True, False, False]] * 2
@@ -213,7 +213,7 @@ def test_quaternions_of_a_window_are_those_that_inference_makes() -> None:
     local[:, 4] = Rotation.from_euler("x", 25 * np.arange(60)[:, None], degrees=True).as_matrix()
     clip = replace(clip, motion=replace(clip.motion, local_rotmats=local))
     config = WindowConfig(frames=10, reverse_probability=0.5)
-    training_set = make_training_set([clip], "quaternion", config)
+    training_set = make_training_set([clip], ModelConfig(), config)
     assert training_set.window(0, slice(None)).poses[:, 16].min() < -0.9
     batch = make_batch(training_set, config, 64, seed=1, step=2)
     quaternions = batch.poses.reshape(64, 10, 23, 4)

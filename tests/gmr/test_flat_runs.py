@@ -11,7 +11,7 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gmrdata.gmr.config import Representation, WindowConfig
+from gmrdata.gmr.config import ModelConfig, Representation, WindowConfig
 from gmrdata.gmr.flat_runs import (
     FlatRuns,
     PackRecord,
@@ -67,8 +67,10 @@ def test_packed_and_unpacked_give_the_same_batches(
     clips = make_clips(4, 1, duration_s=3.0)
     config = WindowConfig(frames=12)
     mix = Mix((3, 1), weights)
-    unpacked = make_training_set(clips, representation, config, mix=mix)
-    packed = make_training_set(clips, representation, config, mix=mix, pack_dir=tmp_path / "pack")
+    unpacked = make_training_set(clips, ModelConfig(input=representation), config, mix=mix)
+    packed = make_training_set(
+        clips, ModelConfig(input=representation), config, mix=mix, pack_dir=tmp_path / "pack"
+    )
     assert isinstance(packed.frames.poses, np.memmap)
     assert not isinstance(unpacked.frames.poses, np.memmap)
     for step in range(6):
@@ -83,7 +85,7 @@ def test_frames_are_those_of_the_clip(
 ) -> None:
     (clip,) = make_clips(1, 2, fps_hz=10.0)
     config = WindowConfig(frames=clip.motion.n_frames, reverse_probability=0.0)
-    training_set = make_training_set([clip], representation, config)
+    training_set = make_training_set([clip], ModelConfig(input=representation), config)
     run = training_set.window(0, slice(None))
     assert len(training_set.frames.ends) == 1
     local_rotmats = make_batch(training_set, config, 1, seed=0, step=0).local_rotmats[0].numpy()
@@ -194,6 +196,6 @@ def test_a_weight_without_windows_is_refused(make_clips: Callable[..., list[Clip
     clips: list[Any] = make_clips(1, 1)
     mix = Mix((1, 0), (1.0, 1.0), ("a.yaml", "b.yaml"))
     with pytest.raises(BadManifest, match=r"manifest b\.yaml has a weight, but no clip of it"):
-        make_training_set(clips, "quaternion", WindowConfig(), mix=mix)
+        make_training_set(clips, ModelConfig(), WindowConfig(), mix=mix)
     unweighted = Mix((1, 0), None, ("a.yaml", "b.yaml"))
-    assert make_training_set(clips, "quaternion", WindowConfig(), mix=unweighted).weights is None
+    assert make_training_set(clips, ModelConfig(), WindowConfig(), mix=unweighted).weights is None

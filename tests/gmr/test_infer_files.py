@@ -49,7 +49,7 @@ from tests.record_keys import assert_each_key_is_needed
 
 FILES = ["amass.npz", "body.glb", "clip.npz", "motion.bvh", "path.png"]
 QUICK = InferConfig(fps_hz=30.0, video=False)
-infer_world_motion = partial(stage.infer_world_motion, draw=draw_motion)
+infer = partial(stage.infer, draw=draw_motion)
 
 
 def names(folder: Path) -> list[str]:
@@ -89,7 +89,7 @@ def test_each_format_gives_each_file(
     for source, name in sources.items():
         out = tmp_path / "out" / source.stem
         config = InferConfig(fps_hz=30.0 if source.suffix in (".pkl", ".pt") else None, video=False)
-        infer_world_motion(run_dir, source, str(body_path), out, config)
+        infer(run_dir, source, out, config, body_path=body_path)
         assert names(out) == sorted(["infer.json", "stage.json", name])
         assert names(out / name) == FILES
         world = load_clip(out / name / "clip.npz").motion
@@ -105,7 +105,7 @@ def test_the_clip_is_what_python_predicts(
     tmp_path: Path, run_dir: Path, body_path: Path, small_body: BodyModel
 ) -> None:
     path = write_vibe(tmp_path / "v.pkl", {0: vibe_person(40)})
-    infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", QUICK)
+    infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
     found = load_clip(tmp_path / "out" / "person_0" / "clip.npz")
     (run,) = reader.read_local_poses(path, 30.0, body=small_body)
     expected = predict_world_motion(load_gmr(run_dir), run.motion)
@@ -123,7 +123,7 @@ def test_the_papers_first_pose_is_kept_on_demand_and_recorded(
 ) -> None:
     path = write_vibe(tmp_path / "v.pkl", {0: vibe_person(40)})
     config = QUICK.model_copy(update={"level": "first_pose"})
-    out = infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", config)
+    out = infer(run_dir, path, tmp_path / "out", config, body_path=body_path)
     found = load_clip(out / "person_0" / "clip.npz").motion
     np.testing.assert_allclose(found.root_rotmats[0], WORLD_FROM_REST, atol=1e-12)
     np.testing.assert_allclose(found.pelvis_m[0], 0.0, atol=1e-12)
@@ -137,7 +137,7 @@ def test_runs_have_a_folder_each_and_short_ones_are_said(
     frame_ids = [*range(5, 25), 30, *range(40, 43), *range(50, 62)]
     people = {2: vibe_person(len(frame_ids), frame_ids), 9: vibe_person(1, [0])}
     path = write_vibe(tmp_path / "v.pkl", people)
-    out = infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", QUICK)
+    out = infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
     record = read_json(out / "infer.json")
     assert {n: (m["first_frame"], m["last_frame"]) for n, m in record["motions"].items()} == {
         "person_2_from_5": (5, 24),
@@ -160,7 +160,7 @@ def test_short_gaps_are_filled_on_demand_and_counted(
     people = {2: vibe_person(30, [*range(10), *range(12, 32)])}
     path = write_vibe(tmp_path / "v.pkl", people)
     config = QUICK.model_copy(update={"bridge_frames": 2})
-    out = infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", config)
+    out = infer(run_dir, path, tmp_path / "out", config, body_path=body_path)
     record = read_json(out / "infer.json")["motions"]["person_2"]
     assert (record["frames"], record["filled_frames"]) == (32, 2)
     assert "2 missing frames filled" in record["source"]
@@ -200,7 +200,7 @@ def test_bad_poses_leave_nothing_behind(
     before = sorted(tmp_path.rglob("*"))
     config = InferConfig(fps_hz=fps_hz)
     with pytest.raises(BadMotionFile, match=message) as caught:
-        infer_world_motion(run_dir, source, str(body_path), tmp_path / "o" / "out", config)
+        infer(run_dir, source, tmp_path / "o" / "out", config, body_path=body_path)
     assert "bad.pkl" in str(caught.value)
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -216,14 +216,14 @@ def test_broken_files_and_runs_leave_nothing_behind(
     before = sorted(tmp_path.rglob("*"))
     for run, source in ((run_dir, cut), (run_dir, tmp_path / "none.pkl"), (other, good)):
         with pytest.raises(GmrdataError, match=r"cut\.pkl|none\.pkl|other"):
-            infer_world_motion(run, source, str(body_path), tmp_path / "out", QUICK)
+            infer(run, source, tmp_path / "out", QUICK, body_path=body_path)
         assert sorted(tmp_path.rglob("*")) == before
     weights = next((run_dir / "checkpoints").rglob("model.safetensors"))
     weights.write_bytes(weights.read_bytes()[:100])
     with pytest.raises(BadCheckpoint, match=r"model\.safetensors"):
-        infer_world_motion(run_dir, good, str(body_path), tmp_path / "out", QUICK)
+        infer(run_dir, good, tmp_path / "out", QUICK, body_path=body_path)
     with pytest.raises(MissingInput, match=r"no\.npz"):
-        infer_world_motion(run_dir, good, str(tmp_path / "no.npz"), tmp_path / "out", QUICK)
+        infer(run_dir, good, tmp_path / "out", QUICK, body_path=tmp_path / "no.npz")
     assert not (tmp_path / "out").exists()
 
 
@@ -235,7 +235,7 @@ def test_a_hostile_clip_name_stays_inside(
     clip = Clip("../../x y", motion, np.ones(20, bool), np.full(20, -1), None)
     save_clip(tmp_path / "c.npz", clip, small_body.rest_pelvis_m(motion.shape))
     out = tmp_path / "deep" / "out"
-    infer_world_motion(run_dir, tmp_path / "c.npz", str(body_path), out, InferConfig(video=False))
+    infer(run_dir, tmp_path / "c.npz", out, InferConfig(video=False), body_path=body_path)
     assert names(out) == ["_.._x_y", "infer.json", "stage.json"]
     assert not (tmp_path / "x y").exists()
 
@@ -261,18 +261,18 @@ def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(
     monkeypatch.setattr(stage, "write_amass", counted)
     monkeypatch.setattr(stage, "write_glb", killed)
     with pytest.raises(KeyboardInterrupt):
-        infer_world_motion(run_dir, path, str(body_path), out, QUICK)
+        infer(run_dir, path, out, QUICK, body_path=body_path)
     assert not out.exists()
     monkeypatch.setattr(stage, "write_glb", write_glb)
-    infer_world_motion(run_dir, path, str(body_path), out, QUICK)
+    infer(run_dir, path, out, QUICK, body_path=body_path)
     assert written == ["person_0", "person_1"]
     times = {file: file.stat().st_mtime_ns for file in out.rglob("*")}
-    infer_world_motion(run_dir, path, str(body_path), out, QUICK)
+    infer(run_dir, path, out, QUICK, body_path=body_path)
     assert {file: file.stat().st_mtime_ns for file in out.rglob("*")} == times
     with pytest.raises(StaleOutput, match=r"config\.fps_hz"):
         other = InferConfig(fps_hz=25.0, video=False)
-        infer_world_motion(run_dir, path, str(body_path), out, other)
-    infer_world_motion(run_dir, path, str(body_path), out, other, run=Run(redo=True))
+        infer(run_dir, path, out, other, body_path=body_path)
+    infer(run_dir, path, out, other, run=Run(redo=True), body_path=body_path)
     assert load_clip(out / "person_0" / "clip.npz").motion.fps_hz == 25.0
 
 
@@ -309,20 +309,15 @@ def test_the_verb_says_what_is_wrong(
     assert not Path(out).exists()
 
 
-def test_the_three_lines_of_python_run_as_they_stand(
-    tmp_path: Path, run_dir: Path, anny: BodyModel
-) -> None:
-    """In a process of its own, in a folder with a `run` and a `poses.pkl`."""
-    assert run_dir == tmp_path / "run"
+def test_the_lines_of_python_run_as_they_stand(tmp_path: Path, anny: BodyModel) -> None:
+    """In a process of its own, in a folder with a `poses.pkl`, by public names alone."""
     write_vibe(tmp_path / "poses.pkl", {0: vibe_person(40)})
-    lines = re.findall(r"^ {4}(\S.*)$", reader.__doc__ or "", re.MULTILINE)
-    assert len(lines) == 3
-    page = Path(__file__).parents[2] / "docs" / "inference.md"
-    shown = [line for line in page.read_text(encoding="utf-8").splitlines() if line]
-    assert "\n".join(lines) in "\n".join(shown)
-    asked = "print(world.n_frames, world.fps_hz, world.pelvis_m.shape, world.body)"
+    page = (Path(__file__).parents[2] / "docs" / "inference.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert re.findall("^(?:from|import) .*", lines, re.MULTILINE) == ["import gmrdata"]
+    asked = "for m in (world, at_10_fps): print(m.n_frames, m.fps_hz, m.pelvis_m.shape, m.body)"
     answer = subprocess.run(
-        [sys.executable, "-c", "\n".join([*lines, asked])],
+        [sys.executable, "-c", lines + asked],
         cwd=tmp_path,
         env={"PYTHONPATH": str(Path(__file__).parents[2]), **_cache_env()},
         capture_output=True,
@@ -330,7 +325,8 @@ def test_the_three_lines_of_python_run_as_they_stand(
         check=False,
     )
     assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.split("\n")[0] == f"14 10.0 (14, 3) {anny.name}"
+    said = answer.stdout.splitlines()[-2:]
+    assert said == [f"40 30.0 (40, 3) {anny.name}", f"14 10.0 (14, 3) {anny.name}"]
 
 
 def _cache_env() -> dict[str, str]:
@@ -346,7 +342,7 @@ def test_a_body_that_the_file_is_not_of_gets_its_mean_shape(
     save_body(tmp_path / "other.npz", replace(small_body, name="other"))
     out = tmp_path / "out"
     config = InferConfig(video=False)
-    infer_world_motion(run_dir, tmp_path / "c.npz", str(tmp_path / "other.npz"), out, config)
+    infer(run_dir, tmp_path / "c.npz", out, config, body_path=tmp_path / "other.npz")
     found = load_clip(out / "walk" / "clip.npz").motion
     assert found.body == "other" and not found.shape.any()
 

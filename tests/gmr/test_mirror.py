@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.augmentation import mirror_local, mirror_points_m, mirror_rotmats
-from gmrdata.gmr.config import ExtraInput, Representation, WindowConfig
+from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation, WindowConfig
 from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.values.body import JOINT_NAMES, MIRRORED, BodyModel
 from gmrdata.values.clip import Clip
@@ -112,7 +112,10 @@ def test_mirrored_windows_are_windows_of_mirrored_clips(
     mirrored = [replace(clip, motion=mirror_motion(clip.motion)) for clip in clips]
     plain = WindowConfig(frames=12, reverse_probability=reverse)
     config = plain.model_copy(update={"mirror_probability": 1.0})
-    sets = [make_training_set(some, representation, plain, extra) for some in (clips, mirrored)]
+    sets = [
+        make_training_set(some, ModelConfig(input=representation, extra_inputs=extra), plain)
+        for some in (clips, mirrored)
+    ]
     for step in range(4):
         found = make_batch(sets[0], config, 1, seed=3, step=step)
         expected = make_batch(sets[1], plain, 1, seed=3, step=step)
@@ -126,7 +129,7 @@ def test_about_as_many_windows_are_mirrored_as_asked_for() -> None:
     motion = random_motion(1, 40)
     clip = Clip("one", motion, np.ones(40, bool), np.full(40, -1), None)
     config = WindowConfig(frames=40, reverse_probability=0.0, mirror_probability=0.3)
-    training_set = make_training_set([clip], "6d", config)
+    training_set = make_training_set([clip], ModelConfig(input="6d"), config)
     batch = make_batch(training_set, config, 400, seed=0, step=0)
     whole = torch.from_numpy(motion.local_rotmats).float()
     share = (

@@ -12,7 +12,8 @@ import torch
 from safetensors.torch import load_file
 
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
-from gmrdata.gmr.parallel import Processes, own_part
+from gmrdata.gmr.loop import own_part
+from gmrdata.gmr.steps import Processes
 from gmrdata.gmr.train import train
 from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.read.body_file import save_body
@@ -91,7 +92,9 @@ def test_parts_are_the_whole_batch(
     make_clips: Callable[..., list[Clip]], small_config: TrainConfig
 ) -> None:
     windows = small_config.windows
-    batch = make_batch(make_training_set(make_clips(2, 1), "quaternion", windows), windows, 6, 0, 0)
+    batch = make_batch(
+        make_training_set(make_clips(2, 1), ModelConfig(), windows), windows, 6, 0, 0
+    )
     parts = [own_part(batch, Processes(rank, 3)) for rank in range(3)]
     for name in ("poses", "lengths", "mask", "local_rotmats", "shape"):
         assert torch.equal(torch.cat([getattr(part, name) for part in parts]), getattr(batch, name))

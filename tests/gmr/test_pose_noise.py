@@ -8,7 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.augmentation import turned
-from gmrdata.gmr.config import WindowConfig
+from gmrdata.gmr.config import ModelConfig, WindowConfig
 from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.values.clip import Clip
 
@@ -55,7 +55,9 @@ def test_joints_are_turned_about_their_own_axes() -> None:
 def test_only_the_input_is_noisy(make_clips: Callable[..., list[Clip]]) -> None:
     clean = WindowConfig(frames=60)
     noisy = clean.model_copy(update={"pose_noise_deg": 3.0})
-    training_set = make_training_set(make_clips(2, 1), "axis-angle", clean, ("velocity",))
+    training_set = make_training_set(
+        make_clips(2, 1), ModelConfig(input="axis-angle", extra_inputs=("velocity",)), clean
+    )
     a, b = (make_batch(training_set, config, 3, seed=2, step=9) for config in (clean, noisy))
     assert torch.equal(a.local_rotmats, b.local_rotmats)
     assert torch.equal(a.motions.delta_rotmats, b.motions.delta_rotmats)

@@ -8,7 +8,7 @@ import torch
 from pydantic import ValidationError
 
 from gmrdata.gmr.augmentation import with_exchanged_arms
-from gmrdata.gmr.config import WindowConfig
+from gmrdata.gmr.config import ModelConfig, WindowConfig
 from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.values.body import JOINT_NAMES
 from gmrdata.values.clip import Clip
@@ -21,7 +21,7 @@ def test_a_clip_is_cut_at_each_speed(make_clips: Callable[..., list[Clip]]) -> N
     (clip,) = make_clips(1, 1)
     n = clip.motion.n_frames
     config = WindowConfig(frames=8, fps_hz=10.0, speeds=(1.0, 2.0, 0.5))
-    frames = make_training_set([clip], "axis-angle", config).frames
+    frames = make_training_set([clip], ModelConfig(input="axis-angle"), config).frames
     lengths = np.diff([0, *frames.ends]).tolist()
     every = [2, 2, 4, 4, 4, 4, 1]
     phases = [0, 1, 0, 1, 2, 3, 0]
@@ -36,7 +36,7 @@ def test_a_speed_that_would_need_more_frames_than_there_are_is_refused(
 ) -> None:
     config = WindowConfig(fps_hz=10.0, speeds=(0.4,))
     with pytest.raises(BadMotionFile, match="20 fps is lower than 25 fps"):
-        make_training_set(make_clips(1, 1), "axis-angle", config)
+        make_training_set(make_clips(1, 1), ModelConfig(input="axis-angle"), config)
     for speeds in ((), (0.0,), (20.0,)):
         with pytest.raises(ValidationError, match="speeds"):
             WindowConfig(speeds=speeds)
@@ -61,7 +61,7 @@ def test_exchanged_arms_change_the_input_and_the_body_but_not_the_motion(
 ) -> None:
     plain = WindowConfig(frames=60)
     config = plain.model_copy(update={"exchange_probability": 1.0})
-    training_set = make_training_set(make_clips(3, 1), "axis-angle", plain)
+    training_set = make_training_set(make_clips(3, 1), ModelConfig(input="axis-angle"), plain)
     a, b = (make_batch(training_set, one, 4, seed=2, step=9) for one in (plain, config))
     assert torch.equal(a.motions.delta_m, b.motions.delta_m)
     assert not torch.equal(a.local_rotmats, b.local_rotmats)

@@ -9,7 +9,7 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.pages.scores import write_comparison_page
-from gmrdata.score.compare import CompareConfig, compare_scores
+from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.records import PaperMetrics, Protocol
 from gmrdata.stage.progress import answers
@@ -57,7 +57,7 @@ def three(tmp_path: Path) -> list[Path]:
 
 
 def compared(paths: Sequence[Path], out: Path, **options: Any) -> dict[str, Any]:
-    return dict(read_json(compare_scores(paths, out, CompareConfig(**options))))
+    return dict(read_json(compare(paths, out, CompareConfig(**options))))
 
 
 def test_differences_are_taken_clip_by_clip(tmp_path: Path) -> None:
@@ -90,10 +90,10 @@ def test_its_files(tmp_path: Path) -> None:
     assert "left out of paper: only_a" in text and "left out of paper: only_a" in page
     assert page.count("<svg") == 1 and "ours against paper" not in page.split("<body>")[0]
     before = page.encode()
-    write_comparison_page(compare_scores(paths, tmp_path / "again"), paths)
+    write_comparison_page(compare(paths, tmp_path / "again"), paths)
     assert (tmp_path / "again" / "comparison.html").read_bytes() == before
     with pytest.raises(StaleOutput):
-        compare_scores(paths[:2], out)
+        compare(paths[:2], out)
 
 
 def test_a_protocol_is_compared_where_all_have_it(tmp_path: Path) -> None:
@@ -132,9 +132,9 @@ def test_what_can_not_be_compared_is_refused(tmp_path: Path) -> None:
     }
     for message, path in refused.items():
         with pytest.raises(BadRecord, match=message):
-            compare_scores([first, path], tmp_path / "out")
+            compare([first, path], tmp_path / "out")
     with pytest.raises(MissingInput, match="fewer than two"):
-        compare_scores([first], tmp_path / "out")
+        compare([first], tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

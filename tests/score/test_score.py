@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from gmrdata.cli import main
-from gmrdata.gmr.checkpoint import best_of, save_checkpoint
+from gmrdata.gmr.checkpoint import best_of
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
@@ -48,6 +48,7 @@ from gmrdata.values.files import write_json
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.skinning import motion_vertices_m
 from tests.clip_manifests import write_clips as write_manifest_of
+from tests.fixtures.inference import keep_gmr, stepped_gmr
 
 FLOOR_GROUP = {
     "sequences": 1,
@@ -91,13 +92,7 @@ def write_clips(
 
 @pytest.fixture
 def run_dir(tmp_path: Path) -> Path:
-    torch.manual_seed(0)
-    model = Gmr(ModelConfig(layers=1, hidden=6))
-    optimizer = torch.optim.Adam(model.parameters())
-    delta_rotmats, delta_m = model(torch.randn(1, 4, 92))
-    (delta_rotmats.sum() + delta_m.sum()).backward()
-    optimizer.step()
-    save_checkpoint(tmp_path / "run", 1, model, optimizer, body="anny", fps_hz=10.0)
+    keep_gmr(tmp_path / "run", 1, *stepped_gmr(ModelConfig(layers=1, hidden=6)))
     return tmp_path / "run"
 
 
@@ -318,16 +313,12 @@ def test_the_best_weights_are_scored_when_asked_for(
 
 def add_best_weights(run_dir: Path) -> None:
     """A later checkpoint, and weights of step 1 that put out zeros as the best so far."""
-    torch.manual_seed(0)
-    model = Gmr(ModelConfig(layers=1, hidden=6))
-    optimizer = torch.optim.Adam(model.parameters(), lr=0.1)
-    model(torch.randn(1, 4, 92))[1].sum().backward()
-    optimizer.step()
+    model, optimizer = stepped_gmr(ModelConfig(layers=1, hidden=6), seed=1)
     zeros = Gmr(model.config)
     for parameter in zeros.parameters():
         torch.nn.init.zeros_(parameter)
     best = best_of(None, 1, "held_out_tme_mm", 1.0, zeros)
-    save_checkpoint(run_dir, 2, model, optimizer, body="anny", fps_hz=10.0, best=best)
+    keep_gmr(run_dir, 2, model, optimizer, best=best)
 
 
 def test_the_camera_does_not_matter(
