@@ -26,6 +26,8 @@ SAME_ZERO = 1e-6  # largest difference of two scores of zero motion on the same 
 
 
 class CompareConfig(Config):
+    """How scored runs are compared."""
+
     names: tuple[str, ...] = ()
     """What the runs are called, in their order; as in their scores when left out."""
     resamples: int = Field(default=2000, ge=100, le=limits.MOST_DRAWS)
