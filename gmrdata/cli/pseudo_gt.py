@@ -35,7 +35,7 @@ def threedpw_regenerate(
             on where it was.
         sequences: Names of sequences; all when left out.
     """
-    from gmrdata.pages.qa import write_set_pages
+    from gmrdata.pages.batches import write_set_pages
     from gmrdata.threedpw import regenerate as stage
     from gmrdata.threedpw.recipe import ThreedpwRecipe
 
@@ -165,7 +165,7 @@ def floor(
         size: Images of sampled twins: small (540x960), full (1080x1920), or like 180x320 [px].
         frames: Frames of each sampled twin, at 30 fps; at least 60.
     """
-    from gmrdata.pages.qa import write_set_pages as write_regenerated
+    from gmrdata.pages.batches import write_set_pages as write_regenerated
     from gmrdata.pages.sets import write_set_pages as write_rendered
     from gmrdata.threedpw import regenerate as regeneration
     from gmrdata.threedpw.recipe import ThreedpwRecipe

@@ -44,7 +44,7 @@ def write_page(
     out_dir: Path, *, images: Path | None = None, body: str | None = None, files: bool = True
 ) -> Path:
     """The page of one solved video, and its files; errors as of `make_video_page`."""
-    from gmrdata.pages.video import make_video_page
+    from gmrdata.pages.solved_page import make_video_page
 
     left_out = write_files(out_dir, images=images, body=body) if files else ()
     return make_video_page(out_dir, images_dir=images, body=body, left_out=left_out)

@@ -93,7 +93,7 @@ def _with_files(found: "FoundVideos", each: "EachVideo") -> "EachVideo":
 
 def _show(out: Path) -> None:
     """Write the index, and say which videos were rejected or failed and how many of each."""
-    from gmrdata.pages.videos import write_videos_page
+    from gmrdata.pages.batches import write_videos_page
     from gmrdata.solve.videos import RECORD_FILE, Videos
 
     record = Videos.read(out / RECORD_FILE)

@@ -13,11 +13,12 @@ import numpy as np
 
 from gmrdata.cameras.files import Lens
 from gmrdata.pages.frames import draw_mask_outline
+from gmrdata.pages.solved import Solved
 from gmrdata.read.frames import read_color, read_gray
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, project_cam
-from gmrdata.values.errors import BadFrames
+from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.values.lens import bent
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.overlay import OVERLAY_BGR, draw_body, draw_floor_path
@@ -32,6 +33,7 @@ MARK_PX = 3
 BAR_PX = 6
 BAR_BGR = {"kept": (75, 196, 95), "dropped": (130, 130, 140), "now": (255, 255, 255)}
 GRID_DEG = 10.0
+MARKS_PER_FRAME = 150
 CAMERA_ITSELF = np.eye(4)
 
 
@@ -204,3 +206,51 @@ def direction_marks(camera: CameraPath) -> Marks:
     flat = np.cos(rises)
     rays = np.stack([flat * np.sin(turns), -np.sin(rises), flat * np.cos(turns)], axis=1)
     return replace(NO_MARKS, world_m=middle[:3, 3] + rays @ middle[:3, :3].T)
+
+
+def footage_of(found: Solved) -> Footage:
+    """What is drawn over the frames; MissingInput where there is nothing to draw or draw over."""
+    if found.camera is None:
+        raise MissingInput("no camera was found, so nothing has a place in the frames")
+    if not any(found.images):
+        raise MissingInput("the frames are not here: give their folder with --images")
+    people = tuple(
+        Performer(one.id, one.clip.motion, one.body, one.clip.valid) for one in found.people
+    )
+    dropped = np.ones(found.n_frames, dtype=bool) if not found.reasons else ~found.kept
+    return Footage(
+        images=found.images,
+        masks=found.masks,
+        times_s=found.times_s,
+        camera=found.camera,
+        lens=found.lens,
+        people=people,
+        marks=_marks(found) if found.is_alone else NO_MARKS,
+        dropped=dropped,
+    )
+
+
+def _marks(found: Solved) -> Marks:
+    """What stands still behind cameras alone: background points in the frames that show them, of a
+    camera that turns a grid of directions."""
+    solved, camera = found.reconstruction, found.camera
+    if solved is None or camera is None or not camera.has_camera.any():
+        return NO_MARKS
+    if solved.cameras.geometry != "full":
+        return direction_marks(camera)
+    if solved.tracks is None:
+        return NO_MARKS
+    row = int(camera.has_camera.argmax())
+    level = camera.world_from_cam[row] @ transforms.invert(solved.cameras.path.world_from_cam[row])
+    world_m = transforms.apply(level, solved.points)
+    keep = _longest_seen(solved.tracks.rows, solved.tracks.points, len(world_m))
+    return Marks(world_m, solved.tracks.rows[keep], solved.tracks.points[keep])
+
+
+def _longest_seen(rows: np.ndarray, points: np.ndarray, n_points: int) -> np.ndarray:
+    """Which observations (M,) to show: in each frame those of the points that most frames see."""
+    lengths = np.bincount(points, minlength=n_points)
+    order = np.lexsort((points, -lengths[points], rows))
+    first = np.searchsorted(rows[order], rows[order])
+    place = np.arange(len(order)) - first
+    return np.sort(order[place < MARKS_PER_FRAME])

@@ -3,8 +3,11 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from gmrdata.values.files import write_text
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,17 @@ class Table:
 def render(template: str, **values: object) -> str:
     """The page of a template, as text."""
     return _environment().get_template(f"{template}.html.j2").render(values)
+
+
+def text_of(text: str) -> str:
+    """Bytes of file names that are no text stand in it as escapes."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def write_page(path: Path, page: str) -> Path:
+    """Write a page, as a whole or not at all; gives its path."""
+    write_text(path, text_of(page))
+    return path
 
 
 @cache

@@ -1,49 +1,41 @@
-"""What the COLMAP stage left of one sequence, as far as it can be read, for the pages to show."""
+"""What the stages left of one solved sequence, as far as it can be read, for the pages to show.
+
+A video, cameras alone and a sequence of 3DPW are one record: what was not made is empty.
+"""
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import chain, repeat
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmrdata.cameras.files import (
     CamerasQuality,
+    Lens,
     SfmCameras,
-    load_cameras,
-    load_points,
-    load_quality,
 )
-from gmrdata.cameras.match.tracks import Tracks, errors_px, load_tracks
+from gmrdata.cameras.lens.intrinsics import Intrinsics
+from gmrdata.cameras.match.tracks import Tracks, errors_px
+from gmrdata.export.sources import ExportedClip
+from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
+from gmrdata.threedpw.people import PeopleRecord
+from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.values import transforms
-from gmrdata.values.clip import Clip, load_clip, rows_of_numbers
-from gmrdata.values.errors import GmrdataError
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, rows_of_numbers
 from gmrdata.values.motion_metrics import angles_rad
-from gmrdata.values.people import person_file
-from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.world.judge import window_differences
 from gmrdata.world.quality import PseudoGtQuality
-from gmrdata.world.recipe import VerdictConfig
+from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.verdict import Verdict
 
-Read = TypeVar("Read")
-
-
-class Reader:
-    """Reads files, and notes what can't be read: what is lost must not cost all else."""
-
-    def __init__(self) -> None:
-        self.missing: list[str] = []
-
-    def read(self, call: Callable[[Path], Read], path: Path) -> Read | None:
-        try:
-            return call(path)
-        except (GmrdataError, OSError) as error:
-            self.missing.append(str(error))
-            return None
+if TYPE_CHECKING:
+    from gmrdata.pages.fusion import FusedPeople
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,96 +68,95 @@ class Reconstruction:
         return found
 
 
-def read_reconstruction(reader: Reader, sfm_dir: Path) -> Reconstruction | None:
-    """What is there of it; None without cameras."""
-    if (cameras := reader.read(load_cameras, sfm_dir)) is None:
-        return None
-    n_frames = cameras.path.n_frames
-    quality, points = reader.read(load_quality, sfm_dir), reader.read(load_points, sfm_dir)
-    tracks = None if points is None else reader.read(load_tracks, sfm_dir)
-    # Files that were mixed together must not make a plot.
-    quality_fits = quality is None or quality.frames == n_frames
-    tracks_fit = (
-        tracks is None
-        or points is None
-        or (
-            len(tracks.adjusted) == n_frames > tracks.rows.max(initial=-1)
-            and tracks.points.max(initial=-1) < len(points)
-        )
-    )
-    if not (quality_fits and tracks_fit):
-        reader.missing.append(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
-    return Reconstruction(
-        cameras,
-        quality if quality_fits else None,
-        np.zeros((0, 3)) if points is None else points,
-        tracks if tracks_fit else None,
-    )
+@dataclass(frozen=True, eq=False)
+class DatasetSays:
+    """What 3DPW says of one of its sequences of T frames and P people, and what became of it."""
 
-
-def judged_people(record: PseudoGtQuality | None) -> tuple[Verdict, ...]:
-    """The verdicts on a record's people; none without a record."""
-    return () if record is None else record.people
-
-
-def reasons_by_person(record: PseudoGtQuality | None) -> tuple[tuple[str, ...], ...]:
-    """(P, T) why a frame of a person is dropped; else empty."""
-    return tuple(tuple(person.frame_reasons) for person in judged_people(record))
-
-
-def read_people(
-    reader: Reader, pseudo_gt_dir: Path, record: PseudoGtQuality | None
-) -> dict[int, Clip]:
-    """World motions by person, of those that can be read."""
-    paths = (pseudo_gt_dir / person_file(person) for person in range(len(judged_people(record))))
-    clips = {person: reader.read(load_clip, path) for person, path in enumerate(paths)}
-    return {person: clip for person, clip in clips.items() if clip is not None}
+    verdict: SequenceVerdict
+    message: str  # the whole message if it could not be regenerated; else empty
+    files: SequenceFiles | None  # None where the name can't be trusted: nothing of it is opened
+    people: PeopleRecord | None
+    doubts: tuple[tuple[str, ...], ...]  # (P, T) why the data set doubts a frame; else empty
+    camera: np.ndarray | None  # (T, 4, 4) its own world_from_cam; NaN where unknown
+    intrinsics: IntrinsicsConfig  # what its keypoints may say of the focal length
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Solved:
     """A sequence of T frames and P people.  What is empty or None was not made, or is gone."""
 
-    record: PseudoGtQuality | None
-    reasons: tuple[tuple[str, ...], ...]
+    name: str
+    folder: Path | None = None  # None where nothing of it is opened
+    record: PseudoGtQuality | None = None
+    reasons: tuple[tuple[str, ...], ...] = ()
     """(P, T) why a frame is dropped; else empty.  Of cameras alone, one row for the camera."""
-    clips: Mapping[int, Clip]  # world motions by person; none without a reconstruction
-    reconstruction: Reconstruction | None
-    dataset_camera: np.ndarray | None = None  # (T, 4, 4) world_from_cam; NaN where unknown
-    missing: tuple[str, ...]  # what should be there and can't be read
+    clips: Mapping[int, Clip] = field(default_factory=dict)  # world motions by person
+    reconstruction: Reconstruction | None = None
+    camera: CameraPath | None = None  # of the T frames, in the shown world
+    camera_verdict: Verdict | None = None  # on the cameras by themselves; None where nothing tells
+    intrinsics: Intrinsics | None = None  # where the lens comes from; None where nothing says
+    config: PseudoGtConfig = field(default_factory=PseudoGtConfig)  # thresholds that were asked for
+    fused: "FusedPeople | None" = None
+    """Whose motions `clips` and `people` have; None for the cameras' own."""
+    people: tuple[ExportedClip, ...] = ()  # with what it takes to draw and to export them
+    images: tuple[Path | None, ...] = ()  # (T,)
+    masks: tuple[Path | None, ...] = ()  # (T,)
+    times_s: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (T,)
+    notes: tuple[str, ...] = ()  # what one should know besides
+    missing: tuple[str, ...] = ()  # what should be there and can't be read
+    dataset: DatasetSays | None = None  # None for what is no sequence of 3DPW
 
     @property
     def n_frames(self) -> int:
         """T, or 0 if nothing of the sequence could be read."""
-        return len(self.reasons[0]) if self.reasons else 0
+        return len(self.times_s) or (len(self.reasons[0]) if self.reasons else 0)
+
+    @property
+    def judged(self) -> tuple[Verdict, ...]:
+        """The verdicts on the people; none without a record."""
+        return () if self.record is None else self.record.people
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether cameras were sought, and nobody's motion."""
+        return not self.judged and self.dataset is None
 
     @property
     def row_names(self) -> list[str]:
         """Who each row of `reasons` is about."""
-        return [f"person {person}" for person in range(len(self.reasons))]
+        people = [f"person {person}" for person in range(len(self.reasons))]
+        return ["camera"] if self.is_alone else people
 
     @property
     def accepted(self) -> list[bool]:
         """The verdict on each row of `reasons`, as far as there is one."""
+        if self.is_alone:
+            return [self.camera_verdict is not None and self.camera_verdict.accepted]
         return [person.accepted for person in self.judged]
 
     @property
     def unit(self) -> str:
         """Of lengths."""
-        return "m"
+        return "units of the reconstruction" if self.is_alone else "m"
 
     @property
     def is_fused(self) -> bool:
         """Whether `clips` go on in dropped frames, by a network's motions."""
-        return False
+        return self.fused is not None
 
     @property
     def cameras(self) -> CamerasQuality | None:
+        if self.is_alone:
+            return None if self.reconstruction is None else self.reconstruction.quality
         return None if self.record is None else self.record.cameras
 
     @property
-    def judged(self) -> tuple[Verdict, ...]:
-        return judged_people(self.record)
+    def lens(self) -> Lens | None:
+        """The distortion of the frames; None for hardly any."""
+        if self.cameras is not None and self.cameras.lens is not None:
+            return self.cameras.lens
+        k1 = 0.0 if self.intrinsics is None else self.intrinsics.radial_k1
+        return Lens(k1, 0.0, 0.0) if k1 else None
 
     @property
     def is_solved(self) -> bool:
@@ -174,14 +165,20 @@ class Solved:
     @property
     def world_from_cam(self) -> np.ndarray | None:
         """(T, 4, 4) the recovered cameras in the made world [m]; NaN where there is none."""
-        cameras = [clip.camera for clip in self.clips.values() if clip.camera is not None]
-        return cameras[0].world_from_cam if cameras else None
+        return None if self.camera is None else self.camera.world_from_cam
+
+    @property
+    def dataset_camera(self) -> np.ndarray | None:
+        """(T, 4, 4) world_from_cam; NaN where unknown."""
+        return None if self.dataset is None else self.dataset.camera
 
     @property
     def sfm_rows(self) -> np.ndarray | None:
         """(T,) the reconstruction's row for each frame, -1 if it has none."""
-        if self.reconstruction is None or not self.clips:
+        if self.reconstruction is None or not (self.clips or self.is_alone):
             return None
+        if self.is_alone:
+            return np.arange(self.n_frames)
         numbers = next(iter(self.clips.values())).image_numbers
         return rows_of_numbers(self.reconstruction.cameras.image_numbers, numbers)
 
@@ -202,11 +199,11 @@ class Solved:
             return None
         return abs(record.scale_sigma / record.scale)
 
-    def window_differences(self, config: VerdictConfig) -> tuple[np.ndarray, np.ndarray] | None:
+    def window_differences(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Differences in turn [deg] and way [m] from the data set's camera; None without one."""
         if self.world_from_cam is None or self.dataset_camera is None:
             return None
-        step = max(1, round(config.window_s * self.fps_hz))
+        step = max(1, round(self.config.verdict.window_s * self.fps_hz))
         return window_differences(self.world_from_cam, self.dataset_camera, step)
 
     def frames_of(self, sfm_rows: Sequence[int]) -> np.ndarray:

@@ -12,7 +12,7 @@ from gmrdata.pages.plots import COLOURS
 from gmrdata.pages.solved import Aligned, Solved, kinds_of
 from gmrdata.values import transforms
 from gmrdata.values.rows import text_runs
-from gmrdata.world.recipe import CueEstimate, VerdictConfig
+from gmrdata.world.recipe import CueEstimate
 
 PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
 """Heights of a person's row, of a plot, and of what is under the lowest [inch]."""
@@ -35,9 +35,9 @@ def _has_errors(found: Solved) -> bool:
     return found.reconstruction is not None and found.reconstruction.has_errors
 
 
-def plot_time(plot: Figure, found: Solved, config: VerdictConfig) -> None:
+def plot_time(plot: Figure, found: Solved) -> None:
     """The time line over the plots, on one axis of frames."""
-    n = n_panels(found)
+    n, config = n_panels(found), found.config.verdict
     heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * n]
     column = list(plot.subplots(1 + n, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
     rest = iter(column)
@@ -46,7 +46,7 @@ def plot_time(plot: Figure, found: Solved, config: VerdictConfig) -> None:
         _plot_inliers(next(rest), found, config.min_inliers)
     if _has_errors(found) and found.world_from_cam is not None:
         _plot_errors(next(rest), found, config.max_reprojection_px)
-    if (apart := found.window_differences(config)) is not None:
+    if (apart := found.window_differences()) is not None:
         span = f"over {config.window_s:g} s from the data set’s own camera"
         _plot_beside(next(rest), apart[0], config.max_window_deg, f"Turn: difference {span} [°]")
         _plot_beside(next(rest), apart[1], config.max_window_m, f"Way: difference {span} [m]")

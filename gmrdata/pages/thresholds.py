@@ -1,6 +1,6 @@
 """The figures behind a verdict, each against its threshold, and those behind the camera's class."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from gmrdata.pages.solved import Solved
 from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
 from gmrdata.world.quality import PseudoGtQuality
-from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
+from gmrdata.world.recipe import PseudoGtConfig
 
 
 class Row(NamedTuple):
@@ -32,16 +32,17 @@ def threshold_table(rows: Iterable[Row], heading: str, caption: str) -> Table:
     return Table(("figure", "value", heading), cells, caption)
 
 
-def verdict_rows(
-    found: Solved, pseudo_gt: PseudoGtConfig, doubts: Sequence[Sequence[str]] = ()
-) -> list[Row]:
-    """What a sequence as a whole was judged by; `doubts` (P, T) are those of its data set."""
-    return [
-        *camera_rows(found.cameras, pseudo_gt.verdict),
-        *_scale_rows(found.record, pseudo_gt),
-        *_kept_rows(found, pseudo_gt.verdict, doubts),
-        *_fit_rows(found, pseudo_gt.verdict),
-    ]
+def verdict_rows(found: Solved) -> list[Row]:
+    """What a sequence as a whole was judged by."""
+    rows = camera_rows(found.cameras, found.config.verdict)
+    if found.is_alone:
+        return rows
+    rows += _scale_rows(found.record, found.config)
+    rows += _kept_rows(found) + _fit_rows(found)
+    if (said := found.dataset) is not None:
+        focal = None if said.people is None else said.people.focal
+        rows.append(focal_row(focal, said.intrinsics))
+    return rows
 
 
 def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -> list[Row]:
@@ -101,9 +102,9 @@ def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[
     return [*wrong, row, _row(name, apart, config.verdict.max_cue_disagreement)]
 
 
-def frame_rows(found: Solved, config: VerdictConfig) -> list[Row]:
+def frame_rows(found: Solved) -> list[Row]:
     """What single frames were judged by: the worst of all frames, and how many are beyond."""
-    world_from_cam = found.world_from_cam
+    world_from_cam, config = found.world_from_cam, found.config.verdict
     if world_from_cam is None:
         return []
     fps_hz = found.fps_hz
@@ -115,7 +116,7 @@ def frame_rows(found: Solved, config: VerdictConfig) -> list[Row]:
         _worst("fastest camera [m/s]", speed_m_per_s, config.max_speed_m_per_s),
         _worst("fastest turn [°/s]", fps_hz * angles_deg(moves), config.max_turn_deg_per_s),
     ]
-    if (apart := found.window_differences(config)) is not None:
+    if (apart := found.window_differences()) is not None:
         span = f"over {config.window_s:g} s, difference from the data set’s camera"
         rows.append(_worst(f"turn {span} [°]", apart[0], config.max_window_deg))
         rows.append(_worst(f"way {span} [m]", apart[1], config.max_window_m))
@@ -144,21 +145,22 @@ def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Row]:
     ]  # fmt: skip
 
 
-def _kept_rows(found: Solved, config: VerdictConfig, doubts: Sequence[Sequence[str]]) -> list[Row]:
-    rows = []
+def _kept_rows(found: Solved) -> list[Row]:
+    """Frames that the data set itself doubts count for nothing."""
+    rows, doubts = [], () if found.dataset is None else found.dataset.doubts
     for person, reasons in enumerate(found.reasons if found.is_solved else ()):
         vouched = len(reasons)
         if person < len(doubts):
             vouched = sum(not doubt for doubt in doubts[person])
         share = sum(not reason for reason in reasons) / max(1, vouched)
         name = f"the {vouched} valid frames of person {person} that are left"
-        rows.append(_share(name, share, config.min_kept_share))
+        rows.append(_share(name, share, found.config.verdict.min_kept_share))
     return rows
 
 
-def _fit_rows(found: Solved, config: VerdictConfig) -> list[Row]:
+def _fit_rows(found: Solved) -> list[Row]:
     """How the bodies lie on the people in the pictures."""
-    rows = []
+    rows, config = [], found.config.verdict
     for person, fit in enumerate(() if found.record is None else found.record.picture_fits):
         off = None if fit is None else fit.off_frames / max(1, fit.frames)
         gain = None if fit is None else fit.late_overlap - fit.overlap

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import Agreement, WeakestStep
-from gmrdata.pages.qa_data import Found
+from gmrdata.pages.solved import Solved
 from gmrdata.pages.thresholds import Row, camera_rows, verdict_rows
-from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.world.judge import judge
 from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
@@ -17,11 +16,7 @@ from gmrdata.world.verdict import verdict_of
 from tests.reconstructions import good_quality
 from tests.world.test_verdict import CONFIG, GOOD, ROWS, circling, clip_of
 
-UNREAD = SequenceVerdict("a", "", False, (), "none", 0.0, None, None)
-NOTHING = Found(
-    verdict=UNREAD, message="", files=None, people=None, doubts=(),
-    record=None, reasons=(), clips={}, reconstruction=None, missing=(),
-)  # fmt: skip
+NOTHING = Solved(name="a")
 
 APART = (
     CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),
@@ -29,8 +24,8 @@ APART = (
 )
 
 
-def scale_rows(found: Found) -> list[Row]:
-    rows = verdict_rows(found, PseudoGtConfig())
+def scale_rows(found: Solved) -> list[Row]:
+    rows = verdict_rows(found)
     return [row for row in rows if "scale" in row.name or "two cues" in row.name]
 
 
@@ -85,7 +80,7 @@ def test_the_weakest_step_stands_beside_its_thresholds() -> None:
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict, no_scale = verdict_of("c", True, (), [""] * 90), ScaleEstimate(None, None, (), False)
     record = quality_of([still], [verdict], no_scale, cameras, PseudoGtConfig())
-    rows = verdict_rows(replace(NOTHING, record=record), PseudoGtConfig())
+    rows = verdict_rows(replace(NOTHING, record=record))
     open_, moving = [row for row in rows if "weakest step" in row.name or "moves" in row.name]
     assert (open_.value, open_.threshold, open_.met) == ("0.5", "≤ 0.6", True)
     assert (moving.value, moving.threshold, moving.met) == ("0.15", "≤ 0.1", False)

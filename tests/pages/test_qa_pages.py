@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import load_cameras, save_cameras
-from gmrdata.pages.qa import write_set_pages
-from gmrdata.pages.qa_data import gather
+from gmrdata.pages.batches import write_set_pages
+from gmrdata.pages.gather import gather_sequence
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.recipe import SetPaths
 from gmrdata.threedpw.regenerate import Verdicts, choose, regenerate_set
@@ -66,7 +66,7 @@ def test_a_page_says_the_figures_of_the_record(made_set: Path) -> None:
 
 
 def test_the_picture_shows_the_mask(made_set: Path, filmed_set: Any) -> None:
-    from gmrdata.pages.qa_data import TILE_WIDTH_PX, read_tile
+    from gmrdata.pages.batches import TILE_WIDTH_PX, read_tile
 
     files = choose(filmed_set.root, ["arc_00"])[0][0]
     masks_dir = made_set / "sequences" / "arc_00" / "masks"
@@ -138,7 +138,7 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
     files = choose(filmed_set.root, ["arc_00"])[0][0]
     verdict = Verdicts.read(copied_out / "verdicts.json").sequences[0]
     paths = SetPaths(copied_out)
-    whole = gather(verdict, "", files, paths)
+    whole = gather_sequence(verdict, "", files, filmed_set.recipe(), paths)
     assert whole.sfm_rows is not None and whole.sfm_rows.tolist() == list(range(36))
     assert whole.kept.all() and whole.world_from_cam is not None and not whole.missing
     cameras = load_cameras(paths.sequence_dir("arc_00") / "sfm")
@@ -157,7 +157,7 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
     record["cameras"] |= {"frames": 34, "inliers_per_frame": inliers}
     record["cameras"] |= {"cuts_after_frames": [6], "interpolated": [19, 33]}
     write_json(quality_path, record)
-    found = gather(verdict, "", files, paths)
+    found = gather_sequence(verdict, "", files, filmed_set.recipe(), paths)
     assert found.frames_of([6, 7, 18, 19, 33]).tolist() == [6, 8, 19, 21, 35]
     draw(filmed_set, copied_out)
     words = Page(copied_out / "qa" / "arc_00.html").words

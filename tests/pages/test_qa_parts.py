@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from gmrdata.pages.qa import page_name, write_pages
+from gmrdata.pages.batches import page_name, write_pages
 from gmrdata.pages.solved import (
     KIND_COLOURS,
     OTHER_COLOUR,

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.lens.intrinsics import Intrinsics
-from gmrdata.pages.footage import BAR_PX
-from gmrdata.pages.video import make_video_page
-from gmrdata.pages.video_data import footage_of, gather_video
+from gmrdata.pages.footage import BAR_PX, footage_of
+from gmrdata.pages.gather import gather_video
+from gmrdata.pages.solved_page import make_video_page
 from gmrdata.solve.video_verdict import VERDICT_FILE, VideoVerdict, unsolved
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip, save_clip
@@ -83,7 +83,7 @@ def test_the_overlay_has_every_frame(finished: Path) -> None:
 
 
 def test_the_errors_are_those_of_the_observations(finished: Path) -> None:
-    from gmrdata.pages.solved import Reader, read_reconstruction
+    from gmrdata.pages.gather import Reader, read_reconstruction
 
     found = read_reconstruction(Reader(), finished / "sfm")
     assert found is not None and found.errors_px.shape == (N_ROWS,)

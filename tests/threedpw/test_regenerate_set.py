@@ -11,7 +11,7 @@ import pytest
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.pages.qa import write_set_pages
+from gmrdata.pages.batches import write_set_pages
 from gmrdata.stage import jobs
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.regenerate import plan, regenerate_set

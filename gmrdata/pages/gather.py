@@ -1,0 +1,302 @@
+"""Reads what the stages left of a video or of a sequence of 3DPW, as far as it can be read."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from gmrdata.cameras.files import (
+    SfmCameras,
+    load_cameras,
+    load_points,
+    load_quality,
+)
+from gmrdata.cameras.lens.intrinsics import load_intrinsics
+from gmrdata.cameras.match.tracks import load_tracks
+from gmrdata.export.sources import SFM, ExportedClip, list_clips, load_exported
+from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
+from gmrdata.people.folder import find_mask
+from gmrdata.read.frames import list_images, number_in_name
+from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.video import VIDEO_FILE, VideoRecord
+from gmrdata.solve.video_verdict import VERDICT_FILE, VideoVerdict, judge_cameras
+from gmrdata.threedpw.people import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
+from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
+from gmrdata.threedpw.regenerate import SequenceVerdict
+from gmrdata.values import transforms
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput
+from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
+from gmrdata.values.records import MAKE_AGAIN
+from gmrdata.world.pseudo_gt import config_of
+from gmrdata.world.quality import PseudoGtQuality, load_record
+from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.verdict import Doubts, Verdict, load_dataset_camera
+
+if TYPE_CHECKING:
+    from gmrdata.pages.fusion import FusedPeople
+
+FRAMES, MASKS, INTRINSICS, PEOPLE = "frames", "masks", "intrinsics", "people"
+UNKNOWN_FPS_HZ = 30.0  # of a folder of images without a video's record and without a body
+
+Read = TypeVar("Read")
+
+
+class Reader:
+    """Reads files, and notes what can't be read: what is lost must not cost all else."""
+
+    def __init__(self, root: Path = Path()) -> None:
+        self.root = root
+        self.missing: list[str] = []
+
+    def read(self, call: Callable[[Path], Read], path: Path, when: bool = True) -> Read | None:
+        if not when:
+            return None
+        try:
+            return call(path)
+        except (GmrdataError, OSError) as error:
+            self.note(str(error))
+            return None
+
+    def note(self, problem: str) -> None:
+        """Pages go to others, whom the place of the folder is nothing to."""
+        problem = problem.replace(f"{self.root}/", "")
+        if problem not in self.missing:
+            self.missing.append(problem)
+
+
+def read_reconstruction(reader: Reader, sfm_dir: Path) -> Reconstruction | None:
+    """What is there of it; None without cameras."""
+    if (cameras := reader.read(load_cameras, sfm_dir)) is None:
+        return None
+    n_frames = cameras.path.n_frames
+    quality, points = reader.read(load_quality, sfm_dir), reader.read(load_points, sfm_dir)
+    tracks = None if points is None else reader.read(load_tracks, sfm_dir)
+    # Files that were mixed together must not make a plot.
+    quality_fits = quality is None or quality.frames == n_frames
+    tracks_fit = (
+        tracks is None
+        or points is None
+        or (
+            len(tracks.adjusted) == n_frames > tracks.rows.max(initial=-1)
+            and tracks.points.max(initial=-1) < len(points)
+        )
+    )
+    if not (quality_fits and tracks_fit):
+        reader.note(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
+    return Reconstruction(
+        cameras,
+        quality if quality_fits else None,
+        np.zeros((0, 3)) if points is None else points,
+        tracks if tracks_fit else None,
+    )
+
+
+def read_people(
+    reader: Reader, pseudo_gt_dir: Path, record: PseudoGtQuality | None
+) -> dict[int, Clip]:
+    """World motions by person, of those that can be read."""
+    paths = (pseudo_gt_dir / person_file(n) for n in range(len(record.people if record else ())))
+    clips = {person: reader.read(load_clip, path) for person, path in enumerate(paths)}
+    return {person: clip for person, clip in clips.items() if clip is not None}
+
+
+def gather_video(folder: Path, images_dir: Path | None = None, body: str | None = None) -> Solved:
+    """Read what there is of a video; what can't be read is named in `missing`.
+
+    Args:
+        images_dir: Its frames, where they are not in the folder's own `frames`.
+        body: The people's body, as `load_exported` takes it.
+
+    Raises:
+        MissingInput: the folder holds neither cameras nor people.
+    """
+    there = [name for name in (SFM, PSEUDO_GT, VERDICT_FILE) if (folder / name).exists()]
+    if not there:
+        what = "holds no sfm and no pseudo_gt, so nothing of a video was solved there"
+        raise MissingInput(f"{folder}: {what}. Give the folder of `gmrdata video` or `gmrdata sfm`")
+    reader, pseudo_gt_dir, has_people = Reader(folder), folder / PSEUDO_GT, PSEUDO_GT in there
+    said = reader.read(VideoVerdict.read, folder / VERDICT_FILE, VERDICT_FILE in there)
+    record = reader.read(load_record, pseudo_gt_dir, has_people)
+    clips = read_people(reader, pseudo_gt_dir, record)
+    has_fused = bool(clips) and (folder / FUSED).is_dir()
+    fused = reader.read(lambda fused_dir: _fused(fused_dir, clips), folder / FUSED, has_fused)
+    clips = clips if fused is None else dict(fused.clips)
+    solved = read_reconstruction(reader, folder / SFM) if SFM in there else None
+    config = reader.read(config_of, pseudo_gt_dir, has_people) or PseudoGtConfig()
+    has_lens = (folder / INTRINSICS).is_dir()
+    found = Solved(
+        name=folder.name,
+        folder=folder,
+        record=record,
+        clips=clips,
+        fused=fused,
+        reconstruction=solved,
+        camera=_camera_of(clips) if clips or solved is None else _levelled(solved.cameras),
+        intrinsics=reader.read(load_intrinsics, folder / INTRINSICS, has_lens),
+        config=config,
+        notes=() if said is None else said.notes,
+    )
+    if record is None and has_people:
+        verdict = None  # The cameras' verdict must not stand for that on the people.
+    else:
+        verdict = said.camera if said is not None else _judge(reader, found)
+    found = replace(found, camera_verdict=verdict, reasons=_reasons(record, verdict))
+    found = _with_frames(reader, found, folder / FRAMES if images_dir is None else images_dir)
+    people_dir = folder / (PSEUDO_GT if fused is None else FUSED)
+    people = _people(reader, people_dir, images_dir, body) if clips else ()
+    return replace(found, people=people, missing=tuple(reader.missing))
+
+
+def gather_sequence(
+    verdict: SequenceVerdict,
+    message: str,
+    files: SequenceFiles | None,
+    recipe: ThreedpwRecipe,
+    paths: SetPaths,
+) -> Solved:
+    """The same of a sequence of 3DPW, and what the data set says of it."""
+    reader = Reader(paths.root)
+    name = "" if files is None else files.name
+    folder, pseudo_gt_dir = paths.sequence_dir(name), paths.pseudo_gt_dir(name)
+    people_dir = folder / PEOPLE
+    is_read = files is not None and people_dir.is_dir()
+    people = reader.read(PeopleRecord.read, people_dir / PEOPLE_FILE, is_read)
+    doubts = reader.read(Doubts.read, people_dir / DOUBTS_FILE, is_read)
+    by_set = () if doubts is None else doubts.frames
+    # What an earlier run left of a sequence that now failed is not this run's answer.
+    record = reader.read(load_record, pseudo_gt_dir, files is not None and not message)
+    is_solved = record is not None and record.cameras is not None
+    clips = read_people(reader, pseudo_gt_dir, record) if is_solved else {}
+    theirs = reader.read(load_dataset_camera, people_dir / DATASET_CAMERA_FILE, is_solved)
+    return Solved(
+        name=verdict.sequence,  # as it stands in the data set: any text
+        folder=None if files is None else folder,
+        record=record,
+        reasons=_reasons(record, None) or by_set,
+        clips=clips,
+        reconstruction=read_reconstruction(reader, folder / SFM) if is_solved else None,
+        camera=_camera_of(clips),
+        config=recipe.of_sequence(verdict.sequence).pseudo_gt,
+        dataset=DatasetSays(verdict, message, files, people, by_set, theirs, recipe.intrinsics),
+        missing=tuple(reader.missing),
+    )
+
+
+def _reasons(
+    record: PseudoGtQuality | None, verdict: Verdict | None
+) -> tuple[tuple[str, ...], ...]:
+    """Why frames of each person are dropped; without people, those of the camera."""
+    if record is not None and record.people:
+        return tuple(tuple(person.frame_reasons) for person in record.people)
+    return () if verdict is None else (tuple(verdict.frame_reasons),)
+
+
+def _fused(fused_dir: Path, clips: Mapping[int, Clip]) -> "FusedPeople":
+    """What was made of the people with a network; BadRecord where it is of others."""
+    # Here, since it loads torch, which the page of cameras alone does without.
+    from gmrdata.pages.fusion import read_fused
+
+    found = read_fused(fused_dir)
+    ours, theirs = (
+        {person: clip.image_numbers.tolist() for person, clip in of.items()}
+        for of in (clips, found.clips)
+    )
+    if ours != theirs:
+        what = f"is of other people or frames than {PSEUDO_GT}"
+        raise BadRecord(f"{fused_dir}: {what}; {MAKE_AGAIN}")
+    return found
+
+
+def _camera_of(clips: Mapping[int, Clip]) -> CameraPath | None:
+    """The camera of the T frames, as the people's clips have it."""
+    return next((clip.camera for clip in clips.values() if clip.camera is not None), None)
+
+
+def _levelled(cameras: SfmCameras) -> CameraPath:
+    """Cameras alone, turned so that their own upright is z in the mean, from the first place on."""
+    known = cameras.path.world_from_cam[cameras.path.has_camera]
+    if not len(known):
+        return cameras.path
+    up = -known[:, :3, 1].mean(axis=0)
+    forward = known[0, :3, 2]
+    axes = [np.cross(forward, up), forward, up]
+    across, _, up = (axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in axes)
+    rotmat = np.stack([across, np.cross(up, across), up])
+    level = transforms.rigid(rotmat, -rotmat @ known[0, :3, 3])
+    return replace(cameras.path, world_from_cam=level @ cameras.path.world_from_cam)
+
+
+def _judge(reader: Reader, found: Solved) -> Verdict | None:
+    """The verdict on cameras of which no record has one."""
+    if found.folder is None or found.reconstruction is None:
+        return None
+    config, rate_hz = found.config.verdict, _rate_hz(found)
+    return reader.read(lambda folder: judge_cameras(folder, rate_hz, config), found.folder / SFM)
+
+
+def _rate_hz(found: Solved) -> float:
+    return found.fps_hz if found.clips else UNKNOWN_FPS_HZ
+
+
+def _with_frames(reader: Reader, found: Solved, frames_dir: Path) -> Solved:
+    """With the image, the mask and the time of each of the T frames."""
+    assert found.folder is not None
+    numbers = np.zeros(0, np.int64)
+    if found.clips:
+        numbers = next(iter(found.clips.values())).image_numbers
+    elif found.reconstruction is not None:
+        numbers = found.reconstruction.cameras.image_numbers
+    has_video = (frames_dir / VIDEO_FILE).is_file()
+    video = reader.read(VideoRecord.read, frames_dir / VIDEO_FILE, has_video)
+    times_s = np.arange(len(numbers)) / _rate_hz(found)
+    if video is not None and len(numbers):
+        own_s = video.times_of(numbers)  # the video's own, as far as it knows them all
+        if np.isfinite(own_s).all() and (np.diff(own_s) > 0).all():
+            times_s = own_s
+    images = _images(reader, frames_dir, numbers)
+    masks_dir = found.folder / MASKS
+    masks = tuple(
+        None if image is None else reader.read(lambda d, i=image: _mask(d, i), masks_dir)  # type: ignore[misc]
+        for image in (images if masks_dir.is_dir() else (None,) * len(images))
+    )
+    return replace(found, images=images, masks=masks, times_s=times_s)
+
+
+def _mask(masks_dir: Path, image: Path) -> Path:
+    path = find_mask(masks_dir, image)
+    if not path.resolve().is_relative_to(masks_dir.resolve()):
+        raise MissingInput(f"{path}: a link out of the folder; copy the file in its place")
+    return path
+
+
+def _images(reader: Reader, frames_dir: Path, numbers: np.ndarray) -> tuple[Path | None, ...]:
+    """The image of each of T frames; a link out of the folder is none."""
+    found = reader.read(list_images, frames_dir) or []
+    root = frames_dir.resolve()
+    by_number = {
+        number_in_name(path.name): path for path in found if path.resolve().is_relative_to(root)
+    }
+    if len(by_number) < len(found):
+        reader.note(f"{frames_dir}: {len(found) - len(by_number)} images are links out of it")
+    return tuple(by_number.get(int(number)) for number in numbers)
+
+
+def _people(
+    reader: Reader, folder: Path, images_dir: Path | None, body: str | None
+) -> tuple[ExportedClip, ...]:
+    """Everybody with the body at hand; those without are named and not drawn."""
+
+    def load(folder: Path) -> list[ExportedClip]:
+        return [load_exported(one, body=body, images=images_dir) for one in list_clips(folder)]
+
+    there = []
+    for person in reader.read(load, folder) or []:
+        try:
+            there.append((person, person.body)[0])
+        except GmrdataError as error:
+            reader.note(str(error))
+    return tuple(there)

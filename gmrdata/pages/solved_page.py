@@ -1,0 +1,483 @@
+"""The page of a solved sequence: the verdict first, then what was found, and files to take along.
+
+A video, cameras alone and a sequence of 3DPW share it: a section stands where there is something to
+show.  What `solved.html.j2` takes is made here.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import quote
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from gmrdata.cameras.files import CamerasQuality
+from gmrdata.pages import solved_plots, thresholds
+from gmrdata.pages.footage import (
+    BAR_BGR,
+    Footage,
+    footage_of,
+    footage_picture,
+    shown_rows,
+    write_footage,
+)
+from gmrdata.pages.frames import jpeg
+from gmrdata.pages.gather import gather_video
+from gmrdata.pages.html import Cell, Table, render, text_of, write_page
+from gmrdata.pages.plots import svg
+from gmrdata.pages.report import GEOMETRY_WORDS
+from gmrdata.pages.solved import Solved, align_dataset_camera, counts_of
+from gmrdata.stage.run import Run
+from gmrdata.stage.store import run_stage
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import GmrdataError
+from gmrdata.values.files import STAGE_FILE, remove_orphans, write_bytes
+from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
+from gmrdata.values.records import Config
+from gmrdata.values.rows import text_runs
+from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.write.overlay import OVERLAY_BGR
+
+PAGE_FILE = "index.html"
+OVERLAY, OVERLAY_FILE, POSTER_FILE = "overlay", "overlay.mp4", "poster.jpg"
+FILES = "files"
+MOST_LINKS = 12  # of one format; more are folded
+OPEN_RANGES = 12  # a longer list of dropped ranges is folded
+RECORDS = {
+    "frames": ("video.json",),
+    "people": ("people.json", "doubts.json"),
+    "masks": ("masks.json",),
+    "bodies": ("bodies.json",),
+    "intrinsics": ("intrinsics.json",),
+    "sfm": ("quality.json",),
+    PSEUDO_GT: ("quality.json",),
+    FUSED: ("fusion.json",),
+}
+"""What the stages leave for people to read, beside their records."""
+OF_THREEDPW = ("people", "masks", "sfm", PSEUDO_GT)  # those that each of its sequences goes through
+
+
+class Download(NamedTuple):
+    """A format that may lie in the folder `files`, and what it is for."""
+
+    format: str
+    name: str
+    use: str
+
+
+DOWNLOADS = (
+    Download("bvh", "BVH", "the motion for Blender, MotionBuilder and game engines: Mixamo's "
+             "joints, in cm, a file for each unbroken stretch"),
+    Download("glb", "GLB", "the body with its skin and the camera, animated, for Blender and "
+             "browsers"),
+    Download("amass", "AMASS npz", "the motion for training code: SMPL+H's keys, a file for each "
+             "unbroken stretch"),
+    Download("colmap", "COLMAP", "cameras and points for COLMAP, Gaussian splatting and NeRFs, "
+             "binary and text"),
+    Download("tum", "TUM", "the camera's path as text: time, place, quaternion; for evo"),
+)  # fmt: skip
+GIVEN_AS_IT_IS = "given, and kept as it is"
+SOURCES = {
+    "given": "given",
+    "metadata": "the camera’s own note in the file",
+    "self_calibrated": "found in the frames",
+    "prior": "a guess by what is usual: nothing says",
+}
+CLIP_USE = (
+    "the world motion and the camera as gmrdata keeps them: AMASS's keys, a row for each frame"
+)
+SIGMA_USE = "one standard deviation of place [m] and turn [°] in each frame"
+CAMERAS_USE = "the same motion by the cameras alone, in the frames that are kept"
+Offer = tuple[str, str, list[tuple[str, str, str]]]
+"""Name and use of files, and the address, the name and the size of each."""
+
+
+class OverlayConfig(Config):
+    """What decides the overlay besides the files that it shows."""
+
+    version: int = 1
+
+
+def make_video_page(
+    out_dir: Path,
+    *,
+    images_dir: Path | None = None,
+    body: str | None = None,
+    left_out: Sequence[tuple[str, str]] = (),
+) -> Path:
+    """Write `index.html` and `overlay/` of a solved video, with links to what lies beside them.
+
+    What was made before and did not change is kept.  A file that is missing, or broken, costs its
+    part and not the page; the page says what is missing.
+
+    Args:
+        out_dir: Folder of `gmrdata video`, of `gmrdata sfm`, or of one sequence of
+            `gmrdata threedpw regenerate`: sfm/ and pseudo_gt/, or sfm/ alone.
+        images_dir: The frames, where they are not in `out_dir/frames`.
+        body: The people's body, as `load_body` takes it, or a folder of bodies; what lies beside
+            the clips when None.
+        left_out: Formats of `files` that could not be written, with the reasons.
+
+    Raises:
+        MissingInput: `out_dir` holds neither.
+    """
+    out_dir = out_dir.resolve()
+    found = gather_video(out_dir, images_dir, body)
+    remove_orphans(out_dir)
+    write_page(out_dir / PAGE_FILE, solved_page(found, out_dir, left_out=left_out))
+    return out_dir / PAGE_FILE
+
+
+Strips = Sequence[Sequence[tuple[object, object]]]
+"""Two rows of frames, each a `Kind` or None and a `Tile`; the second is of dropped frames."""
+
+
+def solved_page(
+    found: Solved,
+    page_dir: Path,
+    *,
+    left_out: Sequence[tuple[str, str]] = (),
+    strips: Strips | None = None,
+    links: Sequence[tuple[str, str]] = (),
+    failure: str = "",
+) -> str:
+    """The page as HTML; the same sequence gives the same bytes.
+
+    Args:
+        page_dir: Where the page will lie, from which its links lead.
+        left_out: Formats of `files` that could not be written, with the reasons.
+        strips: Frames to show where none are drawn over.
+        links: Other pages.
+        failure: Address of the whole message of a failure.
+    """
+    makers = _makers(found, left_out)
+    if strips is not None:
+        makers["frames"] = lambda: strips
+    makers["files"] = lambda: {"stages": _stages(found, page_dir), "failure": failure}
+    sections: list[tuple[str, object, str]] = []
+    for kind, make in makers.items():
+        try:
+            sections.append((kind, make(), ""))
+        except (GmrdataError, OSError) as error:  # what can't be shown must not cost the others
+            sections.append((kind, None, str(error)))
+    return render(
+        "solved", found=found, title=text_of(found.name), lead=_lead(found), sections=sections,
+        colours=_colours(), links=list(links),
+    )  # fmt: skip
+
+
+def _makers(found: Solved, left_out: Sequence[tuple[str, str]]) -> dict[str, Callable[[], object]]:
+    """What makes each section that there is something for, in their order."""
+    record, cameras, by_video = found.record, found.cameras, found.dataset is None
+    is_judged = record is not None and record.cameras is not None
+    makers: dict[str, tuple[object, Callable[[], object]]] = {
+        "verdict": (True, lambda: _judged_by(found)),
+        "overlay": (by_video, lambda: _overlay(found)),
+        "paths": (_has_paths(found), lambda: _paths(found)),
+        "fused": (found.is_fused, lambda: _fused(found)),
+        "over_time": (found.reasons, lambda: _over_time(found)),
+        "scale": (is_judged, lambda: _scale_cues(record)),
+        "lens": (found.camera is not None, lambda: _lens(found)),
+        "downloads": (by_video, lambda: _downloads(found, left_out)),
+        "camera_class": (is_judged, lambda: _camera_class(found)),
+        "reconstruction": (cameras is not None, lambda: _reconstruction_rows(cameras)),
+    }
+    return {kind: make for kind, (there, make) in makers.items() if there}
+
+
+def _has_paths(found: Solved) -> bool:
+    """Where people were judged, that their motions can't be read is said there."""
+    return found.is_solved and (found.camera is not None or found.dataset is not None)
+
+
+def _lead(found: Solved) -> str:
+    parts = [] if found.dataset is None else [found.dataset.verdict.split or "not read"]
+    if (camera := found.camera) is not None:
+        parts.append(f"{camera.width_px}×{camera.height_px} px")
+    if found.n_frames:
+        parts.append(f"{found.n_frames} frames")
+    if len(found.times_s) > 1:
+        parts.append(f"{found.times_s[-1] - found.times_s[0]:.1f} s")
+    if n_people := 0 if found.is_alone else len(found.reasons):
+        parts.append(f"{n_people} people" if n_people > 1 else "one person")
+    elif found.camera_verdict is not None:
+        parts.append("cameras alone")
+    if found.record is not None and found.is_solved:
+        parts.append(f"{found.record.camera_motion.replace('_', ' + ')} camera")
+    return ", ".join(parts)
+
+
+def _judged_by(found: Solved) -> list[Table]:
+    """The figures behind the verdict."""
+    if not found.is_solved:
+        return []
+    what = "sequence as a whole" if found.dataset else "video"
+    whole = thresholds.threshold_table(
+        thresholds.verdict_rows(found), "threshold", f"What the {what} was judged by."
+    )
+    if found.is_alone:
+        return [whole]
+    worst = "The worst of all frames or steps between them; those beyond a threshold are dropped."
+    frames = thresholds.frame_rows(found)
+    return [whole, thresholds.threshold_table(frames, "threshold", worst)]
+
+
+def _overlay(found: Solved) -> dict[str, object]:
+    """Make the overlay, if it is not there, and say what stands beside it."""
+    footage = footage_of(found)
+    folder = make_overlay(found, footage)
+    rows, rate_hz = shown_rows(footage.times_s, footage.fps_hz)
+    video = folder / OVERLAY_FILE
+    return {
+        "video": quote(f"{OVERLAY}/{OVERLAY_FILE}"),
+        "poster": quote(f"{OVERLAY}/{POSTER_FILE}"),
+        "size_mb": video.stat().st_size / 1e6,
+        "every": max(1, round(footage.fps_hz / rate_hz)),
+        "has_masks": any(footage.masks),
+        "is_fused": found.is_fused,
+        "without_camera": int((~footage.camera.has_camera).sum()),
+        "people": [one.id for one in found.people],
+        "marks": found.is_alone and _marks_words(found, footage),
+        "n_pictures": len(rows),
+    }
+
+
+def _marks_words(found: Solved, footage: Footage) -> str:
+    if not len(footage.marks.world_m):
+        return ""
+    solved = found.reconstruction
+    if solved is not None and solved.cameras.geometry == "full":
+        return "background points that the cameras were found with"
+    return "a grid of directions, 10° apart"
+
+
+def make_overlay(found: Solved, footage: Footage) -> Path:
+    """Stage: `overlay.mp4` and `poster.jpg`, made anew when anything that they show changed."""
+
+    def work(partial: Path) -> None:
+        write_footage(partial / OVERLAY_FILE, footage)
+        there = np.array([image is not None for image in footage.images])
+        drawn = there & footage.camera.has_camera
+        rows = np.flatnonzero(drawn if drawn.any() else there)
+        middle = int(rows[len(rows) // 2])
+        write_bytes(partial / POSTER_FILE, jpeg(footage_picture(footage, middle), 80))
+
+    images = (path.parent for path in footage.images if path is not None)
+    inputs = {"images": next(images)}
+    folder = _folder(found)
+    inputs |= {name: folder / name for name in ("masks", "sfm", PSEUDO_GT, FUSED)}
+    inputs = {name: path for name, path in inputs.items() if path.is_dir()}
+    return run_stage(OVERLAY, folder / OVERLAY, OverlayConfig(), inputs, work, run=Run(redo=True))
+
+
+def _folder(found: Solved) -> Path:
+    assert found.folder is not None
+    return found.folder
+
+
+def _fused(found: Solved) -> dict[str, object]:
+    from gmrdata.pages.fusion import fused_shown
+
+    assert found.fused is not None
+    return fused_shown(found.fused)
+
+
+def _colours() -> dict[str, str]:
+    def css(bgr: tuple[int, int, int]) -> str:
+        return "rgb({2} {1} {0})".format(*bgr)
+
+    return {name: css(bgr) for name, bgr in (OVERLAY_BGR | BAR_BGR).items()}
+
+
+def _over_time(found: Solved) -> dict[str, object]:
+    headings = ("of", "frames", "number", "reason")
+    ranges, height_in = list(_ranges(found)), solved_plots.height_in(found)
+    return {
+        "plot": svg(lambda plot: solved_plots.plot_time(plot, found), 11.0, height_in, "time"),
+        "legend": list(_legend(found)),
+        "ranges": Table(headings, ranges, "Dropped ranges, as counted from 0 in the sequence."),
+        "open": len(ranges) <= OPEN_RANGES,
+    }
+
+
+def _legend(found: Solved) -> Iterator[tuple[str, str]]:
+    accepted = found.accepted
+    with_kept = [i for i, reasons in enumerate(found.reasons) if "" in reasons]
+    if not found.is_solved and with_kept:
+        yield "var(--rule)", "the data set vouches for it"
+    if found.is_solved and any(accepted[i] for i in with_kept):
+        yield "var(--good)", "kept"
+    if found.is_solved and not all(accepted[i] for i in with_kept):
+        yield "var(--rule)", "within the thresholds, but rejected"
+    for kind, n in counts_of(found.reasons).items():
+        yield kind.colour, f"{kind.words} ({n})"
+
+
+def _ranges(found: Solved) -> Iterator[tuple[Cell | str, ...]]:
+    for person, reasons in enumerate(found.reasons):
+        for start, stop, reason in text_runs(reasons):
+            if reason:
+                span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
+                words = Cell(reason, kind="words-cell")
+                yield found.row_names[person], span, str(stop - start), words
+
+
+def _paths(found: Solved) -> dict[str, object]:
+    world_from_cam = found.world_from_cam
+    if world_from_cam is None:
+        return {"above": None}
+    aligned = None
+    if found.dataset_camera is not None:
+        aligned = align_dataset_camera(world_from_cam, found.dataset_camera, found.kept)
+    return {
+        "above": svg(lambda plot: solved_plots.plot_paths(plot, found, aligned), 7.4, 6.2, "paths"),
+        "side": svg(lambda plot: solved_plots.plot_side_view(plot, found), 7.4, 6.2, "side"),
+        "people": [(solved_plots.person_role(n), f"person {n}") for n in found.clips],
+        "aligned": aligned,
+    }
+
+
+def _scale_cues(record: PseudoGtQuality | None) -> dict[str, object]:
+    if record is None:
+        return {"plot": None}
+    scale, sigma, cues = record.scale, record.scale_sigma, record.scale_cues
+    if scale is None or sigma is None or not cues:
+        return {"plot": None}
+    rows = [
+        (solved_plots.cue_words(cue), f"{cue.scale:.5g}", f"{100 * cue.sigma / cue.scale:.2f}",
+         f"{100 * (cue.scale / scale - 1):+.2f}", str(cue.support), f"{1000 * cue.residual_m:.1f}")
+        for cue in cues
+    ]  # fmt: skip
+    foot = ("fused", f"{scale:.5g}", f"{100 * sigma / scale:.2f}", "", "", "")
+    headings = (
+        "cue", "scale [m per unit]", "standard error [%]", "from the fused [%]",
+        "stances, points or windows", "residual [mm]",
+    )  # fmt: skip
+
+    def draw(plot: Figure) -> None:
+        solved_plots.plot_scale_cues(plot, scale, sigma, cues)
+
+    return {
+        "plot": svg(draw, 7.4, 1.0 + 0.32 * (len(cues) + 1), "scale"),
+        "table": Table(headings, rows, "The metric scale, cue by cue.", foot),
+    }
+
+
+def _camera_class(found: Solved) -> Table:
+    figures = None if found.record is None else found.record.camera_motion_figures
+    rows = [] if figures is None else thresholds.class_rows(figures, found.config.motion_class)
+    caption = Markup(
+        "Of the recovered camera in the frames that have one and a body; see "
+        "<code>gmrdata.values.camera_motion</code>."
+    )
+    return thresholds.threshold_table(rows, "borders of the classes", caption)
+
+
+def _reconstruction_rows(cameras: CamerasQuality | None) -> list[tuple[str, object]]:
+    if cameras is None:
+        return []
+    rows = [
+        ("Geometry", GEOMETRY_WORDS[cameras.geometry]),
+        ("Mapper", cameras.mapper),
+        ("Models", len(cameras.models)),
+        ("Frames with a camera", f"{cameras.frames_with_camera} of {cameras.frames}"),
+        ("Keyframes", len(cameras.keyframes)),
+        ("Frames placed against the finished map", cameras.resected_frames),
+        ("Interpolated frames", len(cameras.interpolated)),
+        ("Cuts", len(cameras.cuts_after_frames)),
+        ("Points", cameras.points),
+        ("Median frames per point", cameras.median_track_length),
+        ("Median reprojection error [px]", cameras.median_reprojection_px),
+    ]
+    return [(name, value) for name, value in rows if value is not None]
+
+
+def _lens(found: Solved) -> dict[str, object]:
+    """The intrinsics, where they came from, and how well they are known."""
+    camera, lens = found.camera, found.intrinsics
+    assert camera is not None
+    focal_px, centre_px = np.diag(camera.intrinsics_px)[:2], camera.intrinsics_px[:2, 2]
+    numbers = dict.fromkeys(f"{one:.1f}" for one in focal_px.tolist())
+    error = "" if lens is None else f" ± {100 * lens.focal_sigma:.2g} %"
+    rows: list[tuple[str, object]] = [
+        ("Focal length", f"{' and '.join(numbers)} px{error}"),
+        ("Field of view", _field_of_view(camera)),
+        ("Principal point", "{:.1f}, {:.1f} px".format(*centre_px.tolist())),
+        ("Picture", f"{camera.width_px}×{camera.height_px} px"),
+        ("Where it comes from", GIVEN_AS_IT_IS if lens is None else SOURCES[lens.source]),
+    ]
+    if lens is not None and (lens.radial_k1 or lens.radial_k1_sigma is not None):
+        spread = "" if lens.radial_k1_sigma is None else f" ± {lens.radial_k1_sigma:.2g}"
+        rows.append(("Radial distortion k1", f"{lens.radial_k1:.4g}{spread}"))
+    if found.cameras is not None:
+        rows += found.cameras.lens_in_words
+    objections, notes = ((), ()) if lens is None else (lens.objections, lens.notes)
+    return {"rows": rows, "objections": objections, "notes": notes}
+
+
+def _field_of_view(camera: CameraPath) -> str:
+    sides_px = np.array([camera.width_px, camera.height_px])
+    focal_px, centre_px = np.diag(camera.intrinsics_px)[:2], camera.intrinsics_px[:2, 2]
+    angles = np.arctan(centre_px / focal_px) + np.arctan((sides_px - centre_px) / focal_px)
+    wide_deg, high_deg = np.rad2deg(angles)
+    return f"{wide_deg:.1f}° by {high_deg:.1f}°"
+
+
+def _downloads(found: Solved, left_out: Sequence[tuple[str, str]]) -> dict[str, object]:
+    """What lies in `files`, by format, what the stages keep of people, and what could not be
+    written."""
+    root, own, exported = _folder(found), list(_own_files(found)), []
+    for download in DOWNLOADS:
+        folder = root / FILES / download.format
+        files = sorted(path for path in folder.rglob("*") if path.is_file())
+        exported.append((download.name, download.use, list(_links(root, files, folder))))
+    return {
+        "offers": [offer for offer in (*own, *exported) if offer[-1]],
+        "exported": any(links for *_, links in exported),
+        "left_out": left_out,
+        "most": MOST_LINKS,
+    }
+
+
+def _own_files(found: Solved) -> Iterator[Offer]:
+    """Name, use and links of what the stages keep of people."""
+    folder = _folder(found)
+
+    def offer(name: str, use: str, stage: str, file: Callable[[int], str]) -> Offer:
+        paths = [folder / stage / file(person) for person in range(len(found.judged))]
+        return name, use, list(_links(folder, paths, folder / stage))
+
+    if not found.is_fused:
+        yield offer("gmrdata npz", CLIP_USE, PSEUDO_GT, person_file)
+        return
+    from gmrdata.fusion.fused_motion import sigma_file
+
+    yield offer("gmrdata npz", CLIP_USE, FUSED, person_file)
+    yield offer("Error bars, npz", SIGMA_USE, FUSED, sigma_file)
+    yield offer("Pseudo ground truth, npz", CAMERAS_USE, PSEUDO_GT, person_file)
+
+
+def _links(root: Path, files: Sequence[Path], below: Path) -> Iterator[tuple[str, str, str]]:
+    """Address, path below a folder, and size of each file that does lie in the root."""
+    for path in files:
+        if path.is_file() and path.resolve().is_relative_to(root):
+            size = path.stat().st_size
+            said = f"{size / 1e6:.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
+            # Names whose bytes are no text are addressed by their bytes.
+            href = quote(path.relative_to(root).as_posix(), errors="surrogateescape")
+            yield href, text_of(path.relative_to(below).as_posix()), said
+
+
+def _stages(found: Solved, page_dir: Path) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Links to the records of the stages."""
+    stages = []
+    for stage, names in RECORDS.items() if found.folder is not None else ():
+        folder = _folder(found) / stage
+        there = [name for name in (STAGE_FILE, *names) if (folder / name).is_file()]
+        where = Path(os.path.relpath(folder, page_dir)).as_posix()
+        if there or (found.dataset is not None and stage in OF_THREEDPW):
+            stages.append((stage, [(quote(f"{where}/{name}"), name) for name in there]))
+    return stages
