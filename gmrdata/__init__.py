@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gmrdata.export.export import export as export
+    from gmrdata.cameras.lens.intrinsics import GivenIntrinsics as GivenIntrinsics
     from gmrdata.film.programmes import camera_path as camera_path
     from gmrdata.film.programmes import camera_programme as camera_programme
     from gmrdata.film.render import RenderConfig as RenderConfig
@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from gmrdata.motion.files import read_motion as read_motion
     from gmrdata.motion.gait import make_gait as make_gait
     from gmrdata.motion.library import make_library as make_library
+    from gmrdata.people.sources import MasksConfig as MasksConfig
     from gmrdata.read.bodies import load_body as load_body
     from gmrdata.read.body_file import save_body as save_body
+    from gmrdata.read.video import VideoConfig as VideoConfig
     from gmrdata.score.compare import CompareConfig as CompareConfig
     from gmrdata.score.compare import compare as compare
     from gmrdata.score.records import Scores as Scores
@@ -35,8 +37,13 @@ if TYPE_CHECKING:
     from gmrdata.score.score import ScoreConfig as ScoreConfig
     from gmrdata.score.score import score_manifest as score_manifest
     from gmrdata.score.score import score_predictions as score_predictions
-    from gmrdata.solve.sequence import SequenceConfig as SequenceConfig
-    from gmrdata.solve.sequence import regenerate_sequence as regenerate_sequence
+    from gmrdata.solve.request import SequenceConfig as SequenceConfig
+    from gmrdata.solve.request import SolveConfig as SolveConfig
+    from gmrdata.solve.sequence import make_masks as make_masks
+    from gmrdata.solve.sequence import solve_sequence as solve_sequence
+    from gmrdata.solve.verdict import VideoVerdict as VideoVerdict
+    from gmrdata.solve.videos import solve_video as solve_video
+    from gmrdata.solve.videos import solve_videos as solve_videos
     from gmrdata.stage.run import Run as Run
     from gmrdata.values.body import BodyModel as BodyModel
     from gmrdata.values.camera import CameraPath as CameraPath
@@ -76,7 +83,13 @@ _NAMES = {
     "values.motion": ("Motion",),
     "values.people": ("PersonFiles",),
     "world.compose": ("motion_in_camera",),
-    "solve.sequence": ("SequenceConfig", "regenerate_sequence"),
+    "cameras.lens.intrinsics": ("GivenIntrinsics",),
+    "people.sources": ("MasksConfig",),
+    "read.video": ("VideoConfig",),
+    "solve.request": ("SequenceConfig", "SolveConfig"),
+    "solve.sequence": ("make_masks", "solve_sequence"),
+    "solve.verdict": ("VideoVerdict",),
+    "solve.videos": ("solve_video", "solve_videos"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -31,8 +31,8 @@ def example(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
 def test_there_are_four() -> None:
     assert SCRIPTS == [
         "plot_path.py",
-        "regenerate_sequence.py",
         "render_clip.py",
+        "solve_sequence.py",
         "train_and_score.py",
     ]
 
@@ -57,7 +57,7 @@ def test_a_clip_is_rendered_and_regenerated(example: Example, tmp_path: Path) ->
     assert "15 frames of 320 x 180 pixels" in said
     assert len(list((film / "clip" / "frames").glob("*.jpg"))) == 15
     said = example(
-        "regenerate_sequence",
+        "solve_sequence",
         *(film / "clip" / "frames", film / "seen.npz", film / "body.npz", tmp_path / "world"),
         *("--truth", film / "clip" / "clip.npz"),
     )

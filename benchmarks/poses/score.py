@@ -23,7 +23,7 @@ from gmrdata.people.local_poses import (
 )
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import image_number, list_images
-from gmrdata.solve.video import INTRINSICS, OWN_POSES
+from gmrdata.solve.solve import INTRINSICS, OWN_POSES
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
 from gmrdata.values.skinning import posed_joints_m

@@ -14,7 +14,6 @@ from poses.score import DETECTOR, NETWORK
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
-from gmrdata.cli.video import solve_one
 from gmrdata.people.landmarks import load_tracks
 from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.people.local_poses import (
@@ -27,13 +26,11 @@ from gmrdata.people.local_poses import (
 from gmrdata.people.placement import place
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.bodies import load_body
-from gmrdata.read.video import VideoConfig
-from gmrdata.read.video_files import NamedVideo
 from gmrdata.score.world_metrics import root_errors_percent, segment_errors_mm
-from gmrdata.solve.video import INTRINSICS, OWN_POSES, VideoSolveConfig
-from gmrdata.solve.video_verdict import VideoVerdict
-from gmrdata.solve.videos import EachVideo
-from gmrdata.stage.run import Run
+from gmrdata.solve.request import SolveConfig
+from gmrdata.solve.solve import INTRINSICS, OWN_POSES
+from gmrdata.solve.verdict import VideoVerdict
+from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.local_poses import load_local_poses
@@ -87,13 +84,11 @@ def solve(clip_dir: Path, work_dir: Path, models_dir: Path) -> VideoVerdict:
     """What `gmrdata video --poses own` leaves of a clip's frames."""
     facts = VideoFacts.read(clip_dir / FACTS_FILE)
     masks = PersonSource(model=models_dir / DETECTOR, landmarks=models_dir / NETWORK)
-    each = EachVideo(
-        config=VideoSolveConfig(masks=MasksConfig(sources=(masks,))),
-        part=VideoConfig(),
-        fps_hz=facts.fps_hz,
-        own_poses="asked",
+    config = SolveConfig(masks=MasksConfig(sources=(masks,)))
+    frames_dir = clip_dir / FRAMES_FOLDER
+    return VideoVerdict.read(
+        solve_video(frames_dir, work_dir, poses="own", fps_hz=facts.fps_hz, config=config)
     )
-    return solve_one(NamedVideo(facts.name, clip_dir / FRAMES_FOLDER), work_dir, each, Run())
 
 
 def world_row(clip_dir: Path, work_dir: Path, verdict: VideoVerdict) -> WorldRow | None:

@@ -15,9 +15,9 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import invert
-from gmrdata.world.judge import judge
+from gmrdata.world.judge import SolvedCameras, judge
 from gmrdata.world.recipe import VerdictConfig
-from gmrdata.world.scale import ScaleEstimate
+from gmrdata.world.verdict import Doubts
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,16 +45,12 @@ def solve(given: RealSequence, out_dir: Path, seed: int) -> Solved:
         reconstruct(given.images_dir, given.masks_dir, given.intrinsics_px, out_dir, config)
     except NoReconstruction as error:
         nothing, none = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=bool)
-        said = str(error).replace(f"{given.images_dir}: ", "")
-        return Solved(nothing, none, False, (said,), None, None, None)
+        return Solved(nothing, none, False, (error.why,), None, None, None)
     cameras, quality = load_cameras(out_dir).path, load_quality(out_dir)
-    verdict = judge(
-        _clip(cameras, given),
-        quality,
-        np.arange(n),
-        ScaleEstimate(None, None, (), matters=False),
-        VerdictConfig(max_speed_m_per_s=given.max_speed_m_per_s),
-    )
+    solved = SolvedCameras(cameras, "full", np.zeros((0, 3)), quality, np.arange(n))
+    no_doubts = Doubts(frames=(n * ("",),), sequence=())
+    thresholds = VerdictConfig(max_speed_m_per_s=given.max_speed_m_per_s)
+    verdict = judge(_clip(cameras, given), solved, thresholds, no_doubts)
     return Solved(
         world_from_cam=cameras.world_from_cam,
         kept=verdict.kept & cameras.has_camera,

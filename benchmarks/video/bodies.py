@@ -18,8 +18,9 @@ from gmrdata.people.sources import FolderSource, MasksConfig
 from gmrdata.read.bodies import load_body
 from gmrdata.read.body_file import save_body
 from gmrdata.read.camera_bodies import SeenPerson, read_camera_bodies
-from gmrdata.solve.video import GivenBodies, VideoSolveConfig, solve_video
-from gmrdata.solve.video_verdict import VideoVerdict
+from gmrdata.solve.request import SolveConfig
+from gmrdata.solve.verdict import VideoVerdict
+from gmrdata.solve.videos import solve_video
 from gmrdata.stage.run import Run
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
@@ -148,14 +149,14 @@ def _in_world(
 ) -> tuple[bool, float | None, float | None]:
     """Verdict, OME [degrees] and TME [mm] between frames; one reconstruction serves all systems."""
     masks = MasksConfig(sources=(FolderSource(path=clip_dir / MASKS_FOLDER),))
-    body = Path(body_path) if body_path != "anny" else _anny(folder)
     verdict_path = solve_video(
         clip_dir / FRAMES_FOLDER,
         folder / "solved",
-        VideoSolveConfig(masks=masks, intrinsics=IntrinsicsConfig(look_in_frames=False)),
-        intrinsics=GivenIntrinsics(focal_px=facts.focal_px),
-        bodies=GivenBodies(path, body),
+        poses=path,
+        body=body_path,
+        lens=GivenIntrinsics(focal_px=facts.focal_px),
         fps_hz=facts.fps_hz,
+        config=SolveConfig(masks=masks, intrinsics=IntrinsicsConfig(look_in_frames=False)),
         run=Run(redo=True),
     )
     verdict = VideoVerdict.read(verdict_path)
@@ -164,13 +165,6 @@ def _in_world(
         return verdict.accepted, None, None
     error = compare_clips(load_clip(made), clip)
     return verdict.accepted, error.ome_deg, error.tme_mm
-
-
-def _anny(folder: Path) -> Path:
-    path = folder / "anny.npz"
-    if not path.is_file():
-        save_body(path, load_body("anny"))
-    return path
 
 
 def bodies_figures(rows: Sequence[BodiesRow]) -> dict[str, Any]:

@@ -27,8 +27,10 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.sources import FolderSource, MasksConfig, masks_named
 from gmrdata.read.frames import list_images
 from gmrdata.read.video import VideoConfig
-from gmrdata.solve.video import FRAMES, MASKS, QUICK_SFM, SFM, VideoSolveConfig, solve_video
-from gmrdata.solve.video_verdict import VideoVerdict
+from gmrdata.solve.request import QUICK_SFM, SolveConfig
+from gmrdata.solve.solve import FRAMES, MASKS, SFM
+from gmrdata.solve.verdict import VideoVerdict
+from gmrdata.solve.videos import solve_video
 from gmrdata.values.files import write_json
 
 LONGEST_PX = 640
@@ -108,7 +110,8 @@ def real_row(name: str, videos: Path, out: Path, models: Path) -> RealRow:
     path = solve_video(
         source,
         folder,
-        config := _config(clip, models, videos / f"{name}_masks"),
+        poses="none",
+        config=(config := _config(clip, models, videos / f"{name}_masks")),
         part=None if source.is_dir() else VideoConfig(to_s=clip.to_s, every=clip.every),
         fps_hz=FOLDER_FPS_HZ if source.is_dir() else None,
     )
@@ -169,7 +172,7 @@ def _source(videos: Path, name: str) -> Path:
     return videos / name if (videos / name).is_dir() else videos / CLIPS[name].file
 
 
-def _config(clip: RealVideo, models: Path, given_masks: Path) -> VideoSolveConfig:
+def _config(clip: RealVideo, models: Path, given_masks: Path) -> SolveConfig:
     masks: MasksConfig | None = None
     if given_masks.is_dir():
         masks = MasksConfig(sources=(FolderSource(path=given_masks),))
@@ -178,7 +181,7 @@ def _config(clip: RealVideo, models: Path, given_masks: Path) -> VideoSolveConfi
         person = "person" in clip.masks
         masks = masks_named(clip.masks, model=model, landmarks=landmarks if person else None)
     calibration = SelfCalibrationConfig(max_image_size_px=LONGEST_PX)
-    return VideoSolveConfig(
+    return SolveConfig(
         masks=masks,
         intrinsics=IntrinsicsConfig(self_calibration=calibration),
         sfm=SfmConfig.model_validate(QUICK_SFM.model_dump() | {"max_image_size_px": LONGEST_PX}),

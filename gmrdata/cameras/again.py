@@ -124,7 +124,7 @@ def _solved(
             given, masks, first.intrinsics_px, folder / "sfm", seeded, radial_k1=k1
         )
     except NoReconstruction as error:
-        return SolvedAgain(way.name, None, None, str(error).replace(f"{given}: ", ""))
+        return SolvedAgain(way.name, None, None, error.why)
     found, other = load_cameras(solved), np.full_like(first.world_from_cam, np.nan)
     other[rows] = found.path.world_from_cam
     share = config.small_travel_share

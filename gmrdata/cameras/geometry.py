@@ -49,8 +49,9 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
     """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
     if (n := len(frames.images)) < config.min_frames_registered:
         raise NoReconstruction(
-            f"{frames.images[0].parent}: {n} frames, but a camera path needs "
-            f"{config.min_frames_registered} at least; take more of the video"
+            f"{n} frames, but a camera path needs {config.min_frames_registered} at least; take "
+            "more of the video",
+            frames.images[0].parent,
         )
     keys = choose_keyframes(frames, config)
     # Neither the prior nor the filling reaches over what looks like a cut, matched or not.
@@ -65,7 +66,8 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
             keys.rows, matches, timeline, work_dir, frames, config
         )
     except NoReconstruction as error:
-        raise NoReconstruction(f"{error}{cuts_in_words(keys.cuts)}") from None
+        why = f"{error.why}{cuts_in_words(keys.cuts)}"
+        raise NoReconstruction(why, error.frames_dir) from None
     filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
     quality = quality_of(solution, marks, evidence, keys, bent, frames.size_px)
     return replace(solution, world_from_cam=filled), quality
@@ -108,8 +110,9 @@ def _solve_keyframes(
         return solution, evidence, bent
     if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
-            f"{frames.images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
-            f"could build a model; {_why_unsolved(len(key_rows), evidence)}"
+            f"{len(matches.pairs)} pairs of frames match, but no mapper could build a model; "
+            f"{_why_unsolved(len(key_rows), evidence)}",
+            frames.images[0].parent,
         )
     matches, straight = (of.without(mapped.lens, intrinsics_px) for of in (matches, everything))
     step = weakest_step(mapped, matches, key_rows, intrinsics_px, config.max_reprojection_px)

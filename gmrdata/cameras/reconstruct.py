@@ -73,8 +73,7 @@ def reconstruct(
             solution, quality = solve(frames, work_dir, config)
         except NoReconstruction as error:
             # The reduced frames are gone when somebody reads this.
-            said = str(error).replace(str(frames.images[0].parent), str(images_dir))
-            raise NoReconstruction(said) from None
+            raise error.of(images_dir) from None
         shutil.rmtree(work_dir)
         path = CameraPath(matrix, *size_px, solution.world_from_cam, solution.has_camera)
         filled = np.isin(np.arange(len(images)), quality.interpolated)

@@ -18,8 +18,7 @@ from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.sequence import masks, sfm
 from gmrdata.cli.shards import end_of_share, merge, once
-from gmrdata.cli.video import video
-from gmrdata.cli.video_page import page
+from gmrdata.cli.video import page, video
 from gmrdata.stage.shards import OthersLeft
 from gmrdata.values.errors import GmrdataError
 

@@ -18,7 +18,8 @@ from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import keep_body, load_body
 from gmrdata.read.body_file import read_body
-from gmrdata.solve.sequence import SequenceConfig, regenerate_sequence
+from gmrdata.solve.request import SequenceConfig
+from gmrdata.solve.sequence import solve_sequence
 from gmrdata.stage.jobs import Job, Pool, run_jobs, worker_pool
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -129,7 +130,7 @@ def regenerate(root: Path, clip_id: str, config: SequenceConfig, run: Run) -> Pa
     clip = paths.clip(clip_id)
     _remove_truth(paths, clip_id, run)
     people = (PersonFiles(clip.seen, paths.body),)
-    return regenerate_sequence(clip.frames_dir, people, clip.regenerated_dir, config, run=run)
+    return solve_sequence(clip.frames_dir, people, clip.regenerated_dir, config, run=run)
 
 
 def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:

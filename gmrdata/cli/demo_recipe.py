@@ -9,7 +9,7 @@ from gmrdata.film.programmes import Programme
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.shots import Film
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.solve.sequence import SequenceConfig
+from gmrdata.solve.request import SequenceConfig
 from gmrdata.values import limits
 from gmrdata.values.people import person_file
 from gmrdata.values.records import Config

@@ -37,8 +37,9 @@ def masks(
             projected body), a folder of masks, or a recipe (.yaml) of kind `masks`.
         camera_body: Clip file (.npz) in the camera's frame, for the silhouette.
     """
-    from gmrdata.pages.frames import masks_of_frames
+    from gmrdata.pages.frames import make_mask_sheet
     from gmrdata.people.sources import masks_named
+    from gmrdata.solve.sequence import make_masks
 
     flags.need(sources, "a source of masks: --sources onnx")
     config = masks_named(
@@ -47,8 +48,9 @@ def masks(
     people = () if camera_body is None else flags.one_person(camera_body, body)
     video = flags.video_part(from_s, to_s, every, take_what_decodes)
     run = Run(redo=redo)
-    for made in masks_of_frames(frames, out, config, people=people, video=video, run=run):
-        answer(made)
+    masks_dir = make_masks(frames, out, config, people=people, video=video, run=run)
+    answer(masks_dir)
+    answer(make_mask_sheet(frames if frames.is_dir() else out / "frames", masks_dir, out / "sheet"))
     flags.say_lost(out / "frames")
 
 
@@ -81,16 +83,17 @@ def sfm(
     """
     from gmrdata.cameras.files import load_quality
     from gmrdata.cameras.recipe import SfmConfig
-    from gmrdata.cli.video_page import write_page
+    from gmrdata.cli.video import write_page
     from gmrdata.people.sources import masks_named
-    from gmrdata.solve.sequence import SequenceConfig, regenerate_sequence
+    from gmrdata.solve.request import SequenceConfig
+    from gmrdata.solve.sequence import solve_sequence
 
     flags.need(masks, "a source of masks: --masks silhouette")
     named = masks_named(masks, model=model, landmarks=landmarks, weights=weights, classes=classes)
     config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
     people = flags.one_person(camera_body, body)
     video = flags.video_part(from_s, to_s, every, take_what_decodes)
-    answer(regenerate_sequence(frames, people, out, config, video=video, run=Run(redo=redo)))
+    answer(solve_sequence(frames, people, out, config, video=video, run=Run(redo=redo)))
     flags.say_lost(out / "frames")
     for name, figure in load_quality(out / "sfm").lens_in_words:
         console.print(f"{name}: {figure}", markup=False, soft_wrap=True)

@@ -1,37 +1,25 @@
-"""The verb for any video: cameras, people's world motion of given bodies, a page, and files."""
+"""The verbs of a video: cameras, people's world motion, a page and files; one, or a batch."""
 
-import shutil
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
-from gmrdata.cli.answers import answer, fail, print_table
+from gmrdata.cli.answers import answer, fail, print_table, then
 from gmrdata.cli.shards import ArrayFlags, print_script
-from gmrdata.stage.progress import console, remark
+from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
-from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 
 if TYPE_CHECKING:
     from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
-    from gmrdata.export.formats import FormatName
     from gmrdata.people.sources import MasksConfig
-    from gmrdata.read.video_files import NamedVideo
-    from gmrdata.solve.video import GivenBodies, VideoSolveConfig
-    from gmrdata.solve.video_verdict import VideoVerdict
-    from gmrdata.solve.videos import EachVideo, OwnPoses
+    from gmrdata.solve.verdict import VideoVerdict
 
-FILES = "files"
-FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S = 0.02, 0.12, 0.25, 0.005, 0.08
-SFM_START_S, BODIES_S, INTRINSICS_S = 10.0, 15.0, 25.0
-"""For a dry run: seconds that one image of 1280x720 px takes on two cores, and that all need."""
-TAKEN_ALONG: "tuple[FormatName, ...]" = ("colmap", "tum", "bvh", "glb", "amass")
-"""Formats that are written of people; of cameras alone the first two."""
 NO_MASKS = ("none",)
-OWN, NOBODY = Path("own"), Path("none")  # as poses: by the built-in estimator, and cameras alone
+HEADINGS = ("video", "state", "frames", "people", "reasons")
 
 
 def video(
@@ -100,65 +88,99 @@ def video(
         strict: End with exit code 1 for a rejected video.
     """
     from gmrdata.cameras.lens.intrinsics import IntrinsicsConfig
-    from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.read.video_files import find_videos
-    from gmrdata.solve.video import QUICK_SFM, VideoSolveConfig
-    from gmrdata.solve.videos import EachVideo
+    from gmrdata.solve.request import QUICK_SFM, SolveConfig
     from gmrdata.world.bodies import BodiesConfig
 
     flags.need(sources, "a video, or a folder of numbered images or of videos")
-    config = VideoSolveConfig(
-        masks=_masks(masks, model, landmarks, weights, classes),
-        intrinsics=IntrinsicsConfig(look_in_frames=check_lens),
-        sfm=SfmConfig.model_validate(QUICK_SFM.model_dump() | {"seed": seed}),
-        check_again=check_again,
-        bodies=BodiesConfig(frames_per_row=poses_every),
-    )
-    own_poses = _own_poses(poses, config)
-    each = EachVideo(
-        config=config,
-        part=flags.video_part(from_s, to_s, every, take_what_decodes),
-        lens=_lens(focal, fov, intrinsics),
-        fps_hz=fps,
-        body=body,
-        own_poses=own_poses,
-        page=page,
-    )
-    poses = None if poses in (OWN, NOBODY) else poses
-    found = find_videos(sources)
-    if found is None:
+    asked: dict[str, Any] = {
+        "poses": poses,
+        "body": body,
+        "lens": _lens(focal, fov, intrinsics),
+        "fps_hz": fps,
+        "part": flags.video_part(from_s, to_s, every, take_what_decodes),
+        "config": SolveConfig(
+            masks=_masks(masks, model, landmarks, weights, classes),
+            intrinsics=IntrinsicsConfig(look_in_frames=check_lens),
+            sfm=QUICK_SFM.model_copy(update={"seed": seed}),
+            check_again=check_again,
+            bodies=BodiesConfig(frames_per_row=poses_every),
+        ),
+    }
+    alone = find_videos(sources) is None
+    if alone:
         _require_alone(run, array)
-        if dry_run:
-            _show_plan(sources[0], each, poses)
-        else:
-            _solve_alone(sources[0], out, each, poses, run, strict)
-        return
-    from gmrdata.cli import videos
-
-    batch = videos.prepare(found, each, poses)
     if array is not None:
         print_script(array)
     elif dry_run:
-        videos.show_plan(batch, each)
+        _show_plan(sources, asked)
+    elif alone:
+        _solve_one(sources[0], out, asked, run, page=page, strict=strict)
     else:
-        videos.solve(batch, out, each, run, strict)
+        _solve_many(sources, out, asked, run, page=page, strict=strict)
 
 
-def _own_poses(poses: Path | None, config: "VideoSolveConfig") -> "OwnPoses":
-    """Whether people are those of the built-in estimator; without its networks, and when nobody
-    asked for people, that is said."""
-    from gmrdata.solve.video import own_networks
+def _show_plan(sources: Sequence[Path], asked: dict[str, Any]) -> None:
+    """What would be done, and about how long it takes; BadFrames if some videos can't be read."""
+    from gmrdata.solve.plan import BATCH_HEADINGS, HEADINGS, plan_videos
 
-    if poses not in (None, OWN):
-        return "no"
-    try:
-        own_networks(config)
-    except MissingInput as error:
-        if poses == OWN:
-            raise
-        remark(f"cameras alone, without people: {error}")
-        return "no"
-    return "asked" if poses == OWN else "seen"
+    planned = plan_videos(sources, **asked)
+    print_table(HEADINGS if planned.is_of_one else BATCH_HEADINGS, planned.rows)
+    answer(planned.summary)
+    if planned.unreadable:
+        listed = "".join(f"\n  {reason}" for reason in planned.unreadable)
+        n = len(planned.rows) - 1
+        raise BadFrames(f"{len(planned.unreadable)} of {n} videos can't be read:{listed}")
+
+
+def _solve_one(
+    source: Path, out: Path, asked: dict[str, Any], run: Run, *, page: bool, strict: bool
+) -> None:
+    from gmrdata.solve.verdict import VideoVerdict
+    from gmrdata.solve.videos import solve_video
+
+    verdict = VideoVerdict.read(solve_video(source, out, **asked, run=run))
+    if source.is_file():
+        flags.say_lost(out / "frames")
+    _say(verdict)
+    if page:
+        answer(leave_files_and_page(out, verdict))
+    else:
+        leave_files(out, verdict)
+    if strict and not verdict.accepted:
+        fail(f"{source}: rejected")
+
+
+def _solve_many(
+    sources: Sequence[Path], out: Path, asked: dict[str, Any], run: Run, *, page: bool, strict: bool
+) -> None:
+    """Solve the videos of a batch, say which were rejected, and write the index."""
+    from gmrdata.solve.videos import PAGE, Videos, solve_videos
+
+    after, leaves = (leave_files_and_page, (PAGE,)) if page else (leave_files, ())
+    with then(lambda: _show_videos(out)):
+        record = solve_videos(sources, out, **asked, after=after, leaves=leaves, run=run)
+    videos = Videos.read(record)
+    if strict and (n_rejected := len(videos.in_state("rejected"))):
+        fail(f"{out}: {n_rejected} of {len(videos.videos)} videos were rejected")
+
+
+def leave_files(out: Path, verdict: "VideoVerdict") -> None:
+    """Files to take along, of people or of cameras alone."""
+    from gmrdata.export.taken_along import write_cameras, write_files
+
+    if not any(person.accepted for person in verdict.people):
+        write_cameras(out, verdict)
+    write_files(out, images=out / verdict.images_dir)  # an absolute path stays as it is
+
+
+def leave_files_and_page(out: Path, verdict: "VideoVerdict") -> Path:
+    """The same, and the page; gives its path."""
+    from gmrdata.export.taken_along import write_cameras
+
+    if not any(person.accepted for person in verdict.people):
+        write_cameras(out, verdict)
+    return write_page(out, images=out / verdict.images_dir)
 
 
 def _require_alone(run: Run, array: object) -> None:
@@ -166,58 +188,6 @@ def _require_alone(run: Run, array: object) -> None:
     if run.shard or run.workers or run.scheduler or array is not None:
         what = "--workers, --scheduler, --shard and --print-… are for several videos"
         raise BadRecipe(f"{what}, or a folder with video files. Leave them out for one")
-
-
-def _solve_alone(
-    source: Path, out: Path, each: "EachVideo", poses: Path | None, run: Run, strict: bool
-) -> None:
-    from gmrdata.read.video import is_video
-    from gmrdata.read.video_files import NamedVideo
-    from gmrdata.solve.video import FRAMES
-
-    verdict = solve_one(NamedVideo(out.name, source, poses), out, each, run)
-    if is_video(source):
-        flags.say_lost(out / FRAMES)
-    _say(verdict)
-    if (made := leave_page(out, verdict, page=each.page)) is not None:
-        answer(made)
-    if strict and not verdict.accepted:
-        fail(f"{source}: rejected")
-
-
-def solve_one(video: "NamedVideo", out: Path, each: "EachVideo", run: Run) -> "VideoVerdict":
-    """One video with all of its stages; errors as of `solve_video`."""
-    from gmrdata.fusion.fused_motion import fuse_own_people
-    from gmrdata.solve.video import solve_video
-    from gmrdata.solve.video_verdict import VideoVerdict
-
-    bodies = _given(video.poses_path, each, out, run) if each.has_people(video) else None
-    path = solve_video(
-        video.path,
-        out,
-        each.config,
-        intrinsics=each.lens,
-        bodies=bodies,
-        part=each.part,
-        fps_hz=each.fps_hz,
-        run=run,
-    )
-    verdict = VideoVerdict.read(path)
-    fuse_own_people(out, bodies.body_path if bodies and each.has_own(video) else None, run=run)
-    if not any(person.accepted for person in verdict.people):
-        _write_cameras(out, out / verdict.images_dir, verdict)
-    return verdict
-
-
-def leave_page(out: Path, verdict: "VideoVerdict", *, page: bool) -> Path | None:
-    """Files to take along of people, and the page where it is wanted; gives its path."""
-    from gmrdata.cli.video_page import write_files, write_page
-
-    images = out / verdict.images_dir  # an absolute path stays as it is
-    if page:
-        return write_page(out, images=images)
-    write_files(out, images=images)
-    return None
 
 
 def _masks(
@@ -264,49 +234,6 @@ def _lens(
         raise BadRecipe(f"--{flag} {found['input']}: {found['msg']}") from None
 
 
-def _given(poses: Path | None, each: "EachVideo", out: Path, run: Run) -> "GivenBodies":
-    """The poses' file if there is one, and the body for them, which is kept beside the result."""
-    from gmrdata.read.bodies import keep_body
-    from gmrdata.solve.video import GivenBodies
-
-    body_path = keep_body(chosen_body(each.body), out / "body", run=run)
-    return GivenBodies(poses, body_path, asked=each.own_poses != "seen")
-
-
-def chosen_body(body: str) -> str:
-    """The body that people of poses get: of a folder the neutral one, whose shapes theirs are."""
-    from gmrdata.read.bodies import body_file
-
-    return str(body_file(body, "smpl-neutral")) if Path(body).expanduser().is_dir() else body
-
-
-def _write_cameras(out: Path, images: Path, verdict: "VideoVerdict") -> None:
-    """Cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world; none of
-    a rejected video, and nothing of what an earlier run had accepted."""
-    from gmrdata.export.formats import seen_points, write_background
-    from gmrdata.read.video import video_record
-    from gmrdata.world.background import load_background
-    from gmrdata.write.trajectories import write_tum
-
-    for name in TAKEN_ALONG:
-        shutil.rmtree(out / FILES / name, ignore_errors=True)
-    if not verdict.accepted:
-        return
-    sfm_dir, colmap = out / "sfm", out / FILES / "colmap"
-    found = load_background(sfm_dir, None)
-    names, points = seen_points(found, sfm_dir, "keyframes")
-    known = found.camera.has_camera
-    colmap.mkdir(parents=True)
-    write_background(colmap, found, names, points, images)
-    video = video_record(images)
-    times_s = np.arange(len(known)) / verdict.fps_hz
-    if video is not None:
-        times_s = video.times_of(found.image_numbers)
-    write_tum(
-        out / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s[known]
-    )
-
-
 def _say(verdict: "VideoVerdict") -> None:
     """The verdict in words."""
     answer("accepted" if verdict.accepted else "rejected")
@@ -321,35 +248,60 @@ def _say(verdict: "VideoVerdict") -> None:
         console.print(line, markup=False, soft_wrap=True)
 
 
-def _show_plan(source: Path, each: "EachVideo", poses: Path | None) -> None:
-    """What would be done with so many images, and about how long it takes."""
-    from gmrdata.read.video_files import NamedVideo
+def _show_videos(out: Path) -> None:
+    """Write the index, and say which videos were rejected or failed and how many of each."""
+    from gmrdata.pages.batches import write_videos_page
+    from gmrdata.solve.videos import RECORD_FILE, Videos
 
-    n_images, (width_px, height_px), seconds = plan(NamedVideo("", source, poses), each)
-    rows = [(name, f"{s:.0f}") for name, s in seconds.items() if s]
-    print_table(("stage", "about [s]"), [*rows, ("all", f"{sum(seconds.values()):.0f}")])
-    answer(f"{source}: {n_images} images of {width_px}x{height_px} px")
+    record = Videos.read(out / RECORD_FILE)
+    counts = {state: record.in_state(state) for state in ("accepted", "rejected", "failed")}
+    rows = [
+        (one.name, state, str(one.frames), str(one.people), "; ".join(one.reasons))
+        for state in ("rejected", "failed")
+        for one in counts[state]
+    ]
+    if rows:
+        print_table(HEADINGS, rows)
+    answer(", ".join(f"{len(found)} {state}" for state, found in counts.items()))
+    answer(write_videos_page(out))
+    answer(out / RECORD_FILE)
 
 
-def plan(
-    video: "NamedVideo", each: "EachVideo"
-) -> tuple[int, tuple[int, int], Mapping[str, float]]:
-    """Images of a video, their size [px], and about how long each stage takes [s]."""
-    from gmrdata.read.frames import check_images, list_images
-    from gmrdata.read.video import count_images, is_video
+def page(
+    folders: Positional[tuple[Path, ...]],
+    images: Path | None = None,
+    body: str | None = None,
+    files: bool = True,
+) -> None:
+    """Write the page of solved videos: verdict, overlay, paths, figures, and files to take along.
 
-    if is_video(video.path):
-        n_images, size_px = count_images(video.path, each.part)
-    else:
-        images = list_images(video.path)
-        n_images, size_px = len(images), check_images(images)
-    share = size_px[0] * size_px[1] / (1280 * 720)
-    seconds = {
-        "frames": n_images * FRAME_S * share if is_video(video.path) else 0.0,
-        "masks": n_images * MASK_S * max(1.0, share) if each.config.masks is not None else 0.0,
-        "intrinsics": INTRINSICS_S * each.config.intrinsics.look_in_frames,
-        "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
-        "own poses": n_images * OWN_POSE_S if each.has_own(video) else 0.0,
-        "bodies": BODIES_S + n_images * BODY_S if each.has_people(video) else 0.0,
-    }
-    return n_images, size_px, seconds
+    `gmrdata video` and `gmrdata sfm` do it by themselves.  A sequence of a data set has its page
+    only when it is asked for, since drawing over all frames takes its time.
+
+    Args:
+        folders: Output folders of `gmrdata video` or `gmrdata sfm`, or sequences of `gmrdata
+            threedpw regenerate`: OUT/sequences/<name>.
+        images: Folder with the frames of one sequence, or with a folder for each of several, by
+            name; their own `frames` when left out.
+        body: "anny", or the file of a body model; the one that lies beside the clips when left out.
+        files: Write BVH, GLB, AMASS, COLMAP and TUM files of people who were accepted.
+    """
+    from gmrdata.export.export import images_of
+
+    flags.need(folders, "a folder of a solved video")
+    for folder in folders:
+        own, alone = images, len(folders) == 1
+        if images is not None:
+            own = images_of(images, folder.resolve().name, alone=alone)
+        answer(write_page(folder, images=own, body=body, files=files))
+
+
+def write_page(
+    out_dir: Path, *, images: Path | None = None, body: str | None = None, files: bool = True
+) -> Path:
+    """The page of one solved video, and its files; errors as of `make_video_page`."""
+    from gmrdata.export.taken_along import write_files
+    from gmrdata.pages.solved_page import make_video_page
+
+    left_out = write_files(out_dir, images=images, body=body) if files else ()
+    return make_video_page(out_dir, images_dir=images, body=body, left_out=left_out)

@@ -11,15 +11,12 @@ from markupsafe import Markup, escape
 
 from gmrdata.pages.report_data import ClipReport
 from gmrdata.people.folder import find_mask
-from gmrdata.people.sources import MasksConfig, make_masks
 from gmrdata.read import frames as frame_files
-from gmrdata.read.video import VideoConfig, as_frames
-from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import camera, transforms
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import write_bytes
-from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.overlay import LINE_PX, OVERLAY_BGR, draw_body, draw_floor_path
@@ -66,21 +63,6 @@ def tile_sheet(images: Sequence[np.ndarray], columns: int, gap_px: int = GAP_PX)
         top, left = (i // columns) * (height + gap_px), (i % columns) * (width + gap_px)
         sheet[top : top + height, left : left + width] = image
     return sheet
-
-
-def masks_of_frames(
-    frames: Path,
-    out_dir: Path,
-    config: MasksConfig,
-    *,
-    people: tuple[PersonFiles, ...] = (),
-    video: VideoConfig | None = None,
-    run: Run = DEFAULT_RUN,
-) -> tuple[Path, Path]:
-    """Make `masks`, `masks_by`, `sheet` and, of a video, `frames`; silhouettes need `people`."""
-    frames = as_frames(frames, out_dir / "frames", video, run=run)
-    masks_dir = make_masks(frames, out_dir / "masks", config, people=people, run=run)
-    return masks_dir, make_mask_sheet(frames, masks_dir, out_dir / "sheet")
 
 
 def make_mask_sheet(images_dir: Path, masks_dir: Path, out_dir: Path) -> Path:

@@ -21,7 +21,7 @@ from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images, number_in_name
 from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.read.video import VIDEO_FILE, VideoRecord
-from gmrdata.solve.video_verdict import VERDICT_FILE, VideoVerdict, judge_cameras
+from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras
 from gmrdata.threedpw.people import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict

@@ -3,7 +3,8 @@
 import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -11,23 +12,35 @@ from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, load_intrinsics
-from gmrdata.people.sources import sources_dir, without_files
+from gmrdata.people.sources import FolderSource, network_files, sources_dir, without_files
+from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.video import VideoConfig, is_video
-from gmrdata.read.video_files import NamedVideo
-from gmrdata.solve.video import (
+from gmrdata.read.video_files import FoundVideos, NamedVideo, find_videos, with_poses
+from gmrdata.solve.request import (
+    DEFAULT_CONFIG,
+    SEEN,
+    EstimatedPeople,
+    SolveConfig,
+    SolveRequest,
+    people_of,
+)
+from gmrdata.solve.solve import (
     AGAIN,
+    BODY,
     FRAMES,
     INTRINSICS,
     MASKS,
     OWN_POSES,
     SFM,
-    VideoSolveConfig,
+    chosen_body,
+    solve,
 )
-from gmrdata.solve.video_verdict import VERDICT_FILE, VideoVerdict
+from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_video
 from gmrdata.stage.jobs import Job, Outcome, raise_failures, try_here, try_jobs, worker_pool
-from gmrdata.stage.run import Run
+from gmrdata.stage.progress import remark
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import NotMade, run_stage
-from gmrdata.values.errors import BadRecord, MissingInput
+from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import STAGE_FILE, remove_orphans
 from gmrdata.values.lens import Source
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
@@ -37,7 +50,7 @@ VIDEOS, ENTRIES, FAILED = "videos", "entries", "failed"
 """Folders of a batch: the videos' own, their lines, and the reasons of those that failed."""
 RECORD_FILE, ENTRY_FILE = "videos.json", "entry.json"
 SOLVING = "solving videos"
-BODY, FILES, PAGE, OVERLAY = "body", "files", "index.html", "overlay"
+FILES, PAGE, OVERLAY = "files", "index.html", "overlay"
 PARTS = (
     FRAMES, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES, BODIES,
     PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
@@ -95,20 +108,20 @@ class EntryRecord(Record):
     parts: tuple[str, ...]
 
 
+After = Callable[[Path, VideoVerdict], object]
+"""What is made of a solved video's folder besides, such as its page: a module-level function."""
+
+
 @dataclass(frozen=True)
-class EachVideo:
+class Batch:
     """What is asked of every video of a batch."""
 
-    config: VideoSolveConfig
-    part: VideoConfig
-    lens: GivenIntrinsics | None = None
-    fps_hz: float | None = None
-    """Of folders of images."""
-    body: str = "anny"
-    """The body of people, as `keep_body` takes it."""
-    own_poses: OwnPoses = "no"
-    """People by the built-in estimator, in videos without poses of another system."""
-    page: bool = True
+    out_dir: Path
+    request: SolveRequest  # of each, by `SolveRequest.of`
+    config: SolveConfig
+    body: str = "anny"  # of people whom another system sees
+    after: After | None = None
+    leaves: tuple[str, ...] = ()  # what `after` leaves in each video's folder
     files: Mapping[str, Path] = field(default_factory=dict)
     """What all videos read besides, by role: networks, a calibration."""
     body_files: Mapping[str, Path] = field(default_factory=dict)
@@ -116,44 +129,44 @@ class EachVideo:
     own_files: Mapping[str, Path] = field(default_factory=dict)
     """Networks, for people by the built-in estimator."""
 
-    def fps_of(self, video: NamedVideo) -> float | None:
-        return None if is_video(video.path) else self.fps_hz
+    def of(self, video: NamedVideo) -> SolveRequest:
+        request = self.request.of(video, self.body)
+        return replace(request, fps_hz=None) if is_video(video.path) else request
 
-    def has_people(self, video: NamedVideo) -> bool:
-        """Whether people are asked for."""
-        return self.has_own(video) or video.poses_path is not None
-
-    def has_own(self, video: NamedVideo) -> bool:
-        """Whether the built-in estimator looks for them."""
-        return self.own_poses != "no" and video.poses_path is None
+    def folder(self, video: NamedVideo) -> Path:
+        return video_dir(self.out_dir, video.name)
 
     def inputs(self, video: NamedVideo) -> dict[str, Path]:
-        found = {"video": video.path, **self.files}
-        if video.poses_path is not None:
-            found["poses"] = video.poses_path
-        if self.has_people(video):
+        people, found = self.of(video).people, {"video": video.path, **self.files}
+        if isinstance(people, EstimatedPeople):
+            found |= self.own_files if people.results_path is None else {}
+            found |= {} if people.results_path is None else {"poses": people.results_path}
             found |= self.body_files
-        if self.has_own(video):
-            found |= self.own_files
         return found
 
     def recipe(self, video: NamedVideo) -> "_EntryRecipe":
-        masks = None if self.config.masks is None else without_files(self.config.masks)
+        request, config = self.of(video), self.config
+        masks = None if config.masks is None else without_files(config.masks)
+        people, lens = request.people, request.lens
+        estimated = people if isinstance(people, EstimatedPeople) else None
+        own: OwnPoses = "no"
+        if estimated is not None and estimated.are_own:
+            own = "asked" if estimated.asked else "seen"
         return _EntryRecipe(
-            solve=self.config.model_copy(update={"masks": masks}),
-            part=self.part,
-            focal_px=None if self.lens is None else self.lens.focal_px,
-            fov_deg=None if self.lens is None else self.lens.fov_deg,
-            fps_hz=self.fps_of(video),
-            body=Path(self.body).name if self.has_people(video) else None,
-            own_poses=self.own_poses if self.has_own(video) else "no",
+            solve=config.model_copy(update={"masks": masks}),
+            part=request.part or VideoConfig(),
+            focal_px=None if lens is None else lens.focal_px,
+            fov_deg=None if lens is None else lens.fov_deg,
+            fps_hz=request.fps_hz,
+            body=None if estimated is None else Path(estimated.body).name,
+            own_poses=own,
         )
 
 
 class _EntryRecipe(Config):
     """What decides the result beside the files that are read."""
 
-    solve: VideoSolveConfig
+    solve: SolveConfig
     part: VideoConfig
     focal_px: float | None
     fov_deg: float | None
@@ -167,40 +180,196 @@ def video_dir(out_dir: Path, name: str) -> Path:
     return out_dir / VIDEOS / name
 
 
-def make_entry(
-    video: NamedVideo,
-    out_dir: Path,
-    each: EachVideo,
-    solve: Callable[[], VideoVerdict],
-    run: Run,
-) -> VideoEntry:
-    """Stage: `entries/<name>`, once `solve` has filled the video's folder; gives its line.
+def solve_alone(
+    request: SolveRequest, out_dir: Path, config: SolveConfig, run: Run, after: After | None = None
+) -> VideoVerdict:
+    """One video with all of its stages, its `verdict.json`, and what is made of it besides."""
+    verdict = judge_video(solve(request, out_dir, config, run))
+    verdict.write(out_dir / VERDICT_FILE)
+    if after is not None:
+        after(out_dir, verdict)
+    return verdict
+
+
+def solve_video(
+    source: str | Path,
+    out_dir: str | Path,
+    *,
+    poses: str | Path | None = SEEN,
+    body: str = "anny",
+    lens: GivenIntrinsics | None = None,
+    fps_hz: float | None = None,
+    part: VideoConfig | None = None,
+    config: SolveConfig = DEFAULT_CONFIG,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Cameras of any video, and people's motion in a metric world; gives `verdict.json`'s path.
+
+    A video without a camera path is no error: it is rejected, and the verdict says why.
+
+    Args:
+        source: A video file, of which `part` says what is taken, or a folder of numbered images.
+        out_dir: Gets a folder of each stage; what is there is kept.
+        poses: People before the camera: a file or folder of VIBE, WHAM, GVHMR, TRAM, PHALP or
+            4D-Humans; whom the built-in estimator sees, if its networks were fetched, when left
+            out; "own" for the same, one of whom must be accepted; "none" for cameras alone.
+        body: "anny", or the path of a body model, or a folder of them.
+        lens: What is known of the images' lens; None for nothing.
+        fps_hz: Images per second of a folder; None for a video, which has times.
+
+    Raises:
+        BadRecipe: a folder without a rate, or a video with one.
+        BadFrames, MissingInput, BadMotionFile and what else the stages raise.
+    """
+    people, results_path = people_of(poses, body, config)
+    request = SolveRequest(Path(source), people, lens, fps_hz, part)
+    video = NamedVideo("", Path(source), results_path)
+    solve_alone(request.of(video, body), Path(out_dir), config, run)
+    return Path(out_dir) / VERDICT_FILE
+
+
+def solve_videos(
+    sources: Sequence[str | Path],
+    out_dir: str | Path,
+    *,
+    poses: str | Path | None = SEEN,
+    body: str = "anny",
+    lens: GivenIntrinsics | None = None,
+    fps_hz: float | None = None,
+    part: VideoConfig | None = None,
+    config: SolveConfig = DEFAULT_CONFIG,
+    after: After | None = None,
+    leaves: tuple[str, ...] = (),
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Many videos, each as `solve_video` does it, as jobs on Dask; gives the path of `videos.json`.
+
+    Args:
+        sources: Video files and folders of numbered images, or one folder with video files.
+        out_dir: Gets `videos/<name>/` of each.
+        poses: As of `solve_video`; files of systems are in a folder, as `<name>.pkl`, `<name>.pt`
+            or `<name>/` for each video that has people.
+        after: What is made of each solved video's folder besides; a module-level function.
+        leaves: What that leaves in the folder: where it is missing, the video is solved again.
+
+    Raises:
+        StageFailed: some videos failed; the record lists them, and the others are done.
+        BadRecipe, MissingInput: of what was given.
+    """
+    found = find_videos([Path(source) for source in sources])
+    if found is None:
+        raise BadRecipe(f"{sources[0]}: is one video. Use solve_video")
+    people, results_dir = people_of(poses, body, config)
+    request = SolveRequest(Path(), people, lens, fps_hz, part)
+    batch = Batch(Path(out_dir), request, config, body, after, leaves)
+    return solve_batch(prepared(found, batch, results_dir).videos, batch, run)
+
+
+def prepared(found: FoundVideos, batch: Batch, poses_dir: Path | None) -> FoundVideos:
+    """The videos with the results of systems that a folder holds; what was passed over is said.
+
+    Raises:
+        BadRecipe: what is asked can only be of one video, or of folders of images.
+        MissingInput: there are no such results.
+    """
+    sources = () if batch.config.masks is None else batch.config.masks.sources
+    if any(isinstance(source, FolderSource) for source in sources):
+        raise BadRecipe("--masks: a folder of masks is of one video. Solve that one alone")
+    folders = [video.path for video in found.videos if not is_video(video.path)]
+    if folders and batch.request.fps_hz is None:
+        raise BadRecipe(f"{folders[0]}: a folder of images has no frame rate. Give it with --fps")
+    if batch.request.fps_hz is not None and not folders:
+        raise BadRecipe("--fps: videos have their own times. Leave it out")
+    found = found if poses_dir is None else with_poses(found, poses_dir)
+    for line in found.remarks:
+        remark(line)
+    return found
+
+
+def solve_batch(videos: Sequence[NamedVideo], batch: Batch, run: Run) -> Path:
+    """Solve videos as independent jobs, and write `videos.json`; gives its path.
+
+    A video that fails leaves its reason in `failed/<name>.txt`, and the others go on.  Where
+    nothing is left to make, no worker starts.
+
+    Raises:
+        StageFailed: some videos failed; the record lists them.
+        OthersLeft: this shard is done, and others are not.
+    """
+    batch = _with_files(videos, replace(batch, out_dir=batch.out_dir.resolve()))
+    out_dir, failures_dir = batch.out_dir, batch.out_dir / FAILED
+    for folder in (out_dir, failures_dir):
+        remove_orphans(folder)
+    common = {"batch": batch, "run": run}
+    jobs = [
+        Job(video.name, solve_listed, common | {"video": video}, weight=max(1, video.size_bytes))
+        for video in videos
+    ]
+    results, reasons = _run(jobs, failures_dir, run)
+    entries = [*results.values(), *(_failed(name, why) for name, why in reasons.items())]
+    entries.sort(key=lambda entry: entry.name)
+    Videos(videos=tuple(entries)).write(out_dir / RECORD_FILE)
+    raise_failures(SOLVING, reasons, len(jobs), failures_dir)
+    return out_dir / RECORD_FILE
+
+
+def _with_files(videos: Sequence[NamedVideo], batch: Batch) -> Batch:
+    """With all files that the videos have in common, found once, by absolute paths: a worker of
+    another machine may run in another folder."""
+    config, request = batch.config, batch.request
+    files = {} if config.masks is None else network_files(config.masks)
+    if request.lens is not None and request.lens.file is not None:
+        path = request.lens.file.absolute()
+        files |= {"intrinsics": path}
+        request = replace(request, lens=request.lens.model_copy(update={"file": path}))
+    batch = replace(batch, files=files, request=request)
+    if not any(batch.of(video).people for video in videos):
+        return batch
+    if isinstance(request.people, EstimatedPeople):
+        batch = replace(batch, own_files=config.networks)
+    if (body := chosen_body(batch.body)) == "anny":
+        return replace(batch, body_files={"body": ANNY_FILE})
+    body_path = Path(body).expanduser().absolute()
+    if isinstance(request.people, EstimatedPeople):
+        people = replace(request.people, body=str(body_path))
+        request = replace(request, people=people)
+    return replace(
+        batch,
+        request=request,
+        body=str(body_path),
+        body_files={"body": body_path},
+    )
+
+
+def solve_listed(video: NamedVideo, batch: Batch, run: Run) -> VideoEntry:
+    """A job: one video in its own folder as if it were alone, and the stage `entries/<name>` with
+    its line.
 
     A video whose folder has lost a part since is solved again, which makes what is missing.
     """
-    folder, entry_dir = video_dir(out_dir, video.name), out_dir / ENTRIES / video.name
-    if (entry_dir / STAGE_FILE).is_file() and not _is_whole(entry_dir, folder, each):
+    folder, entry_dir = batch.folder(video), batch.out_dir / ENTRIES / video.name
+    if (entry_dir / STAGE_FILE).is_file() and not _is_whole(entry_dir, folder, batch):
         if run.only_look:
             raise NotMade(entry_dir)
         shutil.rmtree(entry_dir)
+    solve_it = partial(solve_alone, batch.of(video), folder, batch.config, run, batch.after)
 
-    def work(partial: Path) -> None:
-        entry = _entry(video.name, folder, solve())
+    def work(partial_dir: Path) -> None:
+        entry = _entry(video.name, folder, solve_it())
         there = tuple(sorted(name for name in PARTS if (folder / name).exists()))
-        EntryRecord(video=entry, parts=there).write(partial / ENTRY_FILE)
+        EntryRecord(video=entry, parts=there).write(partial_dir / ENTRY_FILE)
 
-    run_stage("video", entry_dir, each.recipe(video), each.inputs(video), work, run=run)
+    run_stage("video", entry_dir, batch.recipe(video), batch.inputs(video), work, run=run)
     return EntryRecord.read(entry_dir / ENTRY_FILE).video
 
 
-def _is_whole(entry_dir: Path, folder: Path, each: EachVideo) -> bool:
+def _is_whole(entry_dir: Path, folder: Path, batch: Batch) -> bool:
     """Whether a video's folder still holds what its line was written of, and what is asked now."""
     try:
         record = EntryRecord.read(entry_dir / ENTRY_FILE)
     except (MissingInput, BadRecord):
         return False
-    asked = (*record.parts, PAGE) if each.page else record.parts
-    return all((folder / name).exists() for name in asked)
+    return all((folder / name).exists() for name in (*record.parts, *batch.leaves))
 
 
 def _entry(name: str, folder: Path, verdict: VideoVerdict) -> VideoEntry:
@@ -227,43 +396,6 @@ def _failed(name: str, reason: str) -> VideoEntry:
         frames=0, kept_frames=0, fps_hz=None, focal_px=None, focal_sigma=None, focal_from=None,
         people=0, accepted_people=0,
     )  # fmt: skip
-
-
-def solve_videos(
-    videos: Sequence[NamedVideo],
-    out_dir: Path,
-    each: EachVideo,
-    call: Callable[..., VideoEntry],
-    run: Run,
-) -> Path:
-    """Solve videos as independent jobs, and write `videos.json`; gives its path.
-
-    A video that fails leaves its reason in `failed/<name>.txt`, and the others go on.  Where
-    nothing is left to make, no worker starts.
-
-    Args:
-        call: A module-level function of `video`, `out_dir`, `each` and `run` that ends in
-            `make_entry`.
-
-    Raises:
-        StageFailed: some videos failed; the record lists them.
-        OthersLeft: this shard is done, and others are not.
-    """
-    out_dir = out_dir.resolve()
-    failures_dir = out_dir / FAILED
-    for folder in (out_dir, failures_dir):
-        remove_orphans(folder)
-    common = {"out_dir": out_dir, "each": each, "run": run}
-    jobs = [
-        Job(video.name, call, common | {"video": video}, weight=max(1, video.size_bytes))
-        for video in videos
-    ]
-    results, reasons = _run(jobs, failures_dir, run)
-    entries = [*results.values(), *(_failed(name, why) for name, why in reasons.items())]
-    entries.sort(key=lambda entry: entry.name)
-    Videos(videos=tuple(entries)).write(out_dir / RECORD_FILE)
-    raise_failures(SOLVING, reasons, len(jobs), failures_dir)
-    return out_dir / RECORD_FILE
 
 
 def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from gmrdata.read.threedpw import ValidRule
-from gmrdata.solve.sequence import SequenceConfig
+from gmrdata.solve.request import SequenceConfig
 from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
 from gmrdata.values import limits
 from gmrdata.values.records import Config

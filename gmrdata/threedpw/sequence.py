@@ -12,7 +12,7 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
-from gmrdata.solve.sequence import regenerate_sequence
+from gmrdata.solve.sequence import solve_sequence
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import is_made, run_stage
 from gmrdata.threedpw.people import SequencePeople, make_people
@@ -39,7 +39,7 @@ def regenerate_one(
     if is_made(UNSOLVED, out_dir, config, inputs, run):
         return out_dir
     try:
-        return regenerate_sequence(
+        return solve_sequence(
             files.image_dir,
             given.people,
             paths.sequence_dir(files.name),

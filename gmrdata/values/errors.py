@@ -1,5 +1,7 @@
 """One error per way to fail.  Each message names the file or clip and says what to do about it."""
 
+from pathlib import Path
+
 
 class GmrdataError(Exception):
     """Base of every error raised on purpose; the command line prints it and exits with 1."""
@@ -110,7 +112,19 @@ class EngineMissing(GmrdataError):
 
 
 class NoReconstruction(StageFailed):
-    """Structure from motion found no camera path that can be used."""
+    """Structure from motion found no camera path that can be used, or no world of people."""
+
+    def __init__(self, why: str, frames_dir: Path | None = None) -> None:
+        super().__init__(why, frames_dir)
+        self.why = why
+        self.frames_dir = frames_dir
+
+    def __str__(self) -> str:
+        return self.why if self.frames_dir is None else f"{self.frames_dir}: {self.why}"
+
+    def of(self, frames_dir: Path) -> "NoReconstruction":
+        """The same of frames that lie, or will lie, somewhere else."""
+        return NoReconstruction(self.why, frames_dir)
 
 
 class TrainingDiverged(StageFailed):

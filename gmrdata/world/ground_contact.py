@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gmrdata.values.camera import CameraPath
-from gmrdata.world.planted_feet import SOLE_POINTS, standing
+from gmrdata.world.planted_feet import SOLE_POINTS, SeenFeet, standing
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 SAMPLES = 400
@@ -20,25 +20,20 @@ LOWEST_CAMERA = 0.1  # a camera nearer to the ground, as a share of the way to t
 
 
 def ground_contact_scale(
-    camera_path: CameraPath,
-    points: np.ndarray,
-    feet_cam_m: np.ndarray,
-    up_cam: np.ndarray,
-    fps_hz: float,
-    rough_scale: float,
-    config: ScaleConfig,
+    seen: SeenFeet, points: np.ndarray, rough_scale: float, config: ScaleConfig
 ) -> CueEstimate | None:
     """Scale at which planted soles are on the ground; None where too few points show the ground.
 
-    Background points (N, 3) are in the unit of the T cameras; points of both feet (T, 2, K, 3) [m]
-    and the person's own up direction (T, 3) in the camera's frame; the rough scale is right to some
-    tens of percent.
+    Background points (N, 3) are in the unit of the cameras; the rough scale is right to some tens
+    of percent.
     """
+    camera_path = seen.camera_path
     rotmats, centres = camera_path.world_from_cam[:, :3, :3], camera_path.centres_world_m
-    soles_m = np.einsum("tij,tfkj->tfki", rotmats, feet_cam_m[:, :, SOLE_POINTS])
-    up = np.nanmean(np.einsum("tij,tj->ti", rotmats, up_cam), axis=0)
+    soles_m = np.einsum("tij,tfkj->tfki", rotmats, seen.points_cam_m[:, :, SOLE_POINTS])
+    up = np.nanmean(np.einsum("tij,tj->ti", rotmats, seen.up_cam), axis=0)
     up /= np.linalg.norm(up)
-    still = standing(soles_m + rough_scale * centres[:, None, None], config.slip_m(fps_hz))
+    slip_m = config.slip_m(seen.fps_hz)
+    still = standing(soles_m + rough_scale * centres[:, None, None], slip_m)
     frames, foot = np.nonzero(still.any(axis=-1))
     if not len(frames):
         return None

@@ -4,6 +4,7 @@ Every check compares one figure with one threshold of the recipe, and what fails
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,47 +16,76 @@ from gmrdata.cameras.check.verdict import (
     relative_moves,
     turns_too_fast,
 )
-from gmrdata.cameras.files import CamerasQuality
+from gmrdata.cameras.files import CamerasQuality, Geometry
 from gmrdata.values import transforms
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.rows import first_reasons, text_runs
-from gmrdata.world.picture_fit import OFF_OVERLAP, PictureFit
-from gmrdata.world.recipe import VerdictConfig
-from gmrdata.world.scale import ScaleEstimate
-from gmrdata.world.verdict import Verdict, verdict_of
+from gmrdata.world.picture_fit import PictureFit
+from gmrdata.world.quality import PseudoGtQuality, quality_of
+from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
+from gmrdata.world.scale import NO_SCALE, ScaleEstimate
+from gmrdata.world.verdict import Doubts, Verdict, overridden, verdict_of
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedCameras:
+    """The cameras of a sequence in the T rows of its people, and what else is known of them."""
+
+    path: CameraPath  # up to scale; NaN where there is no camera
+    geometry: Geometry
+    points: np.ndarray  # (N, 3) background points, in the unit of the path
+    quality: CamerasQuality
+    rows: np.ndarray  # (T,) row of the reconstruction; -1 for a frame without an image
+    scale: ScaleEstimate = NO_SCALE
+    dataset_camera: np.ndarray | None = None
+    """(T, 4, 4) metric world_from_cam of the data set; NaN where unknown."""
+
+
+def judge_people(
+    clips: Sequence[Clip],
+    cameras: SolvedCameras,
+    config: PseudoGtConfig,
+    doubts: Doubts,
+    fits: Sequence[PictureFit | None],
+) -> PseudoGtQuality:
+    """The verdict on each of the people in the world, by thresholds and by whoever looked at them,
+    and the figures behind it.
+
+    Args:
+        doubts: Why the data set doesn't vouch for frames, or for its sequence.
+        fits: How each body lies on the person in the pictures; None where nothing could tell.
+    """
+    verdicts = []
+    for clip, unusable, fit in zip(clips, doubts.frames, fits, strict=True):
+        verdict = judge(
+            clip, cameras, config.verdict, Doubts(frames=(unusable,), sequence=doubts.sequence), fit
+        )
+        if config.override is not None:
+            verdict = overridden(verdict, config.override, ~clip.valid)
+        verdicts.append(verdict)
+    return quality_of(clips, verdicts, cameras.scale, cameras.quality, config, fits)
 
 
 def judge(
     clip: Clip,
-    quality: CamerasQuality,
-    sfm_rows: np.ndarray,
-    estimate: ScaleEstimate,
+    cameras: SolvedCameras,
     config: VerdictConfig,
-    *,
-    unusable: Sequence[str] | None = None,
-    doubts: Sequence[str] = (),
-    dataset_camera: np.ndarray | None = None,
+    doubts: Doubts,
     fit: PictureFit | None = None,
 ) -> Verdict:
-    """Judge a pseudo ground truth, a clip of T frames in the world, by its own figures.
-
-    Args:
-        sfm_rows: (T,) row of the reconstruction for each frame; -1 for a frame without an image.
-        unusable: T texts: why the data set itself doesn't vouch for a frame; empty where it does.
-        doubts: Why the data set's sequence can't be used at all.
-        dataset_camera: (T, 4, 4) metric world_from_cam of the data set; NaN where unknown.
-        fit: How the body lies on the person in the pictures; None where nothing could tell.
-    """
-    own = [""] * len(clip.valid) if unusable is None else unusable
-    reasons = frame_reasons(clip, quality, sfm_rows, config, own, dataset_camera)
+    """Judge one person of a pseudo ground truth, a clip of T frames in the world, by its figures;
+    `doubts` are of this person alone."""
+    own, quality = doubts.frames[0], cameras.quality
+    reasons = frame_reasons(clip, cameras, config, own)
     reasons = without_short_runs(reasons, round(config.min_run_s * clip.motion.fps_hz))
-    kept_share = sum(not reason for reason in reasons) / max(1, list(own).count(""))
+    kept_share = sum(not reason for reason in reasons) / max(1, own.count(""))
     jump_share = float(np.mean(jumps(clip, config))) if len(reasons) > 1 else 0.0
     failed = [
-        *doubts,
+        *doubts.sequence,
         *camera_reasons(quality, config),
         *_body_reasons(clip, quality, jump_share, kept_share, config),
-        *_scale_reasons(estimate, config),
+        *_scale_reasons(cameras.scale, config),
         *_stiff_reasons(clip, config),
         *([] if fit is None else _fit_reasons(fit, config)),
     ]
@@ -99,7 +129,7 @@ def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[s
 
 def _fit_reasons(fit: PictureFit, config: VerdictConfig) -> Iterator[str]:
     late, gain = fit.late_frames, fit.late_overlap - fit.overlap
-    if gain > config.max_late_gain and fit.late_overlap >= OFF_OVERLAP:
+    if gain > config.max_late_gain and fit.late_overlap >= config.off_overlap:
         yield (
             f"the body is {abs(late)} frames {'late' if late > 0 else 'early'}: it lies on the "
             f"person in the picture by {fit.late_overlap:.0%} then, and by {fit.overlap:.0%} now"
@@ -131,17 +161,14 @@ def _stiff_reasons(clip: Clip, config: VerdictConfig) -> Iterator[str]:
 
 
 def frame_reasons(
-    clip: Clip,
-    quality: CamerasQuality,
-    sfm_rows: np.ndarray,
-    config: VerdictConfig,
-    unusable: Sequence[str],
-    dataset_camera: np.ndarray | None,
+    clip: Clip, cameras: SolvedCameras, config: VerdictConfig, unusable: Sequence[str]
 ) -> list[str]:
-    """Why each of the T frames must not be used; empty where it may.  Arguments as in `judge`."""
+    """Why each of the T frames must not be used; empty where it may.  `unusable` are T texts: why
+    the data set itself doesn't vouch for a frame."""
+    dataset_camera = cameras.dataset_camera
     camera = camera_of(clip)
     n = camera.n_frames
-    *before, enough = frame_tests(quality, sfm_rows, camera.has_camera, config)
+    *before, enough = frame_tests(cameras.quality, cameras.rows, camera.has_camera, config)
     tests = [
         *before,
         (clip.valid, "the body is not known"),

@@ -28,12 +28,6 @@ FEWEST_FRAMES = 5  # with fewer that show both nothing is said
 LAGS = np.arange(-30, 31)
 """Frames by which a body may be late."""
 MARGIN = 0.25  # of a body's box, around it, in which a mask counts: others may stand beside
-OFF_OVERLAP = 0.5
-"""Overlap, as intersection over union, below which a body does not lie on a person.  Measured on
-renders, medians of 40 frames with BlazePose's masks: 0.91 to 0.93 for the right body, 0.81 to 0.83
-if it is a tenth too far away, 0.71 to 0.73 with 8 degrees of error at each joint; 0.39 to 0.45 for
-the body of a clip with another way, 0.18 to 0.34 for one that stands still; 0.69 for another
-walker's on the same way, which outlines don't tell apart."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +57,10 @@ class PictureFit:
 
 
 def picture_fits(
-    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks
+    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks, off_overlap: float
 ) -> list[PictureFit | None]:
-    """By person, with bodies in the camera frame; None where too few frames show both."""
+    """By person, with bodies in the camera frame; None where too few frames show both.  A body lies
+    on nobody where their overlap is less than `off_overlap`."""
     masks = _Masks(people, camera_of(clips[0]))
     rows = _compared_rows(clips, masks)
     outlines = [
@@ -74,7 +69,7 @@ def picture_fits(
     fits: list[PictureFit | None] = []
     for person, (clip, own) in enumerate(zip(clips, outlines, strict=True)):
         others = [of for other, of in enumerate(outlines) if other != person]
-        fits.append(_fit(clip, own, others, masks))
+        fits.append(_fit(clip, own, others, masks, off_overlap))
     return fits
 
 
@@ -163,6 +158,7 @@ def _fit(
     own: dict[int, np.ndarray],
     others: Sequence[dict[int, np.ndarray]],
     masks: _Masks,
+    off_overlap: float,
 ) -> PictureFit | None:
     if len(own) < FEWEST_FRAMES:
         return None
@@ -190,7 +186,7 @@ def _fit(
         best = int(np.flatnonzero(LAGS == 0)[0])
     return PictureFit(
         frames=len(own),
-        off_frames=int((now < OFF_OVERLAP).sum()),
+        off_frames=int((now < off_overlap).sum()),
         overlap=float(np.median(now)),
         late_frames=int(-LAGS[best]),
         late_overlap=medians[best][0],

@@ -5,6 +5,8 @@ is linear in the scale s.  A planted foot stands still: at the true s many foot 
 none.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from gmrdata.motion.resample import valid_runs
@@ -19,6 +21,16 @@ SOLE_POINTS = slice(2, 5)  # heel, ball and toe
 SOLE_THICKNESS_M = 0.02  # rest vertices this close above a foot's lowest one belong to its sole
 SOLE_END = 0.2  # share of a sole's length that is its heel, or its toes
 BALL_M = 0.02  # and so near to the foot joint, seen from above, is its ball
+
+
+@dataclass(frozen=True, eq=False)
+class SeenFeet:
+    """Feet before T cameras up to scale, NaN where they or the person are unknown."""
+
+    camera_path: CameraPath
+    points_cam_m: np.ndarray  # (T, 2, K, 3) of both, as `foot_points_m` has them, camera frame
+    up_cam: np.ndarray  # (T, 3) the person's own up direction
+    fps_hz: float
 
 
 def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Stage: world-frame pseudo ground truth from recovered cameras and camera-frame bodies."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from gmrdata.cameras import files
 from gmrdata.cameras.frames import cuts_in_words
+from gmrdata.read.bodies import load_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.body import BodyModel
@@ -19,13 +20,40 @@ from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
 from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.compose import level_from_world, metric_cameras, motion_in_world
-from gmrdata.world.judge import judge
+from gmrdata.world.judge import SolvedCameras, judge_people
 from gmrdata.world.picture_fit import PeopleMasks, picture_fits
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
-from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, with_focal_error
-from gmrdata.world.verdict import Doubts, Verdict, load_dataset_camera, overridden
+from gmrdata.world.verdict import Doubts, load_dataset_camera
+
+
+@dataclass(frozen=True)
+class WorldEvidence:
+    """What the world of a sequence is made of, as files."""
+
+    sfm_dir: Path  # that `gmrdata.cameras.reconstruct.reconstruct` made
+    people: tuple[PersonFiles, ...]  # in the camera frame, all with the same rows
+    dataset_camera_path: Path | None = None
+    """Of the data set, by `save_dataset_camera`; right over short times."""
+    doubts_path: Path | None = None
+    """A `Doubts` record: why the data set itself does not vouch for frames."""
+    seen: PeopleMasks | None = None
+    """Masks of the people that were made without the bodies, which must lie on them; None where
+    there are none, and nothing is said of it."""
+    focal_sigma: float = 0.0
+    """Standard error of the focal length, as a share of it; part of the scale's."""
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """By role, for the stage's record."""
+        optional = {
+            "dataset_camera": self.dataset_camera_path,
+            "doubts": self.doubts_path,
+            "people_masks": None if self.seen is None else self.seen.masks_dir,
+        }
+        there = {name: path for name, path in optional.items() if path is not None}
+        return {"sfm": self.sfm_dir} | stage_inputs(self.people) | there
 
 
 class _WithFocal(Config):
@@ -36,31 +64,13 @@ class _WithFocal(Config):
 
 
 def make_pseudo_gt(
-    sfm_dir: Path,
-    people: tuple[PersonFiles, ...],
-    out_dir: Path,
-    config: PseudoGtConfig,
-    *,
-    dataset_camera_path: Path | None = None,
-    doubts_path: Path | None = None,
-    seen: PeopleMasks | None = None,
-    focal_sigma: float = 0.0,
-    run: Run = DEFAULT_RUN,
+    evidence: WorldEvidence, out_dir: Path, config: PseudoGtConfig, *, run: Run = DEFAULT_RUN
 ) -> Path:
     """Compose camera-frame poses with recovered cameras (eqs. 6-8) into a metric, level world.
 
     All people of a sequence share one world: one camera solution, one scale, one levelling.  Frames
     without a camera keep an interpolated pose and are not valid; their `world_from_cam` is NaN.
-
-    Args:
-        sfm_dir: Folder that `gmrdata.cameras.reconstruct.reconstruct` made.
-        people: All with the same rows.
-        out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
-        dataset_camera_path: Of the data set, by `save_dataset_camera`; right over short times.
-        doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
-        seen: Masks of the people that were made without the bodies, which must lie on them; None
-            where there are none, and nothing is said of it.
-        focal_sigma: Standard error of the focal length, as a share of it; part of the scale's.
+    Makes `out_dir` with `person_<n>.npz` for each person, and `quality.json`.
 
     Raises:
         BadMotionFile: a clip is not in the camera frame, or has other rows than the first.
@@ -69,59 +79,32 @@ def make_pseudo_gt(
     """
 
     def work(partial: Path) -> None:
-        from gmrdata.read.bodies import load_body
-
-        bodies = [load_body(str(one.body_path)) for one in people]
-        clips = list(map(clip_on_body, _camera_clips(people), bodies))
-        cameras, quality = files.load_cameras(sfm_dir), files.load_quality(sfm_dir)
-        if quality.frames != len(cameras.image_numbers):
-            raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
-        rows = rows_of_numbers(cameras.image_numbers, clips[0].image_numbers)
-        dataset_camera = _dataset_camera(dataset_camera_path, len(rows))
-        path = cameras.path.at_rows(rows)
-        path = _blanked(replace(path, has_camera=path.has_camera & (rows >= 0)))
-        points, geometry = files.load_points(sfm_dir), cameras.geometry
+        bodies = [load_body(str(one.body_path)) for one in evidence.people]
+        clips = list(map(clip_on_body, _camera_clips(evidence.people), bodies))
+        cameras = _solved_cameras(evidence, clips)
         try:
-            world_clips, estimate = compose_clips(
-                clips, path, geometry, points, bodies, config, dataset_camera
-            )
+            world_clips, scale = compose_clips(clips, bodies, cameras, config)
         except NoReconstruction as error:
-            raise NoReconstruction(f"{error}{cuts_in_words(quality.cuts_after_frames)}") from None
-        estimate = with_focal_error(estimate, focal_sigma)
-        doubts = _doubts(doubts_path, len(people), len(rows))
-        fits = [None] * len(people) if seen is None else picture_fits(clips, bodies, seen)
-        verdicts: list[Verdict] = []
-        for clip, body, unusable, fit in zip(world_clips, bodies, doubts.frames, fits, strict=True):
-            verdict = judge(
-                clip,
-                quality,
-                rows,
-                estimate,
-                config.verdict,
-                unusable=unusable,
-                doubts=doubts.sequence,
-                dataset_camera=dataset_camera,
-                fit=fit,
-            )
-            if config.override is not None:
-                verdict = overridden(verdict, config.override, ~clip.valid)
-            kept = replace(clip, valid=clip.valid & verdict.kept)
-            file = partial / person_file(len(verdicts))
-            save_clip(file, kept, body.rest_pelvis_m(clip.motion.shape))
-            verdicts.append(verdict)
-        record = quality_of(world_clips, verdicts, estimate, quality, config, fits)
+            cuts = cuts_in_words(cameras.quality.cuts_after_frames)
+            raise NoReconstruction(f"{error}{cuts}") from None
+        cameras = replace(cameras, scale=with_focal_error(scale, evidence.focal_sigma))
+        doubts = _doubts(evidence.doubts_path, len(clips), len(cameras.rows))
+        seen = evidence.seen
+        fits = (
+            [None] * len(clips)
+            if seen is None
+            else picture_fits(clips, bodies, seen, config.verdict.off_overlap)
+        )
+        record = judge_people(world_clips, cameras, config, doubts, fits)
+        for number, (clip, body) in enumerate(zip(world_clips, bodies, strict=True)):
+            kept = replace(clip, valid=clip.valid & record.people[number].kept)
+            save_clip(partial / person_file(number), kept, body.rest_pelvis_m(clip.motion.shape))
         record.write(partial / files.QUALITY_FILE)
 
-    inputs = {"sfm": sfm_dir} | stage_inputs(people)
-    people_masks = None if seen is None else seen.masks_dir
-    optional = {
-        "dataset_camera": dataset_camera_path,
-        "doubts": doubts_path,
-        "people_masks": people_masks,
-    }
-    inputs |= {name: path for name, path in optional.items() if path is not None}
-    recipe = config if focal_sigma == 0 else _WithFocal(pseudo_gt=config, focal_sigma=focal_sigma)
-    return run_stage("pseudo_gt", out_dir, recipe, inputs, work, run=run)
+    recipe: Config = config
+    if evidence.focal_sigma:
+        recipe = _WithFocal(pseudo_gt=config, focal_sigma=evidence.focal_sigma)
+    return run_stage("pseudo_gt", out_dir, recipe, evidence.files, work, run=run)
 
 
 def config_of(pseudo_gt_dir: Path) -> PseudoGtConfig:
@@ -134,6 +117,24 @@ def config_of(pseudo_gt_dir: Path) -> PseudoGtConfig:
     except ValidationError:
         what = "its recipe is none of a pseudo ground truth"
         raise BadRecord(f"{pseudo_gt_dir / STAGE_FILE}: {what}; {MAKE_AGAIN}") from None
+
+
+def _solved_cameras(evidence: WorldEvidence, clips: Sequence[Clip]) -> SolvedCameras:
+    """The cameras of a reconstruction in the rows of clips, up to scale."""
+    sfm_dir = evidence.sfm_dir
+    cameras, quality = files.load_cameras(sfm_dir), files.load_quality(sfm_dir)
+    if quality.frames != len(cameras.image_numbers):
+        raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
+    rows = rows_of_numbers(cameras.image_numbers, clips[0].image_numbers)
+    path = cameras.path.at_rows(rows)
+    return SolvedCameras(
+        path=_blanked(replace(path, has_camera=path.has_camera & (rows >= 0))),
+        geometry=cameras.geometry,
+        points=files.load_points(sfm_dir),
+        quality=quality,
+        rows=rows,
+        dataset_camera=_dataset_camera(evidence.dataset_camera_path, len(rows)),
+    )
 
 
 def _dataset_camera(path: Path | None, n_frames: int) -> np.ndarray | None:
@@ -154,14 +155,12 @@ def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:
 
 def compose_clips(
     camera_clips: Sequence[Clip],
-    path: CameraPath,
-    geometry: files.Geometry,
-    points: np.ndarray,
     bodies: Sequence[BodyModel],
+    cameras: SolvedCameras,
     config: PseudoGtConfig,
-    dataset_camera: np.ndarray | None,
 ) -> tuple[list[Clip], ScaleEstimate]:
     """The clips of the same T frames in one metric, level world, and the scale that made it so."""
+    path = cameras.path
     usable = [path.has_camera & clip.valid for clip in camera_clips]
     if max(rows.sum() for rows in usable) < 2:
         raise NoReconstruction(f"{camera_clips[0].id}: no two frames have both pose and camera")
@@ -171,7 +170,11 @@ def compose_clips(
         if rows.any()
     ]
     estimate = estimate_scale(
-        seen, geometry, config.scale, points=points, dataset_camera=dataset_camera
+        seen,
+        cameras.geometry,
+        config.scale,
+        points=cameras.points,
+        dataset_camera=cameras.dataset_camera,
     )
     # Without a scale the camera stays in place, also one that was seen to travel a little.
     scale = 0.0 if estimate.scale is None else estimate.scale

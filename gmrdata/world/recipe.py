@@ -93,6 +93,9 @@ class VerdictConfig(CamerasVerdictConfig):
     """Share of the frames for which the data set vouches that must be left."""
     max_off_share: float = Field(default=0.5, gt=0)
     """Share of the frames in which the body does not lie on a person in the picture."""
+    off_overlap: float = Field(default=0.5, gt=0, le=1)
+    """Overlap, as intersection over union, below which a body does not lie on a person: 0.71 and
+    more for right bodies with errors, 0.45 and less for others' (docs/video.md)."""
     max_late_gain: float = Field(default=0.08, gt=0)
     """By how much the body may lie better on the people of other frames than on those of its own.
     Measured: 0 for right bodies, also with 8 degrees of error at each joint; 0.15 and more where

@@ -17,7 +17,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
 from gmrdata.world.ground_contact import ground_contact_scale, scale_by_what_is_below
-from gmrdata.world.planted_feet import foot_points_m, planted_feet_scale
+from gmrdata.world.planted_feet import SeenFeet, foot_points_m, planted_feet_scale
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 FEWEST_WINDOWS = 5
@@ -153,19 +153,19 @@ def _of_person(
     Planted feet give it or, where they find no ground, as feet that creep don't, what is seen below
     the person; the ground itself must confirm that.
     """
-    path, fps_hz = person.camera_path, person.motion.fps_hz
-    feet_cam_m = foot_points_m(person.body, person.motion)
-    feet = planted_feet_scale(path, feet_cam_m, fps_hz, config)
+    path, motion = person.camera_path, person.motion
+    feet_cam_m, up_cam = foot_points_m(person.body, motion), motion.root_rotmats[:, :, 1]
+    feet = planted_feet_scale(path, feet_cam_m, motion.fps_hz, config)
     if points is None:
         return [feet]
-    up_cam = person.motion.root_rotmats[:, :, 1]
+    seen = SeenFeet(path, feet_cam_m, up_cam, motion.fps_hz)
 
     def ground_at(rough: float) -> CueEstimate | None:
-        return ground_contact_scale(path, points, feet_cam_m, up_cam, fps_hz, rough, config)
+        return ground_contact_scale(seen, points, rough, config)
 
     ground = ground_at(feet.scale) if feet.scale > 0 else None
     if ground is None:
-        below = scale_by_what_is_below(path, points, person.motion.pelvis_m, up_cam)
+        below = scale_by_what_is_below(path, points, motion.pelvis_m, up_cam)
         ground = None if below is None else _confirmed(ground_at, below)
     return [feet] if ground is None else [feet, ground]
 

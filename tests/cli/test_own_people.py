@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.cli.video import plan
 from gmrdata.fusion.fused_motion import FusionRecord
 from gmrdata.read.camera_bodies import read_camera_bodies
-from gmrdata.read.video import VideoConfig
 from gmrdata.read.video_files import NamedVideo
-from gmrdata.solve.video import VideoSolveConfig
-from gmrdata.solve.video_verdict import VideoVerdict
-from gmrdata.solve.videos import EachVideo
+from gmrdata.solve.plan import plan_video
+from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
+from gmrdata.solve.verdict import VideoVerdict
+from gmrdata.solve.videos import Batch
 from gmrdata.values.clip import load_clip
 from tests.filming import CAMERAS_ALONE, Filmed
 
@@ -88,14 +87,15 @@ def test_without_the_networks_people_are_left_out_with_a_word_or_refused(
 def test_a_batch_reads_the_estimator_s_networks(dolly: Filmed, tmp_path: Path) -> None:
     """Of videos whose people it looks for, and of no others."""
     files = {"landmarks": tmp_path / "net.tflite"}
-    each = EachVideo(
-        VideoSolveConfig(), VideoConfig(), fps_hz=10.0, own_poses="seen", own_files=files
-    )
+    own_people = EstimatedPeople(asked=False)
+    request = SolveRequest(dolly.images_dir, own_people, fps_hz=10.0)
+    batch = Batch(tmp_path, request, SolveConfig(), own_files=files)
     own, theirs = (
         NamedVideo("a", dolly.images_dir),
         NamedVideo("b", dolly.images_dir, tmp_path / "b.pkl"),
     )
-    assert each.inputs(own)["landmarks"] == tmp_path / "net.tflite"
-    assert "landmarks" not in each.inputs(theirs)
-    assert each.recipe(own).own_poses == "seen" and each.recipe(theirs).own_poses == "no"
-    assert plan(own, each)[2]["own poses"] > 0 == plan(theirs, each)[2]["own poses"]
+    assert batch.inputs(own)["landmarks"] == tmp_path / "net.tflite"
+    assert "landmarks" not in batch.inputs(theirs)
+    assert batch.recipe(own).own_poses == "seen" and batch.recipe(theirs).own_poses == "no"
+    seconds = [plan_video(batch.of(one), batch.config).seconds for one in (own, theirs)]
+    assert seconds[0]["own poses"] > 0 == seconds[1]["own poses"]

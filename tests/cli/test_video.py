@@ -12,7 +12,7 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.read.body_file import save_body
-from gmrdata.solve.video_verdict import VideoVerdict
+from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import Videos
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel

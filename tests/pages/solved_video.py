@@ -16,7 +16,7 @@ from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.people import PersonFiles
-from gmrdata.world.pseudo_gt import make_pseudo_gt
+from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
 from tests.fusion.test_delta_errors import record
 from tests.pages.conftest import paint_clip
@@ -56,7 +56,7 @@ def solved_video(
     people = (PersonFiles(folder / "in.npz", folder / "body" / "body.npz"),)
     if person:
         config = config or PseudoGtConfig()
-        make_pseudo_gt(folder / "sfm", people, folder / "pseudo_gt", config)
+        make_pseudo_gt(WorldEvidence(folder / "sfm", people), folder / "pseudo_gt", config)
     (folder / "in.npz").unlink()
     return true
 

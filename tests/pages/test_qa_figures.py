@@ -8,13 +8,12 @@ import pytest
 from gmrdata.cameras.files import Agreement, WeakestStep
 from gmrdata.pages.solved import Solved
 from gmrdata.pages.thresholds import Row, camera_rows, verdict_rows
-from gmrdata.world.judge import judge
 from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
 from gmrdata.world.scale import ScaleEstimate, fuse
 from gmrdata.world.verdict import verdict_of
 from tests.reconstructions import good_quality
-from tests.world.test_verdict import CONFIG, GOOD, ROWS, circling, clip_of
+from tests.world.test_verdict import GOOD, circling, clip_of, judged
 
 NOTHING = Solved(name="a")
 
@@ -35,7 +34,7 @@ def scale_rows(found: Solved) -> list[Row]:
 def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limit: str) -> None:
     clip = clip_of(circling())
     vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),)), matters=matters)
-    verdict = judge(clip, GOOD, ROWS, vague, CONFIG)
+    verdict = judged(clip, scale=vague)
     record = quality_of([clip], [verdict], vague, GOOD, PseudoGtConfig())
     sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
     assert (sigma.value, sigma.threshold) == ("10", limit)
@@ -48,7 +47,7 @@ def test_a_scale_that_no_camera_has_is_missed(scale: float, matters: bool) -> No
     clip = clip_of(circling())
     estimate = fuse((CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),))
     estimate = replace(estimate, scale=scale, matters=matters)
-    verdict = judge(clip, GOOD, ROWS, estimate, CONFIG)
+    verdict = judged(clip, scale=estimate)
     assert not verdict.accepted
     record = quality_of([clip], [verdict], estimate, GOOD, PseudoGtConfig())
     first, sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))

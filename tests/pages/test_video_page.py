@@ -13,7 +13,7 @@ from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.pages.footage import BAR_PX, footage_of
 from gmrdata.pages.gather import gather_video
 from gmrdata.pages.solved_page import make_video_page
-from gmrdata.solve.video_verdict import VERDICT_FILE, VideoVerdict, unsolved
+from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, unsolved
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import MissingInput

@@ -20,7 +20,7 @@ from gmrdata.people.sources import (
     masks_seconds,
 )
 from gmrdata.read.frames import read_gray
-from gmrdata.solve.sequence import SequenceConfig
+from gmrdata.solve.request import SequenceConfig
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 
 

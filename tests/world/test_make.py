@@ -27,7 +27,7 @@ from gmrdata.values.errors import BadMotionFile, NoReconstruction
 from gmrdata.values.files import read_json
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.world.compose import metric_cameras, motion_in_camera
-from gmrdata.world.pseudo_gt import make_pseudo_gt
+from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
 from tests.reconstructions import quality_of_path
 
@@ -81,7 +81,7 @@ def made(tmp_path: Path, clip: Clip, body: BodyModel, geometry: str, lost: list[
     save_clip(tmp_path / "in.npz", as_input(clip), body.rest_pelvis_m(clip.motion.shape))
     sfm_dir = reconstruction(tmp_path / "sfm", clip, geometry, lost)
     people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
-    return make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+    return make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
 def test_exact_cameras_give_back_the_true_motion(small_body: BodyModel, tmp_path: Path) -> None:
@@ -155,7 +155,7 @@ def test_a_world_frame_clip_is_refused(small_body: BodyModel, tmp_path: Path) ->
     sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
     with pytest.raises(BadMotionFile, match="not in the camera frame"):
         people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
-        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
 def test_people_with_other_rows_than_the_first_are_refused(
@@ -170,4 +170,4 @@ def test_people_with_other_rows_than_the_first_are_refused(
     people = tuple(PersonFiles(tmp_path / f"{n}.npz", tmp_path / "body.npz") for n in "ab")
     sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
     with pytest.raises(BadMotionFile, match=r"b\.npz: has other rows than walk"):
-        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())

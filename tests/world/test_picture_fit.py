@@ -19,19 +19,20 @@ from gmrdata.people.sources import (
 )
 from gmrdata.read.body_file import save_body
 from gmrdata.read.frames import write_gray
-from gmrdata.solve.sequence import people_masks
+from gmrdata.solve.solve import people_masks
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
-from gmrdata.world.pseudo_gt import make_pseudo_gt
+from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.quality import load_record
-from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 from tests.world.test_make import as_input, reconstruction, true_clip
 
 SIZE_PX = (320, 180)
+OFF_OVERLAP = VerdictConfig().off_overlap
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,7 @@ def masks(
 @pytest.fixture
 def fit(small_body: BodyModel, masks: PeopleMasks) -> Callable[[Clip], PictureFit]:
     def fit_one(clip: Clip) -> PictureFit:
-        (found,) = picture_fits([clip], [small_body], masks)
+        (found,) = picture_fits([clip], [small_body], masks, OFF_OVERLAP)
         assert found is not None
         return found
 
@@ -127,10 +128,10 @@ def test_two_people_are_each_held_against_their_own(
 ) -> None:
     both = [walker, beside(walker, 0.5)]
     seen = draw_masks(tmp_path / "person", both, small_body)
-    for found in picture_fits(both, [small_body] * 2, seen):
+    for found in picture_fits(both, [small_body] * 2, seen, OFF_OVERLAP):
         assert found is not None and found.overlap > 0.9 and found.off_frames == 0
     wrong = [walker, beside(walker, 2.5)]
-    right, beside_all = picture_fits(wrong, [small_body] * 2, seen)
+    right, beside_all = picture_fits(wrong, [small_body] * 2, seen, OFF_OVERLAP)
     assert right is not None and right.overlap > 0.5
     assert beside_all is not None and beside_all.off_frames == beside_all.frames
 
@@ -146,7 +147,9 @@ def test_boxes_are_compared_with_boxes(
         mask[y : y + height, x : x + width] = 255
         write_gray(tmp_path / path.name, mask)
     for clip, low, high in ((walker, 0.9, 1.0), (beside(walker, 1.5), 0.0, 0.3)):
-        (found,) = picture_fits([clip], [small_body], PeopleMasks(tmp_path, 4, boxed=True))
+        (found,) = picture_fits(
+            [clip], [small_body], PeopleMasks(tmp_path, 4, boxed=True), OFF_OVERLAP
+        )
         assert found is not None and low <= found.overlap <= high
 
 
@@ -155,9 +158,9 @@ def test_where_hardly_anybody_is_seen_nothing_is_said(
 ) -> None:
     n = walker.motion.n_frames
     seen = draw_masks(tmp_path / "person", [walker], small_body, empty=n - 4)
-    assert picture_fits([walker], [small_body], seen) == [None]
+    assert picture_fits([walker], [small_body], seen, OFF_OVERLAP) == [None]
     nobody = replace(walker, valid=np.zeros(n, dtype=bool))
-    assert picture_fits([nobody], [small_body], seen) == [None]
+    assert picture_fits([nobody], [small_body], seen, OFF_OVERLAP) == [None]
 
 
 def test_only_masks_that_were_made_without_the_body_count(tmp_path: Path) -> None:
@@ -188,7 +191,9 @@ def test_the_verdict_and_the_record_of_a_late_body_say_so(
     ):
         save_clip(tmp_path / f"{name}.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
         people = (PersonFiles(tmp_path / f"{name}.npz", tmp_path / "body.npz"),)
-        out = make_pseudo_gt(sfm_dir, people, tmp_path / name, PseudoGtConfig(), seen=given)
+        out = make_pseudo_gt(
+            WorldEvidence(sfm_dir, people, seen=given), tmp_path / name, PseudoGtConfig()
+        )
         record = load_record(out)
         (fit,) = record.picture_fits
         assert (fit is None) == (given is None)

@@ -13,7 +13,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.people import PersonFiles
-from gmrdata.world.pseudo_gt import make_pseudo_gt
+from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.quality import PseudoGtQuality, load_record, quality_record, unsolved_quality
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.verdict import Doubts, load_dataset_camera, save_dataset_camera, verdict_of
@@ -46,13 +46,15 @@ def test_55_px_under_another_name_are_not_accepted(small_body: BodyModel, tmp_pa
 
     sfm_dir, people = sfm_of(tmp_path, small_body, renamed)
     with pytest.raises(BadRecord, match=r"quality\.json: has no key `mean_reprojection_px`"):
-        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
     assert not (tmp_path / "out").exists()
 
 
 def test_55_px_are_rejected(small_body: BodyModel, tmp_path: Path) -> None:
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda said: said | {"mean_reprojection_px": 55})
-    record = load_record(make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig()))
+    record = load_record(
+        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+    )
     assert not record.people[0].accepted
     assert "the mean reprojection error is 55.00 px, more than 1 px" in record.people[0].reasons
 
@@ -67,7 +69,7 @@ def test_no_figure_of_the_reconstruction_can_be_left_out(
     with pytest.raises(
         BadRecord, match=rf"quality\.json: has no .*`{'.'.join(map(str, key[1:]))}`"
     ):
-        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
 def test_a_reconstruction_of_an_older_version_says_what_to_do(
@@ -76,14 +78,14 @@ def test_a_reconstruction_of_an_older_version_says_what_to_do(
     old = {"geometry": "full", "registered_share": 1.0, "inliers_per_frame": [100] * 40}
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda _: old)
     with pytest.raises(BadRecord, match=r"sfm/quality\.json: has no `format`.*older.*--redo"):
-        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
 def test_figures_of_other_frames_than_the_cameras(small_body: BodyModel, tmp_path: Path) -> None:
     fewer = good_quality(7).model_dump(mode="json")
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda _: fewer)
     with pytest.raises(BadRecord, match="its files are of different frames"):
-        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
 def test_what_is_written_comes_back(small_body: BodyModel, tmp_path: Path) -> None:
@@ -171,9 +173,9 @@ def test_doubts_and_cameras_of_other_frames_are_refused(
     config, out_dir = PseudoGtConfig(), tmp_path / "out"
     DOUBTS.write(tmp_path / "doubts.json")
     with pytest.raises(BadRecord, match="is not of 1 people and 40 frames"):
-        make_pseudo_gt(sfm_dir, people, out_dir, config, doubts_path=tmp_path / "doubts.json")
+        evidence = WorldEvidence(sfm_dir, people, doubts_path=tmp_path / "doubts.json")
+        make_pseudo_gt(evidence, out_dir, config)
     save_dataset_camera(tmp_path / "camera.npz", np.tile(np.eye(4), (3, 1, 1)))
     with pytest.raises(BadRecord, match="3 cameras for 40 frames"):
-        make_pseudo_gt(
-            sfm_dir, people, out_dir, config, dataset_camera_path=tmp_path / "camera.npz"
-        )
+        evidence = WorldEvidence(sfm_dir, people, dataset_camera_path=tmp_path / "camera.npz")
+        make_pseudo_gt(evidence, out_dir, config)

@@ -14,7 +14,7 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, invert, rigid
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.ground_contact import ground_contact_scale
-from gmrdata.world.planted_feet import foot_points_m
+from gmrdata.world.planted_feet import SeenFeet, foot_points_m
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 from gmrdata.world.scale import SeenPerson, estimate_scale, short_windows_scale
 
@@ -56,7 +56,8 @@ def ground_cue(
     person = motion_in_camera(motion, path.world_from_cam)
     feet_cam_m = foot_points_m(body, person)
     up_cam = person.root_rotmats[:, :, 1]
-    return ground_contact_scale(found, points, feet_cam_m, up_cam, 30.0, rough, CONFIG)
+    seen = SeenFeet(found, feet_cam_m, up_cam, 30.0)
+    return ground_contact_scale(seen, points, rough, CONFIG)
 
 
 @pytest.mark.parametrize("programme", [Circular(), Linear(), Small()], ids=str)
@@ -85,7 +86,8 @@ def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(
     lean = Rotation.from_euler("y", lean_deg, degrees=True).apply([0.0, 0.0, 1.0])
     found, points = reconstructed(path, scenery(motion, 0.0, 600))
     feet_cam_m, up_cam = feet_cam_m.reshape(-1, 2, 5, 3), cam_from_world[:, :3, :3] @ lean
-    cue = ground_contact_scale(found, points, feet_cam_m, up_cam, 30.0, 0.9 * UNIT_M, CONFIG)
+    seen = SeenFeet(found, feet_cam_m, up_cam, 30.0)
+    cue = ground_contact_scale(seen, points, 0.9 * UNIT_M, CONFIG)
     assert cue is not None and cue.scale == pytest.approx(UNIT_M, rel=1e-4)
 
 

@@ -1,5 +1,6 @@
 """Verdicts on clips whose faults are put in one at a time."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -8,16 +9,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.check.verdict import is_out_of_order
-from gmrdata.cameras.files import Agreement, WeakestStep
+from gmrdata.cameras.files import Agreement, CamerasQuality, WeakestStep
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
-from gmrdata.world.judge import judge
+from gmrdata.world.judge import SolvedCameras, judge
 from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
 from gmrdata.world.scale import ScaleEstimate, fuse
-from gmrdata.world.verdict import Dropped, verdict_of
+from gmrdata.world.verdict import Doubts, Dropped, Verdict, verdict_of
 from tests.reconstructions import good_quality
 
 N, FPS_HZ = 90, 30.0
@@ -35,6 +36,24 @@ def clip_of(world_from_cam: np.ndarray) -> Clip:
     has_camera = np.isfinite(world_from_cam[:, 0, 0])
     camera = CameraPath(np.diag([500.0, 500, 1]), 640, 360, world_from_cam, has_camera)
     return Clip("c", motion, has_camera, np.arange(N), camera)
+
+
+def judged(
+    clip: Clip,
+    quality: CamerasQuality = GOOD,
+    rows: np.ndarray = ROWS,
+    scale: ScaleEstimate = SCALE,
+    config: VerdictConfig = CONFIG,
+    *,
+    unusable: Sequence[str] = ("",) * N,
+    doubts: tuple[str, ...] = (),
+    dataset_camera: np.ndarray | None = None,
+    fit: PictureFit | None = None,
+) -> Verdict:
+    cameras = SolvedCameras(
+        camera_of(clip), "full", np.zeros((0, 3)), quality, rows, scale, dataset_camera
+    )
+    return judge(clip, cameras, config, Doubts(frames=(tuple(unusable),), sequence=doubts), fit)
 
 
 def circling() -> np.ndarray:
@@ -59,9 +78,9 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
     same_motion = rigid(np.eye(3), np.array([5.0, 1, 0])) @ circling()
     for other in (None, same_motion):
         good = verdict_of("c", True, (), [""] * N)
-        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=other) == good
+        assert judged(clip, dataset_camera=other) == good
     # Another direction of view of the data set's camera is another motion in its own axes.
-    assert not judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=dataset_camera).accepted
+    assert not judged(clip, dataset_camera=dataset_camera).accepted
 
 
 @pytest.mark.parametrize(
@@ -104,7 +123,7 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
 def test_a_sequence_that_misses_a_threshold_is_rejected_with_both_figures(
     clip: Clip, figures: dict[str, Any], reason: str
 ) -> None:
-    verdict = judge(clip, good_quality(N, **figures), ROWS, SCALE, CONFIG)
+    verdict = judged(clip, good_quality(N, **figures))
     assert not verdict.accepted and len(verdict.reasons) == 1 and reason in verdict.reasons[0]
 
 
@@ -113,7 +132,7 @@ def test_a_gap_where_nothing_moves_and_a_crowd_before_what_holds_firmly_are_acce
     clip: Clip, loose: float, moving: float
 ) -> None:
     quality = good_quality(N, weakest_step=WeakestStep(40, 52, loose, moving, 2.6))
-    assert judge(clip, quality, ROWS, SCALE, CONFIG).accepted
+    assert judged(clip, quality).accepted
 
 
 @pytest.mark.parametrize(
@@ -123,31 +142,31 @@ def test_a_focal_length_that_may_be_right_rejects_nothing(
     clip: Clip, factor: float | None, sigma: float | None
 ) -> None:
     figures = {"focal_factor": factor, "focal_sigma": sigma}
-    assert judge(clip, good_quality(N, **figures), ROWS, SCALE, CONFIG).accepted
+    assert judged(clip, good_quality(N, **figures)).accepted
 
 
 def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
     vague = fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),))
-    assert "uncertain by 10.0%" in judge(clip, GOOD, ROWS, vague, CONFIG).reasons[0]
+    assert "uncertain by 10.0%" in judged(clip, scale=vague).reasons[0]
     apart = fuse(
         (
             CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),
             CueEstimate("ground_contact", 2.15, 0.02, 99, 0.01, 0),
         )
     )
-    (reason,) = judge(clip, GOOD, ROWS, apart, CONFIG).reasons
+    (reason,) = judged(clip, scale=apart).reasons
     assert "5.3 standard errors apart" in reason
     # Of a camera that hardly travels, an uncertain scale means little.
-    assert judge(clip, GOOD, ROWS, replace(vague, matters=False), CONFIG).accepted
+    assert judged(clip, scale=replace(vague, matters=False)).accepted
     # Where scale doesn't enter, nothing is said of it.
-    assert judge(clip, GOOD, ROWS, ScaleEstimate(None, None, ()), CONFIG).accepted
+    assert judged(clip, scale=ScaleEstimate(None, None, ())).accepted
 
 
 @pytest.mark.parametrize("scale", [-2.0, 0.0, float("nan")])
 def test_a_scale_that_no_camera_has_rejects(clip: Clip, scale: float) -> None:
     for matters in (True, False):
         estimate = ScaleEstimate(scale, 0.02, (), matters=matters)
-        (reason,) = judge(clip, GOOD, ROWS, estimate, CONFIG).reasons
+        (reason,) = judged(clip, scale=estimate).reasons
         assert f"the metric scale is {scale:.3g} ± 0.02 m per unit" in reason
 
 
@@ -163,44 +182,44 @@ def test_a_scale_that_no_camera_has_rejects(clip: Clip, scale: float) -> None:
 def test_a_body_that_lies_on_nobody_or_on_people_of_other_frames_rejects(
     clip: Clip, fit: PictureFit, reason: str
 ) -> None:
-    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, fit=fit)
+    verdict = judged(clip, fit=fit)
     assert len(verdict.reasons) == 1 and reason in verdict.reasons[0]
 
 
 def test_a_body_that_lies_on_the_person_is_accepted(clip: Clip) -> None:
     for fit in (PictureFit(40, 2, 0.71, 0, 0.71), PictureFit(9, 4, 0.55, 1, 0.58), None):
-        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, fit=fit).accepted
+        assert judged(clip, fit=fit).accepted
 
 
 def test_a_statue_that_travels_rejects_and_one_that_stands_does_not(clip: Clip) -> None:
     way_m = 3.0 * np.linspace(0, 1, N)[:, None] * [1.0, 0.0, 0.0]
     statue = replace(clip, motion=replace(clip.motion, pelvis_m=way_m))
-    (reason,) = judge(statue, GOOD, ROWS, SCALE, CONFIG).reasons
+    (reason,) = judged(statue).reasons
     assert reason.startswith("the body is stiff: its joints turn by 0.0 degrees")
     swing = np.deg2rad(20) * np.sin(np.arange(N) / 4)
     local = statue.motion.local_rotmats.copy()
     local[:, [0, 1, 3, 4]] = Rotation.from_rotvec(swing[:, None] * [1.0, 0, 0]).as_matrix()[:, None]
     walker = replace(statue, motion=replace(statue.motion, local_rotmats=local))
-    assert judge(walker, GOOD, ROWS, SCALE, CONFIG).accepted
-    assert judge(clip, GOOD, ROWS, SCALE, CONFIG).accepted
+    assert judged(walker).accepted
+    assert judged(clip).accepted
 
 
 def test_frames_without_a_camera_are_dropped(clip: Clip) -> None:
-    verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
+    verdict = judged(changed(clip, slice(40, 52), np.nan))
     assert verdict.accepted and verdict.kept.mean() == pytest.approx(78 / 90)
     assert verdict.dropped == (Dropped(40, 52, "no camera was found"),)
 
 
 def test_what_the_data_set_does_not_vouch_for_is_dropped_with_its_own_reason(clip: Clip) -> None:
     unusable = ["campose_valid is 0" if row < 20 else "" for row in range(N)]
-    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, unusable=unusable)
+    verdict = judged(clip, unusable=unusable)
     assert verdict.dropped == (Dropped(0, 20, "campose_valid is 0"),)
 
 
 def test_few_inliers_drop_a_frame_and_what_is_too_short_beside_it(clip: Clip) -> None:
     inliers = [200] * N
     inliers[30:35] = inliers[40:45] = [10] * 5
-    verdict = judge(clip, good_quality(N, inliers_per_frame=inliers), ROWS, SCALE, CONFIG)
+    verdict = judged(clip, good_quality(N, inliers_per_frame=inliers))
     assert verdict.dropped == (
         Dropped(30, 35, "fewer than 25 inliers"),
         Dropped(35, 40, "only 5 usable frames in a row"),
@@ -211,11 +230,11 @@ def test_few_inliers_drop_a_frame_and_what_is_too_short_beside_it(clip: Clip) ->
 def test_a_jump_drops_the_frames_beside_it(clip: Clip) -> None:
     after = camera_of(clip).world_from_cam[50:].copy()
     after[:, :3, 3] += [0.0, 0.0, 0.5]  # 15 m/s for one frame
-    verdict = judge(changed(clip, slice(50, N), after), GOOD, ROWS, SCALE, CONFIG)
+    verdict = judged(changed(clip, slice(50, N), after))
     assert verdict.dropped == (Dropped(49, 51, "the camera jumps"),)
     turned = camera_of(clip).world_from_cam[50:].copy()
     turned[:, :3, :3] = turned[:, :3, :3] @ Rotation.from_rotvec([0, 0.4, 0]).as_matrix()
-    verdict = judge(changed(clip, slice(50, N), turned), GOOD, ROWS, SCALE, CONFIG)
+    verdict = judged(changed(clip, slice(50, N), turned))
     assert verdict.dropped == (Dropped(49, 51, "the camera jumps"),)
 
 
@@ -225,23 +244,23 @@ def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip: Clip
         Rotation.from_rotvec(np.deg2rad(8) * time[:, None] * [0.0, 0.0, 1.0]).as_matrix(),
         0.6 * time[:, None] * [1.0, 0.0, 0.0],
     )
-    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=drift @ circling()).accepted
+    assert judged(clip, dataset_camera=drift @ circling()).accepted
     slower = circling()[np.arange(N) // 2]  # wrong intrinsics look like this
-    (reason,) = judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=slower).reasons
+    (reason,) = judged(clip, dataset_camera=slower).reasons
     assert reason.startswith("0% of the data set's valid frames can be used")
     unknown = np.full((N, 4, 4), np.nan)
-    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=unknown).accepted
+    assert judged(clip, dataset_camera=unknown).accepted
 
 
 def test_no_usable_frame_is_a_rejection(clip: Clip) -> None:
-    verdict = judge(replace(clip, id="x"), GOOD, ROWS, SCALE, CONFIG, unusable=["bad"] * N)
+    verdict = judged(replace(clip, id="x"), unusable=["bad"] * N)
     assert not verdict.accepted and verdict.kept.mean() == 0.0
     assert verdict.dropped == (Dropped(0, N, "bad"),)
 
 
 def test_frames_beyond_a_cut_say_so(clip: Clip) -> None:
     lost = changed(clip, slice(60, N), np.nan)
-    verdict = judge(lost, good_quality(N, cuts_after_frames=[59]), ROWS, SCALE, CONFIG)
+    verdict = judged(lost, good_quality(N, cuts_after_frames=[59]))
     assert verdict.accepted
     (run,) = verdict.dropped
     assert (run.start, run.stop) == (60, N) and "beyond a cut" in run.reason
@@ -252,7 +271,7 @@ def test_frames_without_an_image_are_dropped(clip: Clip) -> None:
     rows = np.r_[np.arange(50), -1, np.arange(50, N - 1)]
     inliers = [200] * 50 + [3] + [200] * (N - 52)
     lost = changed(clip, slice(50, 51), np.nan)
-    verdict = judge(lost, good_quality(N - 1, inliers_per_frame=inliers), rows, SCALE, CONFIG)
+    verdict = judged(lost, good_quality(N - 1, inliers_per_frame=inliers), rows)
     assert [(run.start, run.stop, run.reason) for run in verdict.dropped] == [
         (50, 51, "it has no image"),
         (51, 52, "fewer than 25 inliers"),
@@ -260,19 +279,19 @@ def test_frames_without_an_image_are_dropped(clip: Clip) -> None:
 
 
 def test_doubts_about_the_data_set_reject_the_sequence(clip: Clip) -> None:
-    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, doubts=["the intrinsics are wrong"])
+    verdict = judged(clip, doubts=("the intrinsics are wrong",))
     assert not verdict.accepted and verdict.reasons == ("the intrinsics are wrong",)
 
 
 def test_few_valid_frames_are_not_held_against_a_sequence(clip: Clip) -> None:
     unusable = ["campose_valid is 0"] * 60 + [""] * 30
-    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, unusable=unusable)
+    verdict = judged(clip, unusable=unusable)
     assert verdict.accepted and verdict.kept.mean() == pytest.approx(1 / 3)
     assert np.array_equal(verdict.kept, np.arange(N) >= 60)
 
 
 def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
-    verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
+    verdict = judged(changed(clip, slice(40, 52), np.nan))
     assert verdict.id == "c" and verdict.kept_frames == N - 12 and verdict.accepted
     (run,) = verdict.dropped
     assert run.start == 40 and run.stop == 52
@@ -283,7 +302,7 @@ def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
 def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
     inliers = [200] * 40 + [0] * 3 + [200] * (N - 43)
     figures = {"inliers_per_frame": inliers, "interpolated": [40, 41, 42]}
-    assert judge(clip, good_quality(N, **figures), ROWS, SCALE, CONFIG).kept.all()
+    assert judged(clip, good_quality(N, **figures)).kept.all()
 
 
 def test_images_out_of_order_say_so(clip: Clip) -> None:
@@ -291,7 +310,7 @@ def test_images_out_of_order_say_so(clip: Clip) -> None:
     slow = VerdictConfig(max_speed_m_per_s=3.0)
     for cameras in (circling(), circling() * [1.0, 1.0, 1.0, 0.0]):
         assert not is_out_of_order(cameras) and is_out_of_order(cameras[order])
-    verdict = judge(clip_of(circling()[order]), GOOD, ROWS, SCALE, slow)
+    verdict = judged(clip_of(circling()[order]), config=slow)
     assert not verdict.accepted
     assert any("images out of order" in reason for reason in verdict.reasons)
 
@@ -299,10 +318,10 @@ def test_images_out_of_order_say_so(clip: Clip) -> None:
 def test_cameras_that_jump_in_order_are_not_called_out_of_order(clip: Clip) -> None:
     jumping = camera_of(clip).world_from_cam.copy()
     jumping[::9, :3, 3] += [0.0, 0.0, 0.5]
-    (reason,) = judge(clip_of(jumping), GOOD, ROWS, SCALE, VerdictConfig()).reasons
+    (reason,) = judged(clip_of(jumping), config=VerdictConfig()).reasons
     assert reason.endswith("images are missing, or the cameras are wrong")
     wrong_focal = good_quality(N, focal_factor=0.7, focal_sigma=0.02)
-    focal, jumps = judge(clip_of(jumping), wrong_focal, ROWS, SCALE, VerdictConfig()).reasons
+    focal, jumps = judged(clip_of(jumping), wrong_focal, config=VerdictConfig()).reasons
     assert "0.70 times the one in use" in focal and "the focal length is wrong" in jumps
 
 
@@ -313,7 +332,7 @@ def test_a_background_that_moves_is_named(clip: Clip) -> None:
         (WeakestStep(70, 73, 0.00131, 0.75, 14.0), True),
         (WeakestStep(11, 12, 0.0022, 0.34, 200.0), False),
     ):
-        reasons = judge(clip, good_quality(N, weakest_step=step), ROWS, SCALE, CONFIG).reasons
+        reasons = judged(clip, good_quality(N, weakest_step=step)).reasons
         named = [reason for reason in reasons if "water, a crowd or leaves" in reason]
         assert reasons and len(named) == is_named
 
@@ -321,7 +340,7 @@ def test_a_background_that_moves_is_named(clip: Clip) -> None:
 def test_black_images_are_named(clip: Clip) -> None:
     lost = changed(clip, slice(50, N), np.nan)
     figures = {"registered_share": 50 / N, "featureless": list(range(50, N))}
-    verdict = judge(lost, good_quality(N, **figures), ROWS, SCALE, CONFIG)
+    verdict = judged(lost, good_quality(N, **figures))
     assert not verdict.accepted and "40 are black or even" in verdict.reasons[0]
     (run,) = verdict.dropped
     assert (run.start, run.stop) == (50, N) and "black" in run.reason

@@ -76,8 +76,9 @@ def require_cover(
     share = covered_share(turning, matches, frames.intrinsics_px, frames.size_px, most_px)
     if share < LEAST_COVERED:
         raise NoReconstruction(
-            f"{frames.images[0].parent}: a camera that stays in its place explains {share:.0%} of "
-            f"the picture only, less than {LEAST_COVERED:.0%}: something stays in the picture "
-            "while all else moves, such as a logo, a subtitle or the hood of a car, which masks "
-            "may keep out, or most of what is seen moves by itself"
+            f"a camera that stays in its place explains {share:.0%} of the picture only, less "
+            f"than {LEAST_COVERED:.0%}: something stays in the picture while all else moves, such "
+            "as a logo, a subtitle or the hood of a car, which masks may keep out, or most of "
+            "what is seen moves by itself",
+            frames.images[0].parent,
         )

@@ -186,11 +186,12 @@ def _require_usable(matches: Matches, frames: Frames) -> None:
     if (counts >= FEWEST_FEATURES).sum() < MIN_FRAMES:
         where = "outside the masks" if frames.masks_dir is not None else "in the frames"
         raise NoReconstruction(
-            f"{folder}: {int(np.median(counts))} features per frame {where}: "
-            f"{_why_featureless(frames)}"
+            f"{int(np.median(counts))} features per frame {where}: {_why_featureless(frames)}",
+            folder,
         )
     if not matches.pairs:
         raise NoReconstruction(
-            f"{folder}: no two frames show the same background; check that the frames are in order "
-            "and belong to one take"
+            "no two frames show the same background; check that the frames are in order and "
+            "belong to one take",
+            folder,
         )

@@ -7,16 +7,34 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import NonNegativeFloat, model_validator
 
-from gmrdata.cameras.check.verdict import camera_reasons, frame_tests, jump_cause, turns_too_fast
+from gmrdata.cameras.again import AGAIN_FILE, AgainRecord
+from gmrdata.cameras.check.verdict import (
+    camera_reasons,
+    frame_tests,
+    jump_cause,
+    lens_notes,
+    lens_reasons,
+    turns_too_fast,
+)
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.recipe import CamerasVerdictConfig
+from gmrdata.read.video import is_video
+from gmrdata.solve.doubts import lost_frames
+from gmrdata.solve.request import EstimatedPeople
+from gmrdata.solve.solve import FRAMES, Solved
+from gmrdata.values.clip import load_clip
 from gmrdata.values.records import Record
 from gmrdata.values.rows import first_reasons
+from gmrdata.world.quality import load_record
 from gmrdata.world.verdict import Verdict, verdict_of
 
 VERDICT_FILE = "verdict.json"
 CAMERA = "camera"
 NOBODY = "none of the people can be used"
+UNCHECKED = (
+    "Whether the bodies lie on the people in the pictures was not checked: no masks, or too few, "
+    "were made without them. Use --masks person"
+)
 
 
 class VideoVerdict(Record):
@@ -45,6 +63,54 @@ class VideoVerdict(Record):
         return self
 
 
+def judge_video(solved: Solved) -> VideoVerdict:
+    """The verdict on a video that was solved: its cameras, and each person by these."""
+    request, frames, lens = solved.request, solved.frames, solved.lens
+    assert frames is not None and lens is not None
+    notes = list(lens.notes)
+    if solved.sfm_dir is None:
+        camera = unsolved(_why(solved), len(frames.image_numbers))
+    else:
+        thresholds, cameras = solved.config.pseudo_gt.verdict, load_cameras(solved.sfm_dir)
+        doubts = [*lost_frames(solved.video), *lens_reasons(cameras, lens, thresholds)]
+        if solved.again_dir is not None:
+            doubts += AgainRecord.read(solved.again_dir / AGAIN_FILE).reasons(thresholds)
+        camera = judge_cameras(solved.sfm_dir, frames.fps_hz, thresholds, doubts)
+        notes += lens_notes(cameras, lens)
+    people = _judged_people(solved)
+    notes += solved.remarks
+    if solved.world_dir is not None and None in load_record(solved.world_dir).picture_fits:
+        notes.append(UNCHECKED)
+    decide = isinstance(request.people, EstimatedPeople) and request.people.asked
+    reasons = reasons_of(camera, people if decide else ())
+    return VideoVerdict(
+        images_dir=FRAMES if is_video(request.source) else str(solved.images_dir.absolute()),
+        fps_hz=frames.fps_hz,
+        accepted=not reasons,
+        reasons=reasons,
+        camera=camera,
+        people=people,
+        notes=tuple(notes),
+    )
+
+
+def _why(solved: Solved) -> str:
+    """Why there are no cameras, by a path that holds where the folder is moved."""
+    assert solved.unsolved is not None and solved.lens is not None
+    images_dir = solved.images_dir
+    if images_dir.is_relative_to(solved.out_dir):
+        images_dir = images_dir.relative_to(solved.out_dir)
+    return "; ".join([str(solved.unsolved.of(images_dir)), *solved.lens.objections])
+
+
+def _judged_people(solved: Solved) -> tuple[Verdict, ...]:
+    """By person; without a world all share the reason."""
+    if solved.world_dir is not None:
+        return load_record(solved.world_dir).people
+    clips = [load_clip(person.clip_path) for person in solved.bodies]
+    return tuple(unsolved(str(solved.unsolved), len(c.image_numbers), c.id) for c in clips)
+
+
 def judge_cameras(
     sfm_dir: Path, fps_hz: float, config: CamerasVerdictConfig, doubts: Sequence[str] = ()
 ) -> Verdict:
@@ -60,10 +126,7 @@ def judge_cameras(
     beside[:-1], beside[1:] = fast, beside[1:] | fast
     tests = frame_tests(quality, np.arange(n), known, config)
     reasons = first_reasons([""] * n, [*tests, (~beside, "the camera jumps")])
-    failed = [
-        *doubts,
-        *camera_reasons(quality, config),
-    ]
+    failed = [*doubts, *camera_reasons(quality, config)]
     if len(fast) and (share := float(fast.mean())) > config.max_cuts_share:
         cause = jump_cause(world_from_cam, quality, config)
         failed.append(f"the camera jumps at {share:.0%} of the steps: {cause}")

@@ -19,7 +19,7 @@ def path_m(motion: gmrdata.Motion) -> float:
 
 def main(frames: Path, seen: Path, body: Path, out: Path, truth: Path | None) -> None:
     people = (gmrdata.PersonFiles(seen, body),)
-    made = gmrdata.regenerate_sequence(frames, people, out, gmrdata.SequenceConfig())
+    made = gmrdata.solve_sequence(frames, people, out, gmrdata.SequenceConfig())
     clip = gmrdata.load_clip(made / "person_0.npz")
     print(f"{made}: {clip.valid.sum()} of {clip.motion.n_frames} frames have a world motion")
     print(f"path on the ground: {path_m(clip.motion):.2f} m")

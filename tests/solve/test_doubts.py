@@ -1,15 +1,19 @@
-"""What a video's own times and lost frames say against bodies on its frames."""
+"""What a video's own times, lost frames and lens change in the verdict on it."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.video import VIDEO_FILE, VideoRecord
-from gmrdata.solve.sequence import DOUBTS_FILE, _doubts_of_video, video_doubts
+from gmrdata.read.video import VideoRecord
+from gmrdata.solve.doubts import DOUBTS_FILE, video_doubts, with_lens_error, write_doubts
+from gmrdata.solve.request import SolveConfig
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
+from gmrdata.values.lens import Source
 from gmrdata.world.verdict import Doubts
 
 
@@ -75,10 +79,31 @@ def test_lost_frames_reject(anny: BodyModel, tmp_path: Path) -> None:
     (reason,) = video_doubts(record, [clip]).sequence
     n = clip.motion.n_frames
     assert reason.startswith(f"5 of the video's {n + 5} frames could not be decoded")
-    frames_dir = tmp_path / "frames"
-    frames_dir.mkdir()
-    record.write(frames_dir / VIDEO_FILE)
-    path = _doubts_of_video(frames_dir, [clip], tmp_path)
+    path = write_doubts(tmp_path, [clip], record, None)
     assert path == tmp_path / DOUBTS_FILE and Doubts.read(path).sequence == (reason,)
-    video(times_s).write(frames_dir / VIDEO_FILE)
-    assert _doubts_of_video(frames_dir, [clip], tmp_path) is None and not path.exists()
+    assert write_doubts(tmp_path, [clip], video(times_s), None) is None and not path.exists()
+
+
+def lens(source: Source, sigma: float) -> Intrinsics:
+    return Intrinsics(
+        source=source, width_px=1280, height_px=720, focal_px=1373.0, focal_y_px=1373.0,
+        focal_sigma=sigma, centre_px=(640.0, 360.0), radial_k1=0.0, radial_k1_sigma=None,
+        focal_observable=False, asked=None, starts=(), objections=(), notes=(),
+    )  # fmt: skip
+
+
+def most(source: Source, sigma: float) -> float:
+    return with_lens_error(SolveConfig(), lens(source, sigma)).pseudo_gt.verdict.max_focal_deviation
+
+
+def test_a_background_may_ask_for_another_focal_length_than_a_guess() -> None:
+    # A pan over a street: 1373 px to 9 % was a guess, and the background asks for 1.11 times that.
+    assert most("prior", 0.094) == pytest.approx(0.188)
+    assert most("prior", 0.3) == pytest.approx(0.6)
+    assert most("prior", 0.7) == 0.99
+
+
+def test_and_so_of_every_lens_by_its_error_but_one_that_is_given() -> None:
+    assert most("self_calibrated", 0.03) == pytest.approx(0.06)
+    assert most("metadata", 0.12) == pytest.approx(0.24)
+    assert most("self_calibrated", 0.002) == most("given", 0.094) == 0.01

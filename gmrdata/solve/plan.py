@@ -1,0 +1,111 @@
+"""What a dry run says: how many images there are, and about how long each stage takes."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
+from gmrdata.read.frames import check_images, list_images
+from gmrdata.read.video import VideoConfig, count_images, is_video
+from gmrdata.read.video_files import NamedVideo, find_videos
+from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest, people_of
+from gmrdata.solve.videos import Batch, prepared
+from gmrdata.stage.progress import track
+from gmrdata.values.errors import GmrdataError
+
+FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S = 0.02, 0.12, 0.25, 0.005, 0.08
+SFM_START_S, BODIES_S, INTRINSICS_S = 10.0, 15.0, 25.0
+"""Seconds that one image of 1280x720 px takes on two cores, and that all need."""
+HEADINGS = ("stage", "about [s]")
+BATCH_HEADINGS = ("video", "images", "size [px]", "poses", "about [s]")
+
+
+class VideoPlan(NamedTuple):
+    """What is to be done with one video."""
+
+    n_images: int
+    size_px: tuple[int, int]  # (width, height)
+    seconds: Mapping[str, float]  # by stage, about; 0 for a stage that isn't asked for
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """Rows of `HEADINGS`, and one for all."""
+        stages = [(name, f"{s:.0f}") for name, s in self.seconds.items() if s]
+        return [*stages, ("all", f"{sum(self.seconds.values()):.0f}")]
+
+
+def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
+    """By the file's own word, or by the images of a folder; errors as of reading them."""
+    source, people = request.source, request.people
+    if is_video(source):
+        n_images, size_px = count_images(source, request.part or VideoConfig())
+    else:
+        images = list_images(source)
+        n_images, size_px = len(images), check_images(images)
+    share = size_px[0] * size_px[1] / (1280 * 720)
+    own = isinstance(people, EstimatedPeople) and people.are_own
+    seconds = {
+        "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
+        "masks": n_images * MASK_S * max(1.0, share) if config.masks is not None else 0.0,
+        "intrinsics": INTRINSICS_S * config.intrinsics.look_in_frames,
+        "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
+        "own poses": n_images * OWN_POSE_S if own else 0.0,
+        "bodies": BODIES_S + n_images * BODY_S if people is not None else 0.0,
+    }
+    return VideoPlan(n_images, size_px, seconds)
+
+
+class Plan(NamedTuple):
+    """What is to be done with one video, or with each of a batch."""
+
+    is_of_one: bool
+    rows: Sequence[tuple[str, ...]]  # of `HEADINGS` or `BATCH_HEADINGS`, and one for all
+    summary: str
+    unreadable: Sequence[str] = ()  # why videos of a batch can't be read
+
+
+def plan_videos(
+    sources: Sequence[str | Path],
+    *,
+    poses: str | Path | None,
+    body: str,
+    lens: GivenIntrinsics | None,
+    fps_hz: float | None,
+    part: VideoConfig,
+    config: SolveConfig,
+) -> Plan:
+    """Of what `solve_video` or `solve_videos` would do; errors as there."""
+    paths = [Path(source) for source in sources]
+    people, results = people_of(poses, body, config)
+    request = SolveRequest(paths[0], people, lens, fps_hz, part)
+    found = find_videos(paths)
+    if found is None:
+        alone = request.of(NamedVideo("", paths[0], results), body)
+        planned = plan_video(alone, config)
+        says = "{}: {} images of {}x{} px".format(paths[0], planned.n_images, *planned.size_px)
+        return Plan(True, planned.rows, says)
+    batch = Batch(Path(), request, config, body)
+    return plan_batch(prepared(found, batch, results).videos, batch)
+
+
+def plan_batch(videos: Sequence[NamedVideo], batch: Batch) -> Plan:
+    """Plan every video; those that can't be read are listed with the reason."""
+    rows: list[tuple[str, ...]] = []
+    bad, n_images, all_s = [], 0, 0.0
+    for video in track(videos, "looking at videos"):
+        request = batch.of(video)
+        own = "" if request.people is None else "own"
+        poses = own if video.poses_path is None else video.poses_path.name
+        try:
+            n, size_px, seconds = plan_video(request, batch.config)
+        except GmrdataError as error:
+            rows.append((video.name, "-", "-", poses, "-"))
+            bad.append(str(error))
+            continue
+        about_s = sum(seconds.values())
+        n_images, all_s = n_images + n, all_s + about_s
+        rows.append((video.name, str(n), "{}x{}".format(*size_px), poses, f"{about_s:.0f}"))
+    n_read = len(rows) - len(bad)
+    rows.append(("all", str(n_images), "", "", f"{all_s:.0f}"))
+    says = f"{n_read} videos, {n_images} images: about {all_s / 3600:.2g} h on two cores"
+    return Plan(False, rows, says, bad)

@@ -1,0 +1,131 @@
+"""What is asked of one sequence: its frames, what is known of them, and its stages' recipe."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, IntrinsicsConfig
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.people.local_poses import LocalPosesConfig
+from gmrdata.people.sources import MasksConfig, PersonSource
+from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
+from gmrdata.read.video import VideoConfig
+from gmrdata.read.video_files import NamedVideo
+from gmrdata.stage.progress import remark
+from gmrdata.values.errors import MissingInput
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.records import Config
+from gmrdata.world.bodies import BodiesConfig
+from gmrdata.world.recipe import PseudoGtConfig
+
+QUICK_SFM = SfmConfig(max_image_size_px=960, max_features=1200, max_orientations=1)
+"""What any video is solved by: 107 keyframes of 1280x720 px take 0.6 of the camera stage's own
+processor time, and on the dancer's windows the cameras are as exact."""
+
+
+class SequenceConfig(Config):
+    """The stages of a sequence whose lens and bodies before the camera are given."""
+
+    masks: MasksConfig | None = MasksConfig()
+    """Masks of what moves; the body's silhouette unless other sources are named, None for a
+    sequence in which nothing moves."""
+    sfm: SfmConfig = SfmConfig()
+    pseudo_gt: PseudoGtConfig = PseudoGtConfig()
+
+
+class SolveConfig(SequenceConfig):
+    """The stages of any video."""
+
+    masks: MasksConfig | None = MasksConfig(sources=(PersonSource(),))
+    sfm: SfmConfig = QUICK_SFM
+    intrinsics: IntrinsicsConfig = IntrinsicsConfig()
+    check_again: bool = False
+    """Solve the cameras four more times, backward, by every second frame and by other seeds, and
+    reject a path that these don't give."""
+    own_poses: LocalPosesConfig = LocalPosesConfig()
+    """Of people whom the built-in estimator sees."""
+    bodies: BodiesConfig = BodiesConfig()
+
+    @property
+    def networks(self) -> dict[str, Path]:
+        """What the built-in estimator reads, by role: the networks of masks of people, or those of
+        `fetch models`; MissingInput where they were not fetched."""
+        sources = () if self.masks is None else self.masks.sources
+        given = next((one for one in sources if isinstance(one, PersonSource)), PersonSource())
+        return {
+            "detector": find_model(YOLOX_NANO, given.model),
+            "landmarks": find_model(POSE_LANDMARKS, given.landmarks),
+        }
+
+
+DEFAULT_CONFIG = SolveConfig()
+
+
+@dataclass(frozen=True)
+class GivenPeople:
+    """People whose bodies before the camera are known, and with them the camera's lens."""
+
+    files: tuple[PersonFiles, ...]
+    dataset_camera_path: Path | None = None  # of the data set, by `save_dataset_camera`
+    doubts_path: Path | None = None  # a `Doubts` record; else what the frames' video says
+    left_out: Collection[int] = ()  # numbers of images that are known to be unusable
+
+
+@dataclass(frozen=True)
+class EstimatedPeople:
+    """People as a system sees them."""
+
+    results_path: Path | None = None
+    """Another system's file or folder, as `read_camera_bodies` takes it; None for whom the
+    built-in estimator sees."""
+    body: str = "anny"  # as `keep_body` takes it
+    asked: bool = True  # whether the video is rejected where none of them can be used
+
+    @property
+    def are_own(self) -> bool:
+        """Whether the built-in estimator looks for them."""
+        return self.results_path is None
+
+
+@dataclass(frozen=True)
+class SolveRequest:
+    """One sequence."""
+
+    source: Path  # a video file, of which `part` says what is taken; or a folder of images
+    people: GivenPeople | EstimatedPeople | None = None  # None for cameras alone
+    lens: GivenIntrinsics | None = None  # what is known of it; None for nothing
+    fps_hz: float | None = None  # of a folder of images; a video has times
+    part: VideoConfig | None = None
+
+    def of(self, video: NamedVideo, body: str) -> "SolveRequest":
+        """The same of another video, by a system's results where it has some."""
+        people = self.people
+        if video.poses_path is not None:
+            people = EstimatedPeople(video.poses_path, body)
+        return replace(self, source=video.path, people=people)
+
+
+SEEN, OWN, NOBODY = None, "own", "none"
+"""Words for people instead of a system's results: whom the built-in estimator sees; the same, one
+of whom must be accepted; and cameras alone."""
+
+
+def people_of(
+    poses: str | Path | None, body: str, config: SolveConfig
+) -> tuple[EstimatedPeople | None, Path | None]:
+    """Who is sought in pictures, and the file or folder of another system's results.
+
+    Without the networks of the built-in estimator, where nobody asked for its people, that is said.
+    """
+    if poses is not SEEN and str(poses) not in (OWN, NOBODY):
+        return None, Path(poses)
+    if str(poses) == NOBODY:
+        return None, None
+    try:
+        _ = config.networks
+    except MissingInput as error:
+        if poses is not SEEN:
+            raise
+        remark(f"cameras alone, without people: {error}")
+        return None, None
+    return EstimatedPeople(body=body, asked=poses is not SEEN), None

@@ -1,0 +1,336 @@
+"""One sequence from its frames to a verdict: any video, `sfm`, and a sequence of a data set.
+
+`solve` orders the stages, each of which leaves a folder; `gmrdata.solve.verdict` decides after it.
+"""
+
+import shutil
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.cameras.again import solve_again
+from gmrdata.cameras.files import load_quality
+from gmrdata.cameras.lens.intrinsics import Intrinsics, find_intrinsics, load_intrinsics
+from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.fusion.fused_motion import fuse_own_people
+from gmrdata.people import sources as mask_sources
+from gmrdata.people.local_poses import ImageTimes, Lens, local_poses
+from gmrdata.people.sources import (
+    MaskRcnnSource,
+    MasksConfig,
+    OnnxSource,
+    PersonSource,
+    source_names,
+    sources_dir,
+)
+from gmrdata.read.bodies import body_file, keep_body
+from gmrdata.read.frames import check_images, image_number, list_images
+from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, is_video, video_record
+from gmrdata.solve.doubts import with_lens_error, write_doubts
+from gmrdata.solve.request import EstimatedPeople, GivenPeople, SolveConfig, SolveRequest
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.values.clip import camera_of, load_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe, NoReconstruction, StaleOutput
+from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, PersonFiles
+from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, VideoFrames, make_bodies
+from gmrdata.world.picture_fit import PeopleMasks
+from gmrdata.world.placement import TrueCamera
+from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
+
+FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
+AGAIN, OWN_POSES, BODY = "again", "own_poses", "body"
+"""The folders of a sequence but for those of people."""
+
+NOBODY_SEEN = "The built-in estimator sees nobody: these are cameras alone"
+
+OWN_FEET = {"creep_m_per_s": 0.6, "contact_sigma_m": 0.03}
+"""Errors of feet by the built-in estimator, for the scale: its steps are too short, mostly by a
+fifth to a half, so feet that stand seem to creep."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What is asked of a sequence, and what its stages have left so far."""
+
+    request: SolveRequest
+    out_dir: Path
+    config: SolveConfig
+    run: Run = DEFAULT_RUN
+    body_path: Path | None = None  # of people whom a system sees
+    images_dir: Path = Path()
+    frames: VideoFrames | None = None  # None where bodies are given, which name their images
+    video: VideoRecord | None = None  # None of images that came from no video
+    masks_dir: Path | None = None
+    lens: Intrinsics | None = None  # None where bodies came with theirs
+    sfm_dir: Path | None = None
+    again_dir: Path | None = None
+    bodies: tuple[PersonFiles, ...] = ()  # people before the camera
+    remarks: tuple[str, ...] = ()  # what one should know of them
+    world_dir: Path | None = None
+    unsolved: NoReconstruction | None = None  # why there are no cameras, or no world
+
+
+def solve(
+    request: SolveRequest, out_dir: Path, config: SolveConfig, run: Run = DEFAULT_RUN
+) -> Solved:
+    """Make `frames` of a video, `masks`, `intrinsics` and `sfm`; of people `bodies` and
+    `pseudo_gt`, and `fused` of those of the built-in estimator.
+
+    Frames without a camera path, and people without a world, are no error: `unsolved` says why.
+
+    Raises:
+        BadRecipe: a folder without a rate, or a video with one.
+        BadFrames, MissingInput, BadMotionFile and what else the stages raise.
+    """
+    solved = _body(Solved(request, out_dir, config, run))
+    solved = _frames(solved)
+    solved = _masks(solved)
+    solved = _lens(solved)
+    solved = _cameras(solved)
+    if solved.sfm_dir is not None:
+        solved = _cameras_again(solved)
+        solved = _people(solved)
+        solved = _world(solved)
+    _fusion(solved)
+    return solved
+
+
+def _body(solved: Solved) -> Solved:
+    """The body for people whom a system sees, kept beside the result; of a folder of bodies the
+    neutral one, whose shapes theirs are."""
+    people, out_dir, run = solved.request.people, solved.out_dir, solved.run
+    if people is None:
+        _drop_people(out_dir, run)
+    if not isinstance(people, EstimatedPeople):
+        return solved
+    return replace(solved, body_path=keep_body(chosen_body(people.body), out_dir / BODY, run=run))
+
+
+def chosen_body(body: str) -> str:
+    """The body that people whom a system sees get: of a folder the neutral one."""
+    return str(body_file(body, "smpl-neutral")) if Path(body).expanduser().is_dir() else body
+
+
+def _drop_people(out_dir: Path, run: Run) -> None:
+    """Refuse, or with --redo remove, the people of an earlier run where none are asked for."""
+    for folder in (out_dir / FUSED, out_dir / PSEUDO_GT, out_dir / BODIES):
+        if not folder.exists():
+            continue
+        if not run.redo or not (folder / STAGE_FILE).is_file():
+            what = "holds people, and now cameras alone are asked for"
+            raise StaleOutput(f"{folder}: {what}. Pass another --out, or --redo to do without them")
+        shutil.rmtree(folder)
+
+
+def _frames(solved: Solved) -> Solved:
+    request = solved.request
+    images_dir = as_frames(request.source, solved.out_dir / FRAMES, request.part, run=solved.run)
+    given, frames = isinstance(request.people, GivenPeople), None
+    if not given:
+        frames = video_frames(images_dir, request.part, request.fps_hz)
+    return replace(solved, images_dir=images_dir, frames=frames, video=video_record(images_dir))
+
+
+def video_frames(
+    images_dir: Path, part: VideoConfig | None = None, fps_hz: float | None = None
+) -> VideoFrames:
+    """Which frames of a video a folder of images holds; of a folder by itself, all in order."""
+    images = list_images(images_dir)
+    numbers = np.array([image_number(image) for image in images], dtype=np.int64)
+    size_px, video = check_images(images), video_record(images_dir)
+    if video is None:
+        if fps_hz is None:
+            what = "a folder of images has no frame rate"
+            raise BadRecipe(f"{images_dir}: {what}. Give it with --fps")
+        return VideoFrames(numbers, np.arange(len(numbers)), len(numbers), size_px, fps_hz)
+    if fps_hz is not None:
+        raise BadRecipe(f"{images_dir}: a video has its own times. Leave --fps out")
+    whole = part is None or part.to_s is None
+    frame_of = {number // video.every: number for number in video.numbers}
+    frame_numbers = np.array([frame_of[int(number)] for number in numbers], dtype=np.int64)
+    n_frames = video.n_decoded if whole else None
+    return VideoFrames(numbers, frame_numbers, n_frames, size_px, video.rate_hz)
+
+
+def _masks(solved: Solved) -> Solved:
+    config, people = solved.config.masks, solved.request.people
+    if config is None:
+        return solved
+    given = people if isinstance(people, GivenPeople) else GivenPeople(())
+    masks_dir = mask_sources.make_masks(
+        solved.images_dir,
+        solved.out_dir / MASKS,
+        config,
+        people=given.files,
+        left_out=given.left_out,
+        run=solved.run,
+    )
+    return replace(solved, masks_dir=masks_dir)
+
+
+def _lens(solved: Solved) -> Solved:
+    """The lens, and the thresholds that its error allows; bodies that are given have theirs."""
+    request = solved.request
+    if isinstance(request.people, GivenPeople):
+        return solved
+    folder = find_intrinsics(
+        solved.images_dir,
+        solved.masks_dir,
+        solved.out_dir / INTRINSICS,
+        solved.config.intrinsics,
+        given=request.lens,
+        video=request.source if is_video(request.source) else None,
+        run=solved.run,
+    )
+    lens = load_intrinsics(folder)
+    return replace(solved, lens=lens, config=with_lens_error(solved.config, lens))
+
+
+def _cameras(solved: Solved) -> Solved:
+    people, lens = solved.request.people, solved.lens
+    left_out: Collection[int] = ()
+    if isinstance(people, GivenPeople):
+        first, left_out = load_clip(people.files[0].clip_path), people.left_out
+        matrix_px, radial_k1 = camera_of(first).intrinsics_px, 0.0
+    else:
+        assert lens is not None
+        matrix_px, radial_k1 = lens.matrix_px, lens.radial_k1
+    try:
+        sfm_dir = reconstruct(
+            solved.images_dir,
+            solved.masks_dir,
+            matrix_px,
+            solved.out_dir / SFM,
+            solved.config.sfm,
+            radial_k1=radial_k1,
+            left_out=left_out,
+            run=solved.run,
+        )
+    except NoReconstruction as error:
+        return replace(solved, unsolved=error)
+    return replace(solved, sfm_dir=sfm_dir)
+
+
+def _cameras_again(solved: Solved) -> Solved:
+    """Other solutions of the same frames, where they are asked for."""
+    if not solved.config.check_again:
+        return solved
+    assert solved.sfm_dir is not None
+    again_dir = solve_again(
+        solved.sfm_dir,
+        solved.images_dir,
+        solved.masks_dir,
+        solved.out_dir / AGAIN,
+        solved.config.sfm,
+        run=solved.run,
+    )
+    return replace(solved, again_dir=again_dir)
+
+
+def _people(solved: Solved) -> Solved:
+    """People before the camera."""
+    people = solved.request.people
+    if isinstance(people, GivenPeople):
+        return replace(solved, bodies=people.files)
+    if people is None:
+        return solved
+    camera = _true_camera(solved)
+    poses_path = _own_poses(solved, camera) if people.are_own else people.results_path
+    if poses_path is None:
+        return replace(solved, remarks=(NOBODY_SEEN,))
+    assert solved.frames is not None and solved.body_path is not None
+    bodies_dir = solved.out_dir / BODIES
+    into = bodies_dir, solved.config.bodies
+    try:
+        bodies = make_bodies(
+            poses_path, solved.frames, camera, solved.body_path, *into, run=solved.run
+        )
+    except BadMotionFile as error:
+        if people.asked:
+            raise
+        return replace(solved, remarks=(str(error),))
+    record = BodiesRecord.read(bodies_dir / BODIES_FILE)
+    return replace(solved, bodies=bodies, remarks=(*record.notes, *record.left_out))
+
+
+def _true_camera(solved: Solved) -> TrueCamera:
+    """The camera of the images, with the distortion that was taken out of their points."""
+    assert solved.sfm_dir is not None and solved.lens is not None
+    found = load_quality(solved.sfm_dir).lens
+    radial = (solved.lens.radial_k1, 0.0) if found is None else (found.k1, found.k2)
+    return TrueCamera(solved.lens.matrix_px, radial)
+
+
+def _own_poses(solved: Solved, camera: TrueCamera) -> Path | None:
+    """Poses by the built-in estimator, for `read_camera_bodies`; None where it sees nobody."""
+    assert solved.frames is not None and solved.body_path is not None
+    networks = solved.config.networks
+    poses_dir = local_poses(
+        solved.images_dir,
+        ImageTimes(solved.frames.frame_numbers, solved.frames.fps_hz),
+        Lens(camera.intrinsics_px, camera.radial),
+        solved.body_path,
+        solved.out_dir / OWN_POSES,
+        solved.config.own_poses,
+        detector_path=networks["detector"],
+        landmarks_path=networks["landmarks"],
+        run=solved.run,
+    )
+    return poses_dir if LocalPosesRecord.read(poses_dir / POSES_FILE).people else None
+
+
+def _world(solved: Solved) -> Solved:
+    """The people in a metric, level world."""
+    if not solved.bodies:
+        return solved
+    assert solved.sfm_dir is not None
+    people, lens, config = solved.request.people, solved.lens, solved.config
+    given = people if isinstance(people, GivenPeople) else GivenPeople(())
+    doubts_path = given.doubts_path
+    if doubts_path is None:
+        clips = [load_clip(person.clip_path) for person in solved.bodies]
+        doubts_path = write_doubts(solved.out_dir, clips, solved.video, lens)
+    evidence = WorldEvidence(
+        sfm_dir=solved.sfm_dir,
+        people=solved.bodies,
+        dataset_camera_path=given.dataset_camera_path,
+        doubts_path=doubts_path,
+        seen=None if config.masks is None else people_masks(solved.out_dir / MASKS, config.masks),
+        focal_sigma=0.0 if lens is None else lens.focal_sigma,
+    )
+    pseudo_gt = config.pseudo_gt
+    if isinstance(people, EstimatedPeople) and people.are_own:
+        scale = pseudo_gt.scale.model_copy(update=OWN_FEET)
+        pseudo_gt = pseudo_gt.model_copy(update={"scale": scale})
+    try:
+        made = make_pseudo_gt(evidence, solved.out_dir / PSEUDO_GT, pseudo_gt, run=solved.run)
+    except NoReconstruction as error:
+        return replace(solved, unsolved=error)
+    return replace(solved, world_dir=made)
+
+
+def people_masks(masks_dir: Path, config: MasksConfig) -> PeopleMasks | None:
+    """Masks of people among a sequence's that were made without its bodies; outlines before boxes.
+
+    None where there are none: silhouettes lie on the bodies by themselves, and nobody knows what is
+    in a folder.
+    """
+    found: dict[bool, PeopleMasks] = {}
+    for name, source in zip(source_names(config.sources), config.sources, strict=True):
+        if isinstance(source, PersonSource | MaskRcnnSource | OnnxSource):
+            boxed = isinstance(source, OnnxSource)
+            masks = PeopleMasks(sources_dir(masks_dir) / name, source.dilate_px, boxed)
+            found.setdefault(boxed, masks)
+    return found.get(False, found.get(True))
+
+
+def _fusion(solved: Solved) -> None:
+    """People of the built-in estimator once more, with the network of the package."""
+    people = solved.request.people
+    if not isinstance(people, GivenPeople):
+        own = people is not None and people.are_own
+        fuse_own_people(solved.out_dir, solved.body_path if own else None, run=solved.run)
