@@ -1,4 +1,4 @@
-"""Measure what many clips and many processes cost, and that shards lose nothing.
+"""Measure what many clips and many processes cost, and that shares lose nothing.
 
 `make bench-scale` prints tables and writes out/bench/scale.json; `ARGS=--small` only tries every
 part.  Each part is a module of `scale/` with a function that gives plain figures.
@@ -32,7 +32,6 @@ def test_jobs(record: Record, tmp_path: Path) -> None:
     record.add(**found, stages=rows)
     record.hold(
         [
-            at_most("an empty job by shards [ms]", found["job_ms_shards"], 2.0),
             at_most("an empty job by Dask [ms]", found["job_ms_dask"], 15.0),
         ]
     )
@@ -56,18 +55,15 @@ def test_manifests(record: Record, tmp_path: Path) -> None:
 def test_shards(record: Record, tmp_path: Path, cmu_dir: Path) -> None:
     n = 8 if record.small else 200
     motions = sharing.motion_files(cmu_dir / "bvh", tmp_path / "motions", n)
-    killed = sharing.killed_and_taken_over(motions, tmp_path)
+    killed = sharing.killed_and_started_again(motions, tmp_path)
     found = killed | sharing.speedups(motions, tmp_path)
-    found |= sharing.rendered_repeat(2 if record.small else 20, tmp_path / "rendered")
-    show(f"{n} motions in shards", [found])
+    show(f"{n} motions in shares", [found])
     record.add(**found)
     record.hold(
         [
-            at_least("bytes of four shards, one killed, are those of one process",
+            at_least("bytes of four shares, one killed, are those of one process",
                      float(found["shard_bytes_equal"]), 1.0),
             at_least("two processes beside one", found["two_process_speedup"], 1.7),
-            at_most("a finished shard run again, of the first", found["repeat_share"], 0.05),
-            at_most("the same of rendered clips", found["repeat_share_rendered"], 0.05),
         ]
     )  # fmt: skip
 

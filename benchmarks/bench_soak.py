@@ -1,6 +1,6 @@
 """Kill, fill and unplug, again and again, and compare the bytes with those of undisturbed runs.
 
-`make soak` takes an hour, `ARGS='--hours 8'` longer.  In turn it runs motions in shards, motions,
+`make soak` takes an hour, `ARGS='--hours 8'` longer.  In turn it runs motions in shares, motions,
 render, threedpw, sfm and video, train, and evaluate at small sizes.  Each run is hit by up to
 six faults at random moments: its processes are killed, its disk is full, and as root a host of
 its cluster is unplugged.  It is started again until it ends well.  Then all of its files must be
@@ -67,7 +67,7 @@ def works(
     seen = seen_in_video(filmed_set, small_body, root)
     focal_px = str(camera_of(filmed_set.truth["pan_00"][0]).intrinsics_px[0, 0])
     return [
-        Work("shards", ("motions", str(motions)), shards=2),
+        Work("shards", ("motions", str(motions), "--workers", "1"), shards=2),
         Work("motions", ("motions", str(motions)), on_hosts=True),
         Work("render", ("render", str(root / "set.yaml")), on_hosts=True),
         Work("threedpw", ("threedpw", "regenerate", "--root", str(data),

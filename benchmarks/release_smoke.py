@@ -55,7 +55,6 @@ COMMANDS = (
     f"sfm --frames {_FRAMES} --camera-body {_SEEN} --out sequence",
     f"video {_FRAMES} --masks none --fov 60 --fps 10 --out video",
     "render set.yaml --out set",
-    "render set.yaml --out set --print-slurm 2 --no-probe",
     "manifest check set/synthetic.yaml",
     "manifest show set/synthetic.yaml",
     "manifest diff set/synthetic.yaml set/synthetic.yaml",

@@ -4,13 +4,10 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from gmrdata.stage.jobs import Job, try_jobs, worker_pool
-from gmrdata.stage.run import Run
-from gmrdata.stage.shards import Shard
+from gmrdata.stage.jobs import Job, try_here, try_jobs, worker_pool
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.records import Config
-
-ALONE = Run(shard=Shard(1, 1))
 
 
 def nothing() -> None:
@@ -22,8 +19,8 @@ def empty_stage(out_dir: Path, run: Run) -> Path:
 
 
 def milliseconds(n: int, root: Path) -> dict[str, float]:
-    """Wall time for each of n jobs [ms]: empty ones by a plain loop, a shard, Dask; empty stages,
-    and empty stages that are there."""
+    """Wall time for each of n jobs [ms]: empty ones by a plain loop and Dask; empty stages, and
+    empty stages that are there."""
     empty = [Job(f"c{number:06d}", nothing) for number in range(n)]
     begin_s = time.perf_counter()
     for job in empty:
@@ -31,8 +28,7 @@ def milliseconds(n: int, root: Path) -> dict[str, float]:
     plain_ms = _each_ms(begin_s, n)
     return {
         "job_ms_plain": plain_ms,
-        "job_ms_shards": _run_ms(empty, ALONE, root / "shards"),
-        "job_ms_dask": _run_ms(empty, Run(workers=2), root / "dask"),
+        "job_ms_dask": _run_ms(empty, root / "dask"),
         **stage_milliseconds(n, root / "stages"),
     }
 
@@ -40,20 +36,23 @@ def milliseconds(n: int, root: Path) -> dict[str, float]:
 def stage_milliseconds(n: int, root: Path) -> dict[str, float]:
     """Wall time for each of n empty stages in one folder [ms]: made, and found there."""
     stages = [
-        Job(f"c{number:06d}", empty_stage, {"out_dir": root / f"c{number:06d}", "run": ALONE})
+        Job(f"c{number:06d}", empty_stage, {"out_dir": root / f"c{number:06d}", "run": DEFAULT_RUN})
         for number in range(n)
     ]
-    return {
-        "stage_ms_shards": _run_ms(stages, ALONE, root),
-        "made_stage_ms_shards": _run_ms(stages, ALONE, root),
-    }
+    return {"stage_ms": _here_ms(stages, root), "made_stage_ms": _here_ms(stages, root)}
 
 
-def _run_ms(jobs: Sequence[Job], run: Run, root: Path) -> float:
+def _run_ms(jobs: Sequence[Job], root: Path) -> float:
     begin_s = time.perf_counter()
-    with worker_pool(run) as pool:
+    with worker_pool(Run(workers=2)) as pool:
         outcome = try_jobs("empty jobs", jobs, pool, root / "failed")
     assert len(outcome.results) == len(jobs)
+    return _each_ms(begin_s, len(jobs))
+
+
+def _here_ms(jobs: Sequence[Job], root: Path) -> float:
+    begin_s = time.perf_counter()
+    assert len(try_here("empty stages", jobs, root / "failed").results) == len(jobs)
     return _each_ms(begin_s, len(jobs))
 
 

@@ -9,8 +9,10 @@ from pathlib import Path
 
 from film.set_kills import contents
 
-UNLIKE = {".shown"}
-"""What hangs on times of files: a mark of what the pages of 3DPW show."""
+from gmrdata.cli.shards import COMMAND_FILE
+
+UNLIKE = {".shown", COMMAND_FILE}
+"""What hangs on times: a mark of what the pages of 3DPW show, and which share ended last."""
 
 
 @dataclass(frozen=True)

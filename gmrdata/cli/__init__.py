@@ -17,9 +17,8 @@ from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.sequence import masks, sfm
-from gmrdata.cli.shards import end_of_share, merge, once
+from gmrdata.cli.shards import merge, share
 from gmrdata.cli.video import page, video
-from gmrdata.stage.shards import OthersLeft
 from gmrdata.values.errors import GmrdataError
 
 _VERBS: tuple[Callable[..., None], ...] = (
@@ -33,16 +32,13 @@ def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        with once(arguments) as to_do:
-            if to_do:
-                tyro.extras.subcommand_cli_from_dict(
-                    VERBS,
-                    prog="gmrdata",
-                    description="World-frame human motion data.",
-                    args=arguments,
-                )
-    except OthersLeft as left:
-        end_of_share(left, arguments)
+        with share(arguments):
+            tyro.extras.subcommand_cli_from_dict(
+                VERBS,
+                prog="gmrdata",
+                description="World-frame human motion data.",
+                args=arguments,
+            )
     except GmrdataError as error:
         fail(str(error))
     except OSError as error:

@@ -7,8 +7,6 @@ from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
-from gmrdata.cli.shards import ArrayFlags, print_script
-from gmrdata.stage.cluster_scripts import Need
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 
 
@@ -72,7 +70,6 @@ def motions(
     rest_pose: flags.RestPoseOrFile = None,
     *,
     run: flags.RunFlags,
-    array: ArrayFlags,
 ) -> None:
     """Read motion files, retarget them to the 24-joint tree, and list them or write a manifest.
 
@@ -91,11 +88,9 @@ def motions(
     from gmrdata.motion.library import make_library, motion_table
 
     config = flags.reading(fps_hz, unit_m, joint_map, rest_pose)
-    if (run.shard or array) and (out is None or layout != "files"):
+    if run.shard and (out is None or layout != "files"):
         raise BadRecipe("--shard: only motion files with --out are shared. Leave it out")
-    if array is not None:
-        print_script(array)
-    elif layout != "files":
+    if layout != "files":
         if len(sources) != 1 or out is None:
             raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")
         make = make_human36m if layout == "human36m" else make_emdb
@@ -118,7 +113,6 @@ def render(
     motions: flags.Motions = None,
     *,
     run: flags.RunFlags,
-    array: ArrayFlags,
     dry_run: flags.DryRun = False,
     probe: flags.Probe = True,
     preview: bool = False,
@@ -130,16 +124,11 @@ def render(
         preview: Only draw a few small frames and the paths of each clip, to OUT/preview/index.html.
     """
     from gmrdata.film.render_set import render_set
-    from gmrdata.film.set_dry_run import dry_run as dry_run_of
     from gmrdata.film.set_plan import SyntheticRecipe
     from gmrdata.pages.sets import preview_set, write_set_pages
 
     loaded = flags.read_recipe(recipe, SyntheticRecipe)
-    if array is not None:
-        plan = dry_run_of(loaded, out, motions_dir=motions, probe=probe)
-        memory_mib = None if plan.probe is None else plan.probe.memory_mib
-        print_script(array, Need(plan.cpu_s, memory_mib))
-    elif dry_run:
+    if dry_run:
         flags.show_dry_run(loaded, out, motions, run.workers, probe)
     elif preview:
         answer(preview_set(loaded, out, motions_dir=motions, run=run))

@@ -7,8 +7,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.stage.progress import console
-from gmrdata.stage.run import Run
-from gmrdata.stage.shards import Shard
+from gmrdata.stage.run import Run, Shard
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.people import PersonFiles
 

@@ -7,7 +7,6 @@ from tyro.conf import Positional, UseAppendAction
 
 from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.cli.options import FEATURES, KEYPOINTS, POSES, Body, DryRun, RunFlags, body_path
-from gmrdata.cli.shards import ArrayFlags, print_script
 from gmrdata.paper import ScaleName
 
 
@@ -28,7 +27,6 @@ def tables(
     body: Body = "anny",
     *,
     run: RunFlags,
-    array: ArrayFlags,
     dry_run: DryRun = False,
 ) -> None:
     """Make one of the paper's tables again: train, score, and lay it beside the paper's figures.
@@ -62,9 +60,6 @@ def tables(
         manifest, scored, poses, keypoints, features, videos, held_out,
         body_path(body), network and network_dir(network), estimator,
     )  # fmt: skip
-    if array is not None:
-        print_script(array)
-        return
     if dry_run:
         plan = plan_table(recipe, scale, given, seeds)
         rows, lines = planned_runs(plan, out, run.workers or 2)

@@ -9,7 +9,6 @@ from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
-from gmrdata.cli.shards import ArrayFlags, print_script
 from gmrdata.values.errors import BadSequence, MissingInput
 
 Root = Annotated[Path, arg(help="3DPW's folder, which holds imageFiles and sequenceFiles.")]
@@ -25,7 +24,6 @@ def threedpw_regenerate(
     sequences: tuple[str, ...] = (),
     *,
     run: flags.RunFlags,
-    array: ArrayFlags,
     dry_run: flags.DryRun = False,
 ) -> None:
     """World-frame pseudo ground truth of a 3DPW folder, a verdict for each sequence, a manifest.
@@ -42,9 +40,6 @@ def threedpw_regenerate(
     loaded = flags.read_recipe(recipe, ThreedpwRecipe)
     if sequences:
         loaded = loaded.model_copy(update={"sequences": sequences})
-    if array is not None:
-        print_script(array)
-        return
     if dry_run:
         print_table(stage.HEADINGS, stage.plan(loaded, root, out))
         return

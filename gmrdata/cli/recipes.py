@@ -155,15 +155,13 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
         case "demo":
             demo(out, recipe=recipe, run=run, dry_run=dry_run, **given)
         case "synthetic":
-            render(recipe, out, run=run, array=None, dry_run=dry_run, probe=False, **given)
+            render(recipe, out, run=run, dry_run=dry_run, probe=False, **given)
         case "threedpw_twin":
             threedpw_twin(recipe, out, run=run, dry_run=dry_run, probe=False, **given)
         case "threedpw":
-            threedpw_regenerate(
-                out=out, recipe=recipe, run=run, array=None, dry_run=dry_run, **given
-            )
+            threedpw_regenerate(out=out, recipe=recipe, run=run, dry_run=dry_run, **given)
         case "table":
-            tables(recipe, out, run=run, array=None, dry_run=dry_run, **given)
+            tables(recipe, out, run=run, dry_run=dry_run, **given)
         case "masks":
             masks(out=out, sources=(recipe,), redo=run.redo, **given)
         case "joint":

@@ -8,7 +8,6 @@ from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, fail, print_table, then
-from gmrdata.cli.shards import ArrayFlags, print_script
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
@@ -57,7 +56,6 @@ def video(
     dry_run: flags.DryRun = False,
     *,
     run: flags.RunFlags,
-    array: ArrayFlags,
 ) -> None:
     """Cameras of any video, and people's motion in a metric world.
 
@@ -109,10 +107,8 @@ def video(
     }
     alone = find_videos(sources) is None
     if alone:
-        _require_alone(run, array)
-    if array is not None:
-        print_script(array)
-    elif dry_run:
+        _require_alone(run)
+    if dry_run:
         _show_plan(sources, asked)
     elif alone:
         _solve_one(sources[0], out, asked, run, page=page, strict=strict)
@@ -183,10 +179,10 @@ def leave_files_and_page(out: Path, verdict: "VideoVerdict") -> Path:
     return write_page(out, images=out / verdict.images_dir)
 
 
-def _require_alone(run: Run, array: object) -> None:
+def _require_alone(run: Run) -> None:
     """Refuse what is for many videos; raises BadRecipe."""
-    if run.shard or run.workers or run.scheduler or array is not None:
-        what = "--workers, --scheduler, --shard and --print-… are for several videos"
+    if run.shard or run.workers or run.scheduler:
+        what = "--workers, --scheduler and --shard are for several videos"
         raise BadRecipe(f"{what}, or a folder with video files. Leave them out for one")
 
 

@@ -51,7 +51,7 @@ def try_render_clips(
     """
     n_frames = {id: load_clip(job.clip_path).motion.n_frames for id, job in jobs.items()}
     calls = [
-        stage_jobs.Job(id, render_clip, dict(job) | {"run": run}, RETRIES, n_frames[id])
+        stage_jobs.Job(id, render_clip, dict(job) | {"run": run}, RETRIES)
         for id, job in jobs.items()
     ]
     folders = [job.out_dir for job in jobs.values()]

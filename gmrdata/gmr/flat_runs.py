@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from gmrdata.gmr.config import Representation
-from gmrdata.stage.claims import claimed
+from gmrdata.stage.locks import locked
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.records import Record
 
@@ -84,7 +84,7 @@ def in_files(runs: Iterable[TrainingRun], folder: Path, about: PackRecord) -> Fl
     least.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with claimed(folder.with_name(f".{folder.name}.claim")):
+    with locked(folder):
         found = None
         with suppress(MissingInput, BadRecord):
             found = PackRecord.read(folder / PACK_FILE)

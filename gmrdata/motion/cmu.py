@@ -16,7 +16,7 @@ from gmrdata.read.amc import read_amc, read_asf
 from gmrdata.read.download import FetchConfig, download, drop_part, part_of, web_folder
 from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import recipes
-from gmrdata.stage.claims import claimed
+from gmrdata.stage.locks import locked
 from gmrdata.stage.progress import console, progress_bar
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, FetchFailed
 from gmrdata.values.files import sha256_of_file, write_text
@@ -99,7 +99,7 @@ def fetch_trials(
     out_dir.mkdir(parents=True, exist_ok=True)
     problems: dict[str, str] = {}
     get = partial(download, config=config, rng=rng, sleep=sleep)
-    with claimed(out_dir / ".fetch.claim"), progress_bar() as bar:
+    with locked(out_dir / "fetch"), progress_bar() as bar:
         task = bar.add_task("fetching", total=len(names))
         for name in names:
             bar.update(task, description=f"fetching {name}")

@@ -23,7 +23,7 @@ from gmrdata.motion.files import FileReading, find_motions, input_files, read_fi
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG, LIES
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
 from gmrdata.read.source_motion import ReadConfig, RestPose, is_trial
-from gmrdata.stage.jobs import Job, Outcome, record_failures, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, Outcome, own_cores, try_here, try_jobs, worker_pool
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -218,10 +218,7 @@ def make_library(
     body_paths = _keep(body, out_dir / "body", run)
     config = ReadConfig(fps_hz=fps_hz, unit_m=unit_m, joint_map=joint_map, rest_pose=rest_pose)
     shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config, "run": run}
-    jobs = [
-        Job(file.id, make_entry, {"file": file} | shared, weight=file.path.stat().st_size)
-        for file in files
-    ]
+    jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
     outcome = _run(jobs, out_dir / FAILED, run)
     if outcome.results:
         used = sorted({entry.body for entry in outcome.results.values()})
@@ -315,18 +312,11 @@ def _body(path: Path) -> BodyModel:
 
 def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
     """Make clips in worker processes, or a few of them right here."""
-    workers = run.workers or os.cpu_count() or 1
-    if run.shard is not None or (len(jobs) > FEW_FILES and workers > 1):
-        with worker_pool(run, workers) as pool:
-            return try_jobs(READING, jobs, pool, failures_dir)
-    outcome = Outcome({}, {})
-    for job in track(jobs, READING):
-        try:
-            outcome.results[job.id] = job.call(**job.arguments)
-        except GmrdataError as error:
-            outcome.reasons[job.id] = str(error)
-    record_failures(failures_dir, outcome.reasons, outcome.results)
-    return outcome
+    workers = run.workers or own_cores()
+    if run.shard is None and (len(jobs) <= FEW_FILES or workers == 1):
+        return try_here(READING, jobs, failures_dir)
+    with worker_pool(run, workers) as pool:
+        return try_jobs(READING, jobs, pool, failures_dir)
 
 
 def _bad_files(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.read.download import FetchConfig, download, drop_part, part_of, web_folder
-from gmrdata.stage.claims import claimed
+from gmrdata.stage.locks import locked
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingInput
 from gmrdata.values.files import sha256_of_file
@@ -90,7 +90,7 @@ def fetch_models(
     out_dir.mkdir(parents=True, exist_ok=True)
     get = partial(download, config=config, rng=rng, sleep=sleep)
     problems = []
-    with claimed(out_dir / ".fetch.claim"):
+    with locked(out_dir / "fetch"):
         for model, url in zip(with_bar(MODELS, "fetching models"), urls, strict=True):
             try:
                 _fetch(model, out_dir / model.name, url, get, redo)

@@ -1,6 +1,5 @@
 """Many videos as one batch: each a job of its own with a line for it, and one record of all."""
 
-import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -36,7 +35,15 @@ from gmrdata.solve.solve import (
     solve,
 )
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_video
-from gmrdata.stage.jobs import Job, Outcome, raise_failures, try_here, try_jobs, worker_pool
+from gmrdata.stage.jobs import (
+    Job,
+    Outcome,
+    own_cores,
+    raise_failures,
+    try_here,
+    try_jobs,
+    worker_pool,
+)
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import NotMade, run_stage
@@ -301,10 +308,7 @@ def solve_batch(videos: Sequence[NamedVideo], batch: Batch, run: Run) -> Path:
     for folder in (out_dir, failures_dir):
         remove_orphans(folder)
     common = {"batch": batch, "run": run}
-    jobs = [
-        Job(video.name, solve_listed, common | {"video": video}, weight=max(1, video.size_bytes))
-        for video in videos
-    ]
+    jobs = [Job(video.name, solve_listed, common | {"video": video}) for video in videos]
     results, reasons = _run(jobs, failures_dir, run)
     entries = [*results.values(), *(_failed(name, why) for name, why in reasons.items())]
     entries.sort(key=lambda entry: entry.name)
@@ -400,7 +404,7 @@ def _failed(name: str, reason: str) -> VideoEntry:
 
 def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
     """One worker process for each core, or this process where one is asked for."""
-    workers = run.workers or min(len(jobs), os.cpu_count() or 1)
+    workers = run.workers or min(len(jobs), own_cores())
     if run.shard is None and run.scheduler is None and workers == 1:
         return try_here(SOLVING, jobs, failures_dir)
     with worker_pool(run, workers) as pool:

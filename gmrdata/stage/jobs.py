@@ -10,18 +10,16 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, TypeVar
 
 from gmrdata import __version__
-from gmrdata.stage.claims import claimed
 from gmrdata.stage.progress import console, progress_bar, track
-from gmrdata.stage.run import Run
-from gmrdata.stage.shards import Marks, OthersLeft, Shard, marks_folder
+from gmrdata.stage.run import Run, Shard
 from gmrdata.stage.store import NotMade, package_versions
-from gmrdata.values.errors import ClaimLost, GmrdataError, StageFailed
+from gmrdata.values.errors import GmrdataError, StageFailed
 from gmrdata.values.files import write_text
 
 Item = TypeVar("Item")
@@ -59,8 +57,6 @@ class Job:
     arguments: Mapping[str, Any] = field(default_factory=dict)
     retries: int = 0
     """Further calls after a StageFailed: a crash may not come again, while bad input stays bad."""
-    weight: float = 1.0
-    """How much work it is beside the others, for sharing them out."""
 
 
 Results = dict[str, Any]  # what the calls of jobs gave, by job id
@@ -71,6 +67,14 @@ class Outcome(NamedTuple):
 
     results: Results  # of those that finished
     reasons: dict[str, str]  # why each other job failed
+
+
+class OthersLeft(Exception):
+    """This share of a batch is done, and others are not: there is no result of the whole yet."""
+
+    def __init__(self, message: str, *, failed: bool) -> None:
+        super().__init__(message)
+        self.failed = failed  # some of this share, or the whole that `gmrdata merge` asked for
 
 
 Units = tuple[int, Callable[[], int]] | None
@@ -85,8 +89,6 @@ class Pool:
     elsewhere: bool = False
     """Whether the workers may be on other machines, so that each is looked at before it works."""
     shard: Shard | None = None
-    here: bool = False
-    """Whether this process runs them one by one, without Dask: one of many shards."""
 
 
 def run_jobs(
@@ -104,35 +106,27 @@ def try_jobs(
     """Run every job on a `worker_pool`; the others go on where one fails.
 
     Jobs that have nothing left to make are done without a worker.  `failures_dir` gets one text
-    file with the reason for each job that failed.  One shard of several raises OthersLeft when it
-    is done and others are not.
+    file with the reason for each job that failed.  Of a shard only its own jobs are run; it raises
+    OthersLeft unless all others are made.
     """
-    if pool.shard is None:
-        return _in_order(jobs, _run_left(description, jobs, pool, failures_dir, units))
-    weights = {job.id: job.weight for job in jobs}
-    marks = Marks(marks_folder(failures_dir, description), pool.shard, weights)
-    by_id, results = {job.id: job for job in jobs}, Results()
-    with marks.working() as shares:
-        for ids in shares:
-            share = [by_id[id] for id in ids]
-            results |= _run_left(
-                description, share, pool, failures_dir, units, marks.folder
-            ).results
-    ended = marks.ended()
-    results |= _look_first([job for job in jobs if job.id not in results])
-    failed = {id: failures_dir / f"{id}.txt" for id in ended - results.keys()}
-    reasons = {id: path.read_text() for id, path in failed.items() if path.is_file()}
-    if left := by_id.keys() - {*results, *reasons}:
-        raise OthersLeft(
-            f"{description}: {len(left)} of {len(jobs)} are left. Who finishes last writes the "
-            f"result, or `gmrdata merge` does.\n{marks.said(left)}",
-            marks.folder,
-            merging=pool.shard.index == 0,
-        )
-    # A process that fell silent and woke up may have written why it lost what is made now.
-    record_failures(failures_dir, {}, results)
-    marks.remove()
-    return _in_order(jobs, Outcome(results, reasons))
+    shard = pool.shard
+    share = [job for job in jobs if shard is None or shard.of(job.id) == shard.index]
+    results = _look_first(share)
+    reasons: dict[str, str] = {}
+    if left := [job for job in share if job.id not in results]:
+        with _checked_workers(failures_dir.parent, pool) as fault:
+            new, reasons = _by_dask(description, left, pool.client(), units, fault)
+        results |= new
+    if shard is not None:
+        results |= _look_first([job for job in jobs if shard.of(job.id) != shard.index])
+        if shard.index == 0:
+            reasons = _kept_reasons(jobs, results, failures_dir)
+    record_failures(failures_dir, reasons, results)
+    outcome = Outcome(*({job.id: of[job.id] for job in jobs if job.id in of}
+                        for of in (results, reasons)))  # fmt: skip
+    if shard is not None:
+        _require_whole(description, jobs, outcome, shard)
+    return outcome
 
 
 def try_here(description: str, jobs: Sequence[Job], failures_dir: Path) -> Outcome:
@@ -144,148 +138,6 @@ def try_here(description: str, jobs: Sequence[Job], failures_dir: Path) -> Outco
         except Exception as error:
             outcome.reasons[job.id] = _reason(error, error.__traceback__)
     record_failures(failures_dir, outcome.reasons, outcome.results)
-    return _in_order(jobs, outcome)
-
-
-def _in_order(jobs: Sequence[Job], outcome: Outcome) -> Outcome:
-    return Outcome(*({job.id: of[job.id] for job in jobs if job.id in of} for of in outcome))
-
-
-def _run_left(
-    description: str,
-    jobs: Sequence[Job],
-    pool: Pool,
-    failures_dir: Path,
-    units: Units,
-    claims_dir: Path | None = None,
-) -> Outcome:
-    """Run what is not made, and keep the reasons of what fails."""
-    made, new = _look_first(jobs), Outcome({}, {})
-    record_failures(failures_dir, {}, made)
-    if left := [job for job in jobs if job.id not in made]:
-        if pool.here and claims_dir is not None:
-            new = _one_by_one(description, left, claims_dir, failures_dir)
-        else:
-            with _same_house(failures_dir.parent, pool) as house:
-                new = _by_dask(description, left, pool, units, house)
-        record_failures(failures_dir, new.reasons, new.results)
-    return Outcome(made | new.results, new.reasons)
-
-
-@dataclass(frozen=True)
-class House:
-    """What a worker on another machine must have in common with the process that asks."""
-
-    mark: Path
-    """A file in the output folder."""
-    token: str
-    """What it holds."""
-    versions: dict[str, str]
-    """Of the packages that decide what bytes come out, gmrdata's and Python's."""
-
-
-@contextmanager
-def _same_house(out_dir: Path, pool: Pool) -> Iterator[House | None]:
-    """Look at the workers of other machines before they begin; StageFailed names one that differs.
-
-    The mark stays until the work is done, for workers that come later.
-    """
-    if not pool.elsewhere:
-        yield None
-        return
-    token = uuid.uuid4().hex
-    house = House(out_dir.resolve() / f".workers-{token}", token, _versions())
-    write_text(house.mark, token)
-    try:
-        client = pool.client()
-        _await_worker(client)
-        found = client.run(_differs, house, on_error="ignore")  # of who doesn't answer, nothing
-        if wrong := {address: said for address, said in found.items() if said}:
-            listed = "\n".join(f"  {address}: {said}" for address, said in sorted(wrong.items()))
-            raise StageFailed(
-                f"{len(wrong)} of {len(found)} workers can't work on this. Mend or stop them and "
-                f"run again:\n{listed}"
-            )
-        yield house
-    finally:
-        house.mark.unlink(missing_ok=True)
-
-
-def _await_worker(client: Any) -> None:
-    try:
-        client.wait_for_workers(1, timeout=FIRST_WORKER_S)
-    except TimeoutError:
-        raise StageFailed(
-            f"no worker came to {client.scheduler.address} in {FIRST_WORKER_S:g} s. "
-            "Start some with `dask worker ADDRESS --nthreads 1`"
-        ) from None
-
-
-def _versions() -> dict[str, str]:
-    return package_versions() | {"gmrdata": __version__, "python": platform.python_version()}
-
-
-def _differs(house: House) -> str:
-    """In the worker: what is not as where the work was asked for; empty where all is."""
-    try:
-        seen = house.mark.read_text()
-    except OSError:
-        seen = ""
-    if seen != house.token:
-        return f"does not see {house.mark.parent}. Put it on a disk that all machines share"
-    own = _versions()
-    return "; ".join(
-        f"has {name} {own.get(name, 'not at all')}, not {version}"
-        for name, version in house.versions.items()
-        if own.get(name) != version
-    )
-
-
-def _by_dask(
-    description: str, jobs: Sequence[Job], pool: Pool, units: Units, house: House | None
-) -> Outcome:
-    results, reasons = {}, {}
-    for id, future in _submit_and_wait(description, jobs, pool.client(), units, house).items():
-        # Not by its status: a worker that dies now takes its results along, and Dask makes them
-        # again, for which these two wait.
-        try:
-            error = future.exception()
-            if error is None:
-                results[id] = future.result()
-        except CancelledError:
-            raise StageFailed(
-                f"{description}: the scheduler was lost. What is made is kept; start it again, and "
-                "the same command goes on"
-            ) from None
-        if error is not None:
-            reasons[id] = _reason(error, future.traceback())
-    return Outcome(results, reasons)
-
-
-MAX_DEATHS = 3  # processes that may die on a job before it counts as failed
-
-
-def _one_by_one(
-    description: str, jobs: Sequence[Job], claims_dir: Path, failures_dir: Path
-) -> Outcome:
-    """Run jobs in this process.  A claim on each keeps count of the processes that died on it."""
-    outcome = Outcome({}, {})
-    for job in track(jobs, description):
-        with claimed(claims_dir / f".{job.id}.claim") as claim:
-            if claim.record.deaths >= MAX_DEATHS:
-                outcome.reasons[job.id] = (
-                    f"{claim.record.deaths} processes died while they worked on it, as the system "
-                    "kills them when memory runs out. Run it again with more memory"
-                )
-                continue
-            try:
-                outcome.results[job.id] = _attempt(job)
-            except ClaimLost:  # who took it over makes it
-                continue
-            except Exception as error:
-                outcome.reasons[job.id] = _reason(error, error.__traceback__)
-                # Kept now: this process may not live to the end of its share.
-                record_failures(failures_dir, {job.id: outcome.reasons[job.id]}, ())
     return outcome
 
 
@@ -307,17 +159,58 @@ def _look_first(jobs: Sequence[Job]) -> Results:
     return {id: result for found in in_threads(look, jobs) for id, result in found.items()}
 
 
-def _submit_and_wait(
-    description: str, jobs: Sequence[Job], client: Any, units: Units, house: House | None
-) -> Results:
-    """Futures that are done, by job id."""
-    from dask.distributed import wait
+def _kept_reasons(jobs: Sequence[Job], results: Results, failures_dir: Path) -> dict[str, str]:
+    """Why jobs failed that were run before and are not made."""
+    paths = {job.id: failures_dir / f"{job.id}.txt" for job in jobs if job.id not in results}
+    return {id: path.read_text() for id, path in paths.items() if path.is_file()}
 
+
+def _require_whole(description: str, jobs: Sequence[Job], outcome: Outcome, shard: Shard) -> None:
+    """OthersLeft where jobs of other shares are neither made nor, for who merges, failed."""
+    left: dict[int, list[str]] = {}
+    for job in jobs:
+        if job.id not in outcome.results and job.id not in outcome.reasons:
+            left.setdefault(shard.of(job.id), []).append(job.id)
+    if not left:
+        return
+    said = [f"{description}: {sum(map(len, left.values()))} of {len(jobs)} are left. Run these "
+            "shards; `gmrdata merge` then writes the result of all:"]  # fmt: skip
+    said += [f"  shard {of}/{shard.count}: {', '.join(ids)}" for of, ids in sorted(left.items())]
+    if outcome.reasons:
+        said += [f"{len(outcome.reasons)} failed:", *_first_lines(outcome.reasons)]
+    raise OthersLeft("\n".join(said), failed=shard.index == 0 or bool(outcome.reasons))
+
+
+def _by_dask(
+    description: str, jobs: Sequence[Job], client: Any, units: Units, fault: "Fault | None"
+) -> Outcome:
     futures = {
-        job.id: client.submit(_call, job, house, key=f"{description}-{job.id}", pure=False)
+        job.id: client.submit(_call, job, fault, key=f"{description}-{job.id}", pure=False)
         for job in jobs
     }
-    total, n_done = units or (len(jobs), lambda: sum(f.done() for f in futures.values()))
+    _wait(description, futures, units)
+    outcome = Outcome({}, {})
+    for id, future in futures.items():
+        # Not by its status: a worker that dies now takes its results along, and Dask makes them
+        # again, for which these two wait.
+        try:
+            error = future.exception()
+            if error is None:
+                outcome.results[id] = future.result()
+        except CancelledError:
+            raise StageFailed(
+                f"{description}: the scheduler was lost. What is made is kept; start it again, and "
+                "the same command goes on"
+            ) from None
+        if error is not None:
+            outcome.reasons[id] = _reason(error, future.traceback())
+    return outcome
+
+
+def _wait(description: str, futures: Mapping[str, Any], units: Units) -> None:
+    from dask.distributed import wait
+
+    total, n_done = units or (len(futures), lambda: sum(f.done() for f in futures.values()))
     with progress_bar() as bar:
         task = bar.add_task(description, total=total)
         while pending := [future for future in futures.values() if not future.done()]:
@@ -325,7 +218,54 @@ def _submit_and_wait(
             with suppress(TimeoutError, CancelledError):
                 wait(pending, timeout=POLL_S)
         bar.update(task, completed=total)
-    return futures
+
+
+Fault = Callable[[], str]
+"""In a worker: what is not as where the work was asked for; empty where all is."""
+
+
+@contextmanager
+def _checked_workers(out_dir: Path, pool: Pool) -> Iterator[Fault | None]:
+    """Look at the workers of other machines before they begin; StageFailed names one that differs.
+
+    The mark stays until the work is done, for workers that come later.
+    """
+    if not pool.elsewhere:
+        yield None
+        return
+    mark = out_dir.resolve() / f".workers-{uuid.uuid4().hex}"
+    fault = partial(_fault, mark, _versions())
+    write_text(mark, "")
+    try:
+        client = pool.client()
+        try:
+            client.wait_for_workers(1, timeout=FIRST_WORKER_S)
+        except TimeoutError:
+            what = f"no worker came to {client.scheduler.address} in {FIRST_WORKER_S:g} s"
+            how = "Start some with `dask worker ADDRESS --nthreads 1`"
+            raise StageFailed(f"{what}. {how}") from None
+        found = client.run(fault, on_error="ignore")  # of who doesn't answer, nothing
+        if wrong := [f"  {address}: {said}" for address, said in sorted(found.items()) if said]:
+            what = f"{len(wrong)} of {len(found)} workers can't work on this"
+            raise StageFailed("\n".join([f"{what}. Mend or stop them and run again:", *wrong]))
+        yield fault
+    finally:
+        mark.unlink(missing_ok=True)
+
+
+def _versions() -> dict[str, str]:
+    return package_versions() | {"gmrdata": __version__, "python": platform.python_version()}
+
+
+def _fault(mark: Path, versions: Mapping[str, str]) -> str:
+    if not mark.is_file():
+        return f"does not see {mark.parent}. Put it on a disk that all machines share"
+    own = {name: _versions().get(name, "not at all") for name in versions}
+    return "; ".join(
+        f"has {name} {own[name]}, not {version}"
+        for name, version in versions.items()
+        if own[name] != version
+    )
 
 
 def record_failures(
@@ -345,43 +285,49 @@ def raise_failures(
 ) -> None:
     """Raise StageFailed with the first line of each reason; nothing when there are none."""
     if reasons:
-        listed = "\n".join(f"  {id}: {reason.splitlines()[0]}" for id, reason in reasons.items())
         what = f"{len(reasons)} of {n_jobs} failed (whole messages in {failures_dir})"
-        raise StageFailed(f"{description}: {what}:\n{listed}")
+        raise StageFailed("\n".join([f"{description}: {what}:", *_first_lines(reasons)]))
+
+
+def _first_lines(reasons: Mapping[str, str]) -> list[str]:
+    return [f"  {id}: {reason.splitlines()[0]}" for id, reason in reasons.items()]
 
 
 @contextmanager
 def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:
     """Workers for `run_jobs`: local processes, or those of the cluster at `run.scheduler`.
 
-    `workers` is the number of local processes where the run names none.  One shard of several has
-    one process, this one, where the run names neither.
+    `workers` is the number of local processes where the run names none.
     """
     with ExitStack() as stack:
-        client = cache(lambda: stack.enter_context(_client(run, workers)))
-        here = run.shard is not None and run.workers is None and run.scheduler is None
-        yield Pool(client, run.scheduler is not None, run.shard, here)
+        start = _local_client if run.scheduler is None else _cluster_client
+        client = cache(lambda: stack.enter_context(start(run, workers)))
+        yield Pool(client, run.scheduler is not None, run.shard)
 
 
 @contextmanager
-def _client(run: Run, workers: int) -> Iterator[Any]:
+def _cluster_client(run: Run, _: int) -> Iterator[Any]:
+    from dask.distributed import Client
+
+    # It prints how it looks for a scheduler that is gone; ours says it in a sentence.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    try:
+        client = Client(run.scheduler, timeout=CONNECT_S)
+    # The last two: tls:// without certificates, tcp:// where Dask's settings want encryption.
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        what = f"no Dask scheduler at {run.scheduler} ({error})"
+        raise StageFailed(f"{what}. Start one, or leave --scheduler out") from error
+    with client:
+        yield client
+
+
+@contextmanager
+def _local_client(run: Run, workers: int) -> Iterator[Any]:
     from dask import config
     from dask.distributed import Client, LocalCluster
 
-    if run.scheduler is not None:
-        # It prints how it looks for a scheduler that is gone; ours says it in a sentence.
-        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
-        try:
-            client = Client(run.scheduler, timeout=CONNECT_S)
-        # The last two: tls:// without certificates, tcp:// where Dask's settings want encryption.
-        except (OSError, ValueError, TypeError, RuntimeError) as error:
-            what = f"no Dask scheduler at {run.scheduler} ({error})"
-            raise StageFailed(f"{what}. Start one, or leave --scheduler out") from error
-        with client:
-            yield client
-        return
     count = run.workers or workers
-    threads = max(1, (os.cpu_count() or 1) // count)
+    threads = max(1, own_cores() // count)
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     with (
         config.set(IDLE),
@@ -399,10 +345,10 @@ def _client(run: Run, workers: int) -> Iterator[Any]:
         yield client
 
 
-def _call(job: Job, house: House | None) -> Any:
+def _call(job: Job, fault: Fault | None) -> Any:
     """In the worker: its progress bars would write over those of the process that waits."""
     console.quiet = True
-    if house is not None and (said := _differs(house)):
+    if fault is not None and (said := fault()):
         raise StageFailed(f"its worker on {socket.gethostname()} {said}")
     return _attempt(job)
 

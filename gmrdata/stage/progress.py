@@ -12,18 +12,14 @@ console = Console(stderr=True, highlight=False, emoji=False)
 """Progress and errors, for the person who waits, as they are: `:b:` is no sign."""
 
 _KNOWN_WIDTH = sys.stdout.isatty() or "COLUMNS" in os.environ
-answers = Console(highlight=False, emoji=False, record=True, width=None if _KNOWN_WIDTH else 160)
+answers = Console(highlight=False, emoji=False, width=None if _KNOWN_WIDTH else 160)
 """What was asked for, on standard output; wide where it is piped, so that no cell is cut."""
-
-remarks: list[str] = []
-"""What else the person should know of a result; said again where the result is there already."""
 
 Item = TypeVar("Item")
 
 
 def remark(text: str, style: str | None = None) -> None:
     """Say on standard error what does not stop a command."""
-    remarks.append(text)
     console.print(text, style=style, markup=False, soft_wrap=True)
 
 

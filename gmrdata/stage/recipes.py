@@ -10,7 +10,6 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from gmrdata.stage.store import INPUTS_READ
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.limits import MOST_RECIPE_BYTES
 from gmrdata.values.plain_yaml import NotPlain, parse
@@ -55,7 +54,6 @@ def load_recipe(path: Path, model: type[Recipe]) -> Recipe:
 def _read(path: Path) -> dict[str, object]:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    INPUTS_READ.add(path)
     if path.stat().st_size > MOST_RECIPE_BYTES:
         raise BadRecipe(f"{path}: larger than {MOST_RECIPE_BYTES} bytes, so it is no recipe")
     try:

@@ -1,9 +1,33 @@
 """How a command runs its stages.  Nothing here decides a result, so no recipe holds it."""
 
+import hashlib
+import re
 from dataclasses import dataclass
+from typing import Self
 
-from gmrdata.stage.shards import Shard
 from gmrdata.values.errors import BadRecipe
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Share `index` of `count`, counted from 1; 0 works on none and only merges."""
+
+    index: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Of a text like 2/4; BadRecipe where it is none."""
+        found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+        shard = cls(int(found[1]), int(found[2])) if found else cls(1, 0)
+        if shard.index > shard.count or shard.count < 1:
+            raise BadRecipe(f"--shard {text}: give it as 2/4, the second of four")
+        return shard
+
+    def of(self, id: str) -> int:
+        """Which share a job is in, by a hash of its id: the same whatever else is in the batch."""
+        digest = hashlib.sha256(id.encode(errors="surrogateescape")).digest()
+        return int.from_bytes(digest[:8], "big") % self.count + 1
 
 
 @dataclass(frozen=True)

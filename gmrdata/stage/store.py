@@ -1,6 +1,5 @@
 """Stages: folders that are complete when they exist, and the records that say what made them."""
 
-import glob
 import platform
 import shutil
 import subprocess
@@ -12,18 +11,20 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self, TypeVar
 
-from pydantic import JsonValue
+from pydantic import Field, JsonValue
 
 from gmrdata import __version__
-from gmrdata.stage.claims import Claim, claimed
+from gmrdata.stage.locks import locked
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.values.files import (
     RECIPE_FILE,
     STAGE_FILE,
+    host_word,
     json_text,
     sha256_of_file,
     sha256_of_path,
+    temporary_name,
 )
 from gmrdata.values.records import Config, Record
 
@@ -31,6 +32,7 @@ RECORDED_PACKAGES = (
     "numpy", "scipy", "torch", "torchvision", "roma", "safetensors", "pycolmap",
     "opencv-python-headless", "bpy", "av",
 )  # fmt: skip
+MOMENT_S = 1.0  # after which a folder is there that another process renames now
 FRESH_NS = 2_000_000_000
 """A file that was written so short a time before it was hashed is hashed again [ns]."""
 
@@ -52,7 +54,9 @@ class _Recipe(Record):
 class RecipeRecord(_Recipe):
     """`recipe.json` of an unfinished folder."""
 
-    format: Literal["gmrdata-recipe/1"] = "gmrdata-recipe/1"
+    format: Literal["gmrdata-recipe/2"] = "gmrdata-recipe/2"
+    host: str = Field(default_factory=host_word)
+    """Whose process began it."""
 
 
 class StageRecord(_Recipe):
@@ -111,13 +115,12 @@ def run_stage(
     """
     if run.only_look:
         return _look(name, out_dir, config, inputs, run)
-    out_dir.parent.mkdir(parents=True, exist_ok=True)
-    with claimed(out_dir.with_name(f".{out_dir.name}.claim")) as claim:
+    with locked(out_dir) as alone:
         hashes = _InputHashes(out_dir, run)
         recipe = _recipe(name, config, hashes.of(inputs))
         shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
         if not out_dir.exists() or _is_stale(out_dir, recipe, run):
-            _make(out_dir, recipe, work, resumable, claim)
+            _make(out_dir, recipe, work, _partial_dir(out_dir, recipe, resumable, alone))
         hashes.remember()
     return out_dir
 
@@ -168,25 +171,50 @@ def _make(
     out_dir: Path,
     recipe: RecipeRecord,
     work: Callable[[Path], Mapping[str, Any] | None],
-    resumable: bool,
-    claim: Claim,
+    partial: Path,
 ) -> None:
-    partial = _partial_dir(out_dir, resumable, claim)
-    retired = out_dir.with_name(f".{out_dir.name}.old")
-    if partial.exists():
-        begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
-        if not (resumable and begun_by == recipe):
-            shutil.rmtree(partial)
+    try:
+        _fill(partial, recipe, work)
+        _publish(partial, out_dir, recipe)
+    except Exception as error:
+        # Where no lock reaches, another process may have been first, or taken the folder away.
+        if isinstance(error, FileNotFoundError):
+            time.sleep(MOMENT_S)
+        if not _is_made(out_dir, recipe):
+            raise
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumable: bool, alone: bool) -> Path:
+    """An empty folder to work in, or that of a killed run whose work can go on.
+
+    Another machine's process may live and write on in the folder that it began: not every disk's
+    locks reach so far.  Files of a resumable stage are the same then, each whole; another stage
+    works in a folder of its own name.
+    """
+    partial = out_dir.with_name(out_dir.name + ".partial")
+    begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
+    if resumable:
+        if begun_by is None or begun_by.differences(recipe):
+            shutil.rmtree(partial, ignore_errors=True)
+    elif alone and (begun_by is None or begun_by.host == recipe.host):
+        shutil.rmtree(partial, ignore_errors=True)
+    else:
+        partial = out_dir.with_name(f"{temporary_name(out_dir)}.partial")
     partial.mkdir(exist_ok=True)
-    # What `atomic_path` left in a folder whose process was killed.
-    for leftover in filter(Path.is_file, partial.rglob(".*.tmp*")):
-        leftover.unlink()
+    return partial
+
+
+def _fill(
+    partial: Path, recipe: RecipeRecord, work: Callable[[Path], Mapping[str, Any] | None]
+) -> None:
+    _remove_unfinished(partial)
     # Not forced to the disk, which takes longer than a small stage: torn, it only starts anew.
     (partial / RECIPE_FILE).write_text(json_text(recipe.model_dump(mode="json")))
     start_s = time.monotonic()
     facts = dict(work(partial) or {})
     StageRecord(
-        **recipe.model_dump(exclude={"format"}),
+        **recipe.model_dump(include={"stage", "config", "inputs"}),
         facts=facts,
         gmrdata=__version__,
         git_commit=git_commit(),
@@ -194,29 +222,30 @@ def _make(
         packages=package_versions(),
         seconds=round(time.monotonic() - start_s, 2),
     ).write(partial / STAGE_FILE)
+
+
+def _publish(partial: Path, out_dir: Path, recipe: RecipeRecord) -> None:
     (partial / RECIPE_FILE).unlink()
-    claim.require()
-    # Two renames, so that at no time a half-deleted folder has the result's name.
-    if out_dir.exists():
+    _remove_unfinished(partial)
+    # Two renames, so that at no time a half-deleted folder has the result's name.  The second fails
+    # where another process was first.
+    retired = out_dir.with_name(f".{out_dir.name}.old")
+    if out_dir.exists() and not _is_made(out_dir, recipe):
         out_dir.rename(retired)
     partial.rename(out_dir)
-    shutil.rmtree(retired, ignore_errors=True)
-
-
-def _partial_dir(out_dir: Path, resumable: bool, claim: Claim) -> Path:
-    """Where a stage works.
-
-    Where another machine's process fell silent, it may wake up and write on in its folder.  Files
-    of a resumable stage are the same then; another stage gets a new folder.
-    """
-    usual = out_dir.with_name(out_dir.name + ".partial")
-    if resumable or not claim.taken_over:
-        return usual
-    # Those of who took over before, and died too.
-    others = out_dir.parent.glob(f".{glob.escape(out_dir.name)}.{'[0-9a-f]' * 32}.partial")
-    for left in (usual, *others):
+    for left in (retired, out_dir.with_name(out_dir.name + ".partial")):
         shutil.rmtree(left, ignore_errors=True)
-    return out_dir.with_name(f".{out_dir.name}.{claim.record.token}.partial")
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Remove what `atomic_path` left for processes that were killed, or that nobody waits for."""
+    for leftover in filter(Path.is_file, folder.rglob(".*.tmp*")):
+        leftover.unlink(missing_ok=True)
+
+
+def _is_made(out_dir: Path, recipe: _Recipe) -> bool:
+    made_by = _read_or_none(StageRecord, out_dir / STAGE_FILE)
+    return made_by is not None and not made_by.differences(recipe)
 
 
 def _is_stale(out_dir: Path, recipe: RecipeRecord, run: Run) -> bool:
@@ -290,8 +319,6 @@ class InputsRecord(Record):
     """By role, with the path below an input that is a folder."""
 
 
-INPUTS_READ: set[Path] = set()
-"""Files and folders that this process took for inputs of stages, and recipes that it read."""
 _HASHED: dict[tuple[int, FileState], str] = {}
 """What this process has hashed, by device and state: stages that read the same frames share it."""
 
@@ -313,7 +340,6 @@ class _InputHashes:
 
     def of(self, inputs: Mapping[str, Path]) -> dict[str, str]:
         """Hex SHA-256 of each input, by role."""
-        INPUTS_READ.update(inputs.values())
         return {role: self._of_input(role, path) for role, path in sorted(inputs.items())}
 
     def remember(self) -> None:

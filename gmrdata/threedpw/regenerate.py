@@ -95,21 +95,13 @@ def regenerate_set(
     )
     before = _listing(paths)
     common = {"root": paths.root, "recipe": recipe, "body_paths": body_paths, "run": run}
-    jobs = [
-        Job(files.name, regenerate_one, common | {"files": files}, weight=_n_images(files))
-        for files in chosen
-    ]
+    jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
     reasons = refused | _regenerate(jobs, recipe, chosen, paths, run)
     _list(recipe, chosen, reasons, paths, run)
     if _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
     return paths.manifest
-
-
-def _n_images(files: SequenceFiles) -> int:
-    """How much work a sequence is; at least 1, since a shard weighs what it can't read too."""
-    return max(1, len(list(files.image_dir.glob("image_*"))))
 
 
 def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[str, str]]:

@@ -87,10 +87,6 @@ class StageFailed(GmrdataError):
     """A stage could not do its work on a clip."""
 
 
-class ClaimLost(StageFailed):
-    """Another process took over what this one was working on."""
-
-
 class NothingToCompare(StageFailed):
     """Two clips have no two frames in a row in common."""
 

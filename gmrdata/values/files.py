@@ -25,7 +25,7 @@ from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
 from gmrdata.values.limits import Budget, OverBudget
 
 STAGE_FILE, RECIPE_FILE = "stage.json", "recipe.json"
-_BESIDE_A_STAGE = re.compile(r"\..+\.(lock|claim|inputs)(\..+)?")
+_BESIDE_A_STAGE = re.compile(r"\..+\.(lock|inputs)(\..+)?")
 _TEMPORARY_NAME = re.compile(r"\..+\.(?P<host>[0-9a-f]{12})-(?P<pid>\d+)-\d+\.tmp(\..*)?")
 """`temporary_name`: what the file is called that a process writes."""
 ORPHAN_AGE_S = 86400.0  # after which another machine's unfinished file has lost its process
@@ -54,7 +54,7 @@ def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file
 
 
 def is_beside_a_stage(name: str) -> bool:
-    """Whether a file is one that stages keep beside their folders: claims, hashes of inputs."""
+    """Whether a file is one that stages keep beside their folders: locks, hashes of inputs."""
     return _BESIDE_A_STAGE.fullmatch(name) is not None
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from gmrdata.cli.shards import COMMAND_FILE
 from gmrdata.solve.videos import Videos
-from gmrdata.stage import finished
 from tests.film.set_kills import contents, leftovers
 from tests.filming import CAMERAS_ALONE, INTRINSICS_PX
 
@@ -36,41 +36,35 @@ def test_two_shards_leave_the_bytes_of_one_process(
     solved_videos: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    first = gmrdata("video", clips, "--out", out, *CAMERAS_ALONE, "--shard", "2/2")
-    assert first.returncode == 0 and "shard 1/2: 1 left, not begun" in first.stderr, first.stderr
+    command = ("video", clips, "--out", out, *CAMERAS_ALONE, "--workers", "1", "--shard")
+    first = gmrdata(*command, "2/2")
+    assert first.returncode == 0 and "shard 1/2: broken, walk\n" in first.stderr, first.stderr
     assert not (out / "videos.json").exists()
     left = gmrdata("merge", out)
     assert left.returncode == 1 and "shard 1/2: " in left.stderr
-    last = gmrdata("video", clips, "--out", out, *CAMERAS_ALONE, "--shard", "1/2")
+    last = gmrdata(*command, "1/2")
     assert last.returncode == 1 and "solving videos: 1 of 3 failed" in last.stderr
     assert "broken.mov: no video" in last.stderr and "1 accepted, 1 rejected" in last.stdout
+    (out / COMMAND_FILE).unlink()
     assert contents(out) == contents(solved_videos)
     assert leftovers(out) == leftovers(solved_videos)
 
 
 def test_the_same_again_makes_what_is_missing_alone(
-    solved_videos: Path,
-    clips: Path,
-    gmrdata: Gmrdata,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    solved_videos: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
 ) -> None:
-    """A rejected video is not solved again, and of a finished run no video is looked at."""
-    monkeypatch.setattr(finished, "FRESH_NS", -(10**9))  # what was just written counts as old
+    """A rejected video is not solved again."""
     mended, out = shutil.copytree(clips, tmp_path / "clips"), tmp_path / "out"
     (mended / "broken.mov").unlink()
     shutil.copytree(solved_videos, out)
     shutil.rmtree(out / "videos" / "walk" / "files")
     made_ns = (out / "entries" / "still" / "stage.json").stat().st_mtime_ns
-    command = ("video", mended, "--out", out, *CAMERAS_ALONE, "--shard", "1/1")
+    command = ("video", mended, "--out", out, *CAMERAS_ALONE)
     again = gmrdata(*command)
     assert again.returncode == 0 and "1 accepted, 1 rejected, 0 failed" in again.stdout
     assert contents(out / "videos") == contents(solved_videos / "videos")
     assert (out / "entries" / "still" / "stage.json").stat().st_mtime_ns == made_ns
-    third = gmrdata(*command)
-    assert "has changed since" in third.stderr and third.stdout == again.stdout
-    (mended / "walk.mp4").touch()
-    assert "has changed since" not in gmrdata(*command).stderr
+    assert gmrdata(*command, "--shard", "1/1").stdout == again.stdout
     strict = gmrdata(*command, "--strict")
     assert strict.returncode == 1 and "1 of 2 videos were rejected" in strict.stderr
     other = gmrdata(*command, "--seed", "1")
@@ -87,16 +81,6 @@ def test_a_dry_run_lists_the_videos_and_does_nothing(
     assert rows["all"][0] == "16" and rows["broken"] == ["-", "-"]
     assert "broken.mov: no video" in said.stderr
     assert not (tmp_path / "out").exists()
-
-
-def test_a_script_for_a_cluster_is_printed(
-    clips: Path, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    command = ("video", clips, "--out", tmp_path / "out", *CAMERAS_ALONE, "--print-slurm", "3")
-    monkeypatch.setattr("sys.argv", ["gmrdata", *map(str, command)])
-    said = gmrdata(*command)
-    assert said.returncode == 0 and f"gmrdata video {clips} --out" in said.stdout
-    assert '--shard "$SLURM_ARRAY_TASK_ID/3"' in said.stdout
 
 
 @pytest.mark.parametrize(

@@ -38,8 +38,6 @@ RUN = (
     "export out/gmr --to onnx --out out/exported",
     "manifest check out/cmu/motions.yaml",
     "render synthetic --motions path/to/cmu --out out/synthetic --dry-run --no-probe",
-    "render places.yaml --motions path/to/cmu --out out/places --print-slurm 2 --no-probe",
-    "render places.yaml --motions path/to/cmu --out out/places --print-kubernetes 2 --no-probe",
     "render places.yaml --motions path/to/cmu --out out/places --shard 1/1",
     "threedpw list --root 3DPW",
     "threedpw show arc_00 --root 3DPW",
@@ -86,7 +84,7 @@ ELSEWHERE = {
         "cli/test_fusion.py::test_fuse_says_what_it_found_and_writes_a_page"
     ),
     "masks --out --sources": "people/test_verb.py::test_a_video_and_a_folder_of_masks",
-    "merge": "cli/test_shards.py::test_merge_ends_what_a_killed_last_shard_left",
+    "merge": "cli/test_shards.py::test_shards_and_merge_leave_the_bytes_of_one_process",
     "page --images": (
         "cli/test_page.py::"
         "test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected"

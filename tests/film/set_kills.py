@@ -12,6 +12,8 @@ import numpy as np
 import psutil
 import yaml
 
+from gmrdata.values.files import is_beside_a_stage
+
 VICTIMS = ("parent", "worker", "blender")
 ORPHANS_END_S = 20.0
 LEFTOVERS = (".tmp", ".partial", ".old", ".unfinished", "job.json", "blender.log")
@@ -115,7 +117,7 @@ def contents(out_dir: Path) -> dict[str, str]:
     found = {}
     for path in sorted(path for path in out_dir.rglob("*") if path.is_file()):
         data = path.read_bytes()
-        if path.suffix == ".inputs":  # inodes and times of this disk
+        if is_beside_a_stage(path.name):  # inodes and times of this disk, a dead process's lock
             continue
         if path.name == "stage.json":
             record = json.loads(data)

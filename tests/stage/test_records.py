@@ -31,7 +31,7 @@ FOUND: Detection = {"box_px": [0.0, 0.0, 2.0, 1.0], "score": 0.5, "class": 3}
 RECORDS: tuple[Record, ...] = (
     RECIPE,
     StageRecord(
-        **RECIPE.model_dump(exclude={"format"}),
+        **RECIPE.model_dump(exclude={"format", "host"}),
         facts={},
         gmrdata="1",
         git_commit=None,

@@ -330,7 +330,7 @@ def test_hash_of_a_folder_follows_names_and_contents_only(tmp_path: Path) -> Non
     write_text(folder / "x" / "1.txt", "one")
     before = sha256_of_path(folder)
     (folder / "stage.json").write_text("{}")
-    (folder / ".x.claim").touch()
+    (folder / ".x.lock").touch()
     os.utime(folder / "x" / "1.txt", (0, 0))
     assert sha256_of_path(folder) == before
     (folder / "x" / "1.txt").rename(folder / "x" / "2.txt")
