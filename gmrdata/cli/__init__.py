@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import tyro
 
-from gmrdata.cli.answers import explain, fail
+from gmrdata import __version__
+from gmrdata.cli.answers import answer, explain, fail
 from gmrdata.cli.baselines import baseline
 from gmrdata.cli.doctor import doctor
 from gmrdata.cli.export import export
@@ -18,6 +19,7 @@ from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.sequence import masks, sfm
 from gmrdata.cli.shards import merge, share
+from gmrdata.cli.spelling import misspelled
 from gmrdata.cli.video import page, video
 from gmrdata.values.errors import GmrdataError
 
@@ -31,6 +33,11 @@ VERBS = {verb.__name__.replace("_", "-"): verb for verb in _VERBS}
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments == ["--version"]:
+        answer(f"gmrdata {__version__}")
+        return
+    if wrong := misspelled(arguments, VERBS):
+        fail(wrong, code=2)
     try:
         with share(arguments):
             tyro.extras.subcommand_cli_from_dict(

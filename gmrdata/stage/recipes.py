@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.errors import BadRecipe, MissingInput, nearest
 from gmrdata.values.limits import MOST_RECIPE_BYTES
 from gmrdata.values.plain_yaml import NotPlain, parse
 from gmrdata.values.records import Config
@@ -27,8 +27,9 @@ def find_recipe(name: str) -> Path:
     try:
         return recipe_path(name.removeprefix("pipelines/"))
     except MissingInput:
-        known = f"gmrdata carries only: {', '.join(recipe_names())}"
-        raise MissingInput(f"{name}: no such recipe file, and {known}") from None
+        known = recipe_names()
+        carried = f"gmrdata carries only: {', '.join(known)}{nearest(name, known)}"
+        raise MissingInput(f"{name}: no such recipe file, and {carried}") from None
 
 
 def recipe_kind(path: Path) -> str:
@@ -108,5 +109,7 @@ def _names(folder: Path) -> list[str]:
 def _find(folder: Path, name: str, what: str) -> Path:
     wanted = name.removesuffix(".yaml")
     if wanted not in _names(folder):
-        raise MissingInput(f"no {what} {name!r}; there are: {', '.join(_names(folder)) or 'none'}")
+        known = _names(folder)
+        there = f"there are: {', '.join(known) or 'none'}{nearest(wanted, known)}"
+        raise MissingInput(f"no {what} {name!r}; {there}")
     return folder / f"{wanted}.yaml"

@@ -1,5 +1,7 @@
 """One error per way to fail.  Each message names the file or clip and says what to do about it."""
 
+from collections.abc import Collection
+from difflib import get_close_matches
 from pathlib import Path
 
 
@@ -125,3 +127,9 @@ class NoReconstruction(StageFailed):
 
 class TrainingDiverged(StageFailed):
     """The loss became infinite or NaN; the last good checkpoint is kept."""
+
+
+def nearest(word: str, known: Collection[str]) -> str:
+    """The end of a message that offers the known word most like a mistyped one; or empty."""
+    alike = get_close_matches(word, known, n=1)
+    return f"; did you mean {alike[0]!r}?" if alike else ""

@@ -1,0 +1,25 @@
+"""Words of the command line in another spelling: the nearest verb, a flag's new name."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+from gmrdata.values.errors import nearest
+
+RENAMED: Mapping[str, Mapping[str, str]] = {}
+"""Of each verb, flags of earlier versions and what stands for them now."""
+
+
+def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
+    """What is wrong with a command line before any verb looks at it; None if nothing is."""
+    if not arguments or arguments[0].startswith("-"):
+        return None
+    verb, *rest = arguments
+    if verb not in verbs:
+        return f"there is no verb {verb!r}{nearest(verb, verbs)}. `gmrdata --help` lists them"
+    return next(_renamed(verb, rest), None)
+
+
+def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:
+    for word in rest:
+        flag = word.split("=")[0].replace("_", "-")
+        if flag in RENAMED.get(verb, {}):
+            yield f"{verb} {flag} has another name now: {RENAMED[verb][flag]}"
