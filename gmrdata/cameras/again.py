@@ -16,7 +16,7 @@ from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import known_radial_k1, reconstruct
 from gmrdata.people.folder import find_mask
-from gmrdata.read.frames import list_images
+from gmrdata.read.frames import read_frames
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import NoReconstruction
@@ -111,7 +111,7 @@ def _solved(
     config: SfmConfig,
 ) -> SolvedAgain:
     first, points = load_cameras(sfm_dir).path, load_points(sfm_dir)
-    images = list_images(images_dir)
+    images = read_frames(images_dir).paths
     rows = way.rows(len(images))
     given = _linked(folder / "frames", [images[row] for row in rows])
     masks = None

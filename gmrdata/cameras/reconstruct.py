@@ -11,7 +11,7 @@ from gmrdata.cameras import files
 from gmrdata.cameras.frames import Frames, reduced
 from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.read.frames import check_images, list_images
+from gmrdata.read.frames import read_frames
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath
@@ -62,12 +62,11 @@ def reconstruct(
     def work(partial: Path) -> None:
         from gmrdata.cameras.geometry import solve
 
-        images = list_images(images_dir, left_out)
-        size_px = check_images(images)
+        read = read_frames(images_dir, left_out)
         # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
         work_dir = partial / "colmap"
         work_dir.mkdir()
-        given = Frames(images, masks_dir, matrix, size_px)
+        given = Frames(list(read.paths), masks_dir, matrix, read.size_px)
         frames = reduced(given, config.max_image_size_px, work_dir / "reduced", radial_k1)
         try:
             solution, quality = solve(frames, work_dir, config)
@@ -75,8 +74,8 @@ def reconstruct(
             # The reduced frames are gone when somebody reads this.
             raise error.of(images_dir) from None
         shutil.rmtree(work_dir)
-        path = CameraPath(matrix, *size_px, solution.world_from_cam, solution.has_camera)
-        filled = np.isin(np.arange(len(images)), quality.interpolated)
+        path = CameraPath(matrix, *read.size_px, solution.world_from_cam, solution.has_camera)
+        filled = np.isin(np.arange(len(read.paths)), quality.interpolated)
         cameras = files.SfmCameras(path, solution.geometry, given.numbers, filled)
         files.save_cameras(partial / files.CAMERAS_FILE, cameras)
         files.save_points(partial / files.POINTS_FILE, solution.points, solution.track_lengths)

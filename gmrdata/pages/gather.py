@@ -20,7 +20,6 @@ from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images, number_in_name
 from gmrdata.read.threedpw_layout import SequenceFiles
-from gmrdata.read.video import VIDEO_FILE, VideoRecord
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras
 from gmrdata.threedpw.people import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
@@ -29,6 +28,7 @@ from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput
+from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
 from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.world.pseudo_gt import config_of

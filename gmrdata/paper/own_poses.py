@@ -36,7 +36,7 @@ from gmrdata.people.local_poses import (
 )
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.body_file import read_body
-from gmrdata.read.frames import image_number, list_images, read_color
+from gmrdata.read.frames import read_color, read_frames
 from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.score.camera_as_world import seen_motion
 from gmrdata.stage.progress import track as with_bar
@@ -179,13 +179,12 @@ def _see(
     clip, images_dir = file.load(), _images_dir(file)
     if clip.camera is None:
         return "it has no camera"
-    images = list_images(images_dir)
-    numbers = np.array([image_number(image) for image in images])
-    if not np.isin(clip.image_numbers, numbers).all():
+    frames = read_frames(images_dir)
+    if not np.isin(clip.image_numbers, frames.numbers).all():
         return "not every frame has an image"
     folder = local_poses(
         images_dir,
-        ImageTimes(numbers, clip.motion.fps_hz),
+        ImageTimes(frames.numbers, clip.motion.fps_hz),
         Lens(camera_of(clip).intrinsics_px),
         sources.body,
         out_dir / SEEN_FOLDER / clip.id,
@@ -208,7 +207,7 @@ def _see(
     save_clip(path, posed, body.rest_pelvis_m(posed.motion.shape))
     write_keypoints(out_dir / KEYPOINTS_FOLDER / clip.id, clip, track, between)
     crops = filled(track.crops, between)
-    by_number = dict(zip(numbers.tolist(), images, strict=True))
+    by_number = dict(zip(frames.numbers.tolist(), frames.paths, strict=True))
     features = [
         look(read_color(by_number[number]), Crop(crop[:2], crop[2], crop[3]))
         for number, crop in zip(clip.image_numbers.tolist(), crops, strict=True)

@@ -9,6 +9,7 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path, PurePosixPath
@@ -18,6 +19,7 @@ import numpy as np
 
 from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.values.files import write_bytes
+from gmrdata.values.frame_set import VIDEO_FILE, FrameSet, VideoRecord
 from gmrdata.values.limits import MOST_DIGITS, MOST_PIXELS
 
 if TYPE_CHECKING:
@@ -45,6 +47,48 @@ def number_in_name(name: str) -> int | None:
     runs = re.findall(r"[0-9]+", PurePosixPath(name).stem)
     digits = runs[-1].lstrip("0") if runs else ""
     return int(digits or 0) if runs and len(digits) <= MOST_DIGITS else None
+
+
+def read_frames(folder: Path, left_out: Collection[int] = ()) -> FrameSet:
+    """A folder's .jpg and .png files, checked: two or more of one size, numbered without gaps but
+    for `left_out`, which are not taken.
+
+    Raises:
+        MissingInput: there is no such folder.
+        BadFrames: an image is missing, of another size, or none.
+        BadRecord: the video's record beside them can't be read.
+    """
+    paths = list_images(folder, left_out)
+    numbers = np.array([image_number(path) for path in paths], dtype=np.int64)
+    alone = FrameSet(
+        folder=folder,
+        paths=tuple(paths),
+        numbers=numbers,
+        size_px=check_images(paths),
+        frame_numbers=np.arange(len(paths)),
+        n_frames=len(paths),
+        times_s=np.full(len(paths), np.nan),
+        rate_hz=np.nan,
+    )
+    record_path = folder / VIDEO_FILE
+    return alone if not record_path.is_file() else of_video(alone, VideoRecord.read(record_path))
+
+
+def of_video(frames: FrameSet, video: VideoRecord) -> FrameSet:
+    """Images as frames of the video that they come from."""
+    frame_of = {number // video.every: number for number in video.numbers}
+    foreign = [number for number in frames.numbers.tolist() if number not in frame_of]
+    if foreign:
+        what = f"image {foreign[0]} is no frame of the video that {VIDEO_FILE} is of"
+        raise BadFrames(f"{frames.folder}: {what}; keep other images in a folder of their own")
+    return replace(
+        frames,
+        frame_numbers=np.array([frame_of[number] for number in frames.numbers.tolist()]),
+        n_frames=video.n_decoded,
+        times_s=video.times_of(frames.numbers),
+        rate_hz=video.rate_hz,
+        video=video,
+    )
 
 
 def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,6 +18,7 @@ from gmrdata.read.frames import write_image
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
 from gmrdata.values.limits import (
     HIGHEST_FPS_HZ,
     LOWEST_FPS_HZ,
@@ -25,14 +26,13 @@ from gmrdata.values.limits import (
     MOST_VIDEO_FRAMES,
     MOST_VIDEO_PIXELS,
 )
-from gmrdata.values.records import Config, Record
+from gmrdata.values.records import Config
 
 if TYPE_CHECKING:
     import av
     from av.container import InputContainer
     from av.filter import Graph
 
-VIDEO_FILE = "video.json"
 CONTAINERS = (
     "mov,mp4,3gp,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,mxf,ogg,dv,ivf,gif,yuv4mpegpipe"
 )
@@ -61,48 +61,6 @@ class VideoConfig(Config):
         if self.to_s is not None and self.to_s <= self.from_s:
             raise ValueError(f"to_s: {self.to_s:g} s is not after from_s, {self.from_s:g} s")
         return self
-
-
-class VideoRecord(Record):
-    """`video.json` beside the frames: what the video is, and which frames were taken when."""
-
-    format: Literal["gmrdata-video/1"] = "gmrdata-video/1"
-    container: str
-    codec: str
-    pixel_format: str
-    stored_size_px: tuple[int, int]
-    """(width, height) in the file."""
-    size_px: tuple[int, int]
-    """(width, height) of the frames that were written."""
-    is_turned: bool
-    """The file says that its pictures are to be turned or mirrored, which was done."""
-    n_deinterlaced: int
-    """Frames whose two half pictures were of two times, of which the first was kept."""
-    n_expected: int
-    """Frames that the file holds by its own count, as far as it was read."""
-    n_decoded: int
-    """Those of them that could be decoded."""
-    every: int
-    """An image's number is its frame's divided by this."""
-    numbers: tuple[int, ...]
-    """By image: the frame's number among the decoded ones, from 0."""
-    times_s: tuple[float, ...]
-    """By image: its time, counted from the first frame's [s]."""
-
-    @property
-    def n_lost(self) -> int:
-        return self.n_expected - self.n_decoded
-
-    @property
-    def rate_hz(self) -> float:
-        """Images per second: one over the median time between two."""
-        return 1.0 / float(np.median(np.diff(self.times_s)))
-
-    def times_of(self, image_numbers: np.ndarray) -> np.ndarray:
-        """(T,) times of images by number [s]; NaN of a number that no image has."""
-        pairs = zip(self.numbers, self.times_s, strict=True)
-        known = {number // self.every: time_s for number, time_s in pairs}
-        return np.array([known.get(int(number), np.nan) for number in image_numbers])
 
 
 def is_video(path: Path) -> bool:

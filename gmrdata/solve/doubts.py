@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.lens.intrinsics import Intrinsics
-from gmrdata.read.video import VideoRecord
 from gmrdata.solve.request import SolveConfig
 from gmrdata.values.clip import Clip
+from gmrdata.values.frame_set import VideoRecord
 from gmrdata.world.bodies import unseen_reasons
 from gmrdata.world.verdict import Doubts
 

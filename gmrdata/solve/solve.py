@@ -27,13 +27,14 @@ from gmrdata.people.sources import (
 )
 from gmrdata.read.bodies import body_file, keep_body
 from gmrdata.read.frames import check_images, image_number, list_images
-from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, is_video, video_record
+from gmrdata.read.video import VideoConfig, as_frames, is_video, video_record
 from gmrdata.solve.doubts import with_lens_error, write_doubts
 from gmrdata.solve.request import EstimatedPeople, GivenPeople, SolveConfig, SolveRequest
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, PersonFiles
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, VideoFrames, make_bodies

@@ -14,7 +14,7 @@ from gmrdata.film.render_set import render_dir, render_set
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, render_config, select
 from gmrdata.read.body_file import read_body
-from gmrdata.read.frames import list_images
+from gmrdata.read.frames import read_frames
 from gmrdata.read.threedpw_arrays import FPS_HZ
 from gmrdata.read.threedpw_layout import IMAGES_DIR, SEQUENCES_DIR, SPLITS, require_name
 from gmrdata.stage.progress import track
@@ -211,7 +211,7 @@ def write_sequence_twin(
             config.split,
             clip.id,
             [load_clip(path) for path in paths],
-            list_images(rendered / "frames"),
+            read_frames(rendered / "frames").paths,
             genders,
             read_body(body_path),
             truth_dir,

@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.read.video import VideoConfig, VideoRecord, extract_video, video_record
+from gmrdata.read.video import VideoConfig, extract_video, video_record
 from gmrdata.values.errors import BadFrames, GmrdataError, MissingInput
+from gmrdata.values.frame_set import VideoRecord
 from tests.read.videos import make_video, picture, textured
 
 

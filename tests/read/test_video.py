@@ -10,17 +10,9 @@ import numpy as np
 import pytest
 
 from gmrdata.read import video as video_module
-from gmrdata.read.video import (
-    VIDEO_FILE,
-    VideoConfig,
-    VideoRecord,
-    as_frames,
-    extract_video,
-    is_video,
-    turned,
-    video_record,
-)
+from gmrdata.read.video import VideoConfig, as_frames, extract_video, is_video, turned, video_record
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
 from tests.read.videos import make_video, picture, textured, with_hole
 from tests.record_keys import assert_each_key_is_needed
 

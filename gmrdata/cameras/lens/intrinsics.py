@@ -17,7 +17,7 @@ from gmrdata.cameras.lens.self_calibration import (
     guessed_px,
     self_calibrate,
 )
-from gmrdata.read.frames import check_images, list_images
+from gmrdata.read.frames import read_frames
 from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -171,13 +171,13 @@ def find_intrinsics(
     given_file = None if given is None else given.file
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir)
-        size_px = check_images(images)
-        known = _known(given, images[0], video, size_px)
+        read = read_frames(images_dir)
+        size_px = read.size_px
+        known = _known(given, read.paths[0], video, size_px)
         asked = None
         if config.look_in_frames:
             focal_px = USUAL_FOCAL * max(size_px) if known is None else known[0].focal_px[0]
-            frames = Frames(images, masks_dir, guessed_px(focal_px, size_px), size_px)
+            frames = Frames(list(read.paths), masks_dir, guessed_px(focal_px, size_px), size_px)
             work_dir = partial / "colmap"
             work_dir.mkdir()
             asked = self_calibrate(frames, work_dir, config.self_calibration)

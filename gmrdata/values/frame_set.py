@@ -1,0 +1,92 @@
+"""FrameSet: the images of one sequence, as they were checked once, and when they were taken."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.records import Record
+
+VIDEO_FILE = "video.json"
+
+
+class VideoRecord(Record):
+    """`video.json` beside the frames: what the video is, and which frames were taken when."""
+
+    format: Literal["gmrdata-video/1"] = "gmrdata-video/1"
+    container: str
+    codec: str
+    pixel_format: str
+    stored_size_px: tuple[int, int]
+    """(width, height) in the file."""
+    size_px: tuple[int, int]
+    """(width, height) of the frames that were written."""
+    is_turned: bool
+    """The file says that its pictures are to be turned or mirrored, which was done."""
+    n_deinterlaced: int
+    """Frames whose two half pictures were of two times, of which the first was kept."""
+    n_expected: int
+    """Frames that the file holds by its own count, as far as it was read."""
+    n_decoded: int
+    """Those of them that could be decoded."""
+    every: int
+    """An image's number is its frame's divided by this."""
+    numbers: tuple[int, ...]
+    """By image: the frame's number among the decoded ones, from 0."""
+    times_s: tuple[float, ...]
+    """By image: its time, counted from the first frame's [s]."""
+
+    @property
+    def n_lost(self) -> int:
+        return self.n_expected - self.n_decoded
+
+    @property
+    def rate_hz(self) -> float:
+        """Images per second: one over the median time between two."""
+        return 1.0 / float(np.median(np.diff(self.times_s)))
+
+    def times_of(self, image_numbers: np.ndarray) -> np.ndarray:
+        """(T,) times of images by number [s]; NaN of a number that no image has."""
+        pairs = zip(self.numbers, self.times_s, strict=True)
+        known = {number // self.every: time_s for number, time_s in pairs}
+        return np.array([known.get(int(number), np.nan) for number in image_numbers])
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSet:
+    """T images in one folder, upright and of one size; `gmrdata.read.frames.read_frames` makes it,
+    and nobody lists or opens the folder again to find out."""
+
+    folder: Path
+    paths: tuple[Path, ...]  # (T,) in the order of their numbers
+    numbers: np.ndarray  # (T,) int, ascending, as in the images' names
+    size_px: tuple[int, int]  # (width, height)
+    frame_numbers: np.ndarray  # (T,) int: which frame of the video each is, counted from 0
+    n_frames: int | None  # Of the whole video; None where only a part of it was read
+    times_s: np.ndarray  # (T,) from the video's first frame on; NaN where nobody says
+    rate_hz: float  # Images per second; NaN where nobody says
+    video: VideoRecord | None = None  # None of images that came from no video
+    video_path: Path | None = None  # The video's file, where it was read for this
+
+    def with_rate(self, fps_hz: float | None) -> "FrameSet":
+        """The same with times: a video has its own, and images need a rate.
+
+        Raises:
+            BadRecipe: neither is there, or both are.
+        """
+        if self.video is not None:
+            if fps_hz is not None:
+                raise BadRecipe(f"{self.folder}: a video has its own times. Leave --fps out")
+            return self
+        if fps_hz is None:
+            what = "a folder of images has no frame rate"
+            raise BadRecipe(f"{self.folder}: {what}. Give it with --fps")
+        return replace(self, times_s=self.frame_numbers / fps_hz, rate_hz=fps_hz)
+
+    @property
+    def video_hz(self) -> float:
+        """Frames of the video per second."""
+        apart = np.diff(self.frame_numbers)
+        return self.rate_hz * (float(np.median(apart)) if len(apart) else 1.0)
