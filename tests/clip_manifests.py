@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 
@@ -39,19 +39,23 @@ def write_clips(
         entries.append(
             clip_entry(
                 folder,
-                clip_path=path,
-                camera_motion=camera_motion,  # type: ignore[arg-type]
-                licence="CC0-1.0",
-                source=Source(dataset=dataset, sequence=clip.id),
-                quality=(qualities or {}).get(clip.id),
+                ClipFiles(path),
+                ClipAbout(
+                    camera_motion=camera_motion,
+                    licence="CC0-1.0",
+                    source=Source(dataset=dataset, sequence=clip.id),
+                    quality=(qualities or {}).get(clip.id),
+                ),
             )
         )
     return write_manifest(
         folder / "manifest.yaml",
-        name="clips",
-        version="1.0.0",
-        description="Clips of a test.",
-        kind=kind,
-        licence="CC0-1.0",
-        clips=entries,
+        ManifestHead(
+            name="clips",
+            version="1.0.0",
+            description="Clips of a test.",
+            kind=kind,
+            licence="CC0-1.0",
+        ),
+        entries,
     )

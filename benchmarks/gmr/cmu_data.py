@@ -8,7 +8,7 @@ from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.split import split_manifests
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.motion.files import find_motions
 from gmrdata.motion.library import make_library
 
@@ -51,12 +51,14 @@ def scored_motions(every: Path, config: TrainConfig, subjects: Sequence[int]) ->
     name = f"subjects_{'_'.join(sorted(wanted))}"
     held_out = write_manifest(
         every.with_name(f"{name}.yaml"),
-        name=name,
-        version=manifest.version,
-        kind="motions",
-        description=manifest.description,
-        licence=manifest.licence,
-        clips=[clip for clip in manifest.clips if clip.id in ids],
+        ManifestHead(
+            name=name,
+            version=manifest.version,
+            description=manifest.description,
+            kind="motions",
+            licence=manifest.licence,
+        ),
+        [clip for clip in manifest.clips if clip.id in ids],
         created_by=manifest.created_by,
         redo=True,
     )

@@ -13,7 +13,7 @@ from tables.clips import scored_set, training_set
 from gmrdata.gmr.predict import BUNDLED, network_dir
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.paper.comparison import TableRecord
 from gmrdata.paper.make import make_table
 from gmrdata.paper.own_poses import (
@@ -158,12 +158,14 @@ def part_of(manifest: Path, clips: Sequence[Any]) -> Path:
     name = f"{every.name}_{len(clips)}"
     return write_manifest(
         manifest.with_name(f"{name}.yaml"),
-        name=name,
-        version=every.version,
-        kind=every.kind,
-        description=every.description,
-        licence=every.licence,
-        clips=clips,
+        ManifestHead(
+            name=name,
+            version=every.version,
+            description=every.description,
+            kind=every.kind,
+            licence=every.licence,
+        ),
+        clips,
         created_by=every.created_by,
         redo=True,
     )

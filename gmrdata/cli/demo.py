@@ -13,8 +13,8 @@ from gmrdata.film.render import RenderJob, optional_outputs
 from gmrdata.film.render_set import render_clips
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, created_by, stage_recipe
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import keep_body, load_body
 from gmrdata.read.body_file import read_body
@@ -163,13 +163,15 @@ def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) ->
     def write(path: Path, kind: str, description: str, clips: Sequence[ClipEntry]) -> None:
         about = {"description": description, "kind": kind, "licence": licence, "version": "1.0.0"}
         name = f"demo-{path.stem.replace('_', '-')}"
-        write_manifest(path, name=name, clips=clips, created_by=by, redo=True, **about)
+        write_manifest(path, ManifestHead(name=name, **about), clips, created_by=by, redo=True)
 
     root, given, trained = paths.root, {file.stem for file in files.training}, []
     for path in sorted(paths.training_dir.glob("*.npz")):
         source = file_source(path.stem) if path.stem in given else gait_source(path.stem)
         terms = licence_of(source)
-        entry = clip_entry(root, clip_path=path, camera_motion="none", licence=terms, source=source)
+        entry = clip_entry(
+            root, ClipFiles(path), ClipAbout(camera_motion="none", licence=terms, source=source)
+        )
         trained.append(entry)
     text = "Motions that the demo's GMR is trained on."
     write(paths.training_manifest, "motions", text, trained)
@@ -192,16 +194,20 @@ def _true_entry(paths: DemoPaths, recipe: DemoRecipe, clip: DemoClip, source: So
     files = paths.clip(clip.id)
     return clip_entry(
         paths.root,
-        id=clip.id,
-        clip_path=files.true,
-        images_dir=files.frames_dir,
-        masks_dir=files.render_dir / "masks",
-        **optional_outputs(files.render_dir, recipe.render),
-        camera_motion=clip.programme.kind,
-        licence=licence_of(source),
-        source=source,
-        quality=Quality(geometry="exact"),
-        recipe=stage_recipe(files.render_dir),
+        ClipFiles(
+            files.true,
+            images=files.frames_dir,
+            masks=files.render_dir / "masks",
+            **optional_outputs(files.render_dir, recipe.render),
+        ),
+        ClipAbout(
+            id=clip.id,
+            camera_motion=clip.programme.kind,
+            licence=licence_of(source),
+            source=source,
+            quality=Quality(geometry="exact"),
+            recipe=stage_recipe(files.render_dir),
+        ),
     )
 
 
@@ -210,14 +216,14 @@ def _pseudo_entry(paths: DemoPaths, clip: DemoClip, source: Source) -> ClipEntry
     record = load_record(files.pseudo_gt_dir)
     return clip_entry(
         paths.root,
-        id=clip.id,
-        clip_path=files.pseudo,
-        images_dir=files.frames_dir,
-        masks_dir=files.masks_dir,
-        camera_motion=record.camera_motion,
-        licence=licence_of(source),
-        source=source,
-        dropped_reason=record.people[0].row_reasons,
-        quality=quality_record(record, 0),
-        recipe=stage_recipe(files.pseudo_gt_dir),
+        ClipFiles(files.pseudo, images=files.frames_dir, masks=files.masks_dir),
+        ClipAbout(
+            id=clip.id,
+            camera_motion=record.camera_motion,
+            licence=licence_of(source),
+            source=source,
+            dropped_reason=record.people[0].row_reasons,
+            quality=quality_record(record, 0),
+            recipe=stage_recipe(files.pseudo_gt_dir),
+        ),
     )

@@ -12,7 +12,6 @@ Layout of .glb and .gltf: the glTF 2.0 specification, sections 3 and 4.4 (binary
 import struct
 from collections import Counter
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import unquote
@@ -20,20 +19,19 @@ from urllib.parse import unquote
 import numpy as np
 from pydantic import Field
 
-from gmrdata.film.render_outputs import T, TruthShapes, read_truth
 from gmrdata.motion.rest_pose import LIMBS
-from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
+from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
 from gmrdata.values.errors import BadCharacter, MissingInput
-from gmrdata.values.files import parse_json, write_npz
+from gmrdata.values.files import parse_json
 from gmrdata.values.joint_names import REQUIRED, joints_by_name
 from gmrdata.values.records import Config
+from gmrdata.values.rendered import CharacterRecord
 from gmrdata.values.transforms import angles_deg
 
 SUFFIXES = (".glb", ".gltf", ".fbx")
 _GLB_HEADER = struct.Struct("<4sII")
 _CHUNK_HEADER = struct.Struct("<I4s")
 _FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX")
-CHARACTER_FILE = "character.npz"
 
 
 def linked_files(path: Path) -> dict[str, Path]:
@@ -144,35 +142,6 @@ class Character(Config):
         """Files that the pictures depend on, by name; errors as of `linked_files`."""
         linked = linked_files(self.path)
         return {"character": self.path} | {f"character/{name}": linked[name] for name in linked}
-
-
-@dataclass(frozen=True, eq=False)
-class CharacterRecord:
-    """What a render with a character knows beside the truth; T frames."""
-
-    joints_world_m: np.ndarray  # (T, 24, 3) heads of the bones, world [m]; NaN without a bone
-    residual_m: np.ndarray  # (T, 24, 3) the same less the body's joints, world axes [m]
-    in_frame: np.ndarray  # (T,) bool: the whole character is inside the image
-    bones: tuple[str, ...]  # 24 names, empty for a joint without a bone
-    scale: float  # by how much the character's file was enlarged
-
-
-def save_character(path: Path, record: CharacterRecord) -> None:
-    """Write `character.npz`; FORMAT.md describes it."""
-    write_npz(path, vars(record) | {"bones": np.array(record.bones)})
-
-
-def load_character(path: Path) -> CharacterRecord:
-    """Read a file by `save_character`; errors as of `read_truth`."""
-    shapes: TruthShapes = {
-        "joints_world_m": ("f", (T, N_JOINTS, 3)),
-        "residual_m": ("f", (T, N_JOINTS, 3)),
-        "in_frame": ("b", (T,)),
-        "bones": ("U", (N_JOINTS,)),
-        "scale": ("f", ()),
-    }
-    joints_m, residual_m, in_frame, bones, scale = read_truth(path, shapes, frames_of="in_frame")
-    return CharacterRecord(joints_m, residual_m, in_frame, tuple(bones.tolist()), float(scale))
 
 
 def residual_figures(record: CharacterRecord) -> dict[str, float]:

@@ -15,7 +15,7 @@ from typing import Any, Literal, TextIO
 
 from pydantic import Field, model_validator
 
-from gmrdata.film.character import CHARACTER_FILE, Character
+from gmrdata.film.character import Character
 from gmrdata.film.people import PersonConfig
 from gmrdata.film.scene import SceneConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -25,6 +25,7 @@ from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import EngineMissing, RenderFailed, RenderOverLimit
 from gmrdata.values.files import write_text
 from gmrdata.values.records import Config
+from gmrdata.values.rendered import CHARACTER_FILE
 from gmrdata.write.video import write_video_of
 
 RENDERER_LINE = "gmrdata-renderer"  # what the probe prints, with the name of what rendered
@@ -188,14 +189,14 @@ def frame_files(out_dir: Path, config: RenderConfig, row: int, n_frames: int) ->
 
 
 def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Any]:
-    """What a recipe adds to a finished folder, as keywords of `manifest.entry.clip_entry`."""
+    """What a recipe adds to a finished folder, as keywords of `manifest.entry.ClipFiles`."""
     files = {"joints": "joints.npz", "video": "video.mp4", "character": CHARACTER_FILE}
     asked = [name for name in (*files, *FOLDERS) if getattr(config, name)]
     outputs: dict[str, Any]
-    outputs = {f"{name}_path": out_dir / files[name] for name in asked if name in files}
-    outputs |= {f"{name}_dir": out_dir / name for name in asked if (out_dir / name).is_dir()}
+    outputs = {name: out_dir / files[name] for name in asked if name in files}
+    outputs |= {name: out_dir / name for name in asked if (out_dir / name).is_dir()}
     extras = [out_dir / EXTRAS_FOLDER / f"{name}.npz" for name in config.scene.extras.names]
-    return outputs | {"extras_paths": extras}
+    return outputs | {"extras": extras}
 
 
 def render_clip(

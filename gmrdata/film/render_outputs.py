@@ -6,7 +6,6 @@ stored, colours in the order blue, green, red.  The flow's form is that of KITTI
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -14,12 +13,13 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.read.frames import decoded
-from gmrdata.values.body import N_JOINTS, BodyModel
+from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import in_frame, project_cam
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import BadFrames, BadMotionFile
-from gmrdata.values.files import read_npz, write_bytes, write_npz
+from gmrdata.values.errors import BadFrames
+from gmrdata.values.files import write_bytes
 from gmrdata.values.records import Record
+from gmrdata.values.rendered import Joints2d
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
 
@@ -32,28 +32,6 @@ CLEARANCE_FILE = "clearance.json"
 IN_FRAME = "in_frame_share"
 """The manifest's figure: share of a clip's frames with the whole person in frame."""
 CHUNK_FRAMES = 64
-T = -1  # stands for the number of frames in `TruthShapes`
-TruthShapes = Mapping[str, tuple[str, tuple[int, ...]]]
-JOINT_ARRAYS: TruthShapes = {
-    "joints_world_m": ("f", (T, N_JOINTS, 3)),
-    "joints_camera_m": ("f", (T, N_JOINTS, 3)),
-    "joints_px": ("f", (T, N_JOINTS, 2)),
-    "in_frame": ("b", (T, N_JOINTS)),
-    "visible": ("b", (T, N_JOINTS)),
-}
-"""The fields of `Joints2d`, as they are called in its file."""
-
-
-@dataclass(frozen=True, eq=False)
-class Joints2d:
-    """Joints of T frames, in the order of `gmrdata.values.body.JOINT_NAMES`."""
-
-    world_m: np.ndarray  # (T, 24, 3) places in the world [m]
-    camera_m: np.ndarray  # (T, 24, 3) places in the camera's OpenCV axes [m]
-    image_px: np.ndarray  # (T, 24, 2) image points; NaN behind the camera
-    in_frame: np.ndarray  # (T, 24) bool: in front of the camera and inside the image
-    visible: np.ndarray
-    """(T, 24) bool: in the frame, and neither the scene nor another part of the body hides it."""
 
 
 def project_joints(clip: Clip, body: BodyModel) -> Joints2d:
@@ -65,29 +43,6 @@ def project_joints(clip: Clip, body: BodyModel) -> Joints2d:
     size_px = (camera.width_px, camera.height_px)
     in_frame = ((image_px >= 0) & (image_px < size_px)).all(axis=-1)  # False for NaN
     return Joints2d(world_m, camera_m, image_px, in_frame, in_frame)
-
-
-def save_joints(path: Path, joints: Joints2d) -> None:
-    """Write `joints.npz`; FORMAT.md describes it."""
-    write_npz(path, dict(zip(JOINT_ARRAYS, vars(joints).values(), strict=True)))
-
-
-def load_joints(path: Path) -> Joints2d:
-    """Read a file by `save_joints`; errors as of `read_truth`."""
-    return Joints2d(*read_truth(path, JOINT_ARRAYS, frames_of="joints_px"))
-
-
-def read_truth(path: Path, shapes: TruthShapes, frames_of: str) -> list[np.ndarray]:
-    """The arrays of a file of truth, in the order of `shapes`: kind (numpy's letter) and shape.
-    The first axis of the array `frames_of` tells the number of frames."""
-    arrays = read_npz(path)
-    n_frames = len(np.atleast_1d(arrays.get(frames_of, ())))
-    for key, (kind, shape) in shapes.items():
-        found = arrays.get(key)
-        wanted = tuple(n_frames if length == T else length for length in shape)
-        if found is None or found.dtype.kind != kind or found.shape != wanted:
-            raise BadMotionFile(f"{path}: no array {key!r} of shape {wanted}; render it again")
-    return [arrays[key] for key in shapes]
 
 
 def write_depth(path: Path, depth_m: np.ndarray) -> None:

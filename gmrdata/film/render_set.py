@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from gmrdata.film.character import CHARACTER_FILE, load_character, residual_figures
+from gmrdata.film.character import residual_figures
 from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
 from gmrdata.film.set_plan import Selection, SyntheticRecipe, Take, plan_takes, select
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality
-from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, created_by, stage_recipe
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.motion.cmu import fetch_command
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import keep_body
@@ -22,6 +22,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import remove_orphans, write_text
+from gmrdata.values.rendered import CHARACTER_FILE, load_character
 
 DESCRIPTION = "rendering frames"
 RETRIES = 1  # how often a crashed Blender process is started again
@@ -128,12 +129,14 @@ def _write_listing(
     recorded = recipe.model_dump(mode="json", exclude={"workers"})
     write_manifest(
         out_dir / "synthetic.yaml",
-        name=recipe.name,
-        version=f"{recipe.version}{tag}",
-        kind="synthetic",
-        description="Rendered clips with exact cameras and exact world motions.",
-        licence=f"clips as stated by each; body: {body.licence}",
-        clips=entries,
+        ManifestHead(
+            name=recipe.name,
+            version=f"{recipe.version}{tag}",
+            description="Rendered clips with exact cameras and exact world motions.",
+            kind="synthetic",
+            licence=f"clips as stated by each; body: {body.licence}",
+        ),
+        entries,
         created_by=created_by(recorded, {"render": recipe.seed}),
         redo=run.redo or incomplete,
     )
@@ -169,14 +172,18 @@ def _entry(out_dir: Path, take: Take, body: BodyModel, config: RenderConfig) -> 
         licence = f"{licence}; character: {config.character.licence}"
     return clip_entry(
         out_dir,
-        id=take.id,
-        clip_path=folder / "clip.npz",
-        images_dir=folder / "frames",
-        masks_dir=folder / "masks",
-        **optional_outputs(folder, config),
-        camera_motion=take.camera_motion,
-        licence=licence,
-        source=source,
-        quality=Quality(geometry="exact", figures={**figures, **clearance_figures(folder)}),
-        recipe=stage_recipe(folder),
+        ClipFiles(
+            folder / "clip.npz",
+            images=folder / "frames",
+            masks=folder / "masks",
+            **optional_outputs(folder, config),
+        ),
+        ClipAbout(
+            id=take.id,
+            camera_motion=take.camera_motion,
+            licence=licence,
+            source=source,
+            quality=Quality(geometry="exact", figures={**figures, **clearance_figures(folder)}),
+            recipe=stage_recipe(folder),
+        ),
     )

@@ -5,14 +5,13 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from gmrdata.film.character import load_character
-from gmrdata.film.render_outputs import load_joints
 from gmrdata.manifest.current import Clip
 from gmrdata.manifest.read import rows_in
 from gmrdata.read.frames import number_in_name
 from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.rendered import load_character, load_joints
 
 ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations are stored in float64
 

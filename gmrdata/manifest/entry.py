@@ -6,6 +6,7 @@ What made it is said without times and machine paths.
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from pydantic import ValidationError
 from gmrdata import __version__
 from gmrdata.manifest import current
 from gmrdata.manifest.current import DroppedRange, Extra, FrameRange
-from gmrdata.manifest.listing import FOLDERS, file_record, folder_record
+from gmrdata.manifest.listing import FILES, FOLDERS, file_record, folder_record
 from gmrdata.stage.store import StageRecord, package_versions
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadManifest
@@ -68,75 +69,81 @@ def without_machine_paths(value: Any) -> Any:
     return value
 
 
-def clip_entry(
-    root: Path,
-    *,
-    clip_path: Path,
-    camera_motion: current.CameraMotion,
-    licence: str,
-    source: current.Source,
-    id: str | None = None,
-    images_dir: Path | None = None,
-    masks_dir: Path | None = None,
-    depth_dir: Path | None = None,
-    normals_dir: Path | None = None,
-    flow_dir: Path | None = None,
-    instances_dir: Path | None = None,
-    joints_path: Path | None = None,
-    video_path: Path | None = None,
-    extras_paths: Sequence[Path] = (),
-    character_path: Path | None = None,
-    dropped_reason: str | Sequence[str] = "not valid in the clip's file",
-    quality: current.Quality | None = None,
-    recipe: current.Recipe | None = None,
-) -> current.Clip:
+@dataclass(frozen=True)
+class ClipFiles:
+    """Files and folders of a clip that a stage left, by the manifest's fields."""
+
+    clip: Path
+    images: Path | None = None
+    """The other folders have a file for each image in it."""
+    masks: Path | None = None
+    depth: Path | None = None
+    normals: Path | None = None
+    flow: Path | None = None
+    instances: Path | None = None
+    joints: Path | None = None
+    video: Path | None = None
+    character: Path | None = None
+    extras: Sequence[Path] = ()
+    """The extras' files, in the order of their instance numbers from 2 on."""
+
+
+@dataclass(frozen=True)
+class ClipAbout:
+    """What a manifest says of a clip beside its files."""
+
+    camera_motion: current.CameraMotion
+    licence: str
+    source: current.Source
+    dropped_reason: str | Sequence[str] = "not valid in the clip's file"
+    """Why rows are not valid: one reason, or T reasons; a row with a reason of its own is dropped,
+    valid in the file or not."""
+    quality: current.Quality | None = None
+    recipe: current.Recipe | None = None
+    id: str | None = None
+    """The clip's id if one is expected; the file must agree."""
+
+
+def clip_entry(root: Path, files: ClipFiles, about: ClipAbout) -> current.Clip:
     """Make a clip's manifest entry from the files that a stage left; hashes them all.
 
     The kept ranges are the rows where the clip's `valid` is True and no reason speaks against
     them.  The listing of a folder `a/frames` goes to `root/listings/a/frames.tsv`, outside the
-    stage's finished folder.
-
-    Args:
-        root: The manifest's folder; everything lies below it.
-        id: The clip's id if the caller expects one; the file must agree.
-        images_dir: The other folders have a file for each image in it.
-        extras_paths: The extras' files, in the order of their instance numbers from 2 on.
-        dropped_reason: Why rows are not valid: one reason, or T reasons; a row with a reason of its
-            own is dropped, valid in the file or not.
+    stage's finished folder.  `root` is the manifest's folder.
     """
-    clip = load_clip(clip_path)
-    if id is not None and id != clip.id:
-        raise BadManifest(f"{clip_path}: holds clip {clip.id}, not {id}")
-    ranges = list(text_runs(_reasons(clip_path, dropped_reason, clip.valid)))
+    clip = load_clip(files.clip)
+    if about.id not in (None, clip.id):
+        raise BadManifest(f"{files.clip}: holds clip {clip.id}, not {about.id}")
+    ranges = list(text_runs(_reasons(files.clip, about.dropped_reason, clip.valid)))
     try:
         entry = current.Clip(
             id=clip.id,
-            source=source,
-            licence=licence,
+            source=about.source,
+            licence=about.licence,
             body=clip.motion.body,
             fps_hz=clip.motion.fps_hz,
             n_frames=clip.motion.n_frames,
             frame=clip.motion.frame,
             translation_of="smpl_transl",
-            camera_motion=camera_motion,
+            camera_motion=about.camera_motion,
             kept=tuple(FrameRange(start=a, stop=b) for a, b, why in ranges if not why),
             dropped=tuple(DroppedRange(start=a, stop=b, reason=why) for a, b, why in ranges if why),
-            arrays=file_record(root, clip_path),
-            quality=quality,
-            recipe=recipe,
+            arrays=file_record(root, files.clip),
+            quality=about.quality,
+            recipe=about.recipe,
         )
     except ValidationError as error:
-        raise BadManifest(f"{clip_path}: clip {clip.id} can't be listed: {error}") from None
-    dirs = (images_dir, masks_dir, depth_dir, normals_dir, flow_dir, instances_dir)
-    by_field = zip(FOLDERS, dirs, strict=True)
-    folders = {key: path and folder_record(root, path) for key, path in by_field}
-    files = {"joints": joints_path, "video": video_path, "character": character_path}
-    extras = (file_record(root, path) for path in extras_paths)
-    return entry.model_copy(
-        update=folders
-        | {key: path and file_record(root, path) for key, path in files.items()}
-        | {"extras": tuple(Extra(instance=i, arrays=file) for i, file in enumerate(extras, 2))}
-    )
+        raise BadManifest(f"{files.clip}: clip {clip.id} can't be listed: {error}") from None
+    return entry.model_copy(update=_records(root, files))
+
+
+def _records(root: Path, files: ClipFiles) -> dict[str, Any]:
+    """The records of folders and files, by the manifest's fields."""
+    folders = ((key, getattr(files, key), folder_record) for key in FOLDERS)
+    single = ((key, getattr(files, key), file_record) for key in FILES)
+    found = {key: path and record(root, path) for key, path, record in (*folders, *single)}
+    extras = enumerate((file_record(root, path) for path in files.extras), 2)
+    return found | {"extras": tuple(Extra(instance=i, arrays=file) for i, file in extras)}
 
 
 def _reasons(clip_path: Path, reason: str | Sequence[str], valid: np.ndarray) -> list[str]:

@@ -28,8 +28,9 @@ ADAPTER: TypeAdapter[Manifest | ListManifest] = TypeAdapter(AnyManifest)
 MAX_PROBLEMS = 50
 
 
-def read_manifest(path: Path) -> Manifest | ListManifest:
+def read_manifest(path: str | Path) -> Manifest | ListManifest:
     """Read a manifest, not its files; a BadManifest names each wrong field with line and path."""
+    path = Path(path)
     yaml_text.require_size(path, clip_lines.MAX_BYTES)
     found = clip_lines.load(path)
     data, lines = yaml_text.load(path) if found is None else found[:2]
@@ -53,13 +54,14 @@ def read_manifest(path: Path) -> Manifest | ListManifest:
         raise BadManifest(join_problems(path, problems)) from None
 
 
-def load_clips(path: Path) -> list[Clip]:
+def load_clips(path: str | Path) -> list[Clip]:
     """Load every clip of a manifest; `valid` is False outside the manifest's kept ranges.
 
     Hashes are not checked here, `gmrdata manifest check` does that.  BadManifest also where a
     clip's file has another id or length than the manifest says, or the manifest is a list without
     files.
     """
+    path = Path(path)
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
         raise BadManifest(

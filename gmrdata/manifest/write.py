@@ -1,6 +1,7 @@
 """Write manifests: same content, same bytes; a version that is out stays as it is."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -14,39 +15,41 @@ from gmrdata.values.errors import BadManifest
 from gmrdata.values.files import write_text
 
 
+@dataclass(frozen=True)
+class ManifestHead:
+    """What a manifest says of all of its clips."""
+
+    name: str
+    version: str
+    description: str
+    kind: str
+    """"synthetic", "pseudo_gt", "motions", or "list" for clips without files."""
+    licence: str
+
+
 def write_manifest(
     path: Path,
-    *,
-    name: str,
-    version: str,
-    description: str,
-    kind: str,
-    licence: str,
+    head: ManifestHead,
     clips: Sequence[Clip] | Sequence[ListedClip],
     created_by: CreatedBy | None = None,
+    *,
     redo: bool = False,
 ) -> Path:
     """Write a manifest as a whole or not at all; a file that says the same is left alone.
 
     Args:
         path: The files of the clips lie below its folder.
-        kind: "synthetic", "pseudo_gt", "motions", or "list" for clips without files.
         clips: Written in order of id; or, for a list, in the order given.
         created_by: Versions alone where left out.
         redo: Replace a manifest of the same name and version but other content.
     """
-    head = {
+    data = vars(head) | {
         "format": FORMAT,
-        "name": name,
-        "version": version,
-        "description": description,
-        "licence": licence,
         "created_by": created_by or made_now(),
-        "kind": kind,
-        "clips": clips if kind == "list" else sorted(clips, key=lambda clip: clip.id),
+        "clips": clips if head.kind == "list" else sorted(clips, key=lambda clip: clip.id),
     }
     try:
-        manifest = ADAPTER.validate_python(head)
+        manifest = ADAPTER.validate_python(data)
     except ValidationError as error:
         raise BadManifest(f"{path}: can't be written: {error}") from None
     text = manifest_text(manifest)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry, stage_recipe
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
 from gmrdata.read.bodies import keep_bodies
@@ -151,11 +151,13 @@ def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
         figures["mean_tilt_deg"] = float(tilt_deg)
     return clip_entry(
         out_dir,
-        clip_path=folder / CLIP_FILE,
-        camera_motion=camera_motion,
-        licence=LICENCE,
-        source=Source(dataset="EMDB", sequence=clip.id.replace("_", "/", 1)),
-        dropped_reason=about.reasons,
-        quality=Quality(figures=figures),
-        recipe=stage_recipe(folder),
+        ClipFiles(folder / CLIP_FILE),
+        ClipAbout(
+            camera_motion=camera_motion,
+            licence=LICENCE,
+            source=Source(dataset="EMDB", sequence=clip.id.replace("_", "/", 1)),
+            dropped_reason=about.reasons,
+            quality=Quality(figures=figures),
+            recipe=stage_recipe(folder),
+        ),
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import clip_entry, stage_recipe
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
 from gmrdata.read import human36m as files
@@ -128,10 +128,12 @@ def _entries(
     for path in sorted(folder.glob("*.npz")):
         yield clip_entry(
             out_dir,
-            clip_path=path,
-            camera_motion="static",
-            licence=LICENCE,
-            source=Source(dataset="Human3.6M", sequence=path.stem.replace(".", "/")),
-            dropped_reason="no finite SMPL parameters in the file",
-            recipe=stage_recipe(folder),
+            ClipFiles(path),
+            ClipAbout(
+                camera_motion="static",
+                licence=LICENCE,
+                source=Source(dataset="Human3.6M", sequence=path.stem.replace(".", "/")),
+                dropped_reason="no finite SMPL parameters in the file",
+                recipe=stage_recipe(folder),
+            ),
         )

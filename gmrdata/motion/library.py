@@ -16,8 +16,8 @@ import numpy as np
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, created_by, stage_recipe
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.motion.amass import chosen_body
 from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG, LIES
@@ -262,12 +262,14 @@ def make_entry(
     figures = ReadingRecord.read(folder / READING_FILE).residual_deg
     return clip_entry(
         out_dir,
-        clip_path=folder / "clip.npz",
-        camera_motion="none",
-        licence=licence_of(file.source),
-        source=file.source,
-        quality=Quality(figures=figures) if figures else None,
-        recipe=stage_recipe(folder),
+        ClipFiles(folder / "clip.npz"),
+        ClipAbout(
+            camera_motion="none",
+            licence=licence_of(file.source),
+            source=file.source,
+            quality=Quality(figures=figures) if figures else None,
+            recipe=stage_recipe(folder),
+        ),
     )
 
 
@@ -285,12 +287,10 @@ def write_motions(
     """Write `out_dir/<file_name>.yaml`, a manifest of motions."""
     return write_manifest(
         out_dir / f"{file_name}.yaml",
-        name=name,
-        version="1.0.0",
-        description=description,
-        kind="motions",
-        licence=licence,
-        clips=clips,
+        ManifestHead(
+            name=name, version="1.0.0", description=description, kind="motions", licence=licence
+        ),
+        clips,
         created_by=created_by(recipe),
         redo=run.redo,
     )

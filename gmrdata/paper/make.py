@@ -11,9 +11,9 @@ from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.runs import ClipFile, usable_files
 from gmrdata.gmr.split import split_manifests
 from gmrdata.manifest.current import Clip
-from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.read import rows_in
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.paper import ScaleName, comparison
 from gmrdata.paper.plan import Given, Plan, plan_table
 from gmrdata.paper.recipe import Row, TableRecipe, train_config
@@ -41,12 +41,14 @@ def held_out_set(
             raise BadManifest(f"held-out clips of one id in two manifests: {', '.join(twice)}")
         write_manifest(
             partial_dir / "manifest.yaml",
-            name="held_out",
-            version="1.0.0",
-            description=f"Clips of {', '.join(map(str, config.held_out_subjects))}, to score.",
-            kind="motions",
-            licence="as stated by each clip",
-            clips=[_copied(file, partial_dir) for file in files],
+            ManifestHead(
+                name="held_out",
+                version="1.0.0",
+                description=f"Clips of {', '.join(map(str, config.held_out_subjects))}, to score.",
+                kind="motions",
+                licence="as stated by each clip",
+            ),
+            [_copied(file, partial_dir) for file in files],
         )
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
@@ -61,11 +63,13 @@ def _copied(file: ClipFile, folder: Path) -> Clip:
     write_npz(path, arrays | {"valid": arrays["valid"] & rows_in(entry.kept, entry.n_frames)})
     return clip_entry(
         folder,
-        clip_path=path,
-        id=entry.id,
-        camera_motion=entry.camera_motion,
-        licence=entry.licence,
-        source=entry.source,
+        ClipFiles(path),
+        ClipAbout(
+            id=entry.id,
+            camera_motion=entry.camera_motion,
+            licence=entry.licence,
+            source=entry.source,
+        ),
     )
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.manifest.entry import created_by
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.threedpw_layout import (
     SequenceFiles,
@@ -179,13 +179,15 @@ def _list(
         return
     write_manifest(
         paths.manifest,
-        name=recipe.name,
-        version=f"{recipe.version}-incomplete" if reasons else recipe.version,
-        kind="pseudo_gt",
-        description="World-frame pseudo ground truth, regenerated from frames, intrinsics and "
-        "camera-frame bodies.",
-        licence=recipe.licence,
-        clips=[entry for files in done for entry in sequence_entries(files, recipe, paths)],
+        ManifestHead(
+            name=recipe.name,
+            version=f"{recipe.version}-incomplete" if reasons else recipe.version,
+            description="World-frame pseudo ground truth, regenerated from frames, intrinsics and "
+            "camera-frame bodies.",
+            kind="pseudo_gt",
+            licence=recipe.licence,
+        ),
+        [entry for files in done for entry in sequence_entries(files, recipe, paths)],
         created_by=created_by(
             recipe.model_dump(mode="json", exclude={"workers"}), {"sfm": recipe.sequence.sfm.seed}
         ),

@@ -9,7 +9,7 @@ import numpy as np
 from gmrdata.cameras.files import QUALITY_FILE
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import clip_entry, stage_recipe
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
 from gmrdata.solve.sequence import solve_sequence
@@ -79,13 +79,15 @@ def sequence_entries(
     return [
         clip_entry(
             paths.root,
-            clip_path=folder / person_file(number),
-            camera_motion=record.camera_motion,
-            licence=recipe.licence,
-            source=Source(dataset="3DPW", sequence=files.name, person=str(number)),
-            dropped_reason=judged.row_reasons,
-            quality=quality_record(record, number),
-            recipe=stage_recipe(folder),
+            ClipFiles(folder / person_file(number)),
+            ClipAbout(
+                camera_motion=record.camera_motion,
+                licence=recipe.licence,
+                source=Source(dataset="3DPW", sequence=files.name, person=str(number)),
+                dropped_reason=judged.row_reasons,
+                quality=quality_record(record, number),
+                recipe=stage_recipe(folder),
+            ),
         )
         for number, judged in enumerate(record.people)
     ]

@@ -70,7 +70,7 @@ def rows_of_numbers(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.array([row_of_number.get(int(n), -1) for n in wanted], dtype=np.int64)
 
 
-def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
+def save_clip(path: str | Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
     """Write a clip as an .npz with AMASS's keys, camera keys beside them, and no pickled objects.
 
     AMASS's `trans` is not the pelvis: pelvis = trans + J0.  It is converted here and back in
@@ -100,14 +100,16 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
             "world_from_cam": clip.camera.world_from_cam,
             "has_camera": clip.camera.has_camera,
         }
+    path = Path(path)
     _check(path, {key: np.asarray(value) for key, value in arrays.items()})
     write_npz(path, arrays)
 
 
-def load_clip(path: Path) -> Clip:
+def load_clip(path: str | Path) -> Clip:
     """Read a clip that `save_clip` wrote; BadMotionFile where the file is not a whole such clip."""
     from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
 
+    path = Path(path)
     arrays = read_npz(path)
     _check(path, arrays)
     rotmats = Rotation.from_rotvec(arrays["poses"].reshape(-1, 3)).as_matrix()

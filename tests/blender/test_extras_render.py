@@ -14,9 +14,9 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
@@ -171,22 +171,28 @@ def test_flow_on_the_car_is_its_rigid_motion(filmed: Path, instances: np.ndarray
 def test_the_manifest_lists_the_extras(filmed: Path) -> None:
     entry = clip_entry(
         filmed.parent,
-        clip_path=filmed / "clip.npz",
-        images_dir=filmed / "frames",
-        masks_dir=filmed / "masks",
-        **optional_outputs(filmed, CONFIG),
-        camera_motion="panning",
-        licence="CC0-1.0",
-        source=Source(dataset="gmrdata", sequence="walk"),
+        ClipFiles(
+            filmed / "clip.npz",
+            images=filmed / "frames",
+            masks=filmed / "masks",
+            **optional_outputs(filmed, CONFIG),
+        ),
+        ClipAbout(
+            camera_motion="panning",
+            licence="CC0-1.0",
+            source=Source(dataset="gmrdata", sequence="walk"),
+        ),
     )
     path = write_manifest(
         filmed.parent / "set.yaml",
-        name="extras",
-        version="1.0.0",
-        description="A clip with extras.",
-        kind="synthetic",
-        licence="CC0-1.0",
-        clips=[entry],
+        ManifestHead(
+            name="extras",
+            version="1.0.0",
+            description="A clip with extras.",
+            kind="synthetic",
+            licence="CC0-1.0",
+        ),
+        [entry],
     )
     check_manifest(path)
     listed = read_manifest(path).clips[0]

@@ -9,7 +9,7 @@ import pytest
 
 from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.film.render import RenderConfig, frame_files, render_clip
-from gmrdata.film.render_outputs import load_joints, read_depth, read_flow, read_normals
+from gmrdata.film.render_outputs import read_depth, read_flow, read_normals
 from gmrdata.film.scene import SceneConfig
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, BodyModel
@@ -18,6 +18,7 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import RenderFailed
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
+from gmrdata.values.rendered import load_joints
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
 

@@ -14,17 +14,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gmrdata.film.character import (
-    Character,
-    CharacterRecord,
-    limb_angles_deg,
-    load_character,
-    residual_figures,
-    save_character,
-)
+from gmrdata.film.character import Character, limb_angles_deg, residual_figures
 from gmrdata.film.programmes import Static, camera_path
 from gmrdata.film.render import RenderConfig, render_clip
-from gmrdata.film.render_outputs import load_joints
 from gmrdata.film.render_set import render_set
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe
@@ -39,6 +31,7 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadManifest, RenderFailed
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
+from gmrdata.values.rendered import CharacterRecord, load_character, load_joints, save_character
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 pytestmark = pytest.mark.slow

@@ -15,19 +15,17 @@ from pydantic import ValidationError
 from gmrdata.cli.demo_recipe import DemoRecipe
 from gmrdata.film.character import (
     Character,
-    CharacterRecord,
     find_bones,
     joint_of_bone,
     limb_angles_deg,
     linked_files,
-    load_character,
     residual_figures,
-    save_character,
 )
 from gmrdata.film.render import full_json
 from gmrdata.film.set_plan import SyntheticRecipe, render_config
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
 from gmrdata.values.errors import BadCharacter, BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.rendered import CharacterRecord, load_character, save_character
 
 FILE = Path("someone.glb")
 SCENE: dict[str, Any] = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4}]}

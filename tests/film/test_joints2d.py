@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from gmrdata.film.camera_moves import look_at
-from gmrdata.film.render_outputs import load_joints, project_joints, save_joints
+from gmrdata.film.render_outputs import project_joints
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion
+from gmrdata.values.rendered import load_joints, save_joints
 from gmrdata.values.transforms import rigid
 
 

@@ -13,9 +13,9 @@ from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.split import cmu_trial, split_manifests, subject_of
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.read.body_file import save_body
 from gmrdata.stage import recipes
 from gmrdata.values.body import BodyModel
@@ -50,17 +50,17 @@ def make_manifest(
             save_clip(path, replace(clip, id=clip_id), small_body.rest_pelvis_m(clip.motion.shape))
             entries.append(
                 clip_entry(
-                    folder, clip_path=path, camera_motion="none", licence="CC0-1.0", source=source
+                    folder,
+                    ClipFiles(path),
+                    ClipAbout(camera_motion="none", licence="CC0-1.0", source=source),
                 )
             )
         return write_manifest(
             folder / f"{name}.yaml",
-            name=name,
-            version="1.0.0",
-            description="Clips.",
-            kind="motions",
-            licence="CC0-1.0",
-            clips=entries,
+            ManifestHead(
+                name=name, version="1.0.0", description="Clips.", kind="motions", licence="CC0-1.0"
+            ),
+            entries,
         )
 
     return make

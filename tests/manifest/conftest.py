@@ -12,8 +12,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry, created_by
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, created_by
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.motion import Motion
@@ -63,30 +63,36 @@ def finished_data_set(walk_clip: Clip, tmp_path_factory: pytest.TempPathFactory)
     save_clip(root / "clips" / "bare.npz", bare, REST_PELVIS_M)
     walk = clip_entry(
         root,
-        clip_path=root / "clips" / "walk.npz",
-        images_dir=root / "frames",
-        masks_dir=root / "masks",
-        camera_motion="circular",
-        licence="CC0-1.0",
-        source=Source(dataset="gmrdata", sequence="walk"),
-        dropped_reason="no camera found",
-        quality=Quality(geometry="exact", registered_share=5 / 6, figures={"speed_m_per_s": 1.2}),
+        ClipFiles(root / "clips" / "walk.npz", images=root / "frames", masks=root / "masks"),
+        ClipAbout(
+            camera_motion="circular",
+            licence="CC0-1.0",
+            source=Source(dataset="gmrdata", sequence="walk"),
+            dropped_reason="no camera found",
+            quality=Quality(
+                geometry="exact", registered_share=5 / 6, figures={"speed_m_per_s": 1.2}
+            ),
+        ),
     )
     still = clip_entry(
         root,
-        clip_path=root / "clips" / "bare.npz",
-        camera_motion="none",
-        licence="CC0-1.0",
-        source=Source(dataset="gmrdata", sequence="walk"),
+        ClipFiles(root / "clips" / "bare.npz"),
+        ClipAbout(
+            camera_motion="none",
+            licence="CC0-1.0",
+            source=Source(dataset="gmrdata", sequence="walk"),
+        ),
     )
     write_manifest(
         root / "set.yaml",
-        name="set",
-        version="1.0.0",
-        description="Two clips for tests.",
-        kind="synthetic",
-        licence="CC0-1.0",
-        clips=[walk, still],
+        ManifestHead(
+            name="set",
+            version="1.0.0",
+            description="Two clips for tests.",
+            kind="synthetic",
+            licence="CC0-1.0",
+        ),
+        [walk, still],
         created_by=created_by({"seed": 7}, {"all": 7}),
     )
     return root

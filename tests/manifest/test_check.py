@@ -11,14 +11,14 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from gmrdata.film.render_outputs import Joints2d, save_joints
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.listing import file_record, folder_record
 from gmrdata.manifest.read import load_clips, read_manifest
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, MissingInput
+from gmrdata.values.rendered import Joints2d, save_joints
 
 Edit = Callable[[Callable[[dict], None]], Path]
 WALK = 1
@@ -74,28 +74,30 @@ def with_extras(data_set: Path, clip: Clip) -> Path:
     old = read_manifest(data_set / "set.yaml").clips[WALK]
     entry = clip_entry(
         data_set,
-        clip_path=data_set / "clips" / "walk.npz",
-        images_dir=data_set / "frames",
-        masks_dir=data_set / "masks",
-        depth_dir=data_set / "depth",
-        normals_dir=data_set / "normals",
-        flow_dir=data_set / "flow",
-        instances_dir=data_set / "instances",
-        extras_paths=[data_set / "passer_by_1.npz", data_set / "car_1.npz"],
-        joints_path=data_set / "joints.npz",
-        video_path=data_set / "video.mp4",
-        camera_motion="circular",
-        licence="CC0-1.0",
-        source=old.source,
+        ClipFiles(
+            data_set / "clips" / "walk.npz",
+            images=data_set / "frames",
+            masks=data_set / "masks",
+            depth=data_set / "depth",
+            normals=data_set / "normals",
+            flow=data_set / "flow",
+            instances=data_set / "instances",
+            extras=[data_set / "passer_by_1.npz", data_set / "car_1.npz"],
+            joints=data_set / "joints.npz",
+            video=data_set / "video.mp4",
+        ),
+        ClipAbout(camera_motion="circular", licence="CC0-1.0", source=old.source),
     )
     return write_manifest(
         data_set / "more.yaml",
-        name="more",
-        version="1.0.0",
-        description="A clip with everything.",
-        kind="synthetic",
-        licence="CC0-1.0",
-        clips=[entry],
+        ManifestHead(
+            name="more",
+            version="1.0.0",
+            description="A clip with everything.",
+            kind="synthetic",
+            licence="CC0-1.0",
+        ),
+        [entry],
     )
 
 
@@ -137,12 +139,14 @@ def test_passes_of_other_images_are_found(data_set: Path, walk_clip: Clip) -> No
     changed["joints"] = file_record(data_set, data_set / "joints.npz")
     path = write_manifest(
         data_set / "wrong.yaml",
-        name="wrong",
-        version="1.0.0",
-        description="The files don't fit the clip.",
-        kind="synthetic",
-        licence="CC0-1.0",
-        clips=[walk_only.model_copy(update=changed)],
+        ManifestHead(
+            name="wrong",
+            version="1.0.0",
+            description="The files don't fit the clip.",
+            kind="synthetic",
+            licence="CC0-1.0",
+        ),
+        [walk_only.model_copy(update=changed)],
     )
     refused(
         path,
@@ -353,22 +357,22 @@ def test_row_without_its_mask(data_set: Path) -> None:
     walk = read_manifest(data_set / "set.yaml").clips[WALK]
     entry = clip_entry(
         data_set,
-        clip_path=data_set / "clips" / "walk.npz",
-        images_dir=data_set / "frames",
-        masks_dir=data_set / "masks",
-        camera_motion="circular",
-        licence="CC0-1.0",
-        source=walk.source,
+        ClipFiles(
+            data_set / "clips" / "walk.npz", images=data_set / "frames", masks=data_set / "masks"
+        ),
+        ClipAbout(camera_motion="circular", licence="CC0-1.0", source=walk.source),
     )
     path = data_set / "again.yaml"
     write_manifest(
         path,
-        name="again",
-        version="1.0.0",
-        description="One mask is missing.",
-        kind="synthetic",
-        licence="CC0-1.0",
-        clips=[entry],
+        ManifestHead(
+            name="again",
+            version="1.0.0",
+            description="One mask is missing.",
+            kind="synthetic",
+            licence="CC0-1.0",
+        ),
+        [entry],
     )
     refused(path, "clip walk: masks.folder: none of number 4, which a row names")
 

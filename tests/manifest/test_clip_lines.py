@@ -11,17 +11,11 @@ from hypothesis import strategies as st
 from gmrdata.manifest import clip_lines, yaml_text
 from gmrdata.manifest.current import Clip, CreatedBy, Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import manifest_text, write_manifest
+from gmrdata.manifest.write import ManifestHead, manifest_text, write_manifest
 from gmrdata.values.errors import BadManifest
 
-HEAD = {
-    "created_by": CreatedBy(gmrdata="0.1.0"),
-    "name": "many",
-    "version": "1.0.0",
-    "description": "d",
-    "licence": "l",
-    "kind": "motions",
-}
+HEAD = ManifestHead(name="many", version="1.0.0", description="d", licence="l", kind="motions")
+BY = CreatedBy(gmrdata="0.1.0")
 
 
 def a_clip(number: int, licence: str = "CC0") -> Clip:
@@ -41,7 +35,7 @@ def a_clip(number: int, licence: str = "CC0") -> Clip:
 def long_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(clip_lines, "LINES_FROM", 3)
     clips = [a_clip(0, '\x85\u2028 1e-05, "x\\'), a_clip(1, "née 𝄞\x7f"), a_clip(2)]
-    return write_manifest(tmp_path / "many.yaml", clips=clips, **HEAD)
+    return write_manifest(tmp_path / "many.yaml", HEAD, clips, BY)
 
 
 def test_all_readers_find_the_same(long_manifest: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,7 +109,7 @@ def test_deep_nesting_and_size_are_limited(
 
 
 def test_a_short_manifest_is_written_for_people(tmp_path: Path) -> None:
-    path = write_manifest(tmp_path / "few.yaml", clips=[a_clip(1)], **HEAD)
+    path = write_manifest(tmp_path / "few.yaml", HEAD, [a_clip(1)], BY)
     assert clip_lines.load(path) is None
     assert isinstance(read_manifest(path), Manifest)
     assert yaml_text.load(path)[0]["clips"][0]["id"] == "c1"

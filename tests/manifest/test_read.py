@@ -3,12 +3,14 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.stage.recipes import published_manifest
 from gmrdata.values import limits
+from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import BadManifest
 
 Edit = Callable[[Callable[[dict], None]], Path]
@@ -172,3 +174,13 @@ def test_trial_names_stay_text(tmp_path: Path) -> None:
 def test_lists_have_no_clips_to_load() -> None:
     with pytest.raises(BadManifest, match="only lists clips"):
         load_clips(published_manifest("paper_table7"))
+
+
+def test_paths_may_be_text(data_set: Path) -> None:
+    path = str(data_set / "set.yaml")
+    assert read_manifest(path).name == "set" and [clip.id for clip in load_clips(path)] == [
+        clip.id for clip in load_clips(data_set / "set.yaml")
+    ]
+    clip = load_clip(str(data_set / "clips" / "walk.npz"))
+    save_clip(str(data_set / "again.npz"), clip, np.zeros(3))
+    assert load_clip(str(data_set / "again.npz")).id == clip.id == "walk"

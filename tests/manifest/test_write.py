@@ -4,7 +4,7 @@ import hashlib
 import json
 import subprocess
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +13,22 @@ import pytest
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import ListManifest, Source
-from gmrdata.manifest.entry import clip_entry, created_by, recipe_sha256, stage_recipe
+from gmrdata.manifest.entry import (
+    ClipAbout,
+    ClipFiles,
+    clip_entry,
+    created_by,
+    recipe_sha256,
+    stage_recipe,
+)
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.stage.store import run_stage
 from gmrdata.values import clip as clip_file
 from gmrdata.values.errors import BadManifest, BadRecord, MissingInput
 from gmrdata.values.records import Config
 
+HEAD = [field.name for field in fields(ManifestHead)]
 ENTRY: dict[str, Any] = {
     "camera_motion": "circular",
     "licence": "CC0-1.0",
@@ -31,9 +39,10 @@ ENTRY: dict[str, Any] = {
 def rewritten(root: Path, path: Path, **changed: Any) -> Path:
     manifest = read_manifest(root / "set.yaml")
     assert not isinstance(manifest, ListManifest)
-    fields = {name: getattr(manifest, name) for name in type(manifest).model_fields}
-    del fields["format"]
-    return write_manifest(path, **(fields | changed))
+    said = {name: getattr(manifest, name) for name in type(manifest).model_fields}
+    del said["format"]
+    said |= changed
+    return write_manifest(path, ManifestHead(**{name: said.pop(name) for name in HEAD}), **said)
 
 
 def test_same_content_gives_the_same_bytes(data_set: Path) -> None:
@@ -115,14 +124,14 @@ def test_a_reason_per_row(data_set: Path, walk_clip: clip_file.Clip) -> None:
     valid = np.array([False, False, True, False, False, True])
     clip_file.save_clip(path, replace(walk_clip, valid=valid), np.zeros(3))
     reasons = ["drift", "drift", "", "drift", "no camera", ""]
-    entry = clip_entry(data_set, clip_path=path, dropped_reason=reasons, **ENTRY)
+    entry = clip_entry(data_set, ClipFiles(path), ClipAbout(dropped_reason=reasons, **ENTRY))
     assert [(part.start, part.stop, part.reason) for part in entry.dropped] == [
         (0, 2, "drift"),
         (3, 4, "drift"),
         (4, 5, "no camera"),
     ]
     with pytest.raises(BadManifest, match="5 reasons for 6 frames"):
-        clip_entry(data_set, clip_path=path, dropped_reason=reasons[1:], **ENTRY)
+        clip_entry(data_set, ClipFiles(path), ClipAbout(dropped_reason=reasons[1:], **ENTRY))
 
 
 def test_a_stages_record_is_no_part_of_its_folder(data_set: Path) -> None:
@@ -132,9 +141,8 @@ def test_a_stages_record_is_no_part_of_its_folder(data_set: Path) -> None:
     check_manifest(data_set / "set.yaml")
     entry = clip_entry(
         data_set,
-        clip_path=data_set / "clips" / "walk.npz",
-        masks_dir=data_set / "masks",
-        **ENTRY,
+        ClipFiles(data_set / "clips" / "walk.npz", masks=data_set / "masks"),
+        ClipAbout(**ENTRY),
     )
     assert entry.masks == read_manifest(data_set / "set.yaml").clips[1].masks
     assert (data_set / "set.yaml").read_bytes() == before
@@ -151,10 +159,8 @@ def test_two_manifests_share_a_folder(data_set: Path) -> None:
         image.write_bytes(b"another mask")
     entry = clip_entry(
         data_set,
-        clip_path=data_set / "clips" / "walk.npz",
-        images_dir=data_set / "frames",
-        masks_dir=other,
-        **ENTRY,
+        ClipFiles(data_set / "clips" / "walk.npz", images=data_set / "frames", masks=other),
+        ClipAbout(**ENTRY),
     )
     rewritten(data_set, data_set / "second.yaml", name="second", clips=[entry])
     check_manifest(data_set / "set.yaml")
@@ -163,19 +169,23 @@ def test_two_manifests_share_a_folder(data_set: Path) -> None:
 
 def test_entry_with_another_id(data_set: Path) -> None:
     with pytest.raises(BadManifest, match="holds clip walk, not run"):
-        clip_entry(data_set, id="run", clip_path=data_set / "clips" / "walk.npz", **ENTRY)
+        clip_entry(
+            data_set, ClipFiles(data_set / "clips" / "walk.npz"), ClipAbout(id="run", **ENTRY)
+        )
 
 
 def test_id_that_would_write_elsewhere(data_set: Path, walk_clip: clip_file.Clip) -> None:
     path = data_set / "clips" / "walk.npz"
     clip_file.save_clip(path, replace(walk_clip, id="../../walk"), np.zeros(3))
     with pytest.raises(BadManifest, match="can't be listed"):
-        clip_entry(data_set, clip_path=path, images_dir=data_set / "frames", **ENTRY)
+        clip_entry(data_set, ClipFiles(path, images=data_set / "frames"), ClipAbout(**ENTRY))
 
 
 def test_file_outside_the_manifests_folder(data_set: Path) -> None:
     with pytest.raises(BadManifest, match="write the manifest to a folder above"):
-        clip_entry(data_set / "frames", clip_path=data_set / "clips" / "walk.npz", **ENTRY)
+        clip_entry(
+            data_set / "frames", ClipFiles(data_set / "clips" / "walk.npz"), ClipAbout(**ENTRY)
+        )
 
 
 @pytest.mark.parametrize("folder", ["empty", "absent"])
@@ -184,9 +194,8 @@ def test_no_images(data_set: Path, folder: str) -> None:
     with pytest.raises(MissingInput, match=folder):
         clip_entry(
             data_set,
-            clip_path=data_set / "clips" / "walk.npz",
-            images_dir=data_set / folder,
-            **ENTRY,
+            ClipFiles(data_set / "clips" / "walk.npz", images=data_set / folder),
+            ClipAbout(**ENTRY),
         )
 
 

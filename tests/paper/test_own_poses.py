@@ -10,8 +10,8 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import clip_entry
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.paper.clip_keypoints import clip_keypoints
 from gmrdata.paper.joint_data import load_features
@@ -70,21 +70,24 @@ def manifest(
         entries.append(
             clip_entry(
                 folder,
-                clip_path=path,
-                camera_motion="static",
-                licence="MIT",
-                source=Source(dataset="test", sequence=clip.id),
-                images_dir=None if clip.id == "unfilmed" else folder / "frames",
+                ClipFiles(path, images=None if clip.id == "unfilmed" else folder / "frames"),
+                ClipAbout(
+                    camera_motion="static",
+                    licence="MIT",
+                    source=Source(dataset="test", sequence=clip.id),
+                ),
             )
         )
     return write_manifest(
         folder / "manifest.yaml",
-        name="seen",
-        version="1.0.0",
-        description="Clips of a test.",
-        kind="pseudo_gt",
-        licence="MIT",
-        clips=entries,
+        ManifestHead(
+            name="seen",
+            version="1.0.0",
+            description="Clips of a test.",
+            kind="pseudo_gt",
+            licence="MIT",
+        ),
+        entries,
     )
 
 

@@ -20,7 +20,7 @@ from gmrdata.manifest.current import (
     Quality,
     Source,
 )
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.paper.table7 import compare, compare_with_table7, summary, table_rows, write_csv
 from gmrdata.values.errors import BadManifest, MissingInput
 
@@ -96,12 +96,14 @@ def manifest_path(tmp_path: Path) -> Path:
 def write_ours(path: Path, clips: list[Clip], kind: str = "pseudo_gt") -> Path:
     return write_manifest(
         path,
-        name=path.stem,
-        version="1.0.0",
-        description="Made in a test.",
-        kind=kind,
-        licence="3DPW's",
-        clips=clips,
+        ManifestHead(
+            name=path.stem,
+            version="1.0.0",
+            description="Made in a test.",
+            kind=kind,
+            licence="3DPW's",
+        ),
+        clips,
     )
 
 

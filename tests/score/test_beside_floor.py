@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.score.records import PaperMetrics, Scores
 from gmrdata.score.summary import beside_floor, read_fitting_floor
 from gmrdata.score.table import score_rows
@@ -106,12 +106,14 @@ def test_the_table_has_the_floor_beside_gmr_and_zero_motion() -> None:
 def manifest(folder: Path, kind: str) -> Path:
     return write_manifest(
         folder / "manifest.yaml",
-        name="scored",
-        version="1.0.0",
-        description="Clips to score.",
-        kind=kind,
-        licence="CC0-1.0",
-        clips=[],
+        ManifestHead(
+            name="scored",
+            version="1.0.0",
+            description="Clips to score.",
+            kind=kind,
+            licence="CC0-1.0",
+        ),
+        [],
     )
 
 
