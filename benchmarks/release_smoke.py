@@ -70,7 +70,7 @@ COMMANDS = (
     "compare scores/scores.json zero_scores/scores.json --out compared",
     "infer gmr set/render/walk/clip.npz --out world",
     "delta-errors gmr --manifests set/synthetic.yaml --out errors.json",
-    "fuse set/render/walk/clip.npz --gmr gmr --errors errors.json --out fused",
+    "fuse set/render/walk/clip.npz --network gmr --errors errors.json --out fused",
     "export set --to tum glb colmap amass bvh mp4 --out exported",
     "export gmr --to onnx --out network",
     "tables 2 --manifest motions/motions.yaml --out table2 --dry-run",
@@ -86,7 +86,7 @@ COMMANDS = (
 REFUSED = {
     "merge shared/motions": "shard 2/2",
     "delta-errors gmr --manifests set/synthetic.yaml --out errors.json": "held none of these clips",
-    "fuse set/render/walk/clip.npz --gmr gmr --errors errors.json --out fused": "errors.json",
+    "fuse set/render/walk/clip.npz --network gmr --errors errors.json --out fused": "errors.json",
 }
 """Commands that must end with 1, and say so: there are shards that nobody has done, and a network
 that was trained on everybody, so that nobody can say how wrong it is."""

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from gmrdata.film.programmes import camera_programme as camera_programme
     from gmrdata.film.render import RenderConfig as RenderConfig
     from gmrdata.film.render import render_clip as render_clip
+    from gmrdata.fusion.fuse import FuseConfig as FuseConfig
+    from gmrdata.fusion.fuse import fuse as fuse
     from gmrdata.gmr.config import TrainConfig as TrainConfig
     from gmrdata.gmr.infer import InferConfig as InferConfig
     from gmrdata.gmr.infer import infer as infer
@@ -61,6 +63,7 @@ _NAMES = {
     "export.export": ("export",),
     "film.programmes": ("camera_path", "camera_programme"),
     "film.render": ("RenderConfig", "render_clip"),
+    "fusion.fuse": ("FuseConfig", "fuse"),
     "gmr.config": ("TrainConfig",),
     "gmr.infer": ("InferConfig", "infer"),
     "gmr.predict": ("load_gmr", "predict_world_motion"),

@@ -6,8 +6,8 @@ import numpy as np
 from fusion.session import FusionSession, Person
 from scipy.spatial.transform import Rotation
 
-from gmrdata.fusion.evidence import FusionConfig, known_frames
-from gmrdata.fusion.fused_motion import FusedClip, fuse_clip
+from gmrdata.fusion.camera_evidence import FusionConfig, known_frames
+from gmrdata.fusion.fuse import FusedClip, WeighedGmr, WorldPerson, fuse_person, seen_frames
 from gmrdata.gmr.predict import predict_deltas
 from gmrdata.values import transforms
 from gmrdata.values.camera import fill_gaps
@@ -68,7 +68,8 @@ def cut_out(
 def put_together(session: FusionSession, person: Person, clip: Clip) -> FusedClip:
     errors = session.errors_without(person.trial)
     share = person.scale_share
-    return fuse_clip(clip, session.gmr, errors, session.body, CONFIG, scale_share=share)
+    shown = WorldPerson(clip, seen_frames(clip), scale_share=share)
+    return fuse_person(shown, WeighedGmr(session.gmr, errors), session.body, CONFIG)
 
 
 def _step(session: FusionSession, clip: Clip) -> int:

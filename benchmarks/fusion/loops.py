@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from fusion.session import MEASURE, FusionSession
 
-from gmrdata.fusion.evidence import FusionConfig
-from gmrdata.fusion.fused_motion import fuse_clip
-from gmrdata.fusion.fusion import SamePlace
-from gmrdata.fusion.measured_delta_errors import noisy
+from gmrdata.fusion.camera_evidence import FusionConfig
+from gmrdata.fusion.fuse import WeighedGmr, WorldPerson, fuse_person, seen_frames
+from gmrdata.fusion.network_errors import noisy
+from gmrdata.fusion.smoothing import SamePlace
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.split import split_manifests
 from gmrdata.motion.resample import resample
@@ -68,9 +68,9 @@ def closed(session: FusionSession, clip: Clip, start_s: float) -> Loop:
     shown = replace(clip, motion=noisy(true, MEASURE, np.random.default_rng(0)), camera=None)
     shown = replace(shown, valid=np.ones(n, dtype=bool), image_numbers=np.full(n, -1))
     errors = session.errors_without(clip.id)
-    fused = fuse_clip(
-        shown, session.gmr, errors, session.body, FusionConfig(), [SamePlace(0, n - 1, SIGMA_M)]
-    )
+    person = WorldPerson(shown, seen_frames(shown), (SamePlace(0, n - 1, SIGMA_M),))
+    network = WeighedGmr(session.gmr, errors)
+    fused = fuse_person(person, network, session.body, FusionConfig())
     motion = fused.clip.motion
     paths_m = fused.network_m, motion.pelvis_m
     alone_m, closed_m = (end_error_m(path_m, motion.root_rotmats[0], true) for path_m in paths_m)

@@ -16,14 +16,14 @@ from sfm.ours import Regenerated, regenerate
 from sfm.score import true_clips
 from sfm.twins import Twins, make_twins
 
-from gmrdata.fusion.delta_errors import DeltaErrors
-from gmrdata.fusion.fused_motion import scale_error
-from gmrdata.fusion.measured_delta_errors import (
+from gmrdata.fusion.fuse import scale_error
+from gmrdata.fusion.network_errors import (
     HeldOut,
     MeasureConfig,
     delta_errors,
     held_out_motions,
 )
+from gmrdata.fusion.network_evidence import DeltaErrors
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.train import GmrRecipe, train

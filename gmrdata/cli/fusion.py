@@ -1,5 +1,7 @@
 """Verbs for cameras and a network together."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,13 +14,13 @@ from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
 if TYPE_CHECKING:
-    from gmrdata.fusion.fused_motion import Loop
+    from gmrdata.fusion.fuse import Loop
 
 
 def fuse(
     source: Positional[Path],
     out: Path,
-    gmr: Path | None = None,
+    network: str = "bundled",
     errors: Path | None = None,
     loops: tuple[str, ...] = (),
     loop_sigma_m: float = 0.1,
@@ -34,7 +36,7 @@ def fuse(
 
     Args:
         source: Folder of a pseudo ground truth, as of `gmrdata video` with people; or one clip.
-        gmr: Run folder of `gmrdata train`; the network of the package when left out.
+        network: Run folder of `gmrdata train`, or the word bundled for the one of the package.
         out: Output folder: fusion.json, fusion.html, and of each person person_<n>.npz and
             sigma_<n>.npz.
         errors: How wrong the network is, from `gmrdata delta-errors`; delta_errors.json in the
@@ -46,42 +48,54 @@ def fuse(
         feet: Whether planted feet stand still.
         ground: Whether they stand on level ground, at the height that the cameras' world has.
     """
-    from pydantic import ValidationError
-
-    from gmrdata.fusion import fused_motion as stage
-    from gmrdata.fusion.evidence import fusion_config_of
-    from gmrdata.gmr.predict import BUNDLED, network_dir
+    from gmrdata.fusion.camera_evidence import fusion_config_of
+    from gmrdata.fusion.fuse import HEADINGS, FuseConfig, plan
+    from gmrdata.fusion.fuse import fuse as fuse_people
+    from gmrdata.fusion.record import RECORD_FILE, RESULT_HEADINGS, FusionRecord, result_rows
     from gmrdata.pages.fusion import write_fusion_page
 
-    try:
-        config = stage.FuseConfig(
+    parts = {"like_poses": like_poses, "feet": feet, "ground": ground}
+    with _flags_named():
+        config = FuseConfig(
             which=which,
-            fusion=fusion_config_of(source).model_copy(
-                update={"like_poses": like_poses, "feet": feet, "ground": ground}
-            ),
+            fusion=fusion_config_of(source).model_copy(update=parts),
             loops=tuple(map(_loop, loops)),
             loop_sigma_m=loop_sigma_m,
         )
-    except ValidationError as error:
-        wrong = error.errors()[0]
-        flag = str(wrong["loc"][0]).replace("_", "-")
-        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
-    network = network_dir(BUNDLED if gmr is None else gmr)
     if dry_run:
-        print_table(stage.HEADINGS, stage.plan(source, network, config, errors_path=errors))
+        rows = plan(source, network=network, config=config, errors_path=errors)
+        print_table(HEADINGS, rows)
         return
-    made = stage.fuse_people(
-        source, network, flags.body_path(body), out, config, errors_path=errors, run=Run(redo=redo)
+    made = fuse_people(
+        source,
+        out,
+        network=network,
+        body_path=flags.body_path(body),
+        config=config,
+        errors_path=errors,
+        run=Run(redo=redo),
     )
-    record = stage.FusionRecord.read(made / stage.RECORD_FILE)
-    print_table(stage.RESULT_HEADINGS, stage.result_rows(record))
+    print_table(RESULT_HEADINGS, result_rows(FusionRecord.read(made / RECORD_FILE)))
     answer(write_fusion_page(made))
     answer(made)
 
 
+@contextmanager
+def _flags_named() -> Iterator[None]:
+    """What a recipe refuses, by the flag that said it."""
+    from pydantic import ValidationError
+
+    try:
+        yield
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        flag = str(wrong["loc"][0]).replace("_", "-")
+        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
+
+
 def _loop(text: str) -> "Loop":
     """What a --loops stands for; BadRecipe for what is no pair of times."""
-    from gmrdata.fusion.fused_motion import Loop
+    from gmrdata.fusion.fuse import Loop
 
     first, _, other = text.partition(":")
     try:
@@ -111,19 +125,17 @@ def delta_errors(
         pose_noise_deg: Error put on each joint, as poses of pictures have it.
         fps_hz: Rate of the poses [Hz].
     """
-    from pydantic import ValidationError
-
-    from gmrdata.fusion.delta_errors import HEADINGS, error_rows
-    from gmrdata.fusion.measured_delta_errors import MeasureConfig, measure_delta_errors
+    from gmrdata.fusion.network_errors import (
+        HEADINGS,
+        MeasureConfig,
+        error_rows,
+        measure_delta_errors,
+    )
 
     flags.need(runs, "the run folder of a network")
     flags.need(manifests, "a manifest file")
-    try:
+    with _flags_named():
         config = MeasureConfig(fps_hz=fps_hz, pose_noise_deg=pose_noise_deg, which=which)
-    except ValidationError as error:
-        wrong = error.errors()[0]
-        flag = str(wrong["loc"][0]).replace("_", "-")
-        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
     record = measure_delta_errors(runs, manifests, config, people=people)
     record.write(out)
     print_table(HEADINGS, error_rows(record))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmrdata.fusion.fused_motion import (
+from gmrdata.fusion.record import (
     RECORD_FILE,
     RESULT_HEADINGS,
     FusedPerson,

@@ -453,7 +453,7 @@ def _own_files(found: Solved) -> Iterator[Offer]:
     if not found.is_fused:
         yield offer("gmrdata npz", CLIP_USE, PSEUDO_GT, person_file)
         return
-    from gmrdata.fusion.fused_motion import sigma_file
+    from gmrdata.fusion.record import sigma_file
 
     yield offer("gmrdata npz", CLIP_USE, FUSED, person_file)
     yield offer("Error bars, npz", SIGMA_USE, FUSED, sigma_file)

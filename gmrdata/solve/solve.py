@@ -14,7 +14,7 @@ from gmrdata.cameras.again import solve_again
 from gmrdata.cameras.files import load_quality
 from gmrdata.cameras.lens.intrinsics import Intrinsics, find_intrinsics, load_intrinsics
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.fusion.fused_motion import fuse_own_people
+from gmrdata.fusion.fuse import fuse_own_people
 from gmrdata.people import sources as mask_sources
 from gmrdata.people.local_poses import ImageTimes, Lens, local_poses
 from gmrdata.people.sources import (

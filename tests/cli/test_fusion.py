@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.fusion.fused_motion import RECORD_FILE, FusionRecord
-from tests.fusion.test_fused_motion import clip, errors_path, pseudo_gt  # noqa: F401  fixtures
+from gmrdata.fusion.record import RECORD_FILE, FusionRecord
+from tests.fusion.test_fuse import clip, errors_path, pseudo_gt  # noqa: F401  fixtures
 
 
 def test_fuse_says_what_it_found_and_writes_a_page(
@@ -18,7 +18,7 @@ def test_fuse_says_what_it_found_and_writes_a_page(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    words = ["fuse", str(pseudo_gt), "--gmr", str(run_dir), "--errors", str(errors_path)]
+    words = ["fuse", str(pseudo_gt), "--network", str(run_dir), "--errors", str(errors_path)]
     words += ["--body", str(body_path), "--out", str(tmp_path / "out"), "--loops", "0.5:2.5"]
     main([*words, "--dry-run"])
     said = capsys.readouterr().out
@@ -46,7 +46,7 @@ def test_fuse_says_what_it_found_and_writes_a_page(
         (["--loops", "0.5:17.8"], "lasts 2.97 s"),
         (["--loop-sigma-m", "0"], "--loop-sigma-m 0"),
         (["--errors", "nowhere.json"], "nowhere.json: nothing says how wrong the network is"),
-        (["--gmr", "nowhere"], "nowhere"),
+        (["--network", "nowhere"], "nowhere"),
     ],
 )
 def test_bad_flags_are_said(
@@ -58,7 +58,7 @@ def test_bad_flags_are_said(
     more: list[str],
     said: str,
 ) -> None:
-    words = ["fuse", str(pseudo_gt), "--gmr", str(run_dir), "--errors", str(errors_path)]
+    words = ["fuse", str(pseudo_gt), "--network", str(run_dir), "--errors", str(errors_path)]
     with pytest.raises(SystemExit) as end:
         main([*words, "--out", str(tmp_path / "out"), *more])
     assert end.value.code == 1

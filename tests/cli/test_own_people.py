@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.fusion.fused_motion import FusionRecord
+from gmrdata.fusion.record import FusionRecord
 from gmrdata.read.camera_bodies import read_camera_bodies
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.solve.plan import plan_video

@@ -62,7 +62,7 @@ ELSEWHERE = {
     ),
     "baseline vibe_cam --poses --keypoints --out": "baselines/test_vibe_cam.py::test_the_verb",
     "delta-errors --manifests --out": (
-        "gmr/test_delta_errors.py::test_the_verb_measures_a_run_on_whom_it_held_out"
+        "fusion/test_network_errors.py::test_the_verb_measures_a_run_on_whom_it_held_out"
     ),
     "doctor": "cli/test_doctor.py::test_it_finds_what_the_tests_run_with",
     "evaluate --body --floor --out": (
@@ -77,10 +77,10 @@ ELSEWHERE = {
         "cli/test_cli.py::test_a_dry_run_of_the_floor_samples_and_does_nothing"
     ),
     "floor --twins --out": "twins/test_floor.py::test_the_table_is_printed",
-    "fuse --gmr --errors --loops --out": (
+    "fuse --network --errors --loops --out": (
         "cli/test_fusion.py::test_fuse_says_what_it_found_and_writes_a_page"
     ),
-    "fuse --gmr --out --dry-run": (
+    "fuse --network --out --dry-run": (
         "cli/test_fusion.py::test_fuse_says_what_it_found_and_writes_a_page"
     ),
     "masks --out --sources": "people/test_verb.py::test_a_video_and_a_folder_of_masks",

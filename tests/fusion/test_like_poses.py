@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.fusion.fusion import ErrorProcess, SeenMotions, SeenPoses
-from gmrdata.fusion.like_poses import corrected_by_like_poses
+from gmrdata.fusion.network_evidence import corrected_by_like_poses
+from gmrdata.fusion.smoothing import ErrorProcess, SeenMotions, SeenPoses
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas

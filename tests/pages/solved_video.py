@@ -10,7 +10,7 @@ import numpy as np
 from gmrdata.cameras.files import POINTS_FILE, load_cameras, save_points
 from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.film.programmes import Circular, Panning
-from gmrdata.fusion.fused_motion import fuse_people
+from gmrdata.fusion.fuse import fuse
 from gmrdata.read.body_file import save_body
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
@@ -18,7 +18,7 @@ from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.people import PersonFiles
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
-from tests.fusion.test_delta_errors import record
+from tests.fusion.test_network_evidence import record
 from tests.pages.conftest import paint_clip
 from tests.world.test_make import as_input, reconstruction, true_clip
 
@@ -66,7 +66,8 @@ def fuse_video(folder: Path, run_dir: Path) -> Path:
     errors_path = run_dir.with_name("delta_errors.json")
     record().write(errors_path)
     body_path = folder / "body" / "body.npz"
-    return fuse_people(folder, run_dir, body_path, folder / "fused", errors_path=errors_path)
+    given = {"network": run_dir, "body_path": body_path, "errors_path": errors_path}
+    return fuse(folder, folder / "fused", **given)
 
 
 def _add_tracks(sfm_dir: Path, true: Clip) -> None:

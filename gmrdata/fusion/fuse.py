@@ -1,21 +1,14 @@
-"""The stage: a pseudo ground truth and a network's motions to one world motion with error bars.
-
-It stands here and not in `gmrdata.world`, which knows no network: the network's motions go into the
-pose graph of `gmrdata.fusion.fusion` as plain arrays.
-"""
+"""The stage: a pseudo ground truth and a network's motions to one world motion with error bars."""
 
 import shutil
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
 from gmrdata.cameras.files import QUALITY_FILE
-from gmrdata.fusion.delta_errors import DELTA_ERRORS_FILE, DeltaErrors, seen_motions
-from gmrdata.fusion.evidence import (
+from gmrdata.fusion.camera_evidence import (
     FusionConfig,
     Noise,
     error_bars,
@@ -25,11 +18,26 @@ from gmrdata.fusion.evidence import (
     planted_feet,
     seen_poses,
     unseen_frames,
+)
+from gmrdata.fusion.network_evidence import (
+    DELTA_ERRORS_FILE,
+    DeltaErrors,
+    corrected_by_like_poses,
+    seen_motions,
     widened,
     with_pace_errors,
 )
-from gmrdata.fusion.fusion import SamePlace, fuse
-from gmrdata.fusion.like_poses import corrected_by_like_poses
+from gmrdata.fusion.record import (
+    RECORD_FILE,
+    SIGMA_FORMAT,
+    FusedPerson,
+    FusionRecord,
+    Gap,
+    LoopFound,
+    overall_sigma,
+    sigma_file,
+)
+from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.config import Which
 from gmrdata.gmr.infer import stand
 from gmrdata.gmr.predict import (
@@ -41,6 +49,7 @@ from gmrdata.gmr.predict import (
 )
 from gmrdata.gmr.runs import check_finite
 from gmrdata.motion.resample import valid_runs
+from gmrdata.read.bodies import load_body
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -50,17 +59,11 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageF
 from gmrdata.values.files import STAGE_FILE, write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import accumulate
-from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
-from gmrdata.values.records import ArrayShapes, Config, Figure, Record, read_arrays
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
+from gmrdata.values.records import Config
 from gmrdata.world.quality import PseudoGtQuality
 
-RECORD_FILE = "fusion.json"
-SIGMA_FORMAT = "gmrdata-fusion-sigma/1"
-_SIGMA_SHAPES: ArrayShapes = {
-    "place_sigma_m": ("f", ("T", 3)),  # standard deviation of the pelvis, world axes [m]
-    "turn_sigma_deg": ("f", ("T", 3)),  # and of the root about its own axes [degrees]
-    "has_camera": ("b", ("T",)),  # frames whose pose a camera gave, too
-}
+HEADINGS = ("person", "frames", "rate [Hz]", "with camera", "gaps [s]", "loops")
 
 
 class Loop(Config):
@@ -80,61 +83,42 @@ class FuseConfig(Config):
     """How far apart the pelvis may be at the two times, seen from above (1 sigma) [m]."""
 
 
-DEFAULT_CONFIG = FuseConfig()
+@dataclass(frozen=True)
+class FusedInputs:
+    """What a pseudo ground truth and a network are fused of, as files."""
 
+    clip_paths: tuple[Path, ...]  # by person, in the world
+    network_dir: Path
+    errors_path: Path
+    quality_path: Path | None  # of a pseudo ground truth; None of a clip alone
 
-class Gap(Config):
-    """Frames in a row without a camera."""
+    @classmethod
+    def of(
+        cls,
+        source: str | Path,
+        network: str | Path = BUNDLED,
+        errors_path: str | Path | None = None,
+    ) -> "FusedInputs":
+        """Of a source as `person_clips` takes it; MissingInput for what is not there."""
+        source, folder = Path(source), network_dir(network)
+        paths = person_clips(source)
+        quality_path = paths[0].with_name(QUALITY_FILE) if source.is_dir() else None
+        return cls(tuple(paths), folder, errors_file(folder, errors_path), quality_path)
 
-    start: int
-    """First row."""
-    stop: int
-    seconds: Figure
-    place_sigma_m: Figure
-    """Largest standard deviation in it, as the root mean square of the three axes."""
-    turn_sigma_deg: Figure
+    def files(self, body_path: str | Path | None) -> dict[str, Path]:
+        """By role, for the stage's record."""
+        found = {f"clip_{number}": path for number, path in enumerate(self.clip_paths)}
+        seen = {f"seen_{n}": path for n in range(len(found)) if (path := self.seen_path(n))}
+        found |= seen | {"run": self.network_dir, "errors": self.errors_path}
+        found |= {} if body_path is None else {"body": Path(body_path)}
+        return found | ({} if self.quality_path is None else {"quality": self.quality_path})
 
-
-class LoopFound(Config):
-    """A loop, and how far apart its ends are."""
-
-    time_s: Figure
-    other_time_s: Figure
-    apart_m: Figure
-    """Seen from above, after all was put together."""
-    network_apart_m: Figure
-    """By the network's motions alone."""
-
-
-class FusedPerson(Config):
-    """What was made of one person."""
-
-    id: str
-    frames: int
-    fps_hz: float
-    frames_with_camera: int
-    noise_along_m: Figure
-    """Of the camera's poses from frame to frame, along its ray; as it was taken."""
-    noise_across_m: Figure
-    noise_turn_deg: Figure
-    place_sigma_m: Figure
-    """Median over the frames of the root mean square of the three axes."""
-    turn_sigma_deg: Figure
-    largest_place_sigma_m: Figure
-    largest_turn_sigma_deg: Figure
-    gaps: tuple[Gap, ...]
-    loops: tuple[LoopFound, ...]
-
-
-class FusionRecord(Record):
-    """`fusion.json`."""
-
-    format: Literal["gmrdata-fusion/1"] = "gmrdata-fusion/1"
-    network: str
-    step: int
-    measured_on: tuple[str, ...]
-    """People on whom the network's errors were measured."""
-    people: tuple[FusedPerson, ...]
+    def seen_path(self, number: int) -> Path | None:
+        """The clip of a person before the camera, whose frames are those with a pose of their own;
+        None where there is none beside the world's."""
+        folder = self.clip_paths[number].parent
+        path = folder.with_name(BODIES) / person_file(number)
+        return path if folder.name == PSEUDO_GT and path.is_file() else None
 
 
 def person_clips(source: Path) -> list[Path]:
@@ -153,9 +137,9 @@ def person_clips(source: Path) -> list[Path]:
     return paths
 
 
-def errors_file(run_dir: Path, given: Path | None) -> Path:
+def errors_file(run_dir: Path, given: str | Path | None) -> Path:
     """The record of a network's errors: what was given, or what lies in its run's folder."""
-    path = run_dir / DELTA_ERRORS_FILE if given is None else given
+    path = run_dir / DELTA_ERRORS_FILE if given is None else Path(given)
     if not path.is_file():
         raise MissingInput(
             f"{path}: nothing says how wrong the network is. Measure it: gmrdata delta-errors"
@@ -164,59 +148,51 @@ def errors_file(run_dir: Path, given: Path | None) -> Path:
     return path
 
 
-def fuse_people(
-    source: Path,
-    run_dir: Path,
-    body_path: Path | None,
-    out_dir: Path,
-    config: FuseConfig = DEFAULT_CONFIG,
+def fuse(
+    source: str | Path,
+    out_dir: str | Path,
     *,
-    errors_path: Path | None = None,
+    network: str | Path = BUNDLED,
+    body_path: str | Path | None = None,
+    config: FuseConfig | None = None,
+    errors_path: str | Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: put cameras and network together, for each person of a pseudo ground truth.
 
     Args:
-        source: As `person_clips` takes it.  Clips are in the world; those without any camera are
-            the network's path alone, bent by feet and loops.
+        source: A pseudo ground truth, a video's folder that holds one, or a clip in the world.
+            One without any camera is the network's path alone, bent by feet and loops.
+        out_dir: Gets `fusion.json`, and of each person `sigma_<n>.npz` and `person_<n>.npz`, with a
+            pose in each frame; `valid` are those in which the person was seen.
+        network: Run folder of a trained network, or "bundled" for the one of the package.
         body_path: Body of the clips; None for the default body.
-        out_dir: Gets `fusion.json`, and of each person `person_<n>.npz`, all of whose frames are
-            valid, and `sigma_<n>.npz`.
+        config: What suits who saw the people when None.
         errors_path: The network's `delta_errors.json`; None for that in its run's folder.
 
     Errors are MissingInput, BadCheckpoint, BadRecord, BadMotionFile for a clip that is not in the
     world or too short, BadRecipe for a loop outside of it, StageFailed where nothing fits.
     """
-    paths, record_path = person_clips(source), errors_file(run_dir, errors_path)
-    inputs = {f"clip_{number}": path for number, path in enumerate(paths)}
-    inputs |= {"run": run_dir, "errors": record_path}
-    inputs |= {} if body_path is None else {"body": body_path}
-    clips = [_world_clip(path) for path in paths]
-    rows = [_loop_rows(clip, config) for clip in clips]
-    scale_share = scale_error(paths[0].with_name(QUALITY_FILE))
-    if source.is_dir():
-        inputs["quality"] = paths[0].with_name(QUALITY_FILE)
+    given = FusedInputs.of(source, network, errors_path)
+    config = FuseConfig(fusion=fusion_config_of(Path(source))) if config is None else config
+    people = [_person(given, number, config) for number in range(len(given.clip_paths))]
 
     def work(partial: Path) -> None:
-        from gmrdata.read.bodies import load_body
-
         body = load_body("anny" if body_path is None else str(body_path))
-        gmr, errors = load_gmr(run_dir, config.which), DeltaErrors.read(record_path)
-        people = []
-        for number, (clip, loops) in enumerate(zip(clips, rows, strict=True)):
-            clip = clip_on_body(clip, body)
-            fused = fuse_clip(
-                clip, gmr, errors, body, config.fusion, loops, scale_share=scale_share
-            )
-            rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
+        weighed = WeighedGmr.load(given, config.which)
+        said = []
+        for number, person in enumerate(people):
+            fused = fuse_person(person, weighed, body, config.fusion)
+            rest_pelvis_m = body.rest_pelvis_m(fused.clip.motion.shape)
             save_clip(partial / person_file(number), fused.clip, rest_pelvis_m)
             write_npz(partial / sigma_file(number), {"format": SIGMA_FORMAT, **fused.arrays})
-            people.append(_described(fused, loops))
+            said.append(_described(fused, person.loops))
+        gmr, errors = weighed.gmr, weighed.errors
         FusionRecord(
-            network=gmr.name, step=gmr.step, measured_on=errors.people, people=tuple(people)
+            network=gmr.name, step=gmr.step, measured_on=errors.people, people=tuple(said)
         ).write(partial / RECORD_FILE)
 
-    return run_stage("fuse", out_dir, config, inputs, work, run=run)
+    return run_stage("fuse", Path(out_dir), config, given.files(body_path), work, run=run)
 
 
 def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAULT_RUN) -> None:
@@ -230,9 +206,8 @@ def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAU
     fused_dir, network = video_dir / FUSED, network_dir(BUNDLED)
     there = (video_dir / PSEUDO_GT).is_dir() and (network / DELTA_ERRORS_FILE).is_file()
     if body_path is not None and there:
-        config = FuseConfig(fusion=fusion_config_of(video_dir))
         try:
-            fuse_people(video_dir, network, body_path, fused_dir, config, run=run)
+            fuse(video_dir, fused_dir, network=network, body_path=body_path, run=run)
             return
         except (BadMotionFile, StageFailed) as error:
             remark(f"without the network's motions: {error}")
@@ -240,10 +215,10 @@ def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAU
         shutil.rmtree(fused_dir)
 
 
-def scale_error(quality_path: Path) -> float:
+def scale_error(quality_path: Path | None) -> float:
     """Standard error of a pseudo ground truth's scale, as a share of it; 0 where none enters, or
     the clip is no pseudo ground truth's."""
-    if not quality_path.is_file():
+    if quality_path is None or not quality_path.is_file():
         return 0.0
     quality = PseudoGtQuality.read(quality_path)
     if quality.scale is None or quality.scale_sigma is None:
@@ -251,14 +226,47 @@ def scale_error(quality_path: Path) -> float:
     return quality.scale_sigma / quality.scale
 
 
-def sigma_file(number: int) -> str:
-    """Name of the error bars of a person's frames; people are counted from 0."""
-    return f"sigma_{number}.npz"
+@dataclass(frozen=True, eq=False)
+class WorldPerson:
+    """One person of a pseudo ground truth, and what else is known of the path."""
+
+    clip: Clip
+    seen: np.ndarray  # (T,) bool: frames in which somebody saw the person
+    loops: tuple[SamePlace, ...] = ()
+    scale_share: float = 0.0  # standard error of the cameras' scale, as a share of it
 
 
-def load_sigma(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of an error-bar file, as `_SIGMA_SHAPES` has them; BadRecord for another file."""
-    return read_arrays(path, SIGMA_FORMAT, _SIGMA_SHAPES)
+@dataclass(frozen=True, eq=False)
+class WeighedGmr:
+    """A network, and how wrong it is."""
+
+    gmr: TrainedGmr
+    errors: DeltaErrors
+
+    @classmethod
+    def load(cls, given: FusedInputs, which: Which) -> "WeighedGmr":
+        return cls(load_gmr(given.network_dir, which), DeltaErrors.read(given.errors_path))
+
+
+def _person(given: FusedInputs, number: int, config: FuseConfig) -> WorldPerson:
+    clip, seen_path = _world_clip(given.clip_paths[number]), given.seen_path(number)
+    before = None if seen_path is None else load_clip(seen_path).valid
+    if before is not None and len(before) != len(clip.valid):
+        raise BadMotionFile(f"{seen_path}: is of other frames than clip {clip.id}; make both again")
+    seen = seen_frames(clip) if before is None else before | clip.valid
+    loops = tuple(_loop_rows(clip, config))
+    return WorldPerson(clip, seen, loops, scale_error(given.quality_path))
+
+
+def seen_frames(clip: Clip) -> np.ndarray:
+    """(T,) bool: frames of a clip alone in which the person was seen: those that are valid, and
+    those between them in which the camera is not known, which say nothing of the person."""
+    rows = np.flatnonzero(clip.valid)
+    if not len(rows):
+        return np.ones(len(clip.valid), dtype=bool)
+    between = np.zeros(len(clip.valid), dtype=bool)
+    between[rows[0] : rows[-1] + 1] = clip.camera is not None
+    return clip.valid | (between & ~unseen_frames(clip))
 
 
 def _world_clip(path: Path) -> Clip:
@@ -292,32 +300,22 @@ def _loop_rows(clip: Clip, config: FuseConfig) -> list[SamePlace]:
 class FusedClip:
     """One person's world motion, with error bars."""
 
-    clip: Clip  # all frames valid; cameras as they were
-    arrays: dict[str, np.ndarray]  # as `_SIGMA_SHAPES` has them
+    clip: Clip  # a pose in every frame, valid where the person was seen; cameras as they were
+    arrays: dict[str, np.ndarray]  # as `gmrdata.fusion.record` has them
     noise: Noise
     network_m: np.ndarray  # (T, 3) path by the network's motions alone, from the first pose on
 
 
-def fuse_clip(
-    clip: Clip,
-    gmr: TrainedGmr,
-    errors: DeltaErrors,
-    body: BodyModel,
-    config: FusionConfig,
-    loops: Sequence[SamePlace] = (),
-    *,
-    scale_share: float = 0.0,
+def fuse_person(
+    person: WorldPerson, network: WeighedGmr, body: BodyModel, config: FusionConfig
 ) -> FusedClip:
-    """Put a clip's cameras, a network's motions, feet and loops together.
-
-    `scale_share` is the standard error of the cameras' scale, as a share of it.
-    """
+    """Put a clip's cameras, a network's motions, feet and loops together."""
+    clip, gmr = clip_on_body(person.clip, body), network.gmr
     motion, known = clip.motion, known_frames(clip)
     check_finite(clip)
     found = deltas_at_source_rate(gmr, motion)
-    motions = widened(
-        seen_motions(*found, motion.fps_hz, errors), unseen_frames(clip), config.unseen_widening
-    )
+    motions = seen_motions(*found, motion.fps_hz, network.errors)
+    motions = widened(motions, unseen_frames(clip), config.unseen_widening)
     if config.pace_share > 0:
         motions = with_pace_errors(motions, motion.fps_hz, config.pace_share)
     if not known.any():
@@ -328,21 +326,14 @@ def fuse_clip(
     if config.like_poses:
         motions = corrected_by_like_poses(body, motion, motions, seen)
     feet = planted_feet(body, motion, motions, config) if config.feet else None
-    poses = fuse(motion.fps_hz, seen, motions, feet=feet, loops=loops)
+    poses = smooth(motion.fps_hz, seen, motions, feet=feet, loops=person.loops)
     first = int(known.argmax())
     alone = _placed(motion, *found, poses.rotmats[first], poses.pelvis_m[first], first)
-    place_m, turn_deg = error_bars(poses, clip, config, scale_share)
+    place_m, turn_deg = error_bars(poses, clip, config, person.scale_share)
+    source = f"{motion.source}; put together with GMR {gmr.name} (step {gmr.step})"
+    motion = replace(motion, root_rotmats=poses.rotmats, pelvis_m=poses.pelvis_m, source=source)
     return FusedClip(
-        replace(
-            clip,
-            motion=replace(
-                motion,
-                root_rotmats=poses.rotmats,
-                pelvis_m=poses.pelvis_m,
-                source=f"{motion.source}; put together with GMR {gmr.name} (step {gmr.step})",
-            ),
-            valid=np.ones(motion.n_frames, dtype=bool),
-        ),
+        replace(clip, motion=motion, valid=person.seen),
         {"place_sigma_m": place_m, "turn_sigma_deg": turn_deg, "has_camera": known},
         noise,
         alone.pelvis_m,
@@ -368,7 +359,7 @@ def _placed(
     )
 
 
-def _described(fused: FusedClip, loops: Sequence[SamePlace]) -> FusedPerson:
+def _described(fused: FusedClip, loops: tuple[SamePlace, ...]) -> FusedPerson:
     clip, known = fused.clip, fused.arrays["has_camera"]
     fps_hz = clip.motion.fps_hz
     place_m, turn_deg = (
@@ -414,26 +405,18 @@ def _apart_m(path_m: np.ndarray, loop: SamePlace) -> float:
     return float(np.linalg.norm((path_m[loop.other_row] - path_m[loop.row])[:2]))
 
 
-def overall_sigma(sigmas: np.ndarray) -> np.ndarray:
-    """(T,) root mean square over the three axes."""
-    return np.asarray(np.sqrt((sigmas**2).mean(axis=1)))
-
-
-HEADINGS = ("person", "frames", "rate [Hz]", "with camera", "gaps [s]", "loops")
-RESULT_HEADINGS = (
-    "person", "frames", "with camera", "longest gap [s]", "place, 1 sigma [mm]", "at most [mm]",
-    "turn, 1 sigma [deg]", "at most [deg]",
-)  # fmt: skip
-
-
 def plan(
-    source: Path, run_dir: Path, config: FuseConfig, *, errors_path: Path | None = None
+    source: str | Path,
+    *,
+    network: str | Path = BUNDLED,
+    config: FuseConfig,
+    errors_path: str | Path | None = None,
 ) -> list[tuple[str, ...]]:
-    """What a dry run says, person by person; errors as `fuse_people` has them for its inputs."""
-    load_gmr(run_dir, config.which)
-    DeltaErrors.read(errors_file(run_dir, errors_path))
+    """What a dry run says, person by person; errors as `fuse` has them for its inputs."""
+    given = FusedInputs.of(source, network, errors_path)
+    WeighedGmr.load(given, config.which)
     rows: list[tuple[str, ...]] = []
-    for path in person_clips(source):
+    for path in given.clip_paths:
         clip = _world_clip(path)
         known, fps_hz = known_frames(clip), clip.motion.fps_hz
         gaps = ", ".join(f"{(stop - start) / fps_hz:.2f}" for start, stop in valid_runs(~known))
@@ -441,20 +424,3 @@ def plan(
         counts = str(len(known)), f"{fps_hz:g}", str(int(known.sum()))
         rows.append((clip.id, *counts, gaps or "none", str(n_loops)))
     return rows
-
-
-def result_rows(record: FusionRecord) -> list[tuple[str, ...]]:
-    """A row of `RESULT_HEADINGS` for each person."""
-    return [
-        (
-            one.id,
-            str(one.frames),
-            str(one.frames_with_camera),
-            f"{max((gap.seconds for gap in one.gaps), default=0.0):.2f}",
-            f"{1000 * one.place_sigma_m:.0f}",
-            f"{1000 * one.largest_place_sigma_m:.0f}",
-            f"{one.turn_sigma_deg:.2f}",
-            f"{one.largest_turn_sigma_deg:.2f}",
-        )
-        for one in record.people
-    ]

@@ -6,16 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.fusion import fusion
-from gmrdata.fusion.fusion import (
+from gmrdata.fusion import smoothing
+from gmrdata.fusion.smoothing import (
     ErrorProcess,
     FusedPoses,
     PlantedFeet,
     SamePlace,
     SeenMotions,
     SeenPoses,
-    fuse,
     mean_variance,
+    smooth,
 )
 from gmrdata.values.motion_deltas import deltas
 
@@ -67,7 +67,7 @@ def assert_is(fused: FusedPoses, rotmats: np.ndarray, pelvis_m: np.ndarray, atol
 @pytest.mark.parametrize(("start", "stop"), [(0, 0), (10, 30), (0, 15), (25, 40)])
 def test_exact_motions_bridge_any_gap(start: int, stop: int) -> None:
     truth = path(40)
-    fused = fuse(FPS_HZ, seen_of(*truth, gap(40, start, stop)), motions_of(*truth))
+    fused = smooth(FPS_HZ, seen_of(*truth, gap(40, start, stop)), motions_of(*truth))
     assert_is(fused, *truth, atol=1e-9)
 
 
@@ -75,7 +75,7 @@ def test_without_a_camera_the_networks_path_is_kept() -> None:
     truth = path(30)
     nowhere = seen_of(*truth, np.zeros(30, dtype=bool))
     first = SeenPoses(*truth, nowhere.known, nowhere.turn_sigma_rad, nowhere.place_covariance_m2)
-    fused = fuse(FPS_HZ, first, motions_of(*truth))
+    fused = smooth(FPS_HZ, first, motions_of(*truth))
     assert_is(fused, *truth, atol=1e-9)
     assert fused.place_covariance_m2[0].max() < 1e-11
 
@@ -91,7 +91,7 @@ def test_a_network_that_turns_wrongly_is_led_by_the_cameras() -> None:
         motions.fast,
         motions.slow,
     )
-    fused = fuse(FPS_HZ, seen_of(rotmats, pelvis_m, gap(60, 20, 30)), off)
+    fused = smooth(FPS_HZ, seen_of(rotmats, pelvis_m, gap(60, 20, 30)), off)
     known = gap(60, 20, 30)
     assert np.abs(fused.pelvis_m - pelvis_m)[known].max() < 0.005
     assert np.linalg.norm(fused.pelvis_m - pelvis_m, axis=1).max() < 0.1
@@ -104,7 +104,7 @@ def test_a_slow_error_that_cameras_show_is_taken_off_within_the_gap() -> None:
     known = gap(80, 50, 80)
     motions = motions_of(rotmats, pelvis_m, fast=0.05, slow=0.2)
     long = SeenMotions(motions.delta_rotmats, 1.2 * motions.delta_m, motions.fast, motions.slow)
-    fused = fuse(FPS_HZ, seen_of(rotmats, pelvis_m, known), long)
+    fused = smooth(FPS_HZ, seen_of(rotmats, pelvis_m, known), long)
     alone_m = 0.2 * 0.12 * 30
     # It fades back to none with the slow error's memory, 5 s.
     assert np.linalg.norm(fused.pelvis_m[-1] - pelvis_m[-1]) < 0.35 * alone_m
@@ -118,7 +118,7 @@ def test_error_bars_of_a_bridge_are_those_of_a_random_walk() -> None:
     rate = step_m * FPS_HZ / np.sqrt(mean_variance(np.array(1 / (FPS_HZ * 1e-3))))
     fast = process(n, 1e-6, float(rate), 1e-3)
     walk = SeenMotions(motions.delta_rotmats, motions.delta_m, fast, process(n, 1e-9, 1e-9, 5.0))
-    fused = fuse(FPS_HZ, seen_of(rotmats, pelvis_m, gap(n, 1, n - 1), sigma_m=1e-5), walk)
+    fused = smooth(FPS_HZ, seen_of(rotmats, pelvis_m, gap(n, 1, n - 1), sigma_m=1e-5), walk)
     k = np.arange(n)
     expected = step_m**2 * k * (n - 1 - k) / (n - 1)
     for axis in range(3):
@@ -141,7 +141,7 @@ def test_error_bars_are_those_of_many_trials() -> None:
         motions = SeenMotions(turns, true_m + errors[:, 3:], fast, slow)
         noisy_m = pelvis_m + rng.normal(scale=0.01, size=pelvis_m.shape)
         noise = Rotation.from_rotvec(rng.normal(scale=1e-3, size=(n, 3))).as_matrix()
-        fused = fuse(FPS_HZ, seen_of(rotmats @ noise, noisy_m, known, sigma_m=0.01), motions)
+        fused = smooth(FPS_HZ, seen_of(rotmats @ noise, noisy_m, known, sigma_m=0.01), motions)
         variances = np.diagonal(fused.place_covariance_m2, axis1=1, axis2=2)
         over.append((fused.pelvis_m - pelvis_m) ** 2 / variances)
         off = Rotation.from_matrix(fused.rotmats.swapaxes(1, 2) @ rotmats).as_rotvec()
@@ -159,10 +159,10 @@ def test_error_bars_are_blocks_of_the_whole_inverse(n: int, loops: tuple[SamePla
     loops = tuple(loop._replace(other_row=loop.other_row % n) for loop in loops)
     seen = seen_of(rotmats, pelvis_m, np.arange(n) < 2, sigma_m=0.1)
     motions = motions_of(rotmats, pelvis_m, fast=0.2, slow=0.1)
-    graph = fusion._Graph(FPS_HZ, seen, motions, None, loops)
-    state = fusion._State(rotmats, pelvis_m, np.zeros((n, 6)))
-    inverse = np.linalg.inv(fusion._normal_equations(graph, state)[0].toarray())
-    fused = fusion._with_covariances(graph, state, 1)
+    graph = smoothing._Graph(FPS_HZ, seen, motions, None, loops)
+    state = smoothing._State(rotmats, pelvis_m, np.zeros((n, 6)))
+    inverse = np.linalg.inv(smoothing._normal_equations(graph, state)[0].toarray())
+    fused = smoothing._with_covariances(graph, state, 1)
     for k in range(n):
         block = inverse[12 * k : 12 * k + 6, 12 * k : 12 * k + 6]
         for found, wanted in (
@@ -187,7 +187,7 @@ def test_error_bars_grow_into_a_gap_and_with_its_length() -> None:
     motions = motions_of(*truth, fast=0.2, slow=0.05)
     largest = []
     for stop in (20, 30, 50):
-        fused = fuse(FPS_HZ, seen_of(*truth, gap(60, 10, stop)), motions)
+        fused = smooth(FPS_HZ, seen_of(*truth, gap(60, 10, stop)), motions)
         spread = np.trace(fused.place_covariance_m2, axis1=1, axis2=2)
         assert abs(int(spread.argmax()) - (9 + stop) // 2) <= 2
         largest.append(spread.max())
@@ -206,8 +206,8 @@ def test_a_loop_pulls_the_end_and_narrows_its_error_bar() -> None:
     )
     seen = seen_of(rotmats, pelvis_m, np.zeros(n, dtype=bool))
     start = SeenPoses(rotmats, pelvis_m, *(getattr(seen, k) for k in SEEN_REST))
-    alone = fuse(FPS_HZ, start, off)
-    closed = fuse(FPS_HZ, start, off, loops=[SamePlace(0, n - 1, 0.01)])
+    alone = smooth(FPS_HZ, start, off)
+    closed = smooth(FPS_HZ, start, off, loops=[SamePlace(0, n - 1, 0.01)])
     errors_m = [np.linalg.norm((one.pelvis_m - pelvis_m)[-1, :2]) for one in (alone, closed)]
     assert errors_m[1] < 0.05 * errors_m[0]
     middle_m = [np.linalg.norm((one.pelvis_m - pelvis_m)[60, :2]) for one in (alone, closed)]
@@ -222,7 +222,7 @@ def test_one_camera_that_is_far_off_is_not_believed() -> None:
     rotmats, pelvis_m = path(40)
     seen = seen_of(rotmats, pelvis_m, gap(40, 0, 0), sigma_m=0.005)
     seen.pelvis_m[20] += [1.0, 0.0, 0.0]
-    fused = fuse(FPS_HZ, seen, motions_of(rotmats, pelvis_m, fast=0.1, slow=0.02))
+    fused = smooth(FPS_HZ, seen, motions_of(rotmats, pelvis_m, fast=0.1, slow=0.02))
     assert np.linalg.norm(fused.pelvis_m[20] - pelvis_m[20]) < 0.01
 
 
@@ -245,13 +245,13 @@ def test_planted_feet_hold_the_person_and_the_ground_the_height() -> None:
     )
     seen = seen_of(rotmats, pelvis_m, gap(n, 1, n))
     alone_m, held_m = (
-        np.linalg.norm(fuse(FPS_HZ, seen, sliding, feet=one).pelvis_m - pelvis_m, axis=1)
+        np.linalg.norm(smooth(FPS_HZ, seen, sliding, feet=one).pelvis_m - pelvis_m, axis=1)
         for one in (None, feet)
     )
     assert alone_m[-1] > 0.3
     assert held_m[-1] < 0.02
     grounded = PlantedFeet(feet.points_root_m, feet.still, slip_m=1.0, height_sigma_m=0.01)
-    on_ground_m = fuse(FPS_HZ, seen, sliding, feet=grounded).pelvis_m
+    on_ground_m = smooth(FPS_HZ, seen, sliding, feet=grounded).pelvis_m
     assert np.abs(on_ground_m[:, 2] - 0.9).max() < 0.01
     assert np.abs(on_ground_m[-1, 0]) > 0.2
 
@@ -277,7 +277,7 @@ def test_another_world_gives_the_same_motion_and_error_bars(
     )
     known = gap(25, 8, 18)
     here, there = (
-        fuse(FPS_HZ, seen_of(*poses, known), motions) for poses in ((rotmats, pelvis_m), moved)
+        smooth(FPS_HZ, seen_of(*poses, known), motions) for poses in ((rotmats, pelvis_m), moved)
     )
     np.testing.assert_allclose(there.pelvis_m, here.pelvis_m @ world.T + move_m, atol=2e-4)
     np.testing.assert_allclose(there.rotmats, world @ here.rotmats, atol=2e-4)
@@ -296,5 +296,5 @@ def test_a_loop_that_bends_a_long_path_far_settles() -> None:
     start = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
     nowhere = seen_of(*start, np.zeros(n, dtype=bool))
     seen = SeenPoses(*start, nowhere.known, nowhere.turn_sigma_rad, nowhere.place_covariance_m2)
-    fused = fuse(30.0, seen, motions, loops=[SamePlace(0, n - 1, 0.1)])
+    fused = smooth(30.0, seen, motions, loops=[SamePlace(0, n - 1, 0.1)])
     assert np.linalg.norm(fused.pelvis_m[-1, :2] - fused.pelvis_m[0, :2]) < 0.3

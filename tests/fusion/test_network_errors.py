@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.fusion import delta_errors
-from gmrdata.fusion.delta_errors import DeltaErrors, error_rates
-from gmrdata.fusion.measured_delta_errors import MeasureConfig, beside_truth, held_out_motions
+from gmrdata.fusion import network_errors
+from gmrdata.fusion.network_errors import (
+    MeasureConfig,
+    beside_truth,
+    error_rates,
+    held_out_motions,
+)
+from gmrdata.fusion.network_evidence import DeltaErrors
 from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.predict import TrainedGmr
 from gmrdata.gmr.train import train
@@ -45,7 +50,7 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     with pytest.raises(SystemExit):
         main(words)  # eight seconds are too few
     assert "Hold out more of them" in capsys.readouterr().err.replace("\n", " ")
-    monkeypatch.setattr(delta_errors, "FEWEST_S", 1.0)
+    monkeypatch.setattr(network_errors, "FEWEST_S", 1.0)
     main(words)
     record = DeltaErrors.read(out)
     assert (record.people, record.clips, record.networks) == (("CMU/02",), 2, ("run",))

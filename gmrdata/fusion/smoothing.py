@@ -136,7 +136,7 @@ class _Graph:
             yield _loop_terms(state, self.loops)
 
 
-def fuse(
+def smooth(
     fps_hz: float,
     seen: SeenPoses,
     motions: SeenMotions,

@@ -4,25 +4,31 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from gmrdata.fusion.evidence import FusionConfig
-from gmrdata.fusion.fused_motion import (
-    DEFAULT_CONFIG,
+from gmrdata.fusion.camera_evidence import FusionConfig
+from gmrdata.fusion.fuse import (
     HEADINGS,
-    RECORD_FILE,
-    RESULT_HEADINGS,
     FuseConfig,
-    FusionRecord,
+    FusedClip,
     Loop,
-    fuse_clip,
+    WeighedGmr,
+    WorldPerson,
+    fuse,
     fuse_own_people,
-    fuse_people,
-    load_sigma,
+    fuse_person,
     person_clips,
     plan,
+    seen_frames,
+)
+from gmrdata.fusion.record import (
+    RECORD_FILE,
+    RESULT_HEADINGS,
+    FusionRecord,
+    load_sigma,
     result_rows,
 )
 from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate
@@ -32,8 +38,8 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingIn
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_metrics import angles_rad
-from tests.fusion.test_delta_errors import record
-from tests.fusion.test_evidence import clip_of
+from tests.fusion.test_camera_evidence import clip_of
+from tests.fusion.test_network_evidence import record
 from tests.reconstructions import pseudo_gt_quality, quality_of_path
 
 GAP = slice(20, 50)
@@ -86,9 +92,9 @@ def test_the_folder_has_whole_clips_with_error_bars(
     pseudo_gt: Path, clip: Clip, run_dir: Path, body_path: Path, errors_path: Path, tmp_path: Path
 ) -> None:
     config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.5),), loop_sigma_m=5.0)
-    made = fuse_people(
-        pseudo_gt.parent, run_dir, body_path, tmp_path / "out", config, errors_path=errors_path
-    )
+    given: dict[str, Any] = {"network": run_dir, "body_path": body_path, "config": config}
+    given["errors_path"] = errors_path
+    made = fuse(pseudo_gt.parent, tmp_path / "out", **given)
     person = FusionRecord.read(made / RECORD_FILE).people[0]
     assert (person.frames, person.frames_with_camera) == (90, 60)
     assert [(gap.start, gap.stop) for gap in person.gaps] == [(20, 50)]
@@ -105,9 +111,7 @@ def test_the_folder_has_whole_clips_with_error_bars(
     assert place_m[clip.valid].max() < 0.05 < place_m[GAP].max()
     assert person.gaps[0].place_sigma_m <= place_m[GAP].max()
     assert len(result_rows(FusionRecord.read(made / RECORD_FILE))[0]) == len(RESULT_HEADINGS)
-    again = fuse_people(
-        pseudo_gt.parent, run_dir, body_path, tmp_path / "out", config, errors_path=errors_path
-    )
+    again = fuse(pseudo_gt.parent, tmp_path / "out", **given)
     assert again == made
 
 
@@ -123,11 +127,11 @@ def test_people_of_the_built_in_estimator_get_the_packages_network(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Once it has a record of its errors; and what was made of them goes when they do."""
-    from gmrdata.fusion import fused_motion
+    from gmrdata.fusion import fuse as stage
 
     network, folder = tmp_path / "network", pseudo_gt.parent
     shutil.copytree(run_dir, network)
-    monkeypatch.setattr(fused_motion, "network_dir", lambda _: network)
+    monkeypatch.setattr(stage, "network_dir", lambda _: network)
     fuse_own_people(folder, body_path)
     assert not (folder / "fused").exists()
     shutil.copy(errors_path, network / "delta_errors.json")
@@ -150,21 +154,51 @@ def test_people_of_the_built_in_estimator_get_the_packages_network(
     assert not (folder / "fused").exists()
 
 
+def fused_alone(clip: Clip, gmr: TrainedGmr, body: BodyModel, config: FusionConfig) -> FusedClip:
+    person = WorldPerson(clip, seen_frames(clip))
+    return fuse_person(person, WeighedGmr(gmr, record()), body, config)
+
+
+def test_who_is_not_seen_has_poses_that_are_not_valid(
+    pseudo_gt: Path, clip: Clip, run_dir: Path, errors_path: Path, small_body: BodyModel,
+    body_path: Path, tmp_path: Path,
+) -> None:  # fmt: skip
+    """By the clip before the camera where there is one, else as far as the world's tells."""
+    valid = clip.valid.copy()
+    valid[:5], valid[80:] = False, False
+    valid[60:63] = False  # the camera is known there, and nobody has a pose
+    late = replace(clip, valid=valid)
+    seen = seen_frames(late)
+    assert np.flatnonzero(~seen).tolist() == [*range(5), *range(60, 63), *range(80, 90)]
+    nobody = replace(clip, valid=np.zeros(90, dtype=bool))
+    assert seen_frames(nobody).all()
+    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+    save_clip(pseudo_gt / "person_0.npz", late, rest_pelvis_m)
+    before = replace(clip, valid=np.arange(90) < 85)
+    (pseudo_gt.parent / "bodies").mkdir()
+    save_clip(pseudo_gt.parent / "bodies" / "person_0.npz", before, rest_pelvis_m)
+    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
+    made = fuse(pseudo_gt, tmp_path / "out", body_path=body_path, **given)
+    fused = load_clip(made / "person_0.npz")
+    np.testing.assert_array_equal(fused.valid, before.valid)
+    assert np.isfinite(fused.motion.pelvis_m).all()
+
+
 def test_the_true_motions_fill_the_gap(
     clip: Clip, small_body: BodyModel, untrained: TrainedGmr, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With a network that is right, the gap holds the truth."""
-    from gmrdata.fusion import fused_motion
+    from gmrdata.fusion import fuse as stage
     from gmrdata.values.motion_deltas import deltas
 
     truth = clip.motion
     monkeypatch.setattr(
-        fused_motion,
+        stage,
         "deltas_at_source_rate",
         lambda gmr, motion: deltas(truth.root_rotmats, truth.pelvis_m),
     )
     config = FusionConfig(ground=False)
-    fused = fuse_clip(clip, untrained, record(), small_body, config)
+    fused = fused_alone(clip, untrained, small_body, config)
     off_m = np.linalg.norm(fused.clip.motion.pelvis_m - truth.pelvis_m, axis=1)
     assert off_m.max() < 0.02
     np.testing.assert_allclose(fused.network_m, truth.pelvis_m, atol=0.02)
@@ -175,7 +209,7 @@ def test_a_clip_without_cameras_is_the_networks_path(
 ) -> None:
     gmr = constant([0.0, 0.0, 0.0], [0.0, 0.0, 0.1])
     alone = replace(clip, camera=None)
-    fused = fuse_clip(alone, gmr, record(), small_body, FusionConfig(feet=False))
+    fused = fused_alone(alone, gmr, small_body, FusionConfig(feet=False))
     path_m = fused.clip.motion.pelvis_m
     assert np.linalg.norm(path_m[-1] - path_m[0]) == pytest.approx(89 / 30, rel=1e-4)
     place_m = fused.arrays["place_sigma_m"].max(axis=1)
@@ -185,7 +219,7 @@ def test_a_clip_without_cameras_is_the_networks_path(
 
 def test_what_a_dry_run_says(pseudo_gt: Path, run_dir: Path, errors_path: Path) -> None:
     config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
-    rows = plan(pseudo_gt, run_dir, config, errors_path=errors_path)
+    rows = plan(pseudo_gt, network=run_dir, config=config, errors_path=errors_path)
     assert rows == [("walk", "90", "30", "60", "1.00", "1")]
     assert len(rows[0]) == len(HEADINGS)
 
@@ -198,24 +232,24 @@ def test_bad_input_is_refused_with_the_remedy(
     small_body: BodyModel,
     tmp_path: Path,
 ) -> None:
-    def fuse(config: FuseConfig = DEFAULT_CONFIG, source: Path = pseudo_gt, **more: Path) -> None:
-        fuse_people(source, run_dir, None, tmp_path / "out", config, **more)
+    def fuse_here(config: FuseConfig | None = None, source: Path = pseudo_gt, **more: Path) -> None:
+        fuse(source, tmp_path / "out", network=run_dir, config=config, **more)
 
     with pytest.raises(MissingInput, match="gmrdata delta-errors"):
-        fuse()
+        fuse_here()
     with pytest.raises(MissingInput, match="person_0.npz"):
         person_clips(tmp_path)
     outside = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=17.8),))
     with pytest.raises(BadRecipe, match="lasts 2.97 s"):
-        fuse(outside, errors_path=errors_path)
+        fuse_here(outside, errors_path=errors_path)
     twice = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=1.01),))
     with pytest.raises(BadRecipe, match="both are frame 30"):
-        fuse(twice, errors_path=errors_path)
+        fuse_here(twice, errors_path=errors_path)
     seen = replace(clip, motion=replace(clip.motion, frame="camera"))
     rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
     save_clip(tmp_path / "camera.npz", seen, rest_pelvis_m)
     with pytest.raises(BadMotionFile, match="not in the world"):
-        fuse(source=tmp_path / "camera.npz", errors_path=errors_path)
+        fuse_here(source=tmp_path / "camera.npz", errors_path=errors_path)
     write_npz(tmp_path / "sigma.npz", {"format": "gmrdata-clip/1"})
     with pytest.raises(BadRecord, match="sigma.npz"):
         load_sigma(tmp_path / "sigma.npz")

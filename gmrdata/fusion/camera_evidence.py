@@ -1,15 +1,13 @@
-"""What a clip with cameras says of a person, as a pose graph takes it: poses with their errors, and
-feet that stand."""
+"""Evidence of the camera: poses of a clip with their errors, and feet that stand."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from gmrdata.fusion.delta_errors import mean_speeds_m_per_s
-from gmrdata.fusion.fusion import FusedPoses, PlantedFeet, SeenMotions, SeenPoses
+from gmrdata.fusion.smoothing import FusedPoses, PlantedFeet, SeenMotions, SeenPoses
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion, without_root
@@ -19,7 +17,6 @@ from gmrdata.world.bodies import BODIES_FILE, BodiesRecord
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
 ROBUST = 1.4826  # from the median of absolute values to a standard deviation
-PACE_AXES = (0.5, 0.3, 1.0)  # of a wrong pace, along left, up and front
 FEWEST_STEPS = 10  # of three known frames in a row, behind a measured noise
 
 
@@ -111,22 +108,6 @@ def unseen_frames(clip: Clip) -> np.ndarray:
     if clip.camera is None:
         return ~clip.valid
     return ~clip.valid & clip.camera.has_camera
-
-
-def widened(motions: SeenMotions, unseen: np.ndarray, factor: float) -> SeenMotions:
-    """Motions whose errors are larger by a factor where they begin or end in an unseen frame."""
-    factors = np.where(unseen[1:] | unseen[:-1], factor, 1.0)[:, None]
-    fast, slow = (replace(p, sigma=p.sigma * factors) for p in (motions.fast, motions.slow))
-    return replace(motions, fast=fast, slow=slow)
-
-
-def with_pace_errors(motions: SeenMotions, fps_hz: float, share: float) -> SeenMotions:
-    """Motions whose slow error is larger by a share of their speed: mostly forward."""
-    speeds = mean_speeds_m_per_s(motions.delta_m, fps_hz)
-    more = np.zeros_like(motions.slow.sigma)
-    more[:, 3:] = share * speeds[:, None] * PACE_AXES
-    slow = replace(motions.slow, sigma=np.hypot(motions.slow.sigma, more))
-    return replace(motions, slow=slow)
 
 
 def error_bars(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.fusion.evidence import (
+from gmrdata.fusion.camera_evidence import (
     OWN_FUSION,
     FusionConfig,
     Noise,
@@ -19,10 +19,9 @@ from gmrdata.fusion.evidence import (
     planted_feet,
     seen_poses,
     unseen_frames,
-    widened,
-    with_pace_errors,
 )
-from gmrdata.fusion.fusion import ErrorProcess, FusedPoses, SeenMotions
+from gmrdata.fusion.network_evidence import widened, with_pace_errors
+from gmrdata.fusion.smoothing import ErrorProcess, FusedPoses, SeenMotions
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip

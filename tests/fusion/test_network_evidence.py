@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.fusion.delta_errors import (
+from gmrdata.fusion.network_errors import (
     HEADINGS,
-    SPEEDS_M_PER_S,
-    DeltaErrors,
-    ErrorPart,
     SeenBesideTruth,
     error_rates,
     error_rows,
     fit_errors,
+)
+from gmrdata.fusion.network_evidence import (
+    SPEEDS_M_PER_S,
+    DeltaErrors,
+    ErrorPart,
     mean_speeds_m_per_s,
     seen_motions,
 )
