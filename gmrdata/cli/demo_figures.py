@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
-from gmrdata.cli.demo_motions import MotionsConfig
-from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
+from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe, MotionsConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.pages import report_data
 from gmrdata.pages.overview import summary_table, write_overview
@@ -109,14 +108,7 @@ def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: Trained
         images_dir=files.frames_dir,
         masks_dir=files.masks_dir,
         body=body,
-        figures=report_data.ClipFigures(
-            ome_deg=error.ome_deg,
-            tme_mm=error.tme_mm,
-            camera_rotation_deg=error.camera_rotation_deg,
-            scale_error_percent=error.scale_error_percent,
-            frames=true.motion.n_frames,
-            frames_with_camera=error.frames_with_camera,
-        ),
+        figures=report_data.ClipFigures.of(error, true.motion.n_frames),
         quality=_quality(files.pseudo_gt_dir),
         figures_fps_hz=FPS_HZ,
         predicted=predicted,

@@ -62,6 +62,17 @@ class DemoRecipe(Config):
         return self
 
 
+class MotionsConfig(Config):
+    """What decides the motions: parts of the recipe, and the files to film."""
+
+    seed: int
+    clips: tuple[DemoClip, ...]
+    film: Film
+    training: Training
+    filmed: tuple[str, ...]
+    """Names of the files, one for each clip; empty for the embedded gait."""
+
+
 class DemoPaths:
     """The demo's output folder: the only place that knows its names."""
 

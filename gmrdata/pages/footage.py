@@ -14,14 +14,13 @@ import numpy as np
 from gmrdata.cameras.files import Lens
 from gmrdata.pages.frames import draw_mask_outline
 from gmrdata.pages.solved import Solved
-from gmrdata.read.frames import read_color, read_gray
+from gmrdata.read.frames import read_gray
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, project_cam
 from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.values.lens import bent
-from gmrdata.values.skinning import motion_vertices_m
-from gmrdata.write.overlay import OVERLAY_BGR, draw_body, draw_floor_path
+from gmrdata.write.overlay import OVERLAY_BGR, draw_people, read_frame
 from gmrdata.write.take import Performer
 from gmrdata.write.video import write_video
 
@@ -34,7 +33,6 @@ BAR_PX = 6
 BAR_BGR = {"kept": (75, 196, 95), "dropped": (130, 130, 140), "now": (255, 255, 255)}
 GRID_DEG = 10.0
 MARKS_PER_FRAME = 150
-CAMERA_ITSELF = np.eye(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +98,11 @@ def footage_picture(footage: Footage, row: int) -> np.ndarray:
     """One frame (H, W, 3) BGR, reduced to `LARGEST_SIDE_PX`, over a bar that says where it is in
     the video and which frames are dropped."""
     camera = reduced_camera(footage.camera)
-    drawn = _frame(footage.images[row], footage.camera, camera)
+    size_px = (camera.width_px, camera.height_px)
+    frame = read_frame(footage.images[row], footage.camera)
+    drawn = np.asarray(cv2.resize(frame, size_px, interpolation=cv2.INTER_AREA))
     if (mask_path := footage.masks[row]) is not None and footage.images[row] is not None:
         mask = read_gray(mask_path, (footage.camera.width_px, footage.camera.height_px))
-        size_px = (camera.width_px, camera.height_px)
         drawn = draw_mask_outline(drawn, cv2.resize(mask, size_px, interpolation=cv2.INTER_NEAREST))
     if camera.has_camera[row]:
         drawn = _with_world(drawn, footage, camera, row)
@@ -120,45 +119,16 @@ def reduced_camera(camera: CameraPath) -> CameraPath:
     return replace(camera, intrinsics_px=matrix, width_px=width_px, height_px=height_px)
 
 
-def _frame(image: Path | None, camera: CameraPath, smaller: CameraPath) -> np.ndarray:
-    """A frame in the smaller size; black where there is none."""
-    if image is None:
-        return np.zeros((smaller.height_px, smaller.width_px, 3), np.uint8)
-    frame = read_color(image)
-    if frame.shape[:2] != (camera.height_px, camera.width_px):
-        sizes = "{1}x{0} px, but its camera has {3}x{2} px".format(
-            *frame.shape[:2], camera.height_px, camera.width_px
-        )
-        raise BadFrames(f"{image}: {sizes}")
-    size_px = (smaller.width_px, smaller.height_px)
-    return np.asarray(cv2.resize(frame, size_px, interpolation=cv2.INTER_AREA))
-
-
 def _with_world(drawn: np.ndarray, footage: Footage, camera: CameraPath, row: int) -> np.ndarray:
     """A frame with everybody and what stands still in the world."""
-    cam_from_world, matrix = transforms.invert(camera.world_from_cam[row]), camera.intrinsics_px
-    marks_m = transforms.apply(cam_from_world, footage.marks.seen_m(row))
-    drawn = _draw_marks(drawn, project_cam(bent_points(marks_m, footage.lens), matrix))
-    every = max(1, round(footage.fps_hz))
-    for person in footage.people:
-        floor_m = transforms.apply(cam_from_world, floor_path_m(person))
-        bent_m = bent_points(floor_m, footage.lens)
-        drawn = draw_floor_path(drawn, CAMERA_ITSELF, matrix, bent_m, every)
-    there = [person for person in footage.people if person.shown[row]]
-    far_first = camera.world_from_cam[row, :3, 2]
-    for person in sorted(there, key=lambda one: -float(one.motion.pelvis_m[row] @ far_first)):
-        now = person.motion.take(slice(row, row + 1))
-        vertices_m = transforms.apply(cam_from_world, motion_vertices_m(person.body, now)[0])
-        bent_m = bent_points(vertices_m, footage.lens)
-        drawn = draw_body(drawn, CAMERA_ITSELF, matrix, bent_m, person.body)
-    return drawn
 
+    def bend(points_cam: np.ndarray) -> np.ndarray:
+        return bent_points(points_cam, footage.lens)
 
-def floor_path_m(person: Performer) -> np.ndarray:
-    """(T, 3) pelvis path on the floor z = 0; NaN in frames without a pose."""
-    path_m = np.where(person.shown[:, None], person.motion.pelvis_m, np.nan)
-    path_m[:, 2] = 0.0
-    return path_m
+    cam_from_world = transforms.invert(camera.world_from_cam[row])
+    marks_m = bend(transforms.apply(cam_from_world, footage.marks.seen_m(row)))
+    drawn = _draw_marks(drawn, project_cam(marks_m, camera.intrinsics_px))
+    return draw_people(drawn, footage.people, camera, row, round(footage.fps_hz), bend)
 
 
 def bent_points(points_cam: np.ndarray, lens: Lens | None) -> np.ndarray:

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
 from gmrdata.score.records import PaperMetrics
-from gmrdata.twins.pseudo_gt_error import has_camera
+from gmrdata.twins.pseudo_gt_error import PseudoGtError, has_camera
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
@@ -28,6 +28,11 @@ class ClipFigures(Config):
     """Signed error of the metric scale; None where the camera doesn't translate."""
     frames: int
     frames_with_camera: int
+
+    @classmethod
+    def of(cls, error: PseudoGtError, frames: int) -> Self:
+        named = cls.model_fields.keys() - {"frames"}
+        return cls(frames=frames, **{name: getattr(error, name) for name in named})
 
 
 @dataclass(frozen=True, eq=False)

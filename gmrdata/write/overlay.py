@@ -1,6 +1,6 @@
 """Bodies and their paths on the floor, drawn over the frames; and that as a video."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -49,21 +49,15 @@ def write_overlay(path: Path, take: Take, images: Sequence[Path | None]) -> None
 
 def _overlays(take: Take, path: CameraPath, images: Sequence[Path | None]) -> Iterator[np.ndarray]:
     """Each frame (H, W, 3), red first, with all that is known in it."""
-    every, floors_m = max(1, round(take.fps_hz)), [_floor_path_m(one) for one in take.people]
     for row, image in enumerate(images):
-        drawn = _frame(image, path)
+        drawn = read_frame(image, path)
         if image is not None and path.has_camera[row]:
-            view = path.world_from_cam[row], path.intrinsics_px
-            for floor_m in floors_m:
-                drawn = draw_floor_path(drawn, *view, floor_m, every)
-            for person in _far_ones_first(take.people, view[0], row):
-                now = person.motion.take(slice(row, row + 1))
-                vertices_m = motion_vertices_m(person.body, now)[0]
-                drawn = draw_body(drawn, *view, vertices_m, person.body)
+            drawn = draw_people(drawn, take.people, path, row, round(take.fps_hz))
         yield drawn[..., ::-1]
 
 
-def _frame(image: Path | None, path: CameraPath) -> np.ndarray:
+def read_frame(image: Path | None, path: CameraPath) -> np.ndarray:
+    """A frame (H, W, 3) BGR of the camera's size; black where there is none."""
     size = (path.height_px, path.width_px, 3)
     if image is None:
         return np.zeros(size, np.uint8)
@@ -74,20 +68,38 @@ def _frame(image: Path | None, path: CameraPath) -> np.ndarray:
     return frame
 
 
-def _floor_path_m(person: Performer) -> np.ndarray:
+def draw_people(
+    image: np.ndarray,
+    people: Sequence[Performer],
+    path: CameraPath,
+    row: int,
+    every: int,
+    bend: Callable[[np.ndarray], np.ndarray] = lambda points_cam: points_cam,
+) -> np.ndarray:
+    """A copy of a BGR image with those who are shown in a row, near ones over far ones, and with
+    everybody's path on the floor, a dot at each `every`-th row.
+
+    `bend` moves points (N, 3) in the camera to where a pinhole shows them as the lens does.
+    """
+    cam_from_world = transforms.invert(path.world_from_cam[row])
+    itself, drawn = np.eye(4), image
+    for person in people:
+        floor_m = bend(transforms.apply(cam_from_world, floor_path_m(person)))
+        drawn = draw_floor_path(drawn, itself, path.intrinsics_px, floor_m, max(1, every))
+    there = [person for person in people if person.shown[row]]
+    towards = path.world_from_cam[row, :3, 2]
+    for person in sorted(there, key=lambda one: -float(one.motion.pelvis_m[row] @ towards)):
+        now = person.motion.take(slice(row, row + 1))
+        vertices_m = bend(transforms.apply(cam_from_world, motion_vertices_m(person.body, now)[0]))
+        drawn = draw_body(drawn, itself, path.intrinsics_px, vertices_m, person.body)
+    return drawn
+
+
+def floor_path_m(person: Performer) -> np.ndarray:
     """(T, 3) pelvis path on the floor z = 0; NaN in frames without a pose, where it is broken."""
     path_m = np.where(person.shown[:, None], person.motion.pelvis_m, np.nan)
     path_m[:, 2] = 0.0
     return path_m
-
-
-def _far_ones_first(
-    people: Sequence[Performer], world_from_cam: np.ndarray, row: int
-) -> list[Performer]:
-    """Those who are shown in a row, so that near ones are painted over far ones."""
-    there = [person for person in people if person.shown[row]]
-    towards = world_from_cam[:3, 2]
-    return sorted(there, key=lambda person: -float(person.motion.pelvis_m[row] @ towards))
 
 
 def draw_floor_path(

@@ -23,7 +23,6 @@ from gmrdata.pages.footage import (
     Marks,
     bent_points,
     direction_marks,
-    floor_path_m,
     footage_picture,
     reduced_camera,
     shown_rows,
@@ -35,7 +34,7 @@ from gmrdata.values.camera import CameraPath, project
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
-from gmrdata.write.overlay import OVERLAY_BGR
+from gmrdata.write.overlay import OVERLAY_BGR, floor_path_m
 from gmrdata.write.take import Performer
 from tests.write.takes import make_take
 
