@@ -21,8 +21,7 @@ from training.noise import NOISE_FILE, LandmarkNoise, NoiseSampler, SeenTruth, m
 
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.landmark_body import MIRRORED_LANDMARKS, from_hips, tree_joints
-from gmrdata.people.lifter import WINDOW, LifterConfig, load_lifter
-from gmrdata.people.views import N_FEATURES, SEEN, views_of
+from gmrdata.people.lifter import N_FEATURES, SEEN, WINDOW, LifterConfig, load_lifter, views_of
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.values.body import BodyModel, leg_length_m

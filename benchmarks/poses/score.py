@@ -9,11 +9,10 @@ from training.calibration import TrueTrack, seen_truth, true_track
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
+from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
 from gmrdata.people.landmark_body import landmark_offsets_m
 from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.people.landmarks import LandmarksConfig, find_landmarks, load_tracks
 from gmrdata.people.local_poses import (
-    LANDMARKS_FOLDER,
     ImageTimes,
     Lens,
     LocalPosesConfig,
@@ -23,7 +22,7 @@ from gmrdata.people.local_poses import (
 )
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import image_number, list_images
-from gmrdata.solve.solve import INTRINSICS, OWN_POSES
+from gmrdata.solve.solve import FOLLOWED, INTRINSICS
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
 from gmrdata.values.skinning import posed_joints_m
@@ -76,15 +75,10 @@ def pose_row(
     numbers = np.array([image_number(image) for image in list_images(images_dir)])
     times = ImageTimes(np.arange(len(numbers)), facts.fps_hz)
     lens = Lens(intrinsics.matrix_px, (intrinsics.radial_k1, 0.0))
-    landmarks_dir = find_landmarks(
-        models_dir / DETECTOR,
-        models_dir / NETWORK,
-        images_dir,
-        work_dir / OWN_POSES / LANDMARKS_FOLDER,
-        LandmarksConfig(),
-    )
+    networks = Networks(models_dir / DETECTOR, models_dir / NETWORK)
+    followed_dir = follow_people(images_dir, work_dir / FOLLOWED, FollowConfig(), networks)
     found = []
-    for track in load_tracks(landmarks_dir):
+    for track in load_tracks(followed_dir):
         seen = seen_landmarks(track, numbers, times, lens)
         found.append(true_track(track, seen, clip, body))
     truth = max(found, key=_frames_on_the_person)

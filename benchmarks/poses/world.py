@@ -14,21 +14,20 @@ from poses.score import DETECTOR, NETWORK
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
-from gmrdata.people.landmarks import load_tracks
+from gmrdata.people.following import load_tracks
 from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.people.local_poses import (
-    LANDMARKS_FOLDER,
     POSES_FOLDER,
     ImageTimes,
     Lens,
+    place,
     seen_landmarks,
 )
-from gmrdata.people.placement import place
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.bodies import load_body
 from gmrdata.score.world_metrics import root_errors_percent, segment_errors_mm
 from gmrdata.solve.request import SolveConfig
-from gmrdata.solve.solve import INTRINSICS, OWN_POSES
+from gmrdata.solve.solve import FOLLOWED, INTRINSICS, OWN_POSES
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
@@ -184,7 +183,7 @@ def _placed_alone(work_dir: Path, clip: Clip, body: BodyModel, facts: VideoFacts
     times = ImageTimes(np.arange(motion.n_frames), facts.fps_hz)
     _, people = load_local_poses(work_dir / OWN_POSES / POSES_FOLDER)
     number = int(clip.id.removeprefix("person_"))
-    track = load_tracks(work_dir / OWN_POSES / LANDMARKS_FOLDER)[number]
+    track = load_tracks(work_dir / FOLLOWED)[number]
     seen = seen_landmarks(
         track, clip.image_numbers, times, Lens(camera.intrinsics_px, (lens.radial_k1, 0.0))
     )

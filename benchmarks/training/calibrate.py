@@ -3,8 +3,8 @@
     python -m training.calibrate OUT MODELS CLIP... [--not-in-noise NAME...]
 
 A CLIP is a folder with frames/ and clip.npz, as `render_set` and `video/clips.py` leave it, and
-clip.json where a lens bends it.  MODELS holds the two networks.  Landmarks are kept in
-OUT/landmarks and found once.  Those that ship were made of video/clips.py's courtyard_beside,
+clip.json where a lens bends it.  MODELS holds the two networks.  People are kept in
+OUT/followed and found once.  Those that ship were made of video/clips.py's courtyard_beside,
 courtyard_circular and room_small, and of the twins that `make bench-sfm` films of CMU's trials
 05_12, 06_13, 09_12, 12_02, 17_10, 26_01 and 27_01; trial 02_10's twin is in the body alone.
 """
@@ -19,9 +19,15 @@ from training.calibration import TrueTrack, measure_errors, measure_offsets, tru
 from training.noise import NOISE_FILE
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
+from gmrdata.people.following import (
+    FollowConfig,
+    Networks,
+    Sightings,
+    follow_people,
+    load_tracks,
+)
 from gmrdata.people.landmark_body import BODY_FILE, LandmarkBodyRecord
 from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.people.landmarks import LandmarksConfig, LandmarkTrack, find_landmarks, load_tracks
 from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.read.bodies import load_body
 from gmrdata.values.body import BodyModel
@@ -40,15 +46,14 @@ def true_tracks(clips: Sequence[Path], work_dir: Path, models_dir: Path) -> dict
     body, found = load_body("anny"), {}
     for clip_dir in clips:
         clip = load_clip(clip_dir / CLIP_FILE)
-        landmarks_dir = find_landmarks(
-            models_dir / "yolox_nano.onnx",
-            models_dir / "pose_landmark_lite.tflite",
+        followed_dir = follow_people(
             clip_dir / FRAMES_FOLDER,
             work_dir / clip_dir.name,
-            LandmarksConfig(),
+            FollowConfig(),
+            Networks(models_dir / "yolox_nano.onnx", models_dir / "pose_landmark_lite.tflite"),
         )
         tracks = [
-            _of_person(track, clip, _bend(clip_dir), body) for track in load_tracks(landmarks_dir)
+            _of_person(track, clip, _bend(clip_dir), body) for track in load_tracks(followed_dir)
         ]
         longest = max(tracks, key=lambda one: len(one.rows), default=None)
         if longest is not None and len(longest.rows) >= FEWEST_FRAMES:
@@ -61,7 +66,7 @@ def _bend(clip_dir: Path) -> float:
     return VideoFacts.read(facts).radial_k1 if facts.is_file() else 0.0
 
 
-def _of_person(track: LandmarkTrack, clip: Clip, radial_k1: float, body: BodyModel) -> TrueTrack:
+def _of_person(track: Sightings, clip: Clip, radial_k1: float, body: BodyModel) -> TrueTrack:
     """The frames of a track, at `RATE_HZ`, in which it is the rendered person's."""
     matrix_px, fps_hz = camera_of(clip).intrinsics_px, clip.motion.fps_hz
     bent = (track.image_px - matrix_px[:2, 2]) / np.diag(matrix_px)[:2]
@@ -93,7 +98,7 @@ def calibrate(
     clips: Sequence[Path], models_dir: Path, out_dir: Path, not_in_noise: Sequence[str] = ()
 ) -> None:
     """Write both files into a folder."""
-    tracks = true_tracks(clips, out_dir / "landmarks", models_dir)
+    tracks = true_tracks(clips, out_dir / "followed", models_dir)
     offsets_m = measure_offsets(list(tracks.values())).round(4)
     rounded = {
         name: (float(x), float(y), float(z))

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from training.noise import LandmarkNoise, SeenTruth, measure_noise
 
+from gmrdata.people.following import Sightings
 from gmrdata.people.landmark_body import (
     HANGS_ON,
     LEG_M,
@@ -18,7 +19,6 @@ from gmrdata.people.landmark_body import (
     TURNS_WITH,
     landmarks_on,
 )
-from gmrdata.people.landmarks import LandmarkTrack
 from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
@@ -41,7 +41,7 @@ class TrueTrack(NamedTuple):
     leg_m: float
 
 
-def true_track(track: LandmarkTrack, seen: SeenLandmarks, clip: Clip, body: BodyModel) -> TrueTrack:
+def true_track(track: Sightings, seen: SeenLandmarks, clip: Clip, body: BodyModel) -> TrueTrack:
     """The frames of a track that the clip has; `seen` is the same track's."""
     rows = rows_of_numbers(clip.image_numbers, track.image_numbers)
     kept = rows >= 0

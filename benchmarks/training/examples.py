@@ -23,8 +23,7 @@ from gmrdata.people.landmark_body import (
     tree_joints,
 )
 from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.people.lifter import RATE_HZ, WINDOW
-from gmrdata.people.views import window_features
+from gmrdata.people.lifter import RATE_HZ, WINDOW, window_features
 from gmrdata.values.body import MIRRORED, BodyModel, leg_length_m
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config

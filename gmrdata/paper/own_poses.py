@@ -3,7 +3,8 @@
     out/poses/<clip id>.npz      poses in the camera's frame, for `vibe_cam` and GMR
     out/keypoints/<clip id>/     the same landmarks in OpenPose's JSON, for `vibe_cam`
     out/features/<clip id>.npz   the landmark network's features, for `joint_train` and `joint`
-    out/seen/<clip id>/          everybody's landmarks and poses (`gmrdata.people.local_poses`)
+    out/followed/<clip id>/      everybody's landmarks (`gmrdata.people.following`)
+    out/seen/<clip id>/          everybody's poses (`gmrdata.people.local_poses`)
     out/own_poses.json           in how many frames each clip's person was seen
 
 It stands where the paper has VIBE, STAF and VIBE's image features.  Where there are several people,
@@ -19,16 +20,20 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from gmrdata.gmr.runs import ClipFile, usable_files
+from gmrdata.people.following import (
+    FollowConfig,
+    Networks,
+    Sightings,
+    follow_people,
+    load_tracks,
+)
 from gmrdata.people.landmark_network import (
     LANDMARKS,
     Crop,
-    LandmarkFeatures,
     open_landmark_features,
 )
-from gmrdata.people.landmarks import LandmarkTrack, load_tracks
 from gmrdata.people.lifter import WEIGHTS_FILE
 from gmrdata.people.local_poses import (
-    LANDMARKS_FOLDER,
     ImageTimes,
     Lens,
     LocalPosesConfig,
@@ -52,8 +57,8 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config, Record
 from gmrdata.values.transforms import slerp
 
-POSES_FOLDER, KEYPOINTS_FOLDER, FEATURES_FOLDER, SEEN_FOLDER = (
-    "poses", "keypoints", "features", "seen",
+POSES_FOLDER, KEYPOINTS_FOLDER, FEATURES_FOLDER, FOLLOWED_FOLDER, SEEN_FOLDER = (
+    "poses", "keypoints", "features", "followed", "seen",
 )  # fmt: skip
 RECORD = "own_poses.json"
 ESTIMATOR = "Lifter"
@@ -74,6 +79,7 @@ HIPS = [LANDMARKS.index("left_hip"), LANDMARKS.index("right_hip")]
 class OwnPosesConfig(Config):
     """How people are seen, and when a clip counts as seen."""
 
+    follow: FollowConfig = FollowConfig()
     poses: LocalPosesConfig = LocalPosesConfig(method="lifter")
     """The lifter alone; the fit that `gmrdata video` lays over it takes several times as long."""
     near: float = Field(default=0.15, gt=0, le=1)
@@ -108,9 +114,12 @@ class OwnPosesRecord(Record):
 class _Sources:
     """Networks and body."""
 
-    detector: Path
-    landmarks: Path
-    body: Path
+    networks: Networks
+    body_path: Path
+
+    def inputs(self) -> dict[str, Path]:
+        """Their files, by role."""
+        return {"body": self.body_path, "lifter": WEIGHTS_FILE} | self.networks._asdict()
 
 
 def own_poses(
@@ -127,25 +136,22 @@ def own_poses(
 
     Poses are those of a body of mean shape; `body_path` is that body, None the default one.
     Networks that are not given are those of `gmrdata fetch models`.  A run that was stopped goes
-    on.  StageFailed where nobody is seen in any clip; other errors are those of `local_poses`.
+    on.  StageFailed where nobody is seen in any clip; other errors are those of `follow_people` and
+    `local_poses`.
     """
     config = config or OwnPosesConfig()
     files, left_out, _ = usable_files(manifest_path)
-    sources = _Sources(
-        find_model(YOLOX_NANO, detector_path),
-        find_model(POSE_LANDMARKS, landmarks_path),
-        ANNY_FILE if body_path is None else body_path,
+    networks = Networks(
+        find_model(YOLOX_NANO, detector_path), find_model(POSE_LANDMARKS, landmarks_path)
     )
+    sources = _Sources(networks, ANNY_FILE if body_path is None else body_path)
     filmed = [file for file in files if file.entry.images is not None]
-    for file in files:
-        if file.entry.images is None:
-            left_out[file.entry.id] = "it has no images"
+    left_out |= {file.entry.id: "it has no images" for file in files if file not in filmed}
 
     def work(partial_dir: Path) -> None:
-        body, seen = read_body(sources.body), {}
-        look = open_landmark_features(sources.landmarks)
+        viewer, seen = _Viewer(sources, config, partial_dir), {}
         for file in with_bar(filmed, "the estimator's poses", total=len(filmed)):
-            answer = _see(file, sources, body, look, partial_dir, config)
+            answer = viewer.see(file)
             if isinstance(answer, str):
                 left_out[file.entry.id] = answer
             else:
@@ -156,8 +162,7 @@ def own_poses(
         record = OwnPosesRecord(estimator=ESTIMATOR, clips=seen, left_out=left_out)
         record.write(partial_dir / RECORD)
 
-    inputs = {"manifest": manifest_path, "body": sources.body, "lifter": WEIGHTS_FILE}
-    inputs |= {"detector": sources.detector, "landmarks": sources.landmarks}
+    inputs = {"manifest": manifest_path} | sources.inputs()
     inputs |= {f"images_{file.entry.id}": _images_dir(file) for file in filmed}
     return run_stage("own-poses", out_dir, config, inputs, work, resumable=True, run=run)
 
@@ -167,56 +172,68 @@ def _images_dir(file: ClipFile) -> Path:
     return resolve_inside(file.manifest_path.parent, file.entry.images.folder)
 
 
-def _see(
-    file: ClipFile,
-    sources: _Sources,
-    body: BodyModel,
-    look: LandmarkFeatures,
-    out_dir: Path,
-    config: OwnPosesConfig,
-) -> SeenClip | str:
-    """One clip's files, or why there are none."""
-    clip, images_dir = file.load(), _images_dir(file)
-    if clip.camera is None:
-        return "it has no camera"
-    frames = read_frames(images_dir)
-    if not np.isin(clip.image_numbers, frames.numbers).all():
-        return "not every frame has an image"
-    folder = local_poses(
-        images_dir,
-        ImageTimes(frames.numbers, clip.motion.fps_hz),
-        Lens(camera_of(clip).intrinsics_px),
-        sources.body,
-        out_dir / SEEN_FOLDER / clip.id,
-        config.poses,
-        detector_path=sources.detector,
-        landmarks_path=sources.landmarks,
-    )
-    tracks = load_tracks(folder.parent / LANDMARKS_FOLDER)
-    person = the_person(tracks, clip, config.near)
-    if person is None:
-        return "its person is not seen"
-    track, poses = tracks[person], load_local_poses(folder)[1][person]
-    rows = rows_of_numbers(clip.image_numbers, track.image_numbers)
-    n_frames, n_seen = clip.motion.n_frames, int((rows >= 0).sum())
-    if n_seen < config.min_seen_share * n_frames:
-        return f"its person is seen in {n_seen} of {n_frames} frames"
-    between = filling(rows, n_frames)
-    posed = posed_clip(clip, poses, between, body)
-    path = out_dir / POSES_FOLDER / f"{clip.id}.npz"
-    save_clip(path, posed, body.rest_pelvis_m(posed.motion.shape))
-    write_keypoints(out_dir / KEYPOINTS_FOLDER / clip.id, clip, track, between)
-    crops = filled(track.crops, between)
-    by_number = dict(zip(frames.numbers.tolist(), frames.paths, strict=True))
-    features = [
-        look(read_color(by_number[number]), Crop(crop[:2], crop[2], crop[3]))
-        for number, crop in zip(clip.image_numbers.tolist(), crops, strict=True)
-    ]
-    write_npz(out_dir / FEATURES_FOLDER / f"{clip.id}.npz", {"features": np.stack(features)})
-    return SeenClip(frames=n_frames, seen=n_seen, people=len(tracks))
+class _Viewer:
+    """The estimator, before the images of one clip after the other."""
+
+    def __init__(self, sources: _Sources, config: OwnPosesConfig, out_dir: Path) -> None:
+        self._sources, self._config, self._out_dir = sources, config, out_dir
+        self._body = read_body(sources.body_path)
+        self._look = open_landmark_features(sources.networks.landmarks)
+
+    def see(self, file: ClipFile) -> SeenClip | str:
+        """One clip's files, or why there are none."""
+        clip, images_dir = file.load(), _images_dir(file)
+        if clip.camera is None:
+            return "it has no camera"
+        frames = read_frames(images_dir)
+        images = dict(zip(frames.numbers.tolist(), frames.paths, strict=True))
+        if not set(clip.image_numbers.tolist()) <= images.keys():
+            return "not every frame has an image"
+        tracks, people = self._followed(clip, images_dir, frames.numbers)
+        person = the_person(tracks, clip, self._config.near)
+        if person is None:
+            return "its person is not seen"
+        rows = rows_of_numbers(clip.image_numbers, tracks[person].image_numbers)
+        n_frames, n_seen = clip.motion.n_frames, int((rows >= 0).sum())
+        if n_seen < self._config.min_seen_share * n_frames:
+            return f"its person is seen in {n_seen} of {n_frames} frames"
+        between = filling(rows, n_frames)
+        posed = posed_clip(clip, people[person], between, self._body)
+        path = self._out_dir / POSES_FOLDER / f"{clip.id}.npz"
+        save_clip(path, posed, self._body.rest_pelvis_m(posed.motion.shape))
+        track, keypoints_dir = tracks[person], self._out_dir / KEYPOINTS_FOLDER / clip.id
+        write_keypoints(keypoints_dir, clip, track, between)
+        crops = filled(track.crops, between)
+        features = [
+            self._look(read_color(images[number]), Crop(crop[:2], crop[2], crop[3]))
+            for number, crop in zip(clip.image_numbers.tolist(), crops, strict=True)
+        ]
+        arrays = {"features": np.stack(features)}
+        write_npz(self._out_dir / FEATURES_FOLDER / f"{clip.id}.npz", arrays)
+        return SeenClip(frames=n_frames, seen=n_seen, people=len(tracks))
+
+    def _followed(
+        self, clip: Clip, images_dir: Path, numbers: np.ndarray
+    ) -> tuple[list[Sightings], list[LocalPoses]]:
+        """Everybody who is in a clip's images, and their poses."""
+        followed_dir = follow_people(
+            images_dir,
+            self._out_dir / FOLLOWED_FOLDER / clip.id,
+            self._config.follow,
+            self._sources.networks,
+        )
+        folder = local_poses(
+            followed_dir,
+            ImageTimes(numbers, clip.motion.fps_hz),
+            Lens(camera_of(clip).intrinsics_px),
+            self._sources.body_path,
+            self._out_dir / SEEN_FOLDER / clip.id,
+            self._config.poses,
+        )
+        return load_tracks(followed_dir), load_local_poses(folder)[1]
 
 
-def the_person(tracks: list[LandmarkTrack], clip: Clip, near: float) -> int | None:
+def the_person(tracks: list[Sightings], clip: Clip, near: float) -> int | None:
     """Which track is the clip's person in most frames; None where none is in any."""
     motion, has_pose = seen_motion(clip)
     pelvis_px = project_cam(motion.pelvis_m, camera_of(clip).intrinsics_px)
@@ -275,7 +292,7 @@ def posed_clip(clip: Clip, poses: LocalPoses, between: Filling, body: BodyModel)
     return Clip(clip.id, motion, np.ones(len(turned), bool), clip.image_numbers, camera=None)
 
 
-def write_keypoints(folder: Path, clip: Clip, track: LandmarkTrack, between: Filling) -> None:
+def write_keypoints(folder: Path, clip: Clip, track: Sightings, between: Filling) -> None:
     """OpenPose's JSON of each of a clip's images.  What lies outside the picture is not seen."""
     camera = camera_of(clip)
     size_px = np.array([camera.width_px, camera.height_px])

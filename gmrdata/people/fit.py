@@ -21,8 +21,7 @@ from gmrdata.people.landmark_body import (
     tree_joints,
 )
 from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.people.lifter import LiftedPose, SeenLandmarks
-from gmrdata.people.views import landmark_weights, views_of
+from gmrdata.people.lifter import LiftedPose, SeenLandmarks, landmark_weights, views_of
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS, leg_length_m
 from gmrdata.values.records import Config
 

@@ -1,6 +1,7 @@
-"""Masks that another tool made: checked, and brought to one sense and one naming."""
+"""Folders of masks: another tool's brought to one sense and one naming, and several as one."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -9,10 +10,15 @@ from pydantic import Field
 
 from gmrdata.people.silhouette import dilate
 from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
+from gmrdata.stage.jobs import in_threads
+from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, MissingInput
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, Figure, Record, figure
+
+RECORD_FILE = "masks.json"
+NAMED_FRAMES = 5
 
 
 class FolderMaskConfig(Config):
@@ -59,3 +65,93 @@ def find_mask(masks_dir: Path, image: Path) -> Path:
         if path.is_file():
             return path
     raise BadFrames(f"{masks_dir}: no mask for {image.name}; expected {' or '.join(names)}")
+
+
+class MasksRecord(Record):
+    """`masks.json`."""
+
+    format: Literal["gmrdata-masks/1"] = "gmrdata-masks/1"
+    sources: tuple[str, ...]
+    masked_share: dict[str, dict[str, Figure]]
+    """Masked share of each frame's picture, by frame, then by source and "united"."""
+    covered: tuple[str, ...]
+    """Frames with more than `max_masked_share` masked."""
+    unmasked: tuple[str, ...]
+    """Frames with nothing masked."""
+
+
+class UnionConfig(Config):
+    """When a mask is suspicious."""
+
+    max_masked_share: float = Field(default=0.9, gt=0, le=1)
+    """A mask that covers more of its frame than this is reported: too little background is left."""
+
+
+def unite_masks(
+    source_dirs: Mapping[str, Path],
+    images_dir: Path,
+    out_dir: Path,
+    config: UnionConfig,
+    *,
+    left_out: Collection[int] = (),
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Stage: one `<image stem>.png` per image, 255 where any source says so, and `masks.json`.
+    `source_dirs` are folders of masks (255 = dynamic) by the name of what made them."""
+
+    def work(partial_dir: Path) -> None:
+        images = list_images(images_dir, left_out)
+        size_px = check_images(images)
+
+        def unite(image: Path) -> dict[str, float]:
+            masks = {
+                name: _dynamic(read_gray(find_mask(folder, image), size_px))
+                for name, folder in source_dirs.items()
+            }
+            united = np.bitwise_or.reduce(list(masks.values()))
+            write_gray(partial_dir / f"{image.stem}.png", united)
+            shown = masks | {"united": united}
+            return {name: np.count_nonzero(mask) / mask.size for name, mask in shown.items()}
+
+        stems = [image.stem for image in images]
+        shares = dict(zip(stems, in_threads(unite, images), strict=True))
+        united = {stem: figure(by_source["united"]) for stem, by_source in shares.items()}
+        MasksRecord(
+            sources=tuple(source_dirs),
+            masked_share=shares,
+            covered=tuple(stem for stem, s in united.items() if s > config.max_masked_share),
+            unmasked=tuple(stem for stem, share in united.items() if share == 0.0),
+        ).write(partial_dir / RECORD_FILE)
+
+    inputs = {"images": images_dir} | {f"masks {name}": path for name, path in source_dirs.items()}
+    made = run_stage("masks", out_dir, config, inputs, work, run=run)
+    if not run.only_look:
+        _report(made, config)
+    return made
+
+
+def _dynamic(mask: np.ndarray) -> np.ndarray:
+    """255 where a mask is more than half dynamic, else 0."""
+    import cv2
+
+    return np.asarray(cv2.threshold(mask, 127, 255, cv2.THRESH_BINARY)[1])
+
+
+def _report(masks_dir: Path, config: UnionConfig) -> None:
+    """Name the frames that a person should look at; none of this need be wrong."""
+    record = MasksRecord.read(masks_dir / RECORD_FILE)
+    say = partial(console.print, markup=False, soft_wrap=True)
+    if record.covered:
+        what = f"more than {config.max_masked_share:.0%} of the picture is masked in"
+        remedy = "Look at these masks: such frames may get no camera"
+        say(f"{masks_dir}: {what} {_named(record.covered)}. {remedy}")
+    if record.unmasked:
+        count = f"{len(record.unmasked)} of {len(record.masked_share)}"
+        remedy = "lower the score that the detector asks for, or unite it with another source"
+        what = f"nothing is masked in {_named(record.unmasked)} ({count})"
+        say(f"{masks_dir}: {what}. If somebody is to be seen there, {remedy}")
+
+
+def _named(stems: tuple[str, ...]) -> str:
+    more = len(stems) - NAMED_FRAMES
+    return f"frame {', '.join(stems[:NAMED_FRAMES])}" + (f" and {more} more" if more > 0 else "")

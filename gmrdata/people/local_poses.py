@@ -1,42 +1,52 @@
-"""Stage: people before the camera, from pictures alone.
+"""Stage: local poses of people who were followed, from their landmarks.
 
-    landmarks/   what the landmark network saw of each person (`landmarks`)
-    poses/       `local_poses.json`, and `person_<n>.npz` of each person: poses, roots and places
-
-The lifter gives the pose and the fit lays it onto the landmarks; the place is where a body of usual
-size lies on them, without leaps in depth.
+`local_poses.json`, and `person_<n>.npz` of each person: poses, roots and places.  The lifter gives
+the pose and the fit lays it onto the landmarks.  The place is where a body of usual size lies on
+them without leaps: linear least squares, each landmark near its ray, as far as it is seen, and
+small second differences of the pelvis's place; a landmark far from its ray counts less in a second
+round.
 """
 
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import torch
 from pydantic import Field
 
 from gmrdata.people.fit import FitConfig, fit
-from gmrdata.people.landmarks import LandmarksConfig, LandmarkTrack, find_landmarks, load_tracks
-from gmrdata.people.lifter import WEIGHTS_FILE, LiftedPose, SeenLandmarks, lift
-from gmrdata.people.placement import place
+from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord, Sightings, load_tracks
+from gmrdata.people.landmark_body import landmark_offsets_m, landmarks_on, tree_joints
+from gmrdata.people.lifter import (
+    WEIGHTS_FILE,
+    LiftedPose,
+    SeenLandmarks,
+    landmark_weights,
+    lift,
+)
 from gmrdata.read.body_file import read_body
-from gmrdata.read.frames import check_images, image_number, list_images
-from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.lens import straightened
 from gmrdata.values.local_poses import POSES_FILE, LocalPoses, LocalPosesRecord
 from gmrdata.values.people import person_file
 from gmrdata.values.records import Config
 
-LANDMARKS_FOLDER, POSES_FOLDER = "landmarks", "poses"
+POSES_FOLDER = "poses"
 Method = Literal["lifter", "fit", "lifter_fit"]
+ACCELERATION = 6.0  # usual one of a pelvis before a camera that is held by hand [m/s2]
+DEPTH_ACCELERATION = 3.0
+ERROR_M = 0.04  # of a landmark
+ALIKE = 12.0  # landmarks of a frame err together: so many of them tell as much as one
+ROUNDS = 3
+LEAST_DEPTH_M = 0.1
 
 
 class LocalPosesConfig(Config):
-    """How people are found, and how their poses are made."""
+    """How people's poses are made."""
 
-    landmarks: LandmarksConfig = LandmarksConfig()
     method: Method = "lifter_fit"
     """The network; the optimisation alone; or the optimisation from the network's poses."""
     fit: FitConfig = FitConfig()
@@ -67,34 +77,17 @@ class _Recipe(Config):
 
 
 def local_poses(
-    images_dir: Path,
+    followed_dir: Path,
     times: ImageTimes,
     lens: Lens,
     body_path: Path,
     out_dir: Path,
     config: LocalPosesConfig,
     *,
-    detector_path: Path | None = None,
-    landmarks_path: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Make `out_dir/landmarks` and `out_dir/poses`, whose path is given; `read_camera_bodies`
-    reads it.
-
-    Networks that are not given are those of `gmrdata fetch models`.  A video in which nobody is
-    seen leaves poses without people.
-
-    Raises:
-        MissingInput, BadDetector, BadFrames, BadBodyFile: name the file and the remedy.
-    """
-    found = find_landmarks(
-        find_model(YOLOX_NANO, detector_path),
-        find_model(POSE_LANDMARKS, landmarks_path),
-        images_dir,
-        out_dir / LANDMARKS_FOLDER,
-        config.landmarks,
-        run=run,
-    )
+    """Poses of whom `follow_people` left, which `read_camera_bodies` reads.  A video in which
+    nobody is seen leaves poses without people.  MissingInput and BadBodyFile name the file."""
     recipe = _Recipe(
         poses=config,
         intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),
@@ -104,10 +97,10 @@ def local_poses(
     )
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir)
-        numbers = np.array([image_number(image) for image in images], dtype=np.int64)
+        followed = FollowedRecord.read(followed_dir / FOLLOWED_FILE)
+        numbers = np.array(followed.images, dtype=np.int64)
         body = read_body(body_path)
-        people = load_tracks(found)
+        people = load_tracks(followed_dir)
         for n, track in enumerate(with_bar(people, "poses")):
             seen = seen_landmarks(track, numbers, times, lens)
             rows = np.searchsorted(numbers, track.image_numbers)
@@ -115,19 +108,19 @@ def local_poses(
             poses.write(partial / person_file(n))
         LocalPosesRecord(
             people=len(people),
-            images=len(images),
+            images=len(numbers),
             frames=int(times.frame_numbers[-1]) + 1,
-            size_px=check_images(images),
+            size_px=followed.size_px,
             body=body.name,
             method=config.method,
         ).write(partial / POSES_FILE)
 
-    inputs = {"landmarks": found, "body": body_path, "lifter": WEIGHTS_FILE}
-    return run_stage("local_poses", out_dir / POSES_FOLDER, recipe, inputs, work, run=run)
+    inputs = {"followed": followed_dir, "body": body_path, "lifter": WEIGHTS_FILE}
+    return run_stage("local_poses", out_dir, recipe, inputs, work, run=run)
 
 
 def seen_landmarks(
-    track: LandmarkTrack, numbers: np.ndarray, times: ImageTimes, lens: Lens
+    track: Sightings, numbers: np.ndarray, times: ImageTimes, lens: Lens
 ) -> SeenLandmarks:
     """A track's landmarks as rays without distortion, at its times."""
     rows = np.searchsorted(numbers, track.image_numbers)
@@ -170,3 +163,62 @@ def smoothed(pose: LiftedPose, times_s: np.ndarray, deviation_s: float) -> Lifte
     u, _, vt = np.linalg.svd(sums)
     u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
     return LiftedPose(u @ vt, pose.leg_m)
+
+
+def place(seen: SeenLandmarks, rotmats: np.ndarray, rest_joints_m: np.ndarray) -> np.ndarray:
+    """The pelvis (T, 3) [m] of a body with rest joints (24, 3) and rotations (T, 24, 3, 3)."""
+    about_m = landmarks_about(rotmats, rest_joints_m)
+    weights = landmark_weights(torch.as_tensor(seen.visibility)).numpy()
+    factors = np.ones_like(weights)
+    pelvis_m = np.zeros((len(rotmats), 3))
+    for _ in range(ROUNDS):
+        pelvis_m = _solve(about_m, seen.rays, weights * factors, seen.times_s)
+        placed_m = about_m + pelvis_m[:, None]
+        depth_m = np.maximum(placed_m[..., 2:], LEAST_DEPTH_M)
+        off_m = np.linalg.norm((placed_m[..., :2] / depth_m - seen.rays) * depth_m, axis=-1)
+        factors = 1 / (1 + (off_m / (2 * ERROR_M)) ** 2)
+    return pelvis_m
+
+
+def landmarks_about(rotmats: np.ndarray, rest_joints_m: np.ndarray) -> np.ndarray:
+    """Landmarks (T, 33, 3) from the pelvis [m]."""
+    joints_m, turned = tree_joints(torch.as_tensor(rest_joints_m), torch.as_tensor(rotmats))
+    leg_m = torch.full((len(rotmats),), leg_length_m(rest_joints_m), dtype=torch.float64)
+    return landmarks_on(joints_m, turned, leg_m, torch.as_tensor(landmark_offsets_m())).numpy()
+
+
+def _solve(
+    about_m: np.ndarray, rays: np.ndarray, weights: np.ndarray, times_s: np.ndarray
+) -> np.ndarray:
+    """The pelvis (T, 3) of weighted least squares, all frames at once."""
+    from scipy.sparse import block_diag, diags, eye, kron
+    from scipy.sparse.linalg import spsolve
+
+    n = len(about_m)
+    u = rays
+    ones, zeros = np.ones(u.shape[:2]), np.zeros(u.shape[:2])
+    by_x = np.stack([ones, zeros, -u[..., 0]], axis=-1)
+    by_y = np.stack([zeros, ones, -u[..., 1]], axis=-1)
+    design = np.concatenate([by_x, by_y], axis=1)
+    off_m = u * about_m[..., 2:] - about_m[..., :2]
+    target_m = np.concatenate([off_m[..., 0], off_m[..., 1]], axis=1)
+    both = np.concatenate([weights, weights], axis=1) / (ALIKE * ERROR_M**2)
+    normal = np.einsum("tn,tni,tnj->tij", both, design, design)
+    right = np.einsum("tn,tni,tn->ti", both, design, target_m)
+    whole = block_diag(list(normal), format="csc")
+    if n > 2:
+        usual = np.tile([1 / ACCELERATION, 1 / ACCELERATION, 1 / DEPTH_ACCELERATION], n - 2)
+        each = kron(_second_differences(times_s), eye(3))
+        whole = whole + each.T @ diags(usual**2) @ each
+    return np.asarray(spsolve(whole.tocsc(), right.ravel())).reshape(n, 3)
+
+
+def _second_differences(times_s: np.ndarray) -> Any:
+    """Sparse (T - 2, T), from values to their second differences per second squared."""
+    from scipy.sparse import diags
+
+    steps_s = np.diff(times_s)
+    before, after = 1 / steps_s[:-1], 1 / steps_s[1:]
+    between_s = (steps_s[1:] + steps_s[:-1]) / 2
+    lines = [before / between_s, -(before + after) / between_s, after / between_s]
+    return diags(lines, [0, 1, 2], shape=(len(times_s) - 2, len(times_s)))

@@ -1,7 +1,8 @@
 """Masks from a YOLOX detector in an ONNX file, run by OpenCV: boxes, joined over time, filled."""
 
 import shutil
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from math import prod
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
 
@@ -11,7 +12,6 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.people import boxes, yolox
 from gmrdata.people.boxes import Detection, Detections
-from gmrdata.people.onnx_sizes import check_sizes
 from gmrdata.read.frames import check_images, list_images, read_color, write_gray
 from gmrdata.read.models import require_model
 from gmrdata.stage.progress import track as with_bar
@@ -19,10 +19,12 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadDetector
 from gmrdata.values.files import read_json, write_json
-from gmrdata.values.limits import MOST_INPUT_SIDE_PX
+from gmrdata.values.limits import MOST_INPUT_SIDE_PX, MOST_NETWORK_NUMBERS
 from gmrdata.values.records import PART, Record
 
 DETECTIONS_FILE = "detections.json"
+_NUMBERS = ("float_data", "int32_data", "int64_data", "double_data", "uint64_data", "string_data")
+"""Fields of onnx.proto's TensorProto."""
 Detector = Callable[[np.ndarray], Detections]
 
 
@@ -228,3 +230,56 @@ def _short(error: Exception) -> str:
     """The first sentence of an OpenCV error, without its place in OpenCV's source."""
     lines = str(error).strip().splitlines()
     return lines[0].split("error: ")[-1].split(" in function")[0] if lines else "no reason given"
+
+
+def check_sizes(path: Path) -> None:
+    """Before OpenCV makes arrays of them: BadDetector for weights that aren't in the file in the
+    number that it says, and for a node whose output has more numbers than any network's that we
+    run."""
+    from onnx import ModelProto
+
+    model = ModelProto.FromString(path.read_bytes())
+    for tensor in _tensors(model.graph):
+        said, held = prod(tensor.dims), _numbers_held(tensor)
+        if min(tensor.dims, default=0) < 0 or said > held:
+            fault = f"its weights {tensor.name!r} should be {said} numbers, and {held} are there"
+            raise BadDetector(f"{path}: {fault}; fetch or export the model again")
+    for name, shape in _inferred(path, model):
+        if (count := prod(shape)) > MOST_NETWORK_NUMBERS:
+            fault = f"{name!r} would have {count} numbers, and {MOST_NETWORK_NUMBERS} are the most"
+            raise BadDetector(f"{path}: {fault}; export a smaller model")
+
+
+def _tensors(graph: Any) -> Iterator[Any]:
+    """Every array that stands in a graph: its weights, and the constants of its nodes."""
+    yield from graph.initializer
+    for node in graph.node:
+        for attribute in node.attribute:
+            yield from (attribute.t, *attribute.tensors) if attribute.HasField("t") else ()
+
+
+def _numbers_held(tensor: Any) -> int:
+    from onnx.helper import tensor_dtype_to_np_dtype
+
+    if not tensor.raw_data:
+        return max(len(getattr(tensor, field)) for field in _NUMBERS)
+    try:
+        return len(tensor.raw_data) // int(tensor_dtype_to_np_dtype(tensor.data_type).itemsize)
+    except KeyError:  # a type that ONNX doesn't have
+        return 0
+
+
+def _inferred(path: Path, model: Any) -> list[tuple[str, list[int]]]:
+    """Names and sizes of what the nodes make, as far as the file settles them."""
+    from onnx.shape_inference import InferenceError, infer_shapes
+
+    try:
+        graph = infer_shapes(model, data_prop=True).graph
+    except (InferenceError, ValueError, RuntimeError, MemoryError) as error:
+        fault = f"its sizes don't fit together ({str(error).splitlines()[0][:200]})"
+        raise BadDetector(f"{path}: {fault}; fetch or export the model again") from None
+    named = (*graph.input, *graph.value_info, *graph.output)
+    return [
+        (value.name, [max(1, size.dim_value) for size in value.type.tensor_type.shape.dim])
+        for value in named
+    ]

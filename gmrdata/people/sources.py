@@ -1,21 +1,34 @@
 """What a recipe may say of masks: where they come from, one source or several united."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field, ValidationError
 
-from gmrdata.people.folder import FolderMaskConfig, folder_masks
+from gmrdata.people.boxes import detections_from_json, fill_boxes
+from gmrdata.people.folder import FolderMaskConfig, UnionConfig, folder_masks, unite_masks
+from gmrdata.people.following import (
+    FOLLOWED_FILE,
+    SIGHTINGS_FILE,
+    FollowConfig,
+    FollowedRecord,
+    Networks,
+    Sightings,
+    follow_people,
+    is_among,
+    outline_path,
+)
 from gmrdata.people.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.people.onnx import OnnxConfig, onnx_masks
-from gmrdata.people.person import PersonMaskConfig, person_masks
-from gmrdata.people.silhouette import SilhouetteConfig, silhouette_masks
-from gmrdata.people.union import UnionConfig, unite_masks
+from gmrdata.people.silhouette import SilhouetteConfig, dilate, silhouette_masks
+from gmrdata.read.frames import image_number, list_images, read_gray, write_gray
 from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import stage_seconds
+from gmrdata.stage.store import run_stage, stage_seconds
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.people import PersonFiles
@@ -52,6 +65,15 @@ class OnnxSource(OnnxConfig):
     """A relative path counts from where the command runs; the one of `fetch models` if left out."""
 
 
+class PersonMaskConfig(FollowConfig):
+    """How people are followed, and how their outlines become masks."""
+
+    min_filled: float = Field(default=0.3, ge=0, le=1)
+    """A box of which outlines fill less is filled itself, if none of them has the same box."""
+    dilate_px: int = Field(default=8, ge=0, le=1000)
+    """Radius by which outlines and boxes are widened [px]."""
+
+
 class PersonSource(PersonMaskConfig):
     """People's outlines by BlazePose, started by a YOLOX detector; both run by OpenCV."""
 
@@ -60,6 +82,17 @@ class PersonSource(PersonMaskConfig):
     """The detector's ONNX file; the one of `gmrdata fetch models` if left out."""
     landmarks: Path | None = None
     """BlazePose's TFLite file; the one of `gmrdata fetch models` if left out."""
+
+    @property
+    def networks(self) -> Networks:
+        """Their files; MissingInput where they were not fetched."""
+        detector = find_model(YOLOX_NANO, self.model)
+        return Networks(detector, find_model(POSE_LANDMARKS, self.landmarks))
+
+    def follow(self, images_dir: Path, out_dir: Path, left_out: Collection[int], run: Run) -> Path:
+        """The stage from which its masks are made, and local poses."""
+        config = _settings(self, FollowConfig)
+        return follow_people(images_dir, out_dir, config, self.networks, left_out=left_out, run=run)
 
 
 class MaskRcnnSource(MaskRcnnConfig):
@@ -95,13 +128,15 @@ def make_masks(
     config: MasksConfig,
     *,
     people: tuple[PersonFiles, ...] = (),
+    followed_dir: Path | None = None,
     left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
 
-    Silhouettes need people: camera-frame clips and their bodies.  Images whose numbers are
-    `left_out` are known to be unusable and get no mask.
+    Silhouettes need people: camera-frame clips and their bodies.  People are followed in
+    `followed_dir`, or beside the masks of their outlines.  Images whose numbers are `left_out` are
+    known to be unusable and get no mask.
 
     Raises:
         MissingInput: silhouettes without people, or a file that is not there; for a network that
@@ -112,9 +147,10 @@ def make_masks(
         MissingExtra: torchvision is not installed, or doesn't fit torch.
         FetchFailed: torchvision could not fetch its weights.
     """
+    given = _Given(images_dir, people, followed_dir, left_out, run)
     made: dict[str, Path] = {}
     for name, source in zip(source_names(config.sources), config.sources, strict=True):
-        made[name] = _make(source, images_dir, sources_dir(out_dir) / name, people, left_out, run)
+        made[name] = _make(source, given, sources_dir(out_dir) / name)
     union = _settings(config, UnionConfig)
     return unite_masks(made, images_dir, out_dir, union, left_out=left_out, run=run)
 
@@ -177,10 +213,11 @@ def network_files(config: MasksConfig) -> dict[str, Path]:
     are not there, this raises before any work."""
     found = {}
     for name, source in zip(source_names(config.sources), config.sources, strict=True):
-        if isinstance(source, OnnxSource | PersonSource):
+        if isinstance(source, OnnxSource):
             found[f"{name} detector"] = find_model(YOLOX_NANO, source.model)
         if isinstance(source, PersonSource):
-            found[f"{name} landmarks"] = find_model(POSE_LANDMARKS, source.landmarks)
+            networks = source.networks
+            found |= {f"{name} {role}": path for role, path in networks._asdict().items()}
         if isinstance(source, MaskRcnnSource) and source.weights is not None:
             found[f"{name} weights"] = source.weights
     return found
@@ -216,17 +253,22 @@ def source_names(sources: Sequence[MaskSource]) -> list[str]:
     ]
 
 
-def _make(
-    source: MaskSource,
-    images_dir: Path,
-    out_dir: Path,
-    people: tuple[PersonFiles, ...],
-    left_out: Collection[int],
-    run: Run,
-) -> Path:
+@dataclass(frozen=True)
+class _Given:
+    """What a source's masks are made of."""
+
+    images_dir: Path
+    people: tuple[PersonFiles, ...]
+    followed_dir: Path | None
+    left_out: Collection[int]
+    run: Run
+
+
+def _make(source: MaskSource, given: _Given, out_dir: Path) -> Path:
+    images_dir, left_out, run = given.images_dir, given.left_out, given.run
     match source:
         case SilhouetteSource():
-            body = _settings(source, SilhouetteConfig)
+            body, people = _settings(source, SilhouetteConfig), given.people
             return silhouette_masks(people, images_dir, out_dir, body, left_out=left_out, run=run)
         case FolderSource():
             made = _settings(source, FolderMaskConfig)
@@ -236,15 +278,57 @@ def _make(
             return onnx_masks(model, images_dir, out_dir, onnx, left_out=left_out, run=run)
         case PersonSource():
             person = _settings(source, PersonMaskConfig)
-            files = (
-                find_model(YOLOX_NANO, source.model),
-                find_model(POSE_LANDMARKS, source.landmarks),
-            )
-            return person_masks(*files, images_dir, out_dir, person, left_out=left_out, run=run)
+            followed_dir = out_dir.with_name(f"{out_dir.name}_followed")
+            if given.followed_dir is not None and out_dir.name in ("person", "person_1"):
+                followed_dir = given.followed_dir
+            source.follow(images_dir, followed_dir, left_out, run)
+            return person_masks(followed_dir, images_dir, out_dir, person, left_out, run)
         case MaskRcnnSource():
             net = _settings(source, MaskRcnnConfig)
             weights = source.weights
             return maskrcnn_masks(weights, images_dir, out_dir, net, left_out=left_out, run=run)
+
+
+def person_masks(
+    followed_dir: Path,
+    images_dir: Path,
+    out_dir: Path,
+    config: PersonMaskConfig,
+    left_out: Collection[int] = (),
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Stage: `<image stem>.png` per image, 255 on people: the outlines of all who are followed, in
+    however few frames.  Whom the landmark network does not see gets the detector's box."""
+
+    def work(partial: Path) -> None:
+        record = FollowedRecord.read(followed_dir / FOLLOWED_FILE)
+        sightings = Sightings.read(followed_dir / SIGHTINGS_FILE)
+        images = list_images(images_dir, left_out)
+        for image, detections in zip(images, record.detections, strict=True):
+            seen = sightings.take(sightings.image_numbers == image_number(image))
+            outlines = np.zeros(record.size_px[::-1], np.uint8)
+            for piece in seen.pieces.tolist():
+                outlines |= read_gray(outline_path(followed_dir, image, piece))
+            boxes_px = detections_from_json(detections).boxes_px
+            filled = _boxes_without(outlines, boxes_px, seen.boxes_px, config)
+            write_gray(partial / f"{image.stem}.png", dilate(outlines | filled, config.dilate_px))
+
+    inputs = {"followed": followed_dir, "images": images_dir}
+    return run_stage("person_masks", out_dir, config, inputs, work, run=run)
+
+
+def _boxes_without(
+    outlines: np.ndarray, boxes_px: np.ndarray, seen_px: np.ndarray, config: PersonMaskConfig
+) -> np.ndarray:
+    """The detector's boxes in which there is no outline of a person, filled."""
+    size_px = (outlines.shape[1], outlines.shape[0])
+    filled = np.zeros_like(outlines)
+    for box_px in boxes_px:
+        box = fill_boxes(box_px[None], size_px)
+        share = np.count_nonzero(outlines & box) / max(1, np.count_nonzero(box))
+        if share < config.min_filled and not is_among(box_px, seen_px, config.same_iou):
+            filled |= box
+    return filled
 
 
 def _settings(source: Config, model: type[Settings]) -> Settings:

@@ -8,7 +8,6 @@ from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, IntrinsicsConfig
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.local_poses import LocalPosesConfig
 from gmrdata.people.sources import MasksConfig, PersonSource
-from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.read.video import VideoConfig
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.stage.progress import remark
@@ -47,15 +46,15 @@ class SolveConfig(SequenceConfig):
     bodies: BodiesConfig = BodiesConfig()
 
     @property
-    def networks(self) -> dict[str, Path]:
-        """What the built-in estimator reads, by role: the networks of masks of people, or those of
-        `fetch models`; MissingInput where they were not fetched."""
+    def person_source(self) -> PersonSource:
+        """How people are followed: as for masks of them, or as by default."""
         sources = () if self.masks is None else self.masks.sources
-        given = next((one for one in sources if isinstance(one, PersonSource)), PersonSource())
-        return {
-            "detector": find_model(YOLOX_NANO, given.model),
-            "landmarks": find_model(POSE_LANDMARKS, given.landmarks),
-        }
+        return next((one for one in sources if isinstance(one, PersonSource)), PersonSource())
+
+    @property
+    def networks(self) -> dict[str, Path]:
+        """What the built-in estimator reads, by role; MissingInput where they were not fetched."""
+        return self.person_source.networks._asdict()
 
 
 DEFAULT_CONFIG = SolveConfig()

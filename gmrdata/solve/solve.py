@@ -16,7 +16,8 @@ from gmrdata.cameras.lens.intrinsics import Intrinsics, find_intrinsics, load_in
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.fusion.fuse import fuse_own_people
 from gmrdata.people import sources as mask_sources
-from gmrdata.people.local_poses import ImageTimes, Lens, local_poses
+from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord
+from gmrdata.people.local_poses import POSES_FOLDER, ImageTimes, Lens, local_poses
 from gmrdata.people.sources import (
     MaskRcnnSource,
     MasksConfig,
@@ -43,7 +44,7 @@ from gmrdata.world.placement import TrueCamera
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
-AGAIN, OWN_POSES, BODY = "again", "own_poses", "body"
+FOLLOWED, AGAIN, OWN_POSES, BODY = "followed", "again", "own_poses", "body"
 """The folders of a sequence but for those of people."""
 
 NOBODY_SEEN = "The built-in estimator sees nobody: these are cameras alone"
@@ -167,6 +168,7 @@ def _masks(solved: Solved) -> Solved:
         solved.out_dir / MASKS,
         config,
         people=given.files,
+        followed_dir=solved.out_dir / FOLLOWED,
         left_out=given.left_out,
         run=solved.run,
     )
@@ -255,7 +257,11 @@ def _people(solved: Solved) -> Solved:
             raise
         return replace(solved, remarks=(str(error),))
     record = BodiesRecord.read(bodies_dir / BODIES_FILE)
-    return replace(solved, bodies=bodies, remarks=(*record.notes, *record.left_out))
+    remarks = (*record.notes, *record.left_out)
+    if people.are_own:
+        followed = FollowedRecord.read(solved.out_dir / FOLLOWED / FOLLOWED_FILE)
+        remarks = (*remarks, *followed.doubts())
+    return replace(solved, bodies=bodies, remarks=remarks)
 
 
 def _true_camera(solved: Solved) -> TrueCamera:
@@ -269,16 +275,16 @@ def _true_camera(solved: Solved) -> TrueCamera:
 def _own_poses(solved: Solved, camera: TrueCamera) -> Path | None:
     """Poses by the built-in estimator, for `read_camera_bodies`; None where it sees nobody."""
     assert solved.frames is not None and solved.body_path is not None
-    networks = solved.config.networks
+    followed_dir = solved.config.person_source.follow(
+        solved.images_dir, solved.out_dir / FOLLOWED, (), solved.run
+    )
     poses_dir = local_poses(
-        solved.images_dir,
+        followed_dir,
         ImageTimes(solved.frames.frame_numbers, solved.frames.fps_hz),
         Lens(camera.intrinsics_px, camera.radial),
         solved.body_path,
-        solved.out_dir / OWN_POSES,
+        solved.out_dir / OWN_POSES / POSES_FOLDER,
         solved.config.own_poses,
-        detector_path=networks["detector"],
-        landmarks_path=networks["landmarks"],
         run=solved.run,
     )
     return poses_dir if LocalPosesRecord.read(poses_dir / POSES_FILE).people else None

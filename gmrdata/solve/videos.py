@@ -26,6 +26,7 @@ from gmrdata.solve.request import (
 from gmrdata.solve.solve import (
     AGAIN,
     BODY,
+    FOLLOWED,
     FRAMES,
     INTRINSICS,
     MASKS,
@@ -59,8 +60,8 @@ RECORD_FILE, ENTRY_FILE = "videos.json", "entry.json"
 SOLVING = "solving videos"
 FILES, PAGE, OVERLAY = "files", "index.html", "overlay"
 PARTS = (
-    FRAMES, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES, BODIES,
-    PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
+    FRAMES, FOLLOWED, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES,
+    BODIES, PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
 )  # fmt: skip
 """What a video's folder may hold."""
 OwnPoses = Literal["no", "seen", "asked"]

@@ -23,8 +23,8 @@ from gmrdata.paper.own_poses import (
 )
 from gmrdata.paper.vibe_cam import load_poses
 from gmrdata.paper.vibe_placement import PlacementConfig, place_person
+from gmrdata.people.following import Sightings
 from gmrdata.people.landmark_network import N_FEATURES
-from gmrdata.people.landmarks import LandmarkTrack
 from gmrdata.read.openpose import PAIRS
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -146,13 +146,12 @@ def test_rows_without_a_person_lie_between_their_neighbours() -> None:
 def test_the_clips_person_is_who_is_near_it_in_most_frames(anny: BodyModel) -> None:
     clip = standing(anny, "a", (0.0, 0.0, 5.0))
 
-    def track(numbers: list[int], hips_px: tuple[float, float]) -> LandmarkTrack:
-        n = len(numbers)
-        places_px = np.tile(hips_px, (n, 33, 1))
-        crops, ones = np.tile([*hips_px, 200.0, 0.0], (n, 1)), np.ones((n, 33))
-        return LandmarkTrack(
-            np.array(numbers), places_px, np.zeros((n, 33, 3)), ones, ones[:, 0], crops
-        )
+    def track(numbers: list[int], hips_px: tuple[float, float]) -> Sightings:
+        crop, zeros = [*hips_px, 200.0, 0.0], np.zeros(33)
+        places = {"image_px": np.tile(hips_px, (33, 1)), "world_m": np.zeros((33, 3))}
+        known = {"people": 0, "pieces": 0, "boxes_px": zeros[:4], "colours": zeros[:32]}
+        rest = {"visibility": zeros + 1, "scores": 1.0, "crops": crop, "next_crops": crop}
+        return Sightings.of([{"image_numbers": n} | places | known | rest for n in numbers])
 
     far, short, right = (
         track([4, 5, 6, 7, 8], (60.0, 270.0)),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gmrdata.motion.gait import make_gait
+from gmrdata.people.following import Networks
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
 
@@ -26,6 +27,27 @@ def dog_dir(shared_path: Callable[[str], Path], tmp_path_factory: pytest.TempPat
         cv2.imwrite(str(folder / f"{i:05d}.png"), half)
     video.release()
     return folder
+
+
+@pytest.fixture(scope="session")
+def standing_people(shared_path: Callable[[str], Path]) -> list[Path]:
+    """Images of a real video of people who hardly move."""
+    return sorted(shared_path("video/static_people").glob("*.jpg"))
+
+
+@pytest.fixture(scope="session")
+def networks(yolox_nano: Path, pose_landmarks: Path) -> Networks:
+    """The two by which people are followed."""
+    return Networks(yolox_nano, pose_landmarks)
+
+
+@pytest.fixture
+def grey_dir(tmp_path: Path) -> Path:
+    """Two frames without anybody."""
+    (tmp_path / "grey").mkdir()
+    for n in range(2):
+        cv2.imwrite(str(tmp_path / "grey" / f"{n}.png"), np.full((120, 160, 3), 90, np.uint8))
+    return tmp_path / "grey"
 
 
 @pytest.fixture(scope="session")

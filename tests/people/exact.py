@@ -9,8 +9,7 @@ from gmrdata.people.landmark_body import (
     landmarks_on,
     tree_joints,
 )
-from gmrdata.people.lifter import SeenLandmarks
-from gmrdata.people.views import views_of
+from gmrdata.people.lifter import SeenLandmarks, views_of
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import posed_joints_m

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from gmrdata.people.lifter import (
+    N_FEATURES,
     RATE_HZ,
     WEIGHTS_FILE,
     WINDOW,
@@ -17,7 +18,6 @@ from gmrdata.people.lifter import (
     load_lifter,
     save_lifter,
 )
-from gmrdata.people.views import N_FEATURES
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadCheckpoint
 from gmrdata.values.motion import Motion

@@ -1,13 +1,12 @@
 """From real frames to people whom the stage of bodies can read."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from gmrdata.people.landmarks import LandmarksConfig
+from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
 from gmrdata.people.local_poses import ImageTimes, Lens, LocalPosesConfig, local_poses
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.camera_bodies import read_camera_bodies
@@ -16,34 +15,28 @@ from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
 
-CONFIG = LocalPosesConfig(landmarks=LandmarksConfig(detect_every=3, min_frames=2))
 LENS = Lens(np.array([[820.0, 0, 150], [0, 820, 270], [0, 0, 1]]))
 TIMES = ImageTimes(np.array([4, 6, 8]), 15.0)
 
 
+def posed(images_dir: Path, times: ImageTimes, out_dir: Path, networks: Networks) -> Path:
+    """Local poses by the default recipe."""
+    config = FollowConfig(min_frames=2)
+    followed_dir = follow_people(images_dir, out_dir / "followed", config, networks)
+    poses = LocalPosesConfig()
+    return local_poses(followed_dir, times, LENS, ANNY_FILE, out_dir / "poses", poses)
+
+
 @pytest.fixture(scope="module")
 def poses_dir(
-    shared_path: Callable[[str], Path],
-    yolox_nano: Path,
-    pose_landmarks: Path,
-    tmp_path_factory: pytest.TempPathFactory,
+    standing_people: list[Path], networks: Networks, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
     """One person of a real video, in a part of its pictures."""
     folder = tmp_path_factory.mktemp("local_poses")
     (folder / "frames").mkdir()
-    images = sorted(shared_path("video/static_people").glob("*.jpg"))[:3]
-    for n, path in enumerate(images):
+    for n, path in enumerate(standing_people[:3]):
         cv2.imwrite(str(folder / "frames" / f"{n}.png"), cv2.imread(str(path))[:, 450:750])
-    return local_poses(
-        folder / "frames",
-        TIMES,
-        LENS,
-        ANNY_FILE,
-        folder / "out",
-        CONFIG,
-        detector_path=yolox_nano,
-        landmarks_path=pose_landmarks,
-    )
+    return posed(folder / "frames", TIMES, folder, networks)
 
 
 def test_the_stage_of_bodies_reads_them(poses_dir: Path, anny: BodyModel) -> None:
@@ -62,14 +55,14 @@ def test_the_stage_of_bodies_reads_them(poses_dir: Path, anny: BodyModel) -> Non
 
 def test_the_body_lies_on_the_person(poses_dir: Path, anny: BodyModel) -> None:
     _, people = load_local_poses(poses_dir)
-    track = np.load(poses_dir.parent / "landmarks" / "person_0.npz")
+    image_px = load_tracks(poses_dir.with_name("followed"))[0].image_px
     rotmats = np.concatenate([people[0].root_rotmats[:, None], people[0].local_rotmats], axis=1)
     rest_joints_m = anny.rest_joints_m(np.zeros(anny.n_shape))
     joints_m, _ = posed_joints_m(rest_joints_m, rotmats, people[0].pelvis_m)
     seen_px = joints_m @ LENS.matrix_px.T
     ankles_px = seen_px[:, [7, 8], :2] / seen_px[:, [7, 8], 2:]
-    height_px = np.ptp(track["image_px"][0, :, 1])
-    off_px = np.linalg.norm(ankles_px - track["image_px"][:, [27, 28]], axis=-1)
+    height_px = np.ptp(image_px[0, :, 1])
+    off_px = np.linalg.norm(ankles_px - image_px[:, [27, 28]], axis=-1)
     assert off_px.mean() < 0.12 * height_px
 
 
@@ -79,21 +72,9 @@ def test_another_video_s_poses_are_refused(poses_dir: Path) -> None:
 
 
 def test_a_video_without_people_has_no_bodies(
-    yolox_nano: Path, pose_landmarks: Path, tmp_path: Path
+    networks: Networks, grey_dir: Path, tmp_path: Path
 ) -> None:
-    (tmp_path / "frames").mkdir()
-    for n in range(2):
-        cv2.imwrite(str(tmp_path / "frames" / f"{n}.png"), np.full((120, 160, 3), 90, np.uint8))
-    made = local_poses(
-        tmp_path / "frames",
-        ImageTimes(np.array([0, 1]), 15.0),
-        LENS,
-        ANNY_FILE,
-        tmp_path / "out",
-        CONFIG,
-        detector_path=yolox_nano,
-        landmarks_path=pose_landmarks,
-    )
+    made = posed(grey_dir, ImageTimes(np.array([0, 1]), 15.0), tmp_path, networks)
     assert LocalPosesRecord.read(made / POSES_FILE).people == 0
     with pytest.raises(BadMotionFile, match="nobody is seen"):
         read_camera_bodies(made, (160, 120))

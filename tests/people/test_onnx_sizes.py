@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 from onnx import ModelProto, TensorProto, helper
 
-from gmrdata.people.onnx import OnnxConfig, open_detector
-from gmrdata.people.onnx_sizes import check_sizes
+from gmrdata.people.onnx import OnnxConfig, check_sizes, open_detector
 from gmrdata.read import models
 from gmrdata.values.errors import BadDetector
 

@@ -13,8 +13,8 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.boxes import fill_boxes
+from gmrdata.people.following import Networks
 from gmrdata.people.onnx import OnnxConfig, open_detector
-from gmrdata.people.person import PersonMaskConfig, person_masks
 from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import read_color, read_gray
@@ -22,7 +22,6 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import save_clip
 
 N_FRAMES = 5
-EXACT = PersonMaskConfig(dilate_px=0)
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +39,13 @@ def rendered(anny: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def masked(yolox_nano: Path, pose_landmarks: Path, tmp_path: Path) -> Callable[..., np.ndarray]:
-    """The masks (T, H, W) bool of a folder of frames."""
+def masked(networks: Networks, tmp_path: Path) -> Callable[..., np.ndarray]:
+    """The masks (T, H, W) bool of a folder of frames, not widened."""
 
-    def run(frames: Path, config: PersonMaskConfig = EXACT) -> np.ndarray:
-        made = person_masks(yolox_nano, pose_landmarks, frames, tmp_path / "masks", config)
-        return read_masks(made)
+    def run(frames: Path, **settings: float) -> np.ndarray:
+        files = {"model": networks.detector, "landmarks": networks.landmarks}
+        source = PersonSource(dilate_px=0, **files, **settings)
+        return read_masks(make_masks(frames, tmp_path / "masks", MasksConfig(sources=(source,))))
 
     return run
 
@@ -88,23 +88,17 @@ def test_whom_the_detector_sees_in_one_frame_is_followed_to_the_first_and_the_la
         found = detect(image)
         scores += found.scores[found.boxes_px[:, 0] > 200].tolist()
     assert sorted(scores)[-2] < max(scores)
-    config = PersonMaskConfig(dilate_px=0, min_detector_score=max(scores))
-    found = masked(tmp_path / "frames", config)
+    found = masked(tmp_path / "frames", min_detector_score=max(scores))
     assert not found[0, :, 200:].any()
     iou, recall = iou_and_recall(found[1:, :, 200:], np.array(newcomers)[1:, :, 200:])
     assert iou.mean() >= 0.8 and recall.mean() >= 0.85 and recall.min() >= 0.75
 
 
 def test_nobody_gives_empty_masks_and_is_said(
-    yolox_nano: Path,
-    pose_landmarks: Path,
-    noise_dir: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    masked: Callable[..., np.ndarray], noise_dir: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    source = PersonSource(model=yolox_nano, landmarks=pose_landmarks)
-    made = make_masks(noise_dir, tmp_path / "masks", MasksConfig(sources=(source,)))
-    assert read_masks(made).shape == (3, 48, 64) and not read_masks(made).any()
+    found = masked(noise_dir)
+    assert found.shape == (3, 48, 64) and not found.any()
     said = " ".join(capsys.readouterr().err.split())
     assert "nothing is masked in frame 00000, 00001, 00002 (3 of 3)" in said
 
@@ -123,6 +117,6 @@ def test_whom_the_landmark_network_does_not_see_gets_the_box(
         image = read_color(shared_path("video/static_people") / name)
         cv2.imwrite(str(tmp_path / "frames" / f"{row}.png"), image)
         boxes.append(fill_boxes(detect(image).boxes_px, image.shape[1::-1]) == 255)
-    found = masked(tmp_path / "frames", PersonMaskConfig(dilate_px=0, min_score=1.0))
+    found = masked(tmp_path / "frames", min_score=1.0)
     np.testing.assert_array_equal(found, boxes)
     assert found.any(axis=(1, 2)).all()

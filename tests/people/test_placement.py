@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmrdata.people.placement import place
+from gmrdata.people.local_poses import place
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
 from tests.people.exact import seen_exactly, some_of

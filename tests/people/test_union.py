@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.people.union import RECORD_FILE, UnionConfig, unite_masks
+from gmrdata.people.folder import RECORD_FILE, UnionConfig, unite_masks
 from gmrdata.read.frames import read_gray
 from gmrdata.values.errors import BadFrames, MissingInput
 

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.people.views import turns_to, views_of, window_features
+from gmrdata.people.lifter import turns_to, views_of, window_features
 
 
 def cloud(seed: int) -> torch.Tensor:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from gmrdata.people.boxes import Detection
+from gmrdata.people.folder import MasksRecord
 from gmrdata.people.onnx import DetectionsRecord, FrameRecord
-from gmrdata.people.union import MasksRecord
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import (
     FileState,

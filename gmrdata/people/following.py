@@ -1,0 +1,412 @@
+"""Stage: people detected and followed through a sequence, once, for all that is made from it.
+
+    followed.json                   who is seen, and when; the detector's boxes of each frame
+    sightings.npz                   each person in each frame (`Sightings`)
+    outlines/<stem>_<piece>.png     255 on the person
+
+A detector starts the landmark network, which follows each person by its own landmarks, forward and
+back to where the person came into view.  Where a person is lost and found again, `linking` joins
+the pieces.
+"""
+
+import shutil
+from collections import defaultdict
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, PositiveInt
+from pydantic.dataclasses import dataclass as part
+
+from gmrdata.people.boxes import Detection, box_iou, detections_as_json
+from gmrdata.people.landmark_network import (
+    N_LANDMARKS,
+    Crop,
+    LandmarkNetwork,
+    Person,
+    crop_around,
+    open_landmark_network,
+)
+from gmrdata.people.linking import LinkConfig, Piece, cuts_in, join_pieces, unsure_pairs
+from gmrdata.people.onnx import OnnxConfig, detect_all
+from gmrdata.read.frames import check_images, image_number, list_images, read_color, write_gray
+from gmrdata.stage.progress import track as with_bar
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
+from gmrdata.values.files import write_npz
+from gmrdata.values.records import (
+    PART,
+    ArrayShapes,
+    Config,
+    Record,
+    check_shapes,
+    read_arrays,
+)
+
+FOLLOWED_FILE, SIGHTINGS_FILE, OUTLINES_FOLDER = "followed.json", "sightings.npz", "outlines"
+SIGHTINGS_FORMAT = "gmrdata-sightings/1"
+HUES, SATURATIONS = 8, 4
+"""Bins of the colours by which a person is known again."""
+
+
+class FollowConfig(Config):
+    """How people are found, followed and known again."""
+
+    min_detector_score: float = Field(default=0.35, gt=0, le=1)
+    """A box that reaches this score starts a person, or is masked if it shows none."""
+    min_score: float = Field(default=0.5, gt=0, le=1)
+    """A person is followed while the landmark network's score reaches this."""
+    same_iou: float = Field(default=0.4, gt=0, le=1)
+    """Overlap of two boxes from which they are of one person."""
+    link: LinkConfig = LinkConfig()
+    min_frames: int = Field(default=10, ge=2)
+    """Who is seen in fewer frames has no poses; the one seen in most of them only if in one frame
+    alone."""
+
+
+class Networks(NamedTuple):
+    """Files of the two networks."""
+
+    detector: Path
+    """YOLOX on COCO's 80 classes (ONNX)."""
+    landmarks: Path
+    """BlazePose GHUM lite (TFLite)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """People in frames, N of them: by frame, then by piece; of one person over its frames."""
+
+    image_numbers: np.ndarray  # (N,) int, as in the images' names
+    people: np.ndarray  # (N,) int: number of the person; -1 for who is seen in too few frames
+    pieces: np.ndarray  # (N,) int: number of the run in which it was followed without a gap
+    boxes_px: np.ndarray  # (N, 4) left, top, right, bottom of the outline [px]
+    image_px: np.ndarray  # (N, 33, 2) as the picture has them, bent by its lens [px]
+    world_m: np.ndarray
+    """(N, 33, 3) from the middle of the hips [m], in the axes of the camera as far as a crop tells:
+    along the ray through its middle."""
+    visibility: np.ndarray  # (N, 33) from 0 to 1
+    scores: np.ndarray  # (N,) from 0 to 1: that there is a person
+    crops: np.ndarray  # (N, 4) what the network saw: centre x and y, side [px], turn [rad]
+    next_crops: np.ndarray  # (N, 4) where its landmarks say that the person is
+    colours: np.ndarray  # (N, 32) shares of hues and saturations
+
+    def __len__(self) -> int:
+        return len(self.pieces)
+
+    def take(self, rows: np.ndarray) -> Self:
+        """Some of them, by place or by what is true of them."""
+        return type(self)(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
+
+    @classmethod
+    def joined(cls, some: Sequence[Self]) -> Self:
+        """Several as one, by frame and piece."""
+        whole = cls(
+            **{
+                one.name: np.concatenate([getattr(each, one.name) for each in (cls.of([]), *some)])
+                for one in fields(cls)
+            }
+        )
+        return whole.take(np.lexsort([whole.pieces, whole.image_numbers]))
+
+    @classmethod
+    def of(cls, seen: Sequence[dict[str, Any]]) -> Self:
+        """Of values by name, one after the other."""
+        return cls(
+            **{
+                key: np.array([one[key] for one in seen], dtype=dtype).reshape(-1, *shape[1:])
+                for key, (kinds, shape) in _SHAPES.items()
+                for dtype in [np.int64 if "i" in kinds else np.float64]
+            }
+        )
+
+    def write(self, path: Path) -> None:
+        """Write them as an .npz without pickled objects."""
+        arrays = {key: getattr(self, key) for key in _SHAPES}
+        check_shapes(path, arrays, _SHAPES)
+        write_npz(path, {"format": SIGHTINGS_FORMAT} | arrays)
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read them; BadRecord names what is wrong with the file."""
+        return cls(**read_arrays(path, SIGHTINGS_FORMAT, _SHAPES))
+
+
+_SHAPES: ArrayShapes = {
+    "image_numbers": ("iu", ("N",)),
+    "people": ("i", ("N",)),
+    "pieces": ("iu", ("N",)),
+    "boxes_px": ("f", ("N", 4)),
+    "image_px": ("f", ("N", N_LANDMARKS, 2)),
+    "world_m": ("f", ("N", N_LANDMARKS, 3)),
+    "visibility": ("f", ("N", N_LANDMARKS)),
+    "scores": ("f", ("N",)),
+    "crops": ("f", ("N", 4)),
+    "next_crops": ("f", ("N", 4)),
+    "colours": ("f", ("N", HUES * SATURATIONS)),
+}
+
+
+@part(frozen=True, config=PART)
+class PersonFacts:
+    """One person of the sequence."""
+
+    images: PositiveInt
+    """In which the person is seen."""
+    seen: tuple[tuple[int, int], ...]
+    """First and last image of each run of frames in which it is."""
+    may_be: tuple[int, ...]
+    """Numbers of people who may be the same one: never seen together, and in like colours."""
+
+
+class FollowedRecord(Record):
+    """`followed.json`: who is seen, and when."""
+
+    format: Literal["gmrdata-followed/1"] = "gmrdata-followed/1"
+    size_px: tuple[int, int]
+    images: tuple[int, ...]
+    """Their numbers, rising."""
+    detections: tuple[list[Detection], ...]
+    """The detector's boxes in each image."""
+    people: tuple[PersonFacts, ...]
+    """By number: who is seen in most frames comes first."""
+    left_out: tuple[int, ...]
+    """Frames of each one who is seen in too few."""
+
+    def doubts(self) -> tuple[str, ...]:
+        """What one should know of who is who."""
+        return tuple(
+            f"person {number} may be person {other}: they are never seen in one frame"
+            for number, person in enumerate(self.people)
+            for other in person.may_be
+            if other < number
+        )
+
+
+def follow_people(
+    images_dir: Path,
+    out_dir: Path,
+    config: FollowConfig,
+    networks: Networks,
+    *,
+    left_out: Collection[int] = (),
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Stage: detect and follow everybody; images whose numbers are `left_out` are not looked at.
+
+    A run that was stopped goes on at the next frame that it has not seen.  A sequence without
+    people leaves a record without people.  BadDetector where a file is no such network.
+    """
+
+    def work(partial: Path) -> None:
+        images = list_images(images_dir, left_out)
+        size_px = check_images(images)
+        look = open_landmark_network(networks.landmarks)
+        least = config.min_detector_score
+        people = OnnxConfig(classes=("person",), min_score=least, weak_score=least)
+        found = detect_all(networks.detector, images, partial, people)
+        boxes_px = [frame.boxes_px for frame in found]
+        whole = _Follower(images, boxes_px, partial, config, look).all_sightings()
+        numbers = np.array([image_number(image) for image in images], dtype=np.int64)
+        known, facts, seldom = _known_people(whole, numbers, config)
+        known.write(partial / SIGHTINGS_FILE)
+        FollowedRecord(
+            size_px=size_px,
+            images=tuple(numbers.tolist()),
+            detections=tuple(map(detections_as_json, found)),
+            people=facts,
+            left_out=seldom,
+        ).write(partial / FOLLOWED_FILE)
+        for folder in ("seen", FRAMES_FOLDER):
+            shutil.rmtree(partial / folder)
+
+    inputs = {**networks._asdict(), "images": images_dir}
+    return run_stage("followed", out_dir, config, inputs, work, resumable=True, run=run)
+
+
+def load_tracks(followed_dir: Path) -> list[Sightings]:
+    """The people of a finished folder; BadRecord where a file is not whole."""
+    sightings = Sightings.read(followed_dir / SIGHTINGS_FILE)
+    n_people = len(FollowedRecord.read(followed_dir / FOLLOWED_FILE).people)
+    return [sightings.take(sightings.people == number) for number in range(n_people)]
+
+
+FRAMES_FOLDER = "frames"
+"""Of the unfinished stage: whom each frame's turn brought, also in the frames before."""
+
+
+@dataclass(eq=False)
+class _Follower:
+    """People of a sequence while they are followed."""
+
+    images: list[Path]
+    boxes_px: list[np.ndarray]  # (N, 4) of the detector, by frame [px]
+    folder: Path
+    config: FollowConfig
+    look: LandmarkNetwork
+    n_pieces: int = 0
+    met_px: defaultdict[int, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
+    """By a frame's row: boxes (4,) of the people in it [px]."""
+
+    def all_sightings(self) -> Sightings:
+        """Go through the frames once, and from each newcomer back."""
+        turns: list[Sightings] = []
+        row_of = {image_number(image): row for row, image in enumerate(self.images)}
+        before = Sightings.of([])
+        for row, image in enumerate(with_bar(self.images, "following people")):
+            path = self.folder / FRAMES_FOLDER / f"{image.stem}.npz"
+            if path.is_file():
+                found = Sightings.read(path)
+                for number, box_px in zip(found.image_numbers, found.boxes_px, strict=True):
+                    self.met_px[row_of[int(number)]].append(box_px)
+            else:
+                found = Sightings.of(self._turn(before, read_color(image), row))
+                found.write(path)
+            self.n_pieces = max([self.n_pieces, *(found.pieces + 1).tolist()])
+            before = found.take(found.image_numbers == image_number(image))
+            turns.append(found)
+        return Sightings.joined(turns)
+
+    def _turn(self, before: Sightings, image: np.ndarray, row: int) -> list[dict[str, Any]]:
+        """Whom the frame before shows, then who is new, who is also followed back."""
+        here = self._go_on(zip(before.pieces, before.next_crops, strict=True), image, row)
+        earlier: list[dict[str, Any]] = []
+        for box_px in self.boxes_px[row]:
+            if self._is_met(box_px, row):
+                continue
+            crop = crop_around(box_px)
+            person = self.look(image, crop)
+            if person.score >= self.config.min_score:
+                # Seen in the crop that landmarks give: the network knows such.
+                crop = person.next_crop
+                person = self.look(image, crop)
+            if self._keep(person, row):
+                here.append(self._sighting(person, crop, self.n_pieces, image, row))
+                self.n_pieces += 1
+                earlier += self._go_back(here[-1], row)
+        return here + earlier
+
+    def _go_on(self, people: Any, image: np.ndarray, row: int) -> list[dict[str, Any]]:
+        """The same people, by piece and crop, in another frame; two who have become one are one."""
+        kept = []
+        for piece, next_crop in people:
+            crop = Crop(np.array(next_crop[:2]), float(next_crop[2]), float(next_crop[3]))
+            person = self.look(image, crop)
+            if self._keep(person, row):
+                kept.append(self._sighting(person, crop, int(piece), image, row))
+        return kept
+
+    def _go_back(self, newcomer: dict[str, Any], row: int) -> list[dict[str, Any]]:
+        """A newcomer in the frames before, until lost or met by another."""
+        earlier, seen = [], [newcomer]
+        while row > 0:
+            row -= 1
+            last = [(one["pieces"], one["next_crops"]) for one in seen]
+            seen = self._go_on(last, read_color(self.images[row]), row)
+            if not seen:
+                break
+            earlier += seen
+        return earlier
+
+    def _keep(self, person: Person, row: int) -> bool:
+        """Note a person in a frame; False if there is none, or one who was met already."""
+        if person.score < self.config.min_score or not person.mask.any():
+            return False
+        if self._is_met(person.box_px, row):
+            return False
+        self.met_px[row].append(person.box_px)
+        return True
+
+    def _is_met(self, box_px: np.ndarray, row: int) -> bool:
+        return is_among(box_px, self.met_px[row], self.config.same_iou)
+
+    def _sighting(
+        self, person: Person, crop: Crop, piece: int, image: np.ndarray, row: int
+    ) -> dict[str, Any]:
+        write_gray(outline_path(self.folder, self.images[row], piece), person.mask)
+        return {
+            "image_numbers": image_number(self.images[row]),
+            "people": -1,
+            "pieces": piece,
+            "boxes_px": person.box_px,
+            "image_px": person.image_px.round(3),
+            "world_m": person.world_m.round(5),
+            "visibility": person.visibility.round(5),
+            "scores": person.score,
+            "crops": _plain(crop),
+            "next_crops": _plain(person.next_crop),
+            "colours": _colours(image, person.mask).round(4),
+        }
+
+
+def is_among(
+    box_px: np.ndarray, others_px: np.ndarray | Sequence[np.ndarray], same_iou: float
+) -> bool:
+    """Whether one of some boxes (4,) is of the same person as another."""
+    others = np.array(others_px).reshape(-1, 4)
+    return bool((box_iou(box_px[None], others) >= same_iou).any())
+
+
+def outline_path(followed_dir: Path, image: Path, piece: int) -> Path:
+    """The outline of one piece of a person in an image."""
+    return followed_dir / OUTLINES_FOLDER / f"{image.stem}_{piece}.png"
+
+
+def _plain(crop: Crop) -> list[float]:
+    return [*crop.centre_px.tolist(), crop.side_px, crop.turn_rad]
+
+
+def _colours(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """(32,) shares of hues and saturations on a person."""
+    import cv2
+
+    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
+    counts = cv2.calcHist([hsv], [0, 1], mask, [HUES, SATURATIONS], [0, 180, 0, 256])
+    return np.asarray(counts.ravel() / max(1.0, float(counts.sum())))
+
+
+def _known_people(
+    found: Sightings, numbers: np.ndarray, config: FollowConfig
+) -> tuple[Sightings, tuple[PersonFacts, ...], tuple[int, ...]]:
+    """The same with each person's number; facts of each; frames of those seen in too few."""
+    rows = np.searchsorted(numbers, found.image_numbers)
+    cut = [some for piece in np.unique(found.pieces) for some in _cut(found, rows, piece, config)]
+    joined = join_pieces([_piece(found, rows, some) for some in cut], config.link)
+    people = [np.concatenate([cut[number] for number in line]) for line in joined]
+    people.sort(key=lambda places: -len(places))
+    least = max(2, min([config.min_frames, *map(len, people[:1])]))
+    kept = [places for places in people if len(places) >= least]
+    of = np.full(len(found), -1, dtype=np.int64)
+    for number, places in enumerate(kept):
+        of[places] = number
+    unsure = unsure_pairs([_piece(found, rows, places) for places in kept], config.link)
+    facts = tuple(
+        PersonFacts(
+            images=len(places),
+            seen=_runs(numbers, rows[places]),
+            may_be=tuple(sorted(sum(pair) - n for pair in unsure if n in pair)),
+        )
+        for n, places in enumerate(kept)
+    )
+    known = Sightings(**vars(found) | {"people": of})
+    return known, facts, tuple(len(places) for places in people[len(kept) :])
+
+
+def _cut(found: Sightings, rows: np.ndarray, piece: int, config: FollowConfig) -> list[np.ndarray]:
+    """Places of one piece's sightings, cut where another person may have taken over."""
+    places = np.flatnonzero(found.pieces == piece)
+    edges = [0, *cuts_in(_piece(found, rows, places), config.link), len(places)]
+    return [places[start:stop] for start, stop in pairwise(edges)]
+
+
+def _piece(found: Sightings, rows: np.ndarray, places: np.ndarray) -> Piece:
+    return Piece(rows[places], found.crops[places], found.colours[places])
+
+
+def _runs(numbers: np.ndarray, rows: np.ndarray) -> tuple[tuple[int, int], ...]:
+    """First and last image of each run of rows that follow each other."""
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return tuple((int(numbers[run[0]]), int(numbers[run[-1]])) for run in runs)
