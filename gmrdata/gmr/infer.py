@@ -31,7 +31,6 @@ from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
-from gmrdata.motion.rest_pose import minimal_rotation
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage
@@ -42,6 +41,7 @@ from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.records import Config, Record
 from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.transforms import smallest_rotation
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
@@ -100,7 +100,7 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
     up = up_of_standing_feet(motion, body)
     level_from_world, how = np.eye(3), "no foot stands still; up from the first pelvis"
     if up is not None:
-        level_from_world, how = minimal_rotation(up, np.eye(3)[2]), "up from standing feet"
+        level_from_world, how = smallest_rotation(up, np.eye(3)[2]), "up from standing feet"
     root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = motion.pelvis_m @ level_from_world.T
     motion, _ = put_on_floor(body, replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m))

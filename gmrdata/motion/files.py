@@ -2,14 +2,14 @@
 
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
 from gmrdata.motion.amass import is_amass_extra, read_amass
-from gmrdata.motion.retarget import Residual, retarget
+from gmrdata.motion.retarget import Residual, Retargeting, retarget
 from gmrdata.motion.standing import in_metres
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
@@ -83,8 +83,8 @@ def read_motion(
     joint_map = Path(joint_map) if isinstance(joint_map, str) else joint_map
     names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
     config = ReadConfig(fps_hz=fps_hz, unit_m=unit_m, joint_map=names, rest_pose=rest_pose)
-    _, motion, _ = _captured(path, body, config, shape, asf_path, drop_rest_frame, ground)
-    return motion
+    source = _read_source(path, config, asf_path, drop_rest_frame)
+    return _on_body(source, path, body, config, Retargeting(shape=shape, ground=ground))[0]
 
 
 def read_file(
@@ -97,40 +97,36 @@ def read_file(
         in_index = "CMU" in path.parts and cmu_subject(path) in CMU_60_HZ_SUBJECTS
         rate_from = "given" if config.fps_hz is not None else "CMU's index" if in_index else "file"
         return FileReading(motion, rate_from, None)
-    source, motion, residual = _captured(path, body, config, shape)
+    source = _read_source(path, config)
+    motion, residual = _on_body(source, path, body, config, Retargeting(shape=shape))
     return FileReading(motion, source.rate_from, residual)
 
 
-def _captured(
+def _read_source(
     path: Path,
-    body: BodyModel,
     config: ReadConfig,
-    shape: np.ndarray | None,
     asf_path: Path | None = None,
     drop_rest_frame: bool | None = None,
-    ground: bool | None = None,
-) -> tuple[SourceMotion, Motion, Residual]:
-    """Motion capture on its own skeleton, and on the body."""
+) -> SourceMotion:
+    """Motion capture on its own skeleton."""
     suffix, fps_hz, unit_m = path.suffix.lower(), config.fps_hz, config.unit_m
     if suffix == ".bvh":
-        source = read_bvh(path, fps_hz=fps_hz, unit_m=unit_m, drop_rest_frame=drop_rest_frame)
-    elif suffix == ".amc":
-        source = read_amc(path, asf_path=asf_path, fps_hz=fps_hz, unit_m=unit_m)
-    else:
-        known = "a .bvh, an .amc with its .asf, or an AMASS .npz"
-        raise BadMotionFile(f"{path}: no known motion format; a motion is {known}")
+        return read_bvh(path, fps_hz=fps_hz, unit_m=unit_m, drop_rest_frame=drop_rest_frame)
+    if suffix == ".amc":
+        return read_amc(path, asf_path=asf_path, fps_hz=fps_hz, unit_m=unit_m)
+    known = "a .bvh, an .amc with its .asf, or an AMASS .npz"
+    raise BadMotionFile(f"{path}: no known motion format; a motion is {known}")
+
+
+def _on_body(
+    source: SourceMotion, path: Path, body: BodyModel, config: ReadConfig, said: Retargeting
+) -> tuple[Motion, Residual]:
+    """The same on the body, as the recipe says."""
     joints = find_joints(source.names, source.parents, config.joint_map, path)
-    motion, residual = retarget(
-        source if unit_m is not None else in_metres(source, joints),
-        joints,
-        body,
-        shape=shape,
-        upright_pitch_deg=CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else None,
-        rest=_rest(config.rest_pose),
-        name=str(path),
-        ground=ground,
-    )
-    return source, motion, residual
+    pitch_deg = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else {}
+    said = replace(said, upright_pitch_deg=pitch_deg, rest=_rest(config.rest_pose))
+    source = source if config.unit_m is not None else in_metres(source, joints)
+    return retarget(source, joints, body, said, str(path))
 
 
 def _rest(rest_pose: RestPose | Path | None) -> RestPose | SourceMotion | None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from gmrdata.motion.gait_body import pose_body
-from gmrdata.motion.gait_steps import FIRST_STEP, plan_footsteps, sample_path
+from gmrdata.motion.gait_steps import FIRST_STEP, Walk, plan_footsteps, sample_path
 from gmrdata.motion.gait_style import GAIT_KINDS as GAIT_KINDS
 from gmrdata.motion.gait_style import GaitStyle, sample_style
 from gmrdata.motion.ground import motion_of
@@ -82,7 +82,7 @@ def gait_with_contacts(
     n_steps = first_step + float(_steps(np.array(duration_s + pad_s), style))
     path = sample_path(kind, n_steps, style, rng)
     plan = plan_footsteps(path, style, _ground(kind, n_steps, rng), rng)
-    arrays = pose_body(body, shape, path, time_s, steps, plan, style, half_window)
+    arrays = pose_body(body, shape, Walk(path, plan, style, time_s, steps), half_window)
     rotmats, pelvis_m, planted = (array[pad : pad + n_frames] for array in arrays)
     source = f"gmrdata gait {kind}, {style.speed_m_s:.2f} m/s, generated, not motion capture"
     motion = motion_of(body, shape, rotmats, pelvis_m, float(fps_hz), source)

@@ -7,26 +7,20 @@ from scipy.ndimage import convolve1d, minimum_filter1d
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion import gait_steps
-from gmrdata.motion.gait_steps import SIDES, FootPoses, Footsteps, GroundPath, Leg, turn, upright
+from gmrdata.motion.gait_steps import SIDES, FootPoses, GroundPath, Leg, Walk, turn, upright
 from gmrdata.motion.gait_style import GRAVITY_M_S2, GaitStyle
 from gmrdata.values.body import JOINT, N_LOCAL, BodyModel
 
 
 def pose_body(
-    body: BodyModel,
-    shape: np.ndarray,
-    path: GroundPath,
-    time_s: np.ndarray,
-    steps: np.ndarray,
-    plan: Footsteps,
-    style: GaitStyle,
-    half_window: int,
+    body: BodyModel, shape: np.ndarray, walk: Walk, half_window: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Someone who makes planned steps, at (T,) times and step counts (even: left touch-down).
+    """Someone who makes planned steps, at the T times of the walk.
 
     Gives rotations (T, 24, 3, 3), the root's first, pelvis (T, 3) [m], and (T, 2) bool whether the
     left and the right foot stand.  The pelvis' height is smoothed over a window of frames.
     """
+    path, time_s, steps, style = walk.path, walk.time_s, walk.steps, walk.style
     joints_m = body.rest_joints_m(shape)
 
     def bone(parent: str, child: str) -> np.ndarray:
@@ -37,10 +31,10 @@ def pose_body(
         for side in SIDES
     ]
     hips_m = np.stack([bone("pelvis", f"{side}_hip") for side in SIDES])
-    feet = [gait_steps.foot_poses(body, shape, side, steps, path, plan, style) for side in SIDES]
+    feet = [gait_steps.foot_poses(body, shape, side, walk) for side in SIDES]
     reach_m = min(leg.reach_m(style.soft_knee_rad) for leg in legs)
     trunk = _pose_trunk(path, time_s, steps, style)
-    ground_m = gait_steps.ground_under_pelvis(steps, plan)
+    ground_m = gait_steps.ground_under_pelvis(steps, walk.plan)
     pelvis_m = _place_pelvis(path, steps, ground_m, trunk, style, reach_m)
     pelvis_m += _lift_m(pelvis_m, trunk.pelvis, hips_m, feet, reach_m, half_window)
     local = _local_rotations(trunk, legs, hips_m, pelvis_m, feet)

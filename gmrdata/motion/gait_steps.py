@@ -233,20 +233,24 @@ def ground_under_pelvis(steps: np.ndarray, plan: Footsteps) -> np.ndarray:
     return plan.ground_m[0] + ease(steps[:, None] - number + 0.1) @ np.diff(plan.ground_m)[row]
 
 
-def foot_poses(
-    body: BodyModel,
-    shape: np.ndarray,
-    side: str,
-    steps: np.ndarray,
-    path: GroundPath,
-    plan: Footsteps,
-    style: GaitStyle,
-) -> FootPoses:
-    """Pose the left or the right foot at (T,) step counts.
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Planned steps along a path, and where in them somebody is at (T,) times."""
+
+    path: GroundPath
+    plan: Footsteps
+    style: GaitStyle
+    time_s: np.ndarray  # (T,)
+    steps: np.ndarray  # (T,) step counts; even: left touch-down
+
+
+def foot_poses(body: BodyModel, shape: np.ndarray, side: str, walk: Walk) -> FootPoses:
+    """Pose the left or the right foot of somebody who walks so.
 
     It is a flat sole at a footfall, or on its way between two, that is pitched about a pivot: the
     heel after touch-down, the ball before toe-off, and in the air a point from ball to heel.
     """
+    steps, plan, style = walk.steps, walk.plan, walk.style
     ankle_m, ball_m, heel_m = _rest_foot(body, shape, side)
     parity = SIDES.index(side)
     number = 2 * np.floor((steps - parity) / 2).astype(int) + parity
@@ -263,7 +267,7 @@ def foot_poses(
     # Toes stay level while the foot rolls over the ball.
     toes = np.maximum(-pitch, 0.0)
     toes *= np.where(swing > 0, ease(toes / SOFT_TOES_RAD), 1.0)
-    ground = _below_ankle(row, swing, path, plan, style)
+    ground = _below_ankle(row, swing, walk.path, plan, style)
     return FootPoses(
         ankle_m=ground + np.einsum("tij,tj->ti", level, ankle),
         rotmats=level @ tilted,

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.motion.rest_pose import minimal_rotation
 from gmrdata.values.body import JOINT, PARENTS, BodyModel, gender_of
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import posed_joints_m, with_ancestors
+from gmrdata.values.transforms import smallest_rotation
 
 SIDES = ("left", "right")
 PLANTED_M_PER_S = 0.2  # a foot counts as standing while its ankle and its toe joint are slower
@@ -136,7 +136,7 @@ def _level_rotation(points_m: np.ndarray) -> np.ndarray:
     normal = np.append(-wide @ slopes[:-1], 1.0)
     on_plane = np.percentile(residuals_m, 80) <= LARGEST_RESIDUAL_M
     gentle = np.hypot(normal[0], normal[1]) <= np.tan(np.deg2rad(LARGEST_TILT_DEG))
-    return minimal_rotation(normal, np.array([0.0, 0.0, 1.0])) if on_plane and gentle else np.eye(3)
+    return smallest_rotation(normal, np.eye(3)[2]) if on_plane and gentle else np.eye(3)
 
 
 def _sole_vertices_m(body: BodyModel, shape: np.ndarray) -> dict[int, np.ndarray]:
@@ -226,7 +226,7 @@ def _roll(leg: np.ndarray, foot_bone: np.ndarray, toe_bone: np.ndarray) -> np.nd
     tilt_deg = np.rad2deg(np.arctan2(sideways[1], np.hypot(sideways[0], sideways[2])))
     if abs(tilt_deg - splay_deg) > LARGEST_SPLAY_MISMATCH_DEG:
         return np.eye(3)
-    return minimal_rotation(sideways * [1.0, 0.0, 1.0], sideways)
+    return smallest_rotation(sideways * [1.0, 0.0, 1.0], sideways)
 
 
 def _planted_pitch_deg(

@@ -4,7 +4,7 @@ import numpy as np
 
 from gmrdata.values.body import JOINT, JOINT_NAMES, leg_length_m
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.transforms import angles_deg
+from gmrdata.values.transforms import angles_deg, smallest_rotation
 
 _LEG, _ARM = (("hip", "knee"), ("knee", "ankle")), (("shoulder", "elbow"), ("elbow", "wrist"))
 LIMBS = tuple(
@@ -75,20 +75,6 @@ def arms_deg(rest_m: np.ndarray) -> np.ndarray:
     return np.asarray(np.rad2deg(np.arcsin(bones_m @ up / np.linalg.norm(bones_m, axis=1))))
 
 
-def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) by the smallest angle that turns one direction (3,) into another."""
-    from scipy.spatial.transform import Rotation  # slow to load; who wants `LIMBS` needs none
-
-    a = from_vector / np.linalg.norm(from_vector)
-    b = to_vector / np.linalg.norm(to_vector)
-    axis = np.cross(a, b)
-    sine, cosine = np.linalg.norm(axis), a @ b
-    angle_rad = np.arctan2(sine, cosine)
-    if sine < 1e-12:  # any axis across does
-        axis, angle_rad = np.cross(a, np.eye(3)[np.argmin(np.abs(a))]), np.pi * (cosine < 0.0)
-    return np.asarray(Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle_rad).as_matrix())
-
-
 def limb_corrections(
     source_rest_m: np.ndarray, body_rest_m: np.ndarray, source_hands_m: np.ndarray | None = None
 ) -> dict[int, np.ndarray]:
@@ -99,7 +85,7 @@ def limb_corrections(
     (24, 3) in rest axes [m], the source's hands (2, 3) left and right from the wrist; NaN: unknown.
     """
     poses_m = (body_rest_m, source_rest_m)
-    limbs = {a: minimal_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
+    limbs = {a: smallest_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
     hands, shortest_m = {}, SHORTEST_HAND * leg_length_m(source_rest_m)
     hands_m = np.full((2, 3), np.nan) if source_hands_m is None else source_hands_m
     for side, hand_m in zip(("left", "right"), hands_m, strict=True):
@@ -107,7 +93,7 @@ def limb_corrections(
         straight_m = limbs[elbow] @ (body_rest_m[hand] - body_rest_m[wrist])
         bent = np.linalg.norm(hand_m) > shortest_m  # False for NaN
         if bent and HAND_DEG < angles_deg(straight_m, hand_m) < LARGEST_HAND_DEG:
-            hands[wrist] = minimal_rotation(straight_m, hand_m) @ limbs[elbow]
+            hands[wrist] = smallest_rotation(straight_m, hand_m) @ limbs[elbow]
         hands[hand] = hands.setdefault(wrist, limbs[elbow])
     return limbs | hands
 

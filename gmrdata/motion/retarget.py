@@ -41,7 +41,7 @@ both sides).  That ratio is all that is kept of a subject's size.  Last, the sol
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import NoReturn
 
@@ -69,7 +69,7 @@ from gmrdata.values.skinning import (
     posed_joints_m,
     with_ancestors,
 )
-from gmrdata.values.transforms import angles_deg, between
+from gmrdata.values.transforms import angles_deg, between, smallest_rotation
 
 _HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 
@@ -93,70 +93,87 @@ class Residual:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class Retargeting:
+    """What a person may say of how a source is put on a body."""
+
+    shape: np.ndarray | None = None
+    """(S,) shape coefficients of the body; without them those of the file's skeleton if that is the
+    body's own, else its mean shape."""
+    upright_pitch_deg: Mapping[str, float] = field(default_factory=dict)
+    """`{SMPL joint name: forward pitch}` that joints of the source have while the person stands
+    upright and looks ahead [deg], where that is not the zero pose."""
+    rest: RestPose | SourceMotion | None = None
+    """What the source's zero pose is, or a motion of the same skeleton whose first frame stands;
+    without it that is looked for."""
+    ground: bool | None = None
+    """Whether the floor is levelled and moved to z = 0; None for all but a body's own motion."""
+
+
 def retarget(
     source: SourceMotion,
     joints: Mapping[int, int],
     body: BodyModel,
-    *,
-    shape: np.ndarray | None = None,
-    upright_pitch_deg: Mapping[str, float] | None = None,
-    rest: RestPose | SourceMotion | None = None,
+    said: Retargeting = Retargeting(),
     name: str = "motion",
-    ground: bool | None = None,
 ) -> tuple[Motion, Residual]:
     """Put a source motion on a body, and measure how well it points its limbs.
 
-    Args:
-        joints: `{SMPL joint: source joint}`, as `joint_names.find_joints` gives it.
-        shape: (S,) shape coefficients of the body; without them those of the file's skeleton if
-            that is the body's own, else its mean shape.
-        upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while
-            the person stands upright and looks ahead [deg], where that is not the zero pose.
-        rest: What the source's zero pose is, or a motion of the same skeleton whose first frame
-            stands; without it that is looked for.
-        name: The file's path in messages; the motion's `source` has its last part.
+    `joints` is `{SMPL joint: source joint}`, as `joint_names.find_joints` gives it.  `name` is the
+    file's path in messages; the motion's `source` has its last part.
     """
-    own = own_shape(source, joints, body, shape) if rest is None else None
-    shape = own if own is not None else np.zeros(body.n_shape) if shape is None else shape
+    own = own_shape(source, joints, body, said.shape) if said.rest is None else None
+    shape = next((one for one in (own, said.shape) if one is not None), np.zeros(body.n_shape))
     shape = np.asarray(shape, dtype=np.float64)
     body_rest_m = body.rest_joints_m(shape)
     rest_pose.check_size(zero_pose_m(source, joints), name)
     if own is None:
-        source = from_standing(source, joints, body_rest_m, name, rest)
+        source = from_standing(source, joints, body_rest_m, name, said.rest)
     source_rest_m = zero_pose_m(source, joints)
     axes = rest_pose.source_from_rest_axes(source_rest_m)
     source_rest_m = source_rest_m @ axes
-
     world_from_joint = global_rotmats(source.parents, source.local_rotmats)
-    feet_turned = {
-        j: between(axes.T, world_from_joint[:, joints[j]], axes) for j in FOOT_JOINTS if j in joints
-    }
     paths_m = _paths_m(source, world_from_joint, joints, axes)
+    corrections, feet_note = {}, "own skeleton"
+    if own is None:
+        feet_turned = {
+            j: between(axes.T, world_from_joint[:, joints[j]], axes)
+            for j in FOOT_JOINTS
+            if j in joints
+        }
+        toe_tips_m, hands_m = _toe_tips_m(source, joints) @ axes, _hands_m(source, joints) @ axes
+        feet, flat_pitch_deg = foot_corrections(
+            source_rest_m, toe_tips_m, body_rest_m, feet_turned, paths_m, source.fps_hz
+        )
+        limbs = rest_pose.limb_corrections(source_rest_m, body_rest_m, hands_m)
+        corrections = limbs | feet | _upright(said.upright_pitch_deg)
+        feet_note = f"flat foot at {flat_pitch_deg:+.1f} deg"
     world_from_joint = _along_bones(source, world_from_joint, joints, name)
-
-    toe_tips_m = _toe_tips_m(source, joints) @ axes
-    feet, flat_pitch_deg = foot_corrections(
-        source_rest_m, toe_tips_m, body_rest_m, feet_turned, paths_m, source.fps_hz
-    )
-    upright = {
-        JOINT[joint]: Rotation.from_euler("x", -pitch_deg, degrees=True).as_matrix()
-        for joint, pitch_deg in (upright_pitch_deg or {}).items()
-    }
-    hands_m = _hands_m(source, joints) @ axes
-    limbs = rest_pose.limb_corrections(source_rest_m, body_rest_m, hands_m)
-    corrections = limbs | feet | upright if own is None else {}
     local_rotmats = _local_rotmats(world_from_joint, joints, axes, corrections)
     scale = leg_length_m(body_rest_m) / leg_length_m(source_rest_m)
-    middle_m = scale * sum(paths_m[hip] for hip in _HIPS) / len(_HIPS) @ WORLD_FROM_REST.T
-    middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
-    pelvis_m = middle_m - local_rotmats[:, 0] @ middle_from_pelvis_m
-    feet_note = f"flat foot at {flat_pitch_deg:+.1f} deg" if own is None else "own skeleton"
-    notes = [*source.notes, f"path x {scale:.4f}", feet_note]
+    pelvis_m = _pelvis_m(scale, paths_m, local_rotmats[:, 0], body_rest_m)
     motion = motion_of(body, shape, local_rotmats, pelvis_m, source.fps_hz, name)
     residual = _residual(source, joints, axes, body, motion)
-    notes.append(_in_words(residual))
+    notes = [*source.notes, f"path x {scale:.4f}", feet_note, _in_words(residual)]
     motion = replace(motion, source=f"{PurePath(name).name}: {', '.join(notes)}")
-    return levelled(body, motion, own is None if ground is None else ground), residual
+    return levelled(body, motion, own is None if said.ground is None else said.ground), residual
+
+
+def _upright(pitch_deg: Mapping[str, float]) -> dict[int, np.ndarray]:
+    """What undoes the pitch that joints have in somebody upright, (3, 3) each."""
+    return {
+        JOINT[joint]: Rotation.from_euler("x", -forward_deg, degrees=True).as_matrix()
+        for joint, forward_deg in pitch_deg.items()
+    }
+
+
+def _pelvis_m(
+    scale: float, paths_m: Mapping[int, np.ndarray], roots: np.ndarray, body_rest_m: np.ndarray
+) -> np.ndarray:
+    """(T, 3) the pelvis whose hips' middle goes the source's way, enlarged by `scale` [m]."""
+    middle_m = scale * sum(paths_m[hip] for hip in _HIPS) / len(_HIPS) @ WORLD_FROM_REST.T
+    middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
+    return np.asarray(middle_m - roots @ middle_from_pelvis_m)
 
 
 def _paths_m(
@@ -193,7 +210,7 @@ def _along_bones(
         if not off_deg <= LARGEST_BEND_DEG:
             _refuse(name, "limbs", off_deg)
         turned = turned.copy() if turned is world_from_joint else turned
-        turned[:, joints[start]] = _turns(drawn_m, bones_m) @ turned[:, joints[start]]
+        turned[:, joints[start]] = smallest_rotation(drawn_m, bones_m) @ turned[:, joints[start]]
     return turned
 
 
@@ -202,16 +219,6 @@ def _bends(source: SourceMotion, joints: Mapping[int, int], start: int, end: int
     bone = joints[end]
     moves = source.translations_m[:, bone] - source.offsets_m[bone]
     return bool(source.parents[bone] != joints[start] or np.abs(moves).max() > 1e-6)
-
-
-def _turns(from_m: np.ndarray, to_m: np.ndarray) -> np.ndarray:
-    """(T, 3, 3) smallest rotations between vectors (T, 3) that are not opposite."""
-    a, b = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (from_m, to_m))
-    x, y, z = np.cross(a, b).T
-    zero = np.zeros_like(x)
-    crossed = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-    cosine = (a * b).sum(axis=1)[:, None, None]
-    return np.asarray(np.eye(3) + crossed + crossed @ crossed / (1.0 + cosine))
 
 
 def _local_rotmats(

@@ -8,7 +8,6 @@ import numpy as np
 from gmrdata.motion.rest_pose import (
     arms_deg,
     middles,
-    minimal_rotation,
     nearest_axis,
     stands,
 )
@@ -16,7 +15,7 @@ from gmrdata.read.source_motion import RestPose, SourceMotion
 from gmrdata.values.body import JOINT, N_JOINTS, leg_length_m
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
-from gmrdata.values.transforms import angles_deg, mean_rotation
+from gmrdata.values.transforms import angles_deg, mean_rotation, smallest_rotation
 
 SPREAD_DEG = 20.0  # how far the arms of a T-pose are from the level
 RAISED_DEG = 30.0  # above the level, from which arms are no pose to stand in but a rig's axes
@@ -94,17 +93,26 @@ def from_standing(
     if given:
         what = "the person does not stand upright in the first frame that was given as rest_pose"
         raise BadMotionFile(f"{name}: {what}; leave rest_pose out, or give another")
-    every = range(len(source.parents))
-    mean = np.stack([mean_rotation(source.local_rotmats[:, joint]) for joint in every])
-    standing = _told_from(source, joints, mean, None, axes @ _frame(body_rest_m, None))
+    standing = _told_from(
+        source, joints, _mean_pose(source), None, axes @ _frame(body_rest_m, None)
+    )
     if stands(zero_pose_m(standing, joints)):
         return replace(standing, notes=(*source.notes, "turns told from the mean pose"))
-    raise BadMotionFile(
-        f"{name}: the person stands (hips sideways, legs below, trunk above) neither with all "
-        "rotations zero, nor in frame 0, nor in the mean of all frames, so it can't be told what "
-        "the rotations mean; export the motion with a T-pose as its rest pose or its first frame, "
-        "or give a rest_pose: a file of the same skeleton that begins with one"
-    )
+    raise BadMotionFile(f"{name}: {NOWHERE_STANDING}")
+
+
+NOWHERE_STANDING = (
+    "the person stands (hips sideways, legs below, trunk above) neither with all rotations zero, "
+    "nor in frame 0, nor in the mean of all frames, so it can't be told what the rotations mean; "
+    "export the motion with a T-pose as its rest pose or its first frame, or give a rest_pose: a "
+    "file of the same skeleton that begins with one"
+)
+
+
+def _mean_pose(source: SourceMotion) -> np.ndarray:
+    """(J, 3, 3) the mean of a motion's local rotations."""
+    rotmats = source.local_rotmats
+    return np.stack([mean_rotation(rotmats[:, joint]) for joint in range(len(source.parents))])
 
 
 def _check_arms(rest_m: np.ndarray, said: RestPose, name: str) -> None:
@@ -210,7 +218,7 @@ def _told_from(
     if up is None and JOINT["spine1"] in joints:
         # The mean pose of a dance may be twisted: shoulders are set over the hips.
         line = joints_m[JOINT["left_shoulder"]] - joints_m[JOINT["right_shoulder"]]
-        untwist = minimal_rotation(axes @ _frame(joints_m, up).T @ line, axes[:, 0])
+        untwist = smallest_rotation(axes @ _frame(joints_m, up).T @ line, axes[:, 0])
         trunk = _below(joints[JOINT["spine1"]], source.parents)
         zero[trunk] = untwist @ zero[trunk]
     above = np.concatenate([np.eye(3)[None], zero])[np.array(source.parents) + 1]

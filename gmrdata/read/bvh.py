@@ -146,24 +146,15 @@ def read_bvh(
         raise BadMotionFile(f"{path}: no BVH file, or truncated: it has no line 'MOTION'")
     tree = read_hierarchy(lines[:motion_line], path)
     n_frames, frame_time, table_line = _read_motion_header(lines, motion_line + 1, path)
-    n_columns = sum(len(channels) for channels in tree.channels)
-    try:  # each joint becomes a matrix in each frame, though few may have a column
-        Budget.of(path).take_numbers(9 * n_frames * len(tree.names))
-    except OverBudget as error:
-        raise BadMotionFile(f"{path}: {error}; cut it into parts") from None
-    table = parse_table(lines[table_line:], n_columns, n_frames, path, table_line + 1)
-
+    table = _read_table(lines, table_line, tree, n_frames, path)
     cmu = is_cmu(tree.names)
     unit_note = "given" if unit_m is not None else "CMU's" if cmu else "centimetres"
     unit_m = unit_m if unit_m is not None else CMU_UNIT_M if cmu else CENTIMETRE_M
     if fps_hz is not None:
         fps_hz, rate_note = source_motion.check_rate_hz(fps_hz, path), "given"
     else:
-        rate_note = "header"
-        fps_hz = source_motion.rate_of_frame_time_hz(frame_time, path, table_line)
-        # CMU's conversions say 120 Hz of every trial.
-        if cmu and fps_hz == 120.0 and source_motion.cmu_subject(path) is not None:
-            fps_hz, rate_note = source_motion.cmu_rate_hz(path), "CMU's index"
+        header_hz = source_motion.rate_of_frame_time_hz(frame_time, path, table_line)
+        fps_hz, rate_note = _rate_hz(header_hz, cmu, path)
     notes = (f"{fps_hz:.7g} Hz ({rate_note})", f"{unit_m:.6g} m per unit ({unit_note})")
     rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
     rows, rows_notes = recorded_rows(
@@ -181,6 +172,25 @@ def read_bvh(
         rate_from=rate_note,
         notes=notes + rows_notes,
     )
+
+
+def _read_table(
+    lines: list[str], start: int, tree: Hierarchy, n_frames: int, path: Path
+) -> np.ndarray:
+    """The numbers (T, columns); BadMotionFile for more than a file of its size may stand for."""
+    try:  # each joint becomes a matrix in each frame, though few may have a column
+        Budget.of(path).take_numbers(9 * n_frames * len(tree.names))
+    except OverBudget as error:
+        raise BadMotionFile(f"{path}: {error}; cut it into parts") from None
+    n_columns = sum(len(channels) for channels in tree.channels)
+    return parse_table(lines[start:], n_columns, n_frames, path, start + 1)
+
+
+def _rate_hz(header_hz: float, cmu: bool, path: Path) -> tuple[float, str]:
+    """The rate and where it is from: CMU's conversions say 120 Hz of every trial."""
+    if cmu and header_hz == 120.0 and source_motion.cmu_subject(path) is not None:
+        return source_motion.cmu_rate_hz(path), "CMU's index"
+    return header_hz, "header"
 
 
 def _read_motion_header(lines: list[str], start: int, path: Path) -> tuple[int, str, int]:

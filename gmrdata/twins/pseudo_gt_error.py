@@ -110,17 +110,16 @@ def _errors_between(
     pseudo: Clip, true: Clip, pairs: np.ndarray, true_pairs: np.ndarray, body: BodyModel | None
 ) -> MotionErrors:
     """Errors of the motions between pairs (n, 2) of each clip's rows."""
-    delta_rotmats, delta_m = _deltas(pseudo, pairs)
-    true_rotmats, true_m = _deltas(true, true_pairs)
+    found_deltas, true_deltas = _deltas(pseudo, pairs), _deltas(true, true_pairs)
     vertex_mm = np.zeros(0)
     if body is not None:
         poses = true.motion.local_rotmats[true_pairs[:, 0]]
         vertex_mm = posed_vertex_errors_mm(
-            body, true.motion.shape, poses, delta_rotmats, delta_m, true_rotmats, true_m
+            body, true.motion.shape, poses, found_deltas, true_deltas
         )
     return MotionErrors(
-        orientation_errors_deg(delta_rotmats, true_rotmats),
-        translation_errors_mm(delta_m, true_m),
+        orientation_errors_deg(found_deltas[0], true_deltas[0]),
+        translation_errors_mm(found_deltas[1], true_deltas[1]),
         vertex_mm,
     )
 

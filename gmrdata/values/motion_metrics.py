@@ -72,17 +72,17 @@ def posed_vertex_errors_mm(
     body: BodyModel,
     shape: Float[np.ndarray, " coefficients"],
     local_rotmats: Float[np.ndarray, "n 23 3 3"],
-    delta_rotmats: Float[np.ndarray, "n 3 3"],
-    delta_m: Float[np.ndarray, "n 3"],
-    true_rotmats: Float[np.ndarray, "n 3 3"],
-    true_m: Float[np.ndarray, "n 3"],
+    predicted: tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3"]],
+    true: tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3"]],
 ) -> Float[np.ndarray, " n"]:
-    """VME of n motions (eq. 17) [mm], with the true shape and local poses of their first frames."""
+    """VME of n motions dR, dT [m] (eq. 17) [mm], with the true shape and local poses of their first
+    frames."""
     errors_mm = [np.zeros(0)]
-    for rows in _chunks(len(delta_m), body):
+    for rows in _chunks(len(local_rotmats), body):
         vertices_m = _posed_m(body, shape, local_rotmats[rows])
-        predicted, true = (delta_rotmats[rows], delta_m[rows]), (true_rotmats[rows], true_m[rows])
-        errors_mm.append(vertex_errors_mm(*predicted, *true, vertices_m))
+        (found_rotmats, found_m), (true_rotmats, true_m) = predicted, true
+        found, wanted = (found_rotmats[rows], found_m[rows]), (true_rotmats[rows], true_m[rows])
+        errors_mm.append(vertex_errors_mm(*found, *wanted, vertices_m))
     return np.concatenate(errors_mm)
 
 

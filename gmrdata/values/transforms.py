@@ -149,6 +149,25 @@ def fit_similarities(
     return Similarities(scales, rotmats, translations_m)
 
 
+def smallest_rotation(
+    from_vectors: Float[np.ndarray, "*n 3"], to_vectors: Float[np.ndarray, "*n 3"]
+) -> Float[np.ndarray, "*n 3 3"]:
+    """The rotations by the smallest angle that turn directions of any length into others."""
+    from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
+
+    a, b = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in (from_vectors, to_vectors))
+    axes, cosines = np.cross(a, b), (a * b).sum(-1, keepdims=True)
+    sines = np.linalg.norm(axes, axis=-1, keepdims=True)
+    angles_rad = np.arctan2(sines, cosines)
+    if (alike := sines < 1e-12).any():  # or opposite: any axis across does
+        across = np.cross(a, np.eye(3)[np.abs(a).argmin(-1)])
+        axes = np.where(alike, across, axes)
+        angles_rad = np.where(alike, np.pi * (cosines < 0.0), angles_rad)
+    turns = axes / np.linalg.norm(axes, axis=-1, keepdims=True) * angles_rad
+    matrices = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix()
+    return np.asarray(matrices.reshape(*turns.shape, 3))
+
+
 def mean_rotation(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3 3"]:
     """Chordal mean (Hartley et al. 2013, section 5.3)."""
     return _nearest_rotation(rotmats.sum(0))[0]

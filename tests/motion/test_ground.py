@@ -16,10 +16,10 @@ from gmrdata.motion.ground import (
     put_on_floor,
     sole_points_m,
 )
-from gmrdata.motion.rest_pose import minimal_rotation
 from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from gmrdata.values.transforms import smallest_rotation
 
 
 def _world(body: BodyModel, rotmats: np.ndarray, pelvis_m: np.ndarray) -> Motion:
@@ -201,6 +201,6 @@ def test_cmus_tilted_laboratory_floor(cmu_dir: Path, small_body: BodyModel) -> N
         assert rise * level.n_frames < 0.02
 
 
-def test_minimal_rotation_of_a_level_floor_is_nothing() -> None:
+def test_smallest_rotation_of_a_level_floor_is_nothing() -> None:
     up = np.array([0.0, 0.0, 1.0])
-    np.testing.assert_array_equal(minimal_rotation(up, up), np.eye(3))
+    np.testing.assert_array_equal(smallest_rotation(up, up), np.eye(3))

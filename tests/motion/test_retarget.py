@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.files import read_motion
-from gmrdata.motion.rest_pose import LIMBS, minimal_rotation
+from gmrdata.motion.rest_pose import LIMBS
 from gmrdata.read.amc import read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import SourceMotion
@@ -124,18 +124,6 @@ def test_a_wrong_unit_is_told(
     with pytest.raises(BadMotionFile, match=r"metres\.bvh: .* legs are 0\.008.* m long.*unit_m"):
         read_motion(path, small_body, unit_m=0.01)
     assert read_motion(path, small_body, unit_m=1.0).n_frames == 2
-
-
-@pytest.mark.parametrize(
-    ("a", "b"), [((1, 0, 0), (0, 2, 0)), ((1, 2, 3), (-1, -2, -3)), ((0, 1, 0), (0, 5, 0))]
-)
-def test_minimal_rotation(a: tuple, b: tuple) -> None:
-    a, b = np.array(a, dtype=float), np.array(b, dtype=float)
-    rotation = minimal_rotation(a, b)
-    np.testing.assert_allclose(rotation @ a / np.linalg.norm(a), b / np.linalg.norm(b), atol=1e-12)
-    angle = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
-    assert Rotation.from_matrix(rotation).magnitude() == pytest.approx(angle)
-    assert np.linalg.det(rotation) == pytest.approx(1.0)
 
 
 def _limb_errors_deg(source: SourceMotion, motion: Motion, body: BodyModel) -> np.ndarray:

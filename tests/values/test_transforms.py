@@ -92,3 +92,15 @@ def test_angles_of_any_length_are_exact_at_0_and_180_degrees() -> None:
     others = np.stack([2.0 * x, 3.0 * y, -x, x + y, 1e-9 * y + x])
     found = transforms.angles_deg(5.0 * x, others)
     assert np.allclose(found, [0.0, 90.0, 180.0, 45.0, np.rad2deg(1e-9)], rtol=1e-12, atol=0.0)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [((1, 0, 0), (0, 2, 0)), ((1, 2, 3), (-1, -2, -3)), ((0, 1, 0), (0, 5, 0))]
+)
+def test_smallest_rotation(a: tuple, b: tuple) -> None:
+    a, b = np.array(a, dtype=float), np.array(b, dtype=float)
+    rotation = transforms.smallest_rotation(a, b)
+    np.testing.assert_allclose(rotation @ a / np.linalg.norm(a), b / np.linalg.norm(b), atol=1e-12)
+    angle = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
+    assert Rotation.from_matrix(rotation).magnitude() == pytest.approx(angle)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
