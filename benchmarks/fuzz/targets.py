@@ -34,8 +34,8 @@ from gmrdata.read.amc import read_amc
 from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.frames import check_images, list_images, read_color, read_gray
 from gmrdata.read.smpl import read_smpl
+from gmrdata.read.systems.result import read_system
 from gmrdata.read.threedpw_arrays import SequenceArrays, read_sequence_file
-from gmrdata.read.world_results import read_world_result
 from gmrdata.score.compare import CompareConfig, compare_records
 from gmrdata.score.records import Scores
 from gmrdata.score.table import scores_markdown
@@ -245,9 +245,9 @@ def _pickles(
         _one("phalp_packed", "a.pkl", phalp, packed, poses),
         _one("phalp", "a.pkl", plain_phalp, pickles, poses),
         _one("wham", "a.pkl", wham, pickles, poses),
-        _one("wham_world", "a.pkl", wham, pickles, read_world_result),
+        _one("wham_world", "a.pkl", wham, pickles, read_system),
         _one("vibe", "a.pkl", vibe, pickles, poses),
-        _one("vibe_world", "a.pkl", vibe, pickles, read_world_result),
+        _one("vibe_world", "a.pkl", vibe, pickles, read_system),
     ]
 
 
@@ -288,11 +288,11 @@ def _systems(made: _Made, body: BodyModel, walkers: Sequence[Clip]) -> list[Targ
     )
     return [
         _one("gvhmr", "a.pt", gvhmr, tensors, poses),
-        _one("gvhmr_world", "a.pt", gvhmr, tensors, read_world_result),
-        Target("tram", tram, dict.fromkeys(tram, change.OBJECT), read_world_result),
+        _one("gvhmr_world", "a.pt", gvhmr, tensors, read_system),
+        Target("tram", tram, dict.fromkeys(tram, change.OBJECT), read_system),
         Target(
             "slahmr", slahmr, {result: change.NPZ, "track_info.json": change.JSON},
-            lambda folder: read_world_result(folder / result),
+            lambda folder: read_system(folder / result),
         ),
     ]  # fmt: skip
 

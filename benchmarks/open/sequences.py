@@ -11,15 +11,16 @@ import numpy as np
 
 from gmrdata.motion.emdb import sequence_clip
 from gmrdata.read.emdb import FPS_HZ, read_emdb
+from gmrdata.read.systems.result import read_system
 from gmrdata.read.threedpw import Sequence3DPW, SequenceImages
 from gmrdata.read.threedpw_arrays import read_sequence_file
 from gmrdata.read.threedpw_layout import SequenceFiles
-from gmrdata.read.world_results import ResultPerson, read_world_result
 from gmrdata.threedpw.camera_frame import world_clip
 from gmrdata.threedpw.world_sequence import sequence_arrays
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip
+from gmrdata.values.estimated import EstimatedPerson
 from gmrdata.values.motion import Motion
 from gmrdata.write.emdb import emdb_sequence, write_emdb
 from gmrdata.write.system_results import TrackedPerson, write_gvhmr, write_wham
@@ -89,19 +90,20 @@ def _tracked(motion: Motion, body: BodyModel) -> TrackedPerson:
 
 def _of_result(path: Path, motion: Motion, body: BodyModel) -> Motion:
     """The result's only person in the z-up world, with the motion's own shape."""
-    (person,) = read_world_result(path).people
-    assert person.z_up_from_file is not None and person.transl_m is not None
-    turns = person.z_up_from_file[:, :3, :3]
-    pelvis_m = person.transl_m + _rest_pelvis_m(person, body)
+    (person,) = read_system(path, "world").people
+    world = person.in_world
+    assert world is not None
+    turns = world.z_up_from_file[:, :3, :3]
+    pelvis_m = world.transl_m + _rest_pelvis_m(person, body)
     return replace(
         motion,
         local_rotmats=person.local_rotmats,
-        root_rotmats=turns @ person.root_rotmats,
+        root_rotmats=turns @ world.root_rotmats,
         pelvis_m=(turns @ pelvis_m[..., None])[..., 0],
     )
 
 
-def _rest_pelvis_m(person: ResultPerson, body: BodyModel) -> np.ndarray:
+def _rest_pelvis_m(person: EstimatedPerson, body: BodyModel) -> np.ndarray:
     if person.rest_pelvis_m is not None:
         return person.rest_pelvis_m
     assert person.betas is not None and person.betas_body == body.name

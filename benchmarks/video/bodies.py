@@ -17,7 +17,7 @@ from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, IntrinsicsConfig
 from gmrdata.people.sources import FolderSource, MasksConfig
 from gmrdata.read.bodies import load_body
 from gmrdata.read.body_file import save_body
-from gmrdata.read.camera_bodies import SeenPerson, read_camera_bodies
+from gmrdata.read.systems.result import read_system
 from gmrdata.solve.request import SolveConfig
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import solve_video
@@ -25,7 +25,7 @@ from gmrdata.stage.run import Run
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
-from gmrdata.world.placement import TrueCamera, place_body
+from gmrdata.world.placement import TrueCamera, assumed_place, place_body
 from tests.read import camera_files
 from tests.read.camera_files import Seen
 
@@ -110,9 +110,11 @@ def _row(
     folder: Path,
     body_path: str,
 ) -> BodiesRow:
-    person = read_camera_bodies(path, facts.size_px).people[0]
+    person = read_system(path, "camera").people[0]
+    assert person.in_camera is not None
+    as_it_is = assumed_place(person.in_camera, facts.size_px, path).transl_m + seen.rest_pelvis_m
     lens = TrueCamera(camera_of(clip).intrinsics_px, (facts.radial_k1, 0.0))
-    placed = place_body(person, load_body(body_path), lens)
+    placed = place_body(person, load_body(body_path), lens, facts.size_px, path)
     true = seen.motion
     errors = _percent(placed.pelvis_m, true.pelvis_m)
     accepted, ome_deg, tme_mm = _in_world(path, clip_dir, facts, clip, folder, body_path)
@@ -121,8 +123,8 @@ def _row(
         system=system,
         placement_error_percent=float(errors.mean()),
         largest_error_percent=float(errors.max()),
-        untouched_error_percent=float(_percent(_as_it_is(person, seen), true.pelvis_m).mean()),
-        unturned_error_deg=_angle_deg(person.root_rotmats, true.root_rotmats),
+        untouched_error_percent=float(_percent(as_it_is, true.pelvis_m).mean()),
+        unturned_error_deg=_angle_deg(person.in_camera.root_rotmats, true.root_rotmats),
         turned_error_deg=_angle_deg(placed.root_rotmats, true.root_rotmats),
         accepted=accepted,
         ome_deg=ome_deg,
@@ -133,10 +135,6 @@ def _row(
 def _percent(places_m: np.ndarray, true_m: np.ndarray) -> np.ndarray:
     off_m = np.linalg.norm(places_m - true_m, axis=1)
     return np.asarray(100 * off_m / np.linalg.norm(true_m, axis=1))
-
-
-def _as_it_is(person: SeenPerson, seen: Seen) -> np.ndarray:
-    return np.asarray(person.transl_m + seen.rest_pelvis_m)
 
 
 def _angle_deg(found: np.ndarray, true: np.ndarray) -> float:

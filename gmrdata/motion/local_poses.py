@@ -18,20 +18,23 @@ Estimators' files do not say the video's frame rate; a person has to.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from gmrdata.motion.files import SUFFIXES, read_motion
-from gmrdata.motion.resample import slice_motion, valid_runs
+from gmrdata.motion.resample import between_known, slice_motion, valid_runs
 from gmrdata.read.bodies import load_body
-from gmrdata.read.pose_estimators import read_people
 from gmrdata.read.source_motion import check_rate_hz
-from gmrdata.read.tracked_people import runs_of
-from gmrdata.values.body import BodyModel
+from gmrdata.read.systems.result import read_system
+from gmrdata.values.bodies import SMPL, shape_on
+from gmrdata.values.body import BodyModel, gender_of
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.estimated import EstimatedPerson
 from gmrdata.values.files import read_npz
+from gmrdata.values.motion import Motion
 
 MIN_FRAMES = 2
 
@@ -70,20 +73,64 @@ def read_local_poses(
         motion = read_motion(path, body, fps_hz=fps_hz, joint_map=joint_map, ground=False)
         n = motion.n_frames
         return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
-    people = read_people(path)
+    people = read_system(path).people
     if fps_hz is None:
         remedy = "Give the video's with --fps-hz (fps_hz)"
         raise BadMotionFile(f"{path}: does not say its frame rate. {remedy}")
     rate_hz = check_rate_hz(fps_hz, path)
-    if not people:
-        raise BadMotionFile(f"{path}: has no person in it. Give a file with tracked people")
     runs = tuple(
-        clip for person in people for clip in runs_of(person, body, rate_hz, path, bridge_frames)
+        clip for person in people for clip in _runs_of(person, body, rate_hz, path, bridge_frames)
     )
     if all(clip.motion.n_frames < MIN_FRAMES for clip in runs):
         what = "no person has two frames in a row, which is no motion"
         raise BadMotionFile(f"{path}: {what}. Give a longer sequence")
     return runs
+
+
+def _runs_of(
+    person: EstimatedPerson, body: BodyModel, fps_hz: float, path: Path, bridge_frames: int
+) -> list[Clip]:
+    """A person's unbroken runs as clips: where frames are missing or a shot ends, one ends.
+
+    The clips have no camera, the identity as root and the pelvis at 0, since the file's do not
+    matter; `image_numbers` are the video's frames.  The file's shape is taken where it is of the
+    body.  Gaps of `bridge_frames` or fewer are filled instead, by slerp of each joint, but never
+    over the beginning of a shot; filled frames are not valid.
+    """
+    numbers = person.frame_numbers
+    begins = np.diff(numbers, prepend=numbers[0]) > 1 + bridge_frames
+    shot = np.searchsorted(sorted(person.cuts), numbers, side="right")
+    begins |= np.diff(shot, prepend=shot[0]) > 0
+    begins[0] = True
+    starts = np.flatnonzero(begins)
+    clips = []
+    for start, stop in pairwise([*starts, len(begins)]):
+        first, last = int(numbers[start]), int(numbers[stop - 1])
+        frames = np.arange(first, last + 1)
+        between = between_known(numbers[start:stop], frames)
+        n, valid = len(frames), between.past == 0
+        filled = f", {n - valid.sum()} missing frames filled" if not valid.all() else ""
+        motion = Motion(
+            local_rotmats=between.turned(person.local_rotmats[start:stop]),
+            root_rotmats=np.tile(np.eye(3), (n, 1, 1)),
+            pelvis_m=np.zeros((n, 3)),
+            shape=_shape_on(body, person),
+            fps_hz=fps_hz,
+            body=body.name,
+            gender=gender_of(body),
+            frame="camera",
+            source=f"{path.name}, {person.name}, frames {first}-{last} at {fps_hz:g} fps{filled}",
+        )
+        name = person.name if len(starts) == 1 else f"{person.name}_from_{first}"
+        clips.append(Clip(name, motion, valid, frames, None))
+    return clips
+
+
+def _shape_on(body: BodyModel, person: EstimatedPerson) -> np.ndarray:
+    """(S,) SMPL's neutral betas on SMPL's neutral body; the mean shape of all others."""
+    if person.betas is None or not person.betas_body == body.name == f"{SMPL}neutral":
+        return np.zeros(body.n_shape)
+    return shape_on(body, person.betas.mean(axis=0))
 
 
 def _of_clip(path: Path, fps_hz: float | None, body: BodyModel) -> tuple[Clip, ...]:

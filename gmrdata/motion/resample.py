@@ -1,6 +1,6 @@
 """Other frame rates and pieces of a motion."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,21 +13,54 @@ ON_A_SAMPLE = 1e-6  # sample times closer than this to a source frame, in frames
 
 def resample(motion: Motion, fps_hz: float, *, start_s: float = 0.0) -> Motion:
     """A motion from `start_s` on at another rate, by slerp and linearly; exact on source frames."""
-    before, after, share = _brackets(motion.n_frames, motion.fps_hz, fps_hz, start_s)
-    positions, rotmats = motion.pelvis_m, motion.rotmats
-    chosen = rotmats[before]
-    between = share > 0.0
-    if between.any():
-        chosen[between] = slerp(rotmats[before[between]], rotmats[after[between]], share[between])
-    pelvis_m = positions[before].copy()
-    pelvis_m[between] += share[between, None] * (positions[after] - positions[before])[between]
+    rows = _brackets(motion.n_frames, motion.fps_hz, fps_hz, start_s)
+    rotmats = rows.turned(motion.rotmats)
     return replace(
         motion,
-        local_rotmats=chosen[:, 1:],
-        root_rotmats=chosen[:, 0],
-        pelvis_m=pelvis_m,
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=rows.placed(motion.pelvis_m),
         fps_hz=float(fps_hz),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """Which of N rows each of T wanted ones lies between."""
+
+    before: np.ndarray  # (T,) int
+    after: np.ndarray  # (T,) int; the same row where it is one of the N
+    past: np.ndarray  # (T,) how far it is past the first of them
+    apart: np.ndarray | float = 1.0  # (T,) how far those are apart
+
+    @property
+    def share(self) -> np.ndarray:
+        """(T,) of the row after it, from 0 to 1."""
+        return self.past / self.apart
+
+    def turned(self, rotmats: np.ndarray) -> np.ndarray:
+        """Rotations (N, ..., 3, 3) at the wanted rows, by slerp; exact on the N."""
+        found, gaps = rotmats[self.before], self.past > 0.0
+        if gaps.any():
+            ends = rotmats[self.before[gaps]], rotmats[self.after[gaps]]
+            found[gaps] = slerp(*ends, self.share[gaps])
+        return found
+
+    def placed(self, values: np.ndarray) -> np.ndarray:
+        """Values (N, ...) at the wanted rows, linearly; exact on the N."""
+        past, apart = (
+            np.reshape(one, (-1, *[1] * (values.ndim - 1))) for one in (self.past, self.apart)
+        )
+        start = values[self.before]
+        return np.asarray(start + (values[self.after] - start) / apart * past)
+
+
+def between_known(known: np.ndarray, wanted: np.ndarray) -> Between:
+    """Wanted numbers (T,) between known ones (N,), which rise; beyond those the ends rest."""
+    at = np.clip(wanted, known[0], known[-1])
+    after = np.searchsorted(known, at)
+    before = np.where(known[after] == at, after, after - 1)
+    return Between(before, after, at - known[before], np.maximum(known[after] - known[before], 1))
 
 
 def valid_runs(valid: np.ndarray) -> list[tuple[int, int]]:
@@ -56,11 +89,8 @@ def hold_pose(motion: Motion, at_s: float, n_frames: int) -> Motion:
     return replace(held, source=f"{motion.source}, held at {row / motion.fps_hz:.3f} s")
 
 
-def _brackets(
-    n_frames: int, source_fps_hz: float, fps_hz: float, start_s: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Source rows before and after each new frame, and the share of the latter; both are the same
-    where the new frame falls on a source frame."""
+def _brackets(n_frames: int, source_fps_hz: float, fps_hz: float, start_s: float) -> Between:
+    """The source's rows round each new frame."""
     if not (np.isfinite(fps_hz) and fps_hz > 0.0):
         raise BadRecipe(f"a frame rate of {fps_hz} Hz is not positive")
     first = start_s * source_fps_hz
@@ -75,4 +105,4 @@ def _brackets(
     rows = np.clip(rows, 0.0, n_frames - 1)
     before = np.floor(rows).astype(int)
     share = rows - before
-    return before, before + (share > 0.0), share
+    return Between(before, before + (share > 0.0), share)

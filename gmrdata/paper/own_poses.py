@@ -12,7 +12,7 @@ the clip's true motion says who is meant, and nothing else.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from gmrdata.gmr.runs import ClipFile, usable_files
+from gmrdata.motion.resample import Between, between_known
 from gmrdata.people.following import (
     FollowConfig,
     Networks,
@@ -55,7 +56,6 @@ from gmrdata.values.files import resolve_inside, write_json, write_npz
 from gmrdata.values.local_poses import LocalPoses, load_local_poses
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config, Record
-from gmrdata.values.transforms import slerp
 
 POSES_FOLDER, KEYPOINTS_FOLDER, FEATURES_FOLDER, FOLLOWED_FOLDER, SEEN_FOLDER = (
     "poses", "keypoints", "features", "followed", "seen",
@@ -197,13 +197,13 @@ class _Viewer:
         n_frames, n_seen = clip.motion.n_frames, int((rows >= 0).sum())
         if n_seen < self._config.min_seen_share * n_frames:
             return f"its person is seen in {n_seen} of {n_frames} frames"
-        between = filling(rows, n_frames)
+        between = rows_between(rows, n_frames)
         posed = posed_clip(clip, people[person], between, self._body)
         path = self._out_dir / POSES_FOLDER / f"{clip.id}.npz"
         save_clip(path, posed, self._body.rest_pelvis_m(posed.motion.shape))
         track, keypoints_dir = tracks[person], self._out_dir / KEYPOINTS_FOLDER / clip.id
         write_keypoints(keypoints_dir, clip, track, between)
-        crops = filled(track.crops, between)
+        crops = between.placed(track.crops)
         features = [
             self._look(read_color(images[number]), Crop(crop[:2], crop[2], crop[3]))
             for number, crop in zip(clip.image_numbers.tolist(), crops, strict=True)
@@ -247,41 +247,21 @@ def the_person(tracks: list[Sightings], clip: Clip, near: float) -> int | None:
     return best if counts and counts[best] else None
 
 
-@dataclass(frozen=True, eq=False)
-class Filling:
-    """Of which frames of a track each of a clip's T rows is made."""
-
-    before: np.ndarray  # (T,) int, of the track
-    after: np.ndarray
-    share: np.ndarray  # (T,) of the latter
-
-
-def filling(rows: np.ndarray, n_rows: int) -> Filling:
-    """Rows that a track's frames are of (N,), -1 for none, to all rows of the clip; before the
-    first and after the last they rest."""
+def rows_between(rows: np.ndarray, n_rows: int) -> Between:
+    """Rows that a track's frames are of (N,), -1 for none, to all rows of the clip."""
     frames = np.flatnonzero(rows >= 0)
-    known = rows[frames]
-    wanted = np.clip(np.arange(n_rows), known[0], known[-1])
-    after = np.searchsorted(known, wanted)
-    before = np.where(known[after] == wanted, after, after - 1)
-    apart = np.maximum(known[after] - known[before], 1)
-    return Filling(frames[before], frames[after], (wanted - known[before]) / apart)
+    between = between_known(rows[frames], np.arange(n_rows))
+    return replace(between, before=frames[between.before], after=frames[between.after])
 
 
-def filled(values: np.ndarray, between: Filling) -> np.ndarray:
-    """Values (N, ...) of a track's frames at a clip's rows (T, ...), linearly."""
-    share = between.share.reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray((1 - share) * values[between.before] + share * values[between.after])
-
-
-def posed_clip(clip: Clip, poses: LocalPoses, between: Filling, body: BodyModel) -> Clip:
+def posed_clip(clip: Clip, poses: LocalPoses, between: Between, body: BodyModel) -> Clip:
     """The estimator's poses at a clip's rows, in the camera's frame, on a body of mean shape."""
     rotmats = np.concatenate([poses.root_rotmats[:, None], poses.local_rotmats], axis=1)
-    turned = slerp(rotmats[between.before], rotmats[between.after], between.share)
+    turned = between.turned(rotmats)
     motion = Motion(
         local_rotmats=turned[:, 1:],
         root_rotmats=turned[:, 0],
-        pelvis_m=filled(poses.pelvis_m, between),
+        pelvis_m=between.placed(poses.pelvis_m),
         shape=np.zeros(body.n_shape),
         fps_hz=clip.motion.fps_hz,
         body=body.name,
@@ -292,11 +272,11 @@ def posed_clip(clip: Clip, poses: LocalPoses, between: Filling, body: BodyModel)
     return Clip(clip.id, motion, np.ones(len(turned), bool), clip.image_numbers, camera=None)
 
 
-def write_keypoints(folder: Path, clip: Clip, track: Sightings, between: Filling) -> None:
+def write_keypoints(folder: Path, clip: Clip, track: Sightings, between: Between) -> None:
     """OpenPose's JSON of each of a clip's images.  What lies outside the picture is not seen."""
     camera = camera_of(clip)
     size_px = np.array([camera.width_px, camera.height_px])
-    points_px, visibility = filled(track.image_px, between), filled(track.visibility, between)
+    points_px, visibility = between.placed(track.image_px), between.placed(track.visibility)
     inside = ((points_px >= 0) & (points_px <= size_px)).all(axis=-1)
     seen = np.dstack([points_px, visibility * inside])
     keypoints = np.zeros((len(seen), N_KEYPOINTS, 3))

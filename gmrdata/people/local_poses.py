@@ -86,7 +86,7 @@ def local_poses(
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Poses of whom `follow_people` left, which `read_camera_bodies` reads.  A video in which
+    """Poses of whom `follow_people` left, which `read_system` reads.  A video in which
     nobody is seen leaves poses without people.  MissingInput and BadBodyFile name the file."""
     recipe = _Recipe(
         poses=config,

@@ -14,15 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.world_results import (
-    HPS_FOLDER,
-    SLAHMR_FILE,
-    WorldResult,
-    is_tram_folder,
-    read_world_result,
-)
+from gmrdata.read.systems.result import read_system
+from gmrdata.read.systems.slahmr import SLAHMR_FILE
+from gmrdata.read.systems.tram import HPS_FOLDER, is_tram_folder
 from gmrdata.values.clip import CLIP_FORMAT
 from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.estimated import EstimatedPeople
 
 OWN_NAMES = ("wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl")
 SUFFIXES = (".npz", ".pkl", ".pt")
@@ -54,7 +51,7 @@ class ResultSet:
 
     name: str
     system: str
-    results: Mapping[str, WorldResult]  # by the clip's id
+    results: Mapping[str, EstimatedPeople]  # by the clip's id
     by_id: frozenset[str]  # clips whose id, not only their sequence, the file or folder is named by
 
     @property
@@ -78,12 +75,12 @@ def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | 
     """
     if not path.exists():
         raise MissingInput(f"{path}: no such file or folder of predictions")
-    read: dict[Path, WorldResult] = {}
+    read: dict[Path, EstimatedPeople] = {}
     sequences: dict[Path, str] = {}
-    found: dict[tuple[Path, str], dict[str, WorldResult]] = defaultdict(dict)
+    found: dict[tuple[Path, str], dict[str, EstimatedPeople]] = defaultdict(dict)
     by_id: set[tuple[Path, str]] = set()
     for root, clip, file in _candidates(path, clips):
-        result = read[file] if file in read else read_world_result(file)
+        result = read[file] if file in read else read_system(file, "world")
         read[file] = result
         if sequences.setdefault(file, clip.sequence) != clip.sequence:
             both = f"{sequences[file]} and {clip.sequence}"
@@ -134,7 +131,7 @@ def _distinct(path: Path, sets: Sequence[ResultSet | ClipFiles]) -> list[ResultS
 
 def _named(
     path: Path,
-    found: Mapping[tuple[Path, str], Mapping[str, WorldResult]],
+    found: Mapping[tuple[Path, str], Mapping[str, EstimatedPeople]],
     by_id: Set[tuple[Path, str]],
 ) -> list[ResultSet]:
     """Sets named after their system, or after their folder where that says more."""
@@ -171,8 +168,8 @@ def _of_name(root: Path, name: str) -> Iterator[Path]:
     """The results in a folder that are named so."""
     if root.name == "camera" and (root.with_name("smpl") / f"{name}.npz").is_file():
         return  # TRAM's cameras, which are read beside its people
-    for suffix in SUFFIXES:
-        file = root / f"{name}{suffix}"
+    for file_name in (*(f"{name}{suffix}" for suffix in SUFFIXES), f"demo_{name}.pkl"):
+        file = root / file_name  # PHALP puts its own word before the video's name
         if file.is_file() and not _is_clip_file(file):
             yield file
     if (root / name).is_dir():

@@ -12,7 +12,6 @@ from gmrdata.gmr.runs import UsableClip, usable_clips, usable_files
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.listing import read_listing
 from gmrdata.read.frames import number_in_name
-from gmrdata.read.world_results import ResultPerson
 from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.predictions import PredictedClip, clip_beside_truth
 from gmrdata.score.records import MatchedResult, ScoredResults
@@ -44,6 +43,7 @@ from gmrdata.values.bodies import body_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.estimated import EstimatedPerson
 from gmrdata.values.files import resolve_inside
 
 
@@ -217,14 +217,14 @@ def _model(
         kind="results",
         predictions=path.resolve().name,
         system=found.system,
-        camera=config.camera if found.system == "vibe" else None,
+        camera=config.camera if found.system in ("vibe", "phalp") else None,
         clips=dict(matched),
     )
 
 
 def _matched(
     found: ResultSet,
-    people: Mapping[str, Mapping[str, ResultPerson]],
+    people: Mapping[str, Mapping[str, EstimatedPerson]],
     one: UsableClip,
     entry: ClipEntry,
     bodies: Sequence[BodyModel],
@@ -246,7 +246,7 @@ def _matched(
     return matched_clip(result, person, one.clip, frames, body, config.camera, common)
 
 
-def _body_of(person: ResultPerson, clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:
+def _body_of(person: EstimatedPerson, clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:
     """The body that a result's shape is of; else the clip's own; else the first."""
     named = (body for body in bodies if body.name == person.betas_body)
     return next(named, None) or body_of(clip.motion, bodies) or bodies[0]
@@ -287,7 +287,8 @@ def _predicted(
         all_phases=config.all_phases,
         drop_missing=drop,
     )
-    if isinstance(predicted, str) or result.people[0].has_camera_path:
+    world = result.people[0].in_world
+    if isinstance(predicted, str) or (world is not None and world.has_camera_path):
         return predicted
     # A person seen in both frames tells where the camera looks, but not where it is.
     return replace(predicted, camera_paths_m=None)

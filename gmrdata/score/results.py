@@ -6,13 +6,14 @@ from typing import Literal
 
 import numpy as np
 
-from gmrdata.read.world_results import Z_UP_FROM_Y_DOWN, ResultPerson, WorldResult
+from gmrdata.read.systems.entries import Z_UP_FROM_Y_DOWN
 from gmrdata.score.records import MatchedResult
 from gmrdata.score.result_files import ClipName, ResultSet
 from gmrdata.values.body import BodyModel, gender_of
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.estimated import Crop, EstimatedPeople, EstimatedPerson
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from gmrdata.world.compose import motion_in_world
@@ -32,7 +33,7 @@ class MatchedClip:
 
 def people_of_clips(
     found: ResultSet, clips: Sequence[ClipName], wanted: Mapping[str, str]
-) -> dict[str, ResultPerson]:
+) -> dict[str, EstimatedPerson]:
     """The person of a set's results that each clip is, by its id; nobody is guessed.
 
     That is the person that is named; else the only one of a result that is named by the clip's id,
@@ -46,7 +47,7 @@ def people_of_clips(
     not there, and where one is named for two people.
     """
     taken: dict[tuple[int, str], ClipName] = {}
-    people: dict[str, ResultPerson] = {}
+    people: dict[str, EstimatedPerson] = {}
     with_result = [clip for clip in clips if clip.id in found.results]
     for clip in with_result:
         keys = (f"{found.name}/{clip.id}", clip.id, "")
@@ -70,7 +71,7 @@ def _is_other(one: ClipName, other: ClipName) -> bool:
     return (one.sequence, one.person) != (other.sequence, other.person)
 
 
-def _named_person(result: WorldResult, clip: ClipName, name: str) -> ResultPerson:
+def _named_person(result: EstimatedPeople, clip: ClipName, name: str) -> EstimatedPerson:
     for one in result.people:
         if one.name in (name, f"person_{name}"):
             return one
@@ -79,7 +80,7 @@ def _named_person(result: WorldResult, clip: ClipName, name: str) -> ResultPerso
 
 def _person_left(
     found: ResultSet, clip: ClipName, taken: Mapping[tuple[int, str], ClipName]
-) -> ResultPerson | None:
+) -> EstimatedPerson | None:
     """Who a clip is without a name; None where all people are others."""
     result = found.results[clip.id]
     owners = {name: owner for (of_result, name), owner in taken.items() if of_result == id(result)}
@@ -102,13 +103,13 @@ def _person_left(
     raise _unclear(result, clip, what)
 
 
-def _unclear(result: WorldResult, clip: ClipName, what: str) -> BadMotionFile:
+def _unclear(result: EstimatedPeople, clip: ClipName, what: str) -> BadMotionFile:
     listed = f"It has {_listed(result.people)}"
     remedy = f"Name one with --person {clip.id}=NAME, or name the file by the clip's id"
     return BadMotionFile(f"{result.files[0]}: {what}. {listed}. {remedy}")
 
 
-def _listed(people: Sequence[ResultPerson]) -> str:
+def _listed(people: Sequence[EstimatedPerson]) -> str:
     shown = [
         f"{one.name} (frames {one.frame_numbers[0]}-{one.frame_numbers[-1]}, "
         f"{len(one.frame_numbers)} of them)"
@@ -137,8 +138,8 @@ def frames_of_rows(
 
 
 def matched_clip(
-    result: WorldResult,
-    person: ResultPerson,
+    result: EstimatedPeople,
+    person: EstimatedPerson,
     true: Clip,
     frames: np.ndarray,
     body: BodyModel,
@@ -166,9 +167,11 @@ def matched_clip(
         has = has & wanted
     z_up_from_file = _to_world(person, true, rows, has, seen_as)
     used = rows[has]
+    placed = person.in_world or person.in_camera
+    assert placed is not None
     seen = Motion(
         local_rotmats=person.local_rotmats[used],
-        root_rotmats=person.root_rotmats[used],
+        root_rotmats=placed.root_rotmats[used],
         pelvis_m=_transl_m(person, true)[used] + _rest_pelves_m(person, body, shape)[used],
         shape=shape,
         fps_hz=true.motion.fps_hz,
@@ -193,14 +196,18 @@ def matched_clip(
 
 
 def _own_camera(
-    person: ResultPerson, true: Clip, rows: np.ndarray, has: np.ndarray, z_up_from_file: np.ndarray
+    person: EstimatedPerson,
+    true: Clip,
+    rows: np.ndarray,
+    has: np.ndarray,
+    z_up_from_file: np.ndarray,
 ) -> CameraPath | None:
     """The camera that the result saw the person with, in the result's world."""
     world_from_cam = np.tile(np.eye(4), (len(rows), 1, 1))
-    if person.z_up_from_cam is not None:
-        world_from_cam[has] = person.z_up_from_cam[rows[has]]
-    elif person.z_up_from_file is None:
+    if person.in_world is None:
         world_from_cam[has] = z_up_from_file[has]
+    elif person.in_world.z_up_from_cam is not None:
+        world_from_cam[has] = person.in_world.z_up_from_cam[rows[has]]
     else:
         return None
     if true.camera is None:
@@ -208,7 +215,7 @@ def _own_camera(
     return replace(true.camera, world_from_cam=world_from_cam, has_camera=has)
 
 
-def _shape_on(person: ResultPerson, body: BodyModel) -> tuple[np.ndarray, tuple[str, ...]]:
+def _shape_on(person: EstimatedPerson, body: BodyModel) -> tuple[np.ndarray, tuple[str, ...]]:
     """(S,) the person's mean shape where it is of this body, else the body's mean; and a word."""
     shape = np.zeros(body.n_shape)
     if person.betas is None:
@@ -225,49 +232,59 @@ def _shape_on(person: ResultPerson, body: BodyModel) -> tuple[np.ndarray, tuple[
     return shape, (said,)
 
 
-def _rest_pelves_m(person: ResultPerson, body: BodyModel, shape: np.ndarray) -> np.ndarray:
+def _rest_pelves_m(person: EstimatedPerson, body: BodyModel, shape: np.ndarray) -> np.ndarray:
     """(T, 3) J0 of each frame's own shape: SMPL's transl is the pelvis less that."""
     if person.rest_pelvis_m is not None:
         return np.tile(person.rest_pelvis_m, (len(person.frame_numbers), 1))
     shapes = np.tile(shape, (len(person.frame_numbers), 1))
-    if person.betas is not None and person.betas_body == body.name:
+    of_mean = person.in_world is not None and person.in_world.of_mean_shape
+    if person.betas is not None and person.betas_body == body.name and not of_mean:
         n_common = min(shapes.shape[1], person.betas.shape[1])
         shapes[:, :n_common] = person.betas[:, :n_common]
     return np.asarray(body.joints_template_m[0] + shapes @ body.joint_shape_dirs_m[0].T)
 
 
-def _transl_m(person: ResultPerson, true: Clip) -> np.ndarray:
+def _transl_m(person: EstimatedPerson, true: Clip) -> np.ndarray:
     """(T, 3) SMPL's transl in the file's frame; before the clip's camera for a weak camera."""
-    if person.transl_m is not None:
-        return person.transl_m
-    assert person.weak_cameras is not None
-    camera = camera_of(true)
+    if person.in_world is not None:
+        return person.in_world.transl_m
+    assert person.in_camera is not None
+    seen, camera = person.in_camera, camera_of(true)
     (fx, _, cx), (_, _, cy), _ = camera.intrinsics_px
-    scales, shifts_m = person.weak_cameras[:, :2], person.weak_cameras[:, 2:]
     half_px = np.array([camera.width_px, camera.height_px]) / 2
-    # One unit of length is scale * half the image's size in pixels, where the person stands.
-    px_per_m = scales * half_px
+    if seen.in_picture is not None:
+        # One unit of length is scale * half the image's size in pixels, where the person stands.
+        px_per_m, shifts_m = seen.in_picture[:, :2] * half_px, seen.in_picture[:, 2:]
+    else:
+        assert isinstance(seen.camera, Crop)
+        factor = 1.0 if seen.size_px is None else camera.width_px / seen.size_px[0]
+        px_per_m = factor * (seen.camera.weak[:, :1] * seen.camera.side_px[:, None] / 2)
+        middles_px = factor * seen.camera.middle_px - half_px
+        shifts_m = middles_px / px_per_m + seen.camera.weak[:, 1:]
+        px_per_m = np.tile(px_per_m, (1, 2))
     off_m = (half_px - [cx, cy]) / px_per_m
     return np.column_stack([shifts_m + off_m, fx / px_per_m[:, 0]])
 
 
-def has_rows(person: ResultPerson, true: Clip, frames: np.ndarray, seen_as: SeenAs) -> np.ndarray:
+def has_rows(
+    person: EstimatedPerson, true: Clip, frames: np.ndarray, seen_as: SeenAs
+) -> np.ndarray:
     """(T,) bool: rows of a clip whose frame of the video the person has, in a world."""
     has = rows_of_numbers(person.frame_numbers, frames) >= 0
-    if person.z_up_from_file is None and seen_as == "true":
+    if person.in_world is None and seen_as == "true":
         return np.asarray(has & camera_of(true).has_camera)
     return has
 
 
 def _to_world(
-    person: ResultPerson, true: Clip, rows: np.ndarray, has: np.ndarray, seen_as: SeenAs
+    person: EstimatedPerson, true: Clip, rows: np.ndarray, has: np.ndarray, seen_as: SeenAs
 ) -> np.ndarray:
     """(T, 4, 4) from the file's frame to a world with z up, by the clip's rows."""
-    if person.z_up_from_file is None and seen_as == "true":
+    if person.in_world is None and seen_as == "true":
         return camera_of(true).world_from_cam
     z_up_from_file = np.tile(rigid(Z_UP_FROM_Y_DOWN, np.zeros(3)), (len(rows), 1, 1))
-    if person.z_up_from_file is not None:
-        z_up_from_file[has] = person.z_up_from_file[rows[has]]
+    if person.in_world is not None:
+        z_up_from_file[has] = person.in_world.z_up_from_file[rows[has]]
     return z_up_from_file
 
 
@@ -293,18 +310,18 @@ def _spread(motion: Motion, has: np.ndarray) -> Motion:
 
 
 def timed_clip(
-    result: WorldResult, person: ResultPerson, true: Clip, body: BodyModel
+    result: EstimatedPeople, person: EstimatedPerson, true: Clip, body: BodyModel
 ) -> MatchedClip:
     """A motion with its own frame rate: row i is the clip's row i, or k i at a k-th of its rate."""
     n_rows, fps_hz = len(person.frame_numbers), result.fps_hz or true.motion.fps_hz
     shape, notes = _shape_on(person, body)
     if result.fps_hz is None:
         notes += (f"the file has no frame rate: taken as the clip's {fps_hz:g} fps",)
-    assert person.transl_m is not None
+    assert person.in_world is not None
     motion = Motion(
         local_rotmats=person.local_rotmats,
-        root_rotmats=person.root_rotmats,
-        pelvis_m=person.transl_m + _rest_pelves_m(person, body, shape),
+        root_rotmats=person.in_world.root_rotmats,
+        pelvis_m=person.in_world.transl_m + _rest_pelves_m(person, body, shape),
         shape=shape,
         fps_hz=fps_hz,
         body=body.name,

@@ -75,7 +75,7 @@ class EstimatedPeople:
     """People as a system sees them."""
 
     results_path: Path | None = None
-    """Another system's file or folder, as `read_camera_bodies` takes it; None for whom the
+    """Another system's file or folder, as `read_system` takes it; None for whom the
     built-in estimator sees."""
     body: str = "anny"  # as `keep_body` takes it
     asked: bool = True  # whether the video is rejected where none of them can be used

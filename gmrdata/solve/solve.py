@@ -273,7 +273,7 @@ def _true_camera(solved: Solved) -> TrueCamera:
 
 
 def _own_poses(solved: Solved, camera: TrueCamera) -> Path | None:
-    """Poses by the built-in estimator, for `read_camera_bodies`; None where it sees nobody."""
+    """Poses by the built-in estimator, for `read_system`; None where it sees nobody."""
     assert solved.frames is not None and solved.body_path is not None
     followed_dir = solved.config.person_source.follow(
         solved.images_dir, solved.out_dir / FOLLOWED, (), solved.run

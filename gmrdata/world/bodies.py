@@ -9,14 +9,10 @@ import numpy as np
 from pydantic import Field, PositiveInt
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.motion.resample import between_known
 from gmrdata.read.bodies import load_body
-from gmrdata.read.camera_bodies import (
-    AGAIN,
-    Estimator,
-    SeenPeople,
-    SeenPerson,
-    read_camera_bodies,
-)
+from gmrdata.read.systems.entries import AGAIN
+from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.bodies import SMPL
@@ -24,11 +20,11 @@ from gmrdata.values.body import BodyModel, gender_of
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, System
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.values.records import PART, Config, Figure, Record
-from gmrdata.values.transforms import slerp
-from gmrdata.world.placement import TrueCamera, place_body
+from gmrdata.world.placement import PlacedBody, TrueCamera, place_body
 
 BODIES_FILE = "bodies.json"
 NOT_SEEN = "the file of bodies has nobody there"
@@ -87,7 +83,7 @@ class BodiesRecord(Record):
     """`bodies.json`: who was read from which file, and on what body."""
 
     format: Literal["gmrdata-bodies/1"] = "gmrdata-bodies/1"
-    estimator: Estimator
+    estimator: System
     file: str
     body: str
     people: tuple[BodyFacts, ...]
@@ -124,10 +120,10 @@ def make_bodies(
     between two rows of a file of every n-th frame that are at most 0.1 s apart.
 
     Raises:
-        MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: as `read_camera_bodies`; or the
-            file is of another video, by its frames.
+        MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: as `read_system`; or the file is of
+            another video, by its frames or its pictures.
     """
-    found = read_camera_bodies(poses_path, frames.size_px)
+    found = read_system(poses_path, "camera")
     recipe = _BodiesRecipe(
         bodies=config,
         intrinsics_px=tuple(tuple(row) for row in camera.intrinsics_px.tolist()),
@@ -148,7 +144,7 @@ def make_bodies(
 
 
 def _write(
-    found: SeenPeople,
+    found: EstimatedPeople,
     poses_path: Path,
     frames: VideoFrames,
     camera: TrueCamera,
@@ -160,12 +156,14 @@ def _write(
     people, left_out = _seen_enough(found, poses_path, frames, config)
     facts = []
     for number, (person, rows) in enumerate(people):
-        source = f"{poses_path.name} ({found.estimator})"
-        clip = _clip(person, rows, body, frames, camera, config.frames_per_row, source)
+        placed = place_body(person, body, camera, frames.size_px, poses_path)
+        source = f"{poses_path.name} ({found.system}), {person.name}"
+        motion, known = _on_rows(person, placed, rows, body, frames, source)
+        clip = _clip(person.name, motion, known, frames, camera, config.frames_per_row)
         save_clip(folder / person_file(number), clip, body.rest_pelvis_m(clip.motion.shape))
-        facts.append(_facts(person, rows, clip))
+        facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]]))
     BodiesRecord(
-        estimator=found.estimator,
+        estimator=found.system,
         file=poses_path.name,
         body=body.name,
         people=tuple(facts),
@@ -175,7 +173,7 @@ def _write(
 
 
 def _check_frames(
-    found: SeenPeople, path: Path, frames: VideoFrames, config: BodiesConfig
+    found: EstimatedPeople, path: Path, frames: VideoFrames, config: BodiesConfig
 ) -> list[str]:
     """Refuse a file of another video or rate, as far as its frames tell; small differences."""
     n_video, step = frames.n_frames, config.frames_per_row
@@ -197,7 +195,7 @@ def _check_frames(
     return []
 
 
-def _size_notes(found: SeenPeople, body: BodyModel) -> list[str]:
+def _size_notes(found: EstimatedPeople, body: BodyModel) -> list[str]:
     """Whose size people have, where it is not their own."""
     has_sizes = any(one.betas is not None for one in found.people)
     if has_sizes and body.name == f"{SMPL}neutral":
@@ -208,8 +206,8 @@ def _size_notes(found: SeenPeople, body: BodyModel) -> list[str]:
 
 
 def _seen_enough(
-    found: SeenPeople, path: Path, frames: VideoFrames, config: BodiesConfig
-) -> tuple[list[tuple[SeenPerson, np.ndarray]], list[str]]:
+    found: EstimatedPeople, path: Path, frames: VideoFrames, config: BodiesConfig
+) -> tuple[list[tuple[EstimatedPerson, np.ndarray]], list[str]]:
     """People and the file's row of each image, -1 for none; and who was left out, in words."""
     step = config.frames_per_row
     rows = [rows_of_numbers(one.frame_numbers * step, frames.frame_numbers) for one in found.people]
@@ -231,44 +229,52 @@ def _seen_enough(
     return kept, left_out
 
 
-def _clip(
-    person: SeenPerson,
+def _on_rows(
+    person: EstimatedPerson,
+    placed: PlacedBody,
     rows: np.ndarray,
     body: BodyModel,
     frames: VideoFrames,
-    camera: TrueCamera,
-    frames_per_row: int,
     source: str,
-) -> Clip:
-    placed, seen = place_body(person, body, camera), rows >= 0
-    known = np.flatnonzero(seen)
-    at = rows[known]
-    depths_m = placed.pelvis_m[at, 2]
-    before = (depths_m > NEAREST_M) & (depths_m < FURTHEST_M)
-    if before.sum() < 2:
-        raise BadMotionFile(f"{source}: {person.name} does not stand before the camera. {AGAIN}")
-    known, at = known[before], at[before]
-    rotmats = np.concatenate([placed.root_rotmats[:, None], person.local_rotmats], axis=1)[at]
-    filled, pelvis_m = _filled(rotmats, placed.pelvis_m[at], known, len(rows))
+) -> tuple[Motion, np.ndarray]:
+    """The motion on all images, filled between those that have a pose; and which have one (N,)."""
+    known = np.flatnonzero(rows >= 0)
+    depths_m = placed.pelvis_m[rows[known], 2]
+    known = known[(depths_m > NEAREST_M) & (depths_m < FURTHEST_M)]
+    if len(known) < 2:
+        raise BadMotionFile(f"{source} does not stand before the camera. {AGAIN}")
+    at, between = rows[known], between_known(known, np.arange(len(rows)))
+    rotmats = np.concatenate([placed.root_rotmats[:, None], person.local_rotmats], axis=1)
+    filled = between.turned(rotmats[at])
     motion = Motion(
         local_rotmats=filled[:, 1:],
         root_rotmats=filled[:, 0],
-        pelvis_m=pelvis_m,
+        pelvis_m=between.placed(placed.pelvis_m[at]),
         shape=placed.shape,
         fps_hz=frames.fps_hz,
         body=body.name,
         gender=gender_of(body),
         frame="camera",
-        source=f"{source}, {person.name}",
+        source=source,
     )
-    n = len(rows)
-    width_px, height_px = frames.size_px
+    return motion, known
+
+
+def _clip(
+    name: str,
+    motion: Motion,
+    known: np.ndarray,
+    frames: VideoFrames,
+    camera: TrueCamera,
+    frames_per_row: int,
+) -> Clip:
+    n, (width_px, height_px) = motion.n_frames, frames.size_px
     unknown = CameraPath(
         camera.intrinsics_px, width_px, height_px, np.full((n, 4, 4), np.nan), np.zeros(n, bool)
     )
     step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz + 1e-6)))
     valid = _within(frames.frame_numbers, frames.frame_numbers[known], step)
-    return Clip(person.name, motion, valid, frames.image_numbers, unknown)
+    return Clip(name, motion, valid, frames.image_numbers, unknown)
 
 
 def _within(frames: np.ndarray, known: np.ndarray, step: int) -> np.ndarray:
@@ -280,31 +286,15 @@ def _within(frames: np.ndarray, known: np.ndarray, step: int) -> np.ndarray:
     return np.asarray(between & (gaps <= step))
 
 
-def _filled(
-    rotmats: np.ndarray, pelvis_m: np.ndarray, known: np.ndarray, n_rows: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (T, 24, 3, 3) and places (T, 3) of all rows, from those at rows `known`."""
-    rows = np.clip(np.arange(n_rows), known[0], known[-1])
-    before = np.searchsorted(known, rows, side="right") - 1
-    after = np.minimum(before + 1, len(known) - 1)
-    shares = (rows - known[before]) / np.maximum(known[after] - known[before], 1)
-    places = [np.interp(rows, known, pelvis_m[:, axis]) for axis in range(3)]
-    filled = rotmats[before]
-    gaps = shares > 0
-    if gaps.any():
-        filled[gaps] = slerp(filled[gaps], rotmats[after[gaps]], shares[gaps])
-    return filled, np.stack(places, axis=1)
-
-
-def _facts(person: SeenPerson, rows: np.ndarray, clip: Clip) -> BodyFacts:
+def _facts(clip: Clip, depths_in_file_m: np.ndarray) -> BodyFacts:
     seen = clip.image_numbers[clip.valid]
     return BodyFacts(
-        name=person.name,
+        name=clip.id,
         images=len(seen),
         first_image=int(seen[0]),
         last_image=int(seen[-1]),
         median_depth_m=float(np.median(clip.motion.pelvis_m[clip.valid, 2])),
-        median_depth_in_file_m=float(np.median(person.transl_m[rows[rows >= 0], 2])),
+        median_depth_in_file_m=float(np.median(depths_in_file_m)),
     )
 
 

@@ -9,7 +9,7 @@ GVHMR     `hmr4d_results.pt` (its tools/demo/demo.py): `smpl_params_global` and
           (T, 3) [rad] and `transl` (T, 3) [m] of SMPL-X; and `K_fullimg` (T, 3, 3) [px].  The world
           is y-up.  `net_outputs`, what the network made on its way, are left out.
 
-`gmrdata.read.world_results` reads both.
+`gmrdata.read.systems` reads both.
 """
 
 import io
@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.pose_estimators import N_SMPLX_BODY
-from gmrdata.read.world_results import SMPLX_REST_PELVIS_M
+from gmrdata.read.systems.entries import N_SMPLX_BODY, SMPLX_REST_PELVIS_M
 from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile

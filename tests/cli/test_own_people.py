@@ -9,7 +9,7 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.fusion.record import FusionRecord
-from gmrdata.read.camera_bodies import read_camera_bodies
+from gmrdata.read.systems.result import read_system
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.solve.plan import plan_video
 from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
@@ -27,7 +27,7 @@ def test_people_of_a_real_video_stand_on_the_ground(shared_path: Shared, tmp_pat
     verdict = solved(shared_path, tmp_path / "images", out, slice(None))
     assert len(verdict.people) >= 1
     assert any("size of the mean anny body" in note for note in verdict.notes)
-    seen = read_camera_bodies(out / "own_poses" / "poses", SIZE_PX).people
+    seen = read_system(out / "own_poses" / "poses", "camera").people
     assert len(seen) == len(verdict.people)
     fused = FusionRecord.read(out / "fused" / "fusion.json")
     assert [one.frames for one in fused.people] == [N_IMAGES] * len(seen)

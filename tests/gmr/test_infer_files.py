@@ -81,7 +81,7 @@ def test_each_format_gives_each_file(
         write_vibe(tmp_path / "vibe_output.pkl", {3: vibe_person(40)}): "person_3",
         write_wham(tmp_path / "wham_output.pkl", {0: 40}): "person_0",
         write_phalp(tmp_path / "demo_x.pkl", frames): "person_1",
-        write_gvhmr(tmp_path / "hmr4d_results.pt", 40): "person",
+        write_gvhmr(tmp_path / "hmr4d_results.pt", 40): "person_0",
         tmp_path / "clip.npz": "a_walk",
         tmp_path / "walk.bvh": "walk",
         tmp_path / "amass.npz": "amass",

@@ -17,8 +17,7 @@ from gmrdata.paper.clip_keypoints import clip_keypoints
 from gmrdata.paper.joint_data import load_features
 from gmrdata.paper.own_poses import (
     OwnPosesRecord,
-    filled,
-    filling,
+    rows_between,
     the_person,
 )
 from gmrdata.paper.vibe_cam import load_poses
@@ -138,9 +137,9 @@ def test_the_person_is_placed_by_the_same_landmarks(
 
 
 def test_rows_without_a_person_lie_between_their_neighbours() -> None:
-    between = filling(np.array([-1, 1, 2, 5]), 7)
+    between = rows_between(np.array([-1, 1, 2, 5]), 7)
     values = np.array([9.0, 10.0, 20.0, 50.0])[:, None]
-    assert filled(values, between)[:, 0].tolist() == [10, 10, 20, 30, 40, 50, 50]
+    assert between.placed(values)[:, 0].tolist() == [10, 10, 20, 30, 40, 50, 50]
 
 
 def test_the_clips_person_is_who_is_near_it_in_most_frames(anny: BodyModel) -> None:

@@ -9,11 +9,12 @@ import pytest
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
 from gmrdata.people.local_poses import ImageTimes, Lens, LocalPosesConfig, local_poses
 from gmrdata.read.bodies import ANNY_FILE
-from gmrdata.read.camera_bodies import read_camera_bodies
+from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
+from gmrdata.world.placement import assumed_place
 
 LENS = Lens(np.array([[820.0, 0, 150], [0, 820, 270], [0, 0, 1]]))
 TIMES = ImageTimes(np.array([4, 6, 8]), 15.0)
@@ -41,16 +42,19 @@ def poses_dir(
 
 def test_the_stage_of_bodies_reads_them(poses_dir: Path, anny: BodyModel) -> None:
     record, people = load_local_poses(poses_dir)
-    found = read_camera_bodies(poses_dir, record.size_px)
-    assert found.estimator == "gmrdata" and len(found.people) == len(people) >= 1
+    found = read_system(poses_dir, "camera")
+    assert found.system == "gmrdata" and len(found.people) == len(people) >= 1
     person = found.people[0]
+    assert person.in_camera is not None
+    place = assumed_place(person.in_camera, record.size_px, poses_dir)
+    assert place.camera is None
     assert person.frame_numbers.tolist() == [4, 6, 8]
     # Upright, on the ground before the camera: the head above the feet, some metres away.
-    rotmats = np.concatenate([person.root_rotmats[:, None], person.local_rotmats], axis=1)
+    rotmats = np.concatenate([person.in_camera.root_rotmats[:, None], person.local_rotmats], axis=1)
     rest_joints_m = anny.rest_joints_m(np.zeros(anny.n_shape))
-    joints_m, _ = posed_joints_m(rest_joints_m, rotmats, person.transl_m)
+    joints_m, _ = posed_joints_m(rest_joints_m, rotmats, place.transl_m)
     assert (joints_m[:, 15, 1] < joints_m[:, 7, 1] - 1.0).all()
-    assert (person.transl_m[:, 2] > 1).all() and (person.transl_m[:, 2] < 12).all()
+    assert (place.transl_m[:, 2] > 1).all() and (place.transl_m[:, 2] < 12).all()
 
 
 def test_the_body_lies_on_the_person(poses_dir: Path, anny: BodyModel) -> None:
@@ -67,8 +71,10 @@ def test_the_body_lies_on_the_person(poses_dir: Path, anny: BodyModel) -> None:
 
 
 def test_another_video_s_poses_are_refused(poses_dir: Path) -> None:
+    seen = read_system(poses_dir).people[0].in_camera
+    assert seen is not None
     with pytest.raises(BadMotionFile, match="it is another video's"):
-        read_camera_bodies(poses_dir, (1920, 1080))
+        assumed_place(seen, (1920, 1080), poses_dir)
 
 
 def test_a_video_without_people_has_no_bodies(
@@ -77,4 +83,4 @@ def test_a_video_without_people_has_no_bodies(
     made = posed(grey_dir, ImageTimes(np.array([0, 1]), 15.0), tmp_path, networks)
     assert LocalPosesRecord.read(made / POSES_FILE).people == 0
     with pytest.raises(BadMotionFile, match="nobody is seen"):
-        read_camera_bodies(made, (160, 120))
+        read_system(made)

@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.camera_bodies import SeenPeople, read_camera_bodies
+from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
-from gmrdata.world.placement import TrueCamera, place_body
+from gmrdata.values.estimated import EstimatedPeople, Pinhole
+from gmrdata.world.placement import PlacedBody, TrueCamera, assumed_place, place_body
 from tests.joblib_layout import joblib_bytes
 from tests.read import camera_files
 from tests.read.camera_files import Seen, write_gvhmr, write_joblib, write_tram
@@ -45,6 +46,14 @@ def walk(neutral: BodyModel) -> Clip:
     n = motion.n_frames
     path = replace(path, world_from_cam=world_from_cam)
     return Clip("walk", motion, np.ones(n, dtype=bool), np.arange(n), path)
+
+
+def read(path: Path) -> EstimatedPeople:
+    return read_system(path, "camera")
+
+
+def placed_by(path: Path, body: BodyModel, camera: TrueCamera) -> PlacedBody:
+    return place_body(read(path).people[0], body, camera, SIZE_PX, path)
 
 
 @dataclass(frozen=True)
@@ -93,16 +102,16 @@ def test_a_person_stands_where_the_picture_shows_it(
     walk: Clip,
     neutral: BodyModel,
 ) -> None:
-    found = read_camera_bodies(files[k1][system], SIZE_PX)
-    assert found.estimator == system
+    found = read(files[k1][system])
+    assert found.system == system
     assert walk.camera is not None
     true = camera_files.seen_person(walk.motion, walk.camera, neutral).motion
     person = found.people[0]
-    placed = place_body(person, neutral, TrueCamera(walk.camera.intrinsics_px, (k1, 0.0)))
+    placed = placed_by(files[k1][system], neutral, TrueCamera(walk.camera.intrinsics_px, (k1, 0.0)))
     far_m = np.linalg.norm(true.pelvis_m, axis=1)
     off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1) / far_m
     # The file's own distance is another one: f is 554 px, and each assumed another.
-    assert np.abs(person.transl_m[:, 2] / true.pelvis_m[:, 2] - 1.0).min() > 0.05
+    assert np.abs(placed.assumed_depths_m / true.pelvis_m[:, 2] - 1.0).min() > 0.05
     assert off.max() < 0.005, off.max()
     np.testing.assert_allclose(placed.root_rotmats, true.root_rotmats, atol=2e-3)
     np.testing.assert_allclose(person.local_rotmats[:, :21], true.local_rotmats[:, :21], atol=1e-5)
@@ -113,8 +122,7 @@ def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(
 ) -> None:
     assert walk.camera is not None
     true = camera_files.seen_person(walk.motion, walk.camera, neutral).motion
-    person = read_camera_bodies(files[K1]["wham"], SIZE_PX).people[0]
-    placed = place_body(person, neutral, TrueCamera(walk.camera.intrinsics_px))
+    placed = placed_by(files[K1]["wham"], neutral, TrueCamera(walk.camera.intrinsics_px))
     off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1)
     assert off.max() > 0.01 * np.linalg.norm(true.pelvis_m, axis=1).min()
 
@@ -129,8 +137,7 @@ def test_a_file_of_vibe_with_its_drawing_camera_alone_gives_nearly_the_same(
     for person in people.values():
         del person["pred_cam"], person["bboxes"]
     path = write_joblib(tmp_path / "vibe_output.pkl", people)
-    person = read_camera_bodies(path, SIZE_PX).people[0]
-    placed = place_body(person, neutral, TrueCamera(walk.camera.intrinsics_px))
+    placed = placed_by(path, neutral, TrueCamera(walk.camera.intrinsics_px))
     far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
     assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.02
 
@@ -145,8 +152,7 @@ def test_phalp_of_the_whole_picture_is_the_same_person(
     for frame in frames.values():
         del frame["camera_bbox"], frame["center"], frame["scale"]
     path = write_joblib(tmp_path / "demo.pkl", frames)
-    person = read_camera_bodies(path, SIZE_PX).people[0]
-    placed = place_body(person, neutral, TrueCamera(walk.camera.intrinsics_px))
+    placed = placed_by(path, neutral, TrueCamera(walk.camera.intrinsics_px))
     far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
     assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.01
 
@@ -154,11 +160,12 @@ def test_phalp_of_the_whole_picture_is_the_same_person(
 def test_the_size_comes_from_the_file_on_smpls_neutral_body_alone(
     files: dict[float, dict[str, Path]], neutral: BodyModel, small_body: BodyModel
 ) -> None:
-    person = read_camera_bodies(files[0.0]["wham"], SIZE_PX).people[0]
-    person = replace(person, betas=np.tile(np.eye(10)[0] * 2, (len(person.transl_m), 1)))
+    path = files[0.0]["wham"]
+    person = read(path).people[0]
+    person = replace(person, betas=np.tile(np.eye(10)[0] * 2, (len(person.frame_numbers), 1)))
     camera = TrueCamera(np.array([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]]))
-    assert place_body(person, neutral, camera).shape[0] == 2.0
-    assert not place_body(person, small_body, camera).shape.any()
+    assert place_body(person, neutral, camera, SIZE_PX, path).shape[0] == 2.0
+    assert not place_body(person, small_body, camera, SIZE_PX, path).shape.any()
 
 
 def test_a_copy_of_another_size_is_the_same_video_and_another_shape_is_not(
@@ -166,13 +173,16 @@ def test_a_copy_of_another_size_is_the_same_video_and_another_shape_is_not(
 ) -> None:
     """TRAM, GVHMR and PHALP say how large their images are."""
     for system in ("tram", "gvhmr", "phalp"):
-        own = read_camera_bodies(files[0.0][system], SIZE_PX).people[0]
-        twice = read_camera_bodies(files[0.0][system], (1280, 720)).people[0]
-        assert own.assumed is not None and twice.assumed is not None
-        np.testing.assert_allclose(twice.assumed.focal_px, 2 * own.assumed.focal_px)
-        np.testing.assert_allclose(twice.assumed.centre_px, 2 * own.assumed.centre_px)
-        with pytest.raises(BadMotionFile, match="another video's, or a turned one's"):
-            read_camera_bodies(files[0.0][system], (360, 640))
+        path = files[0.0][system]
+        seen = read(path).people[0].in_camera
+        assert seen is not None
+        own, twice = (assumed_place(seen, size, path).camera for size in (SIZE_PX, (1280, 720)))
+        assert isinstance(own, Pinhole) and isinstance(twice, Pinhole)
+        np.testing.assert_allclose(twice.focal_px, 2 * own.focal_px)
+        np.testing.assert_allclose(twice.centre_px, 2 * own.centre_px)
+        with pytest.raises(BadMotionFile, match="another video's, or a turned one's") as error:
+            assumed_place(seen, (360, 640), path)
+        assert str(path) in str(error.value)
 
 
 def vibe(**changes: Any) -> dict[Any, Any]:
@@ -187,10 +197,16 @@ def vibe(**changes: Any) -> dict[Any, Any]:
     return {1: {key: value for key, value in (person | changes).items() if value is not None}}
 
 
+def world_alone() -> dict[Any, Any]:
+    arrays = {"pose_world": 72, "trans_world": 3, "betas": 10}
+    whole = {key: np.zeros((3, width)) for key, width in arrays.items()}
+    return {1: whole | {"frame_ids": np.arange(3)}}
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ({}, "holds nobody"),
+        ({}, "nobody is seen"),
         (vibe(pose=np.zeros((3, 69))), r"pose of person_1 is \(3, 69\)"),
         (vibe(pred_cam=np.zeros((3, 3))), "is not above 0 at row 0"),
         (vibe(bboxes=np.full((3, 4), -1.0)), "is not above 0 at row 0"),
@@ -199,9 +215,9 @@ def vibe(**changes: Any) -> dict[Any, Any]:
         (vibe(frame_ids=np.array([0, 2, 1])), "not rising"),
         (vibe(frame_ids=None), "no 'frame_ids'"),
         (vibe(betas=None), "no 'betas'"),
-        (vibe(pred_cam=None, orig_cam=None), "holds no people before a camera"),
-        ({1: {"pose_world": np.zeros((3, 72)), "trans_world": 0}}, "a motion in the world"),
-        ({"a": 3}, "first entry has no dict"),
+        (vibe(pred_cam=None, orig_cam=None), "no 'orig_cam', so no motion before the camera"),
+        (world_alone(), "no 'pose', so no motion before the camera"),
+        ({"a": 3}, "its first entry has: no dict"),
         ([1, 2], "holds no dict"),
     ],
 )
@@ -209,7 +225,7 @@ def test_a_broken_file_is_named_with_the_fault(content: Any, said: str, tmp_path
     path = tmp_path / "vibe_output.pkl"
     path.write_bytes(joblib_bytes(content))
     with pytest.raises(BadMotionFile, match=said) as error:
-        read_camera_bodies(path, SIZE_PX)
+        read(path)
     assert str(path) in str(error.value)
 
 
@@ -220,21 +236,21 @@ def test_what_a_result_lacks_is_named(
     seen = camera_files.seen_person(walk.motion, walk.camera, neutral)
     whole = camera_files.gvhmr_result(seen)
     for broken, said in (
-        ({"smpl_params_global": {}}, "no smpl_params_incam"),
-        (whole | {"K_fullimg": whole["K_fullimg"][:3]}, "K_fullimg has 3 rows"),
+        ({"smpl_params_global": whole["smpl_params_global"]}, "no 'smpl_params_incam'"),
+        (whole | {"K_fullimg": whole["K_fullimg"][:3]}, r"K_fullimg of person_0 is \(3, 3, 3\)"),
         (whole | {"K_fullimg": 0 * whole["K_fullimg"]}, "focal length in K_fullimg"),
-        (whole | {"smpl_params_incam": {"body_pose": whole["K_fullimg"]}}, "is not"),
+        (whole | {"smpl_params_incam": {"body_pose": whole["K_fullimg"]}}, r"\(12, 3, 3\), not"),
     ):
         path = write_gvhmr(tmp_path / "hmr4d_results.pt", broken)
         with pytest.raises(BadMotionFile, match=said):
-            read_camera_bodies(path, SIZE_PX)
+            read(path)
     with pytest.raises(MissingInput, match=r"no camera\.npy"):
-        read_camera_bodies(tmp_path, SIZE_PX)
+        read(tmp_path)
     with pytest.raises(MissingInput, match="no such file"):
-        read_camera_bodies(tmp_path / "gone.pkl", SIZE_PX)
+        read(tmp_path / "gone.pkl")
     np.savez(tmp_path / "a.npz", poses=np.zeros((3, 72)))
     with pytest.raises(BadMotionFile, match="not TRAM's"):
-        read_camera_bodies(tmp_path / "a.npz", SIZE_PX)
+        read(tmp_path / "a.npz")
 
 
 @given(data=st.data())
@@ -251,7 +267,7 @@ def test_any_cut_or_changed_file_is_read_or_refused(
     path = tmp_path_factory.mktemp("changed") / files[0.0][system].name
     path.write_bytes(bytes(content))
     try:
-        read_camera_bodies(path, SIZE_PX)
+        read(path)
     except GmrdataError as error:
         assert path.name in str(error)
 
@@ -273,7 +289,7 @@ def test_several_people_with_gaps_keep_their_frames(
         "phalp": lambda: write_joblib(tmp_path / "p.pkl", camera_files.phalp_frames(seen, n)),
     }
     for system, write in ways.items():
-        found: SeenPeople = read_camera_bodies(write(), SIZE_PX)
+        found = read(write())
         assert [len(one.frame_numbers) for one in found.people] == [n, 6], system
         np.testing.assert_array_equal(found.people[1].frame_numbers, some)
         assert found.n_frames == {"tram": n, "phalp": n}.get(system)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.read.world_results import read_world_result
+from gmrdata.read.systems.result import read_system
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
 from tests.joblib_layout import joblib_bytes
 
@@ -86,16 +86,16 @@ def test_vibe_saw_a_tenth_more_than_its_box(tmp_path: Path) -> None:
     box_alone = {key: value for key, value in person.items() if key != "pred_cam"}
     path = tmp_path / "vibe_output.pkl"
     path.write_bytes(joblib_bytes({1: person, 2: box_alone}))
-    first, second = read_world_result(path).people
-    assert first.weak_cameras is not None and second.weak_cameras is not None
-    ((*scales, tx, ty),) = first.weak_cameras
+    first, second = (one.in_camera for one in read_system(path).people)
+    assert first is not None and first.in_picture is not None and second is not None
+    ((*scales, tx, ty),) = first.in_picture
     # Of the crop of 220 px, a point at (X, Y) is 110 s (X + tx) right of the middle.
     assert half_px * scales == pytest.approx(110 * 0.8)
     at_px = half_px * scales * np.array([0.3 + tx, 0.4 + ty])
     assert at_px == pytest.approx([100 + 110 * 0.8 * (0.3 + 0.1), 110 * 0.8 * (0.4 - 0.2)])
     # Without `pred_cam` people stay where they are in the picture.
     wider = person["orig_cam"] * [1.1, 1.1, 1 / 1.1, 1 / 1.1]
-    np.testing.assert_allclose(second.weak_cameras, wider)
+    np.testing.assert_allclose(second.in_picture, wider)
 
 
 WRITERS: dict[str, tuple[Callable[..., Path], tuple[str, ...]]] = {
@@ -128,7 +128,7 @@ def _changed(arrays: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("system", WRITERS)
 def test_whole_results_are_read(system: str, tmp_path: Path) -> None:
-    found = read_world_result(WRITERS[system][0](tmp_path))
+    found = read_system(WRITERS[system][0](tmp_path), "world")
     assert found.system == system
     assert [len(one.frame_numbers) for one in found.people] == [T] * len(found.people)
 
@@ -138,19 +138,19 @@ def test_whole_results_are_read(system: str, tmp_path: Path) -> None:
 def test_a_broken_part_is_refused(system: str, key: str, how: str, tmp_path: Path) -> None:
     path = WRITERS[system][0](tmp_path, **{key: how})
     if how == "gone" and key in OPTIONAL:
-        assert read_world_result(path).people
+        assert read_system(path, "world").people
         return
     with pytest.raises(GmrdataError, match=str(tmp_path)) as refused:
-        read_world_result(path)
+        read_system(path, "world")
     assert type(refused.value) in (BadMotionFile, MissingInput)
 
 
 def test_a_folder_that_is_no_result_is_named(tmp_path: Path) -> None:
     with pytest.raises(MissingInput, match=r"no camera\.npy and hps/hps_track_<k>\.npy"):
-        read_world_result(tmp_path)
+        read_system(tmp_path)
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
-    with pytest.raises(BadMotionFile, match=r"x\.npz: no result of SLAHMR .* it has other"):
-        read_world_result(tmp_path / "x.npz")
+    with pytest.raises(BadMotionFile, match=r"x\.npz: not TRAM's .* it has other"):
+        read_system(tmp_path / "x.npz")
     (tmp_path / "x.pkl").write_bytes(joblib_bytes({1: {"pose": np.zeros((T, 72))}}))
-    with pytest.raises(BadMotionFile, match=r"x\.pkl: neither WHAM's .* has pose"):
-        read_world_result(tmp_path / "x.pkl")
+    with pytest.raises(BadMotionFile, match=r"x\.pkl: person_1 has no 'frame_ids\'"):
+        read_system(tmp_path / "x.pkl")

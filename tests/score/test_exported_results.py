@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.world_results import read_world_result
+from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.write import system_results
@@ -36,9 +36,10 @@ def test_a_video_of_gvhmr_keeps_the_frames_that_count(
     person = TrackedPerson(true.motion, rest(body, true), valid, np.arange(N))
     path = tmp_path / "hmr4d_results.pt"
     system_results.write_gvhmr(path, person, true.camera)
-    (found,) = read_world_result(path).people
+    (found,) = read_system(path, "world").people
     assert found.frame_numbers.tolist() == list(range(4, N))
-    assert found.z_up_from_cam is not None and true.camera is not None
+    assert found.in_world is not None and true.camera is not None
+    assert found.in_world.z_up_from_cam is not None
     np.testing.assert_allclose(
-        found.z_up_from_cam[:, :3, :3], true.camera.world_from_cam[4:, :3, :3], atol=1e-6
+        found.in_world.z_up_from_cam[:, :3, :3], true.camera.world_from_cam[4:, :3, :3], atol=1e-6
     )

@@ -16,7 +16,7 @@ from gmrdata.cli import main
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.read.safe_pickle import load_object_npy
-from gmrdata.read.world_results import read_world_result
+from gmrdata.read.systems.result import read_system
 from gmrdata.score.compare import Comparison
 from gmrdata.score.records import ScoredResults, Scores
 from gmrdata.score.result_files import ClipName, ResultSet, find_result_sets
@@ -395,7 +395,7 @@ def test_a_person_outside_of_trams_cameras_is_refused(
     camera = {"world_cam_R": np.tile(np.eye(3), (9, 1, 1)), "world_cam_T": np.zeros((9, 3))}
     np.save(folder / "camera.npy", camera)  # type: ignore[arg-type]
     with pytest.raises(BadMotionFile, match=r"frames to 69, but camera\.npy has 9 cameras"):
-        read_world_result(folder)
+        read_system(folder, "world")
 
 
 BROKEN = ("nan", "short", "no_key", "wrong_width", "text", "frames_not_rising", "cut_off")
@@ -432,10 +432,10 @@ def test_a_broken_result_is_an_error_that_names_the_file(
     path = tmp_path / "wham_output.pkl"
     path.write_bytes(content)
     if key == "betas" and how == "wrong_width":  # SMPL has up to 300 coefficients
-        assert len(read_world_result(path).people) == 1
+        assert len(read_system(path, "world").people) == 1
         return
     with pytest.raises(GmrdataError, match=r"wham_output\.pkl: "):
-        read_world_result(path)
+        read_system(path, "world")
 
 
 def test_figures_are_json(tmp_path: Path, data: Path, body: BodyModel, true: Clip) -> None:

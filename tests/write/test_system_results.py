@@ -9,7 +9,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.world_results import read_world_result
+from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile
@@ -78,13 +78,13 @@ def test_wham_comes_back(people: list[TrackedPerson], tmp_path: Path) -> None:
     path = tmp_path / "wham_output.pkl"
     write_wham(path, people, None)
     assert "pose" not in pickle.loads(path.read_bytes())[0]
-    for found, person in zip(read_world_result(path).people, people, strict=True):
-        motion = person.motion.take(person.rows)
-        assert found.z_up_from_file is not None and found.transl_m is not None
-        turns = found.z_up_from_file[:, :3, :3]
-        assert angles_deg(turns @ found.root_rotmats, motion.root_rotmats).max() < DEG
+    for found, person in zip(read_system(path, "world").people, people, strict=True):
+        motion, world = person.motion.take(person.rows), found.in_world
+        assert world is not None
+        turns = world.z_up_from_file[:, :3, :3]
+        assert angles_deg(turns @ world.root_rotmats, motion.root_rotmats).max() < DEG
         assert angles_deg(found.local_rotmats, motion.local_rotmats).max() < DEG
-        transl_m = found.transl_m + person.rest_pelvis_m
+        transl_m = world.transl_m + person.rest_pelvis_m
         pelvis_m = (turns @ transl_m[..., None])[..., 0]
         assert np.abs(pelvis_m - motion.pelvis_m).max() < MM
         assert found.frame_numbers.tolist() == person.frame_numbers[person.rows].tolist()
@@ -127,14 +127,14 @@ def test_gvhmr_comes_back(people: list[TrackedPerson], tmp_path: Path) -> None:
     path = tmp_path / "hmr4d_results.pt"
     write_gvhmr(path, people[1], None)
     assert set(torch.load(path, weights_only=True)) == {"smpl_params_global", "valid"}
-    (found,) = read_world_result(path).people
+    (found,) = read_system(path, "world").people
     rows, motion = people[1].rows, people[1].motion
     assert found.frame_numbers.tolist() == np.flatnonzero(rows).tolist()
-    assert found.z_up_from_file is not None and found.transl_m is not None
-    assert found.rest_pelvis_m is not None
-    turns = found.z_up_from_file[:, :3, :3]
-    assert angles_deg(turns @ found.root_rotmats, motion.root_rotmats[rows]).max() < DEG
-    pelvis_m = (turns @ (found.transl_m + found.rest_pelvis_m)[..., None])[..., 0]
+    world = found.in_world
+    assert world is not None and found.rest_pelvis_m is not None
+    turns = world.z_up_from_file[:, :3, :3]
+    assert angles_deg(turns @ world.root_rotmats, motion.root_rotmats[rows]).max() < DEG
+    pelvis_m = (turns @ (world.transl_m + found.rest_pelvis_m)[..., None])[..., 0]
     assert np.abs(pelvis_m - motion.pelvis_m[rows]).max() < MM
 
 

@@ -1,0 +1,115 @@
+"""Reading a result of any known system; which one is told by what it holds."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.read.safe_pickle import load_plain
+from gmrdata.read.systems import amass, gvhmr, phalp, slahmr, tram, vibe, wham
+from gmrdata.read.systems.entries import AGAIN
+from gmrdata.read.torch_files import load_tensors
+from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, InCamera, Part
+from gmrdata.values.files import read_npz
+from gmrdata.values.local_poses import POSES_FILE, load_local_poses
+from gmrdata.values.people import person_file
+
+KNOWN = "Known are results of VIBE, WHAM, GVHMR, TRAM, SLAHMR and PHALP (4D-Humans)"
+ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
+OLD_TORCH = b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."  # and how before version 1.6
+MISSED: dict[Part, str] = {
+    "poses": "no local poses",
+    "camera": "no motion before the camera",
+    "world": "no motion in the world",
+}
+
+
+def read_system(path: Path, need: Part = "poses") -> EstimatedPeople:
+    """Read a result of VIBE, WHAM, GVHMR, PHALP or SLAHMR, a folder or `.npz` of TRAM, a motion
+    with AMASS's keys, or a folder of the built-in estimator; nothing of it is run.
+
+    `need` is what each person must have; what a file has besides is read and checked too.
+
+    Raises:
+        MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: name the file and the remedy.
+    """
+    found = _read(path)
+    if not found.people:
+        what = "has no person in it: nobody is seen in any frame"
+        raise BadMotionFile(f"{path}: {what}. Give a file with tracked people")
+    for person in found.people:
+        if why := person.lacks.get(need):
+            what = f"{person.name} has {why}, so {MISSED[need]}"
+            raise BadMotionFile(f"{path}: {what}. {AGAIN}")
+    return found
+
+
+def _read(path: Path) -> EstimatedPeople:
+    if path.is_dir():
+        own = (path / POSES_FILE).is_file()
+        return _built_in(path) if own else tram.read_tram_folder(path)
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file. {KNOWN}")
+    if path.suffix == ".npz":
+        return _npz(path)
+    with path.open("rb") as stream:
+        first = stream.read(len(OLD_TORCH))
+    if first.startswith(ZIP):
+        return gvhmr.read_gvhmr(load_tensors(path), path)
+    if first == OLD_TORCH:
+        what = "is in torch's form from before version 1.6, which is not read"
+        raise BadMotionFile(f"{path}: {what}. Load it with torch and save it again with torch.save")
+    return _pickled(load_plain(path), path)
+
+
+def _npz(path: Path) -> EstimatedPeople:
+    arrays = dict(read_npz(path))
+    if "pred_rotmat" in arrays:
+        return tram.read_tram_npz(arrays, path)
+    if arrays.keys() >= slahmr.KEYS:
+        return slahmr.read_slahmr(arrays, path)
+    if arrays.keys() >= amass.KEYS:
+        return amass.read_amass_result(arrays, path)
+    what = "not TRAM's (pred_rotmat), not SLAHMR's (trans, root_orient, pose_body), no motion with"
+    has = ", ".join(arrays)[:200]
+    raise BadMotionFile(f"{path}: {what} AMASS's keys (poses, trans); it has {has}. {AGAIN}")
+
+
+def _pickled(content: Any, path: Path) -> EstimatedPeople:
+    if isinstance(content, dict) and not content:
+        return EstimatedPeople("vibe", (path,), ())
+    first = next(iter(content.values())) if isinstance(content, dict) else None
+    keys: set[Any] = set(first) if isinstance(first, Mapping) else set()
+    if isinstance(content, dict) and content.keys() & {gvhmr.WORLD, gvhmr.CAMERA}:
+        return gvhmr.read_gvhmr(content, path)
+    if keys >= phalp.FRAME_KEYS:
+        return phalp.read_phalp(content, path)
+    if keys & set(wham.WORLD_KEYS) or keys >= set(wham.CAMERA_KEYS):
+        return wham.read_wham(content, path)
+    if keys & vibe.KEYS:
+        return vibe.read_vibe(content, path)
+    has = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
+    kind = "holds no dict" if not isinstance(content, dict) else "its first entry"
+    what = f"holds no poses in a known form ({kind} has: {has or 'no dict'})"
+    raise BadMotionFile(f"{path}: {what}. {KNOWN}, .npz, .bvh and .amc")
+
+
+def _built_in(folder: Path) -> EstimatedPeople:
+    """The folder of `gmrdata.people.local_poses`: before the video's own camera."""
+    record, people = load_local_poses(folder)
+    files = (folder / POSES_FILE, *(folder / person_file(n) for n in range(record.people)))
+    width_px, height_px = record.size_px
+    found = [
+        EstimatedPerson(
+            name=f"person_{n}",
+            frame_numbers=one.frame_numbers,
+            local_rotmats=one.local_rotmats,
+            in_camera=InCamera(one.root_rotmats, one.pelvis_m, "own", (width_px, height_px)),
+            rest_pelvis_m=np.zeros(3),
+            lacks={"world": "a motion before the camera alone"},
+        )
+        for n, one in enumerate(people)
+    ]
+    return EstimatedPeople("gmrdata", files, tuple(found))

@@ -1,0 +1,122 @@
+"""SLAHMR's `<sequence>_<step>_world_results.npz` (vye16/slahmr, slahmr/optim/optimizers.py).
+
+numpy.savez of B people over T rows, y down, along the first camera's y:
+
+`trans` (B, T, 3)                       SMPL's transl [m]
+`root_orient` (B, T, 3)                 axis-angle [rad]
+`pose_body` (B, T, 63)                  of the 21 joints after the root; the hands stay straight
+`betas` (B, 10 or 16)                   SMPL's neutral shape
+`cam_R` (B, T, 3, 3), `cam_t` (B, T, 3) the camera's own cam_from_world
+
+`track_info.json`, in the folder above or beside it, has the people's numbers in the order of the
+arrays, which images show each, and which images the T rows are.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.read.systems.entries import (
+    AGAIN,
+    LARGEST_NUMBER,
+    N_SMPLX_BODY,
+    Z_UP_FROM_Y_DOWN,
+    Entry,
+    rotmats_of,
+    smplx_local,
+    turned,
+)
+from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, InWorld
+from gmrdata.values.files import parse_json
+from gmrdata.values.transforms import invert, rigid
+
+SLAHMR_FILE = re.compile(r".*_(\d{6})_world_results\.npz")
+TRACK_INFO = "track_info.json"
+KEYS = frozenset({"root_orient", "pose_body", "trans"})
+_NOT_INFO = (
+    ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError,
+    OSError,
+)  # fmt: skip
+"""What a JSON file of another form raises when it is looked through."""
+
+
+@dataclass(frozen=True)
+class _Track:
+    name: str
+    seen: np.ndarray  # (N,) bool: images of SLAHMR's data interval that show the person
+
+
+def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
+    beside = (path.with_name(TRACK_INFO), path.parent.parent / TRACK_INFO)
+    info_path = next((one for one in beside if one.is_file()), None)
+    if info_path is None:
+        remedy = f"Keep SLAHMR's {TRACK_INFO} beside the file or in the folder above"
+        raise MissingInput(
+            f"{path}: no {TRACK_INFO}, so its frames and people can't be told. {remedy}"
+        )
+    tracks, first, n_rows = _track_info(info_path)
+    entry, sizes = Entry(arrays, "the result", path), (len(tracks), n_rows)
+    values = {key: entry.array(key, *sizes, 3) for key in ("trans", "root_orient")}
+    values["pose_body"] = entry.array("pose_body", *sizes, 3 * N_SMPLX_BODY)
+    values["betas"] = entry.array("betas", len(tracks), None)
+    if entry.has("cam_R", "cam_t"):
+        values["cam_R"] = entry.array("cam_R", *sizes, 3, 3)
+        values["cam_t"] = entry.array("cam_t", *sizes, 3)
+    people = [
+        _person(
+            Entry({key: one[index] for key, one in values.items()}, track.name, path), track, first
+        )
+        for index, track in enumerate(tracks)
+    ]
+    return EstimatedPeople("slahmr", (path, info_path), tuple(people))
+
+
+def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:
+    """The people in the order of the arrays; where the images' interval and the rows in it begin;
+    and the number of rows."""
+    try:
+        content = parse_json(path.read_text(encoding="utf-8"))
+        meta = content["meta"]
+        start, (row_start, row_stop) = int(meta["data_interval"][0]), map(int, meta["seq_interval"])
+        found = sorted(content["tracks"].items(), key=lambda item: int(item[1]["index"]))
+        if [int(info["index"]) for _, info in found] != list(range(len(found))):
+            raise ValueError("the tracks' indices are not 0, 1, 2, ...")
+        if not 0 <= start < LARGEST_NUMBER or not 0 <= row_start < row_stop:
+            raise ValueError("its intervals hold no frames")
+        tracks = [
+            _Track(f"person_{int(key)}", np.asarray(info["vis_mask"], dtype=bool).ravel())
+            for key, info in found
+        ]
+        if not all(len(track.seen) >= row_stop for track in tracks):
+            raise ValueError("a vis_mask is shorter than its interval")
+    except _NOT_INFO as error:
+        fault = f"{type(error).__name__}: {str(error)[:200]}"
+        raise BadMotionFile(f"{path}: not SLAHMR's {TRACK_INFO} ({fault}). {AGAIN}") from None
+    return tracks, (start, row_start), row_stop - row_start
+
+
+def _person(entry: Entry, track: _Track, first: tuple[int, int]) -> EstimatedPerson:
+    values, (start, row_start) = entry.values, first
+    seen = np.flatnonzero(track.seen[row_start : row_start + len(values["trans"])])
+    if not seen.size:
+        raise entry.fault(f"{track.name} is seen in no frame")
+    # Before the first and after the last image that shows the person the rows are padding.
+    rows = np.arange(seen[0], seen[-1] + 1)
+    z_up, camera = turned(Z_UP_FROM_Y_DOWN, len(rows)), None
+    if "cam_R" in values:
+        turns = entry.orthonormal("cam_R", values["cam_R"][rows])
+        camera = z_up @ invert(rigid(turns, values["cam_t"][rows]))
+    roots = rotmats_of(values["root_orient"][rows])[:, 0]
+    has_path = camera is not None
+    return EstimatedPerson(
+        name=track.name,
+        frame_numbers=start + row_start + rows,
+        local_rotmats=smplx_local(values["pose_body"][rows]),
+        in_world=InWorld(roots, values["trans"][rows], z_up, camera, has_camera_path=has_path),
+        betas=np.tile(values["betas"], (len(rows), 1)),
+        lacks={"camera": "a motion in the world alone"},
+    )
