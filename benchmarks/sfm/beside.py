@@ -11,7 +11,7 @@ from sfm.twins import Twins
 
 from gmrdata.read.threedpw_arrays import read_sequence_file
 from gmrdata.stage.store import stage_seconds
-from gmrdata.twins.pseudo_gt_error import sequence_errors
+from gmrdata.twins.pseudo_gt_error import RecoveredSequence, sequence_errors
 from gmrdata.values.clip import load_clip
 from gmrdata.values.people import person_file
 
@@ -48,11 +48,9 @@ def measure_beside(twins: Twins, name: str, made: Regenerated, out_dir: Path) ->
 def measure_ours(twins: Twins, name: str, made: Regenerated) -> dict[str, Any]:
     """Score what ours left of a sequence."""
     verdict = made.verdicts[name]
-    errors = sequence_errors(
+    recovered = RecoveredSequence(
         name,
         twins.classes[name],
-        made.clips(name),
-        true_clips(twins.truth_dir, name),
         accepted=verdict.accepted,
         seconds=made.given_seconds(name) + made.own_seconds(name),
         class_measured=verdict.camera_motion,
@@ -60,6 +58,7 @@ def measure_ours(twins: Twins, name: str, made: Regenerated) -> dict[str, Any]:
         scale_sigma=verdict.scale_sigma,
         reasons=verdict.reasons,
     )
+    errors = sequence_errors(recovered, made.clips(name), true_clips(twins.truth_dir, name))
     return errors.model_dump() | {"own_seconds": round(made.own_seconds(name), 2)}
 
 
@@ -76,15 +75,14 @@ def _plain(twins: Twins, name: str, made: Regenerated, out_dir: Path) -> dict[st
     paths = [motions_dir / person_file(number) for number in range(len(given))]
     clips = [load_clip(path) for path in paths if path.is_file()]
     own_s = stage_seconds(sfm_dir) + stage_seconds(motions_dir)
-    errors = sequence_errors(
+    recovered = RecoveredSequence(
         name,
         twins.classes[name],
-        clips,
-        true_clips(twins.truth_dir, name),
         # It has no verdict: what has cameras is used.
         accepted=bool(clips),
         seconds=made.given_seconds(name) + own_s,
     )
+    errors = sequence_errors(recovered, clips, true_clips(twins.truth_dir, name))
     return errors.model_dump() | {"own_seconds": round(own_s, 2)}
 
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
@@ -19,7 +19,7 @@ from gmrdata.film.character import Character
 from gmrdata.film.people import PersonConfig
 from gmrdata.film.scene import SceneConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values import limits
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import EngineMissing, RenderFailed, RenderOverLimit
@@ -238,21 +238,25 @@ def render_clip(
         layout_paths=tuple(layout_paths),
     )
 
-    def work(partial_dir: Path) -> dict[str, str]:
-        from gmrdata.stage.progress import progress_bar
+    work = Resumable(partial(_render, job, on_frame))
+    return run_stage("render", out_dir, config, job.inputs, work, run=run)
 
-        renderer = find_renderer(config.engine, config.device)
-        motion = load_clip(clip_path).motion
-        with progress_bar(shown=on_frame is None) as bar:
-            task = bar.add_task(f"rendering {out_dir.name}", total=motion.n_frames)
-            tell = on_frame or (lambda _: bar.advance(task))
-            run_blender(job.model_copy(update={"out_dir": partial_dir}), partial_dir, tell)
-        if config.video:
-            frames = sorted((partial_dir / "frames").glob(f"*.{config.image_format}"))
-            write_video_of(frames, partial_dir / "video.mp4", motion.fps_hz)
-        return {"renderer": renderer}
 
-    return run_stage("render", out_dir, config, job.inputs, work, resumable=True, run=run)
+def _render(
+    job: RenderJob, on_frame: Callable[[int], None] | None, partial_dir: Path
+) -> dict[str, str]:
+    from gmrdata.stage.progress import progress_bar
+
+    config, motion = job.config, load_clip(job.clip_path).motion
+    renderer = find_renderer(config.engine, config.device)
+    with progress_bar(shown=on_frame is None) as bar:
+        task = bar.add_task(f"rendering {job.out_dir.name}", total=motion.n_frames)
+        tell = on_frame or (lambda _: bar.advance(task))
+        run_blender(job.model_copy(update={"out_dir": partial_dir}), partial_dir, tell)
+    if config.video:
+        frames = sorted((partial_dir / "frames").glob(f"*.{config.image_format}"))
+        write_video_of(frames, partial_dir / "video.mp4", motion.fps_hz)
+    return {"renderer": renderer}
 
 
 def full_json(recipe: Config) -> str:

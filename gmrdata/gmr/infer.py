@@ -33,7 +33,7 @@ from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import is_made, run_stage
+from gmrdata.stage.store import Resumable, is_made, run_stage
 from gmrdata.values import limits, transforms
 from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -253,7 +253,7 @@ def infer(
             for name, world in worlds.items():
                 draw(partial_dir / name, world, body, config)
 
-    return run_stage("infer", out_dir, config, inputs, work, resumable=True, run=run)
+    return run_stage("infer", out_dir, config, inputs, Resumable(work), run=run)
 
 
 def _predict(

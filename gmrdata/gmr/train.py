@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.records import Config
 
 
@@ -107,7 +107,7 @@ def train(
         return {"clips": len(split.training), "left_out": split.left_out} | made_by
 
     def stage(work: Callable[[Path], dict[str, Any]]) -> Path:
-        return run_stage("gmr-train", run_dir, config, inputs, work, resumable=True, run=run)
+        return run_stage("gmr-train", run_dir, config, inputs, Resumable(work), run=run)
 
     in_all_processes(stage, work, processes)
     return run_dir

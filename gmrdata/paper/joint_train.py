@@ -32,7 +32,7 @@ from gmrdata.paper.joint_config import JointConfig
 from gmrdata.paper.joint_model import JointModel, JointOutput, JointState
 from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.bodies import names_of
 from gmrdata.values.body import BodyModel
 
@@ -66,7 +66,7 @@ def train_joint(
         training_set = joint_data.training_runs(pairs, config.fps_hz, names)
         fit_joint(training_set, bodies, partial_dir, config)
 
-    return run_stage("joint-train", run_dir, config, inputs, work, run=run, resumable=True)
+    return run_stage("joint-train", run_dir, config, inputs, Resumable(work), run=run)
 
 
 def fit_joint(

@@ -47,7 +47,7 @@ from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.score.camera_as_world import seen_motion
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers, save_clip
@@ -164,7 +164,7 @@ def own_poses(
 
     inputs = {"manifest": manifest_path} | sources.inputs()
     inputs |= {f"images_{file.entry.id}": _images_dir(file) for file in filmed}
-    return run_stage("own-poses", out_dir, config, inputs, work, resumable=True, run=run)
+    return run_stage("own-poses", out_dir, config, inputs, Resumable(work), run=run)
 
 
 def _images_dir(file: ClipFile) -> Path:

@@ -35,7 +35,7 @@ from gmrdata.people.onnx import OnnxConfig, detect_all
 from gmrdata.read.frames import check_images, image_number, list_images, read_color, write_gray
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import (
     PART,
@@ -224,7 +224,7 @@ def follow_people(
             shutil.rmtree(partial / folder)
 
     inputs = {**networks._asdict(), "images": images_dir}
-    return run_stage("followed", out_dir, config, inputs, work, resumable=True, run=run)
+    return run_stage("followed", out_dir, config, inputs, Resumable(work), run=run)
 
 
 def load_tracks(followed_dir: Path) -> list[Sightings]:

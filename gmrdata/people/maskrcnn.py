@@ -19,7 +19,7 @@ from gmrdata.people.yolox import CATEGORY_NUMBERS, DetectorConfig, class_indices
 from gmrdata.read.frames import check_images, list_images, read_color, write_gray
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingExtra, MissingInput, StageFailed
 from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.limits import Budget
@@ -76,7 +76,7 @@ def maskrcnn_masks(
         shutil.rmtree(partial / "seen")
 
     inputs = {"images": images_dir} | ({} if weights_path is None else {"weights": weights_path})
-    return run_stage("maskrcnn_masks", out_dir, config, inputs, work, resumable=True, run=run)
+    return run_stage("maskrcnn_masks", out_dir, config, inputs, Resumable(work), run=run)
 
 
 def instances_of(output: Mapping[str, np.ndarray], config: MaskRcnnConfig) -> Instances:

@@ -16,7 +16,7 @@ from gmrdata.read.frames import check_images, list_images, read_color, write_gra
 from gmrdata.read.models import require_model
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.errors import BadDetector
 from gmrdata.values.files import read_json, write_json
 from gmrdata.values.limits import MOST_INPUT_SIDE_PX, MOST_NETWORK_NUMBERS
@@ -104,7 +104,7 @@ def onnx_masks(
         shutil.rmtree(partial / "seen")
 
     inputs = {"model": model_path, "images": images_dir}
-    return run_stage("onnx_masks", out_dir, config, inputs, work, resumable=True, run=run)
+    return run_stage("onnx_masks", out_dir, config, inputs, Resumable(work), run=run)
 
 
 def open_detector(model_path: Path, config: OnnxConfig) -> Detector:

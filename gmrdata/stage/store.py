@@ -6,6 +6,7 @@ import subprocess
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -87,26 +88,34 @@ class NotMade(Exception):
     """A run that only looks met a stage that has work to do."""
 
 
+Work = Callable[[Path], Mapping[str, Any] | None]
+"""Fills the folder that it is given; may return facts for the record that don't decide the result,
+such as the device that was used."""
+
+
+@dataclass(frozen=True)
+class Resumable:
+    """Work that goes on in a killed run's unfinished folder instead of an empty one.
+
+    It writes each of its files atomically and skips those that are there.
+    """
+
+    work: Work
+
+
 def run_stage(
     name: str,
     out_dir: Path,
     config: Config,
     inputs: Mapping[str, Path],
-    work: Callable[[Path], Mapping[str, Any] | None],
+    work: Work | Resumable,
     *,
-    resumable: bool = False,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Make `out_dir` by calling `work(partial_dir)`, once.
 
     `out_dir` appears by one rename after the stage's record was written, so a folder that exists is
     complete.  Called again with the same recipe and content of inputs it does nothing.
-
-    Args:
-        work: Fills the folder that it is given; may return facts for the record that don't decide
-            the result, such as the device that was used.
-        resumable: Hand a killed run's unfinished folder to `work` again instead of an empty one.
-            `work` must then write each of its files atomically and skip those that are there.
 
     Raises:
         MissingInput: an input is not there.
@@ -120,7 +129,8 @@ def run_stage(
         recipe = _recipe(name, config, hashes.of(inputs))
         shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
         if not out_dir.exists() or _is_stale(out_dir, recipe, run):
-            _make(out_dir, recipe, work, _partial_dir(out_dir, recipe, resumable, alone))
+            partial = _partial_dir(out_dir, recipe, isinstance(work, Resumable), alone)
+            _make(out_dir, recipe, work.work if isinstance(work, Resumable) else work, partial)
         hashes.remember()
     return out_dir
 
@@ -167,12 +177,7 @@ def _recipe(name: str, config: Config, hashes: dict[str, str]) -> RecipeRecord:
     return RecipeRecord(stage=name, config=config.model_dump(mode="json"), inputs=hashes)
 
 
-def _make(
-    out_dir: Path,
-    recipe: RecipeRecord,
-    work: Callable[[Path], Mapping[str, Any] | None],
-    partial: Path,
-) -> None:
+def _make(out_dir: Path, recipe: RecipeRecord, work: Work, partial: Path) -> None:
     try:
         _fill(partial, recipe, work)
         _publish(partial, out_dir, recipe)
@@ -185,7 +190,7 @@ def _make(
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumable: bool, alone: bool) -> Path:
+def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumes: bool, alone: bool) -> Path:
     """An empty folder to work in, or that of a killed run whose work can go on.
 
     Another machine's process may live and write on in the folder that it began: not every disk's
@@ -194,7 +199,7 @@ def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumable: bool, alone: bo
     """
     partial = out_dir.with_name(out_dir.name + ".partial")
     begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
-    if resumable:
+    if resumes:
         if begun_by is None or begun_by.differences(recipe):
             shutil.rmtree(partial, ignore_errors=True)
     elif alone and (begun_by is None or begun_by.host == recipe.host):
@@ -205,9 +210,7 @@ def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumable: bool, alone: bo
     return partial
 
 
-def _fill(
-    partial: Path, recipe: RecipeRecord, work: Callable[[Path], Mapping[str, Any] | None]
-) -> None:
+def _fill(partial: Path, recipe: RecipeRecord, work: Work) -> None:
     _remove_unfinished(partial)
     # Not forced to the disk, which takes longer than a small stage: torn, it only starts anew.
     (partial / RECIPE_FILE).write_text(json_text(recipe.model_dump(mode="json")))

@@ -16,7 +16,7 @@ from gmrdata.stage.store import stage_seconds
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import Verdicts, regenerate_set
 from gmrdata.twins.floor_record import Floor, FloorGroup, PersonErrors, SequenceErrors
-from gmrdata.twins.pseudo_gt_error import FPS_HZ, sequence_errors
+from gmrdata.twins.pseudo_gt_error import FPS_HZ, RecoveredSequence, sequence_errors
 from gmrdata.twins.twin_set import TwinRecipe, TwinTruth, make_twins, read_truth
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
@@ -91,20 +91,18 @@ def measure(
     for verdict in track(Verdicts.read(paths.verdicts).sequences, "measuring"):
         name = verdict.sequence
         truth = twins.people(name)
-        errors = sequence_errors(
-            name,
-            twins.classes[name],
-            clips.get(name, []),
-            truth,
+        recovered = RecoveredSequence(
+            id=name,
+            class_true=twins.classes[name],
             accepted=verdict.accepted,
             seconds=_seconds(paths.sequence_dir(name)),
-            body=_body_of(truth[0], bodies),
             class_measured=verdict.camera_motion,
             scale=verdict.scale,
             scale_sigma=verdict.scale_sigma,
             reasons=verdict.reasons,
         )
-        sequences.append(errors)
+        body = _body_of(truth[0], bodies)
+        sequences.append(sequence_errors(recovered, clips.get(name, []), truth, body))
     return Floor(
         fps_hz=FPS_HZ,
         seed=seed,

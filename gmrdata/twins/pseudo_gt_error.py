@@ -298,39 +298,44 @@ FPS_HZ = 10.0
 OF_PERSON = ("ome_deg", "tme_mm", "vme_mm", "camera_rotation_deg", "camera_path_mm")
 
 
+@dataclass(frozen=True)
+class RecoveredSequence:
+    """What is known of a recovered sequence beside its clips."""
+
+    id: str
+    class_true: str  # what its camera does
+    accepted: bool
+    seconds: float
+    class_measured: CameraMotion | None = None
+    scale: float | None = None  # metres per unit of the recovered path
+    scale_sigma: float | None = None  # its stated standard error
+    reasons: Sequence[str] = ()
+
+
 def sequence_errors(
-    name: str,
-    class_true: str,
+    sequence: RecoveredSequence,
     clips: Sequence[Clip],
     truth: Sequence[Clip],
-    *,
-    accepted: bool,
-    seconds: float,
     body: BodyModel | None = None,
-    class_measured: CameraMotion | None = None,
-    scale: float | None = None,
-    scale_sigma: float | None = None,
-    reasons: Sequence[str] = (),
 ) -> SequenceErrors:
-    """Figures of one sequence whose people, if any, were recovered in the order of `truth`; `scale`
-    is in metres per unit of the recovered path, `scale_sigma` its stated standard error."""
+    """Figures of one sequence whose people, if any, were recovered in the order of `truth`."""
     n_frames = truth[0].motion.n_frames
     recovered = [*clips, *[None] * (len(truth) - len(clips))]
     people = [_person(clip, true, body) for clip, true in zip(recovered, truth, strict=True)]
     scale_error = next(iter(_known(people, "scale_error_percent")), None)
     return SequenceErrors(
-        id=name,
-        class_true=class_true,
-        class_measured=class_measured,
-        accepted=accepted,
+        id=sequence.id,
+        class_true=sequence.class_true,
+        class_measured=sequence.class_measured,
+        accepted=sequence.accepted,
         frames=n_frames,
         kept_share=sum(person.kept_frames for person in people) / (n_frames * len(truth)),
         **{key: max(_known(people, key), default=None) for key in OF_PERSON},
         scale_error_percent=scale_error,
-        scale_within_2sigma=within_2sigma(scale_error, scale, scale_sigma),
-        seconds=round(seconds, 2),
+        scale_within_2sigma=within_2sigma(scale_error, sequence.scale, sequence.scale_sigma),
+        seconds=round(sequence.seconds, 2),
         people=tuple(people),
-        reasons=tuple(reasons),
+        reasons=tuple(sequence.reasons),
     )
 
 

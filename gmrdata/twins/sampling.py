@@ -6,9 +6,9 @@ beyond doubt, and there is room for everyone.
 """
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, class_o
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 
-Settings = dict[str, object]
+Settings = dict[str, Any]
 """A part of a recipe."""
 TUNED_ON = "twins"
 """A recipe whose trials are not sampled."""
@@ -85,11 +85,11 @@ def twin_recipe(
         kind = classes[number % len(classes)]
         # The round of places is shifted by one each time, so that no class keeps its place.
         place = places[(number + number // len(places)) % len(places)]
-        own = np.random.default_rng([seed, 1, number])
         company = int(number % COMPANY_EVERY == 1)
+        wanted = _Wanted(f"{kind}_{number:02d}", kind, place, company)
+        own = np.random.default_rng([seed, 1, number])
         for path in waiting:
-            id = f"{kind}_{number:02d}"
-            clip = _sample_clip(id, path, kind, place, company, base, body, own, too_short)
+            clip = _sample_clip(wanted, path, base, body, own, too_short)
             if clip is not None:
                 clips.append(clip)
                 waiting.remove(path)
@@ -101,12 +101,23 @@ def twin_recipe(
     return TwinRecipe(recipe="threedpw_twin", set=base.model_copy(update={"clips": tuple(clips)}))
 
 
+@dataclass(frozen=True)
+class _Wanted:
+    """What a sequence shall be."""
+
+    id: str
+    kind: MotionClass
+    place: str
+    company: int
+
+    @property
+    def farthest_m(self) -> float:
+        return FARTHEST_IN_ROOM_M if self.place == "room" else FARTHEST_M
+
+
 def _sample_clip(
-    id: str,
+    wanted: _Wanted,
     path: Path,
-    kind: MotionClass,
-    place: str,
-    company: int,
     base: SyntheticRecipe,
     body: BodyModel,
     rng: np.random.Generator,
@@ -116,37 +127,20 @@ def _sample_clip(
 
     A motion that fits no sequence is put into `too_short`, and not read again.
     """
-    programme = _sample_programme(kind, rng)
+    programme = _sample_programme(wanted.kind, rng)
     roomy, scene_seeds = rng.uniform(*ROOMY), rng.integers(2**31, size=PLACE_TRIES)
-    extras = {
-        "company": company,
-        "passers_by": int(rng.random() < 0.75),
-        "cars": int(place != "room" and rng.random() < 0.6),
-    }
-    overcast = place != "room" and rng.random() < 0.4
-    scene = {"kind": place, "extras": extras} | ({"light": "overcast"} if overcast else {})
-    given: Settings = {"id": id, "trial": path.stem, "programme": programme, "scene": scene}
+    scene = _sample_scene(wanted, rng)
+    given: Settings = {"id": wanted.id, "trial": path.stem, "programme": programme, "scene": scene}
     if path in too_short:  # only now: what is sampled for the next motion hangs on the above
         return None
     try:
-        nearest = planned_clip(SyntheticClip.model_validate(given), base, path, body)
-        motion, film = nearest.motion, base.film
-        if motion.n_frames != round(film.duration_s * motion.fps_hz):
-            raise BadMotionFile(f"{path}: shorter than {film.duration_s:g} s")
-        if not _has_feet_on_the_floor(nearest, body):
-            return None
-        distance_m = round(roomy * _distance_m(nearest) + FOR_COMPANY_M * company, 2)
-        if distance_m > (FARTHEST_IN_ROOM_M if place == "room" else FARTHEST_M):
-            return None
-        given["programme"] = programme | {"distance_m": distance_m}
-        moved = SyntheticClip.model_validate(given).programme
-        planned = plan_clip(id, motion, moved, film, clip_rng(base.seed, id, "motion"))
+        planned = _planned(wanted, given, roomy, path, base, body)
     except BadMotionFile:
         too_short.add(path)
         return None
     except BadRecipe:
         return None
-    if not _in_view(planned, 1.0) or not is_beyond_doubt(planned, kind):
+    if planned is None or not _in_view(planned, 1.0) or not is_beyond_doubt(planned, wanted.kind):
         return None
     for scene_seed in scene_seeds:
         given["scene"] = scene | {"seed": int(scene_seed)}
@@ -154,6 +148,43 @@ def _sample_clip(
         if clip.scene is not None and _has_room(clip.scene, planned, body):
             return clip
     return None
+
+
+def _sample_scene(wanted: _Wanted, rng: np.random.Generator) -> Settings:
+    outside = wanted.place != "room"
+    extras = {
+        "company": wanted.company,
+        "passers_by": int(rng.random() < 0.75),
+        "cars": int(outside and rng.random() < 0.6),
+    }
+    overcast = outside and rng.random() < 0.4
+    light = {"light": "overcast"} if overcast else {}
+    return {"kind": wanted.place, "extras": extras} | light
+
+
+def _planned(
+    wanted: _Wanted,
+    given: Settings,
+    roomy: float,
+    path: Path,
+    base: SyntheticRecipe,
+    body: BodyModel,
+) -> Clip | None:
+    """The clip from so many times the nearest distance that frames the person, which `given` gets.
+
+    None where somebody climbs, or the camera would be too far away; BadMotionFile where the motion
+    is too short.
+    """
+    nearest = planned_clip(SyntheticClip.model_validate(given), base, path, body)
+    motion, film = nearest.motion, base.film
+    if motion.n_frames != round(film.duration_s * motion.fps_hz):
+        raise BadMotionFile(f"{path}: shorter than {film.duration_s:g} s")
+    distance_m = round(roomy * _distance_m(nearest) + FOR_COMPANY_M * wanted.company, 2)
+    if not _has_feet_on_the_floor(nearest, body) or distance_m > wanted.farthest_m:
+        return None
+    given["programme"] = given["programme"] | {"distance_m": distance_m}
+    moved = SyntheticClip.model_validate(given).programme
+    return plan_clip(wanted.id, motion, moved, film, clip_rng(base.seed, wanted.id, "motion"))
 
 
 def _sample_programme(kind: MotionClass, rng: np.random.Generator) -> Settings:

@@ -1,7 +1,7 @@
 """A twin on disk: rendered frames and exact clips as a faulty sequence of 3DPW, the truth aside."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,18 +36,24 @@ class TwinConfig(Config):
     exposure: ExposureConfig = ExposureConfig()
 
 
+@dataclass(frozen=True, eq=False)
+class FilmedPeople:
+    """Annotated people of a rendered sequence."""
+
+    clips: Sequence[Clip]
+    """Exact world-frame clips at 30 Hz, one per person, with the camera that was rendered."""
+    frames: Sequence[Path]
+    genders: Sequence[str]
+    """"female" or "male" per person; letters in the file, without effect on the body."""
+    body: BodyModel
+
+
 def write_twin(
-    root: Path,
-    split: str,
-    name: str,
-    clips: Sequence[Clip],
-    frames: Sequence[Path],
-    genders: Sequence[str],
-    body: BodyModel,
+    files: SequenceFiles,
+    filmed: FilmedPeople,
     truth_dir: Path,
     config: TwinConfig,
     rng: np.random.Generator,
-    *,
     image_dir: Path | None = None,
 ) -> SequenceFiles:
     """Write one twin.  The sequence file comes last, so one that exists has all that belongs to it.
@@ -56,13 +62,13 @@ def write_twin(
     `<name>.exposure.npz`.
 
     Args:
-        clips: Exact world-frame clips at 30 Hz, one per person, with the camera that was rendered.
-        genders: "female" or "male" per person; letters in the file, without effect on the body.
+        files: Where it goes.
         image_dir: Where to write the images; the sequence's own folder when left out.
     """
     from gmrdata.values.skinning import motion_joints_m
 
-    require_name(name)
+    require_name(files.name)
+    name, clips, body, frames = files.name, filmed.clips, filmed.body, filmed.frames
     # Of the exact people: detectors look at the image, which has no drift.
     joints_m = [motion_joints_m(body, clip.motion) for clip in clips]
     keypoints_px = [
@@ -70,9 +76,8 @@ def write_twin(
         for of_person, clip in zip(joints_m, clips, strict=True)
     ]
     faulty = dataset_side(clips, config.faults, rng)
-    arrays = sequence_arrays(name, faulty, [body] * len(faulty), genders, keypoints_px)
+    arrays = sequence_arrays(name, faulty, [body] * len(faulty), filmed.genders, keypoints_px)
     _require_frames(name, clips[0], frames)
-    files = SequenceFiles(root, name, split)
     gains = exposure_gains(len(frames), clips[0].motion.fps_hz, config.exposure, rng)
     write_npz(truth_dir / f"{name}.exposure.npz", {"gains": gains})
     for row, frame in enumerate(frames):
@@ -85,7 +90,7 @@ def write_twin(
         truth = replace(clip, id=f"{name}.p{person}", image_numbers=np.arange(len(frames)))
         rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
         save_clip(truth_dir / f"{truth.id}.npz", truth, rest_pelvis_m)
-    return write_sequence(root, split, arrays)
+    return write_sequence(files.root, files.split, arrays)
 
 
 def _require_frames(name: str, clip: Clip, frames: Sequence[Path]) -> None:

@@ -16,11 +16,17 @@ from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, rend
 from gmrdata.read.body_file import read_body
 from gmrdata.read.frames import read_frames
 from gmrdata.read.threedpw_arrays import FPS_HZ
-from gmrdata.read.threedpw_layout import IMAGES_DIR, SEQUENCES_DIR, SPLITS, require_name
+from gmrdata.read.threedpw_layout import (
+    IMAGES_DIR,
+    SEQUENCES_DIR,
+    SPLITS,
+    SequenceFiles,
+    require_name,
+)
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.twins.twin import TwinConfig, write_twin
+from gmrdata.twins.twin import FilmedPeople, TwinConfig, write_twin
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadSequence, MissingInput, StageFailed
 from gmrdata.values.files import remove_orphans
@@ -206,19 +212,11 @@ def write_sequence_twin(
             stale.unlink()
         rng = clip_rng(recipe.set.seed, clip.id, "faults")
         genders = [GENDERS[int(rng.integers(2))] for _ in paths]
-        write_twin(
-            root,
-            config.split,
-            clip.id,
-            [load_clip(path) for path in paths],
-            read_frames(rendered / "frames").paths,
-            genders,
-            read_body(body_path),
-            truth_dir,
-            config.twin,
-            rng,
-            image_dir=partial_dir,
-        )
+        files = SequenceFiles(root, clip.id, config.split)
+        people = [load_clip(path) for path in paths]
+        frames = read_frames(rendered / "frames").paths
+        filmed = FilmedPeople(people, frames, genders, read_body(body_path))
+        write_twin(files, filmed, truth_dir, config.twin, rng, partial_dir)
 
     inputs = {"frames": rendered / "frames", "body": body_path}
     inputs |= {f"person{number}": path for number, path in enumerate(paths)}

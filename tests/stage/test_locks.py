@@ -78,7 +78,8 @@ def work(partial):
             write_text(partial / name, name)
         time.sleep(float(wait_s))
     (root / f"{host}_worked").touch()
-store.run_stage("test", root / "out", store.Config(), {}, work, resumable=resumable)
+work = store.Resumable(work) if resumable else work
+store.run_stage("test", root / "out", store.Config(), {}, work)
 """
 
 

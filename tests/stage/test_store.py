@@ -13,7 +13,7 @@ import pytest
 
 from gmrdata.stage import store
 from gmrdata.stage.run import Run
-from gmrdata.stage.store import run_stage, stage_seconds
+from gmrdata.stage.store import Resumable, run_stage, stage_seconds
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.values.files import (
     atomic_path,
@@ -51,7 +51,9 @@ class Counter:
         write_text(partial / "result.txt", f"run {self.runs}")
 
 
-def made(out_dir: Path, work: Callable[[Path], None], config: Config | None = None, **more) -> Path:
+def made(
+    out_dir: Path, work: Callable[[Path], None] | Resumable, config: Config | None = None, **more
+) -> Path:
     return run_stage("test", out_dir, config or Recipe(), {}, work, **more)
 
 
@@ -196,10 +198,10 @@ class Steps:
 def test_resumable_work_goes_on(tmp_path: Path) -> None:
     steps = Steps()
     with pytest.raises(KeyboardInterrupt):
-        made(tmp_path / "out", steps, resumable=True)
+        made(tmp_path / "out", Resumable(steps))
     # What a kill in the middle of `atomic_path` leaves must not become part of the result.
     (tmp_path / "out.partial" / ".2.txt.123-4.tmp.txt").write_text("ha")
-    made(tmp_path / "out", steps, resumable=True)
+    made(tmp_path / "out", Resumable(steps))
     assert steps.written == [0, 1, 2, 3]
     assert names(tmp_path / "out") == ["0.txt", "1.txt", "2.txt", "3.txt", "stage.json"]
 
@@ -208,8 +210,9 @@ def test_resumable_work_goes_on(tmp_path: Path) -> None:
 def test_other_work_starts_anew(tmp_path: Path, seed: int, resumable: bool) -> None:
     steps = Steps()
     with pytest.raises(KeyboardInterrupt):
-        made(tmp_path / "out", steps, resumable=True)
-    made(tmp_path / "out", steps, Recipe(seed=seed), resumable=resumable)
+        made(tmp_path / "out", Resumable(steps))
+    work = Resumable(steps) if resumable else steps
+    made(tmp_path / "out", work, Recipe(seed=seed))
     assert steps.written == [0, 1, 0, 1, 2, 3]
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.gait import make_gait
-from gmrdata.twins.pseudo_gt_error import sequence_errors, within_2sigma
+from gmrdata.twins.pseudo_gt_error import RecoveredSequence, sequence_errors, within_2sigma
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
@@ -15,6 +15,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import StageFailed
 
 N = 40
+ACCEPTED = RecoveredSequence("pass_00", "linear", accepted=True, seconds=1)
 
 
 @pytest.fixture(scope="module")
@@ -64,16 +65,10 @@ def test_a_sequence_shows_the_person_who_fares_worst(
 ) -> None:
     """0.1 and 0.2 deg per frame are 0.3 and 0.6 deg per motion at 10 fps."""
     found = [turning(truth[0], 0.1), turning(truth[1], 0.2)]
-    row = sequence_errors(
-        "pass_00",
-        "linear_panning",
-        found,
-        truth,
-        accepted=True,
-        seconds=12.345,
-        body=small_body,
-        class_measured="linear",
+    recovered = RecoveredSequence(
+        "pass_00", "linear_panning", accepted=True, seconds=12.345, class_measured="linear"
     )
+    row = sequence_errors(recovered, found, truth, small_body)
     assert [p.ome_deg for p in row.people] == pytest.approx([0.3, 0.6], abs=1e-6)
     assert row.ome_deg == pytest.approx(0.6, abs=1e-6)
     assert row.vme_mm == max(person.vme_mm for person in row.people) > 0
@@ -92,10 +87,8 @@ def test_a_sequence_shows_the_person_who_fares_worst(
 def test_two_percent_too_large(truth: list[Clip], sigma_share: float, inside: bool) -> None:
     found = [scaled(clip, 1.02) for clip in truth]
     # The true factor is 5: 5.1 was found.
-    row = sequence_errors(
-        "pass_00", "linear", found, truth, accepted=True, seconds=1, scale=5.1,
-        scale_sigma=5 * sigma_share,
-    )  # fmt: skip
+    measured = replace(ACCEPTED, scale=5.1, scale_sigma=5 * sigma_share)
+    row = sequence_errors(measured, found, truth)
     assert row.scale_error_percent == pytest.approx(2, abs=1e-5)
     assert row.scale_within_2sigma is inside
     assert row.camera_rotation_deg == pytest.approx(0, abs=1e-5)
@@ -107,7 +100,7 @@ def test_motions_are_between_kept_frames_alone(truth: list[Clip]) -> None:
     valid = np.arange(N) != 20
     pelvis_m = truth[0].motion.pelvis_m + (np.arange(N) > 20)[:, None] * [1.0, 0, 0]
     gapped = replace(truth[0], valid=valid, motion=replace(truth[0].motion, pelvis_m=pelvis_m))
-    row = sequence_errors("pass_00", "linear", [gapped], truth[:1], accepted=True, seconds=1)
+    row = sequence_errors(ACCEPTED, [gapped], truth[:1])
     assert row.tme_mm == pytest.approx(0, abs=1e-9)
     assert row.people[0].n_motions == 33
     assert row.kept_share == 39 / 40
@@ -118,7 +111,7 @@ def test_what_was_not_recovered_has_no_errors(truth: list[Clip]) -> None:
     in_camera = replace(truth[1], motion=replace(truth[1].motion, frame="camera"))
     flicker = replace(truth[1], valid=np.arange(N) % 4 < 2)
     for found in ([rejected, in_camera], [], [rejected, flicker]):
-        row = sequence_errors("pass_00", "linear", found, truth, accepted=False, seconds=1)
+        row = sequence_errors(replace(ACCEPTED, accepted=False), found, truth)
         assert row.ome_deg is row.camera_path_mm is row.scale_error_percent is None
         assert row.scale_within_2sigma is None
         assert [person.id for person in row.people] == ["pass_00.p0", "pass_00.p1"]
@@ -128,7 +121,7 @@ def test_what_was_not_recovered_has_no_errors(truth: list[Clip]) -> None:
 def test_clips_of_another_video_are_an_error_not_a_gap(truth: list[Clip]) -> None:
     other = replace(truth[0], motion=replace(truth[0].motion, fps_hz=25.0))
     with pytest.raises(StageFailed, match="25 fps"):
-        sequence_errors("pass_00", "linear", [other], truth[:1], accepted=True, seconds=1)
+        sequence_errors(ACCEPTED, [other], truth[:1])
 
 
 def test_without_an_error_bar_there_is_no_answer() -> None:

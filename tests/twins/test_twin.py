@@ -12,7 +12,7 @@ from gmrdata.read.threedpw import read_sequence
 from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.threedpw.camera_frame import camera_clip, world_clip
 from gmrdata.twins.faults import ExposureConfig, FaultConfig
-from gmrdata.twins.twin import TwinConfig, write_twin
+from gmrdata.twins.twin import FilmedPeople, TwinConfig, write_twin
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadFrames, BadSequence
@@ -41,18 +41,17 @@ def frames(tmp_path: Path, jpeg: Callable[[int, int], bytes]) -> list[Path]:
 @pytest.fixture
 def write(tmp_path: Path, walkers: list[Clip], frames: list[Path], small_body: BodyModel) -> Write:
     def make(
-        out: str = "a", clips: list[Clip] = walkers, seed: int = 0, **changes: object
+        out: str = "a",
+        clips: list[Clip] = walkers,
+        seed: int = 0,
+        frames: list[Path] = frames,
+        config: TwinConfig = CONFIG,
+        name: str = "twin_00",
     ) -> SequenceFiles:
-        given = {"name": "twin_00", "split": "test", "frames": frames, "config": CONFIG} | changes
-        return write_twin(
-            tmp_path / out / "3DPW",
-            clips=clips,
-            genders=["female", "male"],
-            body=small_body,
-            truth_dir=tmp_path / out / "truth",
-            rng=np.random.default_rng(seed),
-            **given,  # type: ignore[arg-type]
-        )
+        files = SequenceFiles(tmp_path / out / "3DPW", name, "test")
+        filmed = FilmedPeople(clips, frames, ["female", "male"], small_body)
+        rng = np.random.default_rng(seed)
+        return write_twin(files, filmed, tmp_path / out / "truth", config, rng)
 
     return make
 
