@@ -12,11 +12,13 @@ from hypothesis import settings
 
 from gmrdata.read.bodies import load_body
 from gmrdata.values.body import JOINT, PARENTS, BodyModel
+from tests.required import REQUIRE_ALL
 from tests.sharing import made_once
 
-# A busy machine is no failure.
-settings.register_profile("gmrdata", deadline=None)
-settings.load_profile("gmrdata")
+# A busy machine is no failure.  Few examples by default; `.ci/run` tries many.
+settings.register_profile("few", deadline=None, max_examples=20)
+settings.register_profile("many", deadline=None, max_examples=100)
+settings.load_profile("many" if REQUIRE_ALL else "few")
 
 pytest_plugins = (
     "tests.browser",

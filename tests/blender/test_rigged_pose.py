@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -74,7 +74,6 @@ def _sides(part: str) -> tuple[int, int]:
 AXES = st.sampled_from([np.eye(3), Z_UP, Z_UP @ np.diag([-1.0, 1.0, -1.0]), Z_UP[[1, 2, 0]]])
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(0, 10_000), AXES, st.sampled_from([1.0, 100.0]))
 def test_limbs_point_where_the_bodys_do(
     small_body: BodyModel, seed: int, axes: np.ndarray, unit: float
@@ -95,7 +94,6 @@ def test_limbs_point_where_the_bodys_do(
         assert np.abs(cross).max() < 1e-9 and ((mine * bodys_m).sum(axis=1) > 0).all()
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(0, 10_000))
 def test_pose_bones_add_up_to_the_turns(small_body: BodyModel, seed: int) -> None:
     """With a bone for each joint, one more in each forearm, and a scaled, turned armature."""

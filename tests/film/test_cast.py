@@ -204,7 +204,7 @@ def test_motions_from_files(small_body: BodyModel, tmp_path: Path) -> None:
         make_cast(extras, [long], small_body, 0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(yaw_rad=st.floats(-7, 7), seed=st.integers(0, 99))
 def test_a_moved_motion_moves_alike(yaw_rad: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -226,7 +226,7 @@ def test_a_moved_motion_moves_alike(yaw_rad: float, seed: int) -> None:
 
 
 @given(speed=st.floats(3, 8))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_drive_is_even_in_the_middle_and_rests_at_its_ends(speed: float) -> None:
     time_s = np.linspace(-8, 8, 3201)
     way_m = way_driven_m(time_s, speed)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -201,7 +201,6 @@ def test_other_files_are_refused(tmp_path: Path, name: str, data: bytes, message
         linked_files(tmp_path / name)
 
 
-@settings(deadline=None)
 @given(st.integers(0, len(glb(SCENE)) - 1), st.integers(0, 255))
 def test_a_damaged_byte_never_crashes(
     tmp_path_factory: pytest.TempPathFactory, place: int, byte: int

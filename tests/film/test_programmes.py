@@ -59,7 +59,6 @@ def turn_deg(camera: CameraPath) -> np.ndarray:
     return np.rad2deg(np.arccos(np.clip((trace - 1) / 2, -1, 1)))
 
 
-@settings(max_examples=60, deadline=None)
 @given(programmes, walks(), st.integers(0, 2**32 - 1))
 def test_every_programme_gives_real_cameras_with_the_person_in_frame(
     programme: Programme, pelvis: np.ndarray, seed: int
@@ -78,7 +77,7 @@ def test_every_programme_gives_real_cameras_with_the_person_in_frame(
     assert again.world_from_cam.tobytes() == camera.world_from_cam.tobytes()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(walks(), st.sampled_from(["clockwise", "counterclockwise"]), st.floats(20, 30))
 def test_circular_keeps_its_distance_and_turns_far(
     pelvis: np.ndarray, direction: str, rate_deg_per_s: float
@@ -98,7 +97,7 @@ def test_circular_keeps_its_distance_and_turns_far(
     np.testing.assert_allclose(centres[:, 2], programme.height_m)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(walks())
 def test_panning_is_a_pure_rotation(pelvis: np.ndarray) -> None:
     camera = film(Panning(), pelvis)
@@ -110,7 +109,7 @@ def test_panning_follows_a_walk_across_the_picture() -> None:
     assert turn_deg(film(Panning(), pelvis))[-1] > 40
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(walks(), st.sampled_from(["truck", "dolly"]))
 def test_linear_translates_only_at_constant_speed_on_a_line(pelvis: np.ndarray, move: str) -> None:
     camera = film(TypeAdapter(Programme).validate_python({"kind": "linear", "move": move}), pelvis)

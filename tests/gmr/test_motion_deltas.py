@@ -36,7 +36,6 @@ def test_deltas_by_hand() -> None:
     np.testing.assert_array_equal(delta_m, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 
 
-@settings(deadline=None)
 @given(poses)
 def test_it_is_eq_2_as_4x4_matrices(pose: tuple[np.ndarray, np.ndarray]) -> None:
     world_from_root = transforms.rigid(*pose)
@@ -44,7 +43,6 @@ def test_it_is_eq_2_as_4x4_matrices(pose: tuple[np.ndarray, np.ndarray]) -> None
     np.testing.assert_allclose(product, world_from_root[1:], atol=1e-12)
 
 
-@settings(deadline=None)
 @given(poses)
 def test_the_pelvis_and_smpls_trans_have_the_same_motions(
     pose: tuple[np.ndarray, np.ndarray],
@@ -56,7 +54,6 @@ def test_the_pelvis_and_smpls_trans_have_the_same_motions(
     np.testing.assert_allclose(of_trans[1], deltas(root_rotmats, pelvis_m)[1], atol=1e-12)
 
 
-@settings(deadline=None)
 @given(poses)
 def test_accumulating_from_the_first_pose_gives_the_poses_back(
     pose: tuple[np.ndarray, np.ndarray],
@@ -67,7 +64,6 @@ def test_accumulating_from_the_first_pose_gives_the_poses_back(
     np.testing.assert_allclose(again[1], pelvis_m, atol=1e-10)
 
 
-@settings(deadline=None)
 @given(poses)
 def test_accumulating_from_the_identity_gives_the_poses_up_to_the_first(
     pose: tuple[np.ndarray, np.ndarray],
@@ -78,7 +74,6 @@ def test_accumulating_from_the_identity_gives_the_poses_up_to_the_first(
     np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
-@settings(deadline=None)
 @given(poses, world_changes)
 def test_deltas_do_not_depend_on_the_world(
     pose: tuple[np.ndarray, np.ndarray], change: tuple[np.ndarray, np.ndarray]
@@ -91,7 +86,7 @@ def test_deltas_do_not_depend_on_the_world(
         np.testing.assert_allclose(found, expected, atol=1e-11)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(poses)
 def test_torch_and_numpy_agree_in_batches(pose: tuple[np.ndarray, np.ndarray]) -> None:
     root_rotmats, pelvis_m = (torch.as_tensor(np.stack([part, part[::-1]])) for part in pose)

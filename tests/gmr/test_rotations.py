@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -20,7 +20,6 @@ angles_rad = st.one_of(
 rotvecs = st.builds(lambda axis, angle_rad: axis * angle_rad, axes, angles_rad)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.sampled_from(REPRESENTATIONS), rotvecs)
 def test_every_representation_gives_the_rotation_back(
     representation: Representation, rotvec: np.ndarray
@@ -34,7 +33,6 @@ def test_every_representation_gives_the_rotation_back(
     )
 
 
-@settings(max_examples=60, deadline=None)
 @given(rotvecs)
 def test_values_are_scipys(rotvec: np.ndarray) -> None:
     rotation = Rotation.from_rotvec(rotvec)
@@ -88,7 +86,6 @@ def test_quaternions_do_not_jump_when_a_joint_passes_180_degrees() -> None:
     np.testing.assert_allclose(smooth[:, 0].numpy(), expected, atol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31 - 1))
 def test_signs_in_time_are_per_joint_and_the_same_whatever_came_in(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -23,7 +23,7 @@ def tilted(motion: Motion, rotmat: np.ndarray, shift_m: np.ndarray) -> Motion:
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     angles=st.tuples(*[st.floats(-1.2, 1.2)] * 2),
     shift=st.tuples(*[st.floats(-5, 5)] * 3),

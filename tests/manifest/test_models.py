@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -133,7 +133,6 @@ manifests = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(manifest=manifests)
 def test_what_is_written_is_read(
     manifest: Manifest | ListManifest, tmp_path_factory: pytest.TempPathFactory
@@ -146,7 +145,6 @@ def test_what_is_written_is_read(
     assert manifest_text(found) == text
 
 
-@settings(max_examples=100, deadline=None)
 @given(value=st.dictionaries(texts, plain, max_size=4))
 def test_yaml_keeps_every_value(value: dict, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.getbasetemp() / "plain.yaml"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.motion.gait import GAIT_KINDS, embedded_motions, gait_with_contacts, make_gait
@@ -231,7 +231,6 @@ def test_a_set_goes_round_the_kinds_with_seeded_variety(small_body):
     assert [m.pelvis_m.tobytes() for m in motions] == [m.pelvis_m.tobytes() for m in again]
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     kind=st.sampled_from(GAIT_KINDS),
     duration_s=st.floats(0.6, 5.0),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.motion.gait_steps import Leg, turn
@@ -10,7 +10,6 @@ from gmrdata.motion.gait_steps import Leg, turn
 BENT = Leg(np.array([0.03, -0.38, 0.02]), np.array([-0.02, -0.41, -0.03]))
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     flexion_rad=st.floats(0.01, 2.4),
     direction=st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -357,7 +357,6 @@ def test_hostile_files_are_not_run(tmp_path: Path, small_body: BodyModel) -> Non
     assert not touched.exists()
 
 
-@settings(max_examples=120, deadline=None)
 @given(data=st.data())
 def test_changed_bytes_are_read_or_refused(
     data: st.DataObject, small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory

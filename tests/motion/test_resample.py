@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -22,7 +22,6 @@ def _motion(n_frames: int, fps_hz: float, seed: int = 0) -> Motion:
 
 
 @given(st.integers(2, 40), st.integers(1, 6), st.sampled_from([12.0, 30.0, 120.0, 59.94]))
-@settings(max_examples=30, deadline=None)
 def test_an_integer_ratio_takes_the_very_samples(n_frames: int, ratio: int, fps_hz: float) -> None:
     motion = _motion(n_frames, fps_hz)
     sampled = resample(motion, fps_hz / ratio)
@@ -39,7 +38,6 @@ def test_a_start_on_a_sample_is_exact() -> None:
 
 
 @given(st.floats(7.0, 400.0), st.floats(0.0, 0.3))
-@settings(max_examples=30, deadline=None)
 def test_between_samples_it_is_slerp_and_lines(fps_hz: float, start_s: float) -> None:
     motion = _motion(13, 30.0)
     sampled = resample(motion, fps_hz, start_s=start_s)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.manifest.current import (
@@ -192,7 +192,6 @@ keeps = st.sets(st.integers(0, N - 1)).map(
 )  # single frames: ranges that meet are allowed in a manifest
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     table=st.lists(spans, min_size=1, max_size=3, unique=True),
     people=st.lists(st.tuples(keeps, st.booleans()), max_size=2),

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.people.silhouette import (
@@ -225,7 +225,6 @@ def test_dots_cover_what_filled_triangles_cover(small_body: BodyModel) -> None:
         assert dotted[narrower].all() and not dotted[~wider].any()
 
 
-@settings(deadline=None)
 @given(
     spots=st.lists(st.tuples(st.integers(0, 29), st.integers(0, 39)), max_size=4),
     radius_px=st.integers(0, 9),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.people.boxes import Detections, TrackConfig, link, track
@@ -62,7 +62,6 @@ def test_nothing_found_is_nothing_masked() -> None:
 boxes = st.lists(st.tuples(st.integers(0, 60), st.floats(0.1, 1.0)), max_size=4)
 
 
-@settings(deadline=None)
 @given(frames=st.lists(boxes, min_size=1, max_size=8), gap=st.integers(0, 3))
 def test_every_box_is_in_one_track_and_tracks_obey_the_limits(
     frames: list[list[tuple[float, float]]], gap: int

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.people.yolox import COCO_NAMES, cells, class_indices, decode, letterbox, problem_with
@@ -36,7 +36,6 @@ def test_channels_stay_in_order_and_values_unscaled() -> None:
     assert [set(np.unique(channel)) for channel in blob[0]] == [{10.0}, {20.0}, {250.0}]
 
 
-@settings(deadline=None)
 @given(width=st.integers(1, 600), height=st.integers(1, 600))
 def test_any_picture_fits_with_its_aspect_kept(width: int, height: int) -> None:
     image = np.zeros((height, width, 3), np.uint8)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.read.threedpw_arrays import SequenceArrays, read_sequence_file
@@ -144,7 +144,6 @@ def test_arrays_that_claim_absurd_sizes_are_refused_without_the_memory(
         read_sequence_file(path)
 
 
-@settings(max_examples=150, deadline=None)
 @given(data=st.data())
 def test_changed_bytes_give_arrays_or_an_error_that_says_so(
     walk_arrays: SequenceArrays, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

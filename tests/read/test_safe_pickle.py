@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import sparse
@@ -30,7 +30,6 @@ def named(module: str, name: str) -> bytes:
     return f"c{module}\n{name}\n".encode()
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     array=hnp.arrays(DTYPES, hnp.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=4)),
     fortran=st.booleans(),
@@ -64,7 +63,6 @@ nested = st.recursive(
 )
 
 
-@settings(max_examples=150, deadline=None)
 @given(value=nested, protocol=st.sampled_from(PROTOCOLS))
 def test_containers_come_back_as_they_were(
     value: Any, protocol: int, tmp_path_factory: pytest.TempPathFactory
@@ -307,7 +305,6 @@ def test_every_truncation_is_an_error(tmp_path: Path, protocol: int) -> None:
             read(tmp_path, data[:length])
 
 
-@settings(max_examples=300, deadline=None)
 @given(data=st.data())
 def test_changed_bytes_never_reach_anything_else(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory

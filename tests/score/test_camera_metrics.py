@@ -20,7 +20,7 @@ def test_points_are_measured_from_the_hips() -> None:
     np.testing.assert_allclose(metrics.point_errors_mm(*from_hips), 240 / 24)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_many_similarities_are_those_of_one_set_each(seed: int) -> None:
     rng = np.random.default_rng(seed)

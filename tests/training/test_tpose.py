@@ -1,7 +1,7 @@
 """Posing a body of another rest pose into SMPL's T-pose."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -64,7 +64,6 @@ def rest_pose(joints_m: np.ndarray, parts: np.ndarray) -> np.ndarray:
     return np.concatenate([joints_m, *knuckles_m])[None]
 
 
-@settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_t_pose_is_found_from_any_other(seed: int, small_body: BodyModel) -> None:
     rng = np.random.default_rng(seed)

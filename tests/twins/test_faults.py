@@ -63,7 +63,6 @@ def angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray(angles).reshape(turns.shape[:-2])
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=seeds)
 def test_the_drift_is_common_and_of_the_stated_size(seed: int) -> None:
     clips = [walker(seed), walker(seed + 1, offset_m=1.0)]
@@ -85,7 +84,6 @@ def test_the_drift_is_common_and_of_the_stated_size(seed: int) -> None:
     assert np.diff(turned_deg).max() < 2 * turned_deg[-1] / 149
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=seeds)
 def test_the_camera_frame_body_stays_right_up_to_the_root_error(seed: int) -> None:
     clips = [walker(seed), walker(seed + 1, offset_m=1.0)]
@@ -113,7 +111,7 @@ def test_without_errors_of_its_own_the_dataset_shows_the_exact_body() -> None:
     assert np.linalg.norm(wrong.motion.pelvis_m - exact.motion.pelvis_m, axis=1).max() > 0.1
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=seeds)
 def test_joint_noise_has_the_stated_rms_in_every_joint(seed: int) -> None:
     exact = walker(seed)
@@ -146,7 +144,6 @@ def test_the_root_error_has_periods_of_four_seconds_and_more() -> None:
     assert power[fast].sum() / power.sum() < 1e-6
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=seeds)
 def test_invalid_frames_are_marked_and_wrong_and_all_others_untouched(seed: int) -> None:
     exact = walker(seed)

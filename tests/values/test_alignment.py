@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -11,7 +11,6 @@ from gmrdata.values.transforms import fit_similarity, mean_rotation
 seeds = st.integers(0, 2**31 - 1)
 
 
-@settings(max_examples=40, deadline=None)
 @given(seeds, st.floats(0.05, 20))
 def test_a_similarity_is_found_exactly(seed: int, scale: float) -> None:
     rng = np.random.default_rng(seed)
@@ -27,7 +26,6 @@ def test_a_similarity_is_found_exactly(seed: int, scale: float) -> None:
     )
 
 
-@settings(max_examples=40, deadline=None)
 @given(seeds, st.booleans())
 def test_noisy_fits_are_evos(seed: int, scale: bool) -> None:
     geometry = pytest.importorskip("evo.core.geometry")
@@ -54,7 +52,6 @@ def test_points_in_a_plane_are_enough() -> None:
     assert found.scale == pytest.approx(2.5)
 
 
-@settings(max_examples=30, deadline=None)
 @given(seeds)
 def test_the_chordal_mean_is_scipys(seed: int) -> None:
     """Scipy's mean of rotations minimises the same distance."""

@@ -51,7 +51,7 @@ def a_clip(n_frames: int = 5, seed: int = 0, with_camera: bool = True, far_m: fl
     return Clip(f"clip_{seed}", motion, rng.random(n_frames) > 0.5, np.arange(n_frames), camera)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     n_frames=st.integers(1, 9),
     seed=st.integers(0, 2**32 - 1),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -80,7 +80,6 @@ def test_vertices_of_a_predicted_local_pose_count() -> None:
 seeds = st.integers(0, 2**31 - 1)
 
 
-@settings(max_examples=40, deadline=None)
 @given(seeds)
 def test_they_are_the_papers_formulas(seed: int) -> None:
     """Against the equations as loops, with scipy's log map."""
@@ -111,7 +110,6 @@ def test_they_are_the_papers_formulas(seed: int) -> None:
     assert found == pytest.approx(1000 * vertex, rel=1e-10)
 
 
-@settings(max_examples=30, deadline=None)
 @given(seeds)
 def test_vme_of_a_pure_translation_is_tme(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.gmr.train import GmrRecipe
@@ -85,13 +85,11 @@ plain = st.recursive(
 )  # fmt: skip
 
 
-@settings(max_examples=80, deadline=None)
 @given(value=plain)
 def test_what_pyyaml_writes_is_read(value: object) -> None:
     assert parse(yaml.safe_dump(value, allow_unicode=True))[0] == value
 
 
-@settings(max_examples=80, deadline=None)
 @given(text=st.text("ab01:-.,[]{}&*!<#|>'\"\n \t~%@", max_size=40))
 def test_any_text_is_read_or_refused(text: str) -> None:
     with suppress(NotPlain):

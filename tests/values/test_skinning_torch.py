@@ -64,7 +64,7 @@ def test_identity_pose_gives_the_template_from_the_pelvis(small_body: BodyModel)
     assert torch.equal(rotations, torch.eye(3).double().expand(24, 3, 3))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=seeds)
 def test_joints_are_vertices_of_a_body_skinned_to_one_joint_each(
     seed: int, small_body: BodyModel
@@ -81,7 +81,7 @@ def test_joints_are_vertices_of_a_body_skinned_to_one_joint_each(
     assert torch.equal(joints_m[:, 0], torch.zeros(2, 3).double())
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=seeds)
 def test_bones_keep_their_length_and_rotations_chain(seed: int, small_body: BodyModel) -> None:
     shape, local = random_pose(np.random.default_rng(seed))
@@ -108,7 +108,7 @@ def test_a_raised_left_arm_moves_the_left_arm_only(small_body: BodyModel) -> Non
     assert joints_m[arm[2], 1] > joints_m[JOINT["head"], 1]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=seeds)
 def test_mirrored_pose_gives_the_mirrored_body(seed: int, small_body: BodyModel) -> None:
     """About the body's own middle plane, which need not pass through the rest frame's origin."""
@@ -126,7 +126,7 @@ def test_mirrored_pose_gives_the_mirrored_body(seed: int, small_body: BodyModel)
     )
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=seeds)
 def test_placing_is_rigid_and_puts_the_pelvis_where_it_is_told(
     seed: int, small_body: BodyModel

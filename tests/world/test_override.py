@@ -4,7 +4,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -119,7 +119,6 @@ masks = st.lists(st.booleans(), min_size=N, max_size=N).map(np.array)
 texts = st.lists(st.sampled_from(["", "", "jumps", "few inliers"]), min_size=N, max_size=N)
 
 
-@settings(max_examples=200, deadline=None)
 @given(
     keep=ranges,
     drop=ranges,

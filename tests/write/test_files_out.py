@@ -62,7 +62,7 @@ def some_motion(
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 1000),
     spread_rad=st.sampled_from([0.0, 0.2, 2.0]),
@@ -132,7 +132,7 @@ def test_another_skeleton_is_not_taken_for_the_bodys_own(
     np.testing.assert_array_equal(found.shape, np.zeros(10))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 1000),
     gender=st.sampled_from(["female", "male", "neutral"]),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -30,7 +30,6 @@ def values(text: st.SearchStrategy[str]) -> st.SearchStrategy[Any]:
     )
 
 
-@settings(max_examples=80, deadline=None)
 @given(value=values(st.text(st.characters(max_codepoint=255), max_size=300)))
 def test_values_of_python_2_survive_for_both_readers(
     value: object, tmp_path_factory: pytest.TempPathFactory
@@ -41,7 +40,6 @@ def test_values_of_python_2_survive_for_both_readers(
         np.testing.assert_equal(found, value)
 
 
-@settings(max_examples=80, deadline=None)
 @given(value=values(st.text(st.characters(exclude_categories=["Cs"]), max_size=300)))
 def test_values_of_python_3_need_no_encoding(
     value: object, tmp_path_factory: pytest.TempPathFactory

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -75,7 +75,6 @@ def sequences(draw: st.DrawFn) -> SequenceArrays:
     )
 
 
-@settings(max_examples=60, deadline=None)
 @given(arrays=sequences())
 def test_reading_gives_back_what_was_written(
     arrays: SequenceArrays, tmp_path_factory: pytest.TempPathFactory

@@ -62,7 +62,7 @@ def angles_deg(found: np.ndarray, true: np.ndarray, root: int) -> np.ndarray:
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_pair_of_views_gives_back_its_exact_rotation(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rotation = Rotation.from_rotvec(rng.normal(0, 0.3, 3)).as_matrix()

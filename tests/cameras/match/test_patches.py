@@ -42,7 +42,7 @@ def guessed_px(after_from_before: np.ndarray, off_px: float = 0.5) -> np.ndarray
     return np.asarray(true_px + rng.normal(0, off_px, true_px.shape))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     st.floats(0.85, 1.2), st.floats(-0.15, 0.15),
     st.tuples(st.floats(-20, 20), st.floats(-20, 20)), st.integers(0, 20),
