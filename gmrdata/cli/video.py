@@ -163,19 +163,13 @@ def _solve_many(
 
 def leave_files(out: Path, verdict: "VideoVerdict") -> None:
     """Files to take along, of people or of cameras alone."""
-    from gmrdata.export.taken_along import write_cameras, write_files
+    from gmrdata.export.taken_along import write_files
 
-    if not any(person.accepted for person in verdict.people):
-        write_cameras(out, verdict)
     write_files(out, images=out / verdict.images_dir)  # an absolute path stays as it is
 
 
 def leave_files_and_page(out: Path, verdict: "VideoVerdict") -> Path:
     """The same, and the page; gives its path."""
-    from gmrdata.export.taken_along import write_cameras
-
-    if not any(person.accepted for person in verdict.people):
-        write_cameras(out, verdict)
     return write_page(out, images=out / verdict.images_dir)
 
 

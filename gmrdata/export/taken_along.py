@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.export.export import export
+from gmrdata.export.export import Exported, export
 from gmrdata.export.formats import FormatName, seen_points, write_background
 from gmrdata.export.sources import list_clips, world_people_dir
 from gmrdata.read.video import video_record
@@ -26,57 +26,42 @@ TAKEN_ALONG: tuple[FormatName, ...] = ("colmap", "tum", "bvh", "glb", "amass")
 def write_files(
     out_dir: Path, *, images: Path | None = None, body: str | None = None
 ) -> Sequence[tuple[str, str]]:
-    """Files for other programs of the people who were accepted, by `fused/` where it is there; what
-    could not be written, and why.  Of cameras alone they are there, or were not wanted."""
-    pseudo_gt_dir = out_dir / PSEUDO_GT
-    if not pseudo_gt_dir.is_dir():
-        return ()
+    """Files for other programs of the people who were accepted, by `fused/` where it is there, or
+    of cameras alone; gives what could not be written, and why.
+
+    What lies there of another verdict or body is taken away.
+    """
+    path, pseudo_gt_dir = out_dir / VERDICT_FILE, out_dir / PSEUDO_GT
+    verdict = VideoVerdict.read(path) if path.is_file() else None
     try:
-        people = load_record(pseudo_gt_dir).people
-        people_dir = world_people_dir(out_dir)
-        clips = list_clips(people_dir)
+        people = load_record(pseudo_gt_dir).people if pseudo_gt_dir.is_dir() else ()
+        clips = list_clips(people_dir := world_people_dir(out_dir)) if people else []
         ids = [files.id for files, one in zip(clips, people, strict=True) if one.accepted]
-        if not ids and _has_cameras_alone(out_dir):
-            return ()
-        _forget(out_dir)
-        if not ids:
-            return ()
-        results = export(
-            people_dir, TAKEN_ALONG, out_dir / FILES, clips=ids, body=body, images=images, redo=True
-        )
+        for name in TAKEN_ALONG:
+            shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
+        results: list[Exported] = []
+        if ids:
+            into = TAKEN_ALONG, out_dir / FILES
+            results = export(people_dir, *into, clips=ids, body=body, images=images, redo=True)
     except (GmrdataError, ValueError) as error:
         return [("all formats", str(error))]
+    if not ids and verdict is not None and verdict.accepted:
+        _write_cameras(out_dir, images or out_dir / verdict.images_dir, verdict.fps_hz)
     return [
         (f"{one.unit.format} of {one.unit.name}", one.left_out) for one in results if one.left_out
     ]
 
 
-def _forget(out_dir: Path) -> None:
-    """Take away what is of another verdict or body; what else lies there is left alone."""
-    for name in TAKEN_ALONG:
-        shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
-
-
-def _has_cameras_alone(out_dir: Path) -> bool:
-    """Whether the files are of a video that was accepted for its cameras."""
-    path = out_dir / VERDICT_FILE
-    return path.is_file() and VideoVerdict.read(path).accepted
-
-
-def write_cameras(out_dir: Path, verdict: VideoVerdict) -> None:
-    """Cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world; none of
-    a rejected video, and nothing of what an earlier run had accepted."""
-    _forget(out_dir)
-    if not verdict.accepted:
-        return
+def _write_cameras(out_dir: Path, images: Path, fps_hz: float) -> None:
+    """Cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world."""
     sfm_dir, colmap = out_dir / SFM, out_dir / FILES / "colmap"
     found = load_background(sfm_dir, None)
     names, points = seen_points(found, sfm_dir, "keyframes")
-    known, images = found.camera.has_camera, out_dir / verdict.images_dir
+    known = found.camera.has_camera
     colmap.mkdir(parents=True)
     write_background(colmap, found, names, points, images)
     video = video_record(images)
-    times_s = np.arange(len(known)) / verdict.fps_hz
+    times_s = np.arange(len(known)) / fps_hz
     if video is not None:
         times_s = video.times_of(found.image_numbers)
     write_tum(
