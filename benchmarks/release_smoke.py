@@ -66,7 +66,7 @@ COMMANDS = (
     "train set/synthetic.yaml --recipe gmr.yaml --out gmr",
     "evaluate gmr set/synthetic.yaml --out scores",
     "baseline zero set/synthetic.yaml --out zero",
-    "evaluate set/synthetic.yaml --predictions zero/predictions --out zero_scores",
+    "evaluate zero/predictions set/synthetic.yaml --out zero_scores",
     "compare scores/scores.json zero_scores/scores.json --out compared",
     "infer gmr set/render/walk/clip.npz --out world",
     "delta-errors gmr --manifests set/synthetic.yaml --out errors.json",

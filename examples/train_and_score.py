@@ -25,8 +25,8 @@ def main(out: Path, walks: int, steps: int) -> None:
     settings = {"model": small, "learning_rate": 0.003, "batch_size": 16, "steps": steps}
     config = gmrdata.TrainConfig.model_validate(settings)
     run_dir = gmrdata.train([out / "training/motions.yaml"], out / "run", config)
-    path = gmrdata.score_manifest(run_dir, out / "scored/motions.yaml", None, out / "scores")
-    error = gmrdata.Scores.read(path).overall.pooled_over_motions.predicted
+    scored = gmrdata.score(run_dir, out / "scored/motions.yaml", out / "scores")
+    error = gmrdata.Scores.read(*scored.scores).overall.pooled_over_motions.predicted
     print(f"OME {error.ome_deg:.2f} deg, TME {error.tme_mm:.1f} mm")
 
 

@@ -33,12 +33,10 @@ if TYPE_CHECKING:
     from gmrdata.read.video import VideoConfig as VideoConfig
     from gmrdata.score.compare import CompareConfig as CompareConfig
     from gmrdata.score.compare import compare as compare
+    from gmrdata.score.predictors import ScoreConfig as ScoreConfig
     from gmrdata.score.records import Scores as Scores
-    from gmrdata.score.result_scores import ResultsConfig as ResultsConfig
-    from gmrdata.score.result_scores import score_results as score_results
-    from gmrdata.score.score import ScoreConfig as ScoreConfig
-    from gmrdata.score.score import score_manifest as score_manifest
-    from gmrdata.score.score import score_predictions as score_predictions
+    from gmrdata.score.score import Scored as Scored
+    from gmrdata.score.score import score as score
     from gmrdata.solve.request import SequenceConfig as SequenceConfig
     from gmrdata.solve.request import SolveConfig as SolveConfig
     from gmrdata.solve.sequence import make_masks as make_masks
@@ -75,9 +73,9 @@ _NAMES = {
     "read.bodies": ("load_body",),
     "read.body_file": ("save_body",),
     "score.compare": ("CompareConfig", "compare"),
+    "score.predictors": ("ScoreConfig",),
     "score.records": ("Scores",),
-    "score.result_scores": ("ResultsConfig", "score_results"),
-    "score.score": ("ScoreConfig", "score_manifest", "score_predictions"),
+    "score.score": ("Scored", "score"),
     "stage.run": ("Run",),
     "values.body": ("BodyModel",),
     "values.camera": ("CameraPath",),

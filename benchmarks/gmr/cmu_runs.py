@@ -15,7 +15,7 @@ from gmrdata.gmr.runs import LazyClips
 from gmrdata.gmr.split import split_manifests
 from gmrdata.gmr.train import train
 from gmrdata.read.bodies import load_body
-from gmrdata.score.score import score_manifest
+from gmrdata.score.score import score
 from gmrdata.stage.store import stage_seconds
 from gmrdata.values.files import read_json
 
@@ -96,7 +96,7 @@ def _scored(
     name: str, run_dir: Path, config: TrainConfig, steps: int, minutes: float, motions: Motions
 ) -> Trained:
     out_dir = run_dir.with_name(f"{run_dir.name}_scores")
-    overall = read_json(score_manifest(run_dir, motions.held_out, None, out_dir))["overall"]
+    overall = read_json(score(run_dir, motions.held_out, out_dir).scores[0])["overall"]
     return Trained(
         name,
         run_dir,

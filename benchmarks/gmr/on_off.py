@@ -8,7 +8,7 @@ from gmrdata.film.render_set import render_set
 from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe
 from gmrdata.film.shots import Film
 from gmrdata.score.camera_as_world import predict_camera_as_world
-from gmrdata.score.score import score_manifest, score_predictions
+from gmrdata.score.score import score
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.files import read_json
 
@@ -37,9 +37,9 @@ def on_off_rows(run_dir: Path, manifest: Path, out_dir: Path) -> list[dict[str, 
         manifest: What `film_on_and_off` made.
         out_dir: Where predictions and scores go.
     """
-    by_network = _scores(score_manifest(run_dir, manifest, None, out_dir / "gmr"))
+    by_network = _scores(score(run_dir, manifest, out_dir / "gmr"))
     poses = predict_camera_as_world(manifest, out_dir / "camera_as_world") / "predictions"
-    by_camera = _scores(score_predictions(poses, manifest, None, out_dir / "as_world"))
+    by_camera = _scores(score(poses, manifest, out_dir / "as_world"))
     rows = []
     for clip in sorted(by_network):
         if clip + OFF in by_network:

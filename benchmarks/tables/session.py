@@ -10,7 +10,7 @@ from typing import Any
 from record import Record, machine
 from tables.clips import scored_set, training_set
 
-from gmrdata.gmr.predict import BUNDLED, network_dir
+from gmrdata.gmr.config import BUNDLED, network_dir
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ManifestHead, write_manifest

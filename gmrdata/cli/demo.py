@@ -92,14 +92,15 @@ def _train_and_score(paths: DemoPaths, recipe: DemoRecipe, run: Run) -> None:
     # Here, since they take seconds to load, which the workers of the steps before do without.
     from gmrdata.gmr.train import train
     from gmrdata.pages.scores import write_scores_page
-    from gmrdata.score.score import score_manifest
+    from gmrdata.score.score import score
 
     _step(6, "train GMR")
     train([paths.training_manifest], paths.gmr_dir, recipe.gmr, body_path=paths.body, run=run)
     _step(7, "score GMR")
     for manifest in (paths.synthetic_manifest, paths.pseudo_gt_manifest):
         scores_dir = paths.scores_dir(manifest.stem)
-        write_scores_page(score_manifest(paths.gmr_dir, manifest, paths.body, scores_dir, run=run))
+        scored = score(paths.gmr_dir, manifest, scores_dir, body_path=paths.body, run=run)
+        write_scores_page(*scored.scores)
 
 
 def plan(recipe: DemoRecipe, out_dir: Path) -> list[tuple[str, str]]:

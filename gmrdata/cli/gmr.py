@@ -7,8 +7,8 @@ from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table
-from gmrdata.gmr.config import Which
-from gmrdata.score import Deviation, ProtocolName
+from gmrdata.gmr.config import BUNDLED, Which
+from gmrdata.score import Deviation, ProtocolName, SeenAs
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 
@@ -45,16 +45,16 @@ def train(
 
 
 def evaluate(
-    run_and_manifest: Positional[tuple[Path, ...]],
+    predictor: Positional[Path],
+    manifest: flags.Manifest,
     out: Path,
-    predictions: Path | None = None,
     protocol: ProtocolName | None = None,
     original: tuple[Deviation | Literal["all"], ...] = (),
     body: flags.Body = "anny",
     predictions_body: Path | None = None,
     joint_regressor: Path | None = None,
     person: tuple[str, ...] = (),
-    camera: Literal["ignored", "true"] = "ignored",
+    camera: SeenAs = "ignored",
     first_image: int | None = None,
     fps_hz: float = 10.0,
     missing: Literal["error", "drop"] = "error",
@@ -66,17 +66,17 @@ def evaluate(
 ) -> None:
     """Score a trained GMR, or any predictions, on a manifest: OME [deg], TME [mm], VME [mm].
 
-    `gmrdata evaluate RUN MANIFEST` scores a network, `gmrdata evaluate MANIFEST --predictions
-    FOLDER` motions that anything predicted: WHAM, GVHMR, TRAM, SLAHMR, VIBE, AMASS-like npz and
-    clips of gmrdata. Several systems in one folder are compared. Zero motion is scored beside.
+    `gmrdata evaluate RUN MANIFEST` scores a network, `gmrdata evaluate bundled MANIFEST` the one in
+    the package, `gmrdata evaluate FOLDER MANIFEST` motions that anything predicted: WHAM, GVHMR,
+    TRAM, SLAHMR, VIBE, AMASS-like npz and clips of gmrdata. Several systems in one folder are
+    compared. Zero motion is scored beside.
 
     Args:
-        run_and_manifest: Run folder of `gmrdata train` and manifest file; the manifest alone with
-            --predictions.
+        predictor: Run folder of `gmrdata train`; the word bundled; or results as the systems write
+            them: one, or a folder with files or folders named by the clip's id or sequence
+            (docs/scores.md has the rules).
         out: Output folder: scores.json, scores.csv, scores.md, scores.html, over_time.png; with
             several systems a folder of these for each, and comparison/.
-        predictions: Folder of results as the systems write them, in files or folders named by the
-            clip's id or sequence; or one result. docs/scores.md has the rules.
         protocol: What to measure besides: gmr, wham, tram, gvhmr, slahmr, emdb or vibe, as each of
             them defines it.
         original: In what the protocol follows its released code where it doesn't by itself.
@@ -95,36 +95,21 @@ def evaluate(
             the pseudo ground truth's own error.
         all_phases: Score a clip of a higher frame rate in all its phases, not in the first alone.
     """
-    from gmrdata.score.result_scores import ResultsConfig, score_results
-    from gmrdata.score.score import ScoreConfig, score_manifest
+    from gmrdata.score.predictors import ScoreConfig
+    from gmrdata.score.score import score
 
     if not fps_hz > 0:
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
-    config = ScoreConfig(
-        which=which, all_phases=all_phases, protocol=protocol, original=original,
-        fps_hz=fps_hz, missing=missing, seed=seed,
-    )  # fmt: skip
-    clips_body, run = flags.body_path(body), Run(redo=redo)
-    if predictions is None:
-        if len(run_and_manifest) != 2:
-            raise MissingInput("give a run folder and a manifest, or a manifest and --predictions")
-        show_scores(
-            score_manifest(
-                *run_and_manifest, clips_body, out, config,
-                floor_path=floor, joint_regressor_path=joint_regressor, run=run,
-            )
-        )  # fmt: skip
-        return
-    if len(run_and_manifest) != 1:
-        raise MissingInput("with --predictions, give the manifest alone")
     if first_image is not None and first_image < 0:
         raise BadRecipe(f"--first-image {first_image}: give 0 or more")
-    chosen = {"person": _people(person), "camera": camera, "first_image": first_image}
-    made = score_results(
-        predictions, *run_and_manifest, clips_body, out,
-        ResultsConfig.model_validate(dict(config) | chosen),
+    config = ScoreConfig(
+        which=which, all_phases=all_phases, protocol=protocol, original=original, fps_hz=fps_hz,
+        missing=missing, person=_people(person), camera=camera, first_image=first_image, seed=seed,
+    )  # fmt: skip
+    made = score(
+        predictor, manifest, out, config, body_path=flags.body_path(body),
         predictions_body_path=predictions_body, floor_path=floor,
-        joint_regressor_path=joint_regressor, run=run,
+        joint_regressor_path=joint_regressor, run=Run(redo=redo),
     )  # fmt: skip
     for path in made.scores:
         show_scores(path)
@@ -204,7 +189,6 @@ def infer(
         video: Whether to draw body.mp4, which takes longest.
     """
     from gmrdata.gmr import infer as stage
-    from gmrdata.gmr.predict import BUNDLED
     from gmrdata.pages.inference import draw_motion
 
     if len(run_and_source) not in (1, 2):

@@ -48,7 +48,7 @@ def tables(
         estimator: Whose poses and keypoints they are, as the table shall call it.
         videos: Manifest that the non-sequential model is trained on; may be given several times.
     """
-    from gmrdata.gmr.predict import network_dir
+    from gmrdata.gmr.config import network_dir
     from gmrdata.pages.scores import write_scores_pages
     from gmrdata.paper.comparison import TableRecord, explanations, shown_rows
     from gmrdata.paper.make import make_table

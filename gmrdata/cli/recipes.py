@@ -174,7 +174,7 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
 def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     """Train to OUT/run, and score on the recipe's manifests to OUT/scores."""
     from gmrdata.gmr.train import GmrRecipe, train
-    from gmrdata.score.score import score_manifest
+    from gmrdata.score.score import score
     from gmrdata.stage.recipes import load_recipe
 
     recipe = load_recipe(path, GmrRecipe)
@@ -188,5 +188,6 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     run_dir = train(training, out / "run", recipe.train_config(), body_path=body, run=run)
     for manifest in recipe.scored:
         scores_dir = out / "scores" / manifest.stem
-        show_scores(score_manifest(run_dir, folder / manifest, body, scores_dir, run=run))
+        scored = score(run_dir, folder / manifest, scores_dir, body_path=body, run=run)
+        show_scores(*scored.scores)
     answer(run_dir)

@@ -4,7 +4,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from gmrdata.values.errors import nearest
 
-RENAMED: Mapping[str, Mapping[str, str]] = {}
+RENAMED: Mapping[str, Mapping[str, str]] = {
+    "evaluate": {"--predictions": "gmrdata evaluate PREDICTIONS MANIFEST"},
+}
 """Of each verb, flags of earlier versions and what stands for them now."""
 
 

@@ -38,14 +38,12 @@ from gmrdata.fusion.record import (
     sigma_file,
 )
 from gmrdata.fusion.smoothing import SamePlace, smooth
-from gmrdata.gmr.config import Which
+from gmrdata.gmr.config import BUNDLED, Which, network_dir
 from gmrdata.gmr.infer import stand
 from gmrdata.gmr.predict import (
-    BUNDLED,
     TrainedGmr,
     deltas_at_source_rate,
     load_gmr,
-    network_dir,
 )
 from gmrdata.gmr.runs import check_finite
 from gmrdata.motion.resample import valid_runs

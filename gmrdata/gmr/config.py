@@ -1,5 +1,9 @@
-"""Recipes of the network, its loss, its training windows and its training.  Needs no torch."""
+"""Recipes of the network, its loss, its training windows and its training; and where networks lie.
 
+Needs no torch.
+"""
+
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -185,3 +189,20 @@ def check_batch(batch_size: int, n_frames: int) -> None:
     if batch_size * n_frames > limits.MOST_BATCH_FRAMES:
         what = f"batch_size {batch_size} of windows of {n_frames} frames"
         raise ValueError(f"{what} are more than {limits.MOST_BATCH_FRAMES} frames; take fewer")
+
+
+BUNDLED = "bundled"
+"""The word for the network that the package brings.  `card.md` beside its weights says what it was
+trained on, and how it scores."""
+BUNDLE_FILE = "bundle.json"  # in a folder of weights alone
+
+
+def network_dir(network: Path | str) -> Path:
+    """The folder of a network: the package's own for the word `bundled`."""
+    return Path(__file__).with_name("weights") if str(network) == BUNDLED else Path(network)
+
+
+def is_network(path: Path | str) -> bool:
+    """Whether a path, or the word `bundled`, is a network's."""
+    folder = network_dir(path)
+    return (folder / BUNDLE_FILE).is_file() or (folder / "checkpoints").is_dir()

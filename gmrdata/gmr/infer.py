@@ -25,8 +25,8 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.config import Which
-from gmrdata.gmr.predict import TrainedGmr, load_gmr, network_dir, predict_world_motion
+from gmrdata.gmr.config import Which, network_dir
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses

@@ -25,7 +25,7 @@ from gmrdata.gmr.checkpoint import (
     trained_checkpoint,
     writable,
 )
-from gmrdata.gmr.config import ModelConfig, Which
+from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, Which, network_dir
 from gmrdata.gmr.model import Gmr, MeanGmr, network_input
 from gmrdata.gmr.runs import runs_at
 from gmrdata.motion.resample import resample
@@ -36,11 +36,6 @@ from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.motion_deltas import accumulate, deltas
 from gmrdata.values.records import Record
 from gmrdata.values.shapes import Float
-
-BUNDLED = "bundled"
-"""The word for the network that the package brings.  `card.md` beside its weights says what it was
-trained on, and how it scores."""
-BUNDLE_FILE = "bundle.json"
 
 
 class Bundle(Record):
@@ -64,17 +59,6 @@ class TrainedGmr:
     fps_hz: float  # frame rate that it was trained at
     name: str  # of the run's folder, or the bundle's own
     step: int  # training steps behind the weights
-
-
-def network_dir(network: Path | str) -> Path:
-    """The folder of a network: the package's own for the word `bundled`."""
-    return Path(__file__).with_name("weights") if str(network) == BUNDLED else Path(network)
-
-
-def is_network(path: Path | str) -> bool:
-    """Whether a path, or the word `bundled`, is a network's."""
-    folder = network_dir(path)
-    return (folder / BUNDLE_FILE).is_file() or (folder / "checkpoints").is_dir()
 
 
 def load_gmr(network: Path | str, which: Which = "latest") -> TrainedGmr:

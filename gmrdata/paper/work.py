@@ -20,7 +20,7 @@ from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.score import baseline_clips as predictions
 from gmrdata.score.camera_as_world import predict_camera_as_world
 from gmrdata.score.predictions import every_row
-from gmrdata.score.score import score_manifest, score_predictions
+from gmrdata.score.score import score
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
@@ -115,10 +115,10 @@ def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:
     manifest = given.scored or out_dir / "held_out" / "manifest.yaml"
     scores_dir = out_dir / "scores" / scoring.id
     if scoring.row.method == "gmr" and scoring.row.poses == "true":
-        run_dir = _network(scoring, given, out_dir)
-        return score_manifest(run_dir, manifest, given.body, scores_dir, run=run)
-    predicted_dir = _predict(scoring, manifest, given, out_dir, run) / predictions.FOLDER
-    return score_predictions(predicted_dir, manifest, given.body, scores_dir, run=run)
+        predictor = _network(scoring, given, out_dir)
+    else:
+        predictor = _predict(scoring, manifest, given, out_dir, run)
+    return score(predictor, manifest, scores_dir, body_path=given.body, run=run).scores[0]
 
 
 def _network(scoring: Scoring, given: Given, out_dir: Path) -> Path:

@@ -25,6 +25,9 @@ Deviation = Literal["gaps", "camera", "people", "smoothing"]
 SeenIn = Literal["own_camera", "true_camera", "world"]
 """How a prediction came into the camera's frame: seen by a camera of its own; turned so that its
 first orientation is the true one and seen by the truth's camera; or so turned, without a camera."""
+SeenAs = Literal["ignored", "true"]
+"""How a motion in the camera's frame becomes one in the world: as if the camera stood still, or by
+the manifest's cameras."""
 Remainder = Literal["own_segment", "joined_but_last_frame", "joined"]
 """What becomes of the frames after the last full segment; see `world_metrics.segments_of`."""
 Interval = tuple[float, float]  # lower and upper end

@@ -142,7 +142,7 @@ def _of_videos(
         if any(pair.frames is None for pair in one.pairs["predicted"]):
             raise BadRecipe(
                 "--original people: a network's motions have no place in a video. Write its "
-                "predictions to files and score them with --predictions"
+                "predictions to files and score those"
             )
         by_video.setdefault(videos.get(one.clip_id, one.clip_id), []).append(one)
     nothing = {metric: np.zeros(0) for metric in protocol.metrics}

@@ -32,6 +32,25 @@ class PredictedRun:
     frames: np.ndarray | None = None  # (T,) number of each frame in the video, from 0
 
 
+@dataclass(frozen=True)
+class Pairing:
+    """How predictions are laid beside the truth."""
+
+    fps_hz: float
+    """Rate of OME, TME and VME [Hz]; a network has its own."""
+    protocol_fps_hz: float | None = None
+    """Rate of a protocol's figures [Hz], which is taken where the prediction's is a multiple of it;
+    the prediction's own otherwise."""
+    smoothing_frames: float = 0.0
+    """Standard deviation of the Gaussian that smooths the predicted path for a protocol first, in
+    frames of its rate; 0 for none."""
+    all_phases: bool = False
+    """Whether a clip of a higher rate gives all its phases, or the first."""
+    drop_missing: bool = False
+    """Whether clips and true frames without a prediction are dropped, the frames counted; they are
+    an error otherwise."""
+
+
 World = tuple[PredictedRun, ...]  # runs, in the order of time, whose predictions share one world
 
 
@@ -71,13 +90,11 @@ def still_motion(true: Motion, first: Motion) -> Motion:
     )
 
 
-def network_clip(
-    gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool, smoothing_frames: float = 0.0
-) -> PredictedClip | str:
+def network_clip(gmr: "TrainedGmr", one: UsableClip, how: Pairing) -> PredictedClip | str:
     """What a network sees in runs of valid frames, from their true first poses; or why nothing."""
     from gmrdata.gmr.predict import predict_deltas
 
-    runs = []
+    runs, all_phases = [], how.all_phases
     for true in runs_at(one.clip, gmr.fps_hz, all_phases=all_phases):
         found = predict_deltas(gmr, true.local_rotmats)
         root_rotmats, pelvis_m = accumulate(*found, true.root_rotmats[0], true.pelvis_m[0])
@@ -86,85 +103,52 @@ def network_clip(
     if not runs:
         return f"no two valid frames in a row at {gmr.fps_hz:g} fps"
     rows = _rows_of_runs(one.clip, gmr.fps_hz, all_phases=all_phases)
+    smoothed = [_smoothed(run.predicted, how.smoothing_frames) for run in runs]
     cameras = _cam_rotmats(one.clip, rows)
     worlds = tuple(
-        (replace(run, predicted=_smoothed(run.predicted, smoothing_frames), true_cam_rotmats=seen),)
-        for run, seen in zip(runs, cameras, strict=True)
+        (replace(run, predicted=predicted, true_cam_rotmats=seen),)
+        for run, predicted, seen in zip(runs, smoothed, cameras, strict=True)
     )
     return PredictedClip(one.clip.id, one.camera_motion, tuple(runs), worlds)
 
 
-def file_clip(
-    folder: Path,
-    one: UsableClip,
-    fps_hz: float,
-    *,
-    protocol_fps_hz: float | None = None,
-    smoothing_frames: float = 0.0,
-    all_phases: bool = False,
-    drop_missing: bool = False,
-) -> PredictedClip | str:
+def file_clip(folder: Path, one: UsableClip, how: Pairing) -> PredictedClip | str:
     """A clip beside `<clip id>.npz` of a folder; the reason where there is no prediction.
 
     The file is a clip as `save_clip` writes it, in a world of its own, or in the camera's frame:
     then its own camera puts it into the world, or the truth's where it has none.  Its row i is the
-    truth's row i, or row k i where the truth's rate is k times the prediction's.
-
-    Args:
-        fps_hz: Rate of OME, TME and VME [Hz].
-        protocol_fps_hz: Rate of a protocol's figures [Hz], which is taken where the prediction's is
-            a multiple of it; the prediction's own otherwise.
-        smoothing_frames: Standard deviation of the Gaussian that smooths the predicted path for a
-            protocol first, in frames of its rate; 0 for none.
-        drop_missing: Whether clips and true frames without a prediction are dropped, the frames
-            counted; they are an error otherwise.
+    truth's row i, or row k i where the truth's rate is k times the prediction's.  Its local pose
+    and shape count in VME and in a protocol.
     """
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of predictions")
     path = folder / f"{one.clip.id}.npz"
-    if not path.is_file():
-        reason = f"no prediction {path.name}"
-        if drop_missing:
-            return reason
-        raise BadMotionFile(
-            f"{folder}: {reason}. Predict this clip too, or pass --missing drop to leave it out"
-        )
-    return clip_beside_truth(
-        path,
-        load_clip(path),
-        one,
-        fps_hz,
-        protocol_fps_hz=protocol_fps_hz,
-        smoothing_frames=smoothing_frames,
-        all_phases=all_phases,
-        drop_missing=drop_missing,
+    if path.is_file():
+        return clip_beside_truth(path, load_clip(path), one, how)
+    reason = f"no prediction {path.name}"
+    if how.drop_missing:
+        return reason
+    raise BadMotionFile(
+        f"{folder}: {reason}. Predict this clip too, or pass --missing drop to leave it out"
     )
 
 
 def clip_beside_truth(
-    path: Path,
-    predicted: Clip,
-    one: UsableClip,
-    fps_hz: float,
-    *,
-    protocol_fps_hz: float | None = None,
-    smoothing_frames: float = 0.0,
-    all_phases: bool = False,
-    drop_missing: bool = False,
+    path: Path, predicted: Clip, one: UsableClip, how: Pairing
 ) -> PredictedClip | str:
     """A predicted clip beside the true one, as `file_clip` says; `path` is of its file."""
     true = _at_its_rate(path, predicted, one.clip)
     paths_m = _camera_paths(predicted, true)
     whole = predicted = _in_world(path, predicted, true)
-    true, predicted, n_missing = _with_both(path, true, predicted, drop_missing=drop_missing)
-    runs = _paired(true, predicted, fps_hz, all_phases=all_phases)
+    true, predicted, n_missing = _with_both(path, true, predicted, drop_missing=how.drop_missing)
+    runs = _paired(true, predicted, how.fps_hz, all_phases=how.all_phases)
     if not runs:
-        return f"no two frames in a row with a prediction at {fps_hz:g} fps"
+        return f"no two frames in a row with a prediction at {how.fps_hz:g} fps"
     world_hz = predicted.motion.fps_hz
-    if protocol_fps_hz is not None and whole_ratio(world_hz, protocol_fps_hz) is not None:
-        world_hz = protocol_fps_hz
-    if smoothing_frames > 0:
-        whole = _smoothed_clip(whole, smoothing_frames * whole.motion.fps_hz / world_hz)
+    if how.protocol_fps_hz is not None and whole_ratio(world_hz, how.protocol_fps_hz) is not None:
+        world_hz = how.protocol_fps_hz
+    if how.smoothing_frames > 0:
+        whole = _smoothed_clip(whole, how.smoothing_frames * whole.motion.fps_hz / world_hz)
         predicted = _first_rows(whole, str(path), predicted.valid)
     numbers = _frame_numbers(one.clip, world_hz)
     world = _world(true, predicted, world_hz, numbers)

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from gmrdata.read.systems.entries import Z_UP_FROM_Y_DOWN
+from gmrdata.score import SeenAs
 from gmrdata.score.records import MatchedResult
 from gmrdata.score.result_files import ClipName, ResultSet
 from gmrdata.values.body import BodyModel, gender_of
@@ -17,10 +17,6 @@ from gmrdata.values.estimated import Crop, EstimatedPeople, EstimatedPerson
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from gmrdata.world.compose import motion_in_world
-
-SeenAs = Literal["ignored", "true"]
-"""How a motion in the camera's frame becomes one in the world: as if the camera stood still, or by
-the manifest's cameras."""
 
 
 @dataclass(frozen=True, eq=False)

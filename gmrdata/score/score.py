@@ -1,179 +1,181 @@
-"""Score a trained network, or predictions of anything else, on a manifest's clips."""
+"""Score a network, or predictions of anything else, on a manifest's clips: OME, TME and VME."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
-from gmrdata.gmr.config import Which
-from gmrdata.gmr.runs import UsableClip, fitting_clips, usable_clips
+from gmrdata.gmr.config import is_network, network_dir
+from gmrdata.gmr.runs import UsableClip, UsableClips, fitting_clips, usable_clips
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.bodies import body_inputs, load_bodies
-from gmrdata.score import Deviation, ProtocolName
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
-from gmrdata.score.predictions import PredictedClip, file_clip, network_clip, on_its_body
-from gmrdata.score.protocols import (
-    H36M_JOINTS,
-    H36M_ROWS,
-    protocol_as,
-    with_mesh_joints,
-)
-from gmrdata.score.records import (
-    Bootstrap,
-    Protocol,
-    ScoredFiles,
-    ScoredNetwork,
-    ScoredResults,
-    Scores,
-)
+from gmrdata.score.compare import CompareConfig, compare
+from gmrdata.score.predictions import PredictedClip, on_its_body
+from gmrdata.score.predictors import ScoreConfig, Source, clips_source, network_source
+from gmrdata.score.protocols import H36M_JOINTS, H36M_ROWS, with_mesh_joints
+from gmrdata.score.records import Bootstrap, Protocol, Scores
+from gmrdata.score.result_files import COMPARISON, ClipFiles, find_result_sets
+from gmrdata.score.result_scores import ResultSets, check_people, clip_names
 from gmrdata.score.summary import beside_floor, read_fitting_floor, summarise
 from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values import limits
 from gmrdata.values.bodies import body_of, names_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe
-from gmrdata.values.records import Config
 
 
-class ScoreConfig(Config):
-    """The recipe of a score."""
+@dataclass(frozen=True)
+class Scored:
+    """What was scored, as `score` gives it."""
 
-    which: Which = "latest"
-    """Which weights of a network are scored; predictions from files have none."""
-    all_phases: bool = False
-    """Whether a clip of a higher frame rate is scored in all its phases, or in the first; the paper
-    doesn't say."""
-    protocol: ProtocolName | None = None
-    """What is measured beside OME, TME, VME and the vertex error over time."""
-    original: tuple[Deviation | Literal["all"], ...] = ()
-    """In what a protocol follows its released code where it doesn't by itself."""
-    fps_hz: float = Field(default=10.0, gt=0)
-    """Rate of OME, TME and VME of predictions from files [Hz]; a network is scored at its own."""
-    missing: Literal["error", "drop"] = "error"
-    """Whether valid frames without a prediction are an error, or dropped and counted."""
-    resamples: int = Field(default=2000, ge=100, le=limits.MOST_DRAWS)
-    """How often clips are drawn for a bootstrap interval."""
-    seed: int = Field(default=0, ge=0)
-
-    def its_protocol(self) -> Protocol | None:
-        """The protocol as it is asked for; BadRecipe where it has no such deviation."""
-        if self.protocol is None:
-            if self.original:
-                raise BadRecipe(f"--original {' '.join(self.original)}: give --protocol too")
-            return None
-        return protocol_as(self.protocol, self.original)
+    scores: tuple[Path, ...]  # the `scores.json` of each set of predictions
+    comparison: Path | None  # `comparison.json` of several sets; None for one
 
 
-def score_manifest(
-    run_dir: Path,
-    manifest_path: Path,
-    body_path: Path | None,
-    out_dir: Path,
+def score(
+    predictor: Path | str,
+    manifest_path: Path | str,
+    out_dir: Path | str,
     config: ScoreConfig | None = None,
     *,
-    floor_path: Path | None = None,
-    joint_regressor_path: Path | None = None,
+    body_path: Path | str | None = None,
+    predictions_body_path: Path | str | None = None,
+    floor_path: Path | str | None = None,
+    joint_regressor_path: Path | str | None = None,
     run: Run = DEFAULT_RUN,
-) -> Path:
-    """Score a trained network on a manifest's clips: OME, TME and VME (eqs. 15-17).
+) -> Scored:
+    """Score what a network, or anything else, predicts for a manifest's clips (eqs. 15-17).
 
-    The input is each clip's own local pose and shape, so VME is of the motion alone.  Clips that
-    the manifest rejects are left out and named.  Differences are never taken across frames that are
-    not valid; each run of valid frames is a sequence of its own for the network.
+    Clips that the manifest rejects are left out and named.  Differences are never taken across
+    frames that are not valid.  `out_dir` gets `scores.json`, `scores.csv` and `scores.md`; several
+    sets of results are in `out_dir/<set>` each, and compared with the first in `comparison`.
 
     Args:
-        body_path: Their body, or a folder of bodies, as `load_bodies` takes it; None for the
+        predictor: A network, as `load_gmr` takes it; a folder with `<clip id>.npz`, as baselines
+            write it; or results of other systems as they write them, a file or a folder
+            (docs/scores.md says how files are named).
+        body_path: The clips' body, or a folder of bodies, as `load_bodies` takes it; None for the
             default body.
-        out_dir: Gets `scores.json`, whose path is returned, `scores.csv` and `scores.md`.
+        predictions_body_path: The predictions' body or bodies, of the same mesh; None for those of
+            `body_path`.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
         joint_regressor_path: A .npy of (joints, vertices) that takes a protocol's joints from posed
             meshes, as some released code does; None for the bodies' own joints.
 
-    BadManifest where no clip can be scored, one is of another body, or a floor is given for a
-    manifest that is no pseudo ground truth; BadRecord where the floor is of another frame rate.
+    MissingInput where there is no predictor.  BadManifest where no clip can be scored, one is of
+    another body, or a floor is given for a manifest that is no pseudo ground truth.  BadRecord
+    where the floor is of another frame rate.  BadMotionFile where a prediction is missing, lacks
+    frames and may not be dropped, is of another clip or body, has several people and none was
+    named, or none of a clip's frames.  BadBodyFile where the two bodies have different meshes.
     """
-    from gmrdata.gmr.predict import load_gmr
-
-    config = config or ScoreConfig()
-
-    def predictor() -> Predictor:
-        gmr = load_gmr(run_dir, config.which)
-        network = gmr.model.config.model_dump(mode="json")
-        model = ScoredNetwork(
-            kind="network", run=gmr.name, step=gmr.step, which=config.which, network=network
-        )
-        protocol = config.its_protocol()
-        smoothing = protocol.smoothing_frames if protocol else 0.0
-        predict = partial(
-            network_clip, gmr, all_phases=config.all_phases, smoothing_frames=smoothing
-        )
-        return gmr.name, model, predict, gmr.fps_hz
-
-    inputs = {"run": run_dir, "manifest": manifest_path, "body": body_path, "floor": floor_path}
-    inputs["joint_regressor"] = joint_regressor_path
-    return write_scores(out_dir, manifest_path, predictor, inputs, config, run)
+    optional = (body_path, predictions_body_path, floor_path, joint_regressor_path)
+    given = _Given(Path(manifest_path), *(None if it is None else Path(it) for it in optional))
+    config, out_dir = config or ScoreConfig(), Path(out_dir)
+    sources = _sources(predictor, given, config)
+    folders = [out_dir / one.name if len(sources) > 1 else out_dir for one in sources]
+    scores = [
+        _write_scores(folder, one, given, config, run)
+        for folder, one in zip(folders, sources, strict=True)
+    ]
+    if len(sources) == 1:
+        return Scored(tuple(scores), None)
+    compared = CompareConfig(names=tuple(one.name for one in sources), seed=config.seed)
+    return Scored(tuple(scores), compare(scores, out_dir / COMPARISON, compared, run=run))
 
 
-def score_predictions(
-    predictions_dir: Path,
-    manifest_path: Path,
-    body_path: Path | None,
-    out_dir: Path,
-    config: ScoreConfig | None = None,
-    *,
-    predictions_body_path: Path | None = None,
-    floor_path: Path | None = None,
-    joint_regressor_path: Path | None = None,
-    run: Run = DEFAULT_RUN,
+@dataclass(frozen=True)
+class _Given:
+    """What predictions are scored on, and beside."""
+
+    manifest_path: Path
+    body_path: Path | None
+    predictions_body_path: Path | None
+    floor_path: Path | None
+    joint_regressor_path: Path | None
+
+    def inputs(self) -> dict[str, Path]:
+        optional = {"floor": self.floor_path, "joint_regressor": self.joint_regressor_path}
+        inputs = {"manifest": self.manifest_path} | body_inputs(self.body_path)
+        inputs |= body_inputs(self.predictions_body_path, "predictions_body")
+        return inputs | {key: path for key, path in optional.items() if path is not None}
+
+
+def _sources(predictor: Path | str, given: _Given, config: ScoreConfig) -> list[Source]:
+    """What is scored by itself: the network, or each set of predictions in a folder."""
+    if is_network(predictor):
+        return [network_source(network_dir(predictor), config)]
+    names, path = clip_names(given.manifest_path), Path(predictor)
+    found = find_result_sets(path, names)
+    check_people(config, names, found)
+    others = [one for one in found if not isinstance(one, ClipFiles)]
+    body_path = given.predictions_body_path or given.body_path
+    sets = ResultSets(path, others, names, given.manifest_path, body_path, config)
+    return [
+        clips_source(one.name, one.folder, config)
+        if isinstance(one, ClipFiles)
+        else sets.source(one)
+        for one in found
+    ]
+
+
+def _write_scores(
+    out_dir: Path, source: Source, given: _Given, config: ScoreConfig, run: Run
 ) -> Path:
-    """Score predicted world motions, whatever made them, by the same code as a network's.
+    def work(partial_dir: Path) -> None:
+        scores = _scores(source, given, config)
+        path = partial_dir / "scores.json"
+        scores.write(path)
+        write_table_files(path, csv_rows(scores), scores_markdown(scores))
 
-    What is not said here is as for `score_manifest`.
-
-    Args:
-        predictions_dir: `<clip id>.npz` for each clip, as `save_clip` writes it, each in a world of
-            its own; row i is the clip's row i, or row k i where the clip's rate is k times the
-            prediction's.  Its local pose and shape count in VME and in a protocol.
-        predictions_body_path: The predictions' body or bodies, of the same mesh; None for those of
-            `body_path`.
-
-    BadMotionFile where a prediction is missing, lacks frames and may not be dropped, is of another
-    clip or body, or in the camera's frame; BadBodyFile where the two bodies have different meshes.
-    """
-    config = config or ScoreConfig()
-
-    def predictor() -> Predictor:
-        folder, protocol = predictions_dir.resolve(), config.its_protocol()
-        name = folder.parent.name if folder.name == "predictions" else folder.name
-        predict = partial(
-            file_clip,
-            predictions_dir,
-            fps_hz=config.fps_hz,
-            protocol_fps_hz=protocol.fps_hz if protocol else None,
-            smoothing_frames=protocol.smoothing_frames if protocol else 0.0,
-            all_phases=config.all_phases,
-            drop_missing=config.missing == "drop",
-        )
-        return name, ScoredFiles(kind="files", predictions=name), predict, config.fps_hz
-
-    inputs = {"predictions": predictions_dir, "manifest": manifest_path, "body": body_path}
-    inputs |= {"floor": floor_path, "predictions_body": predictions_body_path}
-    inputs["joint_regressor"] = joint_regressor_path
-    return write_scores(out_dir, manifest_path, predictor, inputs, config, run)
+    inputs = {**source.inputs, **given.inputs()}
+    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
 
 
-Predict = Callable[[UsableClip], PredictedClip | str]  # or the reason why there is none
-Predictor = tuple[str, ScoredNetwork | ScoredFiles | ScoredResults, Predict, float]
-"""Its name, what predicts, and the rate of OME, TME and VME [Hz]."""
+def _scores(source: Source, given: _Given, config: ScoreConfig) -> Scores:
+    one, usable, protocol = source.open(), usable_clips(given.manifest_path), config.its_protocol()
+    floor = regressor = None
+    if given.floor_path is not None:
+        kind = usable.manifest.kind
+        floor = read_fitting_floor(given.floor_path, given.manifest_path, kind, one.fps_hz)
+    bodies = bodies_for(given.body_path, given.predictions_body_path)
+    if given.joint_regressor_path is not None:
+        body = bodies.of_clips[0]
+        regressor, protocol = _joint_regressor(given.joint_regressor_path, body, protocol)
+    scored, skipped = score_clips(one.predict, bodies, usable.clips, protocol, regressor)
+    used = {clip.clip.motion.body for clip in usable.clips}
+    if not scored:
+        raise BadManifest(f"{given.manifest_path}: no clip has two valid frames in a row")
+    labelled = _labelled(scored, usable, protocol)
+    rng = np.random.default_rng(config.seed)
+    summary = summarise(labelled, one.fps_hz, config.resamples, rng)
+    return Scores(
+        **dict(summary if floor is None else beside_floor(summary, floor)),
+        name=one.name,
+        model=one.model,
+        fps_hz=one.fps_hz,
+        body=names_of(body for body in bodies.of_clips if body.name in used),
+        protocol=protocol,
+        bootstrap=Bootstrap(resamples=config.resamples, seed=config.seed),
+        skipped=usable.skipped | skipped,
+        dropped_frames=sum(clip.dropped_frames for clip in scored),
+    )
+
+
+def _labelled(
+    scored: Sequence[ClipErrors], usable: UsableClips, protocol: Protocol | None
+) -> list[ClipErrors]:
+    """Clips with what a protocol takes across them, and with the groups that they belong to."""
+    types, subsets = motion_types(usable.manifest), subsets_of(usable.manifest)
+    return [
+        replace(one, motion_type=types.get(one.clip_id), subsets=subsets.get(one.clip_id, ()))
+        for one in across_clips(scored, protocol, videos_of(usable.manifest))
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +187,7 @@ class ScoredBodies:
 
 
 def score_clips(
-    predict: Predict,
+    predict: Callable[[UsableClip], PredictedClip | str],
     bodies: ScoredBodies,
     clips: Sequence[UsableClip],
     protocol: Protocol | None = None,
@@ -252,66 +254,6 @@ def subsets_of(manifest: Manifest) -> dict[str, tuple[str, ...]]:
         id: tuple(name for key, name in SUBSETS.items() if of_clip.get(key) == 1)
         for id, of_clip in figures.items()
     }
-
-
-def write_scores(
-    out_dir: Path,
-    manifest_path: Path,
-    predictor: Callable[[], Predictor],
-    inputs: Mapping[str, Path | None],
-    config: ScoreConfig,
-    run: Run,
-) -> Path:
-    def work(partial_dir: Path) -> None:
-        scores = _scores(predictor(), manifest_path, inputs, config)
-        path = partial_dir / "scores.json"
-        scores.write(path)
-        write_table_files(path, csv_rows(scores), scores_markdown(scores))
-
-    given = {key: path for key, path in inputs.items() if path is not None}
-    for role in ("body", "predictions_body"):
-        if (path := given.pop(role, None)) is not None:
-            given |= body_inputs(path, role)
-    return run_stage("score", out_dir, config, given, work, run=run) / "scores.json"
-
-
-def _scores(
-    predictor: Predictor,
-    manifest_path: Path,
-    inputs: Mapping[str, Path | None],
-    config: ScoreConfig,
-) -> Scores:
-    name, model, predict, fps_hz = predictor
-    usable, floor, protocol = usable_clips(manifest_path), None, config.its_protocol()
-    if (path := inputs["floor"]) is not None:
-        floor = read_fitting_floor(path, manifest_path, usable.manifest.kind, fps_hz)
-    bodies, regressor = bodies_for(inputs["body"], inputs.get("predictions_body")), None
-    if (path := inputs["joint_regressor"]) is not None:
-        regressor, protocol = _joint_regressor(path, bodies.of_clips[0], protocol)
-    scored, skipped = score_clips(predict, bodies, usable.clips, protocol, regressor)
-    used = {one.clip.motion.body for one in usable.clips}
-    if not scored:
-        raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
-    scored = across_clips(scored, protocol, videos_of(usable.manifest))
-    types, subsets = motion_types(usable.manifest), subsets_of(usable.manifest)
-    typed = [
-        replace(one, motion_type=types.get(one.clip_id), subsets=subsets.get(one.clip_id, ()))
-        for one in scored
-    ]
-    summary = summarise(typed, fps_hz, config.resamples, np.random.default_rng(config.seed))
-    if floor is not None:
-        summary = beside_floor(summary, floor)
-    return Scores(
-        **dict(summary),
-        name=name,
-        model=model,
-        fps_hz=fps_hz,
-        body=names_of(body for body in bodies.of_clips if body.name in used),
-        protocol=protocol,
-        bootstrap=Bootstrap(resamples=config.resamples, seed=config.seed),
-        skipped=usable.skipped | skipped,
-        dropped_frames=sum(one.dropped_frames for one in scored),
-    )
 
 
 def _joint_regressor(

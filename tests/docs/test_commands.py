@@ -29,9 +29,9 @@ RUN = (
     "baseline zero filmed/manifest.yaml --out out/zero",
     "baseline mean filmed/manifest.yaml --training out/cmu/motions.yaml --out out/mean",
     "baseline camera_as_world filmed/manifest.yaml --camera true --out out/true",
-    "evaluate filmed/manifest.yaml --predictions out/zero/predictions --out out/zero_scores "
+    "evaluate out/zero/predictions filmed/manifest.yaml --out out/zero_scores "
     "--protocol wham --original all",
-    "evaluate filmed/manifest.yaml --predictions out/mean/predictions --out out/mean_scores "
+    "evaluate out/mean/predictions filmed/manifest.yaml --out out/mean_scores "
     "--protocol wham --original all",
     "compare out/zero_scores/scores.json out/mean_scores/scores.json --out out/compared",
     "infer out/gmr path/to/cmu/16_01.bvh --fps-hz 100 --out out/world --no-video",
@@ -68,7 +68,7 @@ ELSEWHERE = {
     "evaluate --body --floor --out": (
         "score/test_score.py::test_a_floor_is_part_of_what_was_asked"
     ),
-    "evaluate --predictions --body --person --out": (
+    "evaluate --body --person --out": (
         "score/test_results.py::test_three_systems_of_one_sequence_are_compared_by_one_command"
     ),
     "fetch cmu --list --out": "motion/test_cmu.py::test_the_command",

@@ -9,12 +9,10 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
-from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, network_dir
 from gmrdata.gmr.model import Gmr, MeanGmr
 from gmrdata.gmr.predict import (
-    BUNDLE_FILE,
     load_gmr,
-    network_dir,
     predict_deltas,
     read_bundle,
     write_bundle,

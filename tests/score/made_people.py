@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.gmr.runs import UsableClip
 from gmrdata.score import ProtocolMetric, ProtocolName
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
-from gmrdata.score.predictions import PredictedClip, file_clip
+from gmrdata.score.predictions import Pairing, PredictedClip, file_clip
 from gmrdata.score.protocols import protocol_as, with_mesh_joints
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -57,9 +57,11 @@ def our_figures(
         found = file_clip(
             folder,
             UsableClip(true, "linear"),
-            FPS_HZ,
-            protocol_fps_hz=protocol.fps_hz,
-            smoothing_frames=protocol.smoothing_frames,
+            Pairing(
+                FPS_HZ,
+                protocol_fps_hz=protocol.fps_hz,
+                smoothing_frames=protocol.smoothing_frames,
+            ),
         )
         assert isinstance(found, PredictedClip)
         scored.append(clip_errors(found, body, protocol, regressor=regressor))

@@ -10,11 +10,12 @@ from gmrdata.gmr.runs import UsableClip
 from gmrdata.motion.emdb import make_emdb
 from gmrdata.read.body_file import save_body
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
-from gmrdata.score.predictions import PredictedClip, file_clip
+from gmrdata.score.predictions import Pairing, PredictedClip, file_clip
+from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.protocol_values import WorldBody, WorldPair
 from gmrdata.score.protocols import ORIGINAL, PROTOCOLS, protocol_as, with_mesh_joints
 from gmrdata.score.records import Scores
-from gmrdata.score.score import ScoreConfig, score_predictions
+from gmrdata.score.score import score
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile, BadRecipe
@@ -34,7 +35,7 @@ def scored(
     folder: Path, body: BodyModel, true: Clip, predicted: Clip, name: str, *original: str
 ) -> ClipErrors:
     save_clip(folder / f"{true.id}.npz", predicted, body.rest_pelvis_m(predicted.motion.shape))
-    found = file_clip(folder, UsableClip(true, "linear"), 10.0, protocol_fps_hz=30.0)
+    found = file_clip(folder, UsableClip(true, "linear"), Pairing(10.0, protocol_fps_hz=30.0))
     assert isinstance(found, PredictedClip)
     protocol = protocol_as(name, original)  # type: ignore[arg-type]
     return clip_errors(found, body, protocol)
@@ -117,7 +118,7 @@ def test_joints_from_the_mesh(
     matrix = np.zeros((24, len(small_body.template_m)))
     matrix[np.arange(24), np.arange(24)] = 1.0
     save_clip(tmp_path / f"{true.id}.npz", predicted, small_body.rest_pelvis_m(true.motion.shape))
-    found = file_clip(tmp_path, UsableClip(true, "linear"), 10.0, protocol_fps_hz=30.0)
+    found = file_clip(tmp_path, UsableClip(true, "linear"), Pairing(10.0, protocol_fps_hz=30.0))
     assert isinstance(found, PredictedClip)
     protocol = with_mesh_joints(PROTOCOLS["gvhmr"], 24)
     regressed = clip_errors(found, small_body, protocol, regressor=matrix)
@@ -174,7 +175,7 @@ def test_emdb_1_and_emdb_2_in_one_run(tmp_path: Path, small_body: BodyModel) -> 
         off = replace(in_camera(true, true), image_numbers=true.image_numbers)
         save_clip(folder / f"{name}.npz", off, body.rest_pelvis_m(true.motion.shape))
     config = ScoreConfig(protocol="wham", original=("all",))
-    path = score_predictions(folder, manifest_path, body_path, tmp_path / "scores", config)
+    path = score(folder, manifest_path, tmp_path / "scores", config, body_path=body_path).scores[0]
     scores = Scores.read(path)
     assert {clip.id: (clip.subsets, clip.seen_in) for clip in scores.clips} == {
         "P0_09_outdoor_walk": (("EMDB 2",), "own_camera"),
@@ -203,7 +204,8 @@ def test_a_regressor_file_is_checked(
     save_body(body_path, small_body)
     for name, message in said.items():
         with pytest.raises(BadBodyFile, match=message):
-            score_predictions(
-                tmp_path, manifest_path, body_path, tmp_path / f"scores_{name}",
-                ScoreConfig(protocol="slahmr"), joint_regressor_path=files[name],
+            score(
+                tmp_path, manifest_path, tmp_path / f"scores_{name}",
+                ScoreConfig(protocol="slahmr"), body_path=body_path,
+                joint_regressor_path=files[name],
             )  # fmt: skip

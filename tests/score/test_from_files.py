@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.gmr.runs import UsableClip
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.score.clip_errors import clip_errors
-from gmrdata.score.predictions import PredictedClip, file_clip
+from gmrdata.score.predictions import Pairing, PredictedClip, file_clip
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -42,7 +42,7 @@ def read(
     folder: Path, body: BodyModel, true: Clip, predicted: Clip, **options: Any
 ) -> PredictedClip:
     save_clip(folder / "walk.npz", predicted, body.rest_pelvis_m(predicted.motion.shape))
-    found = file_clip(folder, UsableClip(true, "linear"), 10.0, **options)
+    found = file_clip(folder, UsableClip(true, "linear"), Pairing(10.0, **options))
     assert isinstance(found, PredictedClip)
     return found
 
@@ -163,13 +163,13 @@ def test_what_can_not_be_scored_is_named(tmp_path: Path, small_body: BodyModel, 
             read(tmp_path, small_body, true, clip)
     (tmp_path / "walk.npz").write_bytes(b"PK\x03\x04 cut off")
     with pytest.raises(BadMotionFile, match=r"walk\.npz"):
-        file_clip(tmp_path, UsableClip(true, "linear"), 10.0)
+        file_clip(tmp_path, UsableClip(true, "linear"), Pairing(10.0))
 
 
 def test_a_missing_file_is_named(tmp_path: Path, true: Clip) -> None:
-    one = UsableClip(replace(true, id="b"), "linear")
-    assert file_clip(tmp_path, one, 10.0, drop_missing=True) == "no prediction b.npz"
+    one, dropping = UsableClip(replace(true, id="b"), "linear"), Pairing(10.0, drop_missing=True)
+    assert file_clip(tmp_path, one, dropping) == "no prediction b.npz"
     with pytest.raises(BadMotionFile, match=r"no prediction b\.npz"):
-        file_clip(tmp_path, one, 10.0)
+        file_clip(tmp_path, one, Pairing(10.0))
     with pytest.raises(MissingInput, match="nowhere"):
-        file_clip(tmp_path / "nowhere", one, 10.0, drop_missing=True)
+        file_clip(tmp_path / "nowhere", one, dropping)

@@ -18,10 +18,12 @@ from gmrdata.read.body_file import save_body
 from gmrdata.read.safe_pickle import load_object_npy
 from gmrdata.read.systems.result import read_system
 from gmrdata.score.compare import Comparison
+from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.records import ScoredResults, Scores
 from gmrdata.score.result_files import ClipName, ResultSet, find_result_sets
-from gmrdata.score.result_scores import ResultsConfig, ScoredSets, score_results
 from gmrdata.score.results import frames_of_rows, people_of_clips
+from gmrdata.score.score import Scored
+from gmrdata.score.score import score as score_predictor
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
@@ -84,13 +86,14 @@ def rest(body: BodyModel, true: Clip) -> np.ndarray:
     return body.rest_pelvis_m(true.motion.shape)
 
 
-def score(data: Path, path: Path, out: Path, **config: Any) -> ScoredSets:
+def score(data: Path, path: Path, out: Path, **config: Any) -> Scored:
     given = {"fps_hz": 30.0, "resamples": 100} | config
     manifest = data / "manifest.yaml"
-    return score_results(path, manifest, data / "body.npz", out, ResultsConfig(**given))
+    body_path = data / "body.npz"
+    return score_predictor(path, manifest, out, ScoreConfig(**given), body_path=body_path)
 
 
-def only(made: ScoredSets) -> Scores:
+def only(made: Scored) -> Scores:
     (path,) = made.scores
     return Scores.read(path)
 
@@ -198,7 +201,7 @@ def test_three_systems_of_one_sequence_are_compared_by_one_command(
     vibe(folder, body, true)
     out = tmp_path / "out"
     given = ("--body", str(data / "body.npz"), "--fps-hz", "30", "--out", str(out))
-    main(["evaluate", str(data / "manifest.yaml"), "--predictions", str(folder), *given])
+    main(["evaluate", str(folder), str(data / "manifest.yaml"), *given])
     found = Comparison.read(out / "comparison" / "comparison.json")
     assert found.runs == ("gvhmr", "vibe", "wham") and found.clips == (true.id,)
     tme = {row.run: row.mean_of_clips for row in found.metrics["tme_mm"]}
@@ -382,7 +385,7 @@ def test_what_is_not_there_is_said(tmp_path: Path, data: Path, body: BodyModel, 
 def test_flags_that_say_nothing(
     flags: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = ("evaluate", "manifest.yaml", "--predictions", "x", "--out", str(tmp_path / "out"))
+    asked = ("evaluate", "x", "manifest.yaml", "--out", str(tmp_path / "out"))
     with pytest.raises(SystemExit):
         main([*asked, *flags])
     assert said in " ".join(capsys.readouterr().err.split())

@@ -22,14 +22,14 @@ from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.score import METHODS, METRICS, Metric
 from gmrdata.score.clip_errors import ClipErrors
-from gmrdata.score.predictions import network_clip
+from gmrdata.score.predictions import Pairing, network_clip
+from gmrdata.score.predictors import ScoreConfig
+from gmrdata.score.records import Scores
 from gmrdata.score.score import (
-    ScoreConfig,
     ScoredBodies,
     motion_types,
+    score,
     score_clips,
-    score_manifest,
-    score_predictions,
 )
 from gmrdata.score.summary import summarise
 from gmrdata.stage.progress import answers
@@ -131,7 +131,7 @@ def test_known_errors_get_known_scores(
     monkeypatch.setattr("gmrdata.gmr.predict.predict_deltas", oracle.predict)
     usable = [UsableClip(clip, "linear") for clip in clips]
     scored, skipped = score_clips(
-        partial(network_clip, oracle, all_phases=False),  # type: ignore[arg-type]
+        partial(network_clip, oracle, how=Pairing(10.0)),  # type: ignore[arg-type]
         ScoredBodies((small_body,), (small_body,)),
         usable,
     )
@@ -148,7 +148,7 @@ def test_known_errors_get_known_scores(
 
 
 def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
-    predict = partial(network_clip, gmr, all_phases=False)
+    predict = partial(network_clip, gmr, how=Pairing(10.0))
     ((one,), _) = score_clips(predict, ScoredBodies((body,), (body,)), [UsableClip(clip, "none")])
     return one
 
@@ -221,7 +221,7 @@ def test_scores_json(
 ) -> None:
     rejected = Quality(verdict="rejected", reasons=("too few points",))
     manifest_path = write_clips(tmp_path / "data", small_body, clips, {"clip_1": rejected})
-    path = score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores")
+    path = score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
     assert path == tmp_path / "scores" / "scores.json"
     record = json.loads(path.read_text())
     assert [clip["id"] for clip in record["clips"]] == ["clip_0", "clip_2"]
@@ -231,14 +231,14 @@ def test_scores_json(
     assert record["fps_hz"] == 10.0
     assert record["model"]["network"] == ModelConfig(layers=1, hidden=6).model_dump(mode="json")
     before = path.read_bytes()
-    assert score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores") == path
-    again = score_manifest(run_dir, manifest_path, body_path, tmp_path / "again")
+    assert score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0] == path
+    again = score(run_dir, manifest_path, tmp_path / "again", body_path=body_path).scores[0]
     assert again.read_bytes() == before
     config = ScoreConfig(all_phases=True)
     with pytest.raises(StaleOutput, match="all_phases"):
-        score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config)
-    score_manifest(
-        run_dir, manifest_path, body_path, tmp_path / "scores", config, run=Run(redo=True)
+        score(run_dir, manifest_path, tmp_path / "scores", config, body_path=body_path).scores[0]
+    score(
+        run_dir, manifest_path, tmp_path / "scores", config, body_path=body_path, run=Run(redo=True)
     )
     record = json.loads(path.read_text())
     assert record["clips"][0]["n_motions"] == 3 * 19
@@ -262,10 +262,10 @@ def test_a_floor_is_part_of_what_was_asked(
         floor = {"format": "gmrdata-floor/1", "fps_hz": 10.0, "seed": None, "recipe": {}}
         floor |= {"sequences": [], "classes": {}, "overall": group}
         write_json(floor_path, floor)
-        path = score_manifest(
-            run_dir, manifest_path, body_path, out_dir, floor_path=floor_path, **options
+        made = score(
+            run_dir, manifest_path, out_dir, body_path=body_path, floor_path=floor_path, **options
         )
-        return dict(json.loads(path.read_text()))
+        return dict(json.loads(made.scores[0].read_text()))
 
     above = scored(1e-3)
     assert above["statements"] == []
@@ -291,14 +291,14 @@ def test_the_best_weights_are_scored_when_asked_for(
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     best = ScoreConfig(which="best")
     with pytest.raises(BadCheckpoint, match="no best weights"):
-        score_manifest(run_dir, manifest_path, body_path, tmp_path / "none", best)
+        score(run_dir, manifest_path, tmp_path / "none", best, body_path=body_path).scores[0]
     assert not (tmp_path / "none").exists()
     add_best_weights(run_dir)
     paths = {
-        which: score_manifest(run_dir, manifest_path, body_path, tmp_path / which, config)
+        which: score(run_dir, manifest_path, tmp_path / which, config, body_path=body_path)
         for which, config in {"latest": ScoreConfig(), "best": best}.items()
     }
-    found = {which: json.loads(path.read_text()) for which, path in paths.items()}
+    found = {which: json.loads(made.scores[0].read_text()) for which, made in paths.items()}
     assert [
         (found[w]["model"]["which"], found[w]["model"]["step"]) for w in ("latest", "best")
     ] == [
@@ -339,11 +339,11 @@ def test_clips_of_another_body_or_without_motions_are_refused(
     other = replace(clips[0], motion=replace(clips[0].motion, body="giant"))
     manifest_path = write_clips(tmp_path / "giant", small_body, [other])
     with pytest.raises(BadManifest, match="clip clip_0: of body giant"):
-        score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores")
+        score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
     flicker = replace(clips[0], valid=np.arange(60) % 2 == 0)
     manifest_path = write_clips(tmp_path / "flicker", small_body, [flicker])
     with pytest.raises(BadManifest, match="no clip has two valid frames in a row"):
-        score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores")
+        score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
     assert not (tmp_path / "scores").exists()
 
 
@@ -353,7 +353,7 @@ def test_the_truth_as_a_prediction_scores_zero_in_all_files(
     """By the verb: JSON, CSV, Markdown and HTML, a protocol's figures among them."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     out_dir = tmp_path / "scores"
-    asked = ["evaluate", str(manifest_path), "--predictions", str(tmp_path / "data")]
+    asked = ["evaluate", str(tmp_path / "data"), str(manifest_path)]
     main([*asked, "--out", str(out_dir), "--body", str(body_path), "--protocol", "wham"])
     record = json.loads((out_dir / "scores.json").read_text())
     assert record["format"] == "gmrdata-scores/4"
@@ -383,11 +383,12 @@ def test_predictions_that_are_missing(
 ) -> None:
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     write_clips(tmp_path / "vibe_cam" / "predictions", small_body, clips[:1])
-    given = (tmp_path / "vibe_cam" / "predictions", manifest_path, body_path, tmp_path / "scores")
+    given = (tmp_path / "vibe_cam" / "predictions", manifest_path, tmp_path / "scores")
     with pytest.raises(BadMotionFile, match=r"predictions: no prediction clip_1\.npz"):
-        score_predictions(*given)
+        score(*given, body_path=body_path)
     assert not (tmp_path / "scores").exists()
-    record = json.loads(score_predictions(*given, ScoreConfig(missing="drop")).read_text())
+    dropping = ScoreConfig(missing="drop")
+    record = json.loads(score(*given, dropping, body_path=body_path).scores[0].read_text())
     assert record["name"] == "vibe_cam"
     assert record["skipped"] == {
         "clip_1": "no prediction clip_1.npz", "clip_2": "no prediction clip_2.npz",
@@ -396,8 +397,9 @@ def test_predictions_that_are_missing(
 
 
 def test_predictions_of_another_body_need_that_body(
-    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
-) -> None:
+    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     """A body that is 4 % larger: no motion error, but one of the vertices."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips[:1])
     large = replace(
@@ -409,19 +411,18 @@ def test_predictions_of_another_body_need_that_body(
     predicted = replace(clips[0], motion=replace(clips[0].motion, body="large"))
     write_clips(tmp_path / "predictions", large, [predicted])
     save_body(tmp_path / "large.npz", large)
-    given = (tmp_path / "predictions", manifest_path, body_path)
+    given = (tmp_path / "predictions", manifest_path, tmp_path / "scores")
+    bodies = {"body_path": body_path, "predictions_body_path": tmp_path / "large.npz"}
     with pytest.raises(BadMotionFile, match="clip_0: its prediction is of body large"):
-        score_predictions(*given, tmp_path / "scores")
-    path = score_predictions(
-        *given, tmp_path / "scores", predictions_body_path=tmp_path / "large.npz"
-    )
-    found = json.loads(path.read_text())["clips"][0]["predicted"]
+        score(*given, body_path=body_path)
+    found = json.loads(score(*given, **bodies).scores[0].read_text())["clips"][0]["predicted"]
     assert found["tme_mm"] < 1e-6
     assert 5 < found["vme_mm"] < 40
     half = replace(with_vertices(small_body, np.arange(100)), faces=np.array([[0, 1, 2]]))
     save_body(tmp_path / "half.npz", half)
+    monkeypatch.chdir(tmp_path)  # a path may be text, relative to where one is
     with pytest.raises(BadBodyFile, match="half.npz: 100 vertices"):
-        score_predictions(*given, tmp_path / "other", predictions_body_path=tmp_path / "half.npz")
+        score(*given[:2], tmp_path / "other", **bodies | {"predictions_body_path": "half.npz"})
 
 
 def test_a_trial_of_the_published_list_has_its_type(
@@ -435,21 +436,34 @@ def test_a_trial_of_the_published_list_has_its_type(
     assert motion_types(usable_clips(manifest_path).manifest) == {"clip_0": "run/jog"}
 
 
+def test_the_network_in_the_package_by_its_word(
+    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
+) -> None:
+    manifest_path = write_clips(tmp_path / "data", small_body, clips[:1])
+    asked = ["evaluate", "bundled", str(manifest_path), "--out", str(tmp_path / "out")]
+    main([*asked, "--body", str(body_path)])
+    scores = Scores.read(tmp_path / "out" / "scores.json")
+    assert scores.name == "bundled"
+    assert scores.overall.paper().predicted.tme_mm < scores.overall.paper().zero.tme_mm
+
+
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "said", "code"),
     [
-        (("run",), "a run folder and a manifest, or a manifest and --predictions"),
-        (("run", "manifest.yaml", "--predictions", "folder"), "give the manifest alone"),
-        (("manifest.yaml", "--predictions", "folder", "--fps-hz", "0"), "must be more than 0"),
-        (("manifest.yaml", "--predictions", "folder"), "manifest.yaml: no such manifest"),
+        (("run",), "Missing from gmrdata evaluate: PATH Manifest file.", 2),
+        (("m.yaml", "--predictions=folder"), "has another name now: gmrdata evaluate PREDICTIONS MANIFEST", 2),
+        (("folder", "manifest.yaml", "--fps-hz", "0"), "must be more than 0", 1),
+        (("folder", "manifest.yaml"), "manifest.yaml: no such manifest", 1),
+        (("bundled", "manifest.yaml"), "manifest.yaml: no such file", 1),
     ],
 )
 def test_the_verb_says_what_it_needs(
-    given: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    given: tuple[str, ...], said: str, code: int, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     with pytest.raises(SystemExit) as ended:
         main(["evaluate", *given, "--out", str(tmp_path / "out")])
-    assert ended.value.code == 1
+    assert ended.value.code == code
     assert said in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "out").exists()
 
@@ -460,7 +474,7 @@ def test_clips_that_are_too_short_for_a_protocol_have_no_figure(
     """2 s at the network's 10 fps are less than tram's 100 frames; RTE and ERVE there are."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     config = ScoreConfig(protocol="tram")
-    path = score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config)
+    path = score(run_dir, manifest_path, tmp_path / "scores", config, body_path=body_path).scores[0]
     record = json.loads(path.read_text())
     for row in (record["overall"], *record["clips"]):
         figures = row["protocol"]["predicted"]

@@ -14,8 +14,9 @@ from gmrdata.motion.emdb import make_emdb
 from gmrdata.motion.library import make_library
 from gmrdata.read.bodies import load_bodies
 from gmrdata.read.body_file import save_body
+from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.records import Scores
-from gmrdata.score.score import ScoreConfig, score_manifest, score_predictions
+from gmrdata.score.score import score
 from gmrdata.stage.run import Run
 from gmrdata.values.bodies import body_of
 from gmrdata.values.body import BodyModel, with_vertices
@@ -87,14 +88,15 @@ def test_one_training_and_one_scoring(made: Path, tmp_path: Path) -> None:
     manifests = [made / "amass" / "motions.yaml", made / "emdb" / "emdb.yaml"]
     smpl = made / "smpl"
     run_dir = train(manifests, tmp_path / "run", CONFIG, body_path=smpl, held_out_paths=manifests)
-    scores_path = score_manifest(run_dir, manifests[1], smpl, tmp_path / "scores", FEW)
+    scores_path = score(run_dir, manifests[1], tmp_path / "scores", FEW, body_path=smpl).scores[0]
     scores = Scores.read(scores_path)
     assert scores.body == "smpl-female, smpl-male, smpl-neutral"
     assert len(scores.clips) == 3
     # Where a stage keeps bodies is such a folder as well.
-    kept = Scores.read(
-        score_manifest(run_dir, manifests[1], made / "emdb" / "body", tmp_path / "kept", FEW)
+    of_stage = score(
+        run_dir, manifests[1], tmp_path / "kept", FEW, body_path=made / "emdb" / "body"
     )
+    kept = Scores.read(*of_stage.scores)
     for one, other in zip(scores.clips, kept.clips, strict=True):
         assert one.predicted.vme_mm == pytest.approx(other.predicted.vme_mm, rel=1e-5)
 
@@ -109,7 +111,7 @@ def test_each_prediction_is_posed_on_its_own_body(made: Path, tmp_path: Path) ->
         folder.mkdir(exist_ok=True)
         save_clip(folder / f"{clip.id}.npz", clip, body.rest_pelvis_m(np.zeros(16)))
     config = ScoreConfig(fps_hz=30.0, resamples=100)
-    found = score_predictions(folder, manifest, made / "smpl", tmp_path / "scores", config)
+    found = score(folder, manifest, tmp_path / "scores", config, body_path=made / "smpl").scores[0]
     assert all(clip.predicted.vme_mm < 1e-4 for clip in Scores.read(found).clips)
 
 
