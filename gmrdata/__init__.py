@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gmrdata.cameras.lens.intrinsics import GivenIntrinsics as GivenIntrinsics
+    from gmrdata.export.export import export as export
     from gmrdata.film.programmes import camera_path as camera_path
     from gmrdata.film.programmes import camera_programme as camera_programme
     from gmrdata.film.render import RenderConfig as RenderConfig

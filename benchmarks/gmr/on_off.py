@@ -37,9 +37,9 @@ def on_off_rows(run_dir: Path, manifest: Path, out_dir: Path) -> list[dict[str, 
         manifest: What `film_on_and_off` made.
         out_dir: Where predictions and scores go.
     """
-    by_network = _scores(score(run_dir, manifest, out_dir / "gmr"))
+    by_network = _scores(*score(run_dir, manifest, out_dir / "gmr").scores)
     poses = predict_camera_as_world(manifest, out_dir / "camera_as_world") / "predictions"
-    by_camera = _scores(score(poses, manifest, out_dir / "as_world"))
+    by_camera = _scores(*score(poses, manifest, out_dir / "as_world").scores)
     rows = []
     for clip in sorted(by_network):
         if clip + OFF in by_network:

@@ -451,7 +451,11 @@ def test_the_network_in_the_package_by_its_word(
     ("given", "said", "code"),
     [
         (("run",), "Missing from gmrdata evaluate: PATH Manifest file.", 2),
-        (("m.yaml", "--predictions=folder"), "has another name now: gmrdata evaluate PREDICTIONS MANIFEST", 2),
+        (
+            ("m.yaml", "--predictions=folder"),
+            "has another name now: gmrdata evaluate PREDICTIONS MANIFEST",
+            2,
+        ),
         (("folder", "manifest.yaml", "--fps-hz", "0"), "must be more than 0", 1),
         (("folder", "manifest.yaml"), "manifest.yaml: no such manifest", 1),
         (("bundled", "manifest.yaml"), "manifest.yaml: no such file", 1),
