@@ -7,9 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.check.agreement import (
-    AGREEING_SHARE,
-    FEW_KEYFRAMES,
-    MOST_OF_THEM,
     compare_again,
     compare_turned_again,
     disagreement,
@@ -39,10 +36,6 @@ from gmrdata.cameras.match.matches import Matches, match_frames
 from gmrdata.cameras.match.tracks import errors_px, mean_over_points, tracks_of
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values.errors import NoReconstruction
-
-CLEARLY_BETTER = 0.7  # share of the median residual that makes six degrees of freedom worth it
-NEARLY_TURNS = 0.6  # share of the matches that make a pure rotation the likeliest
-VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by little parallax
 
 
 def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
@@ -111,7 +104,7 @@ def _solve_keyframes(
     if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
             f"{len(matches.pairs)} pairs of frames match, but no mapper could build a model; "
-            f"{_why_unsolved(len(key_rows), evidence)}",
+            f"{_why_unsolved(len(key_rows), evidence, config)}",
             frames.images[0].parent,
         )
     matches, straight = (of.without(mapped.lens, intrinsics_px) for of in (matches, everything))
@@ -122,11 +115,11 @@ def _solve_keyframes(
     return _with_tracks(solution, everything, frames), evidence, bent
 
 
-def _why_unsolved(n_keyframes: int, evidence: Evidence) -> str:
+def _why_unsolved(n_keyframes: int, evidence: Evidence, config: SfmConfig) -> str:
     """What may keep matched frames from becoming a model, the likeliest alone where it is clear."""
-    if n_keyframes < FEW_KEYFRAMES:
+    if n_keyframes < config.second.few_keyframes:
         return f"{n_keyframes} frames are too few for one, take more of the video"
-    if evidence.rotation_only_share >= NEARLY_TURNS:
+    if evidence.rotation_only_share >= config.choice.nearly_turns:
         share = f"{evidence.rotation_only_share:.0%} of the matches"
         return f"the camera hardly travels, a turn explains {share}, but not all of them"
     return (
@@ -151,27 +144,27 @@ def explains_better(mapped: Solution | None, turning: RotationOnly, config: SfmC
     if mapped is None or mapped.has_camera.sum() < turning.has_camera.sum():
         return False
     agree_px = turning.residuals_px[turning.residuals_px < config.rotation_only_inlier_px]
-    return bool(np.median(mapped.errors_px) < CLEARLY_BETTER * np.median(agree_px))
+    return bool(np.median(mapped.errors_px) < config.choice.clearly_better * np.median(agree_px))
 
 
 def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     """Whether a model of a camera that hardly travels is less to be trusted than a pure rotation.
 
     Over a way that is short beside the distance of the background, turning and travelling look
-    alike, and a mapper may trade one for the other: on a hand-held pan of 39 degrees it found
-    0.25 m of travel for 0.05 m, and rotations that were off by 7 %, at 0.35 px.  Such a model asks
-    for another focal length than the true one, or can't tell which it needs, or a part of
-    the keyframes gives another path: on a pan among people in a street it was 20 % of its way off.
+    alike, and a mapper may trade one for the other.  Such a model asks for another focal length
+    than the true one, or can't tell which it needs, or a part of the keyframes gives another path.
     One of few keyframes does not tell how far the camera travels over all.
     """
-    if mapped.has_camera.mean() < MOST_OF_THEM:
+    if mapped.has_camera.mean() < config.second.most_of_them:
         return False
     turns_px = np.median(turning.residuals_px)
     if turns_px > config.small_travel_median_px:
         return False
     if not hardly_travels(mapped, config.small_travel_share):
         return False
-    focal, enough = mapped.focal, (mapped.second_share or 0.0) >= MOST_OF_THEM
-    if enough and disagreement(mapped, config) > AGREEING_SHARE:
+    enough = mapped.is_confirmed_by(config.second.most_of_them)
+    if enough and disagreement(mapped, config) > config.second.agreeing_share:
         return True
-    return focal is None or focal.sigma > VAGUE_FOCAL or abs(focal.factor - 1.0) > 3 * focal.sigma
+    if (focal := mapped.focal) is None or focal.sigma > config.choice.vague_focal:
+        return True
+    return abs(focal.factor - 1.0) > 3 * focal.sigma

@@ -1,9 +1,141 @@
-"""The recipe of structure from motion, and the thresholds that its cameras must keep to."""
+"""The recipe of structure from motion, and the thresholds that its cameras must keep to.
+
+What was measured for a threshold stands in docs/figures.md.
+"""
+
+from typing import Self
 
 from pydantic import Field
 
 from gmrdata.values import limits
 from gmrdata.values.records import Config
+
+
+class FeaturesConfig(Config):
+    """SIFT features, by the size of the frames and by how many there are."""
+
+    large_pixels: int = Field(default=600_000, ge=1)
+    """Frames from so many have OpenCV's features, which take a third of the time of COLMAP's."""
+    small_pixels: int = Field(default=250_000, ge=0)
+    """Frames with fewer are doubled, which finds twice as many matches in them."""
+    contrast: float = Field(default=0.02, gt=0)
+    """Least contrast of OpenCV's features; COLMAP has the same."""
+    weak_contrast: float = Field(default=0.01, gt=0)
+    """The same where few are outside masks: weak ones hold a camera better than none."""
+    few_features: int = Field(default=1000, ge=0)
+    """Median of the features outside masks below which weak ones are taken too."""
+
+
+class MasksConfig(Config):
+    """When background inside masks comes back."""
+
+    hardly_matched: int = Field(default=50, ge=0)
+    """Matches below which two neighbours hardly match: then what a mask hides is missed."""
+    often: float = Field(default=0.25, gt=0, le=1)
+    """Share of neighbours that hardly match, from which features inside masks are matched too; it
+    takes as long again."""
+    again_px: float = Field(default=1.5, gt=0)
+    """Distance from where a point must appear, within which a feature inside a mask may show it."""
+    again_likeness: float = Field(default=0.9, gt=0, le=1)
+    """Cosine of two descriptors from which they show one point, and not clothes like the wall."""
+    again_seen: int = Field(default=3, ge=2)
+    """Frames that must see a point outside their masks, so that nobody comes in who moves."""
+
+
+class MappingConfig(Config):
+    """Models by COLMAP's mappers, and how they are made better."""
+
+    small_start_deg: float = Field(default=0.5, gt=0)
+    """Parallax of the first pair where the camera hardly leaves its place; COLMAP's usual 16 find
+    no pair there.  About a hand's 5 cm before a background 5 m away."""
+    least_explained: float = Field(default=0.4, ge=0, le=1)
+    """Share of its frames' matched points below which a model is doubted, and a mapper tried that
+    asks for less parallax."""
+    long_frames: int = Field(default=40, ge=2)
+    """Keyframes from which on the global mapper places each by few tracks, for a quarter of the
+    time; fewer need all tracks."""
+    least_held: float = Field(default=0.2, ge=0, le=1)
+    """Share of a keyframe's matched points below which it is weak: its place may be wrong, and
+    little leads it back."""
+    triangulated_again: int = Field(default=2, ge=0)
+    """How often the points of all keyframes are made anew then; a third time changes nothing."""
+    min_triangulation_deg: float = Field(default=1.0, gt=0)
+    """Least angle of a point that is made anew: with less it has no depth to hold a keyframe by."""
+    jump: float = Field(default=5.0, gt=0)
+    """Distance of a keyframe from the middle between its neighbours, in medians over the path,
+    beyond which it may have jumped."""
+    jump_gain: float = Field(default=0.001, ge=0, lt=1)
+    """Share of the cost of its points by which it must be better where it ends from the middle, so
+    that what merely moves fast stays."""
+    most_jumps: int = Field(default=10, ge=0)
+    """Keyframes that are tried so at most, since each takes an adjustment."""
+
+
+class JoiningConfig(Config):
+    """When two models that share frames become one."""
+
+    min_shared_points: int = Field(default=12, ge=3)
+    """Points that both must have; three fix a similarity, more say whether it is right."""
+    min_common_observations: int = Field(default=2, ge=1)
+    """Image points by which points of both are known to be one."""
+    point_error_share: float = Field(default=0.05, gt=0)
+    """How far apart the two may be, as a share of the way to the camera: depths vary."""
+    min_inlier_share: float = Field(default=0.5, gt=0, le=1)
+    """Share of the shared points that must agree with the similarity."""
+    max_shared_error_px: float = Field(default=4.0, gt=0)
+    """Median distance of one model's points in the other's shared cameras [px]."""
+
+
+class DistortionConfig(Config):
+    """When radial distortion is taken out of the image points."""
+
+    least_share: float = Field(default=0.02, ge=0, le=1)
+    """Share of the cost that it must take away: bent lenses do, straight ones not by far."""
+    min_observations: int = Field(default=1000, ge=0)
+    """Fewer image points fit any lens better."""
+    least_stretch: float = Field(default=0.5, gt=0)
+    """Of the picture along the radius; a lens that folds it is none."""
+
+
+class ChoiceConfig(Config):
+    """The choice between a camera that only turns and one that also moves."""
+
+    parallax_growth: float = Field(default=2.5, gt=0)
+    """Residuals of the worst tenth of pairs over those of the best, above which parallax may show;
+    pans stay well below."""
+    parallax_px: float = Field(default=0.5, ge=0)
+    """Residuals of the worst tenth of pairs below which parallax does no harm [px]."""
+    clearly_better: float = Field(default=0.7, gt=0)
+    """Share of the median residual that makes six degrees of freedom worth it."""
+    nearly_turns: float = Field(default=0.6, ge=0, le=1)
+    """Share of the matches that make a pure rotation the likeliest where nothing can be solved."""
+    least_covered: float = Field(default=0.5, ge=0, le=1)
+    """Share of the picture's cells that a turn must explain: a logo stays in its place too."""
+    vague_focal: float = Field(default=0.02, ge=0)
+    """A model whose focal length is more uncertain is held by little parallax."""
+
+
+class SecondConfig(Config):
+    """A second solution, of a part of the keyframes, that must confirm the first."""
+
+    few_keyframes: int = Field(default=5, ge=3)
+    """Mappers want more frames than the three that a model needs."""
+    well_matched: int = Field(default=50, ge=0)
+    """Matches of its neighbours without which it keeps a keyframe: it must hold together as the
+    first solution does."""
+    enough_share: float = Field(default=0.5, ge=0, le=1)
+    """Share of its keyframes with a camera, below which one of more keyframes is tried."""
+    same_deg: float = Field(default=1.0, ge=0)
+    """Up to which the turns of both give the same path; as the verdict has it [degrees]."""
+    same_share: float = Field(default=0.03, ge=0)
+    """And the places, as a share of the path's extent."""
+    starts: int = Field(default=2, ge=1)
+    """Of the mapper, at most, where the camera hardly travels: one in four ends elsewhere."""
+    agreeing_share: float = Field(default=0.03, ge=0)
+    """Of its extent, to which two solutions of a path that hardly travels agree."""
+    most_of_them: float = Field(default=0.6, ge=0, le=1)
+    """Share of the keyframes that a model, or a second one, needs to say that another is wrong; one
+    of few keyframes does not tell how far the camera travels over all."""
 
 
 class SfmConfig(Config):
@@ -78,8 +210,24 @@ class SfmConfig(Config):
     threads: int | None = Field(default=None, ge=1, le=limits.MOST_WORKERS)
     """Threads for finding features, whose number changes nothing in them; None for all cores, or a
     worker process's share of them.  All else of COLMAP uses one, so that results repeat."""
+    cut_share: float = Field(default=0.1, ge=0, le=1)
+    """Share of the corners that survive one step, below which the two frames show different places:
+    no camera moves so fast."""
+    featureless_corners: int = Field(default=8, ge=0)
+    """Corners below which a frame shows nothing of the background."""
+    features: FeaturesConfig = FeaturesConfig()
+    masks: MasksConfig = MasksConfig()
+    mapping: MappingConfig = MappingConfig()
+    joining: JoiningConfig = JoiningConfig()
+    distortion: DistortionConfig = DistortionConfig()
+    choice: ChoiceConfig = ChoiceConfig()
+    second: SecondConfig = SecondConfig()
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
     """Seed of every random choice."""
+
+    def reseeded(self, by: int) -> Self:
+        """The same with another seed."""
+        return self.model_copy(update={"seed": (self.seed + by) % 2**31})
 
 
 class CamerasVerdictConfig(Config):
@@ -90,21 +238,17 @@ class CamerasVerdictConfig(Config):
     max_reprojection_px: float = Field(default=1.0, gt=0)
     """Mean reprojection error of the background [px]."""
     max_loose_share: float = Field(default=0.006, gt=0)
-    """What the weakest step leaves open of the cameras' places, as a share of their way.  Measured:
-    up to 0.0015 for right cameras of real clips, the most where the middle third is left out or all
-    is blurred; from 0.03 in a filmed model of which one part was given another scale."""
+    """What the weakest step leaves open of the cameras' places, as a share of their way: more in
+    pieces that differ in scale."""
     max_loose_moving_share: float = Field(default=0.001, gt=0)
-    """The same, times the share of the matches that move otherwise than the cameras say.  Measured:
-    up to 0.00023 for right cameras of real clips, 0.0003 to 0.0009 behind watermarks, a sea or a
-    person who fills the picture; from 0.00043 for wrong ones, whose second solution fails too."""
+    """The same, times the share of the matches that move otherwise than the cameras say: what
+    moves as one bends a path the more, the less holds it."""
     max_distance_ratio: float = Field(default=6.0, gt=1)
-    """By how much the background's median distance changes from one keyframe to the next.
-    Measured: up to 1.9 on right real clips, 2.6 with their frames shuffled; from 14 where pieces of
-    another scale were joined."""
+    """By how much the background's median distance changes from one keyframe to the next;
+    more where pieces of another scale were joined."""
     min_second_share: float = Field(default=0.5, ge=0, le=1)
-    """Share of the keyframes of a second solution, of a part of them alone, that get a camera.
-    Measured: 1 for most right real clips, 0.57 of a phone that goes round a fox, 0.5 at least,
-    where the second half of the frames was reversed."""
+    """Share of the keyframes of a second solution, of a part of them alone, that get a camera:
+    with fewer nothing confirms the path."""
     max_again_deg: float = Field(default=1.0, gt=0)
     """Root mean square of the angles between the cameras and those of a second solution, of a
     part of the keyframes and by another seed [degrees]."""
@@ -122,10 +266,15 @@ class CamerasVerdictConfig(Config):
     """Turning speed of the camera from one frame to the next [degrees/s]."""
     max_focal_deviation: float = Field(default=0.01, gt=0, lt=1)
     """Difference of the focal length that the background asks for from the given one, as a share of
-    it, that is still right.  Measured: up to 2.8 % at 1.4 % of standard error on real clips with
-    the right one; 5 to 11 % where the given one is 10 % off, as matches that fit it were kept."""
+    it, that is still right beside its standard error."""
     max_focal_turn_deg: float = Field(default=1.5, gt=0)
     """What the standard error of the focal length leaves open of the turns of a camera that stays
     in its place, or whose focal length is a guess [degrees]."""
     focal_sigmas: float = Field(default=2.0, ge=0)
     """By how many standard errors it must be larger to be called wrong."""
+    moving_background: float = Field(default=0.4, ge=0, le=1)
+    """Share of what two frames share that moves otherwise than the cameras say, from which the
+    background itself does; a person or a wrong focal length move less."""
+    out_of_order_rows: int = Field(default=5, ge=1)
+    """Rows from a camera to the nearest one in place and turn, in the median, above which images
+    are out of order: it is beside it where they are in order."""

@@ -173,6 +173,14 @@ def mean_rotation(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3 3
     return _nearest_rotation(rotmats.sum(0))[0]
 
 
+def turns_about_mean_rad(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, " n"]:
+    """Angle of each rotation from the mean of them all."""
+    from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
+
+    rotations = Rotation.from_matrix(rotmats)
+    return np.asarray((rotations.mean().inv() * rotations).magnitude())
+
+
 def _nearest_rotation(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The rotation nearest to a 3x3 matrix, and its signed singular values."""
     u, singular, vt = np.linalg.svd(matrix)

@@ -9,7 +9,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from gmrdata.cameras.check import agreement
-from gmrdata.cameras.check.agreement import WELL_MATCHED, without_each
+from gmrdata.cameras.check.agreement import without_each
 from gmrdata.cameras.files import Agreement, Mapper
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.geometry import is_bent
@@ -22,6 +22,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 
 CONFIG = SfmConfig()
+WELL_MATCHED = CONFIG.second.well_matched
 N = 12
 
 
@@ -154,10 +155,12 @@ def test_two_keyframes_in_three_are_asked_where_half_of_them_do_not_confirm_the_
     assert confirmed.agreement is not None and confirmed.agreement.place_share < 1e-9
     # Where neither gives the path it stays doubted, and so it does where two in three are too few.
     refuted = answer(doubted, wrong)
-    assert refuted.agreement is not None and refuted.agreement.place_share > agreement.SAME_SHARE
+    assert (
+        refuted.agreement is not None and refuted.agreement.place_share > CONFIG.second.same_share
+    )
     if half == "another path":
         left = answer(wrong, few)
-        assert left.agreement is not None and left.agreement.place_share > agreement.SAME_SHARE
+        assert left.agreement is not None and left.agreement.place_share > CONFIG.second.same_share
     assert answer(right, wrong).agreement == answer(right, right).agreement and asked == [6]
 
 
@@ -214,8 +217,13 @@ def test_a_second_solution_leaves_out_only_keyframes_that_others_stand_in_for() 
     features = {(k, k + 1): 100 for k in range(8)} | {(k, k + 2): 200 for k in (0, 1, 5, 6)}
     features |= {(2, 4): WELL_MATCHED - 1, (3, 5): WELL_MATCHED}
     pairs = [PairMatches(*at, np.zeros((n, 2), int), "CALIBRATED") for at, n in features.items()]
-    assert without_each(2, Matches([np.zeros((0, 2))] * 9, pairs)).tolist() == [0, 2, 3, 5, 7]
     apart = [PairMatches(k, k + 2, np.zeros((99, 2), int), "CALIBRATED") for k in range(7)]
-    assert without_each(2, Matches([np.zeros((0, 2))] * 9, apart)).tolist() == [0, 2, 4, 6, 8]
-    assert without_each(2, Matches([np.zeros((0, 2))] * 8, apart)).tolist() == [0, 2, 4, 6]
-    assert without_each(3, Matches([np.zeros((0, 2))] * 9, apart)).tolist() == [0, 1, 3, 4, 6, 7]
+
+    def left(each: int, n_frames: int, pairs: list[PairMatches]) -> list[int]:
+        matches = Matches([np.zeros((0, 2))] * n_frames, pairs)
+        return list(without_each(each, matches, WELL_MATCHED).tolist())
+
+    assert left(2, 9, pairs) == [0, 2, 3, 5, 7]
+    assert left(2, 9, apart) == [0, 2, 4, 6, 8]
+    assert left(2, 8, apart) == [0, 2, 4, 6]
+    assert left(3, 9, apart) == [0, 1, 3, 4, 6, 7]

@@ -309,7 +309,8 @@ def test_images_out_of_order_say_so(clip: Clip) -> None:
     order = np.random.default_rng(0).permutation(N)
     slow = VerdictConfig(max_speed_m_per_s=3.0)
     for cameras in (circling(), circling() * [1.0, 1.0, 1.0, 0.0]):
-        assert not is_out_of_order(cameras) and is_out_of_order(cameras[order])
+        most = slow.out_of_order_rows
+        assert not is_out_of_order(cameras, most) and is_out_of_order(cameras[order], most)
     verdict = judged(clip_of(circling()[order]), config=slow)
     assert not verdict.accepted
     assert any("images out of order" in reason for reason in verdict.reasons)

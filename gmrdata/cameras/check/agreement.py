@@ -15,25 +15,9 @@ from gmrdata.cameras.map.mapping import hardly_travels, map_again, map_otherwise
 from gmrdata.cameras.map.rotation_only import RotationOnly, solve_rotation_only
 from gmrdata.cameras.map.solution import Solution
 from gmrdata.cameras.match.matches import Matches
-from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.values import transforms
+from gmrdata.cameras.recipe import SecondConfig, SfmConfig
 
 FEWEST_CAMERAS = 4  # with fewer common ones two paths always agree
-FEW_KEYFRAMES = 5  # mappers want more frames than the three that a model needs
-WELL_MATCHED = 50
-"""Matches of its neighbours without which a second solution keeps a keyframe.  Where a dancer was
-taken every 20th frame they have 0 to 40, and of every second keyframe alone half of the path came
-out 16 % off beside a first one that is right."""
-AGREEING_SHARE = 0.03
-"""Of its extent, to which two solutions of a path that hardly travels agree.  By four seeds, twins
-that were right had 0.003 to 0.016; one 14 mm from its middle, 17 % off, had 0.037 to 0.28."""
-STARTS = 2  # of the mapper, at most, where the camera hardly travels
-MOST_OF_THEM = 0.6
-"""Share of the keyframes that a model, or a second one, needs to say that another is wrong.  Of a
-blurred walk a model of 8 of 33 keyframes hardly travels, and the turns that most matches fit were
-444 mm off."""
-ENOUGH = 0.5  # share of a second solution's keyframes, below which one of more is tried
-SAME_DEG, SAME_SHARE = 1.0, 0.03  # up to which two solutions give the same path
 
 
 def agreement(first: np.ndarray, second: np.ndarray, least_extent: float) -> Agreement | None:
@@ -80,35 +64,29 @@ def compare_again(
     """A model with how it agrees with one of every second keyframe.
 
     Of two in three where half of them hardly hold together or give another path, or the camera
-    hardly travels: half of a little parallax is too little.  A model of 19 keyframes over 6 cm was
-    right, and of half of them, alone, 3.9 % off; of a dancer behind filled boxes, 8.7 % off.
+    hardly travels: half of a little parallax is too little.
     """
     if hardly_travels(mapped, config.small_travel_share):
         return _started_again(mapped, keys, matches, work_dir, config)
-    compared, tried = mapped, 0
+    compared, tried, of = mapped, 0, config.second
     for n in (2, 3):
-        rows = without_each(n, matches)
-        if len(rows) < FEW_KEYFRAMES or len(rows) == tried:
+        rows = without_each(n, matches, of.well_matched)
+        if len(rows) < of.few_keyframes or len(rows) == tried:
             continue
         tried = len(rows)
-        second, _ = map_again(mapped, rows, keys, work_dir, _reseeded(config, 1))
+        second, _ = map_again(mapped, rows, keys, work_dir, config.reseeded(1))
         found = _compared(mapped, second, rows, config)
-        if not _is_enough(compared) or _is_enough(found):
+        # With too few of its keyframes a second solution says nothing.
+        if not compared.is_confirmed_by(of.enough_share) or found.is_confirmed_by(of.enough_share):
             compared = found
-        if _is_enough(compared) and _is_confirmed(compared):
+        if compared.is_confirmed_by(of.enough_share) and _is_same(compared.agreement, of):
             break
     return compared
 
 
-def _is_enough(compared: Solution) -> bool:
-    """Whether a second solution has enough of its keyframes to say anything."""
-    return (compared.second_share or 0.0) >= ENOUGH
-
-
-def _is_confirmed(compared: Solution) -> bool:
+def _is_same(again: Agreement | None, of: SecondConfig) -> bool:
     """Whether a second solution gives the same path."""
-    again = compared.agreement
-    return again is None or (again.turn_deg <= SAME_DEG and again.place_share <= SAME_SHARE)
+    return again is None or (again.turn_deg <= of.same_deg and again.place_share <= of.same_share)
 
 
 def _started_again(
@@ -117,24 +95,24 @@ def _started_again(
     """The same where the camera hardly travels: both begin elsewhere until they agree.
 
     Turns and steps are hard to tell apart then, and where a mapper ends hangs on the pair that it
-    begins with: one in four starts of a path of 6 cm ended with one and a half times the error of
-    the others.  The best of each solution counts.
+    begins with.  The best of each solution counts.
     """
-    rows = without_each(3, matches)
-    if len(rows) < FEW_KEYFRAMES:
+    of = config.second
+    rows = without_each(3, matches, of.well_matched)
+    if len(rows) < of.few_keyframes:
         return mapped
     compared, second, held = mapped, np.empty(0), (0, -np.inf)
-    for start in range(STARTS):
+    for start in range(of.starts):
         if start:
-            again = _reseeded(config, 2 * start)
+            again = config.reseeded(2 * start)
             mapped = map_otherwise(mapped, keys, matches, work_dir, again)
-        found, found_px = map_again(mapped, rows, keys, work_dir, _reseeded(config, 2 * start + 1))
+        found, found_px = map_again(mapped, rows, keys, work_dir, config.reseeded(2 * start + 1))
         found_held = int(np.isfinite(found[:, 0, 0]).sum()), -found_px
         if not start or found_held > held:
             second, held = found, found_held
         compared = _compared(mapped, second, rows, config)
-        agrees = disagreement(compared, config) <= AGREEING_SHARE
-        if agrees and (compared.second_share or 0.0) >= MOST_OF_THEM:
+        agrees = disagreement(compared, config) <= of.agreeing_share
+        if agrees and compared.is_confirmed_by(of.most_of_them):
             break
     return compared
 
@@ -168,15 +146,16 @@ def compare_turned_again(
     config: SfmConfig,
 ) -> Solution:
     """The same of a camera that only turns."""
-    if len(rows := without_each(2, matches)) < FEW_KEYFRAMES:
+    rows = without_each(2, matches, config.second.well_matched)
+    if len(rows) < config.second.few_keyframes:
         return solution
     among = [pair for pair in matches.pairs if {pair.first, pair.second} <= set(rows.tolist())]
     if not among:
         return replace(solution, second_share=0.0)
-    rng = np.random.default_rng(_reseeded(config, 1).seed)
+    rng = np.random.default_rng(config.reseeded(1).seed)
     some = replace(matches, pairs=among)
     second = solve_rotation_only(some, intrinsics_px, config.rotation_only_inlier_px, rng)
-    found = agreement(_turning_cameras(turning), _turning_cameras(second), 0.0)
+    found = agreement(turning.world_from_cam, second.world_from_cam, 0.0)
     return _with_second(solution, found, solution.has_camera[key_rows[rows]])
 
 
@@ -187,30 +166,19 @@ def _with_second(solution: Solution, found: Agreement | None, asked: np.ndarray)
     return replace(solution, second_share=share, agreement=found)
 
 
-def _turning_cameras(turning: RotationOnly) -> np.ndarray:
-    """(T, 4, 4) cameras at the origin; NaN where there is none."""
-    cameras = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
-    cameras[~turning.has_camera] = np.nan
-    return cameras
-
-
-def without_each(n: int, matches: Matches) -> np.ndarray:
-    """Rows (N,) of the keyframes without each n-th, but for those whose neighbours hardly match
-    each other: what is solved again must hold together as the first solution does."""
+def without_each(n: int, matches: Matches, well_matched: int) -> np.ndarray:
+    """Rows (N,) of the keyframes without each n-th, but for those whose neighbours have fewer
+    matches: what is solved again must hold together as the first solution does."""
     count = matches.n_of_pair
     rows, last, kept = [0], len(matches.keypoints_px) - 1, 1
     while (row := rows[-1] + 1) <= last:
         if kept >= n - 1:
             if row == last:
                 break
-            if count.get((row - 1, row + 1), 0) >= WELL_MATCHED:
+            if count.get((row - 1, row + 1), 0) >= well_matched:
                 rows.append(row + 1)
                 kept = 1
                 continue
         rows.append(row)
         kept += 1
     return np.array(rows)
-
-
-def _reseeded(config: SfmConfig, by: int) -> SfmConfig:
-    return config.model_copy(update={"seed": (config.seed + by) % 2**31})

@@ -16,9 +16,6 @@ from gmrdata.values.errors import NoReconstruction
 
 CELLS = 8  # of the picture, along each side
 FEWEST_FEATURES = 10  # of a cell that shows something
-LEAST_COVERED = 0.5
-"""Share of the picture's cells that a camera explains that stays in its place.  Measured: 0.93 and
-more where it does, 0.14 where a camera goes round a fox and a logo covers a fifth of its frames."""
 
 
 def covered_share(
@@ -74,10 +71,10 @@ def require_cover(
     """Refuse a turn that explains what stays in the picture, such as a logo, and little else."""
     most_px = config.rotation_only_inlier_px
     share = covered_share(turning, matches, frames.intrinsics_px, frames.size_px, most_px)
-    if share < LEAST_COVERED:
+    if share < (least := config.choice.least_covered):
         raise NoReconstruction(
             f"a camera that stays in its place explains {share:.0%} of the picture only, less "
-            f"than {LEAST_COVERED:.0%}: something stays in the picture while all else moves, such "
+            f"than {least:.0%}: something stays in the picture while all else moves, such "
             "as a logo, a subtitle or the hood of a car, which masks may keep out, or most of "
             "what is seen moves by itself",
             frames.images[0].parent,

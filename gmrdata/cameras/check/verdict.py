@@ -17,13 +17,6 @@ from gmrdata.values import transforms
 if TYPE_CHECKING:
     from gmrdata.cameras.lens.intrinsics import Intrinsics
 
-OUT_OF_ORDER_ROWS = 5
-"""Rows from a camera to the one that is nearest to it in place and turn, in the median: beside it
-where images are in order, a third of the sequence away where they are shuffled."""
-MOVING_BACKGROUND = 0.4
-"""Share of what two frames share that moves otherwise than the cameras say, from which the
-background itself does.  Measured: 0.56 and 0.75 to 0.98 behind a sea and crowds, up to 0.31 with a
-person or a wrong focal length."""
 
 ANOTHER_PLACE = "no camera was found: the picture shows another place, beyond a cut"
 NOTHING_SEEN = "no camera was found: the picture is black or even, or all of it is masked"
@@ -82,7 +75,7 @@ def _step_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iter
         return
     failed = list(_hold_reasons(step, config))
     yield from failed
-    if failed and step.moving_share >= MOVING_BACKGROUND:
+    if failed and step.moving_share >= config.moving_background:
         yield (
             f"the background itself moves, up to {step.moving_share:.0%} of what two frames share: "
             "water, a crowd or leaves, which masks may keep out"
@@ -158,8 +151,7 @@ def turn_spread_deg(world_from_cam: np.ndarray) -> float:
     known = world_from_cam[np.isfinite(world_from_cam[:, 0, 0])]
     if not len(known):
         return 0.0
-    turns = Rotation.from_matrix(known[:, :3, :3])
-    off_rad = (turns.mean().inv() * turns).magnitude()
+    off_rad = transforms.turns_about_mean_rad(known[:, :3, :3])
     return float(np.rad2deg(np.sqrt((off_rad**2).mean())))
 
 
@@ -197,26 +189,26 @@ def jump_cause(
     world_from_cam: np.ndarray, quality: CamerasQuality, config: CamerasVerdictConfig
 ) -> str:
     """Why cameras (T, 4, 4) jump, as far as their path and its figures tell."""
-    if is_out_of_order(world_from_cam):
+    if is_out_of_order(world_from_cam, config.out_of_order_rows):
         return "images out of order"
     if any(_focal_reasons(quality, config)):
         return "the focal length is wrong, and the cameras with it"
     return "images are missing, or the cameras are wrong"
 
 
-def is_out_of_order(world_from_cam: np.ndarray) -> bool:
-    """Whether the nearest to most of the cameras (T, 4, 4) are far from them in the sequence."""
+def is_out_of_order(world_from_cam: np.ndarray, most_rows: int) -> bool:
+    """Whether the nearest to most of the cameras (T, 4, 4) are more rows from them than that."""
     from scipy.spatial import KDTree
 
     rows = np.flatnonzero(np.isfinite(world_from_cam[:, 0, 0]))
-    if len(rows) < 4 * OUT_OF_ORDER_ROWS:
+    if len(rows) < 4 * most_rows:
         return False
     centres, turns = world_from_cam[rows, :3, 3], world_from_cam[rows, :3, :3].reshape(-1, 9)
     extent = np.linalg.norm(np.ptp(centres, axis=0))
     # Where it only turns, the places say nothing.
     places = (centres - centres.mean(axis=0)) / extent if extent > 0 else np.zeros((len(rows), 3))
     _, nearest = KDTree(np.c_[places, turns]).query(np.c_[places, turns], k=2)
-    return bool(np.median(np.abs(rows[nearest[:, 1]] - rows)) > OUT_OF_ORDER_ROWS)
+    return bool(np.median(np.abs(rows[nearest[:, 1]] - rows)) > most_rows)
 
 
 def turns_too_fast(

@@ -9,7 +9,7 @@ length (Hartley 1994): Gauss-Newton with Cauchy weights on all orientations and 
 Nothing of these results but their figures is used.
 
 Where two terms of distortion explain the matches clearly better, they are taken out of the image
-points: bent rays bend the path (a car's scale drifts by 10 % over 45 m).  No image is undistorted.
+points: bent rays bend the path.  No image is undistorted.
 """
 
 from dataclasses import dataclass
@@ -25,6 +25,8 @@ from gmrdata.cameras.files import Lens
 from gmrdata.cameras.map.rotation_only import RotationOnly, slopes_by_turns
 from gmrdata.cameras.match.keypoint_adjustment import MEASURED_PX
 from gmrdata.cameras.match.matches import Matches
+from gmrdata.cameras.recipe import DistortionConfig
+from gmrdata.values import transforms
 from gmrdata.values.lens import bent, straightened
 
 NOISE_FLOOR_PX = 0.05  # features are not placed better
@@ -112,20 +114,12 @@ def _let_bend(model: Any, images: list[int], kind: Any, terms: list[float]) -> N
     camera.params = [fx, cx, cy, *terms]
 
 
-LENS_SHARE = 0.02
-"""Share of the cost that distortion must take away to be taken out.  Measured: 0.034 to 0.08 on a
-phone's and a car's frames; 0.0008 on another car's; on drawn and rendered ones without any up to
-0.0004, and 0.009 where the camera hardly leaves its place."""
-LENS_OBSERVATIONS = 1000  # fewer image points fit any lens better
-LEAST_STRETCH = 0.5  # of the picture along the radius; a lens that folds it is none
-
-
-def with_lens(model: Any) -> tuple[Any, Lens | None]:
+def with_lens(model: Any, config: DistortionConfig) -> tuple[Any, Lens | None]:
     """The model adjusted with radial distortion, and that; itself and None where it hardly helps.
 
     The image points of the result are stretched to one focal length and are still distorted.
     """
-    if model.num_cameras() != 1 or model.compute_num_observations() < LENS_OBSERVATIONS:
+    if model.num_cameras() != 1 or model.compute_num_observations() < config.min_observations:
         return model, None
     bent = pycolmap.Reconstruction(model)
     images = sorted(bent.reg_image_ids())
@@ -138,7 +132,8 @@ def with_lens(model: Any) -> tuple[Any, Lens | None]:
     r2 = np.linspace(0, corner_px / focal_px, 50) ** 2
     stretch = 1 + 3 * k1 * r2 + 5 * k2 * r2**2
     explains = 1.0 - cost.final_cost / cost.initial_cost
-    if not summary.is_solution_usable() or explains < LENS_SHARE or stretch.min() < LEAST_STRETCH:
+    helps = explains >= config.least_share and stretch.min() >= config.least_stretch
+    if not (summary.is_solution_usable() and helps):
         return model, None
     return bent, Lens(k1, k2, explains)
 
@@ -232,8 +227,8 @@ def warp_error(turning: RotationOnly, longer_px: float, focal_px: float) -> floa
     Over a turn by an angle a the picture's edge, r from the middle, moves by a r^2 / f more than
     its middle; nothing else tells the focal length.
     """
-    known = Rotation.from_matrix(turning.world_from_cam_rotmats[turning.has_camera])
-    turn_rad = 2 * float(np.sqrt(((known.mean().inv() * known).magnitude() ** 2).mean()))
+    known = turning.world_from_cam_rotmats[turning.has_camera]
+    turn_rad = 2 * float(np.sqrt((transforms.turns_about_mean_rad(known) ** 2).mean()))
     more_px = turn_rad * (longer_px / 2) ** 2 / focal_px
     return min(WARP_PX / more_px, 1.0) if more_px > 0 else 1.0
 

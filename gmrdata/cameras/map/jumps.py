@@ -1,8 +1,7 @@
 """Keyframes that jump out of their path, begun again between their neighbours.
 
 A keyframe that sees little but far points can turn where it should travel.  Bundle adjustment does
-not lead it back: its own points have gone with it.  Of a dancer cut to the middle, where a city
-behind a window was all that was seen, one keyframe lay 60 mm beside its path.
+not lead it back: its own points have gone with it.
 """
 
 from typing import Any
@@ -18,31 +17,27 @@ from gmrdata.cameras.colmap import (
     pycolmap,
 )
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 
-JUMP = 5.0
-"""Distance from the middle between its neighbours, in medians over the path, beyond which a
-keyframe may have jumped.  Measured: up to 5 on real paths, 6 and 71 for those that had."""
-LEAST_GAIN = 0.001
-"""Share of the cost of a keyframe's points, all else held, by which it must be better where it ends
-from the middle.  Measured: 0.015 to 0.2 for those that had jumped, up to 0.0002 for others."""
-MOST_TRIED = 10
 FEWEST = 6  # keyframes that tell what is usual
 MOST_ITERATIONS = 100
 
 
-def mend_jumps(model: Any, frames: Frames, most_px: float) -> Any:
+def mend_jumps(model: Any, frames: Frames, config: SfmConfig) -> Any:
     """The model, or a better one in which keyframes that jump begin again from the middle: one of
-    less cost that explains as many image points to `most_px`.
+    less cost that explains as many image points.
 
     Most go back to where they were, which a keyframe alone tells, in a hundredth of the time.
     """
-    row_of_name = frames.row_of_name
+    row_of_name, most_px = frames.row_of_name, config.max_reprojection_px
     ids = sorted(model.reg_image_ids(), key=lambda i: row_of_name[model.image(i).name])
     cameras = np.array([_camera(model, i) for i in ids]).reshape(-1, 4, 4)
     numbers = frames.numbers[[row_of_name[model.image(i).name] for i in ids]]
-    jumping = jumps(cameras[:, :3, 3], numbers)[:MOST_TRIED]
-    astray = [at for at in jumping if _is_astray(model, ids[at], _middle(model, ids, numbers, at))]
+    jumping = jumps(cameras[:, :3, 3], numbers, config.mapping.jump)[: config.mapping.most_jumps]
+    gain = config.mapping.jump_gain
+    middles = {at: _middle(model, ids, numbers, at) for at in jumping}
+    astray = [at for at, camera in middles.items() if _is_astray(model, ids[at], camera, gain)]
     if not astray:
         return model
     cost, explained = _adjusted(model), _explained(model, most_px)
@@ -55,15 +50,15 @@ def mend_jumps(model: Any, frames: Frames, most_px: float) -> Any:
     return model
 
 
-def jumps(centres: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """Which cameras (T,) of a path (T, 3) at times (T,) lie far from between their neighbours, the
-    furthest first."""
+def jumps(centres: np.ndarray, numbers: np.ndarray, most: float) -> np.ndarray:
+    """Which cameras (T,) of a path (T, 3) at times (T,) lie far from between their neighbours, by
+    more than so many medians, the furthest first."""
     if len(centres) < FEWEST:
         return np.zeros(0, np.int64)
     shares = (numbers[1:-1] - numbers[:-2]) / (numbers[2:] - numbers[:-2])
     middles = centres[:-2] + shares[:, None] * (centres[2:] - centres[:-2])
     apart = np.linalg.norm(centres[1:-1] - middles, axis=1)
-    far = np.flatnonzero(apart > JUMP * np.median(apart))
+    far = np.flatnonzero(apart > most * np.median(apart))
     return np.asarray(far[np.argsort(-apart[far])] + 1)
 
 
@@ -81,15 +76,16 @@ def _middle(model: Any, ids: list[int], numbers: np.ndarray, at: int) -> np.ndar
     return transforms.rigid(Slerp([0, 1], turns)(share).as_matrix(), place)
 
 
-def _is_astray(model: Any, image_id: int, world_from_cam: np.ndarray) -> bool:
-    """Whether a camera that begins elsewhere (4, 4) ends in a better place, all others held."""
+def _is_astray(model: Any, image_id: int, world_from_cam: np.ndarray, least: float) -> bool:
+    """Whether a camera that begins elsewhere (4, 4) ends in a better place, all others held, by at
+    least a share of the cost."""
     if not model.image(image_id).num_points3D:
         return False  # no cost tells, and the summary of an empty problem has none
     tried = pycolmap.Reconstruction(model)
     here = camera_adjuster(tried, image_id, max_iterations=0).solve().ceres_summary.final_cost
     _put(tried, image_id, world_from_cam)
     there = camera_adjuster(tried, image_id, MOST_ITERATIONS).solve().ceres_summary.final_cost
-    return bool(there < (1 - LEAST_GAIN) * here)
+    return bool(there < (1 - least) * here)
 
 
 def _put(model: Any, image_id: int, world_from_cam: np.ndarray) -> None:

@@ -30,25 +30,7 @@ from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 
-SMALL_START_DEG = 0.5
-"""Parallax of the first pair where the camera hardly leaves its place [deg]; COLMAP's usual 16
-degrees find no pair there.  About a hand's 5 cm before a background 5 m away."""
-
-LEAST_EXPLAINED = 0.4
-"""Share of its frames' matched points below which a model is doubted.  Measured: 0.54 and more of
-real and filmed paths; 0.19 to 0.37, and a path that is off by half of itself, where the camera
-moves by 6 to 10 cm and the global mapper finds a model all the same."""
-
 NARROWEST_PX = 0.05  # of a loss: image points are never taken to be better
-
-TRIANGULATED_AGAIN = 2
-"""How often, where a keyframe is weak.  Round a fox once leaves 6.5 mm of 21.5, twice 6.1."""
-
-LONG_FRAMES = 40
-"""Keyframes from which on the global mapper places each by few tracks, the longest first; every
-point is found again after that.  Over 40 keyframes with 550 each it took 3.4 s where all took 13,
-and the places differ by 0.3 mm where both are 5.3 mm off.  Of 14 frames of a camera that hardly
-moves it made part of a model, where all tracks rightly give none."""
 
 
 def map_frames(
@@ -66,7 +48,9 @@ def map_frames(
     n_matched = matched_points(matches)
 
     def good(one: Solution) -> bool:
-        return explains(one, n_matched) and not hardly_travels(one, config.small_travel_share)
+        return explains(one, n_matched, config) and not hardly_travels(
+            one, config.small_travel_share
+        )
 
     for mapper in mappers:
         if mapper == "small_parallax" and any(good(one) for one in found):
@@ -83,9 +67,7 @@ def map_frames(
 def hardly_travels(mapped: Solution, share: float) -> bool:
     """Whether a model's cameras are less apart than a share of the distance to what they see.
 
-    The global mapper's are not to be trusted then: of 37 keyframes of one that moved by 62 mm
-    before a background 6 m away, the turns were 1.2 degrees off at 0.38 px, which was accepted; by
-    lower thresholds for parallax they are 0.09 degrees off, with somewhat fewer inliers.
+    The global mapper's are not to be trusted then.
     """
     return _is_short(mapped.world_from_cam[mapped.has_camera, :3, 3], mapped.points, share)
 
@@ -106,10 +88,11 @@ def _is_short_model(model: Any, config: SfmConfig) -> bool:
     return _is_short(np.array(centres), np.array(points), config.small_travel_share)
 
 
-def explains(mapped: Solution, n_matched: np.ndarray) -> bool:
+def explains(mapped: Solution, n_matched: np.ndarray, config: SfmConfig) -> bool:
     """Whether a model has enough of the matched points (T,) of the frames that it has."""
     n_there = n_matched[mapped.has_camera].sum()
-    return bool(n_there > 0 and mapped.inliers.sum() >= LEAST_EXPLAINED * n_there)
+    least = config.mapping.least_explained * n_there
+    return bool(n_there > 0 and mapped.inliers.sum() >= least)
 
 
 def map_again(
@@ -129,12 +112,12 @@ def map_again(
         models = _run("small_parallax", frames, work_dir, config, names)
     if not models:
         return world_from_cam, np.inf
-    model, _ = join_models(models, config.seed)
+    model, _ = join_models(models, config)
     bundle_adjuster(model).solve()
-    model = mend_jumps(model, frames, config.max_reprojection_px)
+    model = mend_jumps(model, frames, config)
     model.update_point_3d_errors()
     error_px = float(model.compute_mean_reprojection_error())
-    model, _ = with_lens(model)
+    model, _ = with_lens(model, config.distortion)
     _sharpen(model, config)
     for row, cam_from_world, _ in _views(model, frames):
         world_from_cam[row] = transforms.invert(cam_from_world)
@@ -210,7 +193,7 @@ def _run(
     options.min_model_size = config.min_frames_registered
     options.image_names = list(names)
     if mapper == "small_parallax":
-        options.mapper.init_min_tri_angle = SMALL_START_DEG
+        options.mapper.init_min_tri_angle = config.mapping.small_start_deg
         options.mapper.filter_min_tri_angle = options.triangulation.min_angle = MIN_PARALLAX_DEG
         # Half of what else is asked for: small frames between masks have no more.
         options.mapper.init_min_num_inliers = 50
@@ -219,7 +202,7 @@ def _run(
 
 def _global_options(n_frames: int, config: SfmConfig) -> Any:
     options = global_options(config, free_lens=False)
-    if n_frames >= LONG_FRAMES:
+    if n_frames >= config.mapping.long_frames:
         options.mapper.track_required_tracks_per_view = TRACKS_PER_FRAME
     return options
 
@@ -235,7 +218,7 @@ def _finish(
     """Join and refine models, place the frames that they lack, and read the result out."""
     model, records = _built(models, frames, matches, work_dir, config)
     focal = freed_focal(model)
-    model, lens = with_lens(model)
+    model, lens = with_lens(model, config.distortion)
     loss_px = _sharpen(model, config)
     n, intrinsics_px = len(frames.images), frames.intrinsics_px
     matches = matches.without(lens, intrinsics_px)
@@ -278,16 +261,16 @@ def _built(
 ) -> tuple[Any, tuple[ModelRecord, ...]]:
     """One adjusted model of those that a mapper found, with background inside masks; what became
     of each."""
-    model, records = join_models(models, config.seed)
+    model, records = join_models(models, config)
     _adjust_and_filter(model, config)
     # Where a camera hardly travels, most points lack parallax: few are held, and rightly so.
-    if not _is_short_model(model, config) and has_weak(model, matches, frames):
-        for _ in range(TRIANGULATED_AGAIN):
+    if not _is_short_model(model, config) and has_weak(model, matches, frames, config):
+        for _ in range(config.mapping.triangulated_again):
             triangulate_again(model, work_dir / DATABASE_FILE, config)
             _adjust_and_filter(model, config)
-    see_again(model, matches, frames)
+    see_again(model, matches, frames, config.masks)
     bundle_adjuster(model).solve()
-    return mend_jumps(model, frames, config.max_reprojection_px), records
+    return mend_jumps(model, frames, config), records
 
 
 def _adjust_and_filter(model: Any, config: SfmConfig) -> None:
@@ -301,8 +284,8 @@ def _sharpen(model: Any, config: SfmConfig) -> float:
     """Adjust a model anew where its camera hardly travels, by a loss as narrow as most errors are;
     the scale of the loss of its last adjustment [px].
 
-    A tenth of the image points is half a pixel off where most are a tenth, which tells little over
-    a long path, but took 1.5 % from one of 62 mm.
+    A tenth of the image points is half a pixel off where most are a tenth, which tells over a short
+    path alone.
     """
     if not _is_short_model(model, config):
         return LOSS_PX

@@ -15,6 +15,7 @@ from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.map.solution import SeenPoints
 from gmrdata.cameras.match.features import pinhole_params
 from gmrdata.cameras.match.matches import Matches
+from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 
 MIN_PNP_INLIERS = 20  # points that a frame must agree with to be placed by them
@@ -62,14 +63,7 @@ def _points_of(rows: set[int], seen: SeenPoints, matches: Matches) -> SeenPoints
     return found
 
 
-MIN_SHARED_POINTS = 12  # that both models must have; a similarity is fixed by three
-MIN_COMMON_OBSERVATIONS = 2  # image points by which points of both are known to be one
-POINT_ERROR_SHARE = 0.05  # how far apart the two may be, of the way to the camera: depths vary
-MIN_INLIER_SHARE = 0.5  # of the shared points that must agree with the similarity
-MAX_SHARED_ERROR_PX = 4.0  # median, of one model's points in the other's shared cameras
-
-
-def join_models(models: list[Any], seed: int) -> tuple[Any, tuple[ModelRecord, ...]]:
+def join_models(models: list[Any], config: SfmConfig) -> tuple[Any, tuple[ModelRecord, ...]]:
     """The largest model with all that share enough with it; what became of each, largest first."""
     ranked = sorted(models, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))
     whole, waiting = pycolmap.Reconstruction(ranked[0]), dict(enumerate(ranked[1:], start=1))
@@ -79,7 +73,7 @@ def join_models(models: list[Any], seed: int) -> tuple[Any, tuple[ModelRecord, .
     while waiting and grown:
         grown = False
         for i, model in list(waiting.items()):
-            whole_from_model, said = _similarity(whole, model, seed)
+            whole_from_model, said = _similarity(whole, model, config)
             records[i] = ModelRecord(model.num_reg_images(), whole_from_model is not None, said)
             if whole_from_model is not None:
                 moved = pycolmap.Reconstruction(model)
@@ -90,31 +84,32 @@ def join_models(models: list[Any], seed: int) -> tuple[Any, tuple[ModelRecord, .
     return whole, tuple(records[i] for i in range(len(ranked)))
 
 
-def _similarity(whole: Any, model: Any, seed: int) -> tuple[Any | None, str]:
+def _similarity(whole: Any, model: Any, config: SfmConfig) -> tuple[Any | None, str]:
     """whole_from_model, or None; and the reason in words."""
+    joining = config.joining
     shared = sorted(set(whole.reg_image_ids()) & set(model.reg_image_ids()))
     if not shared:
         return None, "shares no frame with the largest"
     frames = f"{len(shared)} frame{'s' if len(shared) > 1 else ''}"
-    theirs, ours = _shared_points(whole, model)
-    if len(ours) < MIN_SHARED_POINTS:
-        few = f"only {len(ours)} points with the largest (threshold {MIN_SHARED_POINTS})"
+    theirs, ours = _shared_points(whole, model, joining.min_common_observations)
+    if len(ours) < (least := joining.min_shared_points):
+        few = f"only {len(ours)} points with the largest (threshold {least})"
         return None, f"shares {frames} but {few}"
     options = pycolmap.RANSACOptions()
-    options.random_seed = seed
+    options.random_seed = config.seed
     arms = [_seen_from(whole, i) - whole.image(i).projection_center() for i in shared]
     distance = float(np.median(np.linalg.norm(np.concatenate(arms), axis=1)))
-    options.max_error = POINT_ERROR_SHARE * distance
+    options.max_error = joining.point_error_share * distance
     # Points, not centres: those of a camera that goes straight leave a turn about its way open.
     fit: Any = pycolmap.estimate_sim3d_robust(theirs, ours, options)
-    if fit is None or fit["num_inliers"] < MIN_INLIER_SHARE * len(ours):
+    if fit is None or fit["num_inliers"] < joining.min_inlier_share * len(ours):
         return None, f"no similarity fits the {len(ours)} points that it shares with the largest"
     whole_from_model = fit["tgt_from_src"]
     error_px = _shared_error_px(whole, model, whole_from_model, shared)
-    if not error_px <= MAX_SHARED_ERROR_PX:
+    if not error_px <= joining.max_shared_error_px:
         return None, (
             f"its cameras of the {frames} shared with the largest are {error_px:.1f} px off "
-            f"(threshold {MAX_SHARED_ERROR_PX:g} px)"
+            f"(threshold {joining.max_shared_error_px:g} px)"
         )
     return whole_from_model, f"joined by {frames} and {len(ours)} points, {error_px:.2f} px off"
 
@@ -129,14 +124,15 @@ def _image_points(point: Any) -> list[tuple[int, int]]:
     return [(element.image_id, element.point2D_idx) for element in point.track.elements]
 
 
-def _shared_points(whole: Any, model: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) of a model and those of the whole that the same image points belong to."""
+def _shared_points(whole: Any, model: Any, least: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) of a model and those of the whole that the same image points, at `least` so
+    many, belong to."""
     owners, theirs, ours = _owners(whole), [], []
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)
         votes = Counter(owners[at] for at in _image_points(point) if at in owners)
         owner, common = votes.most_common(1)[0] if votes else (0, 0)
-        if common >= MIN_COMMON_OBSERVATIONS:
+        if common >= least:
             theirs.append(point.xyz)
             ours.append(whole.point3D(owner).xyz)
     return np.array(theirs).reshape(-1, 3), np.array(ours).reshape(-1, 3)

@@ -26,10 +26,6 @@ from gmrdata.values.records import figure
 MATCHES_PER_PAIR = 200
 MAX_ITERATIONS = 30
 PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
-PARALLAX_GROWTH = 2.5
-"""Residuals of the worst tenth of pairs over those of the best, above which parallax may show.
-Measured: 1.2 for a still camera, 1.5-1.7 for pans, 3.4 for a hand-held one that moves by 3 cm."""
-PARALLAX_PX = 0.5  # residuals of the worst tenth of pairs below which parallax does no harm
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +41,13 @@ class RotationOnly:
     information: csr_array
     """(3T, 3T) of small turns in the world's axes, R <- exp(w) R, at the noise that the residuals
     show [1/rad^2]; the world is fixed at its first frame, and frames without a camera are zero."""
+
+    @property
+    def world_from_cam(self) -> np.ndarray:
+        """(T, 4, 4) cameras at the origin; NaN where there is none."""
+        cameras = transforms.rigid(self.world_from_cam_rotmats, np.zeros(3))
+        cameras[~self.has_camera] = np.nan
+        return cameras
 
     @property
     def pair_medians_px(self) -> np.ndarray:
@@ -90,8 +93,7 @@ def refine_turning(
     turning: RotationOnly, timeline: Timeline, config: SfmConfig
 ) -> tuple[RotationOnly, Smoothing]:
     """Cameras that only turn, smoothed as far as their matches let them be."""
-    cameras = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
-    cameras[~turning.has_camera] = np.nan
+    cameras = turning.world_from_cam
     # The rotations are at their matches' optimum, so the slope is zero.
     slope = np.zeros(3 * len(cameras))
     refined, smoothing = smooth_cameras(cameras, turning.information, slope, timeline, 1.0, config)
@@ -112,7 +114,7 @@ def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidenc
         and share >= config.rotation_only_share
     )
     panoramic = [pair.configuration in PANORAMIC for pair in matches.pairs]
-    parallax = wide_px > max(PARALLAX_PX, PARALLAX_GROWTH * near_px)
+    parallax = wide_px > max(config.choice.parallax_px, config.choice.parallax_growth * near_px)
     said, doubt = f"a pure rotation {'explains' if fits else 'does not explain'}", ""
     if fits and parallax:
         doubt = f", but residuals grow with the baseline (from {near_px} px), which may be parallax"

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import krogh_interpolate
-from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras import files
 from gmrdata.cameras.colmap import LOSS_PX
@@ -57,6 +56,10 @@ class Solution:
         """(T,) bool: frames with a camera."""
         return np.isfinite(self.world_from_cam[:, 0, 0])
 
+    def is_confirmed_by(self, share: float) -> bool:
+        """Whether a second solution has a camera for so many of its keyframes, so that it tells."""
+        return (self.second_share or 0.0) >= share
+
 
 def turning_solution(
     turning: RotationOnly,
@@ -66,13 +69,12 @@ def turning_solution(
     config: SfmConfig,
 ) -> Solution:
     """A camera at the origin that only turns, or does not move at all."""
-    rotations = Rotation.from_matrix(turning.world_from_cam_rotmats[turning.has_camera])
-    turn_rad = float((rotations.mean().inv() * rotations).magnitude().max())
+    known, n_frames = turning.world_from_cam_rotmats[turning.has_camera], len(turning.has_camera)
+    turn_rad = float(transforms.turns_about_mean_rad(known).max())
     static = focal_px * turn_rad <= config.static_px
-    rotmats = np.eye(3) if static else turning.world_from_cam_rotmats
-    n_frames = len(turning.has_camera)
-    world_from_cam = transforms.rigid(np.broadcast_to(rotmats, (n_frames, 3, 3)), np.zeros(3))
-    world_from_cam[~turning.has_camera] = np.nan
+    world_from_cam = turning.world_from_cam
+    if static:
+        world_from_cam[turning.has_camera] = np.eye(4)
     agree = turning.residuals_px < config.rotation_only_inlier_px
     rows = turning.pairs_rows[turning.pair_of_residual[agree]]
     return Solution(

@@ -1,10 +1,9 @@
 """Keyframes of which a model explains little, and the points that would hold them.
 
 A mapper makes points by the places that its cameras have at that time.  A keyframe whose place is
-wrong then keeps few of its matches, and bundle adjustment has little to lead it back by: of 50
-photos round a fox one kept 53 of 976 points and was 134 mm off over 7 m.  The points of all
-keyframes are made anew from the matches then, and adjusted, twice (re-triangulation, Schoenberger
-and Frahm 2016, 4.4), which leaves that keyframe 6 mm off.
+wrong then keeps few of its matches, and bundle adjustment has little to lead it back by.  The
+points of all keyframes are made anew from the matches then, and adjusted, twice (re-triangulation,
+Schoenberger and Frahm 2016, 4.4).
 """
 
 from contextlib import closing
@@ -16,21 +15,13 @@ from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.matches import Matches, matched_points
 from gmrdata.cameras.recipe import SfmConfig
 
-LEAST_HELD = 0.2
-"""Share of a keyframe's matched points below which it is weak.  Measured, of the weakest keyframe:
-0.25 and more on unmasked videos of a dancer, a hand and a car, 0.16 in one window behind filled
-boxes, 0.11 to 0.16 where the dancer was taken three times a second and less, 0.05 on photos round a
-fox."""
-MIN_TRIANGULATION_DEG = 1.0  # of a point that is made anew
 
-
-def has_weak(model: Any, matches: Matches, frames: Frames) -> bool:
+def has_weak(model: Any, matches: Matches, frames: Frames, config: SfmConfig) -> bool:
     """Whether a model has a keyframe that it explains little of."""
     n_matched, row_of_name = matched_points(matches), frames.row_of_name
+    least = config.mapping.least_held
     images = map(model.image, model.reg_image_ids())
-    return any(
-        image.num_points3D < LEAST_HELD * n_matched[row_of_name[image.name]] for image in images
-    )
+    return any(image.num_points3D < least * n_matched[row_of_name[image.name]] for image in images)
 
 
 def triangulate_again(model: Any, database_path: Path, config: SfmConfig) -> None:
@@ -39,7 +30,8 @@ def triangulate_again(model: Any, database_path: Path, config: SfmConfig) -> Non
     manager = pycolmap.ObservationManager(model, graph)
     triangulator = pycolmap.IncrementalTriangulator(graph, model, manager)
     options = pycolmap.IncrementalTriangulatorOptions()
-    options.random_seed, options.min_angle = config.seed, MIN_TRIANGULATION_DEG
+    options.random_seed = config.seed
+    options.min_angle = config.mapping.min_triangulation_deg
     options.complete_max_reproj_error = config.max_reprojection_px
     options.merge_max_reproj_error = config.max_reprojection_px
     triangulator.complete_all_tracks(options)

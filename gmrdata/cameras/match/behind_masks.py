@@ -22,18 +22,7 @@ from gmrdata.cameras.match.matches import (
     sort_pairs,
     verification_options,
 )
-from gmrdata.cameras.recipe import SfmConfig
-
-HARDLY_MATCHED, OFTEN = 50, 0.25
-"""Matches below which two neighbours hardly match, and the share of neighbours that do so where
-features inside masks are matched, which takes as long again.  Measured, of a dancer: 0 at 10 and 30
-frames a second behind boxes and outlines, 0.1 cut to the middle half; 0.6 and 1.0 at 3 and 1.5
-frames a second behind boxes, 0.4 at 1.5 behind outlines, 0.7 where they are blurred."""
-AGAIN_PX = 1.5  # of where a point must appear, within which a feature may show it
-AGAIN_LIKENESS = 0.9
-"""Cosine of two descriptors from which they show one point.  In filmed rooms 9 of 10 true ones have
-more, and none of a person whose clothes have the walls' own texture: those reach 0.88."""
-AGAIN_SEEN = 3  # frames that must see a point outside their masks
+from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 
 
 def match_behind_masks(
@@ -42,10 +31,9 @@ def match_behind_masks(
     """Matches with those between a feature inside a mask and one outside, where neighbours hardly
     match outside of both; COLMAP's database in `work_dir` has them too.
 
-    What a person hides at one time shows at another.  Of a dancer three times a second, behind
-    filled boxes, 54 frames of 63 are solved without these matches, and all of them with them.
+    What a person hides at one time shows at another.
     """
-    if not matches.descriptors or not _hardly_match(matches):
+    if not matches.descriptors or not _hardly_match(matches, config.masks):
         return matches
     database_path = work_dir / DATABASE_FILE
     _give_descriptors(matches, frames, database_path)
@@ -60,12 +48,12 @@ def match_behind_masks(
     return replace(matches, pairs=read_matches(database_path, frames.images).pairs)
 
 
-def _hardly_match(matches: Matches) -> bool:
+def _hardly_match(matches: Matches, config: MasksConfig) -> bool:
     """Whether many neighbours have few matches."""
     count = matches.n_of_pair
     rows = range(len(matches.keypoints_px) - 1)
-    hardly = [count.get((row, row + 1), 0) < HARDLY_MATCHED for row in rows]
-    return bool(np.mean(hardly) >= OFTEN)
+    hardly = [count.get((row, row + 1), 0) < config.hardly_matched for row in rows]
+    return bool(np.mean(hardly) >= config.often)
 
 
 def _give_descriptors(matches: Matches, frames: Frames, database_path: Path) -> None:
@@ -96,7 +84,7 @@ def _forget_hidden(matches: Matches, frames: Frames, database_path: Path) -> Non
             database.write_matches(*pair, table[outside.any(axis=1)])
 
 
-def see_again(model: Any, matches: Matches, frames: Frames) -> int:
+def see_again(model: Any, matches: Matches, frames: Frames, config: MasksConfig) -> int:
     """Give the points of a model the features inside masks that show them; how many.
 
     A feature shows a point that must appear there and looked like it when it was seen last.
@@ -106,7 +94,9 @@ def see_again(model: Any, matches: Matches, frames: Frames) -> int:
     ids, row_of_name = sorted(model.point3D_ids()), frames.row_of_name
     number = {point_id: n for n, point_id in enumerate(ids)}
     points = np.array([model.point3D(i).xyz for i in ids]).reshape(-1, 3)
-    often = np.array([model.point3D(i).track.length() >= AGAIN_SEEN for i in ids], dtype=bool)
+    often = np.array(
+        [model.point3D(i).track.length() >= config.again_seen for i in ids], dtype=bool
+    )
     images = {row_of_name[image.name]: image for image in map(model.image, model.reg_image_ids())}
     seen = {row: _seen_features(image, number) for row, image in sorted(images.items())}
     looks = np.zeros((len(ids), 128), dtype=np.float32)
@@ -121,8 +111,8 @@ def see_again(model: Any, matches: Matches, frames: Frames) -> int:
         idle = np.setdiff1d(np.arange(n_free, len(looks_here)), features)
         apart_px = project_into(images[row], points[hidden])[:, None]
         apart_px = apart_px - matches.keypoints_px[row][idle]
-        near, feature = np.nonzero(np.linalg.norm(apart_px, axis=2) < AGAIN_PX)
-        for n, at in _alike(hidden[near], idle[feature], looks, looks_here):
+        near, feature = np.nonzero(np.linalg.norm(apart_px, axis=2) < config.again_px)
+        for n, at in _alike(hidden[near], idle[feature], looks, looks_here, config.again_likeness):
             model.add_observation(ids[n], pycolmap.TrackElement(images[row].image_id, at))
             looks[n] = looks_here[at]
             added += 1
@@ -143,12 +133,12 @@ def _looks(descriptors: np.ndarray) -> np.ndarray:
 
 
 def _alike(
-    point: np.ndarray, feature: np.ndarray, looks: np.ndarray, looks_here: np.ndarray
+    point: np.ndarray, feature: np.ndarray, looks: np.ndarray, looks_here: np.ndarray, least: float
 ) -> list[tuple[int, int]]:
-    """Those of M pairs of a point and a feature that are alike, each the other's most alike; the
-    first of those that are equally alike."""
+    """Those of M pairs of a point and a feature whose cosine is `least`, each the other's most
+    alike; the first of those that are equally alike."""
     likeness = np.einsum("nd,nd->n", looks[point], looks_here[feature])
-    best = likeness >= AGAIN_LIKENESS
+    best = likeness >= least
     for own, count in ((point, len(looks)), (feature, len(looks_here))):
         most = np.zeros(count, dtype=np.float32)
         np.maximum.at(most, own, likeness)

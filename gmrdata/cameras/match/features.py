@@ -2,9 +2,8 @@
 
 Of large frames they are OpenCV's, which takes a third of the time.  It begins with the image at
 twice its size, so it is given one of half the size: that has what a first octave of 0 has.  Small
-frames have COLMAP's, which are placed more exactly: of 1241 x 376 px a car's path is off by 16 mm
-over 60 m, with OpenCV's by 24; of 720 x 960 px a hand's is off by 3.2 to 4.1 mm with OpenCV's and
-by 3.9 to 4.3 with COLMAP's.  Where few are outside masks, weaker ones are taken too.
+frames have COLMAP's, which are placed more exactly.  Where few are outside masks, weaker ones are
+taken too.
 
 Each frame has an extractor of its own.  COLMAP's go from image to image, and VLFeat's then keep the
 gradients of the octave that they looked at last: where all features of an image are in one octave,
@@ -32,17 +31,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames
 
-LARGE_PIXELS = 600_000  # of frames whose features are OpenCV's
-SMALL_PIXELS = 250_000
-"""Frames with fewer are doubled.  A dancer cut to 360x480 has 51 to 185 matches from one keyframe
-to the next, and twice as many doubled."""
-
-CONTRAST, WEAK_CONTRAST = 0.02, 0.01  # least contrast of OpenCV's; COLMAP has the first too
 LAYERS = 3  # of an octave
-FEW_FEATURES = 1000
-"""Median of the features outside masks below which OpenCV's may have half of the contrast.  Six
-windows of a dancer have 650 to 900 behind filled boxes: the mean error went from 4.7 to 4.1 mm,
-for a tenth more time.  Unmasked they have 1170 to 1400."""
 
 _Table = tuple[np.ndarray, np.ndarray]
 """Keypoints (N, 6) and descriptors (N, 128) of an image."""
@@ -111,14 +100,14 @@ def _all_found(frames: Frames, work_dir: Path, config: SfmConfig) -> list[_Found
     with ThreadPoolExecutor(config.threads or own_cores()) as threads:
         found = list(threads.map(partial(_find, frames, work_dir, config), frames.images))
     n_free = np.median([firm.n_free for firm, _ in found])
-    few = n_free < min(FEW_FEATURES, config.max_features)
+    few = n_free < min(config.features.few_features, config.max_features)
     return [with_weak if few else firm for firm, with_weak in found]
 
 
 def _find(frames: Frames, work_dir: Path, config: SfmConfig, image: Path) -> tuple[_Found, _Found]:
     """An image's features, and those with weak ones among them where it is large."""
     mask = None if frames.masks_dir is None else frames.mask(image)
-    if np.prod(frames.size_px) >= LARGE_PIXELS:
+    if np.prod(frames.size_px) >= config.features.large_pixels:
         firm, with_weak = _of_opencv(frames, image, config)
         return _unmasked_first(firm, mask), _unmasked_first(with_weak, mask)
     found = _unmasked_first(_of_colmap(image, frames.size_px, work_dir, config), mask)
@@ -138,7 +127,7 @@ def _unmasked_first(table: _Table, mask: np.ndarray | None) -> _Found:
 def _first_octave(size_px: tuple[int, int], config: SfmConfig) -> int:
     if config.first_octave is not None:
         return config.first_octave
-    return -1 if np.prod(size_px) < SMALL_PIXELS else 0
+    return -1 if np.prod(size_px) < config.features.small_pixels else 0
 
 
 def _of_colmap(image: Path, size_px: tuple[int, int], work_dir: Path, config: SfmConfig) -> _Table:
@@ -177,7 +166,7 @@ def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[_Table, 
     # COLMAP's own threshold for edges.
     sift = cv2.SIFT.create(
         nOctaveLayers=LAYERS,
-        contrastThreshold=WEAK_CONTRAST,
+        contrastThreshold=config.features.weak_contrast,
         edgeThreshold=10,
         enable_precise_upscale=True,
     )
@@ -192,7 +181,7 @@ def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[_Table, 
         return _as_colmap_has_them([found[i] for i in kept], floats[kept], larger, size_px)
 
     # OpenCV compares the contrast so.
-    firm = np.flatnonzero([LAYERS * one.response >= CONTRAST for one in found])
+    firm = np.flatnonzero([LAYERS * one.response >= config.features.contrast for one in found])
     return table(firm.tolist()), table(range(len(found)))
 
 

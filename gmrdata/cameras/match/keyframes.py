@@ -26,8 +26,6 @@ CENTRE_PX = 0.5  # our (0, 0) is the corner of the first pixel, OpenCV's its cen
 CORNERS = 400
 CORNER_QUALITY = 0.01
 CORNER_SPACING_PX = 8
-FEATURELESS = 8  # with fewer corners a frame shows nothing of the background
-CUT_SHARE = 0.1  # where fewer corners survive one step, the two frames show different places
 FEWEST_CORNERS = 20  # with fewer to begin with, survival says nothing
 RIGID_PX = 1.0  # corners this near to their epipolar line go the way of the camera
 NEAR_PERCENTILE = 80  # the nearest fifth of the background counts
@@ -81,13 +79,13 @@ def _as_keyframes(
     rows: list[int], survived: np.ndarray, corners: np.ndarray, config: SfmConfig
 ) -> Keyframes:
     """The rows with those that cuts and the least number of keyframes ask for."""
-    cuts = np.flatnonzero((survived < CUT_SHARE) & (corners[:-1] >= FEWEST_CORNERS))
+    cuts = np.flatnonzero((survived < config.cut_share) & (corners[:-1] >= FEWEST_CORNERS))
     chosen, least = np.union1d(np.array(rows), cuts), min(config.min_keyframes, len(corners))
     if len(chosen) < least:
         # Evenly spread ones where the motion asks for fewer.
         spread = np.linspace(0, len(corners) - 1, least).round().astype(np.int64)
         chosen = np.union1d(chosen, spread)
-    return Keyframes(chosen, survived, cuts, np.flatnonzero(corners < FEATURELESS))
+    return Keyframes(chosen, survived, cuts, np.flatnonzero(corners < config.featureless_corners))
 
 
 def _moved(

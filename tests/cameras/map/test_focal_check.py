@@ -133,7 +133,7 @@ def test_a_lens_is_found_and_its_image_points_are_put_right(stretch: float) -> N
             seen.xy = [seen.xy[0], cy + stretch * (seen.xy[1] - cy)]
     seen_px = np.array([point.xy for point in model.image(1).points2D])
     bundle_adjuster(model).solve()
-    bent, lens = with_lens(model)
+    bent, lens = with_lens(model, SfmConfig().distortion)
     assert lens is not None and lens.explains > 0.05
     model.update_point_3d_errors()
     bent.update_point_3d_errors()
@@ -157,7 +157,7 @@ def test_no_lens_is_taken_that_hardly_helps_has_few_points_or_folds_the_picture(
 ) -> None:
     model = distorted(synthetic(8, frames), 0.0, k2)
     bundle_adjuster(model).solve()
-    same, lens = with_lens(model)
+    same, lens = with_lens(model, SfmConfig().distortion)
     assert same is model and lens is None
 
 

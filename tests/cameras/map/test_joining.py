@@ -74,7 +74,7 @@ def test_two_models_that_share_frames_become_one(filmed_parts: Any) -> None:
     # Any similarity of the small one's world must be found.
     turn = pycolmap.Rotation3d(np.array([0.1, -0.6, 0.3, 0.7]) / np.sqrt(0.95))
     small.transform(pycolmap.Sim3d(3.7, turn, np.array([5.0, -40.0, 8.0])))
-    whole, records = join_models([small, large], seed=0)
+    whole, records = join_models([small, large], SMALL)
     assert [(r.frames, r.kept) for r in records] == [(9, True), (8, True)]
     assert records[0].reason == "the largest"
     assert records[1].reason.startswith("joined by 3 frames and ")
@@ -94,7 +94,7 @@ def test_two_models_that_share_frames_become_one(filmed_parts: Any) -> None:
 def test_a_model_may_be_joined_through_another(filmed_parts: Any) -> None:
     filmed, *_, part = filmed_parts
     first, middle, last = part(range(7)), part(range(4, 10)), part(range(7, N_FRAMES))
-    whole, records = join_models([last, middle, first], seed=0)
+    whole, records = join_models([last, middle, first], SMALL)
     assert [r.kept for r in records] == [True, True, True]
     assert centres_of(whole)[0] == list(range(N_FRAMES))
     bundle_adjuster(whole).solve()
@@ -103,7 +103,7 @@ def test_a_model_may_be_joined_through_another(filmed_parts: Any) -> None:
 
 def test_models_without_a_common_frame_are_dropped_with_the_reason(filmed_parts: Any) -> None:
     *_, part = filmed_parts
-    whole, records = join_models([part(range(8, N_FRAMES)), part(range(8))], seed=0)
+    whole, records = join_models([part(range(8, N_FRAMES)), part(range(8))], SMALL)
     assert [(r.frames, r.kept) for r in records] == [(8, True), (6, False)]
     assert records[1].reason == "shares no frame with the largest"
     assert centres_of(whole)[0] == list(range(8))
@@ -115,13 +115,13 @@ def test_a_bent_model_is_dropped_with_the_reason(filmed_parts: Any) -> None:
     rng = np.random.default_rng(0)
     for point_id in sorted(bent.point3D_ids()):
         bent.point3D(point_id).xyz = rng.normal(0, 5, 3)
-    _, records = join_models([large, bent], seed=0)
+    _, records = join_models([large, bent], SMALL)
     assert not records[1].kept
     assert records[1].reason.startswith("no similarity fits the ")
     few = part(range(6, N_FRAMES))
     for point_id in sorted(few.point3D_ids())[5:]:
         few.delete_point3D(point_id)
-    _, records = join_models([large, few], seed=0)
+    _, records = join_models([large, few], SMALL)
     assert not records[1].kept
     assert records[1].reason.startswith("shares 3 frames but only ")
 

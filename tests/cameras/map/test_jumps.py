@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map import jumps as jumps_module
 from gmrdata.cameras.map.jumps import FEWEST, jumps, mend_jumps
+from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 from tests.cameras.drawn_models import (
     INTRINSICS_PX,
@@ -27,6 +28,9 @@ FRAMES = Frames(
     [Path(f"{number:04d}.png") for number in range(1, N_FRAMES + 1)], None, INTRINSICS_PX, SIZE_PX
 )
 
+CONFIG = SfmConfig()
+JUMP = CONFIG.mapping.jump
+
 
 def walk(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Places (T, 3) of somebody who walks on with an unsteady hand, at uneven times (T,)."""
@@ -39,9 +43,9 @@ def walk(seed: int) -> tuple[np.ndarray, np.ndarray]:
 def test_only_what_lies_far_from_the_path_has_jumped(seed: int, at: int) -> None:
     places, numbers = walk(seed)
     places[at] += [0, 0.2, 0]
-    assert jumps(places, numbers)[0] == at
+    assert jumps(places, numbers, JUMP)[0] == at
     # Its neighbours may look as if they had: the middle between them and it is off as well.
-    assert set(jumps(places, numbers)) <= {at - 1, at, at + 1}
+    assert set(jumps(places, numbers, JUMP)) <= {at - 1, at, at + 1}
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 6.0), st.floats(1e-3, 1e3))
@@ -49,15 +53,15 @@ def test_a_jump_is_one_in_any_frame_and_unit(seed: int, turn_rad: float, unit: f
     places, numbers = walk(seed)
     places[9] += [0, 0.2, 0]
     turned = unit * Rotation.from_euler("y", turn_rad).apply(places)
-    np.testing.assert_array_equal(jumps(turned, numbers), jumps(places, numbers))
+    np.testing.assert_array_equal(jumps(turned, numbers, JUMP), jumps(places, numbers, JUMP))
 
 
 def test_few_cameras_do_not_tell_what_is_usual() -> None:
     places, numbers = walk(0)
     places[2] += [0, 9, 0]
-    assert not len(jumps(places[: FEWEST - 1], numbers[: FEWEST - 1]))
-    assert not len(jumps(np.zeros((0, 3)), np.zeros(0)))
-    assert not len(jumps(np.zeros((10, 3)), np.arange(10)))  # a camera at rest
+    assert not len(jumps(places[: FEWEST - 1], numbers[: FEWEST - 1], JUMP))
+    assert not len(jumps(np.zeros((0, 3)), np.zeros(0), JUMP))
+    assert not len(jumps(np.zeros((10, 3)), np.arange(10), JUMP))  # a camera at rest
 
 
 @pytest.fixture
@@ -76,7 +80,7 @@ def stuck() -> tuple[Any, np.ndarray]:
 
 def test_a_camera_that_adjustment_leaves_elsewhere_comes_back(stuck: tuple[Any, Any]) -> None:
     model, places = stuck
-    mended = mend_jumps(model, FRAMES, 2.0)
+    mended = mend_jumps(model, FRAMES, CONFIG)
     left = places_of(model)
     assert np.linalg.norm(left[JUMPED] - places[JUMPED]) > 0.5  # what adjustment alone does
     found = places_of(mended)
@@ -91,7 +95,7 @@ def test_less_cost_is_not_enough_where_points_are_lost(
     model, _ = stuck
     counts = iter([200, 199, 198, 197])
     monkeypatch.setattr(jumps_module, "_explained", lambda *_: next(counts))
-    assert mend_jumps(model, FRAMES, 2.0) is model
+    assert mend_jumps(model, FRAMES, CONFIG) is model
 
 
 def test_points_behind_the_camera_are_not_explained(stuck: tuple[Any, Any]) -> None:
@@ -107,7 +111,7 @@ def test_a_path_without_a_jump_stays_as_it_is(stuck: tuple[Any, Any]) -> None:
     model, places = stuck
     jumps_module._put(model, JUMPED + 1, transforms.rigid(np.eye(3), places[JUMPED]))
     before = places_of(model)
-    assert mend_jumps(model, FRAMES, 2.0) is model
+    assert mend_jumps(model, FRAMES, CONFIG) is model
     np.testing.assert_array_equal(places_of(model), before)
 
 
@@ -118,5 +122,5 @@ def test_a_camera_that_has_lost_its_points_stays_where_it_is(stuck: tuple[Any, A
             model.delete_observation(JUMPED + 1, row)
     jumps_module._adjusted(model)
     before = places_of(model)
-    assert mend_jumps(model, FRAMES, 2.0) is model
+    assert mend_jumps(model, FRAMES, CONFIG) is model
     np.testing.assert_array_equal(places_of(model), before)

@@ -55,14 +55,15 @@ def test_many_keyframes_are_placed_by_their_longest_tracks_and_see_all_points(
     arc: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     filmed, frames, matches, work_dir = arc
-    monkeypatch.setattr(mapping, "LONG_FRAMES", len(frames.images))
+    long = SMALL.mapping.model_copy(update={"long_frames": len(frames.images)})
+    config = SMALL.model_copy(update={"mapping": long})
     monkeypatch.setattr(mapping, "TRACKS_PER_FRAME", 60)
-    tracks = mapping._global_options(len(frames.images), SMALL).mapper
+    tracks = mapping._global_options(len(frames.images), config).mapper
     assert tracks.track_required_tracks_per_view == 60
-    tracks = mapping._global_options(len(frames.images) - 1, SMALL).mapper
+    tracks = mapping._global_options(len(frames.images) - 1, config).mapper
     assert tracks.track_required_tracks_per_view > 1e6
     (tmp_path / "database.db").write_bytes((work_dir / "database.db").read_bytes())
-    mapped = mapping.map_frames(frames, matches, tmp_path, SMALL)
+    mapped = mapping.map_frames(frames, matches, tmp_path, config)
     assert mapped is not None and mapped.mapper == "global" and mapped.has_camera.all()
     assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
     assert np.median(mapped.errors_px) < 0.5 and mapped.inliers.min() > 60
