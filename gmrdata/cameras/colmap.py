@@ -30,6 +30,19 @@ def project_into(image: Any, points: np.ndarray) -> np.ndarray:
     return project_cam(points_cam, np.asarray(image.camera.calibration_matrix()))
 
 
+def camera_of(image: Any) -> np.ndarray:
+    """world_from_cam (4, 4) of an image of a model."""
+    return transforms.invert(matrix_of(image.cam_from_world()))
+
+
+def seen_by(model: Any, image: Any) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """Features of an image that show points, their places (N, 2) [px], and the points (N, 3)."""
+    features = [n for n, spot in enumerate(image.points2D) if spot.has_point3D()]
+    spots = [image.point2D(n) for n in features]
+    points = np.array([model.point3D(spot.point3D_id).xyz for spot in spots]).reshape(-1, 3)
+    return features, np.array([spot.xy for spot in spots]).reshape(-1, 2), points
+
+
 MIN_PARALLAX_DEG = 0.1  # points with less hardly have a depth; COLMAP's 1 empties slow sequences
 TRACKS_PER_FRAME = 200  # by which the global mapper places a frame where it doesn't take all
 

@@ -4,9 +4,10 @@ Large frames are made smaller first.  A camera is held by hundreds of points, so
 from more pixels than about a million, while everything takes as many times longer.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,12 @@ class Frames:
     def row_of_name(self) -> dict[str, int]:
         """Row of each frame by its image's name, by which COLMAP knows it."""
         return {image.name: row for row, image in enumerate(self.images)}
+
+    def rows_of(self, model: Any) -> Iterator[tuple[int, Any]]:
+        """Row and image of each frame of a COLMAP model; in order, as COLMAP has hash tables."""
+        row_of_name = self.row_of_name
+        for image in map(model.image, sorted(model.reg_image_ids())):
+            yield row_of_name[image.name], image
 
     def some(self, rows: np.ndarray) -> "Frames":
         """The frames of some rows."""
@@ -83,6 +90,7 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
     if share == 1 and not radial_k1 and not any(map(is_turned, frames.images)):
         return frames
     width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
+    size_px = width_px, height_px
     masks_dir = None if frames.masks_dir is None else out_dir / "masks"
     (out_dir / "frames").mkdir(parents=True)
     if masks_dir is not None:
@@ -90,38 +98,40 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
     # Pixel (0, 0) is an outer corner, so pixels scale as lengths do.
     scaling = np.diag([width_px / frames.size_px[0], height_px / frames.size_px[1], 1.0])
     intrinsics_px = scaling @ frames.intrinsics_px
-    seen_at = _seen_at(intrinsics_px, (width_px, height_px), radial_k1) if radial_k1 else None
+    seen_at = _seen_at(intrinsics_px, size_px, radial_k1) if radial_k1 else None
 
     def reduce_one(image: Path) -> Path:
         # As PNG it would take 40 times as long to write, and 14 times to read.
         path = out_dir / "frames" / f"{image.stem}.bmp"
         gray = read_gray(image, frames.size_px)
-        small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
+        small = cv2.resize(gray, size_px, interpolation=cv2.INTER_AREA)
         if seen_at is not None:
             small = cv2.remap(small, *seen_at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         path.write_bytes(image_bytes(".bmp", small))
         if masks_dir is not None:
-            # A pixel is dynamic if any part of it is.
-            mask = frames.mask(image)
-            covered = cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_AREA) > 0
-            if seen_at is not None:  # what the lens does not show counts as dynamic
-                covered = (
-                    cv2.remap(
-                        255 * covered.astype(np.uint8),
-                        *seen_at,
-                        cv2.INTER_LINEAR,
-                        borderMode=cv2.BORDER_CONSTANT,
-                        borderValue=(255,),
-                    )
-                    > 0
-                )
+            mask = _reduced_mask(frames.mask(image), size_px, seen_at)
             fast = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
-            encoded = image_bytes(".png", 255 * covered.astype(np.uint8), fast)
-            (masks_dir / f"{image.stem}.png").write_bytes(encoded)
+            (masks_dir / f"{image.stem}.png").write_bytes(image_bytes(".png", mask, fast))
         return path
 
     images = in_threads(reduce_one, frames.images)
-    return Frames(images, masks_dir, intrinsics_px, (width_px, height_px))
+    return Frames(images, masks_dir, intrinsics_px, size_px)
+
+
+def _reduced_mask(
+    mask: np.ndarray, size_px: tuple[int, int], seen_at: tuple[np.ndarray, np.ndarray] | None
+) -> np.ndarray:
+    """A mask of the smaller size; a pixel is dynamic if any part of it is, or the lens does not
+    show it."""
+    import cv2
+
+    covered = cv2.resize(mask, size_px, interpolation=cv2.INTER_AREA) > 0
+    white = 255 * covered.astype(np.uint8)
+    if seen_at is None:
+        return white
+    edge, linear = cv2.BORDER_CONSTANT, cv2.INTER_LINEAR
+    straight = cv2.remap(white, *seen_at, linear, borderMode=edge, borderValue=(255,))
+    return 255 * (straight > 0).astype(np.uint8)
 
 
 def _seen_at(

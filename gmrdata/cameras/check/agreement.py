@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cameras.files import Agreement
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map.mapping import hardly_travels, map_again, map_otherwise
+from gmrdata.cameras.map.refinement import background_distance
 from gmrdata.cameras.map.rotation_only import RotationOnly, solve_rotation_only
 from gmrdata.cameras.map.solution import Solution
 from gmrdata.cameras.match.matches import Matches
@@ -54,8 +55,7 @@ def least_extent(world_from_cam: np.ndarray, points: np.ndarray, share: float) -
     known = np.isfinite(world_from_cam[:, 0, 0])
     if not len(points) or not known.any():
         return 0.0
-    middle = world_from_cam[known, :3, 3].mean(axis=0)
-    return share * float(np.median(np.linalg.norm(points - middle, axis=1)))
+    return share * background_distance(world_from_cam[known, :3, 3], points)
 
 
 def compare_again(

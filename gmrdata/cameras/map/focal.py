@@ -31,14 +31,11 @@ from gmrdata.values.lens import bent, straightened
 
 NOISE_FLOOR_PX = 0.05  # features are not placed better
 FREED_NOT_INDEPENDENT = 2.5
-"""The error by covariance is too small by this, as errors of a feature in several frames have much
-in common.  Measured: 2.4 over eight filmed arcs with right intrinsics."""
+"""The error by covariance is too small by this: a feature's errors have much in common."""
 SYSTEMATIC_FOCAL, SYSTEMATIC_K1 = 0.0125, 0.008
-"""What no covariance has: rolling shutter, what moves, the one lens standing for the other.
-Measured on real clips of known intrinsics: focal lengths are off by up to 2.4 %, k1 by 0.014."""
+"""What no covariance has: rolling shutter, what moves, the one lens standing for the other."""
 WARP_PX = 1.0
-"""What a rolling shutter and a phone's steadying bend at the edge of a turning camera's pictures.
-From a turn of 0.4 degrees 0.46 was found to 5 % where phones have 0.65 to 0.95."""
+"""What a rolling shutter and a phone's steadying bend at the edge of a turning picture."""
 STARTS = (1.0, 0.6, 1.6)  # focal lengths that the adjustment starts from, over the given one
 MOST_KEYFRAMES, MOST_POINTS, FEWEST_SEEN = 16, 800, 3  # of the thinned copy
 
@@ -191,8 +188,7 @@ LENS_STEP = 1e-6  # of log f and k1, for their slopes
 MAX_SIGMA = 0.5  # a factor that is less certain than this says nothing
 NOT_INDEPENDENT = 5.0
 """The error by covariance is too small by this: a camera in the hand also moves a little, and what
-parallax it leaves leans on the focal length.  Measured on drawn points 4 to 15 m away, for turns
-from 2 to 40 degrees: the factor is off by up to 5 such errors where the hand drifts by 3 cm."""
+parallax it leaves leans on the focal length."""
 
 
 class TurningFit(NamedTuple):

@@ -4,6 +4,7 @@ A keyframe that sees little but far points can turn where it should travel.  Bun
 not lead it back: its own points have gone with it.
 """
 
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,10 @@ from scipy.spatial.transform import Rotation, Slerp
 from gmrdata.cameras.colmap import (
     bundle_adjuster,
     camera_adjuster,
-    matrix_of,
+    camera_of,
     project_into,
     pycolmap,
+    seen_by,
 )
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
@@ -30,11 +32,10 @@ def mend_jumps(model: Any, frames: Frames, config: SfmConfig) -> Any:
 
     Most go back to where they were, which a keyframe alone tells, in a hundredth of the time.
     """
-    row_of_name, most_px = frames.row_of_name, config.max_reprojection_px
-    ids = sorted(model.reg_image_ids(), key=lambda i: row_of_name[model.image(i).name])
-    cameras = np.array([_camera(model, i) for i in ids]).reshape(-1, 4, 4)
-    numbers = frames.numbers[[row_of_name[model.image(i).name] for i in ids]]
-    jumping = jumps(cameras[:, :3, 3], numbers, config.mapping.jump)[: config.mapping.most_jumps]
+    most_px, images = config.max_reprojection_px, sorted(frames.rows_of(model), key=itemgetter(0))
+    ids, numbers = [image.image_id for _, image in images], frames.numbers[[at for at, _ in images]]
+    centres = np.array([camera_of(image)[:3, 3] for _, image in images]).reshape(-1, 3)
+    jumping = jumps(centres, numbers, config.mapping.jump)[: config.mapping.most_jumps]
     gain = config.mapping.jump_gain
     middles = {at: _middle(model, ids, numbers, at) for at in jumping}
     astray = [at for at, camera in middles.items() if _is_astray(model, ids[at], camera, gain)]
@@ -62,14 +63,10 @@ def jumps(centres: np.ndarray, numbers: np.ndarray, most: float) -> np.ndarray:
     return np.asarray(far[np.argsort(-apart[far])] + 1)
 
 
-def _camera(model: Any, image_id: int) -> np.ndarray:
-    return transforms.invert(matrix_of(model.image(image_id).cam_from_world()))
-
-
 def _middle(model: Any, ids: list[int], numbers: np.ndarray, at: int) -> np.ndarray:
     """The camera (4, 4) on the straight way between a keyframe's neighbours, of images in order at
     times (T,)."""
-    before, after = (_camera(model, ids[at + step]) for step in (-1, 1))
+    before, after = (camera_of(model.image(ids[at + step])) for step in (-1, 1))
     share = float((numbers[at] - numbers[at - 1]) / (numbers[at + 1] - numbers[at - 1]))
     turns = Rotation.from_matrix([before[:3, :3], after[:3, :3]])
     place = (1 - share) * before[:3, 3] + share * after[:3, 3]
@@ -105,9 +102,7 @@ def _explained(model: Any, most_px: float) -> int:
     """How many image points are where the model's points appear, and before the camera."""
     count = 0
     for image in map(model.image, model.reg_image_ids()):
-        spots = [spot for spot in image.points2D if spot.has_point3D()]
-        points = np.array([model.point3D(spot.point3D_id).xyz for spot in spots]).reshape(-1, 3)
-        seen_px = np.array([spot.xy for spot in spots]).reshape(-1, 2)
+        _, seen_px, points = seen_by(model, image)
         apart_px = np.linalg.norm(project_into(image, points) - seen_px, axis=1)
         count += int((apart_px < most_px).sum())
     return count

@@ -1,6 +1,6 @@
 """Cameras with six degrees of freedom: COLMAP's mappers, then a robust bundle adjustment."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,29 +8,27 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.colmap import (
-    LOSS_PX,
     MIN_PARALLAX_DEG,
     TRACKS_PER_FRAME,
     bundle_adjuster,
+    camera_of,
     global_options,
     incremental_options,
     matrix_of,
     pycolmap,
+    seen_by,
 )
-from gmrdata.cameras.files import Mapper, ModelRecord
+from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.map.focal import freed_focal, with_lens
 from gmrdata.cameras.map.jumps import mend_jumps
 from gmrdata.cameras.map.models import join_models, place_frames
+from gmrdata.cameras.map.refinement import is_short, refined_model, sharpen
 from gmrdata.cameras.map.smoothing import camera_information, smooth_cameras
 from gmrdata.cameras.map.solution import SeenPoints, Solution
-from gmrdata.cameras.map.weak_keyframes import has_weak, triangulate_again
-from gmrdata.cameras.match.behind_masks import see_again
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
-
-NARROWEST_PX = 0.05  # of a loss: image points are never taken to be better
 
 
 def map_frames(
@@ -69,23 +67,7 @@ def hardly_travels(mapped: Solution, share: float) -> bool:
 
     The global mapper's are not to be trusted then.
     """
-    return _is_short(mapped.world_from_cam[mapped.has_camera, :3, 3], mapped.points, share)
-
-
-def _is_short(centres: np.ndarray, points: np.ndarray, share: float) -> bool:
-    """The same of a path's centres (T, 3) and the points (N, 3) of its background."""
-    if not len(centres) or not len(points):
-        return False
-    distance = np.median(np.linalg.norm(points - centres.mean(axis=0), axis=1))
-    extent = np.linalg.norm(centres[:, None] - centres[None], axis=-1).max()
-    return bool(extent < share * distance)
-
-
-def _is_short_model(model: Any, config: SfmConfig) -> bool:
-    """The same of a COLMAP model."""
-    centres = [model.image(i).projection_center() for i in sorted(model.reg_image_ids())]
-    points = [model.point3D(i).xyz for i in sorted(model.point3D_ids())]
-    return _is_short(np.array(centres), np.array(points), config.small_travel_share)
+    return is_short(mapped.world_from_cam[mapped.has_camera, :3, 3], mapped.points, share)
 
 
 def explains(mapped: Solution, n_matched: np.ndarray, config: SfmConfig) -> bool:
@@ -118,9 +100,9 @@ def map_again(
     model.update_point_3d_errors()
     error_px = float(model.compute_mean_reprojection_error())
     model, _ = with_lens(model, config.distortion)
-    _sharpen(model, config)
-    for row, cam_from_world, _ in _views(model, frames):
-        world_from_cam[row] = transforms.invert(cam_from_world)
+    sharpen(model, config)
+    for row, image in frames.rows_of(model):
+        world_from_cam[row] = camera_of(image)
     return world_from_cam, error_px
 
 
@@ -216,23 +198,24 @@ def _finish(
     config: SfmConfig,
 ) -> Solution:
     """Join and refine models, place the frames that they lack, and read the result out."""
-    model, records = _built(models, frames, matches, work_dir, config)
+    model, records = refined_model(models, frames, matches, work_dir, config)
     focal = freed_focal(model)
     model, lens = with_lens(model, config.distortion)
-    loss_px = _sharpen(model, config)
+    loss_px = sharpen(model, config)
     n, intrinsics_px = len(frames.images), frames.intrinsics_px
     matches = matches.without(lens, intrinsics_px)
     world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
     seen: SeenPoints = {}
     errors_px = [np.zeros(0)]
-    for row, cam_from_world, points in _views(model, frames):
-        if points:
-            points_cam = transforms.apply(cam_from_world, np.array(list(points.values())))
+    for row, image in frames.rows_of(model):
+        features, _, points = seen_by(model, image)
+        if features:
+            points_cam = transforms.apply(matrix_of(image.cam_from_world()), points)
             image_px = (points_cam / points_cam[:, 2:]) @ intrinsics_px.T
-            apart_px = image_px[:, :2] - matches.keypoints_px[row][list(points)]
+            apart_px = image_px[:, :2] - matches.keypoints_px[row][features]
             errors_px.append(np.linalg.norm(apart_px, axis=1))
-        world_from_cam[row], inliers[row] = transforms.invert(cam_from_world), len(points)
-        seen[row] = points
+        world_from_cam[row], inliers[row] = camera_of(image), len(features)
+        seen[row] = dict(zip(features, points, strict=True))
     _forget_weak(world_from_cam, inliers, seen, config.min_frame_points)
     missing = set(range(n)) - set(seen)
     adjusted = np.isin(np.arange(n), list(seen))
@@ -256,46 +239,6 @@ def _finish(
     )
 
 
-def _built(
-    models: list[Any], frames: Frames, matches: Matches, work_dir: Path, config: SfmConfig
-) -> tuple[Any, tuple[ModelRecord, ...]]:
-    """One adjusted model of those that a mapper found, with background inside masks; what became
-    of each."""
-    model, records = join_models(models, config)
-    _adjust_and_filter(model, config)
-    # Where a camera hardly travels, most points lack parallax: few are held, and rightly so.
-    if not _is_short_model(model, config) and has_weak(model, matches, frames, config):
-        for _ in range(config.mapping.triangulated_again):
-            triangulate_again(model, work_dir / DATABASE_FILE, config)
-            _adjust_and_filter(model, config)
-    see_again(model, matches, frames, config.masks)
-    bundle_adjuster(model).solve()
-    return mend_jumps(model, frames, config), records
-
-
-def _adjust_and_filter(model: Any, config: SfmConfig) -> None:
-    bundle_adjuster(model).solve()
-    model.update_point_3d_errors()
-    manager = pycolmap.ObservationManager(model)
-    manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
-
-
-def _sharpen(model: Any, config: SfmConfig) -> float:
-    """Adjust a model anew where its camera hardly travels, by a loss as narrow as most errors are;
-    the scale of the loss of its last adjustment [px].
-
-    A tenth of the image points is half a pixel off where most are a tenth, which tells over a short
-    path alone.
-    """
-    if not _is_short_model(model, config):
-        return LOSS_PX
-    model.update_point_3d_errors()
-    median_px = float(np.median([model.point3D(i).error for i in sorted(model.point3D_ids())]))
-    loss_px = min(LOSS_PX, max(NARROWEST_PX, median_px))
-    bundle_adjuster(model, loss_px=loss_px).solve()
-    return loss_px
-
-
 def _forget_weak(
     world_from_cam: np.ndarray, inliers: np.ndarray, seen: SeenPoints, min_points: int
 ) -> None:
@@ -304,16 +247,3 @@ def _forget_weak(
         if inliers[row] < min_points:
             world_from_cam[row], inliers[row] = np.nan, 0
             del seen[row]
-
-
-def _views(model: Any, frames: Frames) -> Iterator[tuple[int, np.ndarray, dict[int, np.ndarray]]]:
-    """Row and cam_from_world (4, 4) of each frame of a model, and its points by feature."""
-    row_of_name = frames.row_of_name
-    # Sorted, since COLMAP keeps them in hash tables.
-    for image in map(model.image, sorted(model.reg_image_ids())):
-        points = {
-            feature: np.asarray(model.point3D(point.point3D_id).xyz)
-            for feature, point in enumerate(image.points2D)
-            if point.has_point3D()
-        }
-        yield row_of_name[image.name], matrix_of(image.cam_from_world()), points

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import matrix_of, project_into, pycolmap
+from gmrdata.cameras.colmap import matrix_of, project_into, pycolmap, seen_by
 from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.map.solution import SeenPoints
 from gmrdata.cameras.match.features import pinhole_params
@@ -97,7 +97,8 @@ def _similarity(whole: Any, model: Any, config: SfmConfig) -> tuple[Any | None, 
         return None, f"shares {frames} but {few}"
     options = pycolmap.RANSACOptions()
     options.random_seed = config.seed
-    arms = [_seen_from(whole, i) - whole.image(i).projection_center() for i in shared]
+    images = [whole.image(i) for i in shared]
+    arms = [seen_by(whole, image)[2] - image.projection_center() for image in images]
     distance = float(np.median(np.linalg.norm(np.concatenate(arms), axis=1)))
     options.max_error = joining.point_error_share * distance
     # Points, not centres: those of a camera that goes straight leave a turn about its way open.
@@ -138,18 +139,12 @@ def _shared_points(whole: Any, model: Any, least: int) -> tuple[np.ndarray, np.n
     return np.array(theirs).reshape(-1, 3), np.array(ours).reshape(-1, 3)
 
 
-def _seen_from(model: Any, image_id: int) -> np.ndarray:
-    """Points (N, 3) that a frame sees."""
-    ids = [p.point3D_id for p in model.image(image_id).points2D if p.has_point3D()]
-    return np.array([model.point3D(i).xyz for i in ids]).reshape(-1, 3)
-
-
 def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list[int]) -> float:
     """Median distance at which the whole's points appear in the model's cameras and in its own."""
     back = whole_from_model.inverse()
     errors = []
     for image_id in shared:
-        points = _seen_from(whole, image_id)
+        _, _, points = seen_by(whole, whole.image(image_id))
         moved = points @ (back.scale * back.rotation.matrix()).T + back.translation
         own_px = project_into(whole.image(image_id), points)
         errors.append(np.linalg.norm(project_into(model.image(image_id), moved) - own_px, axis=1))

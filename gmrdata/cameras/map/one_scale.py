@@ -159,8 +159,7 @@ def _held(left: np.ndarray, total: np.ndarray) -> np.ndarray:
 def _left_open(known: np.ndarray) -> np.ndarray:
     """(7, 7) covariance of a move of which so much is known, beside what is possible at all."""
     values, vectors = np.linalg.eigh((known + known.T) / 2 * np.outer(POSSIBLE, POSSIBLE))
-    # Nothing is known less than not at all, but by rounding: of cameras that a broken model puts
-    # 100 000 times as far away as the others, variances came out negative.
+    # Nothing is known less than not at all, but by rounding.
     spread = POSSIBLE[:, None] * vectors / np.sqrt(1.0 + np.maximum(values, 0.0))
     return np.asarray(spread @ spread.T)
 

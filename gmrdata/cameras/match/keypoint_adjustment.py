@@ -4,8 +4,7 @@ A SIFT feature is placed to a third or half of a pixel, in each keyframe by itse
 round it moves from one keyframe to the next is seen several times as exactly (Lucas and Kanade
 1981).  All image points are therefore moved at once, as little as the measured motions ask for: the
 keypoint adjustment of Lindenberger et al. 2021, there by learned features.  Only neighbours are
-measured: over more keyframes a patch changes its size and shape, and a car's path of 60 m was 20 mm
-off by all pairs where it is 16 by neighbours, as without.
+measured: over more keyframes a patch changes its size and shape.
 """
 
 from contextlib import closing

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.colmap import LOSS_PX, bundle_adjuster, pycolmap
-from gmrdata.cameras.map.mapping import NARROWEST_PX, _sharpen
+from gmrdata.cameras.map.refinement import NARROWEST_PX, sharpen
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 from gmrdata.values.transforms import fit_similarity
@@ -44,7 +44,7 @@ def error(model: Any, places: np.ndarray) -> float:
 def test_a_short_path_does_not_follow_what_is_far_off(seed: int) -> None:
     model, places = filmed(0.06, seed)
     before = error(model, places)
-    loss_px = _sharpen(model, SfmConfig())
+    loss_px = sharpen(model, SfmConfig())
     assert NARROWEST_PX < loss_px < 3 * NOISE_PX
     assert error(model, places) < 0.6 * before
 
@@ -52,9 +52,9 @@ def test_a_short_path_does_not_follow_what_is_far_off(seed: int) -> None:
 def test_a_long_path_stays_as_it_is() -> None:
     model, places = filmed(4.0, 0)
     before = error(model, places)
-    assert _sharpen(model, SfmConfig()) == LOSS_PX
+    assert sharpen(model, SfmConfig()) == LOSS_PX
     assert error(model, places) == before
 
 
 def test_an_empty_model_is_no_error() -> None:
-    assert _sharpen(pycolmap.Reconstruction(), SfmConfig()) == LOSS_PX
+    assert sharpen(pycolmap.Reconstruction(), SfmConfig()) == LOSS_PX

@@ -10,8 +10,7 @@ import pytest
 
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.map import mapping
-from gmrdata.cameras.map.weak_keyframes import has_weak, triangulate_again
+from gmrdata.cameras.map.refinement import has_weak, refined_model, triangulate_again
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches
 from gmrdata.cameras.recipe import MappingConfig, SfmConfig
 from gmrdata.values import transforms
@@ -96,10 +95,10 @@ def test_a_keyframe_is_weak_below_a_share_of_its_matched_points(
 def test_points_are_found_again_and_bring_a_weak_keyframe_back(scene: tuple[Scene, Path]) -> None:
     """A keyframe of photos round a fox kept 53 points of far background, and was 134 mm off."""
     drawn, folder = scene
-    model, _ = mapping._built([drawn.model(20)], FRAMES, drawn.matches, folder, CONFIG)
+    model, _ = refined_model([drawn.model(20)], FRAMES, drawn.matches, folder, CONFIG)
     assert model.image(WEAK + 1).num_points3D > 0.95 * N_POINTS
     once = CONFIG.model_copy(update={"mapping": MappingConfig(triangulated_again=0)})
-    left, _ = mapping._built([drawn.model(20)], FRAMES, drawn.matches, folder, once)
+    left, _ = refined_model([drawn.model(20)], FRAMES, drawn.matches, folder, once)
     assert left.image(WEAK + 1).num_points3D <= 20
     assert drawn.error(model) < 0.005 and drawn.error(model) < drawn.error(left) / 3
 
