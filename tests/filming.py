@@ -1,6 +1,6 @@
 """A small world to film: a textured room with boxes, drawn by casting one ray per pixel."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.read.frames import list_images
 from gmrdata.values import transforms
 from gmrdata.values.camera import intrinsics_from_fov
+from gmrdata.values.transforms import fit_similarity
 
 WIDTH_PX, HEIGHT_PX = 320, 180
 INTRINSICS_PX = intrinsics_from_fov(65.0, WIDTH_PX, HEIGHT_PX)
@@ -32,6 +37,33 @@ class Filmed:
     masks_dir: Path
     intrinsics_px: np.ndarray
     world_from_cam: np.ndarray
+
+    @property
+    def frames(self) -> Frames:
+        """What the camera stage works on."""
+        images = list_images(self.images_dir)
+        return Frames(images, self.masks_dir, self.intrinsics_px, (WIDTH_PX, HEIGHT_PX))
+
+    def solved(self, out_dir: Path, config: SfmConfig, **given: Any) -> Path:
+        """The camera stage's folder of these frames and masks."""
+        return reconstruct(
+            self.images_dir, self.masks_dir, self.intrinsics_px, out_dir, config, **given
+        )
+
+    def centre_errors_m(self, found: np.ndarray) -> np.ndarray:
+        """Distances of camera centres (T, 3) from the true ones after the best similarity."""
+        true = self.world_from_cam[:, :3, 3]
+        return np.linalg.norm(fit_similarity(true, found, scale=True).apply(found) - true, axis=1)
+
+
+def write_pictures(folder: Path, pictures: Iterable[np.ndarray]) -> list[Path]:
+    """Pictures as 00000.png, 00001.png and so on."""
+    folder.mkdir(parents=True)
+    paths = []
+    for row, picture in enumerate(pictures):
+        paths.append(folder / f"{row:05d}.png")
+        cv2.imwrite(str(paths[-1]), picture)
+    return paths
 
 
 def look_at(centre_m: np.ndarray, target_m: np.ndarray) -> np.ndarray:

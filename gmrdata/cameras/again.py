@@ -117,8 +117,7 @@ def _solved(
     masks = None
     if masks_dir is not None:
         masks = _linked(folder / "masks", [find_mask(masks_dir, images[row]) for row in rows])
-    seeded = config.model_copy(update={"seed": (config.seed + way.seed) % 2**31})
-    k1 = known_radial_k1(sfm_dir)
+    seeded, k1 = config.reseeded(way.seed), known_radial_k1(sfm_dir)
     try:
         solved = reconstruct(
             given, masks, first.intrinsics_px, folder / "sfm", seeded, radial_k1=k1

@@ -60,34 +60,40 @@ def reconstruct(
     recipe = _SfmRecipe(sfm=config, intrinsics_px=rows, radial_k1=radial_k1)
 
     def work(partial: Path) -> None:
-        from gmrdata.cameras.geometry import solve
-
         read = read_frames(images_dir, left_out)
-        # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
-        work_dir = partial / "colmap"
-        work_dir.mkdir()
         given = Frames(list(read.paths), masks_dir, matrix, read.size_px)
-        frames = reduced(given, config.max_image_size_px, work_dir / "reduced", radial_k1)
         try:
-            solution, quality = solve(frames, work_dir, config)
+            _leave_cameras(partial, given, radial_k1, config)
         except NoReconstruction as error:
             # The reduced frames are gone when somebody reads this.
             raise error.of(images_dir) from None
-        shutil.rmtree(work_dir)
-        path = CameraPath(matrix, *read.size_px, solution.world_from_cam, solution.has_camera)
-        filled = np.isin(np.arange(len(read.paths)), quality.interpolated)
-        cameras = files.SfmCameras(path, solution.geometry, given.numbers, filled)
-        files.save_cameras(partial / files.CAMERAS_FILE, cameras)
-        files.save_points(partial / files.POINTS_FILE, solution.points, solution.track_lengths)
-        tracks = _tracks_in(solution.tracks, given, frames)
-        if radial_k1:
-            tracks = replace(tracks, image_px=_seen_px(tracks.image_px, matrix, radial_k1))
-            quality = quality.model_copy(update={"lens": _whole_lens(radial_k1, quality.lens)})
-        save_tracks(partial / TRACKS_FILE, tracks)
-        quality.write(partial / files.QUALITY_FILE)
 
     inputs = {"images": images_dir} | ({} if masks_dir is None else {"masks": masks_dir})
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
+
+
+def _leave_cameras(folder: Path, given: Frames, radial_k1: float, config: SfmConfig) -> None:
+    """Find the cameras of frames, and write them and what holds them into the stage's folder."""
+    from gmrdata.cameras.geometry import solve
+
+    # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
+    work_dir = folder / "colmap"
+    work_dir.mkdir()
+    frames = reduced(given, config.max_image_size_px, work_dir / "reduced", radial_k1)
+    solution, quality = solve(frames, work_dir, config)
+    shutil.rmtree(work_dir)
+    cameras, matrix = solution.world_from_cam, given.intrinsics_px
+    path = CameraPath(matrix, *given.size_px, cameras, solution.has_camera)
+    filled = np.isin(np.arange(len(cameras)), quality.interpolated)
+    found = files.SfmCameras(path, solution.geometry, given.numbers, filled)
+    files.save_cameras(folder / files.CAMERAS_FILE, found)
+    files.save_points(folder / files.POINTS_FILE, solution.points, solution.track_lengths)
+    tracks = _tracks_in(solution.tracks, given, frames)
+    if radial_k1:
+        tracks = replace(tracks, image_px=_seen_px(tracks.image_px, matrix, radial_k1))
+        quality = quality.model_copy(update={"lens": _whole_lens(radial_k1, quality.lens)})
+    save_tracks(folder / TRACKS_FILE, tracks)
+    quality.write(folder / files.QUALITY_FILE)
 
 
 def known_radial_k1(sfm_dir: Path) -> float:

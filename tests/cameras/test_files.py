@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import (
+    _CAMERA_SHAPES,
     CAMERAS_FILE,
     POINTS_FILE,
     QUALITY_FILE,
@@ -106,19 +107,7 @@ def test_cameras_come_back(tmp_path: Path) -> None:
     assert np.array_equal(found.interpolated, CAMERAS.interpolated)
 
 
-@pytest.mark.parametrize(
-    "key",
-    [
-        "format",
-        "camera_intrinsics_px",
-        "camera_size_px",
-        "world_from_cam",
-        "has_camera",
-        "geometry",
-        "image_numbers",
-        "interpolated",
-    ],
-)
+@pytest.mark.parametrize("key", ["format", *_CAMERA_SHAPES])
 def test_each_array_of_the_cameras_is_needed_and_named(tmp_path: Path, key: str) -> None:
     save_cameras(tmp_path / CAMERAS_FILE, CAMERAS)
     without_array(tmp_path / CAMERAS_FILE, key)

@@ -38,9 +38,6 @@ def mapped(extent: float, focal: FreedFocal | None) -> Solution:
         errors_px=np.full(1000, 0.3),
         inliers=np.full(N, 80),
         mapper="global",
-        models=(),
-        n_resected=0,
-        seen={},
         focal=focal,
     )
 
@@ -55,6 +52,15 @@ def turning(residual_px: float) -> RotationOnly:
         np.array([[0, 1]]),
         csr_array((3 * N, 3 * N)),
     )
+
+
+def chained(folder: Path, reach: int) -> tuple[Frames, Matches]:
+    """Frames, each of which matches the next ones."""
+    frames = Frames([folder / f"{row}.jpg" for row in range(N)], None, np.eye(3), (10, 10))
+    same = np.tile(np.arange(100)[:, None], 2)
+    near = [(a, b) for a in range(N) for b in range(a + 1, min(a + 1 + reach, N))]
+    pairs = [PairMatches(a, b, same, "CALIBRATED") for a, b in near]
+    return frames, Matches([np.zeros((100, 2))] * N, pairs)
 
 
 @pytest.mark.parametrize(
@@ -90,10 +96,8 @@ def test_where_the_camera_hardly_travels_both_solutions_begin_again_until_they_a
     right, wrong = firm.world_from_cam, firm.world_from_cam.copy()
     wrong[:, 1, 3] = 0.3 * np.sin(np.arange(N))
     poor = replace(firm, world_from_cam=wrong, errors_px=np.full(1000, 0.4))
-    frames = Frames([tmp_path / f"{row}.jpg" for row in range(N)], None, np.eye(3), (10, 10))
-    same = np.tile(np.arange(100)[:, None], 2)
-    pairs = [PairMatches(a, b, same, "") for a in range(N) for b in range(a + 1, min(a + 3, N))]
-    matches, asked = Matches([np.zeros((100, 2))] * N, pairs), list[int]()
+    frames, matches = chained(tmp_path, 2)
+    asked = list[int]()
 
     def answer(seconds: list[tuple[np.ndarray, float]], start: Solution, other: Solution) -> float:
         asked.clear()
@@ -132,10 +136,8 @@ def test_two_keyframes_in_three_are_asked_where_half_of_them_do_not_confirm_the_
     wrong[:, 1, 3] = 0.5 * np.sin(np.arange(N))
     few = right.copy()
     few[4:] = np.nan
-    frames = Frames([tmp_path / f"{row}.jpg" for row in range(N)], None, np.eye(3), (10, 10))
-    same = np.tile(np.arange(100)[:, None], 2)
-    pairs = [PairMatches(a, b, same, "") for a in range(N) for b in range(a + 1, min(a + 3, N))]
-    matches, asked = Matches([np.zeros((100, 2))] * N, pairs), list[int]()
+    frames, matches = chained(tmp_path, 2)
+    asked = list[int]()
 
     def answer(of_half: np.ndarray, of_more: np.ndarray) -> Solution:
         asked.clear()
@@ -173,10 +175,6 @@ def test_a_model_of_few_keyframes_does_not_say_that_the_camera_only_turns() -> N
     assert not is_bent(replace(vague, world_from_cam=few), turning(0.9), CONFIG)
 
 
-def test_a_long_way_is_never_called_bent() -> None:
-    assert not is_bent(mapped(1.5, None), turning(0.9), CONFIG)
-
-
 @pytest.mark.parametrize(("extent", "mapper"), [(0.5, "small_parallax"), (1.5, "global")])
 def test_a_model_that_hardly_travels_is_not_the_last(
     extent: float, mapper: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -191,25 +189,23 @@ def test_a_model_that_hardly_travels_is_not_the_last(
 
     monkeypatch.setattr(mapping, "_run", lambda name, *_: [name] if name in found_by else [])
     monkeypatch.setattr(mapping, "_finish", finish)
-    same = np.tile(np.arange(100)[:, None], 2)
-    pairs = [PairMatches(row, row + 1, same, "CALIBRATED") for row in range(N - 1)]
-    matches = Matches([np.zeros((100, 2))] * N, pairs)
-    frames = Frames([tmp_path / f"{row}.jpg" for row in range(N)], None, np.eye(3), (10, 10))
+    frames, matches = chained(tmp_path, 1)
     chosen = mapping.map_frames(frames, matches, tmp_path, CONFIG)
     assert chosen is not None and chosen.mapper == mapper
 
 
-def test_a_model_stays_where_a_pure_rotation_explains_nothing() -> None:
-    assert not is_bent(mapped(0.5, None), turning(3.0), CONFIG)
-
-
-def test_a_model_without_cameras_is_no_rival() -> None:
-    """The mapper of a pan can leave a model whose cameras were all forgotten as too weak."""
-    nowhere = replace(
-        mapped(0.5, None),
-        world_from_cam=np.full((N, 4, 4), np.nan),
-    )
-    assert not is_bent(nowhere, turning(0.9), CONFIG)
+@pytest.mark.parametrize(
+    ("extent", "there", "residual_px"),
+    [
+        (1.5, 1.0, 0.9),  # a long way
+        (0.5, 1.0, 3.0),  # a pure rotation explains nothing
+        (0.5, np.nan, 0.9),  # the mapper of a pan can leave a model without cameras
+    ],
+)
+def test_a_model_that_is_not_bent(extent: float, there: float, residual_px: float) -> None:
+    model = mapped(extent, None)
+    model = replace(model, world_from_cam=there * model.world_from_cam)
+    assert not is_bent(model, turning(residual_px), CONFIG)
 
 
 def test_a_second_solution_leaves_out_only_keyframes_that_others_stand_in_for() -> None:

@@ -15,7 +15,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import read_gray
 from gmrdata.values.lens import straightened
-from tests.cameras.test_reconstruct import centre_errors_m, rotation_errors_deg
+from tests.cameras.test_reconstruct import rotation_errors_deg
 
 RADIAL_K1 = -0.15
 CUT_PX = (8, 5)  # from either side of a frame, beyond which the bent one would show nothing
@@ -38,16 +38,16 @@ def bend(source: Path, target: Path, intrinsics_px: np.ndarray, how: int) -> Non
 
 @pytest.fixture(scope="module")
 def bent_arc(film: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """A filmed arc through a lens: folder, intrinsics, true cameras."""
+    """A filmed arc through a lens: folder, intrinsics, and what was filmed."""
     filmed, folder = film("arc", 12, person=False), tmp_path_factory.mktemp("bent")
     bend(filmed.images_dir, folder / "frames", filmed.intrinsics_px, cv2.INTER_LANCZOS4)
     intrinsics_px = filmed.intrinsics_px.copy()
     intrinsics_px[:2, 2] -= CUT_PX
-    return folder / "frames", intrinsics_px, filmed.world_from_cam
+    return folder / "frames", intrinsics_px, filmed
 
 
 def test_cameras_of_a_known_lens_are_right(bent_arc: Any, tmp_path: Path) -> None:
-    images_dir, intrinsics_px, true = bent_arc
+    images_dir, intrinsics_px, filmed = bent_arc
     config = SfmConfig(max_features=600)
     made = reconstruct(
         images_dir, None, intrinsics_px, tmp_path / "sfm", config, radial_k1=RADIAL_K1
@@ -55,8 +55,8 @@ def test_cameras_of_a_known_lens_are_right(bent_arc: Any, tmp_path: Path) -> Non
     cameras, quality = load_cameras(made), load_quality(made)
     assert cameras.geometry == "full" and cameras.path.has_camera.all()
     found = cameras.path.world_from_cam[:, :3, :3]
-    assert rotation_errors_deg(found, true[:, :3, :3]).max() < 0.3
-    assert centre_errors_m(cameras, true).max() < 0.02
+    assert rotation_errors_deg(found, filmed.world_from_cam[:, :3, :3]).max() < 0.3
+    assert filmed.centre_errors_m(cameras.path.centres_world_m).max() < 0.02
     assert quality.lens is not None
     assert quality.lens.k1 == pytest.approx(RADIAL_K1, abs=0.02)
     # What the tracks show lies in the bent frames, where the record's lens puts the points.

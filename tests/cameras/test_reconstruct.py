@@ -1,7 +1,7 @@
 """Structure from motion on filmed rooms whose cameras are known exactly, with the real pycolmap."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ import pytest
 from gmrdata.cameras.check.verdict import camera_reasons
 from gmrdata.cameras.files import (
     Evidence,
-    SfmCameras,
     load_cameras,
     load_points,
     load_quality,
@@ -25,8 +24,7 @@ from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import list_images
 from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction
-from gmrdata.values.transforms import fit_similarity
-from tests.filming import film_cameras, look_at
+from tests.filming import film_cameras, look_at, write_pictures
 
 SMALL = SfmConfig(max_features=600)
 FINE = SfmConfig(max_features=400, first_octave=-1)  # takes thrice as long
@@ -41,23 +39,16 @@ def rotation_errors_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
     return np.rad2deg(2 * np.arcsin(np.clip(chord / np.sqrt(8), 0, 1)))
 
 
-def centre_errors_m(cameras: SfmCameras, true: np.ndarray) -> np.ndarray:
-    """Distances of the camera centres after the best similarity."""
-    found = cameras.path.centres_world_m
-    true_from_found = fit_similarity(true[:, :3, 3], found, scale=True)
-    return np.linalg.norm(true_from_found.apply(found) - true[:, :3, 3], axis=1)
-
-
 @pytest.fixture(scope="module")
 def pan_dir(pan: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out_dir = tmp_path_factory.mktemp("sfm") / "pan"
-    return reconstruct(pan.images_dir, pan.masks_dir, pan.intrinsics_px, out_dir, SMALL)
+    return pan.solved(out_dir, SMALL)
 
 
 @pytest.fixture(scope="module")
 def dolly_dir(dolly: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out_dir = tmp_path_factory.mktemp("sfm") / "dolly"
-    return reconstruct(dolly.images_dir, dolly.masks_dir, dolly.intrinsics_px, out_dir, FINE)
+    return dolly.solved(out_dir, FINE)
 
 
 def test_a_pan_is_recognised_and_solved_as_a_pure_rotation(pan: Any, pan_dir: Path) -> None:
@@ -83,7 +74,7 @@ def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(
     assert np.array_equal(cameras.image_numbers, np.arange(12))
     found = cameras.path.world_from_cam[:, :3, :3]
     assert rotation_errors_deg(found, dolly.world_from_cam[:, :3, :3]).max() < 0.08
-    assert centre_errors_m(cameras, dolly.world_from_cam).max() < 0.015
+    assert dolly.centre_errors_m(cameras.path.centres_world_m).max() < 0.015
     assert quality.mean_reprojection_px < 1.0
     assert quality.lens is None
     again = quality.agreement
@@ -134,10 +125,9 @@ def test_a_lens_that_bends_the_picture_bends_no_path(
     terms = np.array([k1, k2, 0, 0])
     source = cv2.undistortPoints(seen, matrix, terms, P=matrix).reshape(180, 320, 2)
     column, row = np.moveaxis(source.astype(np.float32), -1, 0)
-    (tmp_path / "frames").mkdir()
-    for i, image in enumerate(list_images(dolly.images_dir)):
-        bent = cv2.remap(cv2.imread(str(image)), column, row, cv2.INTER_CUBIC)
-        cv2.imwrite(str(tmp_path / "frames" / f"{i:05d}.png"), bent)
+    pictures = [cv2.imread(str(image)) for image in list_images(dolly.images_dir)]
+    bent = [cv2.remap(picture, column, row, cv2.INTER_CUBIC) for picture in pictures]
+    write_pictures(tmp_path / "frames", bent)
     made = reconstruct(tmp_path / "frames", None, dolly.intrinsics_px, tmp_path / "sfm", config)
     cameras, quality = load_cameras(made), load_quality(made)
     lens, tracks = quality.lens, load_tracks(made).of_adjusted()
@@ -151,7 +141,7 @@ def test_a_lens_that_bends_the_picture_bends_no_path(
     assert lens.k1 * 0.3**3 + lens.k2 * 0.3**5 == pytest.approx(k1 * 0.3**3, abs=0.0006)
     found = cameras.path.world_from_cam[:, :3, :3]
     assert rotation_errors_deg(found, dolly.world_from_cam[:, :3, :3]).max() < 0.08
-    assert centre_errors_m(cameras, dolly.world_from_cam).max() < 0.015
+    assert dolly.centre_errors_m(cameras.path.centres_world_m).max() < 0.015
     assert np.array_equal(cameras.path.intrinsics_px, dolly.intrinsics_px)
 
 
@@ -161,10 +151,7 @@ def test_the_same_seed_gives_the_same_bytes(
 ) -> None:
     filmed = {"pan": pan, "dolly": dolly}[kind]
     first, second = (
-        reconstruct(
-            filmed.images_dir,
-            filmed.masks_dir,
-            filmed.intrinsics_px,
+        filmed.solved(
             tmp_path / str(threads),
             # So many features that matches are sampled.
             FINE.model_copy(update={"threads": threads}),
@@ -175,19 +162,13 @@ def test_the_same_seed_gives_the_same_bytes(
     assert load_cameras(first).geometry == {"pan": "rotation_only", "dolly": "full"}[kind]
     for name in ("cameras.npz", "points.npz", "tracks.npz", "quality.json"):
         assert (first / name).read_bytes() == (second / name).read_bytes(), name
-    assert sorted(p.name for p in second.iterdir()) == [
-        "cameras.npz",
-        "points.npz",
-        "quality.json",
-        "stage.json",
-        "tracks.npz",
-    ]
+    names = "cameras.npz", "points.npz", "quality.json", "stage.json", "tracks.npz"
+    assert sorted(path.name for path in second.iterdir()) == list(names)
 
 
 def test_masks_keep_the_walking_person_out(dolly: Any, tmp_path: Path) -> None:
     def features(masks_dir: Path | None, out_dir: Path) -> float:
-        images_dir, matrix = dolly.images_dir, dolly.intrinsics_px
-        made = reconstruct(images_dir, masks_dir, matrix, out_dir, SMALL, left_out=FIRST_SIX)
+        made = replace(dolly, masks_dir=masks_dir).solved(out_dir, SMALL, left_out=FIRST_SIX)
         return load_quality(made).evidence.features_per_frame
 
     with_masks = features(dolly.masks_dir, tmp_path / "masked")
@@ -198,18 +179,51 @@ def test_pycolmap_says_nothing_when_all_goes_well(
     film: Callable[[str, int], Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     filmed = film("arc", 6)
-    reconstruct(filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / "out", SMALL)
+    filmed.solved(tmp_path / "out", SMALL)
     said = capfd.readouterr()
     assert said.out == said.err == ""
 
 
-def test_textureless_frames_have_no_reconstruction(tmp_path: Path) -> None:
-    (tmp_path / "frames").mkdir()
-    for i in range(4):
-        cv2.imwrite(
-            str(tmp_path / "frames" / f"{i:05d}.png"), np.full((120, 160), 90 + i, np.uint8)
-        )
-    with pytest.raises(NoReconstruction, match="features per frame in the frames.*textureless"):
+def even(greys: Sequence[int]) -> list[np.ndarray]:
+    return [np.full((120, 160), grey, np.uint8) for grey in greys]
+
+
+def unrelated(n: int) -> list[np.ndarray]:
+    rng, how = np.random.default_rng(0), cv2.INTER_CUBIC
+    coarse = [rng.integers(0, 255, (30, 40)).astype(np.uint8) for _ in range(n)]
+    return [cv2.resize(one, (160, 120), interpolation=how) for one in coarse]
+
+
+def behind_a_logo(n: int) -> list[np.ndarray]:
+    """A camera that went round a fox, with a logo over a fifth of its frames, was called static."""
+    rng = np.random.default_rng(0)
+    logo, pictures = np.kron(rng.integers(0, 256, (12, 16)), np.ones((10, 10))), []
+    for _ in range(n):
+        picture = cv2.GaussianBlur(rng.normal(0, 1, (360, 640)).astype(np.float32), (0, 0), 2)
+        picture = 128 + 40 * picture / picture.std()
+        picture[:120, :160] = logo
+        pictures.append(picture.clip(0, 255).astype(np.uint8))
+    return pictures
+
+
+@pytest.mark.parametrize(
+    ("pictures", "said"),
+    [
+        (even(range(90, 94)), "features per frame in the frames.*textureless"),
+        (even([3] * 4), "the frames are black"),
+        (unrelated(5), "no two frames show the same background.*another place"),
+        (
+            behind_a_logo(8),
+            "explains [0-9]+% of the picture only, less than 50%: something stays in the picture",
+        ),
+    ],
+    ids=["textureless", "black", "unrelated", "a logo is no scene before a camera at rest"],
+)
+def test_frames_without_a_reconstruction_say_why(
+    pictures: list[np.ndarray], said: str, tmp_path: Path
+) -> None:
+    write_pictures(tmp_path / "frames", pictures)
+    with pytest.raises(NoReconstruction, match=said):
         reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
     assert not (tmp_path / "out").exists()
 
@@ -246,68 +260,31 @@ def test_why_no_model_could_be_built_is_said_by_what_is_known() -> None:
 
 
 def test_masks_that_cover_everything_leave_no_reconstruction(dolly: Any, tmp_path: Path) -> None:
-    (tmp_path / "masks").mkdir()
-    for image in list_images(dolly.images_dir):
-        cv2.imwrite(
-            str(tmp_path / "masks" / f"{image.stem}.png"), np.full((180, 320), 255, np.uint8)
-        )
-    with pytest.raises(
-        NoReconstruction, match="0 features per frame outside the masks: the masks cover 100%"
-    ):
-        reconstruct(
-            dolly.images_dir, tmp_path / "masks", dolly.intrinsics_px, tmp_path / "out", SMALL
-        )
-
-
-def test_unrelated_frames_have_no_reconstruction(tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    (tmp_path / "frames").mkdir()
-    for i in range(5):
-        coarse = rng.integers(0, 255, (30, 40)).astype(np.uint8)
-        image = cv2.resize(coarse, (160, 120), interpolation=cv2.INTER_CUBIC)
-        cv2.imwrite(str(tmp_path / "frames" / f"{i:05d}.png"), image)
-    with pytest.raises(
-        NoReconstruction,
-        match="no two frames show the same background.*another place",
-    ):
-        reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
-
-
-def test_a_logo_is_no_scene_before_a_camera_at_rest(tmp_path: Path) -> None:
-    """A camera that went round a fox, with a logo over a fifth of its frames, was called static."""
-    rng = np.random.default_rng(0)
-    logo = np.kron(rng.integers(0, 256, (12, 16)), np.ones((10, 10)))
-    for number in range(1, 9):
-        picture = cv2.GaussianBlur(rng.normal(0, 1, (360, 640)).astype(np.float32), (0, 0), 2)
-        picture = 128 + 40 * picture / picture.std()
-        picture[:120, :160] = logo
-        cv2.imwrite(str(tmp_path / f"{number:04d}.png"), picture.clip(0, 255).astype(np.uint8))
-    said = "explains [0-9]+% of the picture only, less than 50%: something stays in the picture"
+    write_pictures(tmp_path / "masks", [np.full((180, 320), 255, np.uint8)] * 12)
+    said = "0 features per frame outside the masks: the masks cover 100%"
     with pytest.raises(NoReconstruction, match=said):
-        reconstruct(tmp_path, None, intrinsics(), tmp_path / "sfm", SMALL)
-    assert not (tmp_path / "sfm").exists()
+        replace(dolly, masks_dir=tmp_path / "masks").solved(tmp_path / "out", SMALL)
 
 
 def test_a_missing_mask_is_an_error(dolly: Any, tmp_path: Path) -> None:
     shutil.copytree(dolly.masks_dir, tmp_path / "masks")
     (tmp_path / "masks" / "00003.png").unlink()
     with pytest.raises(BadFrames, match="no mask for 00003.jpg"):
-        reconstruct(
-            dolly.images_dir, tmp_path / "masks", dolly.intrinsics_px, tmp_path / "out", SMALL
-        )
+        replace(dolly, masks_dir=tmp_path / "masks").solved(tmp_path / "out", SMALL)
 
 
 def test_left_out_frames_get_no_row(dolly: Any, tmp_path: Path) -> None:
     shutil.copytree(dolly.images_dir, tmp_path / "frames")
     (tmp_path / "frames" / "00004.jpg").unlink()
     (tmp_path / "frames" / "00005.jpg").write_bytes(b"")
-    arguments = (tmp_path / "frames", dolly.masks_dir, dolly.intrinsics_px, tmp_path / "out", SMALL)
+    fewer = replace(dolly, images_dir=tmp_path / "frames")
     with pytest.raises(BadFrames, match="frame 4 missing between 3 and 5"):
-        reconstruct(*arguments)
-    cameras = load_cameras(reconstruct(*arguments, left_out={4, 5}))
+        fewer.solved(tmp_path / "out", SMALL)
+    cameras = load_cameras(fewer.solved(tmp_path / "out", SMALL, left_out={4, 5}))
     rows = [0, 1, 2, 3, *range(6, 12)]
     assert cameras.image_numbers.tolist() == rows and cameras.path.has_camera.all()
-    assert centre_errors_m(cameras, dolly.world_from_cam[rows]).max() < 0.015
+    some = replace(dolly, world_from_cam=dolly.world_from_cam[rows])
+    assert some.centre_errors_m(cameras.path.centres_world_m).max() < 0.015
 
 
 def test_frames_of_different_sizes_are_an_error(dolly: Any, tmp_path: Path) -> None:
@@ -339,14 +316,6 @@ def intrinsics() -> np.ndarray:
     return np.array([[150.0, 0.0, 80.0], [0.0, 150.0, 60.0], [0.0, 0.0, 1.0]])
 
 
-def test_black_frames_have_no_reconstruction_and_are_called_black(tmp_path: Path) -> None:
-    (tmp_path / "frames").mkdir()
-    for i in range(4):
-        cv2.imwrite(str(tmp_path / "frames" / f"{i:05d}.png"), np.full((120, 160), 3, np.uint8))
-    with pytest.raises(NoReconstruction, match="the frames are black"):
-        reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
-
-
 def test_frames_that_go_black_are_named_and_the_others_are_solved(
     film: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -354,9 +323,7 @@ def test_frames_that_go_black_are_named_and_the_others_are_solved(
     for row in range(10, 15):
         path = filmed.images_dir / f"{row:05d}.jpg"
         cv2.imwrite(str(path), np.zeros((180, 320), np.uint8))
-    out_dir = reconstruct(
-        filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / "out", SMALL
-    )
+    out_dir = filmed.solved(tmp_path / "out", SMALL)
     cameras, quality = load_cameras(out_dir), load_quality(out_dir)
     assert np.array_equal(cameras.path.has_camera, np.arange(15) < 10)
     assert quality.featureless == tuple(range(10, 15))

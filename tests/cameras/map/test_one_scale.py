@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import WeakestStep
-from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map.mapping import map_frames
 from gmrdata.cameras.map.one_scale import _held, weakest_step
 from gmrdata.cameras.map.solution import Solution
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
-from gmrdata.read.frames import list_images
 from gmrdata.values.camera import project
 from gmrdata.values.transforms import rigid
 
@@ -173,8 +171,7 @@ def dolly_model(
 ) -> tuple[Solution, Matches, np.ndarray]:
     filmed, work_dir = film("dolly", 14), tmp_path_factory.mktemp("one_scale")
     config = SfmConfig(max_features=400, first_octave=-1)
-    images = list_images(filmed.images_dir)
-    frames = Frames(images, filmed.masks_dir, filmed.intrinsics_px, (320, 180))
+    frames = filmed.frames
     matches = match_frames(frames, work_dir, config)
     mapped = map_frames(frames, matches, work_dir, config)
     assert mapped is not None and mapped.has_camera.all()

@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.files import NOT_SMOOTHED, load_cameras, load_quality
+from gmrdata.cameras.files import NOT_SMOOTHED, Smoothing, load_cameras, load_quality
 from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.map.rotation_only import refine_turning, solve_rotation_only
 from gmrdata.cameras.map.smoothing import (
@@ -21,7 +21,6 @@ from gmrdata.cameras.map.smoothing import (
 )
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.values import transforms
 from gmrdata.values.camera import project
 from gmrdata.values.transforms import fit_similarity
@@ -62,12 +61,23 @@ def held(n: int, deg: float, share: float) -> csr_array:
     return csr_array(np.diag(sigmas**-2))
 
 
+def a_camera(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A camera (1, 4, 4), points (60, 3) and where it sees them (60, 2)."""
+    points = rng.uniform([-2, -1, 4], [2, 1, 7], (60, 3))
+    camera = path(np.array([[5.0, -20.0, 3.0]]), np.array([[0.3, -0.2, 0.1]]))
+    return camera, points, project(camera[0], points, INTRINSICS_PX)
+
+
+def smoothed(cameras: np.ndarray, held_by: csr_array, *cuts: int) -> tuple[np.ndarray, Smoothing]:
+    """All frames refined together, at the optimum of their images."""
+    n = len(cameras)
+    return smooth_cameras(cameras, held_by, np.zeros(6 * n), timeline(n, *cuts), UNIT, CONFIG)
+
+
 def test_information_is_the_inverse_covariance_of_least_squares() -> None:
     # The camera is found again from noisy image points many times: its scatter is what was said.
     rng = np.random.default_rng(0)
-    points = rng.uniform([-2, -1, 4], [2, 1, 7], (60, 3))
-    camera = path(np.array([[5.0, -20.0, 3.0]]), np.array([[0.3, -0.2, 0.1]]))
-    exact_px = project(camera[0], points, INTRINSICS_PX)
+    camera, points, exact_px = a_camera(rng)
     noise = 0.2
     found = []
     for _ in range(400):
@@ -81,10 +91,7 @@ def test_information_is_the_inverse_covariance_of_least_squares() -> None:
 
 
 def test_a_step_along_the_slope_leads_to_the_camera() -> None:
-    rng = np.random.default_rng(1)
-    points = rng.uniform([-2, -1, 4], [2, 1, 7], (60, 3))
-    true = path(np.array([[5.0, -20.0, 3.0]]), np.array([[0.3, -0.2, 0.1]]))
-    image_px = project(true[0], points, INTRINSICS_PX)
+    true, points, image_px = a_camera(np.random.default_rng(1))
     turn_rad, step = np.array([3e-5, -2e-5, 1e-5]), np.array([1e-4, 2e-4, -1e-4])
     off = true.copy()
     off[0, :3, :3] = Rotation.from_rotvec(-turn_rad).as_matrix() @ true[0, :3, :3]
@@ -96,9 +103,7 @@ def test_a_step_along_the_slope_leads_to_the_camera() -> None:
 
 def test_a_steady_path_is_left_as_it_is() -> None:
     true = steady(40)
-    result, figures = smooth_cameras(
-        true, held(40, 0.01, 1e-4), np.zeros(240), timeline(40), UNIT, CONFIG
-    )
+    result, figures = smoothed(true, held(40, 0.01, 1e-4))
     assert result == pytest.approx(true, abs=1e-12)
     assert figures.turn is not None
     assert figures.turn.acceleration_deg_per_frame2 == CONFIG.acceleration_deg
@@ -114,9 +119,7 @@ def test_the_shake_of_a_hand_survives(shake_hz: float) -> None:
     wave = np.sin(2 * np.pi * shake_hz * np.arange(n) / fps_hz)[:, None]
     true = path(0.3 * wave * [1.0, -0.5, 0.2], 0.01 * wave * [1.0, 0.3, -0.6])
     # With the noise of a hundredth of a degree, a shake of a third of a degree.
-    result, _ = smooth_cameras(
-        true, held(n, 0.01, 2e-4), np.zeros(6 * n), timeline(n), UNIT, CONFIG
-    )
+    result, _ = smoothed(true, held(n, 0.01, 2e-4))
     inner = slice(5, -5)
     kept = Rotation.from_matrix(result[inner, :3, :3]).as_rotvec(degrees=True)
     left = Rotation.from_matrix(true[inner, :3, :3]).as_rotvec(degrees=True)
@@ -130,9 +133,7 @@ def test_noise_goes_down_at_every_step_of_time() -> None:
     sway = path(0.3 * wave * [1.0, -0.5, 0.2], 0.01 * wave * [1.0, 0.3, -0.6])
     for true, gain in ((steady(n), 0.3), (steady(n) @ sway, 0.75)):
         noisy = shaken(true, rng, 0.02, 4e-4)
-        result, _ = smooth_cameras(
-            noisy, held(n, 0.02, 4e-4), np.zeros(6 * n), timeline(n), UNIT, CONFIG
-        )
+        result, _ = smoothed(noisy, held(n, 0.02, 4e-4))
         before, after = motion_errors(noisy, true, 1), motion_errors(result, true, 1)
         assert after[0] < gain * before[0] and after[1] < gain * before[1]
         before, after = motion_errors(noisy, true, 3), motion_errors(result, true, 3)
@@ -145,9 +146,7 @@ def test_a_badly_held_camera_follows_the_others_and_they_do_not_follow_it() -> N
     noisy[12, :3, 3] += 0.3 * UNIT
     sigmas = np.tile(np.repeat([1e-4, 1e-4 * UNIT], 3), n)
     sigmas[6 * 12 : 6 * 13] *= 1e5
-    result, _ = smooth_cameras(
-        noisy, csr_array(np.diag(sigmas**-2)), np.zeros(6 * n), timeline(n), UNIT, CONFIG
-    )
+    result, _ = smoothed(noisy, csr_array(np.diag(sigmas**-2)))
     assert np.abs(result[:, :3, 3] - true[:, :3, 3]).max() < 1e-3 * UNIT
 
 
@@ -155,9 +154,9 @@ def test_a_jump_at_a_cut_stays() -> None:
     true = steady(40)
     true[20:, :3, 3] += 1.0
     weak = held(40, 0.1, 1e-2)
-    cut, _ = smooth_cameras(true, weak, np.zeros(240), timeline(40, 19), UNIT, CONFIG)
+    cut, _ = smoothed(true, weak, 19)
     assert cut == pytest.approx(true, abs=1e-9)
-    uncut, _ = smooth_cameras(true, weak, np.zeros(240), timeline(40), UNIT, CONFIG)
+    uncut, _ = smoothed(true, weak)
     assert np.abs(uncut - true).max() > 0.01
 
 
@@ -182,7 +181,7 @@ def test_uneven_steps_and_missing_cameras() -> None:
 
 def test_too_few_frames_are_left_alone() -> None:
     true = steady(5)
-    result, figures = smooth_cameras(true, held(5, 1, 1), np.zeros(30), timeline(5), UNIT, CONFIG)
+    result, figures = smoothed(true, held(5, 1, 1))
     assert result is true and figures == NOT_SMOOTHED
 
 
@@ -231,9 +230,7 @@ def test_filmed_motions_get_better(
         "rough": SfmConfig(acceleration_deg=10.0, acceleration_share=1.0),
         "smooth": CONFIG,
     }.items():
-        out_dir = reconstruct(
-            filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / name, config
-        )
+        out_dir = filmed.solved(tmp_path / name, config)
         found, true = load_cameras(out_dir).path, filmed.world_from_cam
         assert found.has_camera.all()
         true_from_found = fit_similarity(true[:, :3, 3], found.centres_world_m, scale=True)

@@ -23,6 +23,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames
+from tests.filming import write_pictures
 
 SIZE_PX = (240, 160)
 INTRINSICS_PX = np.array([[220.0, 0, 120], [0, 220.0, 80], [0, 0, 1]])
@@ -44,22 +45,19 @@ def shifted(image: np.ndarray, shift_px: float) -> np.ndarray:
     return cv2.getRectSubPix(image, SIZE_PX, centre)
 
 
-def frames_of(folder: Path, pictures: list[np.ndarray]) -> list[Path]:
-    folder.mkdir()
-    paths = [folder / f"{row:05d}.png" for row in range(len(pictures))]
-    for path, picture in zip(paths, pictures, strict=True):
-        cv2.imwrite(str(path), picture)
-    return paths
-
-
 def given(images: list[Path], masks_dir: Path | None = None) -> Frames:
     return Frames(images, masks_dir, INTRINSICS_PX, SIZE_PX)
 
 
+def grid_px(first: float, step: float) -> np.ndarray:
+    """(N, 2) points of a grid over the middle of the picture."""
+    axes = np.arange(first, 200, step), np.arange(first, 120, step)
+    return np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
+
+
 def test_points_are_followed_to_a_tenth_of_a_pixel() -> None:
     image = texture(0)
-    points_px = np.stack(np.meshgrid(np.arange(40.0, 200, 20), np.arange(40.0, 120, 20)), -1)
-    points_px = points_px.reshape(-1, 2)
+    points_px = grid_px(40.0, 20)
     found_px, ok = follow(shifted(image, 0), shifted(image, 6.25), points_px)
     assert ok.mean() > 0.9
     assert np.abs(found_px[ok] - (points_px[ok] - [6.25, 0])).max() < 0.1
@@ -68,8 +66,7 @@ def test_points_are_followed_to_a_tenth_of_a_pixel() -> None:
 
 
 def test_what_is_on_another_picture_is_not_found() -> None:
-    points_px = np.stack(np.meshgrid(np.arange(40.0, 200, 20), np.arange(40.0, 120, 20)), -1)
-    points_px = points_px.reshape(-1, 2)
+    points_px = grid_px(40.0, 20)
     _, ok = follow(shifted(texture(0), 0), shifted(texture(1), 0), points_px)
     assert ok.mean() < 0.1
     _, ok = follow(shifted(texture(0), 0), shifted(texture(1), 0), points_px, and_back=False)
@@ -86,14 +83,14 @@ def test_a_point_is_free_inside_the_frame_and_outside_the_mask() -> None:
 
 def test_keyframes_come_as_fast_as_the_background_moves(tmp_path: Path) -> None:
     image, step = texture(0), 4.0
-    frames = frames_of(tmp_path / "frames", [shifted(image, step * row) for row in range(25)])
+    frames = write_pictures(tmp_path / "frames", [shifted(image, step * row) for row in range(25)])
     config = SfmConfig(keyframe_step=11.5 / 240, keyframe_gap=100, min_keyframes=2)
     keys = choose_keyframes(given(frames), config)
     assert keys.rows.tolist() == [*range(0, 24, 3), 24]
     assert keys.survived.min() > 0.8 and not len(keys.cuts)
     every = choose_keyframes(given(frames), SfmConfig(keyframe_step=0))
     assert every.rows.tolist() == list(range(25))
-    still = frames_of(tmp_path / "still", [shifted(image, 0)] * 12)
+    still = write_pictures(tmp_path / "still", [shifted(image, 0)] * 12)
     config = SfmConfig(keyframe_gap=5, min_keyframes=2)
     assert choose_keyframes(given(still), config).rows.tolist() == [0, 5, 10, 11]
     # A slow or short sequence would leave the mappers with a pair or two.
@@ -137,8 +134,8 @@ def test_masked_parts_do_not_count(tmp_path: Path) -> None:
         picture = shifted(background, 0).copy()
         picture[:, 44:208] = shifted(person, 9.0 * row)[:, 44:208]
         pictures.append(picture)
-    frames = frames_of(tmp_path / "frames", pictures)
-    frames_of(tmp_path / "masks", [mask] * 6)
+    frames = write_pictures(tmp_path / "frames", pictures)
+    write_pictures(tmp_path / "masks", [mask] * 6)
     config = SfmConfig(keyframe_step=0.02, keyframe_gap=100, min_keyframes=2)
     assert choose_keyframes(given(frames, tmp_path / "masks"), config).rows.tolist() == [0, 5]
     assert len(choose_keyframes(given(frames), config).rows) > 2
@@ -155,7 +152,7 @@ def test_a_cut_and_black_frames_are_noticed(tmp_path: Path) -> None:
     pictures = [shifted(texture(0), row) for row in range(4)]
     pictures += [shifted(texture(1), row) for row in range(4)]
     pictures += [np.zeros(SIZE_PX[::-1], np.uint8)] * 3
-    frames = frames_of(tmp_path / "frames", pictures)
+    frames = write_pictures(tmp_path / "frames", pictures)
     keys = choose_keyframes(given(frames), SfmConfig(keyframe_gap=100, min_keyframes=2))
     assert keys.cuts.tolist() == [3, 7]
     assert keys.featureless.tolist() == [8, 9, 10]
@@ -169,7 +166,10 @@ def test_a_cut_and_black_frames_are_noticed(tmp_path: Path) -> None:
 
 def test_a_low_frame_rate_is_no_cut_where_features_match(tmp_path: Path) -> None:
     pictures = [shifted(texture(seed), 110.0 * row) for seed in (0, 1) for row in range(4)]
-    frames, config = given(frames_of(tmp_path / "frames", pictures)), SfmConfig(first_octave=-1)
+    frames, config = (
+        given(write_pictures(tmp_path / "frames", pictures)),
+        SfmConfig(first_octave=-1),
+    )
     keys = choose_keyframes(frames, config)
     assert keys.rows.tolist() == list(range(8)) and keys.cuts.tolist() == list(range(7))
     (tmp_path / "colmap").mkdir()
@@ -179,9 +179,8 @@ def test_a_low_frame_rate_is_no_cut_where_features_match(tmp_path: Path) -> None
 
 def test_features_are_followed_into_the_frames_between(tmp_path: Path) -> None:
     image = texture(0)
-    frames = frames_of(tmp_path / "frames", [shifted(image, 2.5 * row) for row in range(5)])
-    points_px = np.stack(np.meshgrid(np.arange(45.0, 200, 30), np.arange(45.0, 120, 30)), -1)
-    points_px = points_px.reshape(-1, 2)
+    frames = write_pictures(tmp_path / "frames", [shifted(image, 2.5 * row) for row in range(5)])
+    points_px = grid_px(45.0, 30)
     n = len(points_px)
     # The last point of the first keyframe has no partner, so nobody knows where it is in space.
     same = np.stack([np.arange(n - 1)] * 2, axis=1)
@@ -205,9 +204,7 @@ def test_frames_between_get_cameras_as_good_as_keyframes(
 ) -> None:
     filmed = film("dolly", 24)
     config = SfmConfig(max_features=400, first_octave=-1, keyframe_step=0.1, min_keyframes=3)
-    out_dir = reconstruct(
-        filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / "sfm", config
-    )
+    out_dir = filmed.solved(tmp_path / "sfm", config)
     quality, cameras = load_quality(out_dir), load_cameras(out_dir)
     keys = quality.keyframes
     assert 3 <= len(keys) <= 14 and keys[0] == 0 and keys[-1] == 23
@@ -225,7 +222,7 @@ def test_a_camera_that_stands_still_is_static(tmp_path: Path) -> None:
         np.clip(shifted(image, 0) + rng.normal(0, 3, SIZE_PX[::-1]), 0, 255).astype(np.uint8)
         for _ in range(6)
     ]
-    frames_of(tmp_path / "frames", noisy)
+    write_pictures(tmp_path / "frames", noisy)
     out_dir = reconstruct(
         tmp_path / "frames", None, INTRINSICS_PX, tmp_path / "sfm", SfmConfig(keyframe_gap=2)
     )

@@ -4,7 +4,6 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -21,7 +20,8 @@ from gmrdata.cameras.match.keypoint_adjustment import (
 )
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
-from tests.cameras.match.test_keyframes import INTRINSICS_PX, SIZE_PX, frames_of, shifted, texture
+from tests.cameras.match.test_keyframes import INTRINSICS_PX, SIZE_PX, shifted, texture
+from tests.filming import write_pictures
 
 SHIFTS_PX = np.array([0.0, 3.3, 6.85, 10.4])
 
@@ -29,7 +29,9 @@ SHIFTS_PX = np.array([0.0, 3.3, 6.85, 10.4])
 @pytest.fixture
 def found(tmp_path: Path) -> tuple[Matches, Frames, Path]:
     """Four shifted pictures, and what COLMAP finds and matches in them."""
-    images = frames_of(tmp_path / "frames", [shifted(texture(0), by_px) for by_px in SHIFTS_PX])
+    images = write_pictures(
+        tmp_path / "frames", [shifted(texture(0), by_px) for by_px in SHIFTS_PX]
+    )
     frames = Frames(images, None, INTRINSICS_PX, SIZE_PX)
     return match_frames(frames, tmp_path, SfmConfig(first_octave=-1)), frames, tmp_path
 
@@ -77,12 +79,9 @@ def test_what_moves_in_a_mask_moves_no_point(
     found: tuple[Matches, Frames, Path], tmp_path: Path
 ) -> None:
     matches, frames, work_dir = found
-    masks_dir = tmp_path / "masks"
-    masks_dir.mkdir()
-    for image in frames.images:
-        mask = np.zeros(SIZE_PX[::-1], np.uint8)
-        mask[:, :120] = 255
-        cv2.imwrite(str(masks_dir / f"{image.stem}.png"), mask)
+    masks_dir, mask = tmp_path / "masks", np.zeros(SIZE_PX[::-1], np.uint8)
+    mask[:, :120] = 255
+    write_pictures(masks_dir, [mask] * len(frames.images))
     after = adjust_keypoints(matches, replace(frames, masks_dir=masks_dir), work_dir)
     before_px, after_px = np.concatenate(matches.keypoints_px), np.concatenate(after.keypoints_px)
     masked = before_px[:, 0] < 120
