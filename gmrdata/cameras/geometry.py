@@ -1,7 +1,7 @@
 """Which geometry the matches speak for, a camera that only turns or also moves; solved in it."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,9 +55,8 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
         matches = match_behind_masks(matches, keyframes, work_dir, config)
         matches = adjust_keypoints(matches, keyframes, work_dir)
         keys = keys.but_matched(matches)
-        solution, evidence, bent = _solve_keyframes(
-            keys.rows, matches, timeline, work_dir, frames, config
-        )
+        keyed = _Keyed(frames, keys.rows, matches, timeline, config)
+        solution, evidence, bent = _solve_keyframes(keyed, work_dir)
     except NoReconstruction as error:
         why = f"{error.why}{cuts_in_words(keys.cuts)}"
         raise NoReconstruction(why, error.frames_dir) from None
@@ -66,53 +65,75 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
     return replace(solution, world_from_cam=filled), quality
 
 
-def _solve_keyframes(
-    key_rows: np.ndarray,
-    matches: Matches,
-    timeline: Timeline,
-    work_dir: Path,
-    frames: Frames,
-    config: SfmConfig,
-) -> tuple[Solution, Evidence, bool]:
+@dataclass(frozen=True, eq=False)
+class _Keyed:
+    """Frames and the matches of their keyframes, from which all cameras come."""
+
+    frames: Frames
+    rows: np.ndarray  # (K,) of the keyframes
+    matches: Matches  # Of the K keyframes
+    timeline: Timeline
+    config: SfmConfig
+
+    def turning(self, of: Matches) -> RotationOnly:
+        rng, config = np.random.default_rng(self.config.seed), self.config
+        return solve_rotation_only(
+            of, self.frames.intrinsics_px, config.rotation_only_inlier_px, rng
+        )
+
+
+def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence, bool]:
     """All frames by their keyframes; the evidence; and whether a bent model was set aside."""
-    keys, intrinsics_px = frames.some(key_rows), frames.intrinsics_px
+    config, turning = keyed.config, keyed.turning(keyed.matches)
+    evidence = weigh(turning, keyed.matches, config)
+    turns = evidence.verdict == "rotation_only"
+    mapped, matches = _mapped(keyed, work_dir, turns=turns)
+    bent = mapped is not None and is_bent(mapped, turning, config)
+    unsure = evidence.verdict == "either"
+    if turns or bent or (unsure and not explains_better(mapped, turning, config)):
+        return _as_turning(keyed, turning, matches), evidence, bent
+    if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
+        raise NoReconstruction(
+            f"{len(keyed.matches.pairs)} pairs of frames match, but no mapper could build a model; "
+            f"{_why_unsolved(len(keyed.rows), evidence, config)}",
+            keyed.frames.images[0].parent,
+        )
+    return _as_mapped(keyed, mapped, matches), evidence, bent
 
-    def turn(of: Matches) -> RotationOnly:
-        rng = np.random.default_rng(config.seed)
-        return solve_rotation_only(of, intrinsics_px, config.rotation_only_inlier_px, rng)
 
-    turning = turn(matches)
-    evidence = weigh(turning, matches, config)
-    turns, unsure = evidence.verdict == "rotation_only", evidence.verdict == "either"
+def _mapped(keyed: _Keyed, work_dir: Path, *, turns: bool) -> tuple[Solution | None, Matches]:
+    """A model of the keyframes, unless the camera only turns, with what a second one says of it;
+    and the matches of all frames."""
+    keys, matches, config = keyed.frames.some(keyed.rows), keyed.matches, keyed.config
     # Mapping takes one core.  No second mapping is run beside it: of two at once pycolmap 4.2.1 now
     # and then gives another model.
     with ThreadPoolExecutor(1) as beside:
-        between = beside.submit(with_frames_between, matches, key_rows, frames, config)
+        between = beside.submit(with_frames_between, matches, keyed.rows, keyed.frames, config)
         mapped = None if turns else map_frames(keys, matches, work_dir, config)
         if mapped is not None:
             mapped = compare_again(mapped, keys, matches, work_dir, config)
-        everything = between.result()
-    bent = mapped is not None and is_bent(mapped, turning, config)
-    if turns or bent or (unsure and not explains_better(mapped, turning, config)):
-        require_cover(turning, matches, frames, config)
-        focal = turning_focal(turning, matches, intrinsics_px)
-        refined, smoothing = refine_turning(turn(everything), timeline, config)
-        focal_px = float(intrinsics_px[0, 0])
-        solution = turning_solution(refined, smoothing, focal, focal_px, config)
-        solution = compare_turned_again(solution, turning, matches, key_rows, intrinsics_px, config)
-        return solution, evidence, bent
-    if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
-        raise NoReconstruction(
-            f"{len(matches.pairs)} pairs of frames match, but no mapper could build a model; "
-            f"{_why_unsolved(len(key_rows), evidence, config)}",
-            frames.images[0].parent,
-        )
-    matches, straight = (of.without(mapped.lens, intrinsics_px) for of in (matches, everything))
-    step = weakest_step(mapped, matches, key_rows, intrinsics_px, config.max_reprojection_px)
-    mapped = replace(mapped, weakest_step=step)
-    placed = place_between(mapped, key_rows, straight, intrinsics_px)
-    solution = refine_mapped(placed, straight, intrinsics_px, timeline, config)
-    return _with_tracks(solution, everything, frames), evidence, bent
+        return mapped, between.result()
+
+
+def _as_turning(keyed: _Keyed, turning: RotationOnly, matches: Matches) -> Solution:
+    """Cameras of all frames that only turn, by the matches of all, where that explains them."""
+    config, intrinsics_px = keyed.config, keyed.frames.intrinsics_px
+    require_cover(turning, keyed.matches, keyed.frames, config)
+    focal = turning_focal(turning, keyed.matches, intrinsics_px)
+    refined, smoothing = refine_turning(keyed.turning(matches), keyed.timeline, config)
+    focal_px = float(intrinsics_px[0, 0])
+    solution = turning_solution(refined, smoothing, focal, focal_px, config)
+    return compare_turned_again(solution, turning, keyed.matches, keyed.rows, intrinsics_px, config)
+
+
+def _as_mapped(keyed: _Keyed, mapped: Solution, matches: Matches) -> Solution:
+    """Cameras of all frames by a model of the keyframes and the matches of all."""
+    config, intrinsics_px = keyed.config, keyed.frames.intrinsics_px
+    of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in (keyed.matches, matches))
+    step = weakest_step(mapped, of_keys, keyed.rows, intrinsics_px, config.max_reprojection_px)
+    placed = place_between(replace(mapped, weakest_step=step), keyed.rows, straight, intrinsics_px)
+    solution = refine_mapped(placed, straight, intrinsics_px, keyed.timeline, config)
+    return _with_tracks(solution, matches, keyed.frames)
 
 
 def _why_unsolved(n_keyframes: int, evidence: Evidence, config: SfmConfig) -> str:

@@ -252,11 +252,11 @@ def test_three_frames_of_a_moving_camera_are_not_accepted_as_static(tmp_path: Pa
 
 def test_why_no_model_could_be_built_is_said_by_what_is_known() -> None:
     evidence = Evidence("full", "", 8.0, 9.0, 4.0, 0.2, 0.0, 57, 60.0)
-    assert "12 frames are too few" not in _why_unsolved(12, evidence)
-    assert "water, a crowd, leaves" in _why_unsolved(12, evidence)
-    assert "3 frames are too few" in _why_unsolved(3, evidence)
+    assert "12 frames are too few" not in _why_unsolved(12, evidence, SMALL)
+    assert "water, a crowd, leaves" in _why_unsolved(12, evidence, SMALL)
+    assert "3 frames are too few" in _why_unsolved(3, evidence, SMALL)
     nearly = replace(evidence, rotation_only_share=0.7)
-    assert "hardly travels, a turn explains 70% of the matches" in _why_unsolved(12, nearly)
+    assert "hardly travels, a turn explains 70% of the matches" in _why_unsolved(12, nearly, SMALL)
 
 
 def test_masks_that_cover_everything_leave_no_reconstruction(dolly: Any, tmp_path: Path) -> None:

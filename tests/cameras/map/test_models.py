@@ -1,4 +1,5 @@
-"""Models that share frames become one; others are dropped with a reason.  With the real mapper."""
+"""Models that share frames become one, others are dropped with a reason, by the real mapper; and
+cameras against known points."""
 
 from collections.abc import Callable
 from functools import cache
@@ -8,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
+from gmrdata.cameras.colmap import bundle_adjuster, incremental_options, pycolmap
 from gmrdata.cameras.map import mapping
-from gmrdata.cameras.map.models import join_models
-from gmrdata.cameras.match.matches import match_frames
+from gmrdata.cameras.map.models import join_models, place_frames
+from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.values import transforms
+from gmrdata.values.camera import project
 from gmrdata.values.transforms import fit_similarity
 
 SMALL = SfmConfig(max_features=400, first_octave=-1)
@@ -29,12 +32,8 @@ def filmed_parts(film: Callable[[str, int], Any], tmp_path_factory: pytest.TempP
 
     @cache
     def mapped(rows: range) -> Any:
-        options = pycolmap.IncrementalPipelineOptions()
-        options.num_threads = options.mapper.num_threads = 1
-        options.random_seed = options.mapper.random_seed = 0
+        options = incremental_options(SMALL, free_lens=False)
         options.min_model_size = 3
-        options.ba_refine_focal_length = options.ba_refine_extra_params = False
-        options.extract_colors = False
         options.image_names = [frames.images[row].name for row in rows]
         out_dir = work_dir / "_".join(map(str, rows))
         out_dir.mkdir(exist_ok=True)
@@ -141,3 +140,26 @@ def test_the_mapper_joins_and_adjusts(
     assert mapped[0].has_camera.all() and mapped[0].n_resected == 0
     assert filmed.centre_errors_m(mapped[0].world_from_cam[:, :3, 3]).max() < 0.015
     assert np.array_equal(mapped[0].world_from_cam, mapped[1].world_from_cam)
+
+
+def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours() -> None:
+    rng = np.random.default_rng(0)
+    intrinsics_px = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
+    points = rng.uniform([-2, -1, 4], [2, 1, 7], (80, 3))
+    cameras = np.tile(np.eye(4), (3, 1, 1))
+    cameras[:, 0, 3] = [0.0, 0.3, 0.6]
+    keypoints = [project(camera, points, intrinsics_px) for camera in cameras]
+    every = np.arange(80)
+    shuffled = rng.permutation(80)
+    keypoints[1] = keypoints[1][np.argsort(shuffled)]
+    pair = PairMatches(0, 1, np.stack([every, shuffled], axis=1), "CALIBRATED")
+    seen = dict(enumerate(points))
+    world_from_cam = cameras.copy()
+    world_from_cam[[1, 2]] = np.nan
+    observations = np.array([80, 0, 0])
+    matches = Matches(keypoints, [pair])
+    placed = place_frames([1, 2], world_from_cam, observations, {0: seen}, matches, intrinsics_px)
+    assert placed == 1 and observations.tolist() == [80, 80, 0]
+    assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6)
+    assert np.isnan(world_from_cam[2]).all()
+    assert np.allclose(transforms.invert(world_from_cam[1]) @ cameras[1], np.eye(4), atol=1e-6)
