@@ -36,7 +36,7 @@ from gmrdata.read.frames import check_images, image_number, list_images, read_co
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
-from gmrdata.values.files import write_npz
+from gmrdata.values.files import read_json, write_json, write_npz
 from gmrdata.values.records import (
     PART,
     ArrayShapes,
@@ -76,6 +76,10 @@ class Networks(NamedTuple):
     """BlazePose GHUM lite (TFLite)."""
 
 
+Seen = dict[str, Any]
+"""One of them while people are followed: plain numbers by name."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sightings:
     """People in frames, N of them: by frame, then by piece; of one person over its frames."""
@@ -102,24 +106,14 @@ class Sightings:
         return type(self)(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
     @classmethod
-    def joined(cls, some: Sequence[Self]) -> Self:
-        """Several as one, by frame and piece."""
-        whole = cls(
-            **{
-                one.name: np.concatenate([getattr(each, one.name) for each in (cls.of([]), *some)])
-                for one in fields(cls)
-            }
-        )
-        return whole.take(np.lexsort([whole.pieces, whole.image_numbers]))
-
-    @classmethod
-    def of(cls, seen: Sequence[dict[str, Any]]) -> Self:
+    def of(cls, seen: Sequence[Seen]) -> Self:
         """Of values by name, one after the other."""
         return cls(
             **{
-                key: np.array([one[key] for one in seen], dtype=dtype).reshape(-1, *shape[1:])
+                key: np.array(
+                    [one[key] for one in seen], dtype=np.int64 if "i" in kinds else np.float64
+                ).reshape(-1, *shape[1:])
                 for key, (kinds, shape) in _SHAPES.items()
-                for dtype in [np.int64 if "i" in kinds else np.float64]
             }
         )
 
@@ -248,32 +242,34 @@ class _Follower:
     config: FollowConfig
     look: LandmarkNetwork
     n_pieces: int = 0
-    met_px: defaultdict[int, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
-    """By a frame's row: boxes (4,) of the people in it [px]."""
+    met_px: defaultdict[int, dict[int, np.ndarray]] = field(
+        default_factory=lambda: defaultdict(dict)
+    )
+    """By a frame's row and a piece: box (4,) of the person in it [px]."""
 
     def all_sightings(self) -> Sightings:
         """Go through the frames once, and from each newcomer back."""
-        turns: list[Sightings] = []
         row_of = {image_number(image): row for row, image in enumerate(self.images)}
-        before = Sightings.of([])
+        everybody: list[Seen] = []
+        before: list[Seen] = []
         for row, image in enumerate(with_bar(self.images, "following people")):
-            path = self.folder / FRAMES_FOLDER / f"{image.stem}.npz"
-            if path.is_file():
-                found = Sightings.read(path)
-                for number, box_px in zip(found.image_numbers, found.boxes_px, strict=True):
-                    self.met_px[row_of[int(number)]].append(box_px)
-            else:
-                found = Sightings.of(self._turn(before, read_color(image), row))
-                found.write(path)
-            self.n_pieces = max([self.n_pieces, *(found.pieces + 1).tolist()])
-            before = found.take(found.image_numbers == image_number(image))
-            turns.append(found)
-        return Sightings.joined(turns)
+            path = self.folder / FRAMES_FOLDER / f"{image.stem}.json"
+            if not path.is_file():
+                write_json(path, self._turn(before, read_color(image), row))
+            # Read back, so that a resumed run works on the very same numbers.
+            found: list[Seen] = read_json(path)
+            for one in found:
+                self.met_px[row_of[one["image_numbers"]]][one["pieces"]] = one["boxes_px"]
+            self.n_pieces = max([self.n_pieces, *(one["pieces"] + 1 for one in found)])
+            before = [one for one in found if row_of[one["image_numbers"]] == row]
+            everybody += found
+        everybody.sort(key=lambda one: (one["image_numbers"], one["pieces"]))
+        return Sightings.of(everybody)
 
-    def _turn(self, before: Sightings, image: np.ndarray, row: int) -> list[dict[str, Any]]:
+    def _turn(self, before: list[Seen], image: np.ndarray, row: int) -> list[Seen]:
         """Whom the frame before shows, then who is new, who is also followed back."""
-        here = self._go_on(zip(before.pieces, before.next_crops, strict=True), image, row)
-        earlier: list[dict[str, Any]] = []
+        here = self._go_on(before, image, row)
+        earlier: list[Seen] = []
         for box_px in self.boxes_px[row]:
             if self._is_met(box_px, row):
                 continue
@@ -283,63 +279,61 @@ class _Follower:
                 # Seen in the crop that landmarks give: the network knows such.
                 crop = person.next_crop
                 person = self.look(image, crop)
-            if self._keep(person, row):
-                here.append(self._sighting(person, crop, self.n_pieces, image, row))
+            newcomer = self._note(person, crop, self.n_pieces, image, row)
+            if newcomer:
+                here += newcomer
                 self.n_pieces += 1
-                earlier += self._go_back(here[-1], row)
+                earlier += self._go_back(newcomer, row)
         return here + earlier
 
-    def _go_on(self, people: Any, image: np.ndarray, row: int) -> list[dict[str, Any]]:
-        """The same people, by piece and crop, in another frame; two who have become one are one."""
+    def _go_on(self, people: list[Seen], image: np.ndarray, row: int) -> list[Seen]:
+        """The same people in another frame; two who have become one are one."""
         kept = []
-        for piece, next_crop in people:
-            crop = Crop(np.array(next_crop[:2]), float(next_crop[2]), float(next_crop[3]))
-            person = self.look(image, crop)
-            if self._keep(person, row):
-                kept.append(self._sighting(person, crop, int(piece), image, row))
+        for one in people:
+            x, y, side_px, turn_rad = one["next_crops"]
+            crop = Crop(np.array([x, y]), side_px, turn_rad)
+            kept += self._note(self.look(image, crop), crop, one["pieces"], image, row)
         return kept
 
-    def _go_back(self, newcomer: dict[str, Any], row: int) -> list[dict[str, Any]]:
+    def _go_back(self, people: list[Seen], row: int) -> list[Seen]:
         """A newcomer in the frames before, until lost or met by another."""
-        earlier, seen = [], [newcomer]
-        while row > 0:
+        earlier = []
+        while people and row > 0:
             row -= 1
-            last = [(one["pieces"], one["next_crops"]) for one in seen]
-            seen = self._go_on(last, read_color(self.images[row]), row)
-            if not seen:
-                break
-            earlier += seen
+            people = self._go_on(people, read_color(self.images[row]), row)
+            earlier += people
         return earlier
 
-    def _keep(self, person: Person, row: int) -> bool:
-        """Note a person in a frame; False if there is none, or one who was met already."""
-        if person.score < self.config.min_score or not person.mask.any():
-            return False
-        if self._is_met(person.box_px, row):
-            return False
-        self.met_px[row].append(person.box_px)
-        return True
-
-    def _is_met(self, box_px: np.ndarray, row: int) -> bool:
-        return is_among(box_px, self.met_px[row], self.config.same_iou)
-
-    def _sighting(
+    def _note(
         self, person: Person, crop: Crop, piece: int, image: np.ndarray, row: int
-    ) -> dict[str, Any]:
+    ) -> list[Seen]:
+        """A person who was seen in a crop of a frame; nothing where there is none, or one who was
+        met already."""
+        if person.score < self.config.min_score or not person.mask.any():
+            return []
+        if self._is_met(person.box_px, row):
+            return []
+        self.met_px[row][piece] = person.box_px
         write_gray(outline_path(self.folder, self.images[row], piece), person.mask)
-        return {
+        seen: Seen = {
             "image_numbers": image_number(self.images[row]),
             "people": -1,
             "pieces": piece,
+            "scores": person.score,
+        }
+        arrays = {
             "boxes_px": person.box_px,
             "image_px": person.image_px.round(3),
             "world_m": person.world_m.round(5),
             "visibility": person.visibility.round(5),
-            "scores": person.score,
-            "crops": _plain(crop),
-            "next_crops": _plain(person.next_crop),
+            "crops": crop.as_array,
+            "next_crops": person.next_crop.as_array,
             "colours": _colours(image, person.mask).round(4),
         }
+        return [seen | {key: values.tolist() for key, values in arrays.items()}]
+
+    def _is_met(self, box_px: np.ndarray, row: int) -> bool:
+        return is_among(box_px, list(self.met_px[row].values()), self.config.same_iou)
 
 
 def is_among(
@@ -353,10 +347,6 @@ def is_among(
 def outline_path(followed_dir: Path, image: Path, piece: int) -> Path:
     """The outline of one piece of a person in an image."""
     return followed_dir / OUTLINES_FOLDER / f"{image.stem}_{piece}.png"
-
-
-def _plain(crop: Crop) -> list[float]:
-    return [*crop.centre_px.tolist(), crop.side_px, crop.turn_rad]
 
 
 def _colours(image: np.ndarray, mask: np.ndarray) -> np.ndarray:

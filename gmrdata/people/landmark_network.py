@@ -43,6 +43,11 @@ class Crop:
     turn_rad: float = 0.0  # Turn of the person's upright against the picture's, clockwise [rad]
 
     @property
+    def as_array(self) -> np.ndarray:
+        """(4,) centre x and y, side [px], turn [rad]."""
+        return np.array([*self.centre_px, self.side_px, self.turn_rad])
+
+    @property
     def crop_from_image(self) -> np.ndarray:
         """(2, 3) from points of the picture to points of the network's input [px]."""
         cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)

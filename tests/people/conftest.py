@@ -1,4 +1,4 @@
-"""Real frames, small ONNX files written byte by byte, and motions whose landmarks are known."""
+"""Real frames, small ONNX files, and motions whose landmarks are known."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from onnx import OperatorSetIdProto, TensorProto, helper
 
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.following import Networks
@@ -52,47 +53,22 @@ def grey_dir(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def onnx_bytes() -> OnnxWriter:
-    """A writer of networks that only pass their input through a ReLU: onnx.proto3 by hand."""
+    """A writer of networks that only pass their first input through a node."""
 
     def write(
         *inputs: tuple[str, tuple[int | str, ...]],
         weights: tuple[str, ...] = (),
         operator: str = "Relu",
     ) -> bytes:
-        node = _field(1, inputs[0][0].encode()) + _field(2, b"out") + _field(4, operator.encode())
-        graph = _field(1, node) + _field(2, b"g")
-        for name in weights:
-            graph += _field(5, _number(2, 1) + _field(8, name.encode()))
-        graph += b"".join(_field(11, _value(*named)) for named in inputs)
-        graph += _field(12, _value("out", inputs[0][1]))
-        return _number(1, 8) + _field(7, graph) + _field(8, _number(2, 13))
+        node = helper.make_node(operator, [inputs[0][0]], ["out"])
+        values = [helper.make_tensor_value_info(name, 1, shape) for name, shape in inputs]
+        out = helper.make_tensor_value_info("out", 1, inputs[0][1])
+        tensors = [TensorProto(data_type=1, name=name) for name in weights]
+        graph = helper.make_graph([node], "g", values, [out], tensors)
+        version = OperatorSetIdProto(version=13)
+        return bytes(helper.make_model(graph, opset_imports=[version]).SerializeToString())
 
     return write
-
-
-def _value(name: str, shape: tuple[int | str, ...]) -> bytes:
-    sizes = b"".join(
-        _field(1, _number(1, size) if isinstance(size, int) else _field(2, size.encode()))
-        for size in shape
-    )
-    tensor = _number(1, 1) + _field(2, sizes)
-    return _field(1, name.encode()) + _field(2, _field(1, tensor))
-
-
-def _field(number: int, content: bytes) -> bytes:
-    return _varint(number << 3 | 2) + _varint(len(content)) + content
-
-
-def _number(number: int, value: int) -> bytes:
-    return _varint(number << 3) + _varint(value)
-
-
-def _varint(value: int) -> bytes:
-    out = bytearray()
-    while value >= 0x80:
-        out.append(value & 0x7F | 0x80)
-        value >>= 7
-    return bytes([*out, value])
 
 
 @pytest.fixture

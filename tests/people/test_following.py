@@ -115,7 +115,7 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
     """The detector is blind but for the last frame."""
     detected = _Follower._turn
 
-    def late(self: _Follower, before: Sightings, image: np.ndarray, row: int) -> object:
+    def late(self: _Follower, before: object, image: np.ndarray, row: int) -> object:
         if row < len(self.images) - 1:
             self.boxes_px[row] = self.boxes_px[row][:0]
         return detected(self, before, image, row)

@@ -134,31 +134,43 @@ def test_a_stopped_run_keeps_the_frames_it_has(
         assert (resumed / name).read_bytes() == (whole / name).read_bytes()
 
 
-def test_weights_of_another_kind_or_with_code_in_them_are_refused(tmp_path: Path) -> None:
-    class Runs:
-        def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-            return Path.touch, (tmp_path / "was_run",)
+class Runs:
+    """A pickle that would run something."""
 
-    network = torch.nn.Linear(2, 2)
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return Path.touch, (Path("was_run"),)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "truncated, or not a file of plain tensors"),
+        (b"no weights", "truncated, or not a file of plain tensors"),
+        ({"weight": Runs()}, "truncated, or not a file of plain tensors"),
+        ({"other": torch.zeros(2)}, "holds other tensors than linear"),
+        (torch.zeros(2), "holds other tensors than linear"),
+    ],
+)
+def test_weights_of_another_kind_or_with_code_in_them_are_refused(
+    content: object, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     path = tmp_path / "w.pt"
-    for content in (b"", b"no weights", {"weight": Runs()}):
-        if isinstance(content, bytes):
-            path.write_bytes(content)
-        else:
-            torch.save(content, path)
-        with pytest.raises(BadDetector, match=r"w\.pt: truncated, or not a file of plain tensors"):
-            maskrcnn._load_weights(network, "linear", path)
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        torch.save(content, path)
+    with pytest.raises(BadDetector, match=rf"w\.pt: {said}"):
+        maskrcnn._load_weights(torch.nn.Linear(2, 2), "linear", path)
     assert not (tmp_path / "was_run").exists()
-    torch.save({"other": torch.zeros(2)}, path)
-    with pytest.raises(BadDetector, match=r"w\.pt: holds other tensors than linear"):
-        maskrcnn._load_weights(network, "linear", path)
-    torch.save(torch.zeros(2), path)
-    with pytest.raises(BadDetector, match=r"w\.pt: holds other tensors than linear"):
-        maskrcnn._load_weights(network, "linear", path)
+
+
+def test_weights_are_loaded_and_missing_ones_named(tmp_path: Path) -> None:
+    network = torch.nn.Linear(2, 2)
     with pytest.raises(MissingInput, match=r"no\.pt"):
         maskrcnn._load_weights(network, "linear", tmp_path / "no.pt")
-    torch.save({"weight": torch.ones(2, 2), "bias": torch.ones(2)}, path)
-    maskrcnn._load_weights(network, "linear", path)
+    torch.save({"weight": torch.ones(2, 2), "bias": torch.ones(2)}, tmp_path / "w.pt")
+    maskrcnn._load_weights(network, "linear", tmp_path / "w.pt")
     assert float(network.weight.detach().sum()) == 4.0
 
 

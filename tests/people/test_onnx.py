@@ -1,4 +1,4 @@
-"""The ONNX detector on real weights and frames, on broken models, and on hostile images."""
+"""The ONNX detector on real weights and frames, and on broken or hostile models and images."""
 
 import json
 import shutil
@@ -8,12 +8,27 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from onnx import ModelProto, TensorProto, helper
 
 from gmrdata.people import onnx
-from gmrdata.people.onnx import DETECTIONS_FILE, OnnxConfig, onnx_masks, open_detector
+from gmrdata.people.onnx import (
+    DETECTIONS_FILE,
+    OnnxConfig,
+    OnnxInput,
+    check_sizes,
+    onnx_masks,
+    open_detector,
+    read_inputs,
+)
 from gmrdata.people.yolox import COCO_NAMES, letterbox
+from gmrdata.read import models
 from gmrdata.read.frames import read_color, read_gray
 from gmrdata.values.errors import BadDetector, BadFrames, MissingInput, StaleOutput
+
+FLOAT, INT64 = TensorProto.FLOAT, TensorProto.INT64
+IN_ONE_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.fixture
@@ -21,6 +36,12 @@ def threads() -> Iterator[Callable[[int], None]]:
     before = cv2.getNumThreads()
     yield cv2.setNumThreads
     cv2.setNumThreads(before)
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    """Where a test puts a network."""
+    return tmp_path / "net.onnx"
 
 
 def best_dog_read_directly(model: Path, image: np.ndarray) -> tuple[list[float], float]:
@@ -166,14 +187,13 @@ def test_another_model_or_recipe_asks_for_redo(
     ],
 )
 def test_a_broken_model_is_told(
-    cut: Callable[[bytes], bytes], said: str, yolox_nano: Path, noise_dir: Path, tmp_path: Path
+    cut: Callable[[bytes], bytes], said: str, yolox_nano: Path, noise_dir: Path, model: Path
 ) -> None:
-    model = tmp_path / "mine.onnx"
     model.write_bytes(cut(yolox_nano.read_bytes()))
     with pytest.raises(BadDetector, match=said) as caught:
-        onnx_masks(model, noise_dir, tmp_path / "out", OnnxConfig())
-    assert "mine.onnx" in str(caught.value)
-    assert not (tmp_path / "out").exists()
+        onnx_masks(model, noise_dir, model.with_name("out"), OnnxConfig())
+    assert "net.onnx" in str(caught.value)
+    assert not model.with_name("out").exists()
 
 
 @pytest.mark.parametrize(
@@ -193,17 +213,18 @@ def test_a_network_of_another_layout_is_told(
     said: str,
     onnx_bytes: Callable[..., bytes],
     noise_dir: Path,
-    tmp_path: Path,
+    model: Path,
 ) -> None:
-    model = tmp_path / "other.onnx"
     model.write_bytes(onnx_bytes(*inputs, operator=operator))
     with pytest.raises(BadDetector, match=said):
-        onnx_masks(model, noise_dir, tmp_path / "out", OnnxConfig())
+        onnx_masks(model, noise_dir, model.with_name("out"), OnnxConfig())
 
 
-def test_a_missing_model_is_named(noise_dir: Path, tmp_path: Path) -> None:
-    with pytest.raises(MissingInput, match=r"no\.onnx"):
-        onnx_masks(tmp_path / "no.onnx", noise_dir, tmp_path / "out", OnnxConfig())
+def test_a_missing_model_is_named(noise_dir: Path, model: Path) -> None:
+    with pytest.raises(MissingInput, match=r"net\.onnx: no such model file"):
+        read_inputs(model)
+    with pytest.raises(MissingInput, match=r"net\.onnx"):
+        onnx_masks(model, noise_dir, model.with_name("out"), OnnxConfig())
 
 
 def test_grey_and_16_bit_frames_are_read(yolox_nano: Path, dog_dir: Path, tmp_path: Path) -> None:
@@ -221,13 +242,12 @@ def test_grey_and_16_bit_frames_are_read(yolox_nano: Path, dog_dir: Path, tmp_pa
 
 @pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n" + b"\x00" * 40, b"GIF89a" * 20])
 def test_a_broken_frame_is_named(
-    content: bytes, onnx_bytes: Callable[..., bytes], noise_dir: Path, tmp_path: Path
+    content: bytes, onnx_bytes: Callable[..., bytes], noise_dir: Path, model: Path
 ) -> None:
     (noise_dir / "00001.png").write_bytes(content)
-    model = tmp_path / "net.onnx"
     model.write_bytes(onnx_bytes(("x", (1, 3, 64, 64))))
     with pytest.raises(BadFrames, match=r"00001\.png"):
-        onnx_masks(model, noise_dir, tmp_path / "out", OnnxConfig())
+        onnx_masks(model, noise_dir, model.with_name("out"), OnnxConfig())
 
 
 @pytest.mark.parametrize(
@@ -250,3 +270,82 @@ def test_a_wide_frame_lies_in_the_upper_part_of_the_input(dog_dir: Path) -> None
     blob, scales = letterbox(image, (416, 416))
     np.testing.assert_allclose(scales, [0.65, 0.65])
     assert (blob[0, :, 234:] == 114).all()
+
+
+def test_the_real_weights_want_a_square_of_416_px(yolox_nano: Path) -> None:
+    assert read_inputs(yolox_nano) == [OnnxInput("images", (1, 3, 416, 416))]
+
+
+@IN_ONE_FOLDER
+@given(shape=st.lists(st.one_of(st.integers(1, 2**40), st.just("n")), max_size=6))
+def test_shapes_come_back(
+    shape: list[int | str], onnx_bytes: Callable[..., bytes], model: Path
+) -> None:
+    model.write_bytes(onnx_bytes(("x", tuple(shape)), ("w", (3,)), weights=("w",)))
+    expected = tuple(size if isinstance(size, int) else None for size in shape)
+    assert read_inputs(model) == [OnnxInput("x", expected)]
+
+
+def test_every_cut_of_a_file_is_told(onnx_bytes: Callable[..., bytes], model: Path) -> None:
+    whole = onnx_bytes(("x", (1, 3, 64, 64)))
+    graph_end = len(whole) - 4  # the last four bytes are the operator set
+    for size in range(graph_end):
+        model.write_bytes(whole[:size])
+        with pytest.raises(BadDetector, match=r"net\.onnx"):
+            read_inputs(model)
+
+
+@IN_ONE_FOLDER
+@given(content=st.binary(max_size=200))
+def test_noise_is_refused_or_has_no_crash(content: bytes, model: Path) -> None:
+    model.write_bytes(content)
+    try:
+        assert all(isinstance(known, OnnxInput) for known in read_inputs(model))
+    except BadDetector as error:
+        assert "net.onnx" in str(error)
+
+
+def network(side_px: int = 64, count: int = 1, dims: tuple[int, ...] = (1,)) -> ModelProto:
+    """One that adds `count` zeros, and weights which say the sizes `dims`, to its picture."""
+    nodes = [
+        helper.make_node("ConstantOfShape", ["count"], ["zeros"]),
+        helper.make_node("Add", ["x", "w"], ["sum"]),
+        helper.make_node("Add", ["sum", "zeros"], ["out"]),
+    ]
+    weights = TensorProto(name="w", data_type=FLOAT, dims=dims, raw_data=bytes(4))
+    graph = helper.make_graph(
+        nodes,
+        "g",
+        [helper.make_tensor_value_info("x", FLOAT, (1, 3, side_px, side_px))],
+        [helper.make_tensor_value_info("out", FLOAT, None)],
+        [weights, helper.make_tensor("count", INT64, (1,), [count])],
+    )
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
+
+
+@pytest.mark.parametrize(
+    ("hostile", "said"),
+    [
+        (network(side_px=10**9), "wants pictures of 1000000000x1000000000 px"),
+        (network(count=10**11), "'zeros' would have 100000000000 numbers"),
+        (network(dims=(10**6, 10**6)), "'w' should be 1000000000000 numbers, and 1 are there"),
+        (network(dims=(-1, -1)), "'w' should be"),
+    ],
+)
+def test_absurd_sizes_are_refused(hostile: ModelProto, said: str, model: Path) -> None:
+    model.write_bytes(hostile.SerializeToString())
+    with pytest.raises(BadDetector, match=rf"net\.onnx: .*{said}"):
+        open_detector(model, OnnxConfig())
+
+
+def test_plain_networks_are_not(yolox_nano: Path, model: Path) -> None:
+    model.write_bytes(network().SerializeToString())
+    for plain in (model, yolox_nano):
+        check_sizes(plain)
+
+
+def test_a_file_larger_than_any_network_is_not_read(model: Path) -> None:
+    with model.open("wb") as file:
+        file.truncate(models.MOST_NETWORK_BYTES + models.MIB)
+    with pytest.raises(BadDetector, match="has 513 MiB, and 512 MiB are the most"):
+        models.require_model(model)

@@ -1,5 +1,7 @@
 """Silhouettes of the projected body."""
 
+import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,18 +91,32 @@ def images_dir(tmp_path: Path) -> Path:
     return folder
 
 
-def written(tmp_path: Path, clip: Clip, body: BodyModel) -> tuple[PersonFiles, ...]:
-    save_body(tmp_path / "body.npz", body)
-    save_clip(tmp_path / "camera.npz", clip, body.rest_pelvis_m(clip.motion.shape))
-    return (PersonFiles(tmp_path / "camera.npz", tmp_path / "body.npz"),)
+Masked = Callable[..., Path]
+
+
+@pytest.fixture
+def masked(small_body: BodyModel, images_dir: Path, tmp_path: Path) -> Masked:
+    """Masks of clips of the small body."""
+
+    def run(*clips: Clip, left_out: tuple[int, ...] = (), **settings: object) -> Path:
+        people = []
+        for clip in clips:
+            folder = Path(tempfile.mkdtemp(dir=tmp_path))
+            save_body(folder / "body.npz", small_body)
+            rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+            save_clip(folder / "camera.npz", clip, rest_pelvis_m)
+            people.append(PersonFiles(folder / "camera.npz", folder / "body.npz"))
+        config = SilhouetteConfig.model_validate(settings)
+        out_dir = Path(tempfile.mkdtemp(dir=tmp_path)) / "masks"
+        return silhouette_masks(tuple(people), images_dir, out_dir, config, left_out=left_out)
+
+    return run
 
 
 def test_every_vertex_of_the_body_is_masked(
-    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+    camera_clip: Clip, small_body: BodyModel, masked: Masked
 ) -> None:
-    people = written(tmp_path, camera_clip, small_body)
-    config = SilhouetteConfig(dilate_px=2)
-    out_dir = silhouette_masks(people, images_dir, tmp_path / "masks", config)
+    out_dir = masked(camera_clip, dilate_px=2)
     vertices_m = motion_vertices_m(small_body, camera_clip.motion)
     for row, number in enumerate(camera_clip.image_numbers):
         mask = read_gray(out_dir / f"image_{number:05d}.png", (160, 120))
@@ -114,49 +130,34 @@ def test_every_vertex_of_the_body_is_masked(
         assert rows.min() > points_px[:, 1].min() - 5 and rows.max() < points_px[:, 1].max() + 5
 
 
-def test_an_image_without_a_pose_is_an_error(
-    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+def test_an_image_without_a_pose_is_an_error_unless_it_is_left_out(
+    camera_clip: Clip, masked: Masked
 ) -> None:
     clip = replace(camera_clip, image_numbers=np.array([5, 6, -1]))
-    people = written(tmp_path, clip, small_body)
     with pytest.raises(BadFrames, match=r"image_00007\.jpg: .*has no pose"):
-        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
-    made = silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig(), left_out=(7,))
+        masked(clip)
+    made = masked(clip, left_out=(7,))
     assert sorted(p.name for p in made.glob("*.png")) == ["image_00005.png", "image_00006.png"]
 
 
-def test_a_clip_for_another_image_size_is_an_error(
-    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+def test_clips_of_another_size_or_in_the_world_and_nobody_are_errors(
+    camera_clip: Clip, masked: Masked, tmp_path: Path
 ) -> None:
     assert camera_clip.camera is not None
-    clip = replace(camera_clip, camera=replace(camera_clip.camera, width_px=120, height_px=160))
-    people = written(tmp_path, clip, small_body)
+    turned = replace(camera_clip.camera, width_px=120, height_px=160)
     with pytest.raises(BadFrames, match="160x120 px, but .* says 120x160 px"):
-        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
-
-
-def test_a_world_frame_clip_is_an_error(
-    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
-) -> None:
-    clip = replace(camera_clip, motion=replace(camera_clip.motion, frame="world"))
-    people = written(tmp_path, clip, small_body)
+        masked(replace(camera_clip, camera=turned))
     with pytest.raises(BadMotionFile, match="camera-frame motion"):
-        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
+        masked(replace(camera_clip, motion=replace(camera_clip.motion, frame="world")))
+    with pytest.raises(MissingInput, match="at least one person"):
+        masked()
+    assert not list(tmp_path.rglob("masks"))
 
 
-def test_two_people_are_masked_both(
-    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
-) -> None:
+def test_two_people_are_masked_both(camera_clip: Clip, masked: Masked) -> None:
     moved_m = camera_clip.motion.pelvis_m + np.array([0.6, 0.0, 0.5])
     other = replace(camera_clip, motion=replace(camera_clip.motion, pelvis_m=moved_m))
-    (first,) = written(tmp_path, camera_clip, small_body)
-    (tmp_path / "b").mkdir()
-    (second,) = written(tmp_path / "b", other, small_body)
-    alone = [
-        silhouette_masks((person,), images_dir, tmp_path / f"m{i}", SilhouetteConfig())
-        for i, person in enumerate((first, second))
-    ]
-    both = silhouette_masks((first, second), images_dir, tmp_path / "both", SilhouetteConfig())
+    alone, both = [masked(clip) for clip in (camera_clip, other)], masked(camera_clip, other)
     for path in sorted(both.glob("*.png")):
         masks = [read_gray(folder / path.name) for folder in alone]
         assert np.array_equal(read_gray(path), masks[0] | masks[1])
@@ -164,33 +165,23 @@ def test_two_people_are_masked_both(
 
 
 def test_where_a_body_is_not_valid_its_neighbours_are_masked(
-    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+    camera_clip: Clip, masked: Masked
 ) -> None:
-    clip = replace(camera_clip, valid=np.array([True, False, True]))
-    people = written(tmp_path, clip, small_body)
-    masks = silhouette_masks(people, images_dir, tmp_path / "masks", SilhouetteConfig())
+    masks = masked(replace(camera_clip, valid=np.array([True, False, True])))
     before, between, after = (read_gray(path) for path in sorted(masks.glob("*.png")))
     assert np.array_equal(between, before | after)
 
 
 @pytest.mark.parametrize(("without_body", "value"), [("everything", 255), ("nothing", 0)])
 def test_a_body_that_is_unknown_for_long_masks_all_or_nothing(
-    without_body: str,
-    value: int,
-    camera_clip: Clip,
-    small_body: BodyModel,
-    images_dir: Path,
-    tmp_path: Path,
+    without_body: str, value: int, camera_clip: Clip, masked: Masked
 ) -> None:
     pelvis_m = camera_clip.motion.pelvis_m.copy()
     pelvis_m[1] = np.nan
     motion = replace(camera_clip.motion, pelvis_m=pelvis_m)
     clip = replace(camera_clip, motion=motion, valid=np.array([True, False, True]))
-    config = SilhouetteConfig.model_validate({"bridge_frames": 0, "without_body": without_body})
-    people = written(tmp_path, clip, small_body)
-    masks = silhouette_masks(people, images_dir, tmp_path / "masks", config)
-    between = read_gray(sorted(masks.glob("*.png"))[1])
-    assert (between == value).all()
+    masks = masked(clip, bridge_frames=0, without_body=without_body)
+    assert (read_gray(sorted(masks.glob("*.png"))[1]) == value).all()
 
 
 def test_rows_that_show_where_a_person_may_be() -> None:
@@ -246,9 +237,3 @@ def test_a_corner_that_is_no_number_leaves_no_trace(dilate_px: int) -> None:
     assert np.array_equal(
         mask, silhouette(corners_m, FACES[1:], INTRINSICS_PX, (160, 120), dilate_px)
     )
-
-
-def test_without_people_there_is_no_silhouette(images_dir: Path, tmp_path: Path) -> None:
-    with pytest.raises(MissingInput, match="at least one person"):
-        silhouette_masks((), images_dir, tmp_path / "m", SilhouetteConfig())
-    assert not (tmp_path / "m").exists()
