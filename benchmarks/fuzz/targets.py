@@ -50,7 +50,6 @@ from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.write.threedpw import write_sequence
 from tests import reconstructions
 from tests.clip_manifests import write_clips
-from tests.motion import written_files
 from tests.motion.test_emdb import content as emdb_content
 from tests.read import system_files
 from tests.read.test_amc import AMC, ASF
@@ -126,7 +125,7 @@ def _motions(made: _Made, body: BodyModel, write_person: Any) -> list[Target]:
     angles_deg = rng.normal(scale=9.0, size=(6, 24, 3))
     pelvis_m = np.linspace([0.0, 0.9, 0.0], [0.5, 0.9, 0.1], 6)
     bvh = write_person(made.place("a.bvh"), body, angles_deg, pelvis_m).read_bytes()
-    poses = written_files.some_poses(6)
+    poses = system_files.some_poses(6)
     amass: dict[str, Any] = {
         "poses": poses, "trans": pelvis_m, "betas": np.zeros(16), "gender": "male",
         "mocap_framerate": 120.0,
@@ -214,13 +213,12 @@ def _pickles(
     smpl = smpl_arrays(body, 1.0, 10)
     np.savez(made.place("smpl.npz"), **smpl)
     frames = [
-        written_files.phalp_frame(t, {1: p, 2: p})
-        for t, p in enumerate(written_files.phalp_poses(4))
+        system_files.phalp_frame(t, {1: p, 2: p}) for t, p in enumerate(system_files.phalp_poses(4))
     ]
-    phalp = written_files.write_phalp(made.place("phalp.pkl"), frames).read_bytes()
+    phalp = system_files.write_phalp(made.place("phalp.pkl"), frames).read_bytes()
     plain_phalp = pickle.dumps({frame["frame_path"]: frame for frame in frames})
-    wham = pickle.dumps({1: _wham_person(5), 2: _wham_person(4)})
-    vibe = pickle.dumps({1: written_files.vibe_person(5)})
+    wham = pickle.dumps(dict(system_files.some_wham({1: 5, 2: 4})))
+    vibe = pickle.dumps({1: system_files.vibe_person(5)})
 
     def poses(path: Path) -> None:
         for clip in read_local_poses(path, 30.0, body=body):
@@ -255,21 +253,11 @@ def _plain_3dpw(path: Path) -> bytes:
     return pickle.dumps(pickle.loads(path.read_bytes(), encoding="latin1"), 2)
 
 
-def _wham_person(n_frames: int) -> dict[str, Any]:
-    return {
-        "pose": written_files.some_poses(n_frames),
-        "pose_world": written_files.some_poses(n_frames, seed=1),
-        "trans_world": np.zeros((n_frames, 3)),
-        "betas": np.zeros((n_frames, 10)),
-        "frame_ids": np.arange(n_frames),
-    }
-
-
 def _systems(made: _Made, body: BodyModel, walkers: Sequence[Clip]) -> list[Target]:
     motion, camera = walkers[0].motion, walkers[0].camera
     assert camera is not None
     rest_m, frames = np.zeros(3), np.arange(motion.n_frames)
-    written_files.write_gvhmr(made.place("gvhmr.pt"), 5)
+    system_files.write_torch(made.place("gvhmr.pt"), system_files.some_gvhmr(5))
     gvhmr = made.place("gvhmr.pt").read_bytes()
     system_files.write_tram(made.place("tram/x").parent, motion, camera, frames, rest_m)
     system_files.write_slahmr(made.place("slahmr/x").parent, {0: motion}, camera, rest_m)

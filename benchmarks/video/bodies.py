@@ -1,7 +1,7 @@
 """People of five estimators before the camera and in the world, of files made of rendered truth.
 
 Each file is what the system would have written at its best: true poses, its own crop and focal
-length, and the place whose picture is nearest to the true one (tests/read/camera_files.py).
+length, and the place whose picture is nearest to the true one (tests/read/system_files.py).
 So what is measured is what becomes of a file here, and not the estimators.
 """
 
@@ -26,8 +26,8 @@ from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.world.placement import TrueCamera, assumed_place, place_body
-from tests.read import camera_files
-from tests.read.camera_files import Seen
+from tests.read import system_files
+from tests.read.system_files import Seen
 
 SYSTEMS = ("vibe", "wham", "gvhmr", "tram", "phalp")
 MOST_PLACEMENT_PERCENT, MOST_OME_DEG, MOST_TME_MM = 2.0, 0.3, 15.0
@@ -63,7 +63,7 @@ def bodies_rows(clip_dirs: Sequence[Path], work_dir: Path) -> Iterator[BodiesRow
         save_body(folder / "body.npz", body)
         motion = replace(clip.motion, shape=np.zeros(body.n_shape), body=body.name)
         camera = camera_of(clip)
-        seen = camera_files.seen_person(motion, camera, body, radial_k1=facts.radial_k1)
+        seen = system_files.seen_person(motion, camera, body, radial_k1=facts.radial_k1)
         for system, path in estimator_files(seen, folder / "files").items():
             yield _row(system, path, seen, clip_dir, facts, clip, folder, str(folder / "body.npz"))
         wham = folder / "files" / "wham_output.pkl"
@@ -90,13 +90,13 @@ def own_body(body: BodyModel, clip: Clip) -> BodyModel:
 def estimator_files(seen: Seen, folder: Path) -> dict[str, Path]:
     """A file or folder of each system."""
     n, rng = len(seen.frames), np.random.default_rng(0)
-    write = camera_files.write_joblib
+    write = system_files.write_joblib
     return {
-        "vibe": write(folder / "vibe_output.pkl", camera_files.vibe_people([seen], rng)),
-        "wham": write(folder / "wham_output.pkl", camera_files.wham_people([seen])),
-        "gvhmr": camera_files.write_gvhmr(folder / "a.pt", camera_files.gvhmr_result(seen)),
-        "tram": camera_files.write_tram(folder / "tram", [seen], n),
-        "phalp": write(folder / "demo.pkl", camera_files.phalp_frames([seen], n, rng)),
+        "vibe": write(folder / "vibe_output.pkl", system_files.vibe_people([seen], rng)),
+        "wham": write(folder / "wham_output.pkl", system_files.wham_people([seen])),
+        "gvhmr": system_files.write_torch(folder / "a.pt", system_files.gvhmr_result(seen)),
+        "tram": system_files.write_seen_tram(folder / "tram", [seen], n),
+        "phalp": write(folder / "demo.pkl", system_files.phalp_frames([seen], n, rng)),
     }
 
 

@@ -9,7 +9,10 @@ or in a world.
 | `vibe_output.pkl` | VIBE | `pose` (T, 72), `frame_ids`, `betas` of each person |
 | `wham_output.pkl` | WHAM | the same |
 | `demo_*.pkl` | PHALP, 4D-Humans | `smpl` of each frame's tracks |
-| `hmr4d_results.pt` | GVHMR | `body_pose` (T, 63) |
+| `hmr4d_results.pt`, also as a numpy pickle | GVHMR | `body_pose` (T, 63) |
+| a folder with `camera.npy` and `hps/`; `.npz` | TRAM | `pred_rotmat` of each track, `frame` |
+| `*_world_results.npz` with `track_info.json` | SLAHMR | `pose_body` of each person |
+| a folder with `local_poses.json` | the built-in estimator | local rotations of each person |
 | `.npz` | AMASS (SMPL, SMPL+H, SMPL-X), gmrdata's clips | local rotations |
 | `.bvh`, `.amc` | motion capture | retargeted to the SMPL tree |
 
@@ -27,7 +30,7 @@ from gmrdata.motion.files import SUFFIXES, read_motion
 from gmrdata.motion.resample import between_known, slice_motion, valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.read.source_motion import check_rate_hz
-from gmrdata.read.systems.result import read_system
+from gmrdata.read.systems.result import is_system_npz, read_system
 from gmrdata.values.bodies import SMPL, shape_on
 from gmrdata.values.body import BodyModel, gender_of
 from gmrdata.values.clip import Clip, load_clip
@@ -64,12 +67,13 @@ def read_local_poses(
     Errors are MissingInput, BadMotionFile, UnsafePickle (nothing of it was run) and BrokenPickle.
     """
     path = Path(path)
-    if not path.is_file():
+    if not path.exists():
         raise MissingInput(f"{path}: no such file")
     body = load_body("anny") if body is None else body
-    if path.suffix.lower() in SUFFIXES:
-        if path.suffix.lower() == ".npz" and {"valid", "image_numbers"} <= read_npz(path).keys():
-            return _of_clip(path, fps_hz, body)
+    arrays = read_npz(path) if path.suffix.lower() == ".npz" and path.is_file() else {}
+    if {"valid", "image_numbers"} <= arrays.keys():
+        return _of_clip(path, fps_hz, body)
+    if path.is_file() and path.suffix.lower() in SUFFIXES and not is_system_npz(arrays):
         motion = read_motion(path, body, fps_hz=fps_hz, joint_map=joint_map, ground=False)
         n = motion.n_frames
         return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)

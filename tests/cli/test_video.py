@@ -20,7 +20,7 @@ from gmrdata.values.clip import Clip, camera_of, load_clip
 from tests.film.set_kills import contents
 from tests.filming import INTRINSICS_PX, Filmed
 from tests.fixtures.filmed_sets import HEIGHT_PX, N_FRAMES, WIDTH_PX, Made
-from tests.read import camera_files
+from tests.read import system_files
 from tests.read.videos import make_video
 from tests.sharing import made_once
 
@@ -42,9 +42,9 @@ def vibe_file(
     seen = []
     for clip, rows in zip(truths, (np.arange(N_FRAMES), some), strict=True):
         motion = replace(clip.motion.take(rows), body=neutral.name)
-        seen.append(camera_files.seen_person(motion, camera_of(clip).at_rows(rows), neutral, rows))
-    people = camera_files.vibe_people(seen, np.random.default_rng(1))
-    return camera_files.write_joblib(tmp_path_factory.mktemp("vibe") / "vibe_output.pkl", people)
+        seen.append(system_files.seen_person(motion, camera_of(clip).at_rows(rows), neutral, rows))
+    people = system_files.vibe_people(seen, np.random.default_rng(1))
+    return system_files.write_joblib(tmp_path_factory.mktemp("vibe") / "vibe_output.pkl", people)
 
 
 @pytest.fixture(scope="module")
@@ -208,21 +208,21 @@ def test_poses_of_another_video_are_refused(
         (_shifted(clip, neutral, 20), "is of 56 frames or more, and the video has 36"),
         (_shifted(clip, neutral, 400), "another video's, or rate. If it was made of every n-th"),
     ):
-        path = camera_files.write_joblib(tmp_path / "wham_output.pkl", content)
+        path = system_files.write_joblib(tmp_path / "wham_output.pkl", content)
         refused(capsys, said, [*given, "--poses", str(path)])
-    seen = camera_files.seen_person(clip.motion, camera_of(clip), neutral)
-    half = camera_files.write_gvhmr(tmp_path / "a.pt", camera_files.gvhmr_result(seen, 18))
+    seen = system_files.seen_person(clip.motion, camera_of(clip), neutral)
+    half = system_files.write_torch(tmp_path / "a.pt", system_files.gvhmr_result(seen, 18))
     refused(capsys, "is of 18 frames, and the video has 36, about every 2th",
             [*given, "--poses", str(half)])  # fmt: skip
     large = replace(seen, size_px=(HEIGHT_PX, WIDTH_PX))
-    turned = camera_files.write_gvhmr(tmp_path / "b.pt", camera_files.gvhmr_result(large))
+    turned = system_files.write_torch(tmp_path / "b.pt", system_files.gvhmr_result(large))
     refused(capsys, "a turned one's", [*given, "--poses", str(turned)])
 
 
 def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
     frames = np.arange(N_FRAMES) + by
-    return camera_files.wham_people(
-        [camera_files.seen_person(clip.motion, camera_of(clip), body, frames)]
+    return system_files.wham_people(
+        [system_files.seen_person(clip.motion, camera_of(clip), body, frames)]
     )
 
 

@@ -26,7 +26,7 @@ from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from tests.fixtures.inference import keep_gmr, stepped_gmr
-from tests.motion.written_files import vibe_person, write_vibe
+from tests.read.system_files import vibe_person, write_joblib
 
 CONFIG = ModelConfig(
     layers=1, hidden=6, extra_inputs=("standing",), rotation="standing_joint", output_scale=0.1
@@ -135,7 +135,7 @@ def test_who_walks_is_seen_to_walk(walk: Callable[..., Motion]) -> None:
 def test_infer_without_a_run_uses_it_and_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], small_body: BodyModel
 ) -> None:
-    poses = write_vibe(tmp_path / "poses.pkl", {0: vibe_person(40)})
+    poses = write_joblib(tmp_path / "poses.pkl", {0: vibe_person(40)})
     body = tmp_path / "small.npz"
     save_body(body, small_body)
     arguments = ["--fps-hz", "30", "--body", str(body), "--no-video", "--out", str(tmp_path / "w")]

@@ -35,15 +35,16 @@ from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.write.bvh import write_bvh
 from tests.joblib_layout import joblib_bytes
-from tests.motion.written_files import (
+from tests.read.system_files import (
     phalp_frame,
     phalp_poses,
+    some_gvhmr,
     some_poses,
+    some_wham,
     vibe_person,
-    write_gvhmr,
+    write_joblib,
     write_phalp,
-    write_vibe,
-    write_wham,
+    write_torch,
 )
 from tests.record_keys import assert_each_key_is_needed
 
@@ -78,10 +79,10 @@ def test_each_format_gives_each_file(
     poses = phalp_poses(40)
     frames = [phalp_frame(t, {1: poses[t]}) for t in range(40)]
     sources = {
-        write_vibe(tmp_path / "vibe_output.pkl", {3: vibe_person(40)}): "person_3",
-        write_wham(tmp_path / "wham_output.pkl", {0: 40}): "person_0",
+        write_joblib(tmp_path / "vibe_output.pkl", {3: vibe_person(40)}): "person_3",
+        write_joblib(tmp_path / "wham_output.pkl", some_wham({0: 40})): "person_0",
         write_phalp(tmp_path / "demo_x.pkl", frames): "person_1",
-        write_gvhmr(tmp_path / "hmr4d_results.pt", 40): "person_0",
+        write_torch(tmp_path / "hmr4d_results.pt", some_gvhmr(40)): "person_0",
         tmp_path / "clip.npz": "a_walk",
         tmp_path / "walk.bvh": "walk",
         tmp_path / "amass.npz": "amass",
@@ -104,7 +105,7 @@ def test_each_format_gives_each_file(
 def test_the_clip_is_what_python_predicts(
     tmp_path: Path, run_dir: Path, body_path: Path, small_body: BodyModel
 ) -> None:
-    path = write_vibe(tmp_path / "v.pkl", {0: vibe_person(40)})
+    path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(40)})
     infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
     found = load_clip(tmp_path / "out" / "person_0" / "clip.npz")
     (run,) = reader.read_local_poses(path, 30.0, body=small_body)
@@ -121,7 +122,7 @@ def test_the_clip_is_what_python_predicts(
 def test_the_papers_first_pose_is_kept_on_demand_and_recorded(
     tmp_path: Path, run_dir: Path, body_path: Path
 ) -> None:
-    path = write_vibe(tmp_path / "v.pkl", {0: vibe_person(40)})
+    path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(40)})
     config = QUICK.model_copy(update={"level": "first_pose"})
     out = infer(run_dir, path, tmp_path / "out", config, body_path=body_path)
     found = load_clip(out / "person_0" / "clip.npz").motion
@@ -136,7 +137,7 @@ def test_runs_have_a_folder_each_and_short_ones_are_said(
 ) -> None:
     frame_ids = [*range(5, 25), 30, *range(40, 43), *range(50, 62)]
     people = {2: vibe_person(len(frame_ids), frame_ids), 9: vibe_person(1, [0])}
-    path = write_vibe(tmp_path / "v.pkl", people)
+    path = write_joblib(tmp_path / "v.pkl", people)
     out = infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
     record = read_json(out / "infer.json")
     assert {n: (m["first_frame"], m["last_frame"]) for n, m in record["motions"].items()} == {
@@ -158,7 +159,7 @@ def test_short_gaps_are_filled_on_demand_and_counted(
     tmp_path: Path, run_dir: Path, body_path: Path
 ) -> None:
     people = {2: vibe_person(30, [*range(10), *range(12, 32)])}
-    path = write_vibe(tmp_path / "v.pkl", people)
+    path = write_joblib(tmp_path / "v.pkl", people)
     config = QUICK.model_copy(update={"bridge_frames": 2})
     out = infer(run_dir, path, tmp_path / "out", config, body_path=body_path)
     record = read_json(out / "infer.json")["motions"]["person_2"]
@@ -208,7 +209,7 @@ def test_bad_poses_leave_nothing_behind(
 def test_broken_files_and_runs_leave_nothing_behind(
     tmp_path: Path, run_dir: Path, body_path: Path
 ) -> None:
-    good = write_vibe(tmp_path / "good.pkl", {0: vibe_person(12)})
+    good = write_joblib(tmp_path / "good.pkl", {0: vibe_person(12)})
     cut = tmp_path / "cut.pkl"
     cut.write_bytes(good.read_bytes()[:-900])
     other = tmp_path / "other"
@@ -243,7 +244,7 @@ def test_a_hostile_clip_name_stays_inside(
 def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(
     tmp_path: Path, run_dir: Path, body_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = write_vibe(tmp_path / "v.pkl", {0: vibe_person(20), 1: vibe_person(20, seed=4)})
+    path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(20), 1: vibe_person(20, seed=4)})
     out = tmp_path / "out"
     written: list[str] = []
 
@@ -279,7 +280,7 @@ def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(
 def test_the_verb_writes_a_video_and_a_table(
     tmp_path: Path, run_dir: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    source = write_vibe(tmp_path / "v.pkl", {0: vibe_person(6)})
+    source = write_joblib(tmp_path / "v.pkl", {0: vibe_person(6)})
     out = tmp_path / "out"
     flags = ["--out", str(out), "--body", str(body_path), "--fps-hz", "30"]
     main(["infer", str(run_dir), str(source), *flags])
@@ -293,7 +294,7 @@ def test_the_verb_writes_a_video_and_a_table(
 def test_the_verb_says_what_is_wrong(
     tmp_path: Path, run_dir: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    source = write_vibe(tmp_path / "v.pkl", {0: vibe_person(6)})
+    source = write_joblib(tmp_path / "v.pkl", {0: vibe_person(6)})
     out = str(tmp_path / "out")
     for flags, message in (
         ([], r"v\.pkl: does not say its frame rate. Give the video's with --fps-hz"),
@@ -311,7 +312,7 @@ def test_the_verb_says_what_is_wrong(
 
 def test_the_lines_of_python_run_as_they_stand(tmp_path: Path, anny: BodyModel) -> None:
     """In a process of its own, in a folder with a `poses.pkl`, by public names alone."""
-    write_vibe(tmp_path / "poses.pkl", {0: vibe_person(40)})
+    write_joblib(tmp_path / "poses.pkl", {0: vibe_person(40)})
     page = (Path(__file__).parents[2] / "docs" / "inference.md").read_text(encoding="utf-8")
     (lines,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     assert re.findall("^(?:from|import) .*", lines, re.MULTILINE) == ["import gmrdata"]

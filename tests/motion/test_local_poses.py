@@ -3,6 +3,7 @@
 import io
 import pickle  # noqa: TID251  The tests write hostile files.
 import zipfile
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.local_poses import read_local_poses
 from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import (
     BadMotionFile,
@@ -27,23 +29,26 @@ from gmrdata.values.errors import (
     UnsafePickle,
 )
 from tests.joblib_layout import joblib_bytes
-from tests.motion.written_files import (
+from tests.read.system_files import (
     phalp_frame,
     phalp_poses,
     rotmats,
+    some_gvhmr,
     some_poses,
+    some_wham,
     vibe_person,
-    write_gvhmr,
+    write_joblib,
     write_phalp,
-    write_vibe,
-    write_wham,
+    write_slahmr,
+    write_torch,
+    write_tram,
 )
 
 
 def test_vibe(tmp_path: Path, small_body: BodyModel) -> None:
     people = {1: vibe_person(5), 4: vibe_person(3, frame_ids=[7, 8, 9], seed=1)}
     first, second = read_local_poses(
-        write_vibe(tmp_path / "vibe_output.pkl", people), 25.0, body=small_body
+        write_joblib(tmp_path / "vibe_output.pkl", people), 25.0, body=small_body
     )
     assert (first.id, second.id) == ("person_1", "person_4")
     for clip, person in ((first, people[1]), (second, people[4])):
@@ -59,7 +64,7 @@ def test_vibe(tmp_path: Path, small_body: BodyModel) -> None:
 
 def test_missing_frames_are_never_bridged(tmp_path: Path, small_body: BodyModel) -> None:
     person = vibe_person(9, frame_ids=[3, 4, 5, 8, 9, 20, 30, 31, 32])
-    path = write_vibe(tmp_path / "v.pkl", {0: person})
+    path = write_joblib(tmp_path / "v.pkl", {0: person})
     runs = read_local_poses(path, 30.0, body=small_body)
     assert [run.id for run in runs] == [f"person_0_from_{n}" for n in (3, 8, 20, 30)]
     assert [run.image_numbers.tolist() for run in runs] == [
@@ -74,7 +79,7 @@ def test_missing_frames_are_never_bridged(tmp_path: Path, small_body: BodyModel)
 
 def test_short_gaps_are_filled_on_demand(tmp_path: Path, small_body: BodyModel) -> None:
     person = vibe_person(5, frame_ids=[3, 4, 7, 8, 12])
-    path = write_vibe(tmp_path / "v.pkl", {0: person})
+    path = write_joblib(tmp_path / "v.pkl", {0: person})
     first, last = read_local_poses(path, 30.0, body=small_body, bridge_frames=2)
     assert first.image_numbers.tolist() == [3, 4, 5, 6, 7, 8]
     assert first.valid.tolist() == [True, True, False, False, True, True]
@@ -106,7 +111,7 @@ def test_no_gap_is_filled_over_the_beginning_of_a_shot(
 
 def test_betas_are_kept_on_the_body_that_they_are_of(tmp_path: Path, small_body: BodyModel) -> None:
     person = vibe_person(4)
-    path = write_vibe(tmp_path / "v.pkl", {0: person})
+    path = write_joblib(tmp_path / "v.pkl", {0: person})
     (run,) = read_local_poses(path, 30.0, body=replace(small_body, name="smpl-neutral"))
     np.testing.assert_allclose(run.motion.shape, person["betas"].mean(axis=0), atol=1e-6)
     (other,) = read_local_poses(path, 30.0, body=replace(small_body, name="smpl-male"))
@@ -115,7 +120,7 @@ def test_betas_are_kept_on_the_body_that_they_are_of(tmp_path: Path, small_body:
 
 def test_wham(tmp_path: Path, small_body: BodyModel) -> None:
     runs = read_local_poses(
-        write_wham(tmp_path / "wham_output.pkl", {0: 4, 12: 6}), 30.0, body=small_body
+        write_joblib(tmp_path / "wham_output.pkl", some_wham({0: 4, 12: 6})), 30.0, body=small_body
     )
     assert [run.id for run in runs] == ["person_0", "person_12"]
     assert [run.motion.n_frames for run in runs] == [4, 6]
@@ -159,12 +164,47 @@ def test_phalp_frames_may_stand_in_any_order(tmp_path: Path, small_body: BodyMod
 
 
 def test_gvhmr_has_21_joints_and_straight_hands(tmp_path: Path, small_body: BodyModel) -> None:
-    path = write_gvhmr(tmp_path / "hmr4d_results.pt", 6)
+    path = write_torch(tmp_path / "hmr4d_results.pt", some_gvhmr(6))
     (run,) = read_local_poses(path, 30.0, body=small_body)
     found = run.motion.local_rotmats
     np.testing.assert_allclose(found[:, :21], rotmats(some_poses(6, 21)), atol=1e-12)
     assert np.array_equal(found[:, 21:], np.broadcast_to(np.eye(3), (6, 2, 3, 3)))
     assert run.image_numbers.tolist() == list(range(6))
+
+
+def test_results_that_were_saved_in_another_way(tmp_path: Path, small_body: BodyModel) -> None:
+    """zju3dv/GVHMR#10: the result as a numpy pickle, for Blender; and a dict with an order."""
+    content = some_gvhmr(6)
+    arrays = {
+        key: {name: None if one is None else one.numpy() for name, one in content[key].items()}
+        for key in ("smpl_params_global", "smpl_params_incam")
+    }
+    (tmp_path / "hmr4d_results.pt.pkl").write_bytes(pickle.dumps(arrays))
+    whole = write_torch(tmp_path / "hmr4d_results.pt", content)
+    (tmp_path / "w.pkl").write_bytes(pickle.dumps(OrderedDict(some_wham({0: 6}))))
+    wham = write_joblib(tmp_path / "wham_output.pkl", some_wham({0: 6}))
+    for other, usual in ((tmp_path / "hmr4d_results.pt.pkl", whole), (tmp_path / "w.pkl", wham)):
+        (found,), (true,) = (read_local_poses(p, 30.0, body=small_body) for p in (other, usual))
+        assert np.array_equal(found.motion.local_rotmats, true.motion.local_rotmats)
+    torch.save(content, tmp_path / "old.pt", _use_new_zipfile_serialization=False)
+    with pytest.raises(BadMotionFile, match=r"old\.pt: .*before version 1\.6.*save it again"):
+        read_local_poses(tmp_path / "old.pt", 30.0, body=small_body)
+
+
+def test_systems_in_folders_and_npz_are_read_too(tmp_path: Path, small_body: BodyModel) -> None:
+    motion = embedded_motions(
+        small_body, np.random.default_rng(0), count=1, fps_hz=20.0, duration_s=1.0
+    )[0]
+    n, rest_m = motion.n_frames, small_body.rest_pelvis_m(motion.shape)
+    camera = CameraPath(np.eye(3), 640, 480, np.tile(np.eye(4), (n, 1, 1)), np.ones(n, bool))
+    tram = write_tram(tmp_path / "tram", motion, camera, np.arange(n) + 2, rest_m)
+    run = write_slahmr(tmp_path / "run", {7: motion}, camera, rest_m)
+    slahmr = run / "motion_chunks" / "x_000040_world_results.npz"
+    for path, name, n_same, first in ((tram, "person_0", 23, 2), (slahmr, "person_7", 21, 0)):
+        (found,) = read_local_poses(path, 20.0, body=small_body)
+        assert (found.id, found.image_numbers[0], found.motion.n_frames) == (name, first, n)
+        wanted = motion.local_rotmats[:, :n_same]
+        np.testing.assert_allclose(found.motion.local_rotmats[:, :n_same], wanted, atol=1e-9)
 
 
 def test_amass_keeps_its_own_rate_or_takes_the_given_one(
@@ -311,7 +351,7 @@ def test_bad_tracks_are_refused_by_name(fault: str, tmp_path: Path, small_body: 
 
 
 def test_gvhmr_of_another_layout(tmp_path: Path, small_body: BodyModel) -> None:
-    path = write_gvhmr(tmp_path / "a.pt", 4, n_joints=23)
+    path = write_torch(tmp_path / "a.pt", some_gvhmr(4, n_joints=23))
     with pytest.raises(
         BadMotionFile, match=r"a\.pt: body_pose of person_0 is \(4, 69\), not \(T, 63\)"
     ):
@@ -371,7 +411,7 @@ def test_changed_bytes_are_read_or_refused(
         frames = [phalp_frame(t, {1: poses[t]}) for t in range(2)]
         content = joblib_bytes({frame["frame_path"]: frame for frame in frames})
     else:
-        content = write_gvhmr(folder / "whole.pt", 3).read_bytes()
+        content = write_torch(folder / "whole.pt", some_gvhmr(3)).read_bytes()
     changed = bytearray(content)
     for _ in range(data.draw(st.integers(1, 4))):
         changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
@@ -388,11 +428,11 @@ def test_changed_bytes_are_read_or_refused(
 def test_truncated_files_are_an_error(kind: str, tmp_path: Path, small_body: BodyModel) -> None:
     path = tmp_path / "whole.bin"
     if kind == "vibe":
-        write_vibe(path, {1: vibe_person(3)})
+        write_joblib(path, {1: vibe_person(3)})
     elif kind == "phalp":
         write_phalp(path, [phalp_frame(t, {1: phalp_poses(3)[t]}) for t in range(3)])
     else:
-        write_gvhmr(path, 3)
+        write_torch(path, some_gvhmr(3))
     data = path.read_bytes()
     for length in np.linspace(0, len(data) - 1, 40).astype(int):
         cut = tmp_path / "cut.bin"
@@ -402,7 +442,7 @@ def test_truncated_files_are_an_error(kind: str, tmp_path: Path, small_body: Bod
 
 
 def test_a_rate_is_needed_and_checked(tmp_path: Path, small_body: BodyModel) -> None:
-    path = write_vibe(tmp_path / "v.pkl", {1: vibe_person(3)})
+    path = write_joblib(tmp_path / "v.pkl", {1: vibe_person(3)})
     with pytest.raises(BadMotionFile, match=r"v\.pkl: does not say its frame rate.*--fps-hz"):
         read_local_poses(path, body=small_body)
     with pytest.raises(BadMotionFile, match="5000 Hz is not from 1 to 1000 Hz"):

@@ -20,8 +20,8 @@ from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
 from gmrdata.values.estimated import EstimatedPeople, Pinhole
 from gmrdata.world.placement import PlacedBody, TrueCamera, assumed_place, place_body
 from tests.joblib_layout import joblib_bytes
-from tests.read import camera_files
-from tests.read.camera_files import Seen, write_gvhmr, write_joblib, write_tram
+from tests.read import system_files
+from tests.read.system_files import Seen, write_joblib, write_seen_tram, write_torch
 
 SIZE_PX = (640, 360)
 K1 = -0.15
@@ -65,17 +65,17 @@ class Files:
         n = int(self.seen.frames[-1]) + 1
         match system:
             case "vibe":
-                people = camera_files.vibe_people([self.seen], np.random.default_rng(0))
+                people = system_files.vibe_people([self.seen], np.random.default_rng(0))
                 return write_joblib(self.folder / "vibe_output.pkl", people)
             case "wham":
-                people = camera_files.wham_people([self.seen])
+                people = system_files.wham_people([self.seen])
                 return write_joblib(self.folder / "wham_output.pkl", people)
             case "gvhmr":
-                result = camera_files.gvhmr_result(self.seen)
-                return write_gvhmr(self.folder / "hmr4d_results.pt", result)
+                result = system_files.gvhmr_result(self.seen)
+                return write_torch(self.folder / "hmr4d_results.pt", result)
             case "tram":
-                return write_tram(self.folder / "tram", [self.seen], n)
-        frames = camera_files.phalp_frames([self.seen], n, np.random.default_rng(0))
+                return write_seen_tram(self.folder / "tram", [self.seen], n)
+        frames = system_files.phalp_frames([self.seen], n, np.random.default_rng(0))
         return write_joblib(self.folder / "demo_walk.pkl", frames)
 
 
@@ -87,7 +87,7 @@ def files(
     assert walk.camera is not None
     made = {}
     for k1 in (0.0, K1):
-        seen = camera_files.seen_person(walk.motion, walk.camera, neutral, radial_k1=k1)
+        seen = system_files.seen_person(walk.motion, walk.camera, neutral, radial_k1=k1)
         folder = Files(tmp_path_factory.mktemp("files"), seen)
         made[k1] = {system: folder.of(system) for system in SYSTEMS}
     return made
@@ -105,7 +105,7 @@ def test_a_person_stands_where_the_picture_shows_it(
     found = read(files[k1][system])
     assert found.system == system
     assert walk.camera is not None
-    true = camera_files.seen_person(walk.motion, walk.camera, neutral).motion
+    true = system_files.seen_person(walk.motion, walk.camera, neutral).motion
     person = found.people[0]
     placed = placed_by(files[k1][system], neutral, TrueCamera(walk.camera.intrinsics_px, (k1, 0.0)))
     far_m = np.linalg.norm(true.pelvis_m, axis=1)
@@ -121,7 +121,7 @@ def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(
     files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel
 ) -> None:
     assert walk.camera is not None
-    true = camera_files.seen_person(walk.motion, walk.camera, neutral).motion
+    true = system_files.seen_person(walk.motion, walk.camera, neutral).motion
     placed = placed_by(files[K1]["wham"], neutral, TrueCamera(walk.camera.intrinsics_px))
     off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1)
     assert off.max() > 0.01 * np.linalg.norm(true.pelvis_m, axis=1).min()
@@ -132,8 +132,8 @@ def test_a_file_of_vibe_with_its_drawing_camera_alone_gives_nearly_the_same(
 ) -> None:
     """`orig_cam` is a tenth too small, and says nothing of the crop's middle."""
     assert walk.camera is not None
-    seen = camera_files.seen_person(walk.motion, walk.camera, neutral)
-    people = camera_files.vibe_people([seen])
+    seen = system_files.seen_person(walk.motion, walk.camera, neutral)
+    people = system_files.vibe_people([seen])
     for person in people.values():
         del person["pred_cam"], person["bboxes"]
     path = write_joblib(tmp_path / "vibe_output.pkl", people)
@@ -147,14 +147,34 @@ def test_phalp_of_the_whole_picture_is_the_same_person(
 ) -> None:
     """Where the crop is not in the file, `camera` tells the same."""
     assert walk.camera is not None
-    seen = camera_files.seen_person(walk.motion, walk.camera, neutral)
-    frames = camera_files.phalp_frames([seen], len(seen.frames))
+    seen = system_files.seen_person(walk.motion, walk.camera, neutral)
+    frames = system_files.phalp_frames([seen], len(seen.frames))
     for frame in frames.values():
         del frame["camera_bbox"], frame["center"], frame["scale"]
     path = write_joblib(tmp_path / "demo.pkl", frames)
     placed = placed_by(path, neutral, TrueCamera(walk.camera.intrinsics_px))
     far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
     assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.01
+
+
+def test_phalps_scale_as_a_share_of_the_picture_is_the_same_crop(
+    files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel, tmp_path: Path
+) -> None:
+    """As 4D-Humans' own demo writes it: one number, the crop's side over the longer side."""
+    assert walk.camera is not None
+    seen = system_files.seen_person(walk.motion, walk.camera, neutral)
+    frames = system_files.phalp_frames([seen], len(seen.frames))
+    in_px = write_joblib(tmp_path / "px.pkl", frames)
+    for frame in frames.values():
+        frame["scale"] = [float(one.max()) / max(SIZE_PX) for one in frame["scale"]]
+        s, scale = frame["camera_bbox"][0][0], frame["scale"][0]
+        assert frame["camera"][0][2] == pytest.approx(2 * 5000 / (256 * s * scale), rel=1e-5)
+    as_share = write_joblib(tmp_path / "share.pkl", frames)
+    camera = TrueCamera(walk.camera.intrinsics_px)
+    own, other = (placed_by(path, neutral, camera) for path in (in_px, as_share))
+    np.testing.assert_allclose(other.pelvis_m, own.pelvis_m, rtol=1e-9)
+    far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
+    assert (np.linalg.norm(other.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.005
 
 
 def test_the_size_comes_from_the_file_on_smpls_neutral_body_alone(
@@ -233,15 +253,15 @@ def test_what_a_result_lacks_is_named(
     files: dict[float, dict[str, Path]], tmp_path: Path, walk: Clip, neutral: BodyModel
 ) -> None:
     assert walk.camera is not None
-    seen = camera_files.seen_person(walk.motion, walk.camera, neutral)
-    whole = camera_files.gvhmr_result(seen)
+    seen = system_files.seen_person(walk.motion, walk.camera, neutral)
+    whole = system_files.gvhmr_result(seen)
     for broken, said in (
         ({"smpl_params_global": whole["smpl_params_global"]}, "no 'smpl_params_incam'"),
         (whole | {"K_fullimg": whole["K_fullimg"][:3]}, r"K_fullimg of person_0 is \(3, 3, 3\)"),
         (whole | {"K_fullimg": 0 * whole["K_fullimg"]}, "focal length in K_fullimg"),
         (whole | {"smpl_params_incam": {"body_pose": whole["K_fullimg"]}}, r"\(12, 3, 3\), not"),
     ):
-        path = write_gvhmr(tmp_path / "hmr4d_results.pt", broken)
+        path = write_torch(tmp_path / "hmr4d_results.pt", broken)
         with pytest.raises(BadMotionFile, match=said):
             read(path)
     with pytest.raises(MissingInput, match=r"no camera\.npy"):
@@ -279,14 +299,14 @@ def test_several_people_with_gaps_keep_their_frames(
     camera, n = walk.camera, walk.motion.n_frames
     some = np.array([0, 1, 2, 5, 6, 9])
     seen = [
-        camera_files.seen_person(walk.motion, camera, neutral),
-        camera_files.seen_person(walk.motion.take(some), camera.at_rows(some), neutral, some),
+        system_files.seen_person(walk.motion, camera, neutral),
+        system_files.seen_person(walk.motion.take(some), camera.at_rows(some), neutral, some),
     ]
     ways: dict[str, Callable[[], Path]] = {
-        "vibe": lambda: write_joblib(tmp_path / "v.pkl", camera_files.vibe_people(seen)),
-        "wham": lambda: write_joblib(tmp_path / "w.pkl", camera_files.wham_people(seen)),
-        "tram": lambda: write_tram(tmp_path / "t", seen, n),
-        "phalp": lambda: write_joblib(tmp_path / "p.pkl", camera_files.phalp_frames(seen, n)),
+        "vibe": lambda: write_joblib(tmp_path / "v.pkl", system_files.vibe_people(seen)),
+        "wham": lambda: write_joblib(tmp_path / "w.pkl", system_files.wham_people(seen)),
+        "tram": lambda: write_seen_tram(tmp_path / "t", seen, n),
+        "phalp": lambda: write_joblib(tmp_path / "p.pkl", system_files.phalp_frames(seen, n)),
     }
     for system, write in ways.items():
         found = read(write())

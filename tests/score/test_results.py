@@ -173,6 +173,21 @@ def test_the_truth_as_each_system_writes_it_has_no_error(
         assert figures["ate_s_m"] == pytest.approx(0, abs=1e-6)
 
 
+def test_phalps_people_are_placed_by_their_crops(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    """As its demo names the file, with the person that the picture shows best."""
+    assert true.camera is not None
+    seen = files.seen_person(true.motion, true.camera, body, FRAMES)
+    path = files.write_joblib(
+        tmp_path / f"demo_{true.id}.pkl", files.phalp_frames([seen], FIRST + N)
+    )
+    scores = only(score(data, path.parent, tmp_path / "out", camera="true"))
+    assert isinstance(scores.model, ScoredResults) and scores.model.camera == "true"
+    assert scores.model.system == "phalp" and scores.clips[0].n_motions == N - 1
+    assert scores.clips[0].predicted.tme_mm < 0.5 * scores.clips[0].zero.tme_mm
+
+
 def test_an_injected_error_is_measured_exactly(
     tmp_path: Path, data: Path, body: BodyModel, true: Clip
 ) -> None:

@@ -14,8 +14,8 @@ from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.world.bodies import BodiesConfig, BodiesRecord, VideoFrames, make_bodies
 from gmrdata.world.placement import TrueCamera
-from tests.read import camera_files
-from tests.read.camera_files import Seen
+from tests.read import system_files
+from tests.read.system_files import Seen
 
 N_FRAMES, SIZE_PX = 24, (640, 360)
 
@@ -31,7 +31,7 @@ def seen(neutral: BodyModel) -> Seen:
     motion = replace(motion.take(slice(0, N_FRAMES)), body=neutral.name)
     rng = np.random.default_rng(0)
     path = camera_path(Circular(radius_m=3.0), motion.pelvis_m, 10.0, *SIZE_PX, 60.0, rng)
-    return camera_files.seen_person(motion, path, neutral)
+    return system_files.seen_person(motion, path, neutral)
 
 
 def rows_of(seen: Seen, rows: np.ndarray, frames: np.ndarray) -> Seen:
@@ -57,7 +57,7 @@ def made(
     config: BodiesConfig | None = None,
 ) -> BodiesRecord:
     folder.mkdir(exist_ok=True)
-    path = camera_files.write_joblib(folder / "wham_output.pkl", camera_files.wham_people(people))
+    path = system_files.write_joblib(folder / "wham_output.pkl", system_files.wham_people(people))
     body_path = folder / "body.npz"
     save_body(body_path, body)
     camera, out = TrueCamera(people[0].intrinsics_px), folder / "bodies"
@@ -154,10 +154,10 @@ def test_a_file_of_another_video_is_refused(
 def test_somebody_behind_the_camera_is_refused(
     seen: Seen, neutral: BodyModel, tmp_path: Path
 ) -> None:
-    people = camera_files.wham_people([seen])
+    people = system_files.wham_people([seen])
     for person in people.values():
         person["trans"] = -person["trans"]
-    path = camera_files.write_joblib(tmp_path / "wham_output.pkl", people)
+    path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
     save_body(tmp_path / "body.npz", neutral)
     camera, frames = TrueCamera(seen.intrinsics_px), video(np.arange(N_FRAMES))
     with pytest.raises(BadMotionFile, match="does not stand before the camera"):

@@ -64,11 +64,16 @@ def _read(path: Path) -> EstimatedPeople:
     return _pickled(load_plain(path), path)
 
 
+def is_system_npz(arrays: Mapping[str, np.ndarray]) -> bool:
+    """Whether arrays are TRAM's or SLAHMR's, and not a motion with AMASS's keys."""
+    return "pred_rotmat" in arrays or (arrays.keys() >= slahmr.KEYS and arrays["trans"].ndim == 3)
+
+
 def _npz(path: Path) -> EstimatedPeople:
     arrays = dict(read_npz(path))
     if "pred_rotmat" in arrays:
         return tram.read_tram_npz(arrays, path)
-    if arrays.keys() >= slahmr.KEYS:
+    if arrays.keys() >= slahmr.KEYS and not arrays.keys() >= amass.KEYS:
         return slahmr.read_slahmr(arrays, path)
     if arrays.keys() >= amass.KEYS:
         return amass.read_amass_result(arrays, path)
