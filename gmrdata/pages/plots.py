@@ -120,6 +120,17 @@ def quiet(axes: Axes, title: str = "") -> None:
         axes.set_title(title)
 
 
+def nothing(axes: Axes, why: str) -> None:
+    """Words in place of what is not known."""
+    middle = {"ha": "center", "va": "center", "transform": axes.transAxes}
+    axes.text(0.5, 0.5, why, color=COLOURS["muted"], **middle)
+
+
+def limit(axes: Axes, value: float, role: str) -> None:
+    """A dashed line across a plot over time."""
+    axes.axhline(value, color=COLOURS[role], linewidth=1, linestyle=(0, (4, 3)))
+
+
 def name_rows(axes: Axes, names: Sequence[str]) -> None:
     """A row of the plot for each name, from the top down, without lines across."""
     axes.set_yticks(range(len(names)), names)

@@ -189,11 +189,11 @@ def _plot_error(axes: Axes, times_s: np.ndarray, errors: np.ndarray, role: str, 
         mean, pale = float(known.mean()), COLOURS[role + "-pale"]
         axes.fill_between(times_s, 0, errors, color=pale, alpha=0.45, linewidth=0)
         axes.plot(times_s, errors, color=COLOURS[role], linewidth=1.5)
-        axes.axhline(mean, color=COLOURS["muted"], linewidth=1, linestyle=(0, (4, 3)))
+        plots.limit(axes, mean, "muted")
         axes.set_title(f"mean {mean:.3g}", loc="right", fontsize=9, color=COLOURS["muted"])
         axes.set_ylim(0, 1.15 * float(known.max()) or 1.0)
     else:
-        _plot_nothing(axes, "no frame with a camera")
+        plots.nothing(axes, "no frame with a camera")
     axes.yaxis.set_major_locator(MaxNLocator(4))
 
 
@@ -201,18 +201,12 @@ def _plot_inliers(axes: Axes, clip: ClipReport) -> None:
     quiet(axes, "Inliers per frame")
     counts, fps_hz = clip.quality.inliers, clip.pseudo.motion.fps_hz
     if counts is None or not len(counts):
-        _plot_nothing(axes, "not recorded")
+        plots.nothing(axes, "not recorded")
         return
     colours = [COLOURS["camera-pale" if ok else "bad"] for ok in clip.has_camera]
     axes.bar(np.arange(len(counts)) / fps_hz, counts, width=0.72 / fps_hz, color=colours)
     axes.set_ylim(0, 1.1 * max(1.0, float(np.max(counts))))
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-
-
-def _plot_nothing(axes: Axes, why: str) -> None:
-    axes.text(
-        0.5, 0.5, why, transform=axes.transAxes, ha="center", va="center", color=COLOURS["muted"]
-    )
 
 
 def plot_scales(plot: Figure, clips: Sequence[ClipReport]) -> None:

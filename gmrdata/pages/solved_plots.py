@@ -95,12 +95,12 @@ def _plot_beside(
     """A figure over the frames with its limit, and dots where it is beyond."""
     plots.quiet(axes, title)
     if not np.isfinite(values).any():
-        axes.text(0.5, 0.5, "not known", transform=axes.transAxes, ha="center", va="center")
+        plots.nothing(axes, "not known")
         return
     frames = np.arange(len(values))
     axes.plot(frames, values, color=COLOURS["camera"], linewidth=1.2)
     axes.fill_between(frames, 0, values, color=COLOURS["camera-pale"], alpha=0.5, linewidth=0)
-    axes.axhline(threshold, color=COLOURS["bad"], linewidth=1, linestyle=(0, (4, 3)))
+    plots.limit(axes, threshold, "bad")
     beyond = values < threshold if at_least else values > threshold
     axes.plot(frames[beyond], values[beyond], ".", color=COLOURS["bad"], markersize=4)
     axes.set_ylim(0, 1.15 * max(float(np.nanmax(values)), threshold))

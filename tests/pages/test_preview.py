@@ -58,7 +58,7 @@ def test_a_preview_stays_in_its_folder_and_is_made_once(
     check_page(page)
     assert all(name.startswith("preview/") for name in files(out_dir))
     written_ns = (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns
-    monkeypatch.delattr(jobs, "_client")  # no worker is started
+    monkeypatch.delattr(jobs, "_local_client")  # no worker is started
     preview_set(recipe, out_dir)
     assert (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns == written_ns
 

@@ -94,7 +94,7 @@ def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     recipe = filmed_set.recipe(workers=2)
-    monkeypatch.delattr(jobs, "_client")
+    monkeypatch.delattr(jobs, "_local_client")
     pages = {path: path.stat().st_mtime_ns for path in made_by_two.rglob("*.html")}
     regenerate_set(recipe, filmed_set.root, made_by_two)
     write_set_pages(recipe, filmed_set.root, made_by_two)

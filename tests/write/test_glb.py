@@ -1,17 +1,15 @@
 """A GLB with a camera and with frames that are left out, read again by pygltflib."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pygltflib
 import pytest
 
-from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion
 from gmrdata.write.glb import write_glb
-from tests.write.takes import HIDDEN, INTRINSICS_PX, N_FRAMES, SIZE_PX, make_take
+from gmrdata.write.take import Take
+from tests.write.takes import HIDDEN, INTRINSICS_PX, N_FRAMES, SIZE_PX
 
 
 def samples(document: pygltflib.GLTF2, node: str, path: str) -> tuple[np.ndarray, np.ndarray]:
@@ -32,10 +30,7 @@ def array(document: pygltflib.GLTF2, number: int) -> np.ndarray:
     return np.frombuffer(blob, "<f4", accessor.count * columns, start).reshape(-1, columns)
 
 
-def test_frames_without_a_pose_or_a_camera_have_no_sample(
-    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
-) -> None:
-    take = make_take(walk, small_body)
+def test_frames_without_a_pose_or_a_camera_have_no_sample(take: Take, tmp_path: Path) -> None:
     person, camera = take.people[1], take.camera
     assert camera is not None
     path = tmp_path / "take.glb"
@@ -56,9 +51,9 @@ def test_frames_without_a_pose_or_a_camera_have_no_sample(
 
 
 def test_a_frame_without_a_pose_is_refused_where_it_is_not_left_out(
-    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
+    take: Take, tmp_path: Path
 ) -> None:
-    person = make_take(walk, small_body).people[1]
+    person = take.people[1]
     with pytest.raises(BadMotionFile, match="NaN in a frame"):
         write_glb(tmp_path / "take.glb", person.motion, person.body)
     assert list(tmp_path.iterdir()) == []

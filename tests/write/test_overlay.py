@@ -1,6 +1,5 @@
 """Overlays as videos, decoded again: bodies lie where the cameras put them, times are kept."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -12,21 +11,14 @@ import pytest
 
 from gmrdata.people.silhouette import silhouette
 from gmrdata.values import transforms
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames, BadMotionFile
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.overlay import write_overlay
 from gmrdata.write.take import Performer, Take
-from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX, make_take
+from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX
 
 WITHOUT_IMAGE = 2
-
-
-@pytest.fixture(scope="module")
-def take(walk: Callable[..., Motion], small_body: BodyModel) -> Take:
-    return make_take(walk, small_body)
 
 
 @pytest.fixture(scope="module")
@@ -99,14 +91,14 @@ def test_the_path_lies_on_the_floor_and_has_the_gap(
 def test_what_cannot_be_drawn_is_said(
     take: Take, images: list[Path | None], tmp_path: Path
 ) -> None:
-    path = tmp_path / "bad.mp4"
-    with pytest.raises(BadMotionFile, match="no camera"):
-        write_overlay(path, replace(take, camera=None), images)
-    with pytest.raises(BadFrames, match="3 images for 12 rows"):
-        write_overlay(path, take, images[:3])
-    with pytest.raises(BadFrames, match="no row has an image"):
-        write_overlay(path, take, [None] * N_FRAMES)
-    cv2.imwrite(str(tmp_path / "small.png"), np.zeros((48, 64, 3), np.uint8))
-    with pytest.raises(BadFrames, match=r"small\.png: 64x48 px, but its camera has 160x96 px"):
-        write_overlay(path, take, [tmp_path / "small.png", *images[1:]])
+    small = tmp_path / "small.png"
+    cv2.imwrite(str(small), np.zeros((48, 64, 3), np.uint8))
+    for shown, frames, error, why in (
+        (replace(take, camera=None), images, BadMotionFile, "no camera"),
+        (take, images[:3], BadFrames, "3 images for 12 rows"),
+        (take, [None] * N_FRAMES, BadFrames, "no row has an image"),
+        (take, [small, *images[1:]], BadFrames, r"small\.png: 64x48 px, but its camera has 160x96"),
+    ):
+        with pytest.raises(error, match=why):
+            write_overlay(tmp_path / "bad.mp4", shown, frames)
     assert [file.name for file in tmp_path.iterdir()] == ["small.png"]

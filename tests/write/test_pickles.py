@@ -50,14 +50,20 @@ def test_values_of_python_3_need_no_encoding(
         np.testing.assert_equal(found, value)
 
 
-def test_python_3_files_import_three_names_of_numpy() -> None:
-    opcodes = list(pickletools.genops(python3_pickle({"a": [np.zeros(3)], "b": "x", "c": True})))
-    assert opcodes[0][1] == 4
+def names_of_numpy_alone(data: bytes) -> list[Any]:
+    """The opcodes of a pickle, which imports three names and nothing else."""
+    opcodes = list(pickletools.genops(data))
     assert {argument for opcode, argument, _ in opcodes if opcode.name == "GLOBAL"} == {
         "numpy ndarray",
         "numpy dtype",
         "numpy.core.multiarray _reconstruct",
     }
+    return opcodes
+
+
+def test_python_3_files_import_three_names_of_numpy() -> None:
+    opcodes = names_of_numpy_alone(python3_pickle({"a": [np.zeros(3)], "b": "x", "c": True}))
+    assert opcodes[0][1] == 4
 
 
 @pytest.mark.parametrize("make", [python2_pickle, python3_pickle])

@@ -1,33 +1,28 @@
 """Recordings, opened again by rerun's own reader."""
 
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from gmrdata.values.body import PARENTS, BodyModel
+from gmrdata.values.body import PARENTS
 from gmrdata.values.errors import BadFrames, BadMotionFile, MissingExtra
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.write.recording import write_recording
 from gmrdata.write.take import Take
 from tests.write.rerun_files import Recorded
-from tests.write.takes import HIDDEN, INTRINSICS_PX, N_FRAMES, SIZE_PX, make_take
+from tests.write.takes import HIDDEN, INTRINSICS_PX, N_FRAMES, SIZE_PX
 
+Files = tuple[list[Path | None], list[Path | None]]
 SHOWN_FROM_WORLD = np.array([[0.0, -1, 0, 2], [1, 0, 0, 3], [0, 0, 1, 0.5], [0, 0, 0, 1]])
 
 
 @pytest.fixture(scope="module")
-def take(walk: Callable[..., Motion], small_body: BodyModel) -> Take:
-    return replace(make_take(walk, small_body), points_m=np.eye(3))
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Path | None], list[Path | None]]:
+def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     """A frame and a mask for each row but the last."""
     folder, rng = tmp_path_factory.mktemp("frames"), np.random.default_rng(0)
     images: list[Path | None] = []
@@ -46,13 +41,13 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Path | None], 
 @pytest.fixture(scope="module")
 def recording(
     take: Take,
-    files: tuple[list[Path | None], list[Path | None]],
+    files: Files,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Recorded:
     path = tmp_path_factory.mktemp("rrd") / "take.rrd"
     write_recording(
         path,
-        [replace(take, name="result"), take],
+        [replace(take, name="result", points_m=np.eye(3)), take],
         shown_from_world={"truth": SHOWN_FROM_WORLD},
         images=files[0],
         masks=files[1],
@@ -114,9 +109,7 @@ def test_the_camera_is_ours(recording: Recorded, take: Take) -> None:
     np.testing.assert_allclose(recording.transforms("world/truth")[None], SHOWN_FROM_WORLD)
 
 
-def test_frames_and_masks_are_the_files(
-    recording: Recorded, files: tuple[list[Path | None], list[Path | None]]
-) -> None:
+def test_frames_and_masks_are_the_files(recording: Recorded, files: Files) -> None:
     entity = "world/result/camera/image"
     blobs = recording.values(entity, "EncodedImage:blob")
     masks = recording.values(f"{entity}/mask", "SegmentationImage:buffer")
@@ -136,9 +129,7 @@ def test_times_are_the_frames_over_their_rate(recording: Recorded) -> None:
     np.testing.assert_allclose(list(times_s.values()), np.arange(N_FRAMES) / 29.97, atol=1e-6)
 
 
-def test_frames_without_a_camera_are_there(
-    take: Take, files: tuple[list[Path | None], list[Path | None]], tmp_path: Path
-) -> None:
+def test_frames_without_a_camera_are_there(take: Take, files: Files, tmp_path: Path) -> None:
     write_recording(
         tmp_path / "a.rrd", [replace(take, camera=None)], images=files[0], masks=files[1]
     )
@@ -150,26 +141,25 @@ def test_frames_without_a_camera_are_there(
 
 def test_what_cannot_be_written_is_said(
     take: Take,
-    files: tuple[list[Path | None], list[Path | None]],
+    files: Files,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     images, masks = files
-    path = tmp_path / "bad.rrd"
-    with pytest.raises(BadMotionFile, match="nobody"):
-        write_recording(path, [replace(take, people=())])
-    with pytest.raises(BadMotionFile, match="a name of its own"):
-        write_recording(path, [take, take])
-    with pytest.raises(BadFrames, match="other numbers"):
-        write_recording(path, [take], images=images[:3])
     small = tmp_path / "small" / "00000.jpg"
     small.parent.mkdir()
     cv2.imwrite(str(small), np.zeros((48, 64, 3), np.uint8))
-    with pytest.raises(BadFrames, match="64x48 px, but the camera has 160x96"):
-        write_recording(path, [take], images=[small, *[None] * (N_FRAMES - 1)])
-    with pytest.raises(BadFrames, match="64x48 px, its frame is 160x96"):
-        write_recording(path, [take], masks=[small, *[None] * (N_FRAMES - 1)])
+    smaller = [small, *[None] * (N_FRAMES - 1)]
+
+    def refused(error: type[Exception], why: str, takes: list[Take], **seen: Any) -> None:
+        with pytest.raises(error, match=why):
+            write_recording(tmp_path / "bad.rrd", takes, **seen)
+
+    refused(BadMotionFile, "nobody", [replace(take, people=())])
+    refused(BadMotionFile, "a name of its own", [take, take])
+    refused(BadFrames, "other numbers", [take], images=images[:3])
+    refused(BadFrames, "64x48 px, but the camera has 160x96", [take], images=smaller)
+    refused(BadFrames, "64x48 px, its frame is 160x96", [take], masks=smaller)
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(MissingExtra, match=r"gmrdata\[view\]"):
-        write_recording(path, [take], images=images, masks=masks)
+    refused(MissingExtra, r"gmrdata\[view\]", [take], images=images, masks=masks)
     assert [file.name for file in tmp_path.iterdir()] == ["small"]

@@ -19,19 +19,15 @@ def some_poses(n: int) -> np.ndarray:
     return transforms.rigid(rotmats, rng.normal(0, 50, (n, 3)))
 
 
-def test_evo_reads_a_tum_trajectory(tmp_path: Path) -> None:
+def test_evo_reads_tum_and_kitti_trajectories(tmp_path: Path) -> None:
     poses, times_s = some_poses(40), np.arange(40) / 30 + 100.0
     write_tum(tmp_path / "tum.txt", poses, times_s)
-    read = file_interface.read_tum_trajectory_file(tmp_path / "tum.txt")
-    assert np.abs(np.array(read.poses_se3) - poses).max() < 1e-9
-    np.testing.assert_allclose(read.timestamps, times_s, atol=1e-9)
-
-
-def test_evo_reads_a_kitti_trajectory(tmp_path: Path) -> None:
-    poses = some_poses(40)
     write_kitti(tmp_path / "kitti.txt", poses)
-    read = file_interface.read_kitti_poses_file(tmp_path / "kitti.txt")
-    assert np.abs(np.array(read.poses_se3) - poses).max() < 1e-9
+    tum = file_interface.read_tum_trajectory_file(tmp_path / "tum.txt")
+    kitti = file_interface.read_kitti_poses_file(tmp_path / "kitti.txt")
+    for read in (tum, kitti):
+        assert np.abs(np.array(read.poses_se3) - poses).max() < 1e-9
+    np.testing.assert_allclose(tum.timestamps, times_s, atol=1e-9)
 
 
 def test_torch_reads_gem_x_cameras_without_running_anything(tmp_path: Path) -> None:

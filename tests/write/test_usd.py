@@ -1,7 +1,6 @@
 """USD scenes, opened again by OpenUSD itself and by Blender's importer."""
 
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,16 +12,10 @@ from scipy.spatial.transform import Rotation
 from gmrdata.values.body import JOINT_NAMES, BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.errors import BadMotionFile, MissingExtra
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats, motion_joints_m, motion_vertices_m
 from gmrdata.write.take import Take
 from gmrdata.write.usd import PARENTS, write_usd
-from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX, make_take
-
-
-@pytest.fixture(scope="module")
-def take(walk: Callable[..., Motion], small_body: BodyModel) -> Take:
-    return make_take(walk, small_body)
+from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX
 
 
 @pytest.fixture(scope="module")
