@@ -122,8 +122,8 @@ def quiet(axes: Axes, title: str = "") -> None:
 
 def nothing(axes: Axes, why: str) -> None:
     """Words in place of what is not known."""
-    middle = {"ha": "center", "va": "center", "transform": axes.transAxes}
-    axes.text(0.5, 0.5, why, color=COLOURS["muted"], **middle)
+    label = axes.text(0.5, 0.5, why, transform=axes.transAxes, ha="center", va="center")
+    label.set_color(COLOURS["muted"])
 
 
 def limit(axes: Axes, value: float, role: str) -> None:
