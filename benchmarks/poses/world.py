@@ -25,7 +25,7 @@ from gmrdata.people.local_poses import (
 )
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.bodies import load_body
-from gmrdata.score.world_metrics import root_errors_percent, segment_errors_mm
+from gmrdata.score.metrics import root_errors_percent, segment_errors_mm
 from gmrdata.solve.request import SolveConfig
 from gmrdata.solve.solve import FOLLOWED, INTRINSICS, OWN_POSES
 from gmrdata.solve.verdict import VideoVerdict

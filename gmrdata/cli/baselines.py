@@ -80,7 +80,7 @@ def baseline_vibe_cam(
         image_size: Width and height of the images that the detector was given [px]; the camera's
             when left out.
     """
-    from gmrdata.paper.vibe_cam import VibeCamConfig, predict_vibe_cam
+    from gmrdata.paper.vibe_cam import SeenFiles, VibeCamConfig, predict_vibe_cam
 
     tracks = {}
     for text in person:
@@ -89,8 +89,8 @@ def baseline_vibe_cam(
             raise BadRecipe(f"--person {text}: expected the clip's id, =, and a number")
         tracks[clip_id] = int(number)
     config = VibeCamConfig(person_ids=tracks, image_size_px=image_size)
-    path, run = flags.body_path(body), Run(redo=redo)
-    answer(predict_vibe_cam(manifest, poses, keypoints, out, config, body_path=path, run=run))
+    files = SeenFiles(poses, keypoints, flags.body_path(body))
+    answer(predict_vibe_cam(manifest, files, out, config, run=Run(redo=redo)))
 
 
 def baseline_joint_train(
@@ -107,8 +107,8 @@ def baseline_joint_train(
         out: Run folder.
         recipe: A recipe file of kind `joint`; the defaults (GMR's) when left out.
     """
-    from gmrdata.paper.joint_config import JointConfig
     from gmrdata.paper.joint_train import train_joint
+    from gmrdata.paper.recipe import JointConfig
     from gmrdata.stage.recipes import load_recipe
 
     flags.need(manifests, "a manifest file")
@@ -129,7 +129,7 @@ def baseline_joint(
     Args:
         run: Run folder of `gmrdata baseline joint_train`.
     """
-    from gmrdata.paper.joint_predict import predict_joint
+    from gmrdata.paper.joint_model import predict_joint
 
     answer(predict_joint(run, manifest, features, out, run=Run(redo=redo)))
 

@@ -16,7 +16,7 @@ put on z = 0 (`gmrdata.motion.ground`).  The paper does none of this: its first 
 """
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -238,15 +238,8 @@ def infer(
     worlds, left_out = _predict(gmr, source, body, config, inputs.get("joint_map"))
 
     def work(partial_dir: Path) -> None:
-        InferRecord(
-            poses=source.name,
-            body=body.name,
-            model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
-            level=config.level,
-            translation="pelvis",
-            motions={name: _described(clip) for name, clip in worlds.items()},
-            left_out=left_out,
-        ).write(partial_dir / RECORD_FILE)
+        record = _record(gmr, source.name, body.name, config.level, worlds)
+        record.model_copy(update={"left_out": left_out}).write(partial_dir / RECORD_FILE)
         for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
             _write_files(partial_dir / name, world, body)
         if draw is not None:
@@ -254,6 +247,20 @@ def infer(
                 draw(partial_dir / name, world, body, config)
 
     return run_stage("infer", out_dir, config, inputs, Resumable(work), run=run)
+
+
+def _record(
+    gmr: TrainedGmr, poses: str, body: str, level: Level, worlds: Mapping[str, Clip]
+) -> InferRecord:
+    return InferRecord(
+        poses=poses,
+        body=body,
+        model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
+        level=level,
+        translation="pelvis",
+        motions={name: _described(clip) for name, clip in worlds.items()},
+        left_out={},
+    )
 
 
 def _predict(

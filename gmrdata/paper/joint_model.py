@@ -1,19 +1,69 @@
-"""The non-sequential model of Table 10: image features in, local poses and motions out."""
+"""The non-sequential model of Table 10: image features in, local poses and motions out.
 
-from dataclasses import dataclass
+Features are one vector per frame, from whatever network looks at images.  `<folder>/<clip id>.npz`
+holds `features` (T, D), row t for row t of the manifest's clip; rows that are not valid in the clip
+may hold NaN.
+"""
+
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
 from torch import Tensor, nn
 
 from gmrdata.gmr import rotations
 from gmrdata.gmr.checkpoint import StepState, load_weights, read_step_state, trained_checkpoint
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.model import MotionNetwork
-from gmrdata.paper.joint_config import JointConfig
+from gmrdata.paper.recipe import JointConfig
+from gmrdata.score import baseline_clips as predictions
+from gmrdata.score.predictions import every_row
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
 from gmrdata.values.body import N_LOCAL
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadFeatures, BadMotionFile, MissingInput
+from gmrdata.values.files import read_npz
+from gmrdata.values.motion import whole_ratio
+from gmrdata.values.records import Config
 from gmrdata.values.shapes import Float
+
+KEY = "features"
+
+
+def load_features(folder: Path, clip: Clip) -> np.ndarray:
+    """The features of a clip's rows: (T, D) float32."""
+    path = folder / f"{clip.id}.npz"
+    if not path.is_file():
+        raise MissingInput(f"{path}: no image features of clip {clip.id}; write `{KEY}` (T, D)")
+    found = read_npz(path).get(KEY)
+    n = clip.motion.n_frames
+    if found is None or found.dtype.kind != "f" or found.ndim != 2 or len(found) != n:
+        shape = "none" if found is None else f"{found.dtype} of shape {found.shape}"
+        raise BadFeatures(f"{path}: {KEY} is {shape}, expected numbers of shape ({n}, D)")
+    if not found.shape[1]:
+        raise BadFeatures(f"{path}: {KEY} has no columns")
+    bad = np.flatnonzero(clip.valid & ~np.isfinite(found).all(axis=1))
+    if len(bad):
+        raise BadFeatures(
+            f"{path}: row {bad[0]} holds NaN or infinite numbers ({len(bad)} rows in all), and clip"
+            f" {clip.id} has it as valid. Compute them again, or drop the rows in the manifest"
+        )
+    return np.asarray(found, dtype=np.float32)
+
+
+def rows_per_frame(clip: Clip, fps_hz: float) -> int:
+    """How many rows of a clip there are for one frame of the network."""
+    step = whole_ratio(clip.motion.fps_hz, fps_hz)
+    if step is None:
+        raise BadMotionFile(
+            f"clip {clip.id}: {clip.motion.fps_hz:g} fps is no whole multiple of {fps_hz:g} fps,"
+            " and image features can't be resampled. Set fps_hz in the recipe"
+        )
+    return step
 
 
 class JointState(StepState):
@@ -78,3 +128,78 @@ def load_joint(run_dir: Path) -> JointModel:
     model = JointModel(state.config, state.n_features)
     load_weights(folder, model)
     return model.eval()
+
+
+def predict_joint(
+    run_dir: Path, manifest_path: Path, features_dir: Path, out_dir: Path, *, run: Run = DEFAULT_RUN
+) -> Path:
+    """Predict local poses and world motions from image features, at the network's frame rate.
+
+    `run_dir` is a finished run of `gmrdata.paper.joint_train`, which sees features as there.
+    Errors are MissingInput, BadCheckpoint, BadFeatures for those of other clips or networks, and
+    BadMotionFile for a clip whose rate is no multiple of the network's.
+    """
+    subjects, left_out = predictions.manifest_subjects(manifest_path)
+    inputs = {"run": run_dir, "manifest": manifest_path}
+    inputs |= {f"features_{one.clip.id}": features_dir / f"{one.clip.id}.npz" for one in subjects}
+
+    def work(partial_dir: Path) -> None:
+        model = load_joint(run_dir)
+        found = []
+        for one in subjects:
+            features = load_features(features_dir, one.clip)
+            if features.shape[1] != model.n_features:
+                path, found_size = inputs[f"features_{one.clip.id}"], features.shape[1]
+                what = f"{found_size} numbers per frame, but the model takes {model.n_features}"
+                raise BadFeatures(f"{path}: {what}. Give those it was trained on")
+            found.append(seen_in_features(model, one, features))
+        kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
+        predictions.write_predictions(partial_dir, "joint", found, left_out, kind, figures)
+
+    # There is nothing to choose: the frame rate is the network's.
+    return run_stage("baseline-joint", out_dir, Config(), inputs, work, run=run)
+
+
+def seen_in_features(
+    model: JointModel, subject: predictions.Subject, features: np.ndarray
+) -> predictions.Prediction:
+    """What the network sees in features (T, D), run by run from the subject's first pose on."""
+    clip = subject.clip
+    step = rows_per_frame(clip, model.config.fps_hz)
+    rows, valid = every_row(clip.valid, step)
+    local_rotmats = np.full((len(rows), N_LOCAL, 3, 3), np.nan)
+
+    def motions_of(run: slice) -> tuple[np.ndarray, np.ndarray]:
+        local_rotmats[run], delta_rotmats, delta_m = _seen(model, features[rows[run]])
+        return delta_rotmats, delta_m
+
+    root_rotmats, pelvis_m = predictions.roots_of_runs(
+        valid, predictions.first_pose(clip), motions_of
+    )
+    motion = replace(
+        clip.motion,
+        local_rotmats=local_rotmats,
+        root_rotmats=root_rotmats,
+        pelvis_m=pelvis_m,
+        fps_hz=model.config.fps_hz,
+        frame="world",
+        source=f"seen in image features of: {clip.motion.source}",
+    )
+    return predictions.predicted(subject, motion, valid, step=step)
+
+
+def _seen(model: JointModel, features: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Local rotations (n, 23, 3, 3), dR (n-1, 3, 3) and dT (n-1, 3) [m], orthonormal to float64."""
+    with torch.no_grad():
+        output = model(torch.from_numpy(np.ascontiguousarray(features))[None])
+
+    def orthonormal(rotmats: torch.Tensor) -> np.ndarray:
+        flat = rotmats[0].double().numpy().reshape(-1, 3, 3)
+        found: np.ndarray = flat if not len(flat) else Rotation.from_matrix(flat).as_matrix()
+        return found.reshape(rotmats.shape[1:])
+
+    return (
+        orthonormal(output.local_rotmats),
+        orthonormal(output.motions.delta_rotmats),
+        output.motions.delta_m[0].double().numpy(),
+    )

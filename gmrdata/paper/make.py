@@ -1,4 +1,7 @@
-"""Make one of the paper's tables: train what it needs, score it, and lay it beside the paper's."""
+"""Make one of the paper's tables: train what it needs, score it, and lay it beside the paper's.
+
+Trainings and scores are jobs for workers; a finished folder is kept.
+"""
 
 import statistics
 from collections import Counter
@@ -6,20 +9,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from gmrdata.gmr.config import DataConfig
+from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.runs import ClipFile, usable_files
 from gmrdata.gmr.split import split_manifests
+from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Clip
 from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.read import rows_in
 from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.paper import ScaleName, comparison
-from gmrdata.paper.plan import Given, Plan, plan_table
-from gmrdata.paper.recipe import Row, TableRecipe, train_config
-from gmrdata.paper.work import score_one, train_one
+from gmrdata.paper.joint_model import predict_joint
+from gmrdata.paper.joint_train import train_joint
+from gmrdata.paper.plan import Given, Plan, Scoring, plan_table
+from gmrdata.paper.recipe import JointConfig, Row, TableRecipe, train_config
+from gmrdata.paper.vibe_cam import SeenFiles, infer_poses, predict_vibe_cam
 from gmrdata.score import METRICS, Method, Metric
+from gmrdata.score.camera_as_world import predict_camera_as_world
 from gmrdata.score.records import GroupScore, PaperMetrics, Scores
+from gmrdata.score.score import score
 from gmrdata.stage.jobs import Job, run_jobs, worker_pool
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -206,3 +214,50 @@ def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
 
 def _name_of(path: Path) -> str:
     return f"{path.resolve().parent.name}/{path.name}"
+
+
+def train_one(
+    id: str, config: TrainConfig | JointConfig, given: Given, out_dir: Path, run: Run
+) -> None:
+    """Train a network into `out_dir/runs`; errors as in the trainers."""
+    run_dir, body = out_dir / "runs" / id, given.body
+    if isinstance(config, TrainConfig):
+        train(given.manifests, run_dir, config, body_path=body, run=run)
+    else:
+        assert given.features is not None
+        train_joint(given.videos, given.features, run_dir, config, body_path=body, run=run)
+
+
+def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:
+    """Predict where a row needs it, and score into `out_dir/scores`; gives its `scores.json`."""
+    manifest = given.scored or out_dir / "held_out" / "manifest.yaml"
+    scores_dir = out_dir / "scores" / scoring.id
+    if scoring.row.method == "gmr" and scoring.row.poses == "true":
+        predictor = _network(scoring, given, out_dir)
+    else:
+        predictor = _predict(scoring, manifest, given, out_dir, run)
+    return score(predictor, manifest, scores_dir, body_path=given.body, run=run).scores[0]
+
+
+def _network(scoring: Scoring, given: Given, out_dir: Path) -> Path:
+    """The run that a row's training left, or the network that was given in its place."""
+    if scoring.training is None and given.network is not None:
+        return given.network
+    return out_dir / "runs" / str(scoring.training)
+
+
+def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, run: Run) -> Path:
+    into, run_dir = out_dir / "predictions" / scoring.id, _network(scoring, given, out_dir)
+    match scoring.row.method:
+        case "gmr":
+            assert given.poses is not None
+            return infer_poses(run_dir, manifest, given.poses, into, body_path=given.body, run=run)
+        case "joint":
+            assert given.features is not None
+            return predict_joint(run_dir, manifest, given.features, into, run=run)
+        case "vibe_cam":
+            assert given.poses is not None and given.keypoints is not None
+            files = SeenFiles(given.poses, given.keypoints, given.body)
+            return predict_vibe_cam(manifest, files, into, run=run)
+        case "camera_as_world":
+            return predict_camera_as_world(manifest, into, run=run)

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.paper import VIBE, ScaleName
-from gmrdata.paper.joint_config import JointConfig
-from gmrdata.paper.recipe import Row, Scale, TableRecipe, joint_config, train_config
+from gmrdata.paper.recipe import JointConfig, Row, Scale, TableRecipe, joint_config, train_config
 from gmrdata.values.errors import BadRecipe
 
 

@@ -1,22 +1,31 @@
-"""Stage: VIBE-CAM, the paper's comparison (section 4.5).
+"""Stages: VIBE-CAM, the paper's comparison (section 4.5), and GMR on the same network's poses.
 
 Another network's local poses and orientations in the camera's frame (the paper: VIBE), placed
 before the camera by 2D keypoints (the paper: STAF) frame by frame, give a motion in the camera's
-frame.  It is then taken as one in the world, as if the camera stood still.
+frame.  It is then taken as one in the world, as if the camera stood still.  For the paper's rows
+"Ours" (Tables 5 and 6), GMR sees the same local poses.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from gmrdata.paper.clip_keypoints import ClipKeypoints, clip_keypoints
-from gmrdata.paper.vibe_placement import Placed, PlacementConfig, place_person
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_deltas
+from gmrdata.paper.placement import (
+    ClipKeypoints,
+    Placed,
+    PlacementConfig,
+    clip_keypoints,
+    place_person,
+)
 from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.score import baseline_clips as predictions
 from gmrdata.score.camera_as_world import as_if_still
+from gmrdata.score.predictions import every_row
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -24,6 +33,7 @@ from gmrdata.values.bodies import body_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.motion import whole_ratio
 from gmrdata.values.records import Config
 from gmrdata.values.rows import text_runs
 
@@ -59,49 +69,52 @@ class VibeCamPredictions(predictions.Predictions):
     clips: Mapping[str, PlacedFigures]
 
 
+class SeenFiles(NamedTuple):
+    """What other networks see of a manifest's clips."""
+
+    poses_dir: Path
+    """`<clip id>.npz` for each clip: a clip's file with `frame` "camera" and the rows of the
+    manifest's clip, whose `trans` is not looked at."""
+    keypoints_dir: Path
+    """`<clip id>/` for each clip: OpenPose's or STAF's JSON, one file per frame."""
+    body_path: Path | None = None
+    """Body of the poses, or a folder of bodies, as `load_bodies` takes it; None for the default
+    body."""
+
+
 def predict_vibe_cam(
     manifest_path: Path,
-    poses_dir: Path,
-    keypoints_dir: Path,
+    files: SeenFiles,
     out_dir: Path,
     config: VibeCamConfig | None = None,
     *,
-    body_path: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Predict world motions as VIBE-CAM does.
 
     Of the manifest's clips, only the intrinsics, the image size and the images' numbers are used.
-    The record says of each clip which rows have no prediction and why.
-
-    Args:
-        poses_dir: `<clip id>.npz` for each clip: a clip's file with `frame` "camera" and the rows
-            of the manifest's clip, whose `trans` is not looked at.
-        keypoints_dir: `<clip id>/` for each clip: OpenPose's or STAF's JSON, one file per frame.
-        body_path: Body of the poses, or a folder of bodies, as `load_bodies` takes it; None for the
-            default body.
-
-    Errors are MissingInput, BadMotionFile, BadRecord, BadKeypoints, and BadRecipe where
-    `person_ids` names a clip that is not there.
+    The record says of each clip which rows have no prediction and why.  Errors are MissingInput,
+    BadMotionFile, BadRecord, BadKeypoints, and BadRecipe where `person_ids` names a clip that is
+    not there.
     """
     config = config or VibeCamConfig()
     subjects, left_out = predictions.manifest_subjects(manifest_path)
     _check_ids(config, [one.clip.id for one in subjects])
-    inputs = {"manifest": manifest_path}
-    inputs |= body_inputs(body_path)
-    for one in subjects:
-        inputs[f"poses_{one.clip.id}"] = poses_dir / f"{one.clip.id}.npz"
-        inputs[f"keypoints_{one.clip.id}"] = keypoints_dir / one.clip.id
+    inputs = {"manifest": manifest_path} | body_inputs(files.body_path)
+    for id in (one.clip.id for one in subjects):
+        inputs[f"poses_{id}"] = files.poses_dir / f"{id}.npz"
+        inputs[f"keypoints_{id}"] = files.keypoints_dir / id
 
     def work(partial_dir: Path) -> None:
-        bodies = load_bodies("anny" if body_path is None else str(body_path))
+        bodies = load_bodies("anny" if files.body_path is None else str(files.body_path))
         made = []
         for one in track(subjects, "placing people", total=len(subjects)):
-            posed, body = load_poses(inputs[f"poses_{one.clip.id}"], one.clip, bodies)
+            id = one.clip.id
+            posed, body = load_poses(inputs[f"poses_{id}"], one.clip, bodies)
             found = clip_keypoints(
                 one.clip,
-                keypoints_dir / one.clip.id,
-                person_id=config.person_ids.get(one.clip.id),
+                inputs[f"keypoints_{id}"],
+                person_id=config.person_ids.get(id),
                 image_size_px=config.image_size_px,
             )
             intrinsics_px = camera_of(one.clip).intrinsics_px
@@ -166,3 +179,67 @@ def _check_ids(config: VibeCamConfig, clip_ids: list[str]) -> None:
             f"person_ids: no clip {', '.join(unknown)} in the manifest, which has"
             f" {', '.join(clip_ids)}"
         )
+
+
+def infer_poses(
+    run_dir: Path,
+    manifest_path: Path,
+    poses_dir: Path,
+    out_dir: Path,
+    *,
+    body_path: Path | None = None,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Predict world motions from given local poses; their orientations are not looked at.
+
+    Clips that are written are at the network's frame rate, and have the given poses and shape.
+    `poses_dir` and `body_path` are as in `SeenFiles`.
+    """
+    subjects, left_out = predictions.manifest_subjects(manifest_path)
+    inputs = {"run": run_dir, "manifest": manifest_path} | body_inputs(body_path)
+    inputs |= {f"poses_{one.clip.id}": poses_dir / f"{one.clip.id}.npz" for one in subjects}
+
+    def work(partial_dir: Path) -> None:
+        gmr = load_gmr(run_dir)
+        bodies = load_bodies("anny" if body_path is None else str(body_path))
+        seen = (load_poses(inputs[f"poses_{one.clip.id}"], one.clip, bodies) for one in subjects)
+        found = [_moved(gmr, one, *posed) for one, posed in zip(subjects, seen, strict=True)]
+        kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
+        predictions.write_predictions(partial_dir, "gmr", found, left_out, kind, figures)
+
+    # There is nothing to choose: the frame rate is the network's.
+    return run_stage("gmr-on-poses", out_dir, Config(), inputs, work, run=run)
+
+
+def _moved(
+    gmr: TrainedGmr, subject: predictions.Subject, seen: Clip, body: BodyModel
+) -> predictions.Prediction:
+    """The poses with the world motion that the network sees in them."""
+    motion = seen.motion
+    step = whole_ratio(motion.fps_hz, gmr.fps_hz)
+    if step is None:
+        raise BadMotionFile(
+            f"clip {subject.clip.id}: {motion.fps_hz:g} fps is no multiple of the network's "
+            f"{gmr.fps_hz:g}"
+        )
+    rows, valid = every_row(subject.clip.valid & seen.valid, step)
+    local_rotmats = motion.local_rotmats[rows]
+
+    def motions_of(run: slice) -> tuple[np.ndarray, np.ndarray]:
+        if run.stop - run.start == 1:
+            return np.zeros((0, 3, 3)), np.zeros((0, 3))
+        return predict_deltas(gmr, local_rotmats[run])
+
+    start = predictions.first_pose(subject.clip)
+    root_rotmats, pelvis_m = predictions.roots_of_runs(valid, start, motions_of)
+    moved = replace(
+        motion,
+        local_rotmats=local_rotmats,
+        root_rotmats=root_rotmats,
+        pelvis_m=pelvis_m,
+        fps_hz=gmr.fps_hz,
+        frame="world",
+        source=f"GMR on local poses of: {motion.source}",
+    )
+    rest_m = body.rest_pelvis_m(motion.shape)
+    return predictions.predicted(subject, moved, valid, step=step, rest_pelvis_m=rest_m)

@@ -29,5 +29,5 @@ SeenAs = Literal["ignored", "true"]
 """How a motion in the camera's frame becomes one in the world: as if the camera stood still, or by
 the manifest's cameras."""
 Remainder = Literal["own_segment", "joined_but_last_frame", "joined"]
-"""What becomes of the frames after the last full segment; see `world_metrics.segments_of`."""
+"""What becomes of the frames after the last full segment; see `metrics.segments_of`."""
 Interval = tuple[float, float]  # lower and upper end

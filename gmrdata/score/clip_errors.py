@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 
 from gmrdata.score import METHODS, METRICS, CameraMetric, Method, Metric, ProtocolMetric, SeenIn
+from gmrdata.score.metrics import Points, pooled
 from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_motion
 from gmrdata.score.protocol_values import (
     SeenBody,
@@ -19,7 +20,6 @@ from gmrdata.score.protocol_values import (
     values_together,
 )
 from gmrdata.score.records import Protocol
-from gmrdata.score.world_metrics import Points, pooled
 from gmrdata.values import motion_metrics
 from gmrdata.values.body import PARENTS, BodyModel, sole_vertices, with_vertices
 from gmrdata.values.errors import BadRecipe

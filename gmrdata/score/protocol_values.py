@@ -6,11 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from gmrdata.score import ProtocolMetric
-from gmrdata.score import camera_metrics as seen_metrics
-from gmrdata.score import world_metrics as metrics
+from gmrdata.score import ProtocolMetric, metrics
+from gmrdata.score.metrics import Places, Points, Rotmats, Rows, Samples, pooled
 from gmrdata.score.records import Protocol
-from gmrdata.score.world_metrics import Places, Points, Rotmats, Rows, Samples, pooled
 from gmrdata.values.shapes import Float
 from gmrdata.values.transforms import Similarities, fit_similarities
 
@@ -164,7 +162,7 @@ def _camera_error(metric: ProtocolMetric, predicted_m: Places, true_m: Places) -
     fits_scale = metric == "ate_m"
     if fits_scale and np.ptp(predicted_m, axis=0).max() == 0:
         return np.zeros(0)
-    return np.array([seen_metrics.path_error_m(predicted_m, true_m, scale=fits_scale)])
+    return np.array([metrics.path_error_m(predicted_m, true_m, scale=fits_scale)])
 
 
 def _of_path(protocol: Protocol, metric: ProtocolMetric, pair: WorldPair) -> Samples:
@@ -186,14 +184,14 @@ def _of_seen(
     protocol: Protocol, metric: ProtocolMetric, pair: WorldPair, seen: tuple[SeenBody, SeenBody]
 ) -> Samples:
     if metric == "mpjpe_mm":
-        return seen_metrics.point_errors_mm(*_from_hips(protocol, pair))
+        return metrics.point_errors_mm(*_from_hips(protocol, pair))
     if metric in ("pve_mm", "pa_pve_mm"):
         return _vertex_errors_mm(protocol, seen, aligned=metric == "pa_pve_mm")
     if metric in ("mpjae_deg", "pa_mpjae_deg"):
         predicted, true = (body.joint_rotmats[:, list(MAJOR_JOINTS)] for body in seen)
         if metric == "pa_mpjae_deg":
             predicted = _best(protocol, seen).rotmats[:, None] @ predicted
-        return seen_metrics.joint_angle_errors_deg(predicted, true)
+        return metrics.joint_angle_errors_deg(predicted, true)
     predicted_m, true_m = _from_hips(protocol, pair)
     return _accelerations(protocol, metric, predicted_m, true_m, pair.runs, pair.fps_hz)
 
@@ -202,7 +200,7 @@ def _from_hips(protocol: Protocol, pair: WorldPair) -> tuple[Points, Points]:
     """Predicted and true joints in the camera's axes, from the middle of the hips [m]."""
     assert pair.seen is not None
     predicted_m, true_m = (
-        one.joints_m[:, list(protocol.joints)] - seen_metrics.hips_m(one.joints_m, protocol.hips)
+        one.joints_m[:, list(protocol.joints)] - metrics.hips_m(one.joints_m, protocol.hips)
         for one in pair.seen
     )
     return predicted_m, true_m
@@ -217,8 +215,8 @@ def _accelerations(
     fps_hz: float,
 ) -> Samples:
     if metric == "accel_mm_per_frame2":
-        return 1000 * seen_metrics.accelerations(predicted_m, runs)
-    errors_m = seen_metrics.acceleration_errors(predicted_m, true_m, runs, protocol.accel_trim)
+        return 1000 * metrics.accelerations(predicted_m, runs)
+    errors_m = metrics.acceleration_errors(predicted_m, true_m, runs, protocol.accel_trim)
     return errors_m * (fps_hz**2 if metric == "accel_error_m_per_s2" else 1000)
 
 
@@ -227,7 +225,7 @@ def _procrustes_errors_mm(protocol: Protocol, pair: WorldPair) -> Samples:
     joints = list(protocol.joints)
     predicted_m, true_m = (one.joints_m[:, joints] for one in (pair.predicted, pair.true))
     best = fit_similarities(true_m, predicted_m)
-    return seen_metrics.aligned_errors_mm(predicted_m, true_m, best)
+    return metrics.aligned_errors_mm(predicted_m, true_m, best)
 
 
 def _best(protocol: Protocol, seen: tuple[SeenBody, SeenBody]) -> Similarities:
@@ -244,9 +242,9 @@ def _vertex_errors_mm(
         predicted_m, true_m = (_vertices_m(protocol, one, rows, aligned) for one in seen)
         if aligned:
             now = Similarities(*(part[rows] for part in best))
-            parts.append(seen_metrics.aligned_errors_mm(predicted_m, true_m, now))
+            parts.append(metrics.aligned_errors_mm(predicted_m, true_m, now))
         else:
-            parts.append(seen_metrics.point_errors_mm(predicted_m, true_m))
+            parts.append(metrics.point_errors_mm(predicted_m, true_m))
     return pooled(parts)
 
 
@@ -256,7 +254,7 @@ def _vertices_m(protocol: Protocol, one: SeenBody, rows: slice, aligned: bool) -
         return vertices_m
     if protocol.pve_from == "origin":
         return vertices_m + one.rest_pelvis_m
-    return vertices_m - seen_metrics.hips_m(one.joints_m[rows], protocol.hips)
+    return vertices_m - metrics.hips_m(one.joints_m[rows], protocol.hips)
 
 
 def _chunks(seen: tuple[SeenBody, SeenBody]) -> Iterator[slice]:
@@ -285,7 +283,7 @@ def _acceleration_lengths(protocol: Protocol, pair: WorldPair, segment: Rows) ->
     joints, (first, last) = list(protocol.joints), segment
     within = [(max(a, first), min(b, last)) for a, b in pair.runs if a < last and b > first]
     predicted_m, true_m = (one.joints_m[:, joints] for one in (pair.predicted, pair.true))
-    return 1000 * seen_metrics.acceleration_length_errors(predicted_m, true_m, within)
+    return 1000 * metrics.acceleration_length_errors(predicted_m, true_m, within)
 
 
 def _jitters(protocol: Protocol, pair: WorldPair) -> list[Samples]:

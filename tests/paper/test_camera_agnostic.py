@@ -16,7 +16,7 @@ from gmrdata.film.programmes import static_twin
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, predict_world_motion
-from gmrdata.paper.vibe_cam import predict_vibe_cam
+from gmrdata.paper.vibe_cam import SeenFiles, predict_vibe_cam
 from gmrdata.score.camera_as_world import predict_camera_as_world
 from gmrdata.twins.pseudo_gt_error import motion_errors
 from gmrdata.values.body import BodyModel
@@ -99,13 +99,8 @@ def test_so_is_vibe_cam(
             small_body.rest_pelvis_m(motion.shape),
         )
         write_frames(tmp_path / "keypoints" / clip.id, clip, small_body)
-    made = predict_vibe_cam(
-        write_set(tmp_path / "set", takes),
-        tmp_path / "poses",
-        tmp_path / "keypoints",
-        tmp_path / "out",
-        body_path=body_path,
-    )
+    files = SeenFiles(tmp_path / "poses", tmp_path / "keypoints", body_path)
+    made = predict_vibe_cam(write_set(tmp_path / "set", takes), files, tmp_path / "out")
     on, off = (
         scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, small_body)
         for clip in takes

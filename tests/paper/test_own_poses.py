@@ -13,15 +13,14 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.motion.gait import make_gait
-from gmrdata.paper.clip_keypoints import clip_keypoints
-from gmrdata.paper.joint_data import load_features
+from gmrdata.paper.joint_model import load_features
 from gmrdata.paper.own_poses import (
     OwnPosesRecord,
     rows_between,
     the_person,
 )
+from gmrdata.paper.placement import PlacementConfig, clip_keypoints, place_person
 from gmrdata.paper.vibe_cam import load_poses
-from gmrdata.paper.vibe_placement import PlacementConfig, place_person
 from gmrdata.people.following import Sightings
 from gmrdata.people.landmark_network import N_FEATURES
 from gmrdata.read.openpose import PAIRS

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from gmrdata.paper.vibe_placement import PlacementConfig, closed_form, place
+from gmrdata.paper.placement import PlacementConfig, closed_form, place
 from gmrdata.read.openpose import PAIRS
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import intrinsics_from_fov, project_cam

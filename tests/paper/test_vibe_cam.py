@@ -9,8 +9,8 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.film.render_outputs import project_joints
-from gmrdata.paper.clip_keypoints import clip_keypoints
-from gmrdata.paper.vibe_cam import VibeCamConfig, predict_vibe_cam
+from gmrdata.paper.placement import clip_keypoints
+from gmrdata.paper.vibe_cam import SeenFiles, VibeCamConfig, predict_vibe_cam
 from gmrdata.score.camera_as_world import as_if_still
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
@@ -48,10 +48,8 @@ def files(
     write_poses(tmp_path / "poses", filmed[0], small_body)
 
     def run(config: VibeCamConfig | None = None) -> Path:
-        poses, keypoints, out = (tmp_path / name for name in ("poses", "keypoints", "out"))
-        return predict_vibe_cam(
-            manifest, poses, keypoints, out, config, body_path=body_path, run=Run(redo=True)
-        )
+        files = SeenFiles(tmp_path / "poses", tmp_path / "keypoints", body_path)
+        return predict_vibe_cam(manifest, files, tmp_path / "out", config, run=Run(redo=True))
 
     return run
 

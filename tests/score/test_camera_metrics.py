@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.score import camera_metrics as metrics
+from gmrdata.score import metrics
 from gmrdata.values.transforms import fit_similarities, fit_similarity
 
 RNG = np.random.default_rng(3)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.score.world_metrics import (
+from gmrdata.score.metrics import (
     foot_sliding_mm,
     jitter_10m_per_s3,
     root_errors_percent,
