@@ -118,7 +118,8 @@ def summary_lines(plan: DryRun) -> list[str]:
             f"about {_duration(plan.seconds or 0.0)} with {plan.workers} workers on as many cores, "
             f"{(plan.size_bytes or 0.0) / 1e6:,.1f} MB (measured on {PROBE_FRAMES} "
             f"frames: {probe.frame_cpu_s:.2f} s a frame and {probe.clip_cpu_s:.1f} s a clip of "
-            f"processor time, {probe.frame_bytes / 1e3:.0f} kB a frame)"
+            f"processor time, {probe.frame_bytes / 1e3:.0f} kB a frame, {probe.memory_mib:.0f} MiB "
+            "of memory for each worker)"
         )
     return lines
 
