@@ -53,14 +53,14 @@ RUN = (
 
 ELSEWHERE = {
     "baseline camera_as_world --camera --cameras --out": (
-        "baselines/test_camera_as_world.py::test_ignored_true_and_recovered"
+        "paper/test_camera_as_world.py::test_ignored_true_and_recovered"
     ),
-    "baseline joint_train --features --out": "baselines/test_joint.py::test_it_learns",
-    "baseline joint --features --out": "baselines/test_joint.py::test_it_learns",
+    "baseline joint_train --features --out": "paper/test_joint.py::test_it_learns",
+    "baseline joint --features --out": "paper/test_joint.py::test_it_learns",
     "baseline own_poses --out": (
-        "baselines/test_own_poses.py::test_the_record_says_who_was_seen_and_what_was_left_out"
+        "paper/test_own_poses.py::test_the_record_says_who_was_seen_and_what_was_left_out"
     ),
-    "baseline vibe_cam --poses --keypoints --out": "baselines/test_vibe_cam.py::test_the_verb",
+    "baseline vibe_cam --poses --keypoints --out": "paper/test_vibe_cam.py::test_the_verb",
     "delta-errors --manifests --out": (
         "fusion/test_network_errors.py::test_the_verb_measures_a_run_on_whom_it_held_out"
     ),
@@ -93,13 +93,13 @@ ELSEWHERE = {
         "cli/test_demo.py::test_sfm_unites_the_silhouette_with_a_detector"
     ),
     "tables --scored --network --poses --keypoints --estimator --out": (
-        "baselines/test_estimated_table.py::test_every_row_is_made_with_the_network_of_the_package"
+        "paper/test_estimated_table.py::test_every_row_is_made_with_the_network_of_the_package"
     ),
     "tables --manifest --out --workers": (
-        "tables/test_paper_tables.py::test_a_table_from_the_command_line_and_again"
+        "paper/test_paper_tables.py::test_a_table_from_the_command_line_and_again"
     ),
     "tables --manifest --out --workers --dry-run": (
-        "tables/test_paper_tables.py::test_a_table_from_the_command_line_and_again"
+        "paper/test_paper_tables.py::test_a_table_from_the_command_line_and_again"
     ),
     "threedpw twin --out": (
         "twins/test_twin_set.py::test_the_reader_finds_sequences_without_a_problem"
