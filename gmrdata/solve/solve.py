@@ -66,6 +66,7 @@ class Solved:
     images_dir: Path = Path()
     frames: VideoFrames | None = None  # None where bodies are given, which name their images
     video: VideoRecord | None = None  # None of images that came from no video
+    followed_dir: Path | None = None  # who is in the picture, where somebody wants to know
     masks_dir: Path | None = None
     lens: Intrinsics | None = None  # None where bodies came with theirs
     sfm_dir: Path | None = None
@@ -90,6 +91,7 @@ def solve(
     """
     solved = _body(Solved(request, out_dir, config, run))
     solved = _frames(solved)
+    solved = _followed(solved)
     solved = _masks(solved)
     solved = _lens(solved)
     solved = _cameras(solved)
@@ -158,6 +160,21 @@ def video_frames(
     return VideoFrames(numbers, frame_numbers, n_frames, size_px, video.rate_hz)
 
 
+def _followed(solved: Solved) -> Solved:
+    """People detected and followed once: their masks and the built-in estimator's poses are made
+    of it."""
+    people, config = solved.request.people, solved.config
+    sources = () if config.masks is None else config.masks.sources
+    own = isinstance(people, EstimatedPeople) and people.are_own
+    if not own and not any(isinstance(source, PersonSource) for source in sources):
+        return solved
+    left_out = people.left_out if isinstance(people, GivenPeople) else ()
+    followed_dir = config.person_source.follow(
+        solved.images_dir, solved.out_dir / FOLLOWED, left_out, solved.run
+    )
+    return replace(solved, followed_dir=followed_dir)
+
+
 def _masks(solved: Solved) -> Solved:
     config, people = solved.config.masks, solved.request.people
     if config is None:
@@ -168,7 +185,7 @@ def _masks(solved: Solved) -> Solved:
         solved.out_dir / MASKS,
         config,
         people=given.files,
-        followed_dir=solved.out_dir / FOLLOWED,
+        followed_dir=solved.followed_dir,
         left_out=given.left_out,
         run=solved.run,
     )
@@ -258,8 +275,8 @@ def _people(solved: Solved) -> Solved:
         return replace(solved, remarks=(str(error),))
     record = BodiesRecord.read(bodies_dir / BODIES_FILE)
     remarks = (*record.notes, *record.left_out)
-    if people.are_own:
-        followed = FollowedRecord.read(solved.out_dir / FOLLOWED / FOLLOWED_FILE)
+    if people.are_own and solved.followed_dir is not None:
+        followed = FollowedRecord.read(solved.followed_dir / FOLLOWED_FILE)
         remarks = (*remarks, *followed.doubts())
     return replace(solved, bodies=bodies, remarks=remarks)
 
@@ -275,11 +292,9 @@ def _true_camera(solved: Solved) -> TrueCamera:
 def _own_poses(solved: Solved, camera: TrueCamera) -> Path | None:
     """Poses by the built-in estimator, for `read_system`; None where it sees nobody."""
     assert solved.frames is not None and solved.body_path is not None
-    followed_dir = solved.config.person_source.follow(
-        solved.images_dir, solved.out_dir / FOLLOWED, (), solved.run
-    )
+    assert solved.followed_dir is not None
     poses_dir = local_poses(
-        followed_dir,
+        solved.followed_dir,
         ImageTimes(solved.frames.frame_numbers, solved.frames.fps_hz),
         Lens(camera.intrinsics_px, camera.radial),
         solved.body_path,
