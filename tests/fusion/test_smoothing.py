@@ -1,5 +1,7 @@
 """The pose graph: exact small cases, error bars, loops, feet, another world."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -53,6 +55,12 @@ def seen_of(
     return SeenPoses(turns, hidden, known, np.full(n, 1e-3), covariances)
 
 
+def begun(rotmats: np.ndarray, pelvis_m: np.ndarray) -> SeenPoses:
+    """Poses of which no camera knows one, and only the first counts."""
+    nowhere = seen_of(rotmats, pelvis_m, np.zeros(len(rotmats), dtype=bool))
+    return replace(nowhere, rotmats=rotmats, pelvis_m=pelvis_m)
+
+
 def gap(n: int, start: int, stop: int) -> np.ndarray:
     known = np.ones(n, dtype=bool)
     known[start:stop] = False
@@ -73,9 +81,7 @@ def test_exact_motions_bridge_any_gap(start: int, stop: int) -> None:
 
 def test_without_a_camera_the_networks_path_is_kept() -> None:
     truth = path(30)
-    nowhere = seen_of(*truth, np.zeros(30, dtype=bool))
-    first = SeenPoses(*truth, nowhere.known, nowhere.turn_sigma_rad, nowhere.place_covariance_m2)
-    fused = smooth(FPS_HZ, first, motions_of(*truth))
+    fused = smooth(FPS_HZ, begun(*truth), motions_of(*truth))
     assert_is(fused, *truth, atol=1e-9)
     assert fused.place_covariance_m2[0].max() < 1e-11
 
@@ -85,12 +91,8 @@ def test_a_network_that_turns_wrongly_is_led_by_the_cameras() -> None:
     rng = np.random.default_rng(1)
     wrong = Rotation.from_rotvec(rng.normal(scale=0.05, size=(59, 3))).as_matrix()
     motions = motions_of(rotmats, pelvis_m, fast=0.7, slow=0.2)
-    off = SeenMotions(
-        motions.delta_rotmats @ wrong,
-        1.3 * motions.delta_m,
-        motions.fast,
-        motions.slow,
-    )
+    turns, steps_m = motions.delta_rotmats @ wrong, 1.3 * motions.delta_m
+    off = replace(motions, delta_rotmats=turns, delta_m=steps_m)
     fused = smooth(FPS_HZ, seen_of(rotmats, pelvis_m, gap(60, 20, 30)), off)
     known = gap(60, 20, 30)
     assert np.abs(fused.pelvis_m - pelvis_m)[known].max() < 0.005
@@ -103,7 +105,7 @@ def test_a_slow_error_that_cameras_show_is_taken_off_within_the_gap() -> None:
     pelvis_m = np.arange(80)[:, None] * [0.12, 0.0, 0.0]
     known = gap(80, 50, 80)
     motions = motions_of(rotmats, pelvis_m, fast=0.05, slow=0.2)
-    long = SeenMotions(motions.delta_rotmats, 1.2 * motions.delta_m, motions.fast, motions.slow)
+    long = replace(motions, delta_m=1.2 * motions.delta_m)
     fused = smooth(FPS_HZ, seen_of(rotmats, pelvis_m, known), long)
     alone_m = 0.2 * 0.12 * 30
     # It fades back to none with the slow error's memory, 5 s.
@@ -201,11 +203,8 @@ def test_a_loop_pulls_the_end_and_narrows_its_error_bar() -> None:
     rotmats = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
     motions = motions_of(rotmats, pelvis_m, fast=0.1, slow=0.05)
     drift = Rotation.from_rotvec([0.0, 0.0, 0.008]).as_matrix()
-    off = SeenMotions(
-        motions.delta_rotmats @ drift, 1.05 * motions.delta_m, motions.fast, motions.slow
-    )
-    seen = seen_of(rotmats, pelvis_m, np.zeros(n, dtype=bool))
-    start = SeenPoses(rotmats, pelvis_m, *(getattr(seen, k) for k in SEEN_REST))
+    turns, steps_m = motions.delta_rotmats @ drift, 1.05 * motions.delta_m
+    off, start = replace(motions, delta_rotmats=turns, delta_m=steps_m), begun(rotmats, pelvis_m)
     alone = smooth(FPS_HZ, start, off)
     closed = smooth(FPS_HZ, start, off, loops=[SamePlace(0, n - 1, 0.01)])
     errors_m = [np.linalg.norm((one.pelvis_m - pelvis_m)[-1, :2]) for one in (alone, closed)]
@@ -213,9 +212,6 @@ def test_a_loop_pulls_the_end_and_narrows_its_error_bar() -> None:
     middle_m = [np.linalg.norm((one.pelvis_m - pelvis_m)[60, :2]) for one in (alone, closed)]
     assert middle_m[1] < middle_m[0]
     assert closed.place_covariance_m2[-1, 0, 0] == pytest.approx(1e-4, rel=0.05)
-
-
-SEEN_REST = ("known", "turn_sigma_rad", "place_covariance_m2")
 
 
 def test_one_camera_that_is_far_off_is_not_believed() -> None:
@@ -231,12 +227,7 @@ def test_planted_feet_hold_the_person_and_the_ground_the_height() -> None:
     n = 40
     rotmats, pelvis_m = np.tile(np.eye(3), (n, 1, 1)), np.tile([0.0, 0.0, 0.9], (n, 1))
     motions = motions_of(rotmats, pelvis_m, fast=0.1, slow=0.1)
-    sliding = SeenMotions(
-        motions.delta_rotmats,
-        motions.delta_m + np.array([0.01, 0.0, 0.01]),
-        motions.fast,
-        motions.slow,
-    )
+    sliding = replace(motions, delta_m=motions.delta_m + np.array([0.01, 0.0, 0.01]))
     feet = PlantedFeet(
         np.tile([[[0.1, 0.0, -0.9]], [[-0.1, 0.0, -0.9]]], (n, 1, 1, 1)).reshape(n, 2, 3),
         np.ones((n - 1, 2), dtype=bool),
@@ -269,12 +260,8 @@ def test_another_world_gives_the_same_motion_and_error_bars(
     moved = world @ rotmats, pelvis_m @ world.T + move_m
     rng = np.random.default_rng(3)
     motions = motions_of(rotmats, pelvis_m, fast=0.2, slow=0.1)
-    motions = SeenMotions(
-        motions.delta_rotmats,
-        motions.delta_m + rng.normal(scale=0.01, size=motions.delta_m.shape),
-        motions.fast,
-        motions.slow,
-    )
+    noise_m = rng.normal(scale=0.01, size=motions.delta_m.shape)
+    motions = replace(motions, delta_m=motions.delta_m + noise_m)
     known = gap(25, 8, 18)
     here, there = (
         smooth(FPS_HZ, seen_of(*poses, known), motions) for poses in ((rotmats, pelvis_m), moved)
@@ -294,7 +281,5 @@ def test_a_loop_that_bends_a_long_path_far_settles() -> None:
     slow = ErrorProcess(np.tile([0, 0, 0, 0, 0, 0.02], (n - 1, 1)), np.full(6, 3.0))
     motions = SeenMotions(turns, np.tile([0.04, 0.0, 0.0], (n - 1, 1)), fast, slow)
     start = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
-    nowhere = seen_of(*start, np.zeros(n, dtype=bool))
-    seen = SeenPoses(*start, nowhere.known, nowhere.turn_sigma_rad, nowhere.place_covariance_m2)
-    fused = smooth(30.0, seen, motions, loops=[SamePlace(0, n - 1, 0.1)])
+    fused = smooth(30.0, begun(*start), motions, loops=[SamePlace(0, n - 1, 0.1)])
     assert np.linalg.norm(fused.pelvis_m[-1, :2] - fused.pelvis_m[0, :2]) < 0.3

@@ -76,11 +76,16 @@ def reconstruction(folder: Path, clip: Clip, geometry: str, lost: list[int]) -> 
     return folder
 
 
+def person_files(folder: Path, clip: Clip, body: BodyModel, name: str = "in") -> PersonFiles:
+    """A clip and its body on disk."""
+    save_body(folder / "body.npz", body)
+    save_clip(folder / f"{name}.npz", clip, body.rest_pelvis_m(clip.motion.shape))
+    return PersonFiles(folder / f"{name}.npz", folder / "body.npz")
+
+
 def made(tmp_path: Path, clip: Clip, body: BodyModel, geometry: str, lost: list[int]) -> Path:
-    save_body(tmp_path / "body.npz", body)
-    save_clip(tmp_path / "in.npz", as_input(clip), body.rest_pelvis_m(clip.motion.shape))
+    people = (person_files(tmp_path, as_input(clip), body),)
     sfm_dir = reconstruction(tmp_path / "sfm", clip, geometry, lost)
-    people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
     return make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
@@ -148,26 +153,14 @@ def test_no_common_frame_is_an_error(small_body: BodyModel, tmp_path: Path) -> N
     assert not (tmp_path / "out").exists()
 
 
-def test_a_world_frame_clip_is_refused(small_body: BodyModel, tmp_path: Path) -> None:
+def test_clips_that_do_not_fit_are_refused(small_body: BodyModel, tmp_path: Path) -> None:
     true = true_clip(small_body, Circular())
-    save_body(tmp_path / "body.npz", small_body)
-    save_clip(tmp_path / "in.npz", true, small_body.rest_pelvis_m(true.motion.shape))
     sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
-    with pytest.raises(BadMotionFile, match="not in the camera frame"):
-        people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
-        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
-
-
-def test_people_with_other_rows_than_the_first_are_refused(
-    small_body: BodyModel, tmp_path: Path
-) -> None:
-    true = true_clip(small_body, Circular())
-    save_body(tmp_path / "body.npz", small_body)
-    rest_pelvis_m = small_body.rest_pelvis_m(true.motion.shape)
-    save_clip(tmp_path / "a.npz", as_input(true), rest_pelvis_m)
     later = replace(as_input(true), image_numbers=true.image_numbers + 1)
-    save_clip(tmp_path / "b.npz", later, rest_pelvis_m)
-    people = tuple(PersonFiles(tmp_path / f"{n}.npz", tmp_path / "body.npz") for n in "ab")
-    sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
-    with pytest.raises(BadMotionFile, match=r"b\.npz: has other rows than walk"):
-        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+    for clips, said in (
+        ({"a": true}, "not in the camera frame"),
+        ({"a": as_input(true), "b": later}, r"b\.npz: has other rows than walk"),
+    ):
+        people = tuple(person_files(tmp_path, clip, small_body, n) for n, clip in clips.items())
+        with pytest.raises(BadMotionFile, match=said):
+            make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())

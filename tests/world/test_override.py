@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from gmrdata.values.errors import BadRecipe
-from gmrdata.world.verdict import Dropped, Override, overridden, verdict_of
+from gmrdata.world.verdict import Dropped, Override, Verdict, overridden, verdict_of
 
 N = 20
 USABLE = np.zeros(N, dtype=bool)
@@ -18,28 +18,25 @@ REJECTED = verdict_of("c", False, ("60% of the images have a camera", "a cut"), 
 ACCEPTED = verdict_of("c", True, (), NO_CAMERA)
 
 
-def test_a_person_accepts_what_was_rejected_and_the_overruled_reasons_stay() -> None:
-    override = Override(verdict="accepted", because="the cut is a flash")
-    verdict = overridden(REJECTED, override, USABLE)
-    reasons = (
-        "a person decided: the cut is a flash",
-        "overruled: 60% of the images have a camera",
-        "overruled: a cut",
-    )
-    assert verdict == verdict_of("c", True, reasons, NO_CAMERA)
-    assert verdict.dropped == REJECTED.dropped
-
-
-def test_a_person_rejects_what_was_accepted() -> None:
-    override = Override(verdict="rejected", because=" the body floats ")
-    verdict = overridden(ACCEPTED, override, USABLE)
-    assert not verdict.accepted
-    assert verdict.reasons == ("a person decided: the body floats",)
-
-
-def test_a_person_agrees_with_a_rejection_and_its_reasons_stay() -> None:
-    verdict = overridden(REJECTED, Override(verdict="rejected", because="x"), USABLE)
-    assert verdict.reasons == ("a person decided: x", *REJECTED.reasons)
+@pytest.mark.parametrize(
+    ("before", "decided", "because", "reasons"),
+    [
+        (
+            REJECTED, "accepted", "the cut is a flash",
+            ("a person decided: the cut is a flash",
+             "overruled: 60% of the images have a camera", "overruled: a cut"),
+        ),
+        (ACCEPTED, "rejected", " the body floats ", ("a person decided: the body floats",)),
+        (REJECTED, "rejected", "x", ("a person decided: x", *REJECTED.reasons)),
+    ],
+)  # fmt: skip
+def test_a_person_decides_and_overruled_reasons_stay(
+    before: Verdict, decided: str, because: str, reasons: tuple[str, ...]
+) -> None:
+    override = Override.model_validate({"verdict": decided, "because": because})
+    verdict = overridden(before, override, USABLE)
+    assert verdict == verdict_of("c", decided == "accepted", reasons, NO_CAMERA)
+    assert verdict.dropped == before.dropped
 
 
 def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:

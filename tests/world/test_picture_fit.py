@@ -17,19 +17,17 @@ from gmrdata.people.sources import (
     PersonSource,
     SilhouetteSource,
 )
-from gmrdata.read.body_file import save_body
 from gmrdata.read.frames import write_gray
 from gmrdata.solve.solve import people_masks
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, save_clip
-from gmrdata.values.people import PersonFiles
+from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
-from tests.world.test_make import as_input, reconstruction, true_clip
+from tests.world.test_make import as_input, person_files, reconstruction, true_clip
 
 SIZE_PX = (320, 180)
 OFF_OVERLAP = VerdictConfig().off_overlap
@@ -183,14 +181,12 @@ def test_the_verdict_and_the_record_of_a_late_body_say_so(
         tmp_path / "person", [seen], small_body, size_px=(camera.width_px, camera.height_px)
     )
     sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
-    save_body(tmp_path / "body.npz", small_body)
     for name, clip, given, rejected in (
         ("right", seen, masks, False),
         ("unchecked", seen, None, False),
         ("late", later(seen, -8), masks, True),
     ):
-        save_clip(tmp_path / f"{name}.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
-        people = (PersonFiles(tmp_path / f"{name}.npz", tmp_path / "body.npz"),)
+        people = (person_files(tmp_path, clip, small_body, name),)
         out = make_pseudo_gt(
             WorldEvidence(sfm_dir, people, seen=given), tmp_path / name, PseudoGtConfig()
         )

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import QUALITY_FILE
-from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.people import PersonFiles
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
@@ -18,7 +16,7 @@ from gmrdata.world.quality import PseudoGtQuality, load_record, quality_record, 
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.verdict import Doubts, load_dataset_camera, save_dataset_camera, verdict_of
 from tests.reconstructions import good_quality, keys_of, pseudo_gt_quality, without
-from tests.world.test_make import Circular, as_input, made, reconstruction, true_clip
+from tests.world.test_make import Circular, as_input, made, person_files, reconstruction, true_clip
 
 DROPPED = verdict_of("walk", True, (), ["", *["the camera jumps"] * 2, "", ""])
 RECORD = pseudo_gt_quality(good_quality(5), 2.5).model_copy(update={"people": (DROPPED,)})
@@ -29,12 +27,10 @@ DOUBTS = Doubts(frames=(("", "campose_valid is 0"),), sequence=("the intrinsics 
 def sfm_of(tmp_path: Path, body: BodyModel, figures: Any) -> tuple[Path, tuple[PersonFiles, ...]]:
     """A reconstruction whose `quality.json` another hand wrote."""
     clip = true_clip(body, Circular())
-    save_body(tmp_path / "body.npz", body)
-    save_clip(tmp_path / "in.npz", as_input(clip), body.rest_pelvis_m(clip.motion.shape))
     sfm_dir = reconstruction(tmp_path / "sfm", clip, "full", [])
     path = sfm_dir / QUALITY_FILE
     path.write_text(json.dumps(figures(json.loads(path.read_text()))))
-    return sfm_dir, (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
+    return sfm_dir, (person_files(tmp_path, as_input(clip), body),)
 
 
 def test_55_px_under_another_name_are_not_accepted(small_body: BodyModel, tmp_path: Path) -> None:
@@ -72,19 +68,21 @@ def test_no_figure_of_the_reconstruction_can_be_left_out(
         make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
-def test_a_reconstruction_of_an_older_version_says_what_to_do(
-    small_body: BodyModel, tmp_path: Path
+@pytest.mark.parametrize(
+    ("figures", "said"),
+    [
+        (
+            {"geometry": "full", "registered_share": 1.0, "inliers_per_frame": [100] * 40},
+            r"sfm/quality\.json: has no `format`.*older.*--redo",
+        ),
+        (good_quality(7).model_dump(mode="json"), "its files are of different frames"),
+    ],
+)
+def test_figures_of_an_older_version_and_of_other_frames(
+    figures: dict[str, Any], said: str, small_body: BodyModel, tmp_path: Path
 ) -> None:
-    old = {"geometry": "full", "registered_share": 1.0, "inliers_per_frame": [100] * 40}
-    sfm_dir, people = sfm_of(tmp_path, small_body, lambda _: old)
-    with pytest.raises(BadRecord, match=r"sfm/quality\.json: has no `format`.*older.*--redo"):
-        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
-
-
-def test_figures_of_other_frames_than_the_cameras(small_body: BodyModel, tmp_path: Path) -> None:
-    fewer = good_quality(7).model_dump(mode="json")
-    sfm_dir, people = sfm_of(tmp_path, small_body, lambda _: fewer)
-    with pytest.raises(BadRecord, match="its files are of different frames"):
+    sfm_dir, people = sfm_of(tmp_path, small_body, lambda _: figures)
+    with pytest.raises(BadRecord, match=said):
         make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 

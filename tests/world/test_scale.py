@@ -16,8 +16,9 @@ from gmrdata.values.motion import Motion
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
-from gmrdata.world.scale import SeenPerson, estimate_scale, fuse
+from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, fuse
 
+CONFIG = ScaleConfig()
 PROGRAMMES = {"circular": Circular(), "linear": Linear()}
 
 
@@ -44,6 +45,20 @@ def seen_through(
     return replace(path, world_from_cam=noisy)
 
 
+def scale_of(
+    body: BodyModel,
+    motion: Motion,
+    path: CameraPath,
+    found: CameraPath | None = None,
+    config: ScaleConfig = CONFIG,
+) -> ScaleEstimate:
+    """Of one person whom a camera films, with the path as it was found; the true one for None."""
+    person = motion_in_camera(motion, path.world_from_cam)
+    return estimate_scale(
+        [SeenPerson(person, body, path if found is None else found)], "full", config
+    )
+
+
 @pytest.mark.parametrize("programme", ["circular", "linear"])
 @pytest.mark.parametrize("gait", ["walk", "run", "circle", "side_step"])
 @pytest.mark.parametrize("metres_per_unit", [0.13, 7.0])
@@ -52,8 +67,7 @@ def test_scale_is_found_to_two_percent(
 ) -> None:
     motion, path = filmed(gait, programme, small_body, seed=3)
     found = seen_through(path, metres_per_unit, 0.002, 0.0003, seed=1)
-    person = motion_in_camera(motion, path.world_from_cam)
-    estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
+    estimate = scale_of(small_body, motion, path, found)
     assert estimate.scale == pytest.approx(metres_per_unit, rel=0.02)
     (cue,) = estimate.cues
     assert cue.name == "planted_feet" and cue.support >= 5 and cue.residual_m < 0.01
@@ -61,11 +75,10 @@ def test_scale_is_found_to_two_percent(
 
 def test_the_unit_of_length_does_not_matter(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
-    person = motion_in_camera(motion, path.world_from_cam)
     scales = []
     for unit in (1.0, 1e-3, 1e3):
         found = seen_through(path, unit, 0.0, 0.0, seed=0)
-        estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
+        estimate = scale_of(small_body, motion, path, found)
         assert estimate.scale is not None and estimate.sigma is not None
         scales.append((estimate.scale / unit, estimate.sigma / unit))
     assert np.ptp(scales, axis=0) == pytest.approx([0, 0], abs=1e-6)
@@ -77,10 +90,7 @@ def test_errors_stay_within_their_bars(small_body: BodyModel) -> None:
         for programme in PROGRAMMES:
             motion, path = filmed("walk", programme, small_body, seed)
             found = seen_through(path, 2.0, 0.006, 0.001, seed)
-            person = motion_in_camera(motion, path.world_from_cam)
-            estimate = estimate_scale(
-                [SeenPerson(person, small_body, found)], "full", ScaleConfig()
-            )
+            estimate = scale_of(small_body, motion, path, found)
             assert estimate.scale is not None and estimate.sigma is not None
             assert estimate.sigma < 0.03 * estimate.scale
             inside += abs(estimate.scale - 2.0) < 2 * estimate.sigma
@@ -90,10 +100,9 @@ def test_errors_stay_within_their_bars(small_body: BodyModel) -> None:
 
 def test_frames_without_a_camera_are_left_out(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
-    person = motion_in_camera(motion, path.world_from_cam)
     found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
     found.world_from_cam[[0, 9, 10, 30]] = np.nan
-    estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
+    estimate = scale_of(small_body, motion, path, found)
     assert estimate.scale == pytest.approx(3.0, rel=0.01)
 
 
@@ -109,9 +118,8 @@ def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body: BodyModel
 def test_a_camera_that_does_not_move_has_no_scale(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
     still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
-    person = motion_in_camera(motion, still.world_from_cam)
     with pytest.raises(NoReconstruction, match="camera hardly moves"):
-        estimate_scale([SeenPerson(person, small_body, still)], "full", ScaleConfig())
+        scale_of(small_body, motion, still)
 
 
 @pytest.mark.parametrize(("way_m", "known"), [(0.004, False), (1.0, True)])
@@ -137,9 +145,7 @@ def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(
 def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> None:
     """For the verdict to reject it."""
     motion, path = filmed("walk", "circular", small_body, seed=0)
-    person = motion_in_camera(motion, path.world_from_cam)
-    careless = ScaleConfig(body_share=0.8)
-    estimate = estimate_scale([SeenPerson(person, small_body, path)], "full", careless)
+    estimate = scale_of(small_body, motion, path, config=ScaleConfig(body_share=0.8))
     assert estimate.scale == pytest.approx(1.0, rel=0.02)
     assert estimate.sigma is not None and estimate.sigma > 0.8 * estimate.scale
     assert estimate.matters
@@ -147,7 +153,7 @@ def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> No
     for share, matters in ((0.75, True), (0.85, False)):
         bound = share * 10.0 * steps_m.mean()
         config = ScaleConfig(body_share=0.8, vague_share=0.9, slow_m_per_s=bound)
-        estimate = estimate_scale([SeenPerson(person, small_body, path)], "full", config)
+        estimate = scale_of(small_body, motion, path, config=config)
         assert estimate.scale == pytest.approx(1.0, rel=0.02) and estimate.matters == matters
 
 
@@ -155,9 +161,8 @@ def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
     rng = np.random.default_rng(0)
     flying = replace(motion, pelvis_m=rng.normal(0, 3.0, motion.pelvis_m.shape))
-    person = motion_in_camera(flying, path.world_from_cam)
     with pytest.raises(NoReconstruction, match="planted feet found"):
-        estimate_scale([SeenPerson(person, small_body, path)], "full", ScaleConfig(min_stances=4))
+        scale_of(small_body, flying, path, config=ScaleConfig(min_stances=4))
 
 
 def test_cues_are_weighted_by_their_variances() -> None:

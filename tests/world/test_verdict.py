@@ -204,27 +204,31 @@ def test_a_statue_that_travels_rejects_and_one_that_stands_does_not(clip: Clip) 
     assert judged(clip).accepted
 
 
-def test_frames_without_a_camera_are_dropped(clip: Clip) -> None:
-    verdict = judged(changed(clip, slice(40, 52), np.nan))
-    assert verdict.accepted and verdict.kept.mean() == pytest.approx(78 / 90)
-    assert verdict.dropped == (Dropped(40, 52, "no camera was found"),)
+FEW = [10 if 30 <= row < 35 or 40 <= row < 45 else 200 for row in range(N)]
 
 
-def test_what_the_data_set_does_not_vouch_for_is_dropped_with_its_own_reason(clip: Clip) -> None:
-    unusable = ["campose_valid is 0" if row < 20 else "" for row in range(N)]
-    verdict = judged(clip, unusable=unusable)
-    assert verdict.dropped == (Dropped(0, 20, "campose_valid is 0"),)
-
-
-def test_few_inliers_drop_a_frame_and_what_is_too_short_beside_it(clip: Clip) -> None:
-    inliers = [200] * N
-    inliers[30:35] = inliers[40:45] = [10] * 5
-    verdict = judged(clip, good_quality(N, inliers_per_frame=inliers))
-    assert verdict.dropped == (
-        Dropped(30, 35, "fewer than 25 inliers"),
-        Dropped(35, 40, "only 5 usable frames in a row"),
-        Dropped(40, 45, "fewer than 25 inliers"),
-    )
+@pytest.mark.parametrize(
+    ("lost", "figures", "unusable", "dropped"),
+    [
+        (slice(40, 52), {}, 0, [Dropped(40, 52, "no camera was found")]),
+        (slice(0), {}, 20, [Dropped(0, 20, "campose_valid is 0")]),
+        (
+            slice(0), {"inliers_per_frame": FEW}, 0,
+            [Dropped(30, 35, "fewer than 25 inliers"),
+             Dropped(35, 40, "only 5 usable frames in a row"),
+             Dropped(40, 45, "fewer than 25 inliers")],
+        ),
+    ],
+)  # fmt: skip
+def test_frames_are_dropped_with_the_reason(
+    clip: Clip, lost: slice, figures: dict[str, Any], unusable: int, dropped: list[Dropped]
+) -> None:
+    """Without a camera; not vouched for by the data set; with few inliers, and too short beside."""
+    texts = ["campose_valid is 0" if row < unusable else "" for row in range(N)]
+    verdict = judged(changed(clip, lost, np.nan), good_quality(N, **figures), unusable=texts)
+    assert verdict.accepted and list(verdict.dropped) == dropped
+    left_out = sum(one.stop - one.start for one in dropped)
+    assert verdict.kept.mean() == pytest.approx((N - left_out) / N)
 
 
 def test_a_jump_drops_the_frames_beside_it(clip: Clip) -> None:
