@@ -23,7 +23,9 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.estimated import EstimatedPerson
 from gmrdata.values.motion import Motion
 from gmrdata.write.emdb import emdb_sequence, write_emdb
-from gmrdata.write.system_results import TrackedPerson, write_gvhmr, write_wham
+from gmrdata.write.systems.gvhmr import write_gvhmr
+from gmrdata.write.systems.tracked import TrackedPerson
+from gmrdata.write.systems.wham import write_wham
 from gmrdata.write.threedpw import write_sequence_file
 
 WIDTH_PX, HEIGHT_PX = 640, 480

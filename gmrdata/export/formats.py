@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gmrdata.export.sources import ExportedClip
     from gmrdata.world.background import Background
     from gmrdata.write.colmap import ColmapPoints
-    from gmrdata.write.system_results import TrackedPerson
+    from gmrdata.write.systems.tracked import TrackedPerson
 
 FormatName = Literal[
     "colmap", "tum", "kitti", "gem-x", "3dpw", "emdb", "wham", "gvhmr", "amass", "bvh", "glb",
@@ -267,7 +267,7 @@ def export_emdb(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
 
 def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The people of a sequence, each in the frames that may be used."""
-    from gmrdata.write.system_results import write_wham
+    from gmrdata.write.systems.wham import write_wham
 
     usable = zip(clips, _usable(clips, "left out"), strict=True)
     people = [_tracked(one) if is_usable else None for one, is_usable in usable]
@@ -276,7 +276,7 @@ def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
 
 def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """One person, in every frame of the video."""
-    from gmrdata.write.system_results import write_gvhmr
+    from gmrdata.write.systems.gvhmr import write_gvhmr
 
     person = _tracked(clips[0])
     missed = np.flatnonzero(person.frame_numbers != np.arange(len(person.frame_numbers)))
@@ -290,7 +290,7 @@ def _tracked(exported: "ExportedClip") -> "TrackedPerson":
     """The person and the frames of the video, counted as `gmrdata evaluate` counts them."""
     from gmrdata.read.frames import number_in_name
     from gmrdata.score.results import frames_of_rows
-    from gmrdata.write.system_results import TrackedPerson
+    from gmrdata.write.systems.tracked import TrackedPerson
 
     images = []
     if exported.images_dir is not None:

@@ -7,8 +7,9 @@ import numpy as np
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
-from gmrdata.write import system_results
-from gmrdata.write.system_results import TrackedPerson
+from gmrdata.write.systems.gvhmr import write_gvhmr
+from gmrdata.write.systems.tracked import TrackedPerson
+from gmrdata.write.systems.wham import write_wham
 from tests.score.test_results import FRAMES, N, body, data, only, rest, score, true
 
 __all__ = ["body", "data", "true"]  # fixtures
@@ -21,7 +22,7 @@ def test_what_this_project_exports_is_scored_as_no_error(
     rows = np.arange(N) != 30
     person = TrackedPerson(true.motion, rest(body, true), rows, FRAMES)
     (tmp_path / "wham").mkdir()
-    system_results.write_wham(tmp_path / "wham" / "wham_output.pkl", [person], true.camera)
+    write_wham(tmp_path / "wham" / "wham_output.pkl", [person], true.camera)
     scores = only(score(data, tmp_path / "wham", tmp_path / "a", protocol="wham", missing="drop"))
     clip = scores.clips[0]
     assert clip.dropped_frames == 1 and clip.seen_in == "own_camera"
@@ -35,7 +36,7 @@ def test_a_video_of_gvhmr_keeps_the_frames_that_count(
     valid = np.arange(N) > 3
     person = TrackedPerson(true.motion, rest(body, true), valid, np.arange(N))
     path = tmp_path / "hmr4d_results.pt"
-    system_results.write_gvhmr(path, person, true.camera)
+    write_gvhmr(path, person, true.camera)
     (found,) = read_system(path, "world").people
     assert found.frame_numbers.tolist() == list(range(4, N))
     assert found.in_world is not None and true.camera is not None

@@ -107,7 +107,7 @@ class Entry:
         """(T, S) shape coefficients by row, from those or from one shape (S,) for all; or None."""
         if not self.has(key):
             return None
-        if np.shape(self.values[key]) in ONE_SHAPE:
+        if getattr(self.values[key], "shape", None) in ONE_SHAPE:
             return np.tile(self.array(key, None), (n_rows, 1))
         return self.array(key, n_rows, None)
 

@@ -57,7 +57,7 @@ def read_tram_folder(folder: Path) -> EstimatedPeople:
         _person(Entry(load_object_npy(path), f"person_{number}", path), camera)
         for number, path in sorted(tracks.items())
     ]
-    n_frames = len(camera.values["world_cam_R"]) if camera.has("world_cam_R") else None
+    n_frames = len(camera.array("world_cam_R", None, 3, 3)) if camera.has("world_cam_R") else None
     return EstimatedPeople("tram", (camera_path, *files), tuple(people), n_frames)
 
 
@@ -76,9 +76,7 @@ def _person(entry: Entry, camera: Entry) -> EstimatedPerson:
     numbers = np.arange(n_rows)
     if entry.has("frame"):
         numbers = entry.frame_numbers("frame", n_rows)
-    if lacking := entry.lacking("pred_trans"):
-        raise entry.fault(f"{entry.name} has {lacking}")
-    flat = np.ndim(entry.values["pred_trans"]) == 2
+    flat = getattr(entry.values.get("pred_trans"), "ndim", None) == 2
     transl_m = entry.array("pred_trans", *((n_rows, 3) if flat else (n_rows, 1, 3)))
     transl_m = transl_m.reshape(n_rows, 3)
     if camera.has(*LENS_KEYS):

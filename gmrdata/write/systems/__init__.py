@@ -1,0 +1,1 @@
+"""Results as other systems write them, one file per system."""
