@@ -70,7 +70,7 @@ def works(
         Work("shards", ("motions", str(motions), "--workers", "1"), shards=2),
         Work("motions", ("motions", str(motions)), on_hosts=True),
         Work("render", ("render", str(root / "set.yaml")), on_hosts=True),
-        Work("threedpw", ("threedpw", "regenerate", "--root", str(data),
+        Work("threedpw", ("threedpw", "regenerate", "--threedpw", str(data),
                           "--recipe", str(root / "threedpw.yaml")), on_hosts=True),
         Work("sfm", ("sfm", *seen)),
         Work("video", ("video", str(root / "pan.mp4"), "--masks", "none", "--focal", focal_px,

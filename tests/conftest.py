@@ -2,6 +2,7 @@
 
 import tests.shape_checks  # noqa: F401, I001  First: it checks the modules that are imported after it.
 
+import os
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +13,12 @@ from hypothesis import settings
 
 from gmrdata.read.bodies import load_body
 from gmrdata.values.body import JOINT, PARENTS, BodyModel
-from tests.required import REQUIRE_ALL
 from tests.sharing import made_once
 
 # A busy machine is no failure.  Few examples by default; `.ci/run` tries many.
 settings.register_profile("few", deadline=None, max_examples=20)
 settings.register_profile("many", deadline=None, max_examples=100)
-settings.load_profile("many" if REQUIRE_ALL else "few")
+settings.load_profile("many" if os.environ.get("GMRDATA_TEST_REQUIRE_ALL") == "1" else "few")
 
 pytest_plugins = (
     "tests.browser",

@@ -83,7 +83,7 @@ def regenerate(
         recipe: A recipe that travels with gmrdata, or a file.
         workers: Worker processes.
     """
-    words: list[str | Path] = ["-m", "gmrdata", "threedpw", "regenerate", "--root", root]
+    words: list[str | Path] = ["-m", "gmrdata", "threedpw", "regenerate", "--threedpw", root]
     words += ["--out", out_dir, "--recipe", recipe, "--workers", str(workers)]
     words += ["--sequences", *sequences] if sequences else []
     run_python(*words)

@@ -179,7 +179,9 @@ def _config(clip: RealVideo, models: Path, given_masks: Path) -> SolveConfig:
     elif clip.masks != ("none",):
         model, landmarks = models / "yolox_nano.onnx", models / "pose_landmark_lite.tflite"
         person = "person" in clip.masks
-        masks = masks_named(clip.masks, model=model, landmarks=landmarks if person else None)
+        masks = masks_named(
+            clip.masks, detector=model, landmark_network=landmarks if person else None
+        )
     calibration = SelfCalibrationConfig(max_image_size_px=LONGEST_PX)
     return SolveConfig(
         masks=masks,

@@ -137,8 +137,8 @@ def baseline_joint(
 def baseline_own_poses(
     manifest: flags.Manifest,
     out: Annotated[Path, arg(help="Output folder: poses/, keypoints/, features/, seen/.")],
-    model: flags.MaskModel = None,
-    landmarks: flags.MaskLandmarks = None,
+    detector: flags.Detector = None,
+    landmark_network: flags.LandmarkNetwork = None,
     body: flags.Body = "anny",
     redo: flags.Redo = False,
 ) -> None:
@@ -148,12 +148,15 @@ def baseline_own_poses(
     """
     from gmrdata.paper.own_poses import own_poses
 
-    path, run = flags.body_path(body), Run(redo=redo)
-    answer(
-        own_poses(
-            manifest, out, body_path=path, detector_path=model, landmarks_path=landmarks, run=run
-        )
+    made = own_poses(
+        manifest,
+        out,
+        body_path=flags.body_path(body),
+        detector_path=detector,
+        landmarks_path=landmark_network,
+        run=Run(redo=redo),
     )
+    answer(made)
 
 
 def baseline(

@@ -42,7 +42,7 @@ class Extra(NamedTuple):
 
 
 EXTRAS = {
-    "maskrcnn": Extra("torchvision", "torchvision", "masks by Mask R-CNN: --sources maskrcnn"),
+    "maskrcnn": Extra("torchvision", "torchvision", "masks by Mask R-CNN: --masks maskrcnn"),
     "tensorboard": Extra("tensorboard", "tensorboard", "event files of trainings"),
     "export": Extra("usd-core", "pxr.Usd", "USD scenes: export --to usd"),
     "view": Extra("rerun-sdk", "rerun", "recordings for rerun's viewer: export --to rrd"),
@@ -205,7 +205,7 @@ def _models() -> Iterator[Part]:
     for model in MODELS:
         path = models_dir() / model.name
         if not path.is_file():
-            note = "people of video; masks --sources onnx person. `gmrdata fetch models` gets it"
+            note = "people of video; masks --masks onnx person. `gmrdata fetch models` gets it"
             yield Part("models", model.name, "missing", "", note)
         elif sha256_of_file(path) != model.sha256:
             note = "not the published file. `gmrdata fetch models --redo` gets it anew"

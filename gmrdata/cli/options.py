@@ -1,5 +1,6 @@
 """Flags that several verbs have, each described once, and what they stand for."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -77,40 +78,74 @@ RestPoseOrFile = Annotated[
         "that begins with the standing person; looked for when left out.",
     ),
 ]
-Frames = Annotated[Path, arg(help="Folder of numbered images, or a video file.")]
-FromS = Annotated[
-    float,
-    arg(name="from", metavar="S", help="Of a video: leave out what is before this time [s]."),
-]
-ToS = Annotated[
-    float | None,
-    arg(name="to", metavar="S", help="Of a video: leave out what is after this time [s]."),
-]
-Every = Annotated[
-    int, arg(help="Of a video: take every n-th frame; an image's number is its frame's over n.")
-]
-TakeWhatDecodes = Annotated[
-    bool,
-    arg(help="Of a video: go on where frames are lost or damaged; the verdict rejects the result."),
+Frames = Positional[Annotated[Path, arg(help="Folder of numbered images, or a video file.")]]
+Masks = Annotated[
+    tuple[str, ...],
+    arg(
+        help="Where masks of what moves come from; several are united: person (people's outlines), "
+        "onnx (boxes of a YOLOX detector), maskrcnn (torchvision's), silhouette (a given body), a "
+        "folder of masks, or a recipe (.yaml) of kind `masks`."
+    ),
 ]
 Page = Annotated[
     bool, arg(help="Write index.html: verdict, overlay, paths, figures, files to take along.")
 ]
-MaskModel = Annotated[
+
+
+Detector = Annotated[
     Path | None,
     arg(help="ONNX file of the detector, YOLOX on COCO; from `gmrdata fetch models` if left out."),
 ]
-MaskLandmarks = Annotated[
+LandmarkNetwork = Annotated[
     Path | None,
     arg(help="TFLite file of BlazePose GHUM lite; from `gmrdata fetch models` if left out."),
 ]
-MaskWeights = Annotated[
-    Path | None, arg(help="State dict of Mask R-CNN; torchvision fetches its own when left out.")
-]
-MaskClasses = Annotated[
-    tuple[str, ...],
-    arg(help="COCO's names of what to mask; people, vehicles and animals when left out."),
-]
+
+
+@dataclass(frozen=True)
+class Networks:
+    """The networks that make masks and see people, and what they shall mask."""
+
+    detector: Detector = None
+    landmark_network: LandmarkNetwork = None
+    maskrcnn: Path | None = None
+    """State dict of Mask R-CNN; torchvision fetches its own when left out."""
+    classes: tuple[str, ...] = ()
+    """COCO's names of what to mask; people, vehicles and animals when left out."""
+
+    def absolute(self) -> "Networks":
+        """The same, for a worker that may run in another folder."""
+        detector, landmark_network, maskrcnn = (
+            file and file.absolute()
+            for file in (self.detector, self.landmark_network, self.maskrcnn)
+        )
+        return Networks(detector, landmark_network, maskrcnn, self.classes)
+
+
+NetworkFlags = Annotated[Networks, OmitArgPrefixes]
+"""Flags of `Networks`, below the usual ones of a verb; give it no default."""
+
+
+def _part(
+    from_s: Annotated[
+        float, arg(name="from", metavar="S", help="Leave out what is before this time [s].")
+    ] = 0.0,
+    to_s: Annotated[
+        float | None, arg(name="to", metavar="S", help="Leave out what is after this time [s].")
+    ] = None,
+    every: Annotated[
+        int, arg(help="Take every n-th frame; an image's number is its frame's over n.")
+    ] = 1,
+    take_what_decodes: Annotated[
+        bool, arg(help="Go on where frames are lost or damaged; the verdict rejects the result.")
+    ] = False,
+) -> Any:  # a VideoConfig, which is loaded when it is needed
+    """What is taken of a video file."""
+    return video_part(from_s, to_s, every, take_what_decodes)
+
+
+PartFlags = Annotated[Any, OmitArgPrefixes, arg(constructor=_part)]
+"""--from, --to, --every and --take-what-decodes: a `VideoConfig`; give it no default."""
 POSES = arg(help="Folder with <clip id>.npz: poses in the camera's frame, without translation.")
 KEYPOINTS = arg(help="Folder with <clip id>/ of OpenPose's or STAF's JSON, one file per frame.")
 FEATURES = arg(help="Folder with <clip id>.npz that hold image `features` (T, D), row by row.")

@@ -11,7 +11,9 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.values.errors import BadSequence, MissingInput
 
-Root = Annotated[Path, arg(help="3DPW's folder, which holds imageFiles and sequenceFiles.")]
+Root = Annotated[
+    Path, arg(name="threedpw", help="3DPW's folder, which holds imageFiles and sequenceFiles.")
+]
 Rule = Annotated[
     str, arg(help="Which frames count as valid: campose_valid, 3dpw_eval, glamr, vibe or slahmr.")
 ]

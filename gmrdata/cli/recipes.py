@@ -67,7 +67,7 @@ class Inputs:
     """What a recipe of some kind takes besides itself."""
 
     motions: flags.Motions = None
-    root: Path | None = None
+    threedpw: Path | None = None
     """3DPW's folder, which holds imageFiles and sequenceFiles (threedpw)."""
     frames: Path | None = None
     """Folder of numbered images, or a video file (masks)."""
@@ -90,7 +90,7 @@ TAKES = {
     "demo": ("motions",),
     "synthetic": ("motions",),
     "threedpw_twin": ("motions",),
-    "threedpw": ("root",),
+    "threedpw": ("threedpw",),
     "masks": ("frames", "camera_body", "body"),
     "gmr": ("manifest", "body"),
     "joint": ("manifest", "features", "body"),
@@ -98,7 +98,7 @@ TAKES = {
 }
 """Inputs by kind of recipe."""
 NEEDS = {
-    "threedpw": ("root",),
+    "threedpw": ("threedpw",),
     "masks": ("frames",),
     "joint": ("manifest", "features"),
 }
@@ -159,11 +159,18 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
         case "threedpw_twin":
             threedpw_twin(recipe, out, run=run, dry_run=dry_run, probe=False, **given)
         case "threedpw":
-            threedpw_regenerate(out=out, recipe=recipe, run=run, dry_run=dry_run, **given)
+            threedpw_regenerate(given["threedpw"], out, recipe, run=run, dry_run=dry_run)
         case "table":
             tables(recipe, out, run=run, dry_run=dry_run, **given)
         case "masks":
-            masks(out=out, sources=(recipe,), redo=run.redo, **given)
+            masks(
+                out=out,
+                masks=(recipe,),
+                redo=run.redo,
+                part=None,
+                networks=flags.Networks(),
+                **given,
+            )
         case "joint":
             manifests = given.pop("manifest")
             baseline_joint_train(manifests, out=out, recipe=path, redo=run.redo, **given)

@@ -26,11 +26,7 @@ def video(
     out: Path,
     poses: Path | None = None,
     body: flags.Body = "anny",
-    masks: tuple[str, ...] = ("person",),
-    model: flags.MaskModel = None,
-    landmarks: flags.MaskLandmarks = None,
-    weights: flags.MaskWeights = None,
-    classes: flags.MaskClasses = (),
+    masks: flags.Masks = ("person",),
     focal: Annotated[
         float | None,
         arg(help="Focal length of the images, of all videos [px]; one of these three at most."),
@@ -42,19 +38,19 @@ def video(
         Path | None,
         arg(help="Calibration of the images, of all videos: a file, as docs/video.md lists them."),
     ] = None,
-    check_lens: bool = True,
-    fps: Annotated[float | None, arg(help="Images per second of a folder of images [Hz].")] = None,
-    poses_every: int = 1,
-    seed: int = 0,
-    from_s: flags.FromS = 0.0,
-    to_s: flags.ToS = None,
-    every: flags.Every = 1,
-    take_what_decodes: flags.TakeWhatDecodes = False,
-    check_again: bool = False,
+    fps_hz: Annotated[
+        float | None, arg(help="Images per second of a folder of images [Hz].")
+    ] = None,
+    dry_run: flags.DryRun = False,
     page: flags.Page = True,
     strict: bool = False,
-    dry_run: flags.DryRun = False,
+    poses_every: int = 1,
+    check_lens: bool = True,
+    check_again: bool = False,
+    seed: int = 0,
     *,
+    part: flags.PartFlags,
+    networks: flags.NetworkFlags,
     run: flags.RunFlags,
 ) -> None:
     """Cameras of any video, and people's motion in a metric world.
@@ -75,8 +71,6 @@ def video(
             built-in estimator sees, a demonstrator (docs/poses.md), if its networks were fetched;
             cameras decide alone then whether the video is accepted. The word own for the same
             people, one of whom must be accepted; none for cameras alone.
-        masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them; none
-            where nothing moves.
         check_lens: Seek the lens in the frames too. Without, a given lens is taken as it is, and
             one that nobody knows is guessed.
         poses_every: The poses were made from every n-th frame of the video.
@@ -95,10 +89,10 @@ def video(
         "poses": poses,
         "body": body,
         "lens": _lens(focal, fov, intrinsics),
-        "fps_hz": fps,
-        "part": flags.video_part(from_s, to_s, every, take_what_decodes),
+        "fps_hz": fps_hz,
+        "part": part,
         "config": SolveConfig(
-            masks=_masks(masks, model, landmarks, weights, classes),
+            masks=_masks(masks, networks),
             intrinsics=IntrinsicsConfig(look_in_frames=check_lens),
             sfm=QUICK_SFM.model_copy(update={"seed": seed}),
             check_again=check_again,
@@ -180,13 +174,8 @@ def _require_alone(run: Run) -> None:
         raise BadRecipe(f"{what}, or a folder with video files. Leave them out for one")
 
 
-def _masks(
-    names: tuple[str, ...],
-    model: Path | None,
-    landmarks: Path | None,
-    weights: Path | None,
-    classes: tuple[str, ...],
-) -> "MasksConfig | None":
+def _masks(names: tuple[str, ...], networks: flags.Networks) -> "MasksConfig | None":
+    """The sources of masks; None for the word none, where nothing moves."""
     from gmrdata.people.sources import masks_named, network_files
 
     flags.need(names, "a source of masks: --masks person, or none")
@@ -195,9 +184,7 @@ def _masks(
     if "silhouette" in names:
         what = "silhouette needs a body before any camera is known. Use person"
         raise BadRecipe(f"--masks: {what}")
-    # Absolute, since a worker of another machine may run in another folder.
-    model, landmarks, weights = (file and file.absolute() for file in (model, landmarks, weights))
-    config = masks_named(names, model=model, landmarks=landmarks, weights=weights, classes=classes)
+    config = masks_named(names, **vars(networks.absolute()))
     try:
         network_files(config)
     except MissingInput as error:

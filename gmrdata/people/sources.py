@@ -36,9 +36,9 @@ from gmrdata.values.records import Config
 
 Settings = TypeVar("Settings", bound=Config)
 USED_BY = {  # Which sources read an option of the command line
-    "--model": ("onnx", "person"),
-    "--landmarks": ("person",),
-    "--weights": ("maskrcnn",),
+    "--detector": ("onnx", "person"),
+    "--landmark-network": ("person",),
+    "--maskrcnn": ("maskrcnn",),
     "--classes": ("onnx", "maskrcnn"),
 }
 
@@ -117,7 +117,7 @@ class MasksConfig(UnionConfig):
 
 
 class MasksRecipe(MasksConfig):
-    """Masks of any frames, as a file for `gmrdata masks --sources` and `gmrdata sfm --masks`."""
+    """Masks of any frames, as a file for `gmrdata masks --masks` and `gmrdata sfm --masks`."""
 
     recipe: Literal["masks"]
 
@@ -158,9 +158,9 @@ def make_masks(
 def masks_named(
     names: Sequence[str],
     *,
-    model: Path | None = None,
-    landmarks: Path | None = None,
-    weights: Path | None = None,
+    detector: Path | None = None,
+    landmark_network: Path | None = None,
+    maskrcnn: Path | None = None,
     classes: tuple[str, ...] = (),
 ) -> MasksConfig:
     """The sources that a command line names; the options are those of the detectors.
@@ -180,11 +180,11 @@ def masks_named(
             if name == "silhouette":
                 sources.append(SilhouetteSource())
             elif name == "onnx":
-                sources.append(OnnxSource.model_validate({"model": model} | chosen))
+                sources.append(OnnxSource.model_validate({"model": detector} | chosen))
             elif name == "person":
-                sources.append(PersonSource(model=model, landmarks=landmarks))
+                sources.append(PersonSource(model=detector, landmarks=landmark_network))
             elif name == "maskrcnn":
-                sources.append(MaskRcnnSource.model_validate({"weights": weights} | chosen))
+                sources.append(MaskRcnnSource.model_validate({"weights": maskrcnn} | chosen))
             elif name.endswith(".yaml"):
                 recipe = load_recipe(find_recipe(name), MasksRecipe)
                 sources += recipe.sources
@@ -196,8 +196,8 @@ def masks_named(
                 raise MissingInput(f"{name}: no such folder of masks; name {known}")
     except ValidationError as error:
         raise BadRecipe("; ".join(found["msg"] for found in error.errors())) from None
-    given = {"--model": model, "--landmarks": landmarks, "--weights": weights}
-    _require_used(names, given | {"--classes": classes})
+    given = (detector, landmark_network, maskrcnn, classes)
+    _require_used(names, dict(zip(USED_BY, given, strict=True)))
     return MasksConfig.model_validate({"sources": tuple(sources)} | settings)
 
 

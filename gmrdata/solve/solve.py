@@ -149,10 +149,10 @@ def video_frames(
     if video is None:
         if fps_hz is None:
             what = "a folder of images has no frame rate"
-            raise BadRecipe(f"{images_dir}: {what}. Give it with --fps")
+            raise BadRecipe(f"{images_dir}: {what}. Give it with --fps-hz")
         return VideoFrames(numbers, np.arange(len(numbers)), len(numbers), size_px, fps_hz)
     if fps_hz is not None:
-        raise BadRecipe(f"{images_dir}: a video has its own times. Leave --fps out")
+        raise BadRecipe(f"{images_dir}: a video has its own times. Leave --fps-hz out")
     whole = part is None or part.to_s is None
     frame_of = {number // video.every: number for number in video.numbers}
     frame_numbers = np.array([frame_of[int(number)] for number in numbers], dtype=np.int64)

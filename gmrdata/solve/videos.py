@@ -285,9 +285,11 @@ def prepared(found: FoundVideos, batch: Batch, poses_dir: Path | None) -> FoundV
         raise BadRecipe("--masks: a folder of masks is of one video. Solve that one alone")
     folders = [video.path for video in found.videos if not is_video(video.path)]
     if folders and batch.request.fps_hz is None:
-        raise BadRecipe(f"{folders[0]}: a folder of images has no frame rate. Give it with --fps")
+        raise BadRecipe(
+            f"{folders[0]}: a folder of images has no frame rate. Give it with --fps-hz"
+        )
     if batch.request.fps_hz is not None and not folders:
-        raise BadRecipe("--fps: videos have their own times. Leave it out")
+        raise BadRecipe("--fps-hz: videos have their own times. Leave it out")
     found = found if poses_dir is None else with_poses(found, poses_dir)
     for line in found.remarks:
         remark(line)

@@ -78,11 +78,11 @@ class FrameSet:
         """
         if self.video is not None:
             if fps_hz is not None:
-                raise BadRecipe(f"{self.folder}: a video has its own times. Leave --fps out")
+                raise BadRecipe(f"{self.folder}: a video has its own times. Leave --fps-hz out")
             return self
         if fps_hz is None:
             what = "a folder of images has no frame rate"
-            raise BadRecipe(f"{self.folder}: {what}. Give it with --fps")
+            raise BadRecipe(f"{self.folder}: {what}. Give it with --fps-hz")
         return replace(self, times_s=self.frame_numbers / fps_hz, rate_hz=fps_hz)
 
     @property

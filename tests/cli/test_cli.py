@@ -66,7 +66,7 @@ def test_wrong_flags_exit_with_2(arguments: tuple[str, ...], gmrdata: Gmrdata) -
 
 
 def test_no_argument_is_rewritten(gmrdata: Gmrdata, tmp_path: Path) -> None:
-    answer = gmrdata("threedpw", "--root", tmp_path, "--out", tmp_path / "out")
+    answer = gmrdata("threedpw", "--threedpw", tmp_path, "--out", tmp_path / "out")
     assert answer.returncode == 2
     assert "gmrdata threedpw regenerate --help" in " ".join(answer.stderr.split())
     assert "regenerate" in gmrdata("threedpw").stderr
@@ -158,7 +158,7 @@ def test_motions_are_listed(gmrdata: Gmrdata, cmu_dir: Path) -> None:
     assert "02_03.amc" in answer.stdout and "08_02.bvh" in answer.stdout
 
 
-NEEDED = {"threedpw": "--root", "masks": "--frames", "gmr": "--manifest", "table": "--manifest"}
+NEEDED = {"threedpw": "--threedpw", "masks": "--frames", "gmr": "--manifest", "table": "--manifest"}
 """Flag without which no recipe of a kind does anything."""
 
 

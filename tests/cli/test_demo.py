@@ -118,7 +118,7 @@ def test_sfm_regenerates_one_sequence_as_the_demo_did(
     paths, _ = finished
     answer = gmrdata(
         "sfm",
-        *("--frames", paths.clip("panning").frames_dir),
+        paths.clip("panning").frames_dir,
         *("--camera-body", paths.clip("panning").seen),
         *("--masks", paths.clip("panning").masks_dir),
         *("--body", paths.body),
@@ -139,9 +139,9 @@ def test_sfm_unites_the_silhouette_with_a_detector(
     model, out = shared_path("models/yolox_nano.onnx"), tmp_path / "out"
     answer = gmrdata(
         "sfm",
-        *("--frames", paths.clip("panning").frames_dir),
+        paths.clip("panning").frames_dir,
         *("--camera-body", paths.clip("panning").seen),
-        *("--masks", "silhouette", "onnx", "--model", model),
+        *("--masks", "silhouette", "onnx", "--detector", model),
         *("--body", paths.body),
         *("--out", out),
     )
@@ -165,11 +165,11 @@ def test_sfm_names_the_frame_that_is_missing_or_broken(
         (frames / path.name).write_bytes(path.read_bytes())
     common = ("--camera-body", paths.clip("panning").seen, "--body", paths.body)
     (frames / "00007.jpg").write_bytes(b"")
-    answer = gmrdata("sfm", "--frames", frames, *common, "--out", tmp_path / "a")
+    answer = gmrdata("sfm", frames, *common, "--out", tmp_path / "a")
     assert (answer.returncode, "Traceback" in answer.stderr) == (1, False)
     assert "00007.jpg" in answer.stderr
     (frames / "00007.jpg").unlink()
-    answer = gmrdata("sfm", "--frames", frames, *common, "--out", tmp_path / "b")
+    answer = gmrdata("sfm", frames, *common, "--out", tmp_path / "b")
     assert (answer.returncode, "Traceback" in answer.stderr) == (1, False)
     assert "7" in answer.stderr
     assert not (tmp_path / "a" / "sfm").exists() and not (tmp_path / "b" / "masks").exists()

@@ -57,10 +57,10 @@ def solved(
         small = cv2.resize(cv2.imread(str(image)), SIZE_PX, interpolation=cv2.INTER_AREA)
         cv2.imwrite(str(images_dir / f"{number:05d}.jpg"), small[rows])
     models = shared_path("models")
-    command = ["video", images_dir, "--out", out, "--fps", "15"]
+    command = ["video", images_dir, "--out", out, "--fps-hz", "15"]
     command += [] if poses is None else ["--poses", poses]
-    command += ["--model", models / "yolox_nano.onnx", "--focal", "500", "--no-check-lens"]
-    command += ["--landmarks", models / "pose_landmark_lite.tflite", "--no-page"]
+    command += ["--detector", models / "yolox_nano.onnx", "--focal", "500", "--no-check-lens"]
+    command += ["--landmark-network", models / "pose_landmark_lite.tflite", "--no-page"]
     main(list(map(str, command)))
     return VideoVerdict.read(out / "verdict.json")
 
@@ -72,7 +72,7 @@ def test_without_the_networks_people_are_left_out_with_a_word_or_refused(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "empty"))
-    flags = ("--out", tmp_path / "out", *CAMERAS_ALONE[:-2], "--fps", "10", "--dry-run")
+    flags = ("--out", tmp_path / "out", *CAMERAS_ALONE[:-2], "--fps-hz", "10", "--dry-run")
     command = ["video", *map(str, (dolly.images_dir, *flags))]
     main(command)
     printed = capsys.readouterr()

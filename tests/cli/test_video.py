@@ -57,7 +57,7 @@ def solved(
         body_path = vibe_file.with_name("body.npz")
         save_body(body_path, neutral)
         frames = filmed_set.root / "imageFiles" / "arc_00"
-        main(arguments(frames, out, "--fps", "30", "--poses", vibe_file, "--body", body_path))
+        main(arguments(frames, out, "--fps-hz", "30", "--poses", vibe_file, "--body", body_path))
 
     return made_once(tmp_path_factory, "solved_video", make)
 
@@ -99,11 +99,13 @@ def test_the_same_again_does_nothing_and_other_poses_need_redo(
     solved: Path, filmed_set: Made, vibe_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     frames, before = filmed_set.root / "imageFiles" / "arc_00", _times(solved)
-    given = ("--fps", "30", "--body", vibe_file.with_name("body.npz"))
+    given = ("--fps-hz", "30", "--body", vibe_file.with_name("body.npz"))
     main(arguments(frames, solved, *given, "--poses", vibe_file))
     assert _times(solved) == before
     assert capsys.readouterr().out.startswith("accepted\n")
-    refused(capsys, "holds people, and now cameras alone", arguments(frames, solved, "--fps", "30"))
+    refused(
+        capsys, "holds people, and now cameras alone", arguments(frames, solved, "--fps-hz", "30")
+    )
     assert _times(solved) == before
 
 
@@ -133,7 +135,7 @@ def test_in_a_batch_it_is_the_same_folder(
     for number in range(3):
         cv2.imwrite(str(still / f"{number}.png"), np.full((90, 160, 3), 90, np.uint8))
     frames, body = filmed_set.root / "imageFiles" / "arc_00", vibe_file.with_name("body.npz")
-    given = arguments(frames, batch, "--workers", "1", "--fps", "30", "--poses", poses)
+    given = arguments(frames, batch, "--workers", "1", "--fps-hz", "30", "--poses", poses)
     main([given[0], str(still), *given[1:], "--body", str(body)])
     said = capsys.readouterr().err.replace("\n", " ")
     assert "1 of 2 videos have no poses and end in cameras alone: still" in said
@@ -180,7 +182,7 @@ def test_a_video_without_a_camera_path_is_rejected_with_the_reason(
     folder.mkdir()
     for number in range(6):
         cv2.imwrite(str(folder / f"{number:05d}.png"), np.full((90, 160, 3), 9 * number, np.uint8))
-    given = arguments(folder, tmp_path / "out", "--fps", "10")
+    given = arguments(folder, tmp_path / "out", "--fps-hz", "10")
     main(given)
     printed = capsys.readouterr()
     assert printed.out.startswith("rejected\n  ")
@@ -203,7 +205,7 @@ def test_poses_of_another_video_are_refused(
     out.mkdir()
     (out / "sfm").symlink_to(solved / "sfm")  # which need not be made again
     frames, clip = filmed_set.root / "imageFiles" / "arc_00", filmed_set.truth["arc_00"][0]
-    given = arguments(frames, out, "--fps", "30", "--body", solved / "body" / "body.npz")
+    given = arguments(frames, out, "--fps-hz", "30", "--body", solved / "body" / "body.npz")
     for content, said in (
         (_shifted(clip, neutral, 20), "is of 56 frames or more, and the video has 36"),
         (_shifted(clip, neutral, 400), "another video's, or rate. If it was made of every n-th"),
@@ -232,9 +234,9 @@ def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
         (("--focal", "0"), "--focal 0.0: Input should be greater than 0"),
         (("--fov", "60"), "give one of --focal, --fov and --intrinsics"),
         (("--masks", "silhouette"), "Use person"),
-        (("--every", "2", "--fps", "30"), "are for a video file"),
-        ((), "has no frame rate. Give it with --fps"),
-        (("--masks", "person", "--model", "gone.onnx"), "--masks none goes without"),
+        (("--every", "2", "--fps-hz", "30"), "are for a video file"),
+        ((), "has no frame rate. Give it with --fps-hz"),
+        (("--masks", "person", "--detector", "gone.onnx"), "--masks none goes without"),
     ],
 )
 def test_wrong_flags_name_the_remedy(

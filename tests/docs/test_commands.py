@@ -39,10 +39,10 @@ RUN = (
     "manifest check out/cmu/motions.yaml",
     "render synthetic --motions path/to/cmu --out out/synthetic --dry-run --no-probe",
     "render places.yaml --motions path/to/cmu --out out/places --shard 1/1",
-    "threedpw list --root 3DPW",
-    "threedpw show arc_00 --root 3DPW",
-    "threedpw regenerate --root 3DPW --out out/3dpw --recipe my.yaml --dry-run",
-    "threedpw regenerate --root 3DPW --out out/3dpw --recipe my.yaml",
+    "threedpw list --threedpw 3DPW",
+    "threedpw show arc_00 --threedpw 3DPW",
+    "threedpw regenerate --threedpw 3DPW --out out/3dpw --recipe my.yaml --dry-run",
+    "threedpw regenerate --threedpw 3DPW --out out/3dpw --recipe my.yaml",
     "threedpw compare out/3dpw",
     "export out/3dpw --to colmap tum rrd --images 3DPW/imageFiles --out out/exported",
     "export out/3dpw --to tum kitti --of person --clips arc_00.p0 --out out/people",
@@ -83,13 +83,13 @@ ELSEWHERE = {
     "fuse --network --out --dry-run": (
         "cli/test_fusion.py::test_fuse_says_what_it_found_and_writes_a_page"
     ),
-    "masks --out --sources": "people/test_verb.py::test_a_video_and_a_folder_of_masks",
+    "masks --out --masks": "people/test_verb.py::test_a_video_and_a_folder_of_masks",
     "merge": "cli/test_shards.py::test_shards_and_merge_leave_the_bytes_of_one_process",
     "page --images": (
         "cli/test_page.py::"
         "test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected"
     ),
-    "sfm --frames --camera-body --masks --out": (
+    "sfm --camera-body --masks --out": (
         "cli/test_demo.py::test_sfm_unites_the_silhouette_with_a_detector"
     ),
     "tables --scored --network --poses --keypoints --estimator --out": (
@@ -110,7 +110,7 @@ ELSEWHERE = {
     "video --out --dry-run": (
         "cli/test_videos.py::test_a_dry_run_lists_the_videos_and_does_nothing"
     ),
-    "video --out --poses --fps --masks": (
+    "video --out --poses --fps-hz --masks": (
         "cli/test_video.py::test_people_of_vibe_move_in_the_world_as_they_did"
     ),
 }

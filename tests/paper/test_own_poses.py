@@ -91,7 +91,7 @@ def manifest(
 
 @pytest.fixture(scope="module")
 def made(manifest: Path, yolox_nano: Path, pose_landmarks: Path) -> Path:
-    networks = ["--model", str(yolox_nano), "--landmarks", str(pose_landmarks)]
+    networks = ["--detector", str(yolox_nano), "--landmark-network", str(pose_landmarks)]
     out = manifest.parent / "own"
     main(["baseline", "own_poses", str(manifest), "--out", str(out), *networks])
     return out

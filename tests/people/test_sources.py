@@ -68,7 +68,7 @@ def test_no_source_at_all_is_refused() -> None:
 def test_a_command_line_names_sources(tmp_path: Path) -> None:
     model = tmp_path / "m.onnx"
     names = ("silhouette", "onnx", "person", "maskrcnn", str(tmp_path))
-    config = masks_named(names, model=model, landmarks=Path("l"), classes=("dog",))
+    config = masks_named(names, detector=model, landmark_network=Path("l"), classes=("dog",))
     assert config.sources == (
         SilhouetteSource(),
         OnnxSource(model=model, classes=("dog",)),
@@ -93,11 +93,11 @@ def test_a_recipe_file_brings_its_settings(tmp_path: Path) -> None:
     [
         (("no_folder",), {}, MissingInput, "no_folder: no such folder of masks; name silhouette"),
         (("none.yaml",), {}, MissingInput, "none.yaml: no such recipe file"),
-        (("silhouette",), {"model": Path("m.onnx")}, BadRecipe, "--model is for onnx and person"),
-        (("onnx",), {"landmarks": Path("l")}, BadRecipe, "--landmarks is for person"),
+        (("silhouette",), {"detector": Path("m")}, BadRecipe, "--detector is for onnx and person"),
+        (("onnx",), {"landmark_network": Path("l")}, BadRecipe, "--landmark-network is for person"),
         (("silhouette",), {"classes": ("dog",)}, BadRecipe, "--classes is for onnx and maskrcnn"),
-        (("onnx",), {"model": Path("m"), "classes": ("dgo",)}, BadRecipe, "not classes .* dgo"),
-        (("onnx",), {"model": Path("m"), "weights": Path("w")}, BadRecipe, "--weights is for mask"),
+        (("onnx",), {"detector": Path("m"), "classes": ("dgo",)}, BadRecipe, "not classes .* dgo"),
+        (("onnx",), {"maskrcnn": Path("w")}, BadRecipe, "--maskrcnn is for mask"),
     ],
 )
 def test_wrong_command_lines_are_told(

@@ -19,7 +19,7 @@ def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 def test_frames_are_masked_and_shown(yolox_nano: Path, dog_dir: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    answer = gmrdata("masks", dog_dir, "--out", out, "--model", yolox_nano, "--classes", "dog")
+    answer = gmrdata("masks", dog_dir, "--out", out, "--detector", yolox_nano, "--classes", "dog")
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout.split() == [str(out / "masks"), str(out / "sheet" / "contact.jpg")]
     assert "detecting" in answer.stderr and "4/4" in answer.stderr
@@ -44,7 +44,7 @@ def test_a_video_and_a_folder_of_masks(tmp_path: Path, capsys: pytest.CaptureFix
         video.write(np.full((48, 64, 3), 60 * i, np.uint8))
         cv2.imwrite(str(tmp_path / "made" / f"{i:05d}.png"), np.full((48, 64), 255, np.uint8))
     video.release()
-    common = ("masks", tmp_path / "v.avi", "--out", tmp_path / "out", "--sources")
+    common = ("masks", tmp_path / "v.avi", "--out", tmp_path / "out", "--masks")
     main([str(argument) for argument in (*common, tmp_path / "made")])
     frames = sorted(p.name for p in (tmp_path / "out" / "frames").glob("*.jpg"))
     assert frames == [f"{i:05d}.jpg" for i in range(3)]
@@ -64,11 +64,11 @@ def test_a_video_and_a_folder_of_masks(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--sources", "person"), "no such model file; `gmrdata fetch models` gets it"),
-        (("--sources", "silhouette"), "pass --camera-body"),
-        (("--model", "no.onnx"), "no.onnx: no such model file; `gmrdata fetch models` gets it"),
-        (("--sources", "maskrcnn", "--model", "m.onnx"), "--model is for onnx and person"),
-        (("--sources",), "nothing given. Name a source of masks"),
+        (("--masks", "person"), "no such model file; `gmrdata fetch models` gets it"),
+        (("--masks", "silhouette"), "pass --camera-body"),
+        (("--detector", "no.onnx"), "no.onnx: no such model file; `gmrdata fetch models` gets it"),
+        (("--masks", "maskrcnn", "--detector", "m.onnx"), "--detector is for onnx and person"),
+        (("--masks",), "nothing given. Name a source of masks"),
     ],
 )
 def test_what_is_missing_is_told(

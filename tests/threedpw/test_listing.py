@@ -48,7 +48,7 @@ def mixed_root(
 
 
 def test_the_list_shows_every_sequence_and_ends_with_1(mixed_root: Path) -> None:
-    answer = gmrdata("threedpw", "list", "--root", mixed_root)
+    answer = gmrdata("threedpw", "list", "--threedpw", mixed_root)
     assert answer.returncode == 1
     assert "Traceback" not in answer.stderr
     assert "6 of 7 sequences can't be used, see the table" in " ".join(answer.stderr.split())
@@ -79,7 +79,7 @@ def test_rows_of_good_and_odd_sequences(mixed_root: Path) -> None:
 
 
 def test_a_good_folder_ends_with_0(make_dataset: Make) -> None:
-    answer = gmrdata("threedpw", "list", "--root", make_dataset())
+    answer = gmrdata("threedpw", "list", "--threedpw", make_dataset())
     assert answer.returncode == 0, answer.stderr
     assert "90.0 %, 100.0 %" in answer.stdout
 
@@ -98,7 +98,7 @@ def test_show_gives_the_ranges_and_reasons_of_each_person(
         ("1", "male", "29", "29", "1", "image_00029.jpg is missing"),
     ]
     assert problems == ("1 of 30 images can't be used",)
-    answer = gmrdata("threedpw", "show", NAME, "--root", root)
+    answer = gmrdata("threedpw", "show", NAME, "--threedpw", root)
     assert answer.returncode == 0, answer.stderr
     assert "campose_valid is 0" in answer.stdout and "1 of 30 images" in answer.stdout
 

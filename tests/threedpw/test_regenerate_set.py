@@ -156,7 +156,7 @@ def test_a_sequence_that_is_not_there_is_an_error(filmed_set: Any, tmp_path: Pat
 
 def test_a_dry_run_says_which_stages_are_to_do(filmed_set: Any, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "gmrdata", "threedpw", "regenerate"]
-    command += ["--root", str(filmed_set.root)]
+    command += ["--threedpw", str(filmed_set.root)]
     done = subprocess.run(
         [*command, "--out", str(tmp_path / "out"), "--dry-run"],
         check=True,
