@@ -19,11 +19,11 @@ from gmrdata.fusion.record import (
     sigma_file,
 )
 from gmrdata.motion.resample import valid_runs
-from gmrdata.pages.html import Table, render
+from gmrdata.pages.html import Table, render, write_page
 from gmrdata.pages.plots import COLOURS, quiet, svg
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadRecord
-from gmrdata.values.files import remove_orphans, write_text
+from gmrdata.values.files import remove_orphans
 from gmrdata.values.people import person_file
 from gmrdata.values.records import MAKE_AGAIN
 
@@ -61,13 +61,11 @@ def write_fusion_page(folder: Path) -> Path:
     """Write `fusion.html` beside `fusion.json`; the path of the page."""
     remove_orphans(folder)
     found = read_fused(folder)
-    page = folder / "fusion.html"
     lead = (
         f"Camera poses and the motions of GMR {found.record.network}, put together frame by frame."
     )
     shown = {"title": "Cameras and network together", "lead": lead, "fused": fused_shown(found)}
-    write_text(page, render("fusion", **shown))
-    return page
+    return write_page(folder / "fusion.html", render("fusion", **shown))
 
 
 def fused_shown(found: FusedPeople) -> dict[str, object]:

@@ -10,11 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from gmrdata.pages import frames, plots, report_data
-from gmrdata.pages.html import Cell, Table, render
+from gmrdata.pages.html import Cell, Table, render, write_page
 from gmrdata.pages.plots import COLOURS, quiet, svg
 from gmrdata.pages.report_data import ClipReport, GmrSummary, ReportData
 from gmrdata.twins.pseudo_gt_error import error_series
-from gmrdata.values.files import write_text
 from gmrdata.values.motion import Motion
 from gmrdata.write.overlay import OVERLAY_BGR
 
@@ -36,8 +35,7 @@ GEOMETRY_WORDS = {
 
 def write_report(path: Path, report: ReportData) -> Path:
     """Write the report as a whole or not at all; the same input gives the same bytes."""
-    write_text(path, page(report))
-    return path
+    return write_page(path, page(report))
 
 
 def page(report: ReportData) -> str:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from gmrdata.pages.html import Table, render
+from gmrdata.pages.html import Table, render, write_page
 from gmrdata.pages.plots import COLOURS, picture, quiet, svg
 from gmrdata.score import compare
 from gmrdata.score.records import ScoredResults, Scores
 from gmrdata.score.table import explanations, lead, protocol_rows, result_lines, score_rows
-from gmrdata.values.files import remove_orphans, write_bytes, write_text
+from gmrdata.values.files import remove_orphans, write_bytes
 
 ROLES = ("gmr", "person", "camera", "good", "bad")
 """Colours of the curves, in their order; then again, dashed."""
@@ -21,11 +21,9 @@ def write_scores_page(scores_path: Path) -> Path:
     """Write `scores.html` and `over_time.png` beside a `scores.json`; the path of the page."""
     remove_orphans(scores_path.parent)
     scores = Scores.read(scores_path)
-    page = scores_path.with_name("scores.html")
-    write_text(page, scores_page(scores))
     drawn = picture(lambda plot: plot_over_time(plot, [scores.name], [scores]), *SIZE_IN)
     write_bytes(scores_path.with_name("over_time.png"), drawn)
-    return page
+    return write_page(scores_path.with_name("scores.html"), scores_page(scores))
 
 
 def write_scores_pages(folder: Path) -> None:
@@ -38,9 +36,8 @@ def write_comparison_page(comparison_path: Path, scores_paths: Sequence[Path]) -
     """Write the page beside a `comparison.json`; each run has its `scores.json`, in their order."""
     remove_orphans(comparison_path.parent)
     records = [Scores.read(path) for path in scores_paths]
-    page = comparison_path.with_name("comparison.html")
-    write_text(page, comparison_page(compare.Comparison.read(comparison_path), records))
-    return page
+    page = comparison_page(compare.Comparison.read(comparison_path), records)
+    return write_page(comparison_path.with_name("comparison.html"), page)
 
 
 def scores_page(scores: Scores) -> str:

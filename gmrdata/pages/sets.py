@@ -16,7 +16,7 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality
 from gmrdata.manifest.read import read_manifest
 from gmrdata.pages import frames
-from gmrdata.pages.html import Cell, Table, render
+from gmrdata.pages.html import Cell, Table, render, write_page
 from gmrdata.pages.plots import picture, plot_clip_view
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.frames import list_images
@@ -26,7 +26,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import EngineMissing
-from gmrdata.values.files import remove_orphans, write_bytes, write_text
+from gmrdata.values.files import remove_orphans, write_bytes
 from gmrdata.values.records import Config
 
 PATHS_FILE = "paths.png"
@@ -58,7 +58,7 @@ def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:
         table=_clip_table(clips),
         clips=[_clip_section(clip, warnings.get(clip.id)) for clip in clips],
     )
-    write_text(out_dir / "index.html", page)
+    write_page(out_dir / "index.html", page)
 
 
 def _clip_table(clips: Sequence[ClipEntry]) -> Table:
@@ -168,9 +168,9 @@ def preview_set(
     lead = "clips. Quick drawings to look at: the set's own frames have other light and colours."
     sections = [_preview_section(take.id, take.camera_motion) for take in drawn]
     page = render("clips", title=title, lead=f"{len(drawn)} {lead}", table=None, clips=sections)
-    write_text(out_dir / "index.html", page)
+    index = write_page(out_dir / "index.html", page)
     raise_failures("preview", reasons | outcome.reasons, len(selection.takes), failures_dir)
-    return out_dir / "index.html"
+    return index
 
 
 def _preview_section(id: str, camera_motion: str) -> dict[str, object]:

@@ -10,7 +10,6 @@ from typing import Any, get_args
 
 import cv2  # noqa: F401  (before pycolmap)
 import numpy as np
-import pycolmap
 import pytest
 import torch
 from evo.tools import file_interface
@@ -23,6 +22,7 @@ from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from tests.clip_manifests import write_clips
+from tests.write.test_colmap import models
 
 Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -184,10 +184,6 @@ def test_people_of_a_sequence_share_the_file_of_their_one_camera(
         made = gmrdata.export(str(tmp_path / "walk"), ["tum"], tmp_path / of, of=of)
         assert [one.unit.path.name for one in made if not one.left_out] == names[of]
         assert sorted(path.name for path in (tmp_path / of / "tum").iterdir()) == names[of]
-
-
-def models(folder: Path) -> list[Any]:
-    return [pycolmap.Reconstruction(str(folder / name)) for name in ("sparse/0", "text")]
 
 
 @pytest.fixture(scope="module")

@@ -175,21 +175,20 @@ def test_a_frame_without_an_image_is_black_and_one_without_a_camera_is_bare(
     assert (footage_picture(given, 4)[:-BAR_PX] == GREY).all()
 
 
-def test_a_constant_rate_shows_each_frame_once() -> None:
-    rows, rate_hz = shown_rows(np.round(np.arange(300) / 29.97, 6), 29.97)
-    assert rows.tolist() == list(range(300)) and rate_hz == 29.97
-
-
-def test_a_long_video_shows_every_third_frame_at_its_own_speed() -> None:
-    times_s = np.arange(2500) / 25.0
-    rows, rate_hz = shown_rows(times_s, 25.0)
-    assert rows.tolist() == list(range(0, 2500, 3)) and rate_hz == pytest.approx(25 / 3)
-
-
-def test_a_variable_rate_keeps_its_times() -> None:
-    times_s = np.array([0.0, 0.1, 0.2, 0.5, 0.6])
-    rows, rate_hz = shown_rows(times_s, 10.0)
-    assert rows.tolist() == [0, 1, 2, 2, 2, 3, 4] and rate_hz == 10.0
+@pytest.mark.parametrize(
+    ("times_s", "fps_hz", "rows", "rate_hz"),
+    [
+        (np.round(np.arange(300) / 29.97, 6), 29.97, list(range(300)), 29.97),
+        (np.arange(2500) / 25.0, 25.0, list(range(0, 2500, 3)), 25 / 3),
+        (np.array([0.0, 0.1, 0.2, 0.5, 0.6]), 10.0, [0, 1, 2, 2, 2, 3, 4], 10.0),
+    ],
+    ids=["constant", "long", "variable"],
+)
+def test_frames_are_shown_as_long_as_they_last(
+    times_s: np.ndarray, fps_hz: float, rows: list[int], rate_hz: float
+) -> None:
+    shown, shown_hz = shown_rows(times_s, fps_hz)
+    assert shown.tolist() == rows and shown_hz == rate_hz
 
 
 @given(arrays(float, st.integers(1, 60), elements=st.floats(0.001, 50.0)))

@@ -86,15 +86,10 @@ def test_parts_that_are_missing_are_left_out(report: ReportData) -> None:
     assert "in all" not in text
 
 
-def figures_of(camera_rotation_deg: float | None, scale_error_percent: float | None) -> ClipFigures:
-    return ClipFigures(
-        ome_deg=0.1,
-        tme_mm=1.0,
-        camera_rotation_deg=camera_rotation_deg,
-        scale_error_percent=scale_error_percent,
-        frames=48,
-        frames_with_camera=48,
-    )
+GOOD = ClipFigures(
+    ome_deg=0.1, tme_mm=1.0, camera_rotation_deg=0.1, scale_error_percent=0.0,
+    frames=48, frames_with_camera=48,
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -109,12 +104,13 @@ def figures_of(camera_rotation_deg: float | None, scale_error_percent: float | N
     ],
 )
 def test_thresholds(changed: dict[str, float], missed: set[str]) -> None:
-    met = verdicts(figures_of(0.1, 0.0).model_copy(update=changed))
+    met = verdicts(GOOD.model_copy(update=changed))
     assert {key for key, good in met.items() if not good} == missed
 
 
 def test_a_scale_that_does_not_enter_has_no_verdict() -> None:
-    figures = figures_of(None, None)
+    unknown = {"camera_rotation_deg": None, "scale_error_percent": None}
+    figures = GOOD.model_copy(update=unknown)
     assert "scale_error_percent" not in verdicts(figures)
     texts = figure_texts(figures)
     assert texts["scale_error_percent"] == "not observable (pan)"

@@ -54,6 +54,13 @@ def leads_to_files(page: Page) -> None:
         assert file.is_file() and file.is_relative_to(page.path.parent), file
 
 
+def drawn(folder: Path) -> Page:
+    """The page, made now."""
+    page = Page(make_video_page(folder))
+    leads_to_files(page)
+    return page
+
+
 def test_the_page_has_all_parts_and_leads_to_files(finished: Path) -> None:
     page = Page(finished / "index.html")
     leads_to_files(page)
@@ -116,8 +123,7 @@ def test_hostile_names_and_reasons_stay_texts(copied: Path) -> None:
     load_record(folder / "pseudo_gt").model_copy(update={"people": (person,)}).write(path)
     (folder / "files" / "bvh").mkdir(parents=True)
     (folder / "files" / "bvh" / f"{HOSTILE}.bvh").write_text("HIERARCHY")
-    page = Page(make_video_page(folder))
-    leads_to_files(page)
+    page = drawn(folder)
     assert {"img", "b", "i"}.isdisjoint(page.tags) and "onerror" not in page.attributes
     shown = HOSTILE.encode("utf-8", "backslashreplace").decode()
     assert page.words.startswith(shown) and f"because {said}" in page.words
@@ -129,8 +135,7 @@ def test_a_rejected_video_says_so_first_and_warns_of_its_files(
 ) -> None:
     config = PseudoGtConfig(verdict=VerdictConfig(min_inliers=101))
     solved_video(tmp_path / "walk", small_body, lost=[9, 10], config=config)
-    page = Page(make_video_page(tmp_path / "walk"))
-    leads_to_files(page)
+    page = drawn(tmp_path / "walk")
     verdict = page.words.index(f"Person 0: rejected, 0 of {N_ROWS} frames")
     assert verdict < page.words.index("Over the frames", page.words.index("Verdict"))
     assert "✗≥ 50" in page.words
@@ -144,8 +149,7 @@ def test_people_with_the_network_s_motions_are_shown_in_all_frames(
     folder = tmp_path / "walk"
     solved_video(folder, small_body, lost=[9, 10, 11])
     fuse_video(folder, run_dir)
-    page = Page(make_video_page(folder))
-    leads_to_files(page)
+    page = drawn(folder)
     said = "is the fused one (fused): camera poses put together with the motions of GMR “run”"
     assert said in page.words and "is the pseudo ground truth" not in page.words
     assert "In the 3 frames without a camera the motion goes on" in page.words
@@ -210,8 +214,7 @@ def test_the_lens_comes_with_its_source_and_its_error(copied: Path) -> None:
         focal_observable=False, asked=None, starts=(),
         objections=("the <b>lens</b> is not of these frames",), notes=("a guess",),
     ).write(copied / "intrinsics" / "intrinsics.json")  # fmt: skip
-    page = Page(make_video_page(copied))
-    leads_to_files(page)
+    page = drawn(copied)
     assert "Focal length554.3 px ± 30 %" in page.words and "a guess by what is usual" in page.words
     assert "Radial distortion k1-0.1 ± 0.02" in page.words
     assert "the <b>lens</b> is not of these frames" in page.words and "b" not in page.tags
@@ -220,8 +223,7 @@ def test_the_lens_comes_with_its_source_and_its_error(copied: Path) -> None:
 
 def test_cameras_alone(small_body: BodyModel, tmp_path: Path) -> None:
     solved_video(tmp_path / "walk", small_body, person=False, lost=[5, 6, 7])
-    page = Page(make_video_page(tmp_path / "walk"))
-    leads_to_files(page)
+    page = drawn(tmp_path / "walk")
     assert f"Cameras: accepted, 21 of {N_ROWS} frames (87.5%)" in page.words
     assert "cameras alone" in page.words and "background points" in page.words
     assert "[units of the reconstruction]" in page.words and "Metric scale" not in page.words
@@ -242,8 +244,7 @@ def test_the_verdict_of_a_video_without_cameras(tmp_path: Path) -> None:
         images_dir="frames", fps_hz=30.0, accepted=False, reasons=camera.reasons, camera=camera,
         people=(), notes=("the poses are of every second frame",),
     ).write(tmp_path / VERDICT_FILE)  # fmt: skip
-    page = Page(make_video_page(tmp_path))
-    leads_to_files(page)
+    page = drawn(tmp_path)
     assert "Cameras: rejected, 0 of 30 frames" in page.words
     assert "no two frames show the same place" in page.words
     assert "the poses are of every second frame" in page.words
@@ -253,8 +254,7 @@ def test_the_verdict_of_a_video_without_cameras(tmp_path: Path) -> None:
 def test_what_is_missing_is_named_and_costs_its_part_alone(copied: Path, tmp_path: Path) -> None:
     shutil.rmtree(copied / "frames")
     (copied / "sfm" / "tracks.npz").unlink()
-    page = Page(make_video_page(copied))
-    leads_to_files(page)
+    page = drawn(copied)
     assert "can’t be shown: the frames are not here: give their folder with --images" in page.words
     assert "tracks.npz: an older gmrdata kept no tracks" in page.words
     assert "Person 0: accepted" in page.words and page.tags.count("svg") == 4
