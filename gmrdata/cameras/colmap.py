@@ -14,6 +14,11 @@ from gmrdata.values.camera import project_cam
 # OpenCV first: with pycolmap loaded before it, cv2.imwrite of a PNG aborts the process, because
 # both wheels carry their own libpng (seen with pycolmap 4.2.1 and OpenCV 4.11).
 
+MIN_PARALLAX_DEG = 0.1  # points with less hardly have a depth; COLMAP's 1 empties slow sequences
+TRACKS_PER_FRAME = 200  # by which the global mapper places a frame where it doesn't take all
+LOSS_PX = 1.0  # scale of the Cauchy loss: an error of it counts half as much as by least squares
+LEAST_NOISE_PX = 0.05  # image points are never taken to be better
+
 # Only fatal messages: what goes wrong is told by our own errors, with the file and the remedy.
 pycolmap.logging.minloglevel = 3
 
@@ -43,10 +48,6 @@ def seen_by(model: Any, image: Any) -> tuple[list[int], np.ndarray, np.ndarray]:
     return features, np.array([spot.xy for spot in spots]).reshape(-1, 2), points
 
 
-MIN_PARALLAX_DEG = 0.1  # points with less hardly have a depth; COLMAP's 1 empties slow sequences
-TRACKS_PER_FRAME = 200  # by which the global mapper places a frame where it doesn't take all
-
-
 def global_options(config: SfmConfig, *, free_lens: bool) -> Any:
     """Options of COLMAP's global mapper, which repeats its results; the lens may be free."""
     options = _repeating(pycolmap.GlobalPipelineOptions(), config)
@@ -72,8 +73,6 @@ def _repeating(options: Any, config: SfmConfig) -> Any:
     options.min_num_matches = config.min_pair_inliers
     return options
 
-
-LOSS_PX = 1.0  # scale of the Cauchy loss: an error of it counts half as much as by least squares
 
 FreeIntrinsic = Literal["focal", "radial", "both"]
 

@@ -20,7 +20,7 @@ from scipy.sparse import coo_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.colmap import LOSS_PX, FreeIntrinsic, bundle_adjuster, pycolmap
+from gmrdata.cameras.colmap import LEAST_NOISE_PX, LOSS_PX, FreeIntrinsic, bundle_adjuster, pycolmap
 from gmrdata.cameras.files import Lens
 from gmrdata.cameras.map.rotation_only import RotationOnly, slopes_by_turns
 from gmrdata.cameras.match.keypoint_adjustment import MEASURED_PX
@@ -29,7 +29,6 @@ from gmrdata.cameras.recipe import DistortionConfig
 from gmrdata.values import transforms
 from gmrdata.values.lens import bent, straightened
 
-NOISE_FLOOR_PX = 0.05  # features are not placed better
 FREED_NOT_INDEPENDENT = 2.5
 """The error by covariance is too small by this: a feature's errors have much in common."""
 SYSTEMATIC_FOCAL, SYSTEMATIC_K1 = 0.0125, 0.008
@@ -38,6 +37,15 @@ WARP_PX = 1.0
 """What a rolling shutter and a phone's steadying bend at the edge of a turning picture."""
 STARTS = (1.0, 0.6, 1.6)  # focal lengths that the adjustment starts from, over the given one
 MOST_KEYFRAMES, MOST_POINTS, FEWEST_SEEN = 16, 800, 3  # of the thinned copy
+MATCHES_PER_PAIR = 100
+MAX_ITERATIONS = 30
+MAX_LOG_FACTOR = 1.5  # beyond this the fit has run away
+MAX_RADIAL = 1.0  # likewise
+LENS_STEP = 1e-6  # of log f and k1, for their slopes
+MAX_SIGMA = 0.5  # a factor that is less certain than this says nothing
+NOT_INDEPENDENT = 5.0
+"""The error by covariance is too small by this: a camera in the hand also moves a little, and what
+parallax it leaves leans on the focal length."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +168,7 @@ class AdjustedLens(NamedTuple):
 
 
 def adjust_lens(
-    model: Any, images: list[int], free: FreeIntrinsic, least_noise_px: float = NOISE_FLOOR_PX
+    model: Any, images: list[int], free: FreeIntrinsic, least_noise_px: float = LEAST_NOISE_PX
 ) -> AdjustedLens | None:
     """Adjust a model of one camera in place; None where that fails or has no standard error."""
     (camera,) = model.cameras.values()
@@ -178,17 +186,6 @@ def adjust_lens(
     # An error is the length of two coordinates; for normal ones its median is 1.177 sigma.
     noise_px = max(least_noise_px, float(np.median(errors_px)) / 1.177)
     return AdjustedLens(noise_px**2 * of_free, float(summary.ceres_summary.final_cost))
-
-
-MATCHES_PER_PAIR = 100
-MAX_ITERATIONS = 30
-MAX_LOG_FACTOR = 1.5  # beyond this the fit has run away
-MAX_RADIAL = 1.0  # likewise
-LENS_STEP = 1e-6  # of log f and k1, for their slopes
-MAX_SIGMA = 0.5  # a factor that is less certain than this says nothing
-NOT_INDEPENDENT = 5.0
-"""The error by covariance is too small by this: a camera in the hand also moves a little, and what
-parallax it leaves leans on the focal length."""
 
 
 class TurningFit(NamedTuple):
@@ -259,7 +256,7 @@ def fit_turning(
     covariance[:n_lens, :n_lens] = solver.solve(unit)[-n_lens:]
     if covariance.diagonal().max() * damping > 0.01:  # nothing but the damping holds it
         return None
-    noise_px = max(NOISE_FLOOR_PX, float(np.sqrt(np.median(error2_px))) / 1.177)
+    noise_px = max(LEAST_NOISE_PX, float(np.sqrt(np.median(error2_px))) / 1.177)
     cost = float(np.log1p(error2_px / LOSS_PX**2).mean())
     return TurningFit(float(lens[0]), float(lens[1]), noise_px**2 * covariance, cost, noise_px)
 

@@ -12,7 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import LOSS_PX, MIN_PARALLAX_DEG, bundle_adjuster, pycolmap
+from gmrdata.cameras.colmap import (
+    LEAST_NOISE_PX,
+    LOSS_PX,
+    MIN_PARALLAX_DEG,
+    bundle_adjuster,
+    pycolmap,
+)
 from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map.jumps import mend_jumps
@@ -20,8 +26,6 @@ from gmrdata.cameras.map.models import join_models
 from gmrdata.cameras.match.behind_masks import see_again
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import SfmConfig
-
-NARROWEST_PX = 0.05  # of a loss: image points are never taken to be better
 
 
 def refined_model(
@@ -59,7 +63,7 @@ def sharpen(model: Any, config: SfmConfig) -> float:
         return LOSS_PX
     model.update_point_3d_errors()
     median_px = float(np.median([model.point3D(i).error for i in sorted(model.point3D_ids())]))
-    loss_px = min(LOSS_PX, max(NARROWEST_PX, median_px))
+    loss_px = min(LOSS_PX, max(LEAST_NOISE_PX, median_px))
     bundle_adjuster(model, loss_px=loss_px).solve()
     return loss_px
 

@@ -15,12 +15,20 @@ from scipy.sparse import block_diag, coo_array, csc_array, csr_array, kron
 from scipy.sparse.linalg import splu, spsolve
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.colmap import LEAST_NOISE_PX
 from gmrdata.cameras.files import NOT_SMOOTHED, Smoothing, SmoothPlace, SmoothTurn
 from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.recipe import SfmConfig
 
-LEAST_NOISE_PX = 0.05  # image points are never taken to be better
 NEAREST_DEPTH = 1e-6
+ITERATIONS = 3  # corrections are small, so the first step is nearly all of it
+OFTEN = 0.95
+"""The path's own acceleration is the size that it keeps to so often: a single jump lies outside and
+is no way that the camera went, a burst of shake in a twentieth of the frames counts."""
+STRIDE = 3
+"""Frames over which the path's own acceleration is looked at: noise is a ninth of what it is from
+frame to frame, while a shake of 3 Hz at 30 frames/s loses a quarter."""
+NOISE_SAMPLES = 50  # second differences whose noise is worked out; its median counts
 
 
 def camera_information(
@@ -78,16 +86,6 @@ def linearized(
     # A turn of the camera by w moves a point by v x w in the camera's sight, a step d by -d.
     jacobian = np.concatenate([np.cross(by_world, arms[:, None]), -by_world], axis=2)
     return focal_px * rays + intrinsics_px[:2, 2] - image_px, jacobian
-
-
-ITERATIONS = 3  # corrections are small, so the first step is nearly all of it
-OFTEN = 0.95
-"""The path's own acceleration is the size that it keeps to so often: a single jump lies outside and
-is no way that the camera went, a burst of shake in a twentieth of the frames counts."""
-STRIDE = 3
-"""Frames over which the path's own acceleration is looked at: noise is a ninth of what it is from
-frame to frame, while a shake of 3 Hz at 30 frames/s loses a quarter."""
-NOISE_SAMPLES = 50  # second differences whose noise is worked out; its median counts
 
 
 @dataclass(frozen=True, eq=False)

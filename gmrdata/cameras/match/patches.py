@@ -11,9 +11,7 @@ import cv2
 import numpy as np
 
 HALF_PX = 7  # half of a patch's side
-GROWTH = (
-    0.2  # standard deviation of a patch's growth, and of its turn [rad], before it is looked at
-)
+GROWTH = 0.2  # standard deviation of a patch's growth, and of its turn [rad], before a look
 NOISE_GREY = 3.0  # standard deviation of a grey value [of 255]
 STEPS = 6
 STILL_PX = 0.05  # a patch whose last step is longer is not found
