@@ -17,7 +17,7 @@ Out = Annotated[
 
 def baseline_zero(manifest: flags.Manifest, out: Out, redo: flags.Redo = False) -> None:
     """Zero motion: everybody stays in the pose of the first frame."""
-    from gmrdata.score.constant import predict_zero
+    from gmrdata.score.baselines import predict_zero
 
     answer(predict_zero(manifest, out, run=Run(redo=redo)))
 
@@ -35,7 +35,7 @@ def baseline_mean(
         training: Manifests whose motions are averaged.
         fps_hz: Frame rate at which motions are averaged [Hz].
     """
-    from gmrdata.score.constant import MeanConfig, predict_mean
+    from gmrdata.score.baselines import MeanConfig, predict_mean
 
     flags.need(training, "a manifest to average: --training")
     answer(predict_mean(manifest, training, out, MeanConfig(fps_hz=fps_hz), run=Run(redo=redo)))

@@ -19,7 +19,7 @@ from gmrdata.gmr.checkpoint import StepState, load_weights, read_step_state, tra
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.model import MotionNetwork
 from gmrdata.paper.recipe import JointConfig
-from gmrdata.score import baseline_clips as predictions
+from gmrdata.score import baselines as predictions
 from gmrdata.score.predictions import every_row
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage

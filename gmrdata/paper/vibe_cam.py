@@ -23,7 +23,7 @@ from gmrdata.paper.placement import (
     place_person,
 )
 from gmrdata.read.bodies import body_inputs, load_bodies
-from gmrdata.score import baseline_clips as predictions
+from gmrdata.score import baselines as predictions
 from gmrdata.score.camera_as_world import as_if_still
 from gmrdata.score.predictions import every_row
 from gmrdata.stage.progress import track

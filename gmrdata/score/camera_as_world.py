@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, load_cameras
-from gmrdata.score import baseline_clips as predictions
+from gmrdata.score import baselines as predictions
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers

@@ -17,6 +17,7 @@ from gmrdata.score.records import ScoredResults
 from gmrdata.score.result_files import ClipFiles, ClipName, ResultSet
 from gmrdata.score.results import (
     MatchedClip,
+    RowsOfVideo,
     frames_of_rows,
     has_rows,
     matched_clip,
@@ -124,7 +125,8 @@ class ResultSets:
         for of_set in people.values():
             if id in of_set and not of_set[id].has_own_rate:
                 common &= has_rows(of_set[id], true, frames, seen_as)
-        return matched_clip(result, person, true, frames, body, seen_as, common)
+        rows = RowsOfVideo(frames, common)
+        return matched_clip(result, person, true, body, seen_as, rows)
 
 
 def _body_of(person: EstimatedPerson, clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:

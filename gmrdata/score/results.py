@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -133,52 +134,42 @@ def frames_of_rows(
     return np.where(numbers >= 0, numbers - (first_image or 0), -1).clip(min=-1)
 
 
+class RowsOfVideo(NamedTuple):
+    """Which frames of a video a clip's rows are."""
+
+    frames: np.ndarray  # (T,) the video's frame of each row; -1 for none
+    wanted: np.ndarray | None = None  # (T,) bool the rows to take; None for all
+
+
 def matched_clip(
     result: EstimatedPeople,
     person: EstimatedPerson,
     true: Clip,
-    frames: np.ndarray,
     body: BodyModel,
     seen_as: SeenAs,
-    wanted: np.ndarray | None = None,
+    rows: RowsOfVideo,
 ) -> MatchedClip:
     """A person's motion on the rows of a clip, at its rate, in a world with z up.
 
-    `frames` (T,) is the video's frame of each row, `wanted` (T,) bool the rows to take; None for
-    all.  BadMotionFile: the result has none of the frames.
+    BadMotionFile: the result has none of the frames.
     """
-    rows = rows_of_numbers(person.frame_numbers, frames)
+    file, frames = result.files[0], rows.frames
+    at = rows_of_numbers(person.frame_numbers, frames)
     has = has_rows(person, true, frames, seen_as)
     if not (has & true.valid).any():
         valid = frames[true.valid & (frames >= 0)]
         span = f"{valid.min()}-{valid.max()}" if valid.size else "none"
         raise BadMotionFile(
-            f"{result.files[0]}: {person.name} has frames {person.frame_numbers[0]}-"
+            f"{file}: {person.name} has frames {person.frame_numbers[0]}-"
             f"{person.frame_numbers[-1]}, and clip {true.id} is of frames {span} of the video. "
             "Give the clip's own result, or say with --first-image which image is frame 0"
         )
     shape, notes = _shape_on(person, body)
     others = np.setdiff1d(person.frame_numbers, frames[has])
-    if wanted is not None:
-        has = has & wanted
-    z_up_from_file = _to_world(person, true, rows, has, seen_as)
-    used = rows[has]
-    placed = person.in_world or person.in_camera
-    assert placed is not None
-    seen = Motion(
-        local_rotmats=person.local_rotmats[used],
-        root_rotmats=placed.root_rotmats[used],
-        pelvis_m=_transl_m(person, true)[used] + _rest_pelves_m(person, body, shape)[used],
-        shape=shape,
-        fps_hz=true.motion.fps_hz,
-        body=body.name,
-        gender=gender_of(body),
-        frame="camera",
-        source=f"{result.system}: {result.files[0].name}, {person.name}",
-    )
-    motion = _spread(motion_in_world(seen, z_up_from_file[has]), has)
+    has = has if rows.wanted is None else has & rows.wanted
+    z_up_from_file = _to_world(person, true, at, has, seen_as)
     matched = MatchedResult(
-        file=result.files[0].name,
+        file=file.name,
         person=person.name,
         people=len(result.people),
         frames=len(person.frame_numbers),
@@ -187,8 +178,28 @@ def matched_clip(
         first_unused_frame=int(others[0]) if others.size else None,
         notes=notes,
     )
-    camera = _own_camera(person, true, rows, has, z_up_from_file)
+    seen = _seen(person, true, body, shape).take(at[has])
+    seen = replace(seen, source=f"{result.system}: {file.name}, {person.name}")
+    motion = _spread(motion_in_world(seen, z_up_from_file[has]), has)
+    camera = _own_camera(person, true, at, has, z_up_from_file)
     return MatchedClip(Clip(true.id, motion, has, true.image_numbers, camera), matched)
+
+
+def _seen(person: EstimatedPerson, true: Clip, body: BodyModel, shape: np.ndarray) -> Motion:
+    """The person in the file's frame, in all frames that the file has."""
+    placed = person.in_world or person.in_camera
+    assert placed is not None
+    return Motion(
+        local_rotmats=person.local_rotmats,
+        root_rotmats=placed.root_rotmats,
+        pelvis_m=_transl_m(person, true) + _rest_pelves_m(person, body, shape),
+        shape=shape,
+        fps_hz=true.motion.fps_hz,
+        body=body.name,
+        gender=gender_of(body),
+        frame="camera",
+        source="",
+    )
 
 
 def _own_camera(

@@ -8,6 +8,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from benchmarks.training.bundle import write_bundle
 from gmrdata.cli import main
 from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, network_dir
 from gmrdata.gmr.model import Gmr, MeanGmr
@@ -15,7 +16,6 @@ from gmrdata.gmr.predict import (
     load_gmr,
     predict_deltas,
     read_bundle,
-    write_bundle,
 )
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.read.body_file import save_body

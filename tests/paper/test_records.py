@@ -6,9 +6,8 @@ from typing import Any
 import pytest
 
 from gmrdata.paper.vibe_cam import VibeCamPredictions
-from gmrdata.score.baseline_clips import NetworkPredictions, Predictions
+from gmrdata.score.baselines import MeanPredictions, NetworkPredictions, Predictions
 from gmrdata.score.camera_as_world import CameraPredictions
-from gmrdata.score.constant import MeanPredictions
 from tests.record_keys import assert_each_key_is_needed
 
 CLIP = {"fps_hz": 20.0, "n_frames": 40, "n_valid": 36}

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cli import main
 from gmrdata.gmr.runs import runs_at
 from gmrdata.manifest.current import Quality
-from gmrdata.score.baseline_clips import Subject
-from gmrdata.score.constant import (
+from gmrdata.score.baselines import (
     MeanConfig,
+    Subject,
     mean_motion,
     moving_as,
     predict_mean,
