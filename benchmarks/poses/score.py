@@ -21,7 +21,7 @@ from gmrdata.people.local_poses import (
     seen_landmarks,
 )
 from gmrdata.read.bodies import load_body
-from gmrdata.read.frames import image_number, list_images
+from gmrdata.read.frames import image_number, list_images, read_frames
 from gmrdata.solve.solve import FOLLOWED, INTRINSICS
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
@@ -76,7 +76,9 @@ def pose_row(
     times = ImageTimes(np.arange(len(numbers)), facts.fps_hz)
     lens = Lens(intrinsics.matrix_px, (intrinsics.radial_k1, 0.0))
     networks = Networks(models_dir / DETECTOR, models_dir / NETWORK)
-    followed_dir = follow_people(images_dir, work_dir / FOLLOWED, FollowConfig(), networks)
+    followed_dir = follow_people(
+        read_frames(images_dir), work_dir / FOLLOWED, FollowConfig(), networks
+    )
     found = []
     for track in load_tracks(followed_dir):
         seen = seen_landmarks(track, numbers, times, lens)

@@ -11,7 +11,7 @@ from real.clips import RealClip
 from real.pictures import Film
 
 from gmrdata.people.sources import MasksConfig, OnnxSource, PersonSource, make_masks, masks_seconds
-from gmrdata.read.frames import read_color
+from gmrdata.read.frames import read_color, read_frames
 from gmrdata.read.models import POSE_LANDMARKS
 
 JPEG_QUALITY = 95
@@ -99,7 +99,7 @@ def _masks(
 ) -> tuple[Path | None, float]:
     if kind == "none":
         return None, 0.0
-    make_masks(images_dir, out_dir, masks_config(kind, detector))
+    make_masks(read_frames(images_dir), out_dir, masks_config(kind, detector))
     return out_dir, masks_seconds(out_dir)
 
 

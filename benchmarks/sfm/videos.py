@@ -10,7 +10,7 @@ from gmrdata.cameras.files import load_cameras, load_points, load_quality
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.people.sources import MasksConfig, OnnxSource, make_masks, masks_seconds
-from gmrdata.read.frames import check_images, list_images
+from gmrdata.read.frames import check_images, list_images, read_frames
 from gmrdata.read.video import extract_video
 from gmrdata.stage.store import stage_seconds
 
@@ -59,7 +59,7 @@ def _row(
 ) -> dict[str, Any]:
     """Cameras of one video; in metres only where the background's distance is known."""
     config = MasksConfig(sources=(OnnxSource(model=model),))
-    masks_dir = make_masks(frames, out_dir / "masks", config)
+    masks_dir = make_masks(read_frames(frames), out_dir / "masks", config)
     width_px, height_px = check_images(list_images(frames))
     intrinsics_px = np.array(
         [[focal_px, 0, width_px / 2], [0, focal_px, height_px / 2], [0, 0, 1.0]]

@@ -30,6 +30,7 @@ from gmrdata.people.landmark_body import BODY_FILE, LandmarkBodyRecord
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.read.bodies import load_body
+from gmrdata.read.frames import read_frames
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, rows_of_numbers
 from gmrdata.values.lens import straightened
@@ -47,7 +48,7 @@ def true_tracks(clips: Sequence[Path], work_dir: Path, models_dir: Path) -> dict
     for clip_dir in clips:
         clip = load_clip(clip_dir / CLIP_FILE)
         followed_dir = follow_people(
-            clip_dir / FRAMES_FOLDER,
+            read_frames(clip_dir / FRAMES_FOLDER),
             work_dir / clip_dir.name,
             FollowConfig(),
             Networks(models_dir / "yolox_nano.onnx", models_dir / "pose_landmark_lite.tflite"),

@@ -53,6 +53,7 @@ from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers, save_clip
 from gmrdata.values.errors import StageFailed
 from gmrdata.values.files import resolve_inside, write_json, write_npz
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.local_poses import LocalPoses, load_local_poses
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config, Record
@@ -182,14 +183,14 @@ class _Viewer:
 
     def see(self, file: ClipFile) -> SeenClip | str:
         """One clip's files, or why there are none."""
-        clip, images_dir = file.load(), _images_dir(file)
+        clip = file.load()
         if clip.camera is None:
             return "it has no camera"
-        frames = read_frames(images_dir)
+        frames = read_frames(_images_dir(file))
         images = dict(zip(frames.numbers.tolist(), frames.paths, strict=True))
         if not set(clip.image_numbers.tolist()) <= images.keys():
             return "not every frame has an image"
-        tracks, people = self._followed(clip, images_dir, frames.numbers)
+        tracks, people = self._followed(clip, frames)
         person = the_person(tracks, clip, self._config.near)
         if person is None:
             return "its person is not seen"
@@ -212,19 +213,17 @@ class _Viewer:
         write_npz(self._out_dir / FEATURES_FOLDER / f"{clip.id}.npz", arrays)
         return SeenClip(frames=n_frames, seen=n_seen, people=len(tracks))
 
-    def _followed(
-        self, clip: Clip, images_dir: Path, numbers: np.ndarray
-    ) -> tuple[list[Sightings], list[LocalPoses]]:
+    def _followed(self, clip: Clip, frames: FrameSet) -> tuple[list[Sightings], list[LocalPoses]]:
         """Everybody who is in a clip's images, and their poses."""
         followed_dir = follow_people(
-            images_dir,
+            frames,
             self._out_dir / FOLLOWED_FOLDER / clip.id,
             self._config.follow,
             self._sources.networks,
         )
         folder = local_poses(
             followed_dir,
-            ImageTimes(numbers, clip.motion.fps_hz),
+            ImageTimes(frames.numbers, clip.motion.fps_hz),
             Lens(camera_of(clip).intrinsics_px),
             self._sources.body_path,
             self._out_dir / SEEN_FOLDER / clip.id,

@@ -1,6 +1,6 @@
 """Folders of masks: another tool's brought to one sense and one naming, and several as one."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -9,12 +9,13 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.people.silhouette import dilate
-from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
+from gmrdata.read.frames import read_gray, write_gray
 from gmrdata.stage.jobs import in_threads
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, MissingInput
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import Config, Figure, Record, figure
 
 RECORD_FILE = "masks.json"
@@ -32,26 +33,23 @@ class FolderMaskConfig(Config):
 
 def folder_masks(
     masks_dir: Path,
-    images_dir: Path,
+    frames: FrameSet,
     out_dir: Path,
     config: FolderMaskConfig,
     *,
-    left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic."""
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir, left_out)
-        size_px = check_images(images)
-        for image in images:
-            masked = read_gray(find_mask(masks_dir, image), size_px) > 127
+        for image in frames.paths:
+            masked = read_gray(find_mask(masks_dir, image), frames.size_px) > 127
             if config.masked_value == 0:
                 masked = ~masked
             mask = dilate(masked.astype(np.uint8) * np.uint8(255), config.dilate_px)
             write_gray(partial / f"{image.stem}.png", mask)
 
-    inputs = {"masks": masks_dir, "images": images_dir}
+    inputs = {"masks": masks_dir, "images": frames.folder}
     return run_stage("folder_masks", out_dir, config, inputs, work, run=run)
 
 
@@ -89,23 +87,19 @@ class UnionConfig(Config):
 
 def unite_masks(
     source_dirs: Mapping[str, Path],
-    images_dir: Path,
+    frames: FrameSet,
     out_dir: Path,
     config: UnionConfig,
     *,
-    left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where any source says so, and `masks.json`.
     `source_dirs` are folders of masks (255 = dynamic) by the name of what made them."""
 
     def work(partial_dir: Path) -> None:
-        images = list_images(images_dir, left_out)
-        size_px = check_images(images)
-
         def unite(image: Path) -> dict[str, float]:
             masks = {
-                name: _dynamic(read_gray(find_mask(folder, image), size_px))
+                name: _dynamic(read_gray(find_mask(folder, image), frames.size_px))
                 for name, folder in source_dirs.items()
             }
             united = np.bitwise_or.reduce(list(masks.values()))
@@ -113,8 +107,8 @@ def unite_masks(
             shown = masks | {"united": united}
             return {name: np.count_nonzero(mask) / mask.size for name, mask in shown.items()}
 
-        stems = [image.stem for image in images]
-        shares = dict(zip(stems, in_threads(unite, images), strict=True))
+        stems = [image.stem for image in frames.paths]
+        shares = dict(zip(stems, in_threads(unite, frames.paths), strict=True))
         united = {stem: figure(by_source["united"]) for stem, by_source in shares.items()}
         MasksRecord(
             sources=tuple(source_dirs),
@@ -123,7 +117,9 @@ def unite_masks(
             unmasked=tuple(stem for stem, share in united.items() if share == 0.0),
         ).write(partial_dir / RECORD_FILE)
 
-    inputs = {"images": images_dir} | {f"masks {name}": path for name, path in source_dirs.items()}
+    inputs = {"images": frames.folder} | {
+        f"masks {name}": path for name, path in source_dirs.items()
+    }
     made = run_stage("masks", out_dir, config, inputs, work, run=run)
     if not run.only_look:
         _report(made, config)

@@ -11,7 +11,7 @@ the pieces.
 
 import shutil
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
@@ -32,11 +32,12 @@ from gmrdata.people.landmark_network import (
 )
 from gmrdata.people.linking import LinkConfig, Piece, cuts_in, join_pieces, unsure_pairs
 from gmrdata.people.onnx import OnnxConfig, detect_all
-from gmrdata.read.frames import check_images, image_number, list_images, read_color, write_gray
+from gmrdata.read.frames import read_color, write_gray
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.files import read_json, write_json, write_npz
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import (
     PART,
     ArrayShapes,
@@ -181,35 +182,31 @@ class FollowedRecord(Record):
 
 
 def follow_people(
-    images_dir: Path,
+    frames: FrameSet,
     out_dir: Path,
     config: FollowConfig,
     networks: Networks,
     *,
-    left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Stage: detect and follow everybody; images whose numbers are `left_out` are not looked at.
+    """Stage: detect and follow everybody.
 
     A run that was stopped goes on at the next frame that it has not seen.  A sequence without
     people leaves a record without people.  BadDetector where a file is no such network.
     """
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir, left_out)
-        size_px = check_images(images)
         look = open_landmark_network(networks.landmarks)
         least = config.min_detector_score
         people = OnnxConfig(classes=("person",), min_score=least, weak_score=least)
-        found = detect_all(networks.detector, images, partial, people)
-        boxes_px = [frame.boxes_px for frame in found]
-        whole = _Follower(images, boxes_px, partial, config, look).all_sightings()
-        numbers = np.array([image_number(image) for image in images], dtype=np.int64)
-        known, facts, seldom = _known_people(whole, numbers, config)
+        found = detect_all(networks.detector, frames.paths, partial, people)
+        boxes_px = [one.boxes_px for one in found]
+        whole = _Follower(frames, boxes_px, partial, config, look).all_sightings()
+        known, facts, seldom = _known_people(whole, frames.numbers, config)
         known.write(partial / SIGHTINGS_FILE)
         FollowedRecord(
-            size_px=size_px,
-            images=tuple(numbers.tolist()),
+            size_px=frames.size_px,
+            images=tuple(frames.numbers.tolist()),
             detections=tuple(map(detections_as_json, found)),
             people=facts,
             left_out=seldom,
@@ -217,7 +214,7 @@ def follow_people(
         for folder in ("seen", FRAMES_FOLDER):
             shutil.rmtree(partial / folder)
 
-    inputs = {**networks._asdict(), "images": images_dir}
+    inputs = {**networks._asdict(), "images": frames.folder}
     return run_stage("followed", out_dir, config, inputs, Resumable(work), run=run)
 
 
@@ -236,7 +233,7 @@ FRAMES_FOLDER = "frames"
 class _Follower:
     """People of a sequence while they are followed."""
 
-    images: list[Path]
+    frames: FrameSet
     boxes_px: list[np.ndarray]  # (N, 4) of the detector, by frame [px]
     folder: Path
     config: FollowConfig
@@ -249,10 +246,10 @@ class _Follower:
 
     def all_sightings(self) -> Sightings:
         """Go through the frames once, and from each newcomer back."""
-        row_of = {image_number(image): row for row, image in enumerate(self.images)}
+        row_of = {number: row for row, number in enumerate(self.frames.numbers.tolist())}
         everybody: list[Seen] = []
         before: list[Seen] = []
-        for row, image in enumerate(with_bar(self.images, "following people")):
+        for row, image in enumerate(with_bar(self.frames.paths, "following people")):
             path = self.folder / FRAMES_FOLDER / f"{image.stem}.json"
             if not path.is_file():
                 write_json(path, self._turn(before, read_color(image), row))
@@ -300,7 +297,7 @@ class _Follower:
         earlier = []
         while people and row > 0:
             row -= 1
-            people = self._go_on(people, read_color(self.images[row]), row)
+            people = self._go_on(people, read_color(self.frames.paths[row]), row)
             earlier += people
         return earlier
 
@@ -314,9 +311,9 @@ class _Follower:
         if self._is_met(person.box_px, row):
             return []
         self.met_px[row][piece] = person.box_px
-        write_gray(outline_path(self.folder, self.images[row], piece), person.mask)
+        write_gray(outline_path(self.folder, self.frames.paths[row], piece), person.mask)
         seen: Seen = {
-            "image_numbers": image_number(self.images[row]),
+            "image_numbers": int(self.frames.numbers[row]),
             "people": -1,
             "pieces": piece,
             "scores": person.score,

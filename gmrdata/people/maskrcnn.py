@@ -5,7 +5,7 @@ imported where the network is made, and an installation that doesn't fit is told
 """
 
 import shutil
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,12 +16,13 @@ from pydantic import Field
 from gmrdata.people.boxes import Detections, TrackedFrame, fill_boxes, track
 from gmrdata.people.silhouette import dilate
 from gmrdata.people.yolox import CATEGORY_NUMBERS, DetectorConfig, class_indices
-from gmrdata.read.frames import check_images, list_images, read_color, write_gray
+from gmrdata.read.frames import read_color, write_gray
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingExtra, MissingInput, StageFailed
 from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.limits import Budget
 
 Segmenter = Callable[[np.ndarray], Mapping[str, np.ndarray]]
@@ -52,11 +53,10 @@ class Instances:
 
 def maskrcnn_masks(
     weights_path: Path | None,
-    images_dir: Path,
+    frames: FrameSet,
     out_dir: Path,
     config: MaskRcnnConfig,
     *,
-    left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 on people, vehicles and animals.
@@ -66,16 +66,14 @@ def maskrcnn_masks(
     """
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir, left_out)
-        size_px = check_images(images)
-        seen = _segment_all(weights_path, images, partial, config)
+        seen = _segment_all(weights_path, frames.paths, partial, config)
         chosen = track([_load(path).found for path in seen], config.min_score, config.tracks)
-        for image, path, choice in zip(images, seen, chosen, strict=True):
-            mask = united_mask(_load(path), choice, size_px, config.dilate_px)
+        for image, path, choice in zip(frames.paths, seen, chosen, strict=True):
+            mask = united_mask(_load(path), choice, frames.size_px, config.dilate_px)
             write_gray(partial / f"{image.stem}.png", mask)
         shutil.rmtree(partial / "seen")
 
-    inputs = {"images": images_dir} | ({} if weights_path is None else {"weights": weights_path})
+    inputs = {"images": frames.folder} | ({} if weights_path is None else {"weights": weights_path})
     return run_stage("maskrcnn_masks", out_dir, config, inputs, Resumable(work), run=run)
 
 
@@ -171,7 +169,7 @@ def _load_weights(network: Any, name: str, path: Path) -> None:
 
 
 def _segment_all(
-    weights_path: Path | None, images: list[Path], partial: Path, config: MaskRcnnConfig
+    weights_path: Path | None, images: Sequence[Path], partial: Path, config: MaskRcnnConfig
 ) -> list[Path]:
     """One file of instances per frame, so that a stopped run keeps what it has."""
     segment = open_segmenter(weights_path, config)

@@ -1,7 +1,7 @@
 """Masks from a YOLOX detector in an ONNX file, run by OpenCV: boxes, joined over time, filled."""
 
 import shutil
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import prod
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -12,13 +12,14 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.people import boxes, yolox
 from gmrdata.people.boxes import Detection, Detections
-from gmrdata.read.frames import check_images, list_images, read_color, write_gray
+from gmrdata.read.frames import read_color, write_gray
 from gmrdata.read.models import require_model
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.errors import BadDetector
 from gmrdata.values.files import read_json, write_json
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.limits import MOST_INPUT_SIDE_PX, MOST_NETWORK_NUMBERS
 from gmrdata.values.records import PART, Record
 
@@ -74,11 +75,10 @@ class DetectionsRecord(Record):
 
 def onnx_masks(
     model_path: Path,
-    images_dir: Path,
+    frames: FrameSet,
     out_dir: Path,
     config: OnnxConfig,
     *,
-    left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 in the boxes found, and `detections.json`.
@@ -88,22 +88,20 @@ def onnx_masks(
     """
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir, left_out)
-        size_px = check_images(images)
-        found = detect_all(model_path, images, partial, config)
+        found = detect_all(model_path, frames.paths, partial, config)
         chosen = boxes.track(found, config.min_score, config.tracks)
-        frames = {}
-        for image, frame, choice in zip(images, found, chosen, strict=True):
+        records = {}
+        for image, frame, choice in zip(frames.paths, found, chosen, strict=True):
             boxes_px = np.concatenate([frame.boxes_px[choice.rows], choice.filled_px])
             boxes_px = boxes.grow(boxes_px, config.grow_share, config.dilate_px)
-            write_gray(partial / f"{image.stem}.png", boxes.fill_boxes(boxes_px, size_px))
+            write_gray(partial / f"{image.stem}.png", boxes.fill_boxes(boxes_px, frames.size_px))
             filled_px = np.round(choice.filled_px, 2).tolist()
             as_json = boxes.detections_as_json(frame)
-            frames[image.stem] = FrameRecord(as_json, choice.rows.tolist(), filled_px)
-        DetectionsRecord(frames=frames).write(partial / DETECTIONS_FILE)
+            records[image.stem] = FrameRecord(as_json, choice.rows.tolist(), filled_px)
+        DetectionsRecord(frames=records).write(partial / DETECTIONS_FILE)
         shutil.rmtree(partial / "seen")
 
-    inputs = {"model": model_path, "images": images_dir}
+    inputs = {"model": model_path, "images": frames.folder}
     return run_stage("onnx_masks", out_dir, config, inputs, Resumable(work), run=run)
 
 
@@ -166,7 +164,7 @@ def _shape(value: Any) -> tuple[int | None, ...]:
 
 
 def detect_all(
-    model_path: Path, images: list[Path], partial: Path, config: OnnxConfig
+    model_path: Path, images: Sequence[Path], partial: Path, config: OnnxConfig
 ) -> list[Detections]:
     """Detections of all frames, weak ones too, which `<partial>/seen` keeps for a later run."""
     detect = open_detector(model_path, config)

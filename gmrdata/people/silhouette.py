@@ -1,18 +1,19 @@
 """Masks from the bodies themselves: their skinned meshes, projected, filled and widened."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from gmrdata.read.frames import check_images, image_number, list_images, write_gray
+from gmrdata.read.frames import write_gray
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip, rows_of_numbers
 from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.people import PersonFiles, stage_inputs
 from gmrdata.values.records import Config
 
@@ -39,23 +40,22 @@ class SilhouetteConfig(Config):
 
 def silhouette_masks(
     people: tuple[PersonFiles, ...],
-    images_dir: Path,
+    frames: FrameSet,
     out_dir: Path,
     config: SilhouetteConfig,
     *,
-    left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where the people are, 0 elsewhere.
     The clips are in the camera frame, with intrinsics and image numbers."""
     if not people:
         what = "at least one person in the camera frame: pass --camera-body"
-        raise MissingInput(f"{images_dir}: masks from the silhouette need {what}")
+        raise MissingInput(f"{frames.folder}: masks from the silhouette need {what}")
 
     def work(partial: Path) -> None:
-        _write_silhouettes(people, list_images(images_dir, left_out), partial, config)
+        _write_silhouettes(people, frames, partial, config)
 
-    inputs = stage_inputs(people) | {"images": images_dir}
+    inputs = stage_inputs(people) | {"images": frames.folder}
     return run_stage("silhouette_masks", out_dir, config, inputs, work, run=run)
 
 
@@ -127,16 +127,16 @@ def _dot_small(mask: np.ndarray, corners_px: np.ndarray) -> np.ndarray:
 
 
 def _write_silhouettes(
-    people: tuple[PersonFiles, ...], images: list[Path], partial: Path, config: SilhouetteConfig
+    people: tuple[PersonFiles, ...], frames: FrameSet, partial: Path, config: SilhouetteConfig
 ) -> None:
     from gmrdata.read.bodies import load_body
 
-    size_px = check_images(images)
+    images, size_px = frames.paths, frames.size_px
     clips = [_clip(person.clip_path, images[0], size_px) for person in people]
     bodies = [load_body(str(person.body_path)) for person in people]
     clips = list(map(clip_on_body, clips, bodies))
     pairs = zip(clips, people, strict=True)
-    rows = [_rows_of_images(clip, person.clip_path, images) for clip, person in pairs]
+    rows = [_rows_of_images(clip, person.clip_path, frames) for clip, person in pairs]
     for start in range(0, len(images), FRAMES_AT_ONCE):
         some = slice(start, start + FRAMES_AT_ONCE)
         by_person = [
@@ -186,10 +186,9 @@ def _clip(clip_path: Path, image: Path, size_px: tuple[int, int]) -> Clip:
     return clip
 
 
-def _rows_of_images(clip: Clip, clip_path: Path, images: list[Path]) -> list[int]:
-    numbers = np.array([image_number(image) for image in images])
-    rows = rows_of_numbers(clip.image_numbers, numbers).tolist()
+def _rows_of_images(clip: Clip, clip_path: Path, frames: FrameSet) -> list[int]:
+    rows = rows_of_numbers(clip.image_numbers, frames.numbers).tolist()
     if -1 in rows:
-        unknown = images[rows.index(-1)]
+        unknown = frames.paths[rows.index(-1)]
         raise BadFrames(f"{unknown}: {clip_path} has no pose for this image, so it has no mask")
     return rows

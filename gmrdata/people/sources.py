@@ -1,6 +1,6 @@
 """What a recipe may say of masks: where they come from, one source or several united."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -24,13 +24,14 @@ from gmrdata.people.following import (
 from gmrdata.people.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.people.onnx import OnnxConfig, onnx_masks
 from gmrdata.people.silhouette import SilhouetteConfig, dilate, silhouette_masks
-from gmrdata.read.frames import image_number, list_images, read_gray, write_gray
+from gmrdata.read.frames import read_gray, write_gray
 from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage, stage_seconds
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 
@@ -89,10 +90,10 @@ class PersonSource(PersonMaskConfig):
         detector = find_model(YOLOX_NANO, self.model)
         return Networks(detector, find_model(POSE_LANDMARKS, self.landmarks))
 
-    def follow(self, images_dir: Path, out_dir: Path, left_out: Collection[int], run: Run) -> Path:
+    def follow(self, frames: FrameSet, out_dir: Path, run: Run) -> Path:
         """The stage from which its masks are made, and local poses."""
         config = _settings(self, FollowConfig)
-        return follow_people(images_dir, out_dir, config, self.networks, left_out=left_out, run=run)
+        return follow_people(frames, out_dir, config, self.networks, run=run)
 
 
 class MaskRcnnSource(MaskRcnnConfig):
@@ -123,20 +124,18 @@ class MasksRecipe(MasksConfig):
 
 
 def make_masks(
-    images_dir: Path,
+    frames: FrameSet,
     out_dir: Path,
     config: MasksConfig,
     *,
     people: tuple[PersonFiles, ...] = (),
     followed_dir: Path | None = None,
-    left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
 
     Silhouettes need people: camera-frame clips and their bodies.  People are followed in
-    `followed_dir`, or beside the masks of their outlines.  Images whose numbers are `left_out` are
-    known to be unusable and get no mask.
+    `followed_dir`, or beside the masks of their outlines.
 
     Raises:
         MissingInput: silhouettes without people, or a file that is not there; for a network that
@@ -147,12 +146,12 @@ def make_masks(
         MissingExtra: torchvision is not installed, or doesn't fit torch.
         FetchFailed: torchvision could not fetch its weights.
     """
-    given = _Given(images_dir, people, followed_dir, left_out, run)
+    given = _Given(frames, people, followed_dir, run)
     made: dict[str, Path] = {}
     for name, source in zip(source_names(config.sources), config.sources, strict=True):
         made[name] = _make(source, given, sources_dir(out_dir) / name)
     union = _settings(config, UnionConfig)
-    return unite_masks(made, images_dir, out_dir, union, left_out=left_out, run=run)
+    return unite_masks(made, frames, out_dir, union, run=run)
 
 
 def masks_named(
@@ -257,44 +256,42 @@ def source_names(sources: Sequence[MaskSource]) -> list[str]:
 class _Given:
     """What a source's masks are made of."""
 
-    images_dir: Path
+    frames: FrameSet
     people: tuple[PersonFiles, ...]
     followed_dir: Path | None
-    left_out: Collection[int]
     run: Run
 
 
 def _make(source: MaskSource, given: _Given, out_dir: Path) -> Path:
-    images_dir, left_out, run = given.images_dir, given.left_out, given.run
+    frames, run = given.frames, given.run
     match source:
         case SilhouetteSource():
             body, people = _settings(source, SilhouetteConfig), given.people
-            return silhouette_masks(people, images_dir, out_dir, body, left_out=left_out, run=run)
+            return silhouette_masks(people, frames, out_dir, body, run=run)
         case FolderSource():
             made = _settings(source, FolderMaskConfig)
-            return folder_masks(source.path, images_dir, out_dir, made, left_out=left_out, run=run)
+            return folder_masks(source.path, frames, out_dir, made, run=run)
         case OnnxSource():
             onnx, model = _settings(source, OnnxConfig), find_model(YOLOX_NANO, source.model)
-            return onnx_masks(model, images_dir, out_dir, onnx, left_out=left_out, run=run)
+            return onnx_masks(model, frames, out_dir, onnx, run=run)
         case PersonSource():
             person = _settings(source, PersonMaskConfig)
             followed_dir = out_dir.with_name(f"{out_dir.name}_followed")
             if given.followed_dir is not None and out_dir.name in ("person", "person_1"):
                 followed_dir = given.followed_dir
-            source.follow(images_dir, followed_dir, left_out, run)
-            return person_masks(followed_dir, images_dir, out_dir, person, left_out, run)
+            source.follow(frames, followed_dir, run)
+            return person_masks(followed_dir, frames, out_dir, person, run)
         case MaskRcnnSource():
             net = _settings(source, MaskRcnnConfig)
             weights = source.weights
-            return maskrcnn_masks(weights, images_dir, out_dir, net, left_out=left_out, run=run)
+            return maskrcnn_masks(weights, frames, out_dir, net, run=run)
 
 
 def person_masks(
     followed_dir: Path,
-    images_dir: Path,
+    frames: FrameSet,
     out_dir: Path,
     config: PersonMaskConfig,
-    left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 on people: the outlines of all who are followed, in
@@ -303,17 +300,17 @@ def person_masks(
     def work(partial: Path) -> None:
         record = FollowedRecord.read(followed_dir / FOLLOWED_FILE)
         sightings = Sightings.read(followed_dir / SIGHTINGS_FILE)
-        images = list_images(images_dir, left_out)
-        for image, detections in zip(images, record.detections, strict=True):
-            seen = sightings.take(sightings.image_numbers == image_number(image))
-            outlines = np.zeros(record.size_px[::-1], np.uint8)
+        rows = zip(frames.paths, frames.numbers, record.detections, strict=True)
+        for image, number, detections in rows:
+            seen = sightings.take(sightings.image_numbers == number)
+            outlines = np.zeros(frames.size_px[::-1], np.uint8)
             for piece in seen.pieces.tolist():
                 outlines |= read_gray(outline_path(followed_dir, image, piece))
             boxes_px = detections_from_json(detections).boxes_px
             filled = _boxes_without(outlines, boxes_px, seen.boxes_px, config)
             write_gray(partial / f"{image.stem}.png", dilate(outlines | filled, config.dilate_px))
 
-    inputs = {"followed": followed_dir, "images": images_dir}
+    inputs = {"followed": followed_dir, "images": frames.folder}
     return run_stage("person_masks", out_dir, config, inputs, work, run=run)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gmrdata.people import sources
 from gmrdata.people.sources import MasksConfig
+from gmrdata.read.frames import read_frames
 from gmrdata.read.video import VideoConfig, as_frames
 from gmrdata.solve.request import GivenPeople, SequenceConfig, SolveConfig, SolveRequest
 from gmrdata.solve.solve import FRAMES, MASKS, solve
@@ -64,4 +65,5 @@ def make_masks(
         people: Camera-frame clips with their bodies, for silhouettes.
     """
     images_dir = as_frames(Path(frames), Path(out_dir) / FRAMES, video, run=run)
-    return sources.make_masks(images_dir, Path(out_dir) / MASKS, config, people=people, run=run)
+    frames_read = read_frames(images_dir)
+    return sources.make_masks(frames_read, Path(out_dir) / MASKS, config, people=people, run=run)

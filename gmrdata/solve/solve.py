@@ -27,7 +27,7 @@ from gmrdata.people.sources import (
     sources_dir,
 )
 from gmrdata.read.bodies import body_file, keep_body
-from gmrdata.read.frames import check_images, image_number, list_images
+from gmrdata.read.frames import check_images, image_number, list_images, read_frames
 from gmrdata.read.video import VideoConfig, as_frames, is_video, video_record
 from gmrdata.solve.doubts import with_lens_error, write_doubts
 from gmrdata.solve.request import EstimatedPeople, GivenPeople, SolveConfig, SolveRequest
@@ -169,9 +169,8 @@ def _followed(solved: Solved) -> Solved:
     if not own and not any(isinstance(source, PersonSource) for source in sources):
         return solved
     left_out = people.left_out if isinstance(people, GivenPeople) else ()
-    followed_dir = config.person_source.follow(
-        solved.images_dir, solved.out_dir / FOLLOWED, left_out, solved.run
-    )
+    frames = read_frames(solved.images_dir, left_out)
+    followed_dir = config.person_source.follow(frames, solved.out_dir / FOLLOWED, solved.run)
     return replace(solved, followed_dir=followed_dir)
 
 
@@ -181,12 +180,11 @@ def _masks(solved: Solved) -> Solved:
         return solved
     given = people if isinstance(people, GivenPeople) else GivenPeople(())
     masks_dir = mask_sources.make_masks(
-        solved.images_dir,
+        read_frames(solved.images_dir, given.left_out),
         solved.out_dir / MASKS,
         config,
         people=given.files,
         followed_dir=solved.followed_dir,
-        left_out=given.left_out,
         run=solved.run,
     )
     return replace(solved, masks_dir=masks_dir)

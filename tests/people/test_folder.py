@@ -15,7 +15,7 @@ from gmrdata.people.folder import (
     folder_masks,
     unite_masks,
 )
-from gmrdata.read.frames import read_gray
+from gmrdata.read.frames import read_frames, read_gray
 from gmrdata.values.errors import BadFrames, MissingInput
 
 SIZE = (48, 64)
@@ -50,14 +50,16 @@ def test_both_senses_and_namings_become_ours(
     mask = np.where(DYNAMIC, masked_value, 255 - masked_value).astype(np.uint8)
     masks = put(tmp_path / "masks", *[mask] * 3, name=name)
     config = FolderMaskConfig.model_validate({"masked_value": masked_value})
-    out_dir = folder_masks(masks, noise_dir, tmp_path / "out", config)
+    out_dir = folder_masks(masks, read_frames(noise_dir), tmp_path / "out", config)
     for stem in ("00000", "00001"):
         assert np.array_equal(read_gray(out_dir / f"{stem}.png"), 255 * DYNAMIC)
 
 
 def test_masks_are_widened_by_a_disc(noise_dir: Path, tmp_path: Path) -> None:
     masks = put(tmp_path / "masks", *[DYNAMIC * np.uint8(255)] * 3)
-    out_dir = folder_masks(masks, noise_dir, tmp_path / "out", FolderMaskConfig(dilate_px=3))
+    out_dir = folder_masks(
+        masks, read_frames(noise_dir), tmp_path / "out", FolderMaskConfig(dilate_px=3)
+    )
     mask = read_gray(out_dir / "00000.png") > 0
     rows, columns = np.nonzero(DYNAMIC)
     y, x = np.mgrid[:48, :64]
@@ -69,11 +71,11 @@ Stage = Callable[[Path, Path, Path], Path]
 
 
 def as_ours(masks: Path, images: Path, out: Path) -> Path:
-    return folder_masks(masks, images, out, FolderMaskConfig())
+    return folder_masks(masks, read_frames(images), out, FolderMaskConfig())
 
 
 def as_one(masks: Path, images: Path, out: Path) -> Path:
-    return unite_masks({"one": masks}, images, out, UnionConfig())
+    return unite_masks({"one": masks}, read_frames(images), out, UnionConfig())
 
 
 @pytest.mark.parametrize("stage", [as_ours, as_one])
@@ -113,7 +115,9 @@ def test_a_pixel_is_masked_if_any_source_says_so(
 ) -> None:
     a = put(tmp_path / "a", left_part(0.25), left_part(0.5), left_part(0))
     b = put(tmp_path / "b", top_part(0.5), top_part(0), top_part(0))
-    out_dir = unite_masks({"one": a, "two": b}, noise_dir, tmp_path / "out", UnionConfig())
+    out_dir = unite_masks(
+        {"one": a, "two": b}, read_frames(noise_dir), tmp_path / "out", UnionConfig()
+    )
     united = [read_gray(out_dir / f"{i:05d}.png", (64, 48)) for i in range(3)]
     np.testing.assert_array_equal(united[0], np.maximum(left_part(0.25), top_part(0.5)))
     np.testing.assert_array_equal(united[1], left_part(0.5))
@@ -133,10 +137,10 @@ def test_a_mask_that_covers_everything_is_reported_with_the_frame(
     a = put(tmp_path / "a", left_part(0.1), left_part(0.5), left_part(0.5))
     b = put(tmp_path / "b", top_part(0), 255 - left_part(0.5), top_part(0.5))
     config = UnionConfig(max_masked_share=0.8)
-    out_dir = unite_masks({"one": a, "two": b}, noise_dir, tmp_path / "out", config)
+    out_dir = unite_masks({"one": a, "two": b}, read_frames(noise_dir), tmp_path / "out", config)
     assert json.loads((out_dir / RECORD_FILE).read_text())["covered"] == ["00001"]
     first = capsys.readouterr().err
     assert "more than 80% of the picture is masked in frame 00001. Look" in " ".join(first.split())
     # It is said again by a run that finds everything done.
-    unite_masks({"one": a, "two": b}, noise_dir, tmp_path / "out", config)
+    unite_masks({"one": a, "two": b}, read_frames(noise_dir), tmp_path / "out", config)
     assert capsys.readouterr().err == first

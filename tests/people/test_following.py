@@ -20,7 +20,7 @@ from gmrdata.people.following import (
     outline_path,
 )
 from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.read.frames import list_images, read_gray
+from gmrdata.read.frames import list_images, read_frames, read_gray
 from gmrdata.values.errors import BadRecord
 
 N_FRAMES = 4
@@ -40,7 +40,9 @@ def frames_dir(standing_people: list[Path], tmp_path_factory: pytest.TempPathFac
 def followed_dir(
     frames_dir: Path, networks: Networks, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
-    return follow_people(frames_dir, tmp_path_factory.mktemp("f") / "out", CONFIG, networks)
+    return follow_people(
+        read_frames(frames_dir), tmp_path_factory.mktemp("f") / "out", CONFIG, networks
+    )
 
 
 def test_people_are_followed(followed_dir: Path) -> None:
@@ -99,7 +101,7 @@ def test_a_stopped_run_goes_on_where_it_was(
             raise KeyboardInterrupt
         return whole(*given)  # type: ignore[arg-type]
 
-    given = frames_dir, tmp_path / "out", CONFIG, networks
+    given = read_frames(frames_dir), tmp_path / "out", CONFIG, networks
     monkeypatch.setattr(_Follower, "_turn", stopped)
     with pytest.raises(KeyboardInterrupt):
         follow_people(*given)
@@ -116,12 +118,12 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
     detected = _Follower._turn
 
     def late(self: _Follower, before: object, image: np.ndarray, row: int) -> object:
-        if row < len(self.images) - 1:
+        if row < len(self.frames.paths) - 1:
             self.boxes_px[row] = self.boxes_px[row][:0]
         return detected(self, before, image, row)
 
     monkeypatch.setattr(_Follower, "_turn", late)
-    made = follow_people(frames_dir, tmp_path / "out", CONFIG, networks, left_out={7})
+    made = follow_people(read_frames(frames_dir, {7}), tmp_path / "out", CONFIG, networks)
     record = FollowedRecord.read(made / FOLLOWED_FILE)
     assert record.images == (8, 9, 10) and record.people[0].seen == ((8, 10),)
 
@@ -129,7 +131,7 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
 def test_a_video_without_people_leaves_a_record_without_people(
     networks: Networks, grey_dir: Path, tmp_path: Path
 ) -> None:
-    made = follow_people(grey_dir, tmp_path / "out", CONFIG, networks)
+    made = follow_people(read_frames(grey_dir), tmp_path / "out", CONFIG, networks)
     assert FollowedRecord.read(made / FOLLOWED_FILE).people == ()
     assert load_tracks(made) == []
 

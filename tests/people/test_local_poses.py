@@ -9,6 +9,7 @@ import pytest
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
 from gmrdata.people.local_poses import ImageTimes, Lens, LocalPosesConfig, local_poses
 from gmrdata.read.bodies import ANNY_FILE
+from gmrdata.read.frames import read_frames
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile
@@ -23,7 +24,7 @@ TIMES = ImageTimes(np.array([4, 6, 8]), 15.0)
 def posed(images_dir: Path, times: ImageTimes, out_dir: Path, networks: Networks) -> Path:
     """Local poses by the default recipe."""
     config = FollowConfig(min_frames=2)
-    followed_dir = follow_people(images_dir, out_dir / "followed", config, networks)
+    followed_dir = follow_people(read_frames(images_dir), out_dir / "followed", config, networks)
     poses = LocalPosesConfig()
     return local_poses(followed_dir, times, LENS, ANNY_FILE, out_dir / "poses", poses)
 

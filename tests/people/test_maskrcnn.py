@@ -21,7 +21,7 @@ from gmrdata.people.maskrcnn import (
     united_mask,
 )
 from gmrdata.people.yolox import CATEGORY_NUMBERS, COCO_NAMES
-from gmrdata.read.frames import read_gray
+from gmrdata.read.frames import read_frames, read_gray
 from gmrdata.values.errors import BadDetector, MissingExtra, MissingInput
 
 NUMBER = dict(zip(COCO_NAMES, CATEGORY_NUMBERS, strict=True))
@@ -104,7 +104,7 @@ def test_the_stage_masks_every_frame_and_fills_the_one_that_was_missed(
         maskrcnn, "open_segmenter", recorded([answer(person), answer(), answer(later)])
     )
     config = MaskRcnnConfig(dilate_px=0, tracks=TrackConfig(hold_frames=0))
-    out_dir = maskrcnn_masks(None, noise_dir, tmp_path / "out", config)
+    out_dir = maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "out", config)
     lefts = []
     for i in range(3):
         rows, columns = np.nonzero(read_gray(out_dir / f"{i:05d}.png", (64, 48)))
@@ -124,11 +124,11 @@ def test_a_stopped_run_keeps_the_frames_it_has(
     every = [answer(("person", 0.9, (x, 10, x + 10, 40))) for x in (10, 12, 14)]
     monkeypatch.setattr(maskrcnn, "open_segmenter", recorded(every[:2]))
     with pytest.raises(StopIteration):
-        maskrcnn_masks(None, noise_dir, tmp_path / "out", MaskRcnnConfig())
+        maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "out", MaskRcnnConfig())
     monkeypatch.setattr(maskrcnn, "open_segmenter", recorded(every[2:]))
-    resumed = maskrcnn_masks(None, noise_dir, tmp_path / "out", MaskRcnnConfig())
+    resumed = maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "out", MaskRcnnConfig())
     monkeypatch.setattr(maskrcnn, "open_segmenter", recorded(every))
-    whole = maskrcnn_masks(None, noise_dir, tmp_path / "whole", MaskRcnnConfig())
+    whole = maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "whole", MaskRcnnConfig())
     for i in range(3):
         name = f"{i:05d}.png"
         assert (resumed / name).read_bytes() == (whole / name).read_bytes()
@@ -180,7 +180,7 @@ def test_without_torchvision_the_remedy_is_told(
     monkeypatch.setitem(sys.modules, "torchvision", None)
     monkeypatch.delitem(sys.modules, "torchvision.models", raising=False)
     with pytest.raises(MissingExtra, match=r"pip install 'gmrdata\[maskrcnn\]'; or mask with"):
-        maskrcnn_masks(None, noise_dir, tmp_path / "out", MaskRcnnConfig())
+        maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "out", MaskRcnnConfig())
     assert not (tmp_path / "out").exists()
 
 

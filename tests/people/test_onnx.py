@@ -24,7 +24,7 @@ from gmrdata.people.onnx import (
 )
 from gmrdata.people.yolox import COCO_NAMES, letterbox
 from gmrdata.read import models
-from gmrdata.read.frames import read_color, read_gray
+from gmrdata.read.frames import read_color, read_frames, read_gray
 from gmrdata.values.errors import BadDetector, BadFrames, MissingInput, StaleOutput
 
 FLOAT, INT64 = TensorProto.FLOAT, TensorProto.INT64
@@ -83,7 +83,7 @@ def test_the_dog_is_where_a_direct_reading_finds_it(yolox_nano: Path, dog_dir: P
 def test_masks_cover_the_dog_in_every_frame(
     yolox_nano: Path, dog_dir: Path, tmp_path: Path
 ) -> None:
-    out_dir = onnx_masks(yolox_nano, dog_dir, tmp_path / "masks", OnnxConfig())
+    out_dir = onnx_masks(yolox_nano, read_frames(dog_dir), tmp_path / "masks", OnnxConfig())
     record = json.loads((out_dir / DETECTIONS_FILE).read_text())["frames"]
     for path in sorted(dog_dir.glob("*.png")):
         mask = read_gray(out_dir / path.name, (640, 360))
@@ -105,7 +105,7 @@ def test_two_runs_and_two_thread_counts_give_the_same_bytes(
     made = []
     for run, count in enumerate((1, 1, 2)):
         threads(count)
-        out_dir = onnx_masks(yolox_nano, dog_dir, tmp_path / str(run), OnnxConfig())
+        out_dir = onnx_masks(yolox_nano, read_frames(dog_dir), tmp_path / str(run), OnnxConfig())
         made.append({p.name: p.read_bytes() for p in out_dir.iterdir() if p.name != "stage.json"})
     assert len(made[0]) == 5
     assert made[0] == made[1] == made[2]
@@ -144,13 +144,13 @@ def test_a_stopped_run_goes_on_at_the_next_frame(
 
         return open_stopping
 
-    whole = onnx_masks(yolox_nano, dog_dir, tmp_path / "whole", OnnxConfig())
+    whole = onnx_masks(yolox_nano, read_frames(dog_dir), tmp_path / "whole", OnnxConfig())
     monkeypatch.setattr(onnx, "open_detector", stopping(2))
     with pytest.raises(KeyboardInterrupt):
-        onnx_masks(yolox_nano, dog_dir, tmp_path / "out", OnnxConfig())
+        onnx_masks(yolox_nano, read_frames(dog_dir), tmp_path / "out", OnnxConfig())
     assert not (tmp_path / "out").exists()
     monkeypatch.setattr(onnx, "open_detector", stopping(4))
-    resumed = onnx_masks(yolox_nano, dog_dir, tmp_path / "out", OnnxConfig())
+    resumed = onnx_masks(yolox_nano, read_frames(dog_dir), tmp_path / "out", OnnxConfig())
     assert len(seen) == 4
     names = sorted(p.name for p in whole.iterdir() if p.name != "stage.json")
     assert names == sorted(p.name for p in resumed.iterdir() if p.name != "stage.json")
@@ -166,14 +166,16 @@ def test_another_model_or_recipe_asks_for_redo(
         shutil.copy(dog_dir / name, small)
     model = tmp_path / "moved.onnx"
     shutil.copy(yolox_nano, model)
-    onnx_masks(yolox_nano, small, tmp_path / "out", OnnxConfig())
-    onnx_masks(model, small, tmp_path / "out", OnnxConfig())  # the same bytes elsewhere
+    onnx_masks(yolox_nano, read_frames(small), tmp_path / "out", OnnxConfig())
+    onnx_masks(
+        model, read_frames(small), tmp_path / "out", OnnxConfig()
+    )  # the same bytes elsewhere
     with pytest.raises(StaleOutput, match="config.min_score"):
-        onnx_masks(model, small, tmp_path / "out", OnnxConfig(min_score=0.9))
+        onnx_masks(model, read_frames(small), tmp_path / "out", OnnxConfig(min_score=0.9))
     with model.open("ab") as stream:
         stream.write(b"\x00")
     with pytest.raises(StaleOutput, match="inputs.model"):
-        onnx_masks(model, small, tmp_path / "out", OnnxConfig())
+        onnx_masks(model, read_frames(small), tmp_path / "out", OnnxConfig())
 
 
 @pytest.mark.parametrize(
@@ -191,7 +193,7 @@ def test_a_broken_model_is_told(
 ) -> None:
     model.write_bytes(cut(yolox_nano.read_bytes()))
     with pytest.raises(BadDetector, match=said) as caught:
-        onnx_masks(model, noise_dir, model.with_name("out"), OnnxConfig())
+        onnx_masks(model, read_frames(noise_dir), model.with_name("out"), OnnxConfig())
     assert "net.onnx" in str(caught.value)
     assert not model.with_name("out").exists()
 
@@ -217,14 +219,14 @@ def test_a_network_of_another_layout_is_told(
 ) -> None:
     model.write_bytes(onnx_bytes(*inputs, operator=operator))
     with pytest.raises(BadDetector, match=said):
-        onnx_masks(model, noise_dir, model.with_name("out"), OnnxConfig())
+        onnx_masks(model, read_frames(noise_dir), model.with_name("out"), OnnxConfig())
 
 
 def test_a_missing_model_is_named(noise_dir: Path, model: Path) -> None:
     with pytest.raises(MissingInput, match=r"net\.onnx: no such model file"):
         read_inputs(model)
     with pytest.raises(MissingInput, match=r"net\.onnx"):
-        onnx_masks(model, noise_dir, model.with_name("out"), OnnxConfig())
+        onnx_masks(model, read_frames(noise_dir), model.with_name("out"), OnnxConfig())
 
 
 def test_grey_and_16_bit_frames_are_read(yolox_nano: Path, dog_dir: Path, tmp_path: Path) -> None:
@@ -234,7 +236,7 @@ def test_grey_and_16_bit_frames_are_read(yolox_nano: Path, dog_dir: Path, tmp_pa
     cv2.imwrite(str(frames / "0.png"), grey)
     cv2.imwrite(str(frames / "1.png"), grey.astype(np.uint16) * 257)
     assert np.array_equal(read_color(frames / "0.png"), read_color(frames / "1.png"))
-    out_dir = onnx_masks(yolox_nano, frames, tmp_path / "out", OnnxConfig())
+    out_dir = onnx_masks(yolox_nano, read_frames(frames), tmp_path / "out", OnnxConfig())
     mask = read_gray(out_dir / "0.png", (640, 360))
     assert mask.any()
     assert np.array_equal(mask, read_gray(out_dir / "1.png", (640, 360)))
@@ -247,7 +249,7 @@ def test_a_broken_frame_is_named(
     (noise_dir / "00001.png").write_bytes(content)
     model.write_bytes(onnx_bytes(("x", (1, 3, 64, 64))))
     with pytest.raises(BadFrames, match=r"00001\.png"):
-        onnx_masks(model, noise_dir, model.with_name("out"), OnnxConfig())
+        onnx_masks(model, read_frames(noise_dir), model.with_name("out"), OnnxConfig())
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from gmrdata.people.following import Networks
 from gmrdata.people.onnx import OnnxConfig, open_detector
 from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.bodies import ANNY_FILE
-from gmrdata.read.frames import read_color, read_gray
+from gmrdata.read.frames import read_color, read_frames, read_gray
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import save_clip
 
@@ -45,7 +45,9 @@ def masked(networks: Networks, tmp_path: Path) -> Callable[..., np.ndarray]:
     def run(frames: Path, **settings: float) -> np.ndarray:
         files = {"model": networks.detector, "landmarks": networks.landmarks}
         source = PersonSource(dilate_px=0, **files, **settings)
-        return read_masks(make_masks(frames, tmp_path / "masks", MasksConfig(sources=(source,))))
+        return read_masks(
+            make_masks(read_frames(frames), tmp_path / "masks", MasksConfig(sources=(source,)))
+        )
 
     return run
 

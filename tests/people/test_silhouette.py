@@ -20,7 +20,7 @@ from gmrdata.people.silhouette import (
     silhouette_masks,
 )
 from gmrdata.read.body_file import save_body
-from gmrdata.read.frames import read_gray
+from gmrdata.read.frames import read_frames, read_gray
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project_cam
 from gmrdata.values.clip import Clip, save_clip
@@ -108,7 +108,7 @@ def masked(small_body: BodyModel, images_dir: Path, tmp_path: Path) -> Masked:
             people.append(PersonFiles(folder / "camera.npz", folder / "body.npz"))
         config = SilhouetteConfig.model_validate(settings)
         out_dir = Path(tempfile.mkdtemp(dir=tmp_path)) / "masks"
-        return silhouette_masks(tuple(people), images_dir, out_dir, config, left_out=left_out)
+        return silhouette_masks(tuple(people), read_frames(images_dir, left_out), out_dir, config)
 
     return run
 

@@ -19,7 +19,7 @@ from gmrdata.people.sources import (
     masks_named,
     masks_seconds,
 )
-from gmrdata.read.frames import read_gray
+from gmrdata.read.frames import read_frames, read_gray
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 
@@ -117,7 +117,7 @@ def test_two_folders_are_united_and_stand_in_the_record(noise_dir: Path, tmp_pat
     config = MasksConfig(
         sources=(FolderSource(path=tmp_path / "a"), FolderSource(path=tmp_path / "b", dilate_px=1))
     )
-    out_dir = make_masks(noise_dir, tmp_path / "out" / "masks", config)
+    out_dir = make_masks(read_frames(noise_dir), tmp_path / "out" / "masks", config)
     mask = read_gray(out_dir / "00002.png")
     assert np.argwhere(mask).tolist() == [[4, 40], [5, 3], [5, 39], [5, 40], [5, 41], [6, 40]]
     record = json.loads((out_dir / "masks.json").read_text())
@@ -136,8 +136,8 @@ def test_left_out_images_get_no_mask_and_make_no_error(noise_dir: Path, tmp_path
         cv2.imwrite(str(tmp_path / "a" / f"{i:05d}.png"), np.full((48, 64), 255, np.uint8))
     config = MasksConfig(sources=(FolderSource(path=tmp_path / "a"),))
     with pytest.raises(BadFrames, match=r"00001\.png: empty file"):
-        make_masks(noise_dir, tmp_path / "masks", config)
-    out_dir = make_masks(noise_dir, tmp_path / "masks", config, left_out={1})
+        make_masks(read_frames(noise_dir), tmp_path / "masks", config)
+    out_dir = make_masks(read_frames(noise_dir, {1}), tmp_path / "masks", config)
     assert sorted(path.name for path in out_dir.glob("*.png")) == ["00000.png", "00002.png"]
 
 
@@ -158,9 +158,9 @@ def test_a_network_that_was_not_fetched_is_named_with_the_command(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     with pytest.raises(MissingInput, match=f"{lacks}: no such model file; `gmrdata fetch models`"):
-        make_masks(noise_dir, tmp_path / "masks", MasksConfig(sources=(source,)))
+        make_masks(read_frames(noise_dir), tmp_path / "masks", MasksConfig(sources=(source,)))
 
 
 def test_a_silhouette_needs_the_body(noise_dir: Path, tmp_path: Path) -> None:
     with pytest.raises(MissingInput, match="pass --camera-body"):
-        make_masks(noise_dir, tmp_path / "masks", MasksConfig())
+        make_masks(read_frames(noise_dir), tmp_path / "masks", MasksConfig())
