@@ -38,7 +38,7 @@ def fuse(
         source: Folder of a pseudo ground truth, as of `gmrdata video` with people; or one clip.
         network: Run folder of `gmrdata train`, or the word bundled for the one of the package.
         out: Output folder: fusion.json, fusion.html, and of each person person_<n>.npz and
-            sigma_<n>.npz.
+            sigma_<n>.npz. Frames in which nobody saw the person have a pose and are not valid.
         errors: How wrong the network is, from `gmrdata delta-errors`; delta_errors.json in the
             run's folder when left out.
         loops: Pairs of times [s] at which the person stands on one spot, like 4.2:17.8.
