@@ -206,21 +206,13 @@ def test_a_copy_of_another_size_is_the_same_video_and_another_shape_is_not(
 
 
 def vibe(**changes: Any) -> dict[Any, Any]:
-    person = {
-        "pred_cam": np.ones((3, 3)),
-        "orig_cam": np.ones((3, 4)),
-        "pose": np.zeros((3, 72)),
-        "betas": np.zeros((3, 10)),
-        "bboxes": np.full((3, 4), 100.0),
-        "frame_ids": np.arange(3),
-    }
-    return {1: {key: value for key, value in (person | changes).items() if value is not None}}
+    person = system_files.vibe_person(3) | changes
+    return {1: {key: value for key, value in person.items() if value is not None}}
 
 
 def world_alone() -> dict[Any, Any]:
-    arrays = {"pose_world": 72, "trans_world": 3, "betas": 10}
-    whole = {key: np.zeros((3, width)) for key, width in arrays.items()}
-    return {1: whole | {"frame_ids": np.arange(3)}}
+    world = {"pose_world": np.zeros((3, 72)), "trans_world": np.zeros((3, 3))}
+    return {1: system_files.wham_entry(np.arange(3), np.zeros((3, 10)), **world)}
 
 
 @pytest.mark.parametrize(

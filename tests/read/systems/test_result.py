@@ -11,27 +11,23 @@ import torch
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
 from tests.joblib_layout import joblib_bytes
+from tests.read import system_files
 
 T = 4
 
 
 def vibe(path: Path, **change: Any) -> Path:
-    person = {
-        "pose": np.zeros((T, 72)),
-        "betas": np.zeros((T, 10)),
-        "orig_cam": np.ones((T, 4)),
-        "frame_ids": np.arange(T),
-    }
-    (path / "vibe_output.pkl").write_bytes(joblib_bytes({1: _changed(person, change)}))
-    return path / "vibe_output.pkl"
+    person = system_files.vibe_person(T)
+    person = {key: person[key] for key in ("pose", "betas", "orig_cam", "frame_ids")}
+    return system_files.write_joblib(path / "vibe_output.pkl", {1: _changed(person, change)})
 
 
 def gvhmr(path: Path, **change: Any) -> Path:
-    widths = {"body_pose": 63, "global_orient": 3, "transl": 3}
-    person = _changed({key: np.zeros((T, width)) for key, width in widths.items()}, change)
+    params = system_files.gvhmr_params(np.zeros((T, 63)), np.zeros((T, 3)), np.zeros((T, 3)))
+    person = _changed({key: one.numpy() for key, one in params.items()}, change)
     tensors = {key: torch.from_numpy(np.asarray(value)) for key, value in person.items()}
-    torch.save({"smpl_params_global": tensors}, path / "hmr4d_results.pt")
-    return path / "hmr4d_results.pt"
+    content = {"smpl_params_global": tensors}
+    return system_files.write_torch(path / "hmr4d_results.pt", content)
 
 
 def tram(path: Path, **change: Any) -> Path:
