@@ -72,7 +72,7 @@ def measure(name: str, every: int, folder: Path) -> dict[str, Any]:
     none = SfmConfig(acceleration_deg=10.0, acceleration_share=1.0)
     row = {}
     for prior, config in (("without", none), ("with", SfmConfig())):
-        arguments = (filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px)
+        arguments = filmed.taken(), filmed.masks_dir, filmed.lens
         out_dir = reconstruct(*arguments, folder / prior, config)
         row[prior] = errors_of(filmed, out_dir, max(1, 3 // every))
     return row

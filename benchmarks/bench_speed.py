@@ -28,8 +28,10 @@ from gmrdata.cameras.check import agreement
 from gmrdata.cameras.map import mapping
 from gmrdata.cameras.match import keyframes, matches
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.read.frames import read_frames
 from gmrdata.stage import store
 from gmrdata.values.files import write_json
+from gmrdata.values.lens import Lens
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/speed.json")
@@ -114,7 +116,9 @@ def test_where_the_time_goes(
     for part, functions in PARTS.items():
         for module, name in functions:
             monkeypatch.setattr(module, name, clock.timed(part, getattr(module, name)))
-    stage.reconstruct(images_dir, None, intrinsics_px, tmp_path / "sfm", SfmConfig())
+    frames = read_frames(images_dir)
+    lens = Lens.of_matrix(intrinsics_px, frames.size_px)
+    stage.reconstruct(frames, None, lens, tmp_path / "sfm", SfmConfig())
     clock.switch()
     rows = [{"part": part, "seconds": round(s, 2)} for part, s in clock.seconds.items()]
     total = round(sum(clock.seconds.values()), 2)

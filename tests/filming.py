@@ -1,6 +1,6 @@
 """A small world to film: a textured room with boxes, drawn by casting one ray per pixel."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,11 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.read.frames import list_images
+from gmrdata.read.frames import read_frames
 from gmrdata.values import transforms
 from gmrdata.values.camera import intrinsics_from_fov
+from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.lens import Lens
 from gmrdata.values.transforms import fit_similarity
 
 WIDTH_PX, HEIGHT_PX = 320, 180
@@ -41,14 +43,19 @@ class Filmed:
     @property
     def frames(self) -> Frames:
         """What the camera stage works on."""
-        images = list_images(self.images_dir)
+        images = list(self.taken().paths)
         return Frames(images, self.masks_dir, self.intrinsics_px, (WIDTH_PX, HEIGHT_PX))
 
-    def solved(self, out_dir: Path, config: SfmConfig, **given: Any) -> Path:
+    @property
+    def lens(self) -> Lens:
+        return Lens.of_matrix(self.intrinsics_px, (WIDTH_PX, HEIGHT_PX))
+
+    def taken(self, left_out: Collection[int] = ()) -> FrameSet:
+        return read_frames(self.images_dir, left_out)
+
+    def solved(self, out_dir: Path, config: SfmConfig, left_out: Collection[int] = ()) -> Path:
         """The camera stage's folder of these frames and masks."""
-        return reconstruct(
-            self.images_dir, self.masks_dir, self.intrinsics_px, out_dir, config, **given
-        )
+        return reconstruct(self.taken(left_out), self.masks_dir, self.lens, out_dir, config)
 
     def centre_errors_m(self, found: np.ndarray) -> np.ndarray:
         """Distances of camera centres (T, 3) from the true ones after the best similarity."""

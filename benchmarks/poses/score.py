@@ -13,15 +13,13 @@ from gmrdata.people.following import FollowConfig, Networks, follow_people, load
 from gmrdata.people.landmark_body import landmark_offsets_m
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.local_poses import (
-    ImageTimes,
-    Lens,
     LocalPosesConfig,
     Method,
     poses_of,
     seen_landmarks,
 )
 from gmrdata.read.bodies import load_body
-from gmrdata.read.frames import image_number, list_images, read_frames
+from gmrdata.read.frames import read_frames
 from gmrdata.solve.solve import FOLLOWED, INTRINSICS
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
@@ -72,16 +70,12 @@ def pose_row(
     facts = VideoFacts.read(clip_dir / FACTS_FILE)
     images_dir, clip = clip_dir / FRAMES_FOLDER, load_clip(clip_dir / CLIP_FILE)
     body, intrinsics = load_body("anny"), load_intrinsics(work_dir / INTRINSICS)
-    numbers = np.array([image_number(image) for image in list_images(images_dir)])
-    times = ImageTimes(np.arange(len(numbers)), facts.fps_hz)
-    lens = Lens(intrinsics.matrix_px, (intrinsics.radial_k1, 0.0))
+    frames = read_frames(images_dir).with_rate(facts.fps_hz)
     networks = Networks(models_dir / DETECTOR, models_dir / NETWORK)
-    followed_dir = follow_people(
-        read_frames(images_dir), work_dir / FOLLOWED, FollowConfig(), networks
-    )
+    followed_dir = follow_people(frames, work_dir / FOLLOWED, FollowConfig(), networks)
     found = []
     for track in load_tracks(followed_dir):
-        seen = seen_landmarks(track, numbers, times, lens)
+        seen = seen_landmarks(track, frames.numbers, frames, intrinsics.lens)
         found.append(true_track(track, seen, clip, body))
     truth = max(found, key=_frames_on_the_person)
     shown = {method: _errors(truth, body, method) for method in methods}

@@ -18,13 +18,12 @@ from gmrdata.people.following import load_tracks
 from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.people.local_poses import (
     POSES_FOLDER,
-    ImageTimes,
-    Lens,
     place,
     seen_landmarks,
 )
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.bodies import load_body
+from gmrdata.read.frames import read_frames
 from gmrdata.score.metrics import root_errors_percent, segment_errors_mm
 from gmrdata.solve.request import SolveConfig
 from gmrdata.solve.solve import FOLLOWED, INTRINSICS, OWN_POSES
@@ -32,6 +31,7 @@ from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.local_poses import load_local_poses
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
@@ -102,7 +102,8 @@ def world_row(clip_dir: Path, work_dir: Path, verdict: VideoVerdict) -> WorldRow
     fused_path = work_dir / FUSED / person_file(number)
     result = load_clip(fused_path) if fused_path.is_file() else unfused
     rows = np.flatnonzero(seen.valid & camera_of(unfused).has_camera)
-    placed = _placed_alone(work_dir, unfused, body, facts)
+    frames = read_frames(clip_dir / FRAMES_FOLDER).with_rate(facts.fps_hz)
+    placed = _placed_alone(work_dir, unfused, body, frames)
     shown = (result.motion, seen.motion, placed, unfused.motion)
     (wa, rte), (wa_static, rte_static), (wa_placed, rte_placed), (wa_unfused, rte_unfused) = (
         _errors(one, truth, rows, body) for one in shown
@@ -176,16 +177,15 @@ def _size_ratio(seen: Clip, truth: Clip, rows: np.ndarray) -> float:
     return float(np.median(seen.motion.pelvis_m[rows, 2] / _before_camera(truth)[rows, 2]))
 
 
-def _placed_alone(work_dir: Path, clip: Clip, body: BodyModel, facts: VideoFacts) -> Motion:
+def _placed_alone(work_dir: Path, clip: Clip, body: BodyModel, frames: FrameSet) -> Motion:
     """The clip's motion with each frame's pelvis from that frame's landmarks alone."""
     lens = load_intrinsics(work_dir / INTRINSICS)
     camera, motion = camera_of(clip), clip.motion
-    times = ImageTimes(np.arange(motion.n_frames), facts.fps_hz)
     _, people = load_local_poses(work_dir / OWN_POSES / POSES_FOLDER)
     number = int(clip.id.removeprefix("person_"))
     track = load_tracks(work_dir / FOLLOWED)[number]
     seen = seen_landmarks(
-        track, clip.image_numbers, times, Lens(camera.intrinsics_px, (lens.radial_k1, 0.0))
+        track, clip.image_numbers, frames, replace(camera.lens, radial=(lens.radial_k1, 0.0))
     )
     poses = people[number]
     rotmats = np.concatenate([poses.root_rotmats[:, None], poses.local_rotmats], axis=1)

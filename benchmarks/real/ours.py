@@ -9,10 +9,12 @@ from real.sequences import RealSequence
 from gmrdata.cameras.files import CamerasQuality, load_cameras, load_points, load_quality
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.read.frames import read_frames
 from gmrdata.stage.store import stage_seconds
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import NoReconstruction
+from gmrdata.values.lens import Lens
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import invert
 from gmrdata.world.judge import SolvedCameras, judge
@@ -42,7 +44,9 @@ def solve(given: RealSequence, out_dir: Path, seed: int) -> Solved:
     n = len(given.takes)
     config = SfmConfig(seed=seed)
     try:
-        reconstruct(given.images_dir, given.masks_dir, given.intrinsics_px, out_dir, config)
+        frames = read_frames(given.images_dir)
+        lens = Lens.of_matrix(given.intrinsics_px, frames.size_px)
+        reconstruct(frames, given.masks_dir, lens, out_dir, config)
     except NoReconstruction as error:
         nothing, none = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=bool)
         return Solved(nothing, none, False, (error.why,), None, None, None)

@@ -14,7 +14,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.frames import check_images, list_images
+from gmrdata.read.frames import read_frames
 from gmrdata.stage.jobs import Job, run_jobs, worker_pool
 from gmrdata.stage.run import Run
 from gmrdata.values.clip import camera_of, load_clip
@@ -42,15 +42,14 @@ def _render_and_reconstruct(folder: Path, place: str, body_path: Path) -> dict[s
     out_dir = render_clip(
         folder / "clip.npz", body_path, folder / "render", config, on_frame=lambda _: None
     )
-    intrinsics_px = camera_of(load_clip(out_dir / "clip.npz")).intrinsics_px
-    sfm_dir = reconstruct(
-        out_dir / "frames", out_dir / "masks", intrinsics_px, folder / "sfm", SfmConfig()
-    )
+    lens = camera_of(load_clip(out_dir / "clip.npz")).lens
+    frames = read_frames(out_dir / "frames")
+    sfm_dir = reconstruct(frames, out_dir / "masks", lens, folder / "sfm", SfmConfig())
     quality = load_quality(sfm_dir)
     if quality.geometry == "full":
         inliers = np.array(quality.inliers_per_frame)
     else:  # there each pair of frames counts for itself, and a point many times
-        inliers = _turning_points(out_dir, sfm_dir, intrinsics_px, folder / "matches")
+        inliers = _turning_points(out_dir, sfm_dir, lens.matrix_px, folder / "matches")
     return {
         "geometry": quality.geometry,
         "frames": quality.frames,
@@ -65,9 +64,10 @@ def _turning_points(
     rendered: Path, sfm_dir: Path, intrinsics_px: np.ndarray, work_dir: Path
 ) -> np.ndarray:
     """(T,) features of each frame with a match that agrees with the solved rotations."""
-    images = list_images(rendered / "frames")
+    taken = read_frames(rendered / "frames")
+    images = list(taken.paths)
     work_dir.mkdir()
-    frames = Frames(images, rendered / "masks", intrinsics_px, check_images(images))
+    frames = Frames(images, rendered / "masks", intrinsics_px, taken.size_px)
     matches = match_frames(frames, work_dir, SfmConfig())
     rotations = load_cameras(sfm_dir).path.world_from_cam[:, :3, :3]
     found: list[set[int]] = [set() for _ in images]

@@ -10,9 +10,10 @@ from gmrdata.cameras.files import load_cameras, load_points, load_quality
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.people.sources import MasksConfig, OnnxSource, make_masks, masks_seconds
-from gmrdata.read.frames import check_images, list_images, read_frames
+from gmrdata.read.frames import read_frames
 from gmrdata.read.video import extract_video
 from gmrdata.stage.store import stage_seconds
+from gmrdata.values.lens import Lens
 
 DOG_FOCAL_PX = 929.0
 """COLMAP's own calibration of the video at its full size."""
@@ -59,12 +60,10 @@ def _row(
 ) -> dict[str, Any]:
     """Cameras of one video; in metres only where the background's distance is known."""
     config = MasksConfig(sources=(OnnxSource(model=model),))
-    masks_dir = make_masks(read_frames(frames), out_dir / "masks", config)
-    width_px, height_px = check_images(list_images(frames))
-    intrinsics_px = np.array(
-        [[focal_px, 0, width_px / 2], [0, focal_px, height_px / 2], [0, 0, 1.0]]
-    )
-    sfm_dir = reconstruct(frames, masks_dir, intrinsics_px, out_dir / "sfm", SfmConfig())
+    taken = read_frames(frames)
+    masks_dir = make_masks(taken, out_dir / "masks", config)
+    lens = Lens.centred(focal_px, taken.size_px)
+    sfm_dir = reconstruct(taken, masks_dir, lens, out_dir / "sfm", SfmConfig())
     quality = load_quality(sfm_dir)
     return {
         "id": id,

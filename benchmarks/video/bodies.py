@@ -25,7 +25,7 @@ from gmrdata.stage.run import Run
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
-from gmrdata.world.placement import TrueCamera, assumed_place, place_body
+from gmrdata.world.placement import assumed_place, place_body
 from tests.read import system_files
 from tests.read.system_files import Seen
 
@@ -113,7 +113,7 @@ def _row(
     person = read_system(path, "camera").people[0]
     assert person.in_camera is not None
     as_it_is = assumed_place(person.in_camera, facts.size_px, path).transl_m + seen.rest_pelvis_m
-    lens = TrueCamera(camera_of(clip).intrinsics_px, (facts.radial_k1, 0.0))
+    lens = replace(camera_of(clip).lens, radial=(facts.radial_k1, 0.0))
     placed = place_body(person, load_body(body_path), lens, facts.size_px, path)
     true = seen.motion
     errors = _percent(placed.pelvis_m, true.pelvis_m)

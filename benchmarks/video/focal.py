@@ -19,6 +19,7 @@ from gmrdata.cameras.lens.intrinsics import (
     find_intrinsics,
     load_intrinsics,
 )
+from gmrdata.read.frames import read_frames
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import stage_seconds
 
@@ -109,8 +110,8 @@ def _found(
     known: KnownLens, out_dir: Path, given: GivenIntrinsics | None
 ) -> tuple[Path, Intrinsics]:
     config, run = IntrinsicsConfig(), Run(redo=True)
-    frames_dir, masks_dir = known.frames_dir, known.masks_dir
-    made = find_intrinsics(frames_dir, masks_dir, out_dir, config, given=given, run=run)
+    frames, masks_dir = read_frames(known.frames_dir), known.masks_dir
+    made = find_intrinsics(frames, masks_dir, out_dir, config, given=given, run=run)
     return made, load_intrinsics(made)
 
 

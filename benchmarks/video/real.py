@@ -25,7 +25,7 @@ from gmrdata.cameras.lens.intrinsics import IntrinsicsConfig, load_intrinsics
 from gmrdata.cameras.lens.self_calibration import SelfCalibrationConfig
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.sources import FolderSource, MasksConfig, masks_named
-from gmrdata.read.frames import list_images
+from gmrdata.read.frames import list_images, read_frames
 from gmrdata.read.video import VideoConfig
 from gmrdata.solve.request import QUICK_SFM, SolveConfig
 from gmrdata.solve.solve import FRAMES, MASKS, SFM
@@ -125,7 +125,7 @@ def real_row(name: str, videos: Path, out: Path, models: Path) -> RealRow:
         return row
     images = source if source.is_dir() else folder / FRAMES
     masks = None if config.masks is None else folder / MASKS
-    again = solve_again(folder / SFM, images, masks, folder / "ways", config.sfm)
+    again = solve_again(folder / SFM, read_frames(images), masks, folder / "ways", config.sfm)
     record, quality = AgainRecord.read(again / AGAIN_FILE), load_quality(folder / SFM)
     against = "" if quality.geometry in clip.right else f"the camera is not {quality.geometry}"
     if clip.focal is not None:

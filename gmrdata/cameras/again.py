@@ -3,7 +3,7 @@
 import os
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,6 +20,7 @@ from gmrdata.read.frames import read_frames
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import NoReconstruction
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import PART, Record
 
 AGAIN_FILE = "again.json"
@@ -76,7 +77,7 @@ class AgainRecord(Record):
 
 def solve_again(
     sfm_dir: Path,
-    images_dir: Path,
+    frames: FrameSet,
     masks_dir: Path | None,
     out_dir: Path,
     config: SfmConfig,
@@ -93,35 +94,34 @@ def solve_again(
         solutions = []
         for way in WAYS:
             folder = partial / "again"
-            solutions.append(_solved(way, sfm_dir, images_dir, masks_dir, folder, config))
+            solutions.append(_solved(way, sfm_dir, frames, masks_dir, folder, config))
             shutil.rmtree(folder)
         AgainRecord(solutions=tuple(solutions)).write(partial / AGAIN_FILE)
 
     masks = {} if masks_dir is None else {"masks": masks_dir}
-    inputs = {"sfm": sfm_dir, "images": images_dir} | masks
+    inputs = {"sfm": sfm_dir, "images": frames.folder} | masks
     return run_stage("sfm_again", out_dir, config, inputs, work, run=run)
 
 
 def _solved(
     way: _Way,
     sfm_dir: Path,
-    images_dir: Path,
+    frames: FrameSet,
     masks_dir: Path | None,
     folder: Path,
     config: SfmConfig,
 ) -> SolvedAgain:
     first, points = load_cameras(sfm_dir).path, load_points(sfm_dir)
-    images = read_frames(images_dir).paths
+    images = frames.paths
     rows = way.rows(len(images))
     given = _linked(folder / "frames", [images[row] for row in rows])
     masks = None
     if masks_dir is not None:
         masks = _linked(folder / "masks", [find_mask(masks_dir, images[row]) for row in rows])
-    seeded, k1 = config.reseeded(way.seed), known_radial_k1(sfm_dir)
+    seeded = config.reseeded(way.seed)
+    lens = replace(first.lens, radial=(known_radial_k1(sfm_dir), 0.0))
     try:
-        solved = reconstruct(
-            given, masks, first.intrinsics_px, folder / "sfm", seeded, radial_k1=k1
-        )
+        solved = reconstruct(read_frames(given), masks, lens, folder / "sfm", seeded)
     except NoReconstruction as error:
         return SolvedAgain(way.name, None, None, error.why)
     found, other = load_cameras(solved), np.full_like(first.world_from_cam, np.nan)

@@ -1,6 +1,6 @@
 """The files of a reconstruction: cameras up to scale, points, and the figures behind them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, Self, cast, get_args
 
@@ -13,6 +13,7 @@ from gmrdata.values import records
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import write_npz
+from gmrdata.values.lens import Lens, Origin
 from gmrdata.values.records import PART, Figure
 
 CAMERAS_FILE = "cameras.npz"
@@ -128,7 +129,7 @@ NOT_SMOOTHED = Smoothing(None, None)
 
 
 @part(frozen=True, config=PART)
-class Lens:
+class Distortion:
     """Radial distortion that was taken out of image points: one at r, in units of the focal length,
     is seen at r + k1 r^3 + k2 r^5."""
 
@@ -177,7 +178,7 @@ class CamerasQuality(records.Record):
     holds it."""
     radial_k1_sigma: Figure | None
     """Its standard error."""
-    lens: Lens | None
+    lens: Distortion | None
     """Null where none was known, for a pure rotation, and where image points fit hardly better with
     it; they are then taken as they are.  Frames and intrinsics stay as they are in either case."""
     weakest_step: WeakestStep | None
@@ -197,6 +198,13 @@ class CamerasQuality(records.Record):
     """Largest angle from the mean orientation; null for six degrees of freedom."""
     worked_on_px: tuple[PositiveInt, PositiveInt]
     """Width and height of the frames that cameras were sought in."""
+
+    def lens_of(self, lens: Lens) -> Lens:
+        """The lens with the distortion that was taken out of the image points."""
+        if self.lens is None:
+            return lens
+        found = Origin("self_calibrated", self.radial_k1_sigma)
+        return replace(lens, radial=(self.lens.k1, self.lens.k2), radial_from=found)
 
     @property
     def lens_in_words(self) -> list[tuple[str, str]]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gmrdata.cameras.files import Lens
+from gmrdata.cameras.files import Distortion
 from gmrdata.pages.frames import draw_mask_outline
 from gmrdata.pages.solved import Solved
 from gmrdata.read.frames import read_gray
@@ -60,7 +60,7 @@ class Footage:
     masks: Sequence[Path | None]  # (T,) 255 = dynamic
     times_s: np.ndarray  # (T,) ascending
     camera: CameraPath  # of the T frames
-    lens: Lens | None  # bends what is drawn as it bent the frames
+    lens: Distortion | None  # bends what is drawn as it bent the frames
     people: tuple[Performer, ...]
     marks: Marks
     dropped: np.ndarray  # (T,) bool
@@ -131,7 +131,7 @@ def _with_world(drawn: np.ndarray, footage: Footage, camera: CameraPath, row: in
     return draw_people(drawn, footage.people, camera, row, round(footage.fps_hz), bend)
 
 
-def bent_points(points_cam: np.ndarray, lens: Lens | None) -> np.ndarray:
+def bent_points(points_cam: np.ndarray, lens: Distortion | None) -> np.ndarray:
     """Points (N, 3) in the camera that a pinhole shows where a lens shows the given ones; NaN for
     those that lie so far out that the lens's terms do not hold."""
     if lens is None:

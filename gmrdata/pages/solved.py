@@ -15,7 +15,7 @@ import numpy as np
 
 from gmrdata.cameras.files import (
     CamerasQuality,
-    Lens,
+    Distortion,
     SfmCameras,
 )
 from gmrdata.cameras.lens.intrinsics import Intrinsics
@@ -151,12 +151,12 @@ class Solved:
         return None if self.record is None else self.record.cameras
 
     @property
-    def lens(self) -> Lens | None:
+    def lens(self) -> Distortion | None:
         """The distortion of the frames; None for hardly any."""
         if self.cameras is not None and self.cameras.lens is not None:
             return self.cameras.lens
         k1 = 0.0 if self.intrinsics is None else self.intrinsics.radial_k1
-        return Lens(k1, 0.0, 0.0) if k1 else None
+        return Distortion(k1, 0.0, 0.0) if k1 else None
 
     @property
     def is_solved(self) -> bool:

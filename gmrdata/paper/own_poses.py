@@ -35,8 +35,6 @@ from gmrdata.people.landmark_network import (
 )
 from gmrdata.people.lifter import WEIGHTS_FILE
 from gmrdata.people.local_poses import (
-    ImageTimes,
-    Lens,
     LocalPosesConfig,
     local_poses,
 )
@@ -223,8 +221,8 @@ class _Viewer:
         )
         folder = local_poses(
             followed_dir,
-            ImageTimes(frames.numbers, clip.motion.fps_hz),
-            Lens(camera_of(clip).intrinsics_px),
+            replace(frames, frame_numbers=frames.numbers, rate_hz=clip.motion.fps_hz),
+            camera_of(clip).lens,
             self._sources.body_path,
             self._out_dir / SEEN_FOLDER / clip.id,
             self._config.poses,

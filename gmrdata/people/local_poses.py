@@ -8,7 +8,7 @@ round.
 """
 
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -29,7 +29,8 @@ from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel, leg_length_m
-from gmrdata.values.lens import straightened
+from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.lens import Lens
 from gmrdata.values.local_poses import POSES_FILE, LocalPoses, LocalPosesRecord
 from gmrdata.values.people import person_file
 from gmrdata.values.records import Config
@@ -54,20 +55,6 @@ class LocalPosesConfig(Config):
     """Deviation of the weights in time by which poses are averaged [s]; 0: not at all."""
 
 
-class Lens(NamedTuple):
-    """The camera of the images."""
-
-    matrix_px: np.ndarray  # (3, 3) [px]
-    radial: tuple[float, float] = (0.0, 0.0)  # k1 and k2
-
-
-class ImageTimes(NamedTuple):
-    """Which frames of a video the T images of a folder are."""
-
-    frame_numbers: np.ndarray  # (T,) int, rising, counted from 0
-    fps_hz: float  # images per second
-
-
 class _Recipe(Config):
     poses: LocalPosesConfig
     intrinsics_px: tuple[tuple[float, float, float], ...]
@@ -78,7 +65,7 @@ class _Recipe(Config):
 
 def local_poses(
     followed_dir: Path,
-    times: ImageTimes,
+    frames: FrameSet,
     lens: Lens,
     body_path: Path,
     out_dir: Path,
@@ -92,8 +79,8 @@ def local_poses(
         poses=config,
         intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),
         radial=lens.radial,
-        frame_numbers=tuple(times.frame_numbers.tolist()),
-        fps_hz=times.fps_hz,
+        frame_numbers=tuple(frames.frame_numbers.tolist()),
+        fps_hz=frames.rate_hz,
     )
 
     def work(partial: Path) -> None:
@@ -102,14 +89,14 @@ def local_poses(
         body = read_body(body_path)
         people = load_tracks(followed_dir)
         for n, track in enumerate(with_bar(people, "poses")):
-            seen = seen_landmarks(track, numbers, times, lens)
+            seen = seen_landmarks(track, numbers, frames, lens)
             rows = np.searchsorted(numbers, track.image_numbers)
-            poses = poses_of(seen, times.frame_numbers[rows], body, config)
+            poses = poses_of(seen, frames.frame_numbers[rows], body, config)
             poses.write(partial / person_file(n))
         LocalPosesRecord(
             people=len(people),
             images=len(numbers),
-            frames=int(times.frame_numbers[-1]) + 1,
+            frames=int(frames.frame_numbers[-1]) + 1,
             size_px=followed.size_px,
             body=body.name,
             method=config.method,
@@ -120,16 +107,14 @@ def local_poses(
 
 
 def seen_landmarks(
-    track: Sightings, numbers: np.ndarray, times: ImageTimes, lens: Lens
+    track: Sightings, numbers: np.ndarray, frames: FrameSet, lens: Lens
 ) -> SeenLandmarks:
     """A track's landmarks as rays without distortion, at its times."""
     rows = np.searchsorted(numbers, track.image_numbers)
-    per_image = float(np.median(np.diff(times.frame_numbers))) if len(numbers) > 1 else 1.0
-    matrix_px = lens.matrix_px
-    bent = (track.image_px - matrix_px[:2, 2]) / np.diag(matrix_px)[:2]
+    per_image = float(np.median(np.diff(frames.frame_numbers))) if len(numbers) > 1 else 1.0
     return SeenLandmarks(
-        times_s=times.frame_numbers[rows] / (per_image * times.fps_hz),
-        rays=straightened(bent, *lens.radial),
+        times_s=frames.frame_numbers[rows] / (per_image * frames.rate_hz),
+        rays=lens.rays(track.image_px),
         world_m=track.world_m,
         visibility=track.visibility,
     )

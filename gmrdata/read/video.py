@@ -5,20 +5,20 @@ mirrored as the file says, without lines of two times, and as wide as its pixels
 """
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from gmrdata.read.frames import write_image
+from gmrdata.read.frames import read_frames, write_image
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
-from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
+from gmrdata.values.frame_set import VIDEO_FILE, FrameSet, VideoRecord
 from gmrdata.values.limits import (
     HIGHEST_FPS_HZ,
     LOWEST_FPS_HZ,
@@ -93,19 +93,27 @@ def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]
 
 
 def as_frames(
-    frames: Path, out_dir: Path, config: VideoConfig | None = None, *, run: Run = DEFAULT_RUN
-) -> Path:
-    """A folder of frames as it is, and of a video the folder `out_dir`, made by `extract_video`.
+    source: Path,
+    out_dir: Path,
+    config: VideoConfig | None = None,
+    *,
+    left_out: Collection[int] = (),
+    run: Run = DEFAULT_RUN,
+) -> FrameSet:
+    """The frames in a folder, or those of a video, for which `extract_video` makes `out_dir`.
 
     Raises:
         BadRecipe: frames of a folder are to be trimmed.
     """
-    if is_video(frames):
-        return extract_video(frames, out_dir, config, run=run)
+    if is_video(source):
+        folder = extract_video(source, out_dir, config, run=run)
+        frames = replace(read_frames(folder, left_out), video_path=source)
+        is_part = config is not None and config.to_s is not None
+        return replace(frames, n_frames=None) if is_part else frames
     if config not in (None, VideoConfig()):
         what = "--from, --to, --every and --take-what-decodes are for a video file"
-        raise BadRecipe(f"{frames}: {what}; give the video, or a folder of those frames alone")
-    return frames
+        raise BadRecipe(f"{source}: {what}; give the video, or a folder of those frames alone")
+    return read_frames(source, left_out)
 
 
 def extract_video(

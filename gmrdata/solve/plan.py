@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
-from gmrdata.read.frames import check_images, list_images
+from gmrdata.read.frames import read_frames
 from gmrdata.read.video import VideoConfig, count_images, is_video
 from gmrdata.read.video_files import NamedVideo, find_videos
 from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest, people_of
@@ -40,8 +40,8 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     if is_video(source):
         n_images, size_px = count_images(source, request.part or VideoConfig())
     else:
-        images = list_images(source)
-        n_images, size_px = len(images), check_images(images)
+        frames = read_frames(source)
+        n_images, size_px = len(frames.paths), frames.size_px
     share = size_px[0] * size_px[1] / (1280 * 720)
     own = isinstance(people, EstimatedPeople) and people.are_own
     seconds = {

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from gmrdata.people import sources
 from gmrdata.people.sources import MasksConfig
-from gmrdata.read.frames import read_frames
 from gmrdata.read.video import VideoConfig, as_frames
 from gmrdata.solve.request import GivenPeople, SequenceConfig, SolveConfig, SolveRequest
 from gmrdata.solve.solve import FRAMES, MASKS, solve
@@ -64,6 +63,5 @@ def make_masks(
         frames: A folder of numbered images, or a video file, of which `video` says the part.
         people: Camera-frame clips with their bodies, for silhouettes.
     """
-    images_dir = as_frames(Path(frames), Path(out_dir) / FRAMES, video, run=run)
-    frames_read = read_frames(images_dir)
-    return sources.make_masks(frames_read, Path(out_dir) / MASKS, config, people=people, run=run)
+    given = as_frames(Path(frames), Path(out_dir) / FRAMES, video, run=run)
+    return sources.make_masks(given, Path(out_dir) / MASKS, config, people=people, run=run)

@@ -4,11 +4,8 @@
 """
 
 import shutil
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from gmrdata.cameras.again import solve_again
 from gmrdata.cameras.files import load_quality
@@ -17,7 +14,7 @@ from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.fusion.fuse import fuse_own_people
 from gmrdata.people import sources as mask_sources
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord
-from gmrdata.people.local_poses import POSES_FOLDER, ImageTimes, Lens, local_poses
+from gmrdata.people.local_poses import POSES_FOLDER, local_poses
 from gmrdata.people.sources import (
     MaskRcnnSource,
     MasksConfig,
@@ -27,20 +24,19 @@ from gmrdata.people.sources import (
     sources_dir,
 )
 from gmrdata.read.bodies import body_file, keep_body
-from gmrdata.read.frames import check_images, image_number, list_images, read_frames
-from gmrdata.read.video import VideoConfig, as_frames, is_video, video_record
+from gmrdata.read.video import as_frames
 from gmrdata.solve.doubts import with_lens_error, write_doubts
 from gmrdata.solve.request import EstimatedPeople, GivenPeople, SolveConfig, SolveRequest
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.clip import camera_of, load_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, NoReconstruction, StaleOutput
+from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
-from gmrdata.values.frame_set import VideoRecord
+from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.lens import Lens
 from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, PersonFiles
-from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, VideoFrames, make_bodies
+from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
-from gmrdata.world.placement import TrueCamera
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
@@ -63,9 +59,7 @@ class Solved:
     config: SolveConfig
     run: Run = DEFAULT_RUN
     body_path: Path | None = None  # of people whom a system sees
-    images_dir: Path = Path()
-    frames: VideoFrames | None = None  # None where bodies are given, which name their images
-    video: VideoRecord | None = None  # None of images that came from no video
+    frames: FrameSet | None = None  # with times unless bodies are given, which have theirs
     followed_dir: Path | None = None  # who is in the picture, where somebody wants to know
     masks_dir: Path | None = None
     lens: Intrinsics | None = None  # None where bodies came with theirs
@@ -131,33 +125,11 @@ def _drop_people(out_dir: Path, run: Run) -> None:
 
 
 def _frames(solved: Solved) -> Solved:
-    request = solved.request
-    images_dir = as_frames(request.source, solved.out_dir / FRAMES, request.part, run=solved.run)
-    given, frames = isinstance(request.people, GivenPeople), None
-    if not given:
-        frames = video_frames(images_dir, request.part, request.fps_hz)
-    return replace(solved, images_dir=images_dir, frames=frames, video=video_record(images_dir))
-
-
-def video_frames(
-    images_dir: Path, part: VideoConfig | None = None, fps_hz: float | None = None
-) -> VideoFrames:
-    """Which frames of a video a folder of images holds; of a folder by itself, all in order."""
-    images = list_images(images_dir)
-    numbers = np.array([image_number(image) for image in images], dtype=np.int64)
-    size_px, video = check_images(images), video_record(images_dir)
-    if video is None:
-        if fps_hz is None:
-            what = "a folder of images has no frame rate"
-            raise BadRecipe(f"{images_dir}: {what}. Give it with --fps-hz")
-        return VideoFrames(numbers, np.arange(len(numbers)), len(numbers), size_px, fps_hz)
-    if fps_hz is not None:
-        raise BadRecipe(f"{images_dir}: a video has its own times. Leave --fps-hz out")
-    whole = part is None or part.to_s is None
-    frame_of = {number // video.every: number for number in video.numbers}
-    frame_numbers = np.array([frame_of[int(number)] for number in numbers], dtype=np.int64)
-    n_frames = video.n_decoded if whole else None
-    return VideoFrames(numbers, frame_numbers, n_frames, size_px, video.rate_hz)
+    request, into = solved.request, solved.out_dir / FRAMES
+    given = request.people if isinstance(request.people, GivenPeople) else None
+    left_out = () if given is None else given.left_out
+    frames = as_frames(request.source, into, request.part, left_out=left_out, run=solved.run)
+    return replace(solved, frames=frames.with_rate(request.fps_hz) if given is None else frames)
 
 
 def _followed(solved: Solved) -> Solved:
@@ -168,9 +140,9 @@ def _followed(solved: Solved) -> Solved:
     own = isinstance(people, EstimatedPeople) and people.are_own
     if not own and not any(isinstance(source, PersonSource) for source in sources):
         return solved
-    left_out = people.left_out if isinstance(people, GivenPeople) else ()
-    frames = read_frames(solved.images_dir, left_out)
-    followed_dir = config.person_source.follow(frames, solved.out_dir / FOLLOWED, solved.run)
+    assert solved.frames is not None
+    into = solved.out_dir / FOLLOWED
+    followed_dir = config.person_source.follow(solved.frames, into, solved.run)
     return replace(solved, followed_dir=followed_dir)
 
 
@@ -178,9 +150,10 @@ def _masks(solved: Solved) -> Solved:
     config, people = solved.config.masks, solved.request.people
     if config is None:
         return solved
+    assert solved.frames is not None
     given = people if isinstance(people, GivenPeople) else GivenPeople(())
     masks_dir = mask_sources.make_masks(
-        read_frames(solved.images_dir, given.left_out),
+        solved.frames,
         solved.out_dir / MASKS,
         config,
         people=given.files,
@@ -195,13 +168,13 @@ def _lens(solved: Solved) -> Solved:
     request = solved.request
     if isinstance(request.people, GivenPeople):
         return solved
+    assert solved.frames is not None
     folder = find_intrinsics(
-        solved.images_dir,
+        solved.frames,
         solved.masks_dir,
         solved.out_dir / INTRINSICS,
         solved.config.intrinsics,
         given=request.lens,
-        video=request.source if is_video(request.source) else None,
         run=solved.run,
     )
     lens = load_intrinsics(folder)
@@ -210,22 +183,19 @@ def _lens(solved: Solved) -> Solved:
 
 def _cameras(solved: Solved) -> Solved:
     people, lens = solved.request.people, solved.lens
-    left_out: Collection[int] = ()
+    assert solved.frames is not None
     if isinstance(people, GivenPeople):
-        first, left_out = load_clip(people.files[0].clip_path), people.left_out
-        matrix_px, radial_k1 = camera_of(first).intrinsics_px, 0.0
+        given = camera_of(load_clip(people.files[0].clip_path)).lens
     else:
         assert lens is not None
-        matrix_px, radial_k1 = lens.matrix_px, lens.radial_k1
+        given = lens.lens
     try:
         sfm_dir = reconstruct(
-            solved.images_dir,
+            solved.frames,
             solved.masks_dir,
-            matrix_px,
+            given,
             solved.out_dir / SFM,
             solved.config.sfm,
-            radial_k1=radial_k1,
-            left_out=left_out,
             run=solved.run,
         )
     except NoReconstruction as error:
@@ -237,10 +207,10 @@ def _cameras_again(solved: Solved) -> Solved:
     """Other solutions of the same frames, where they are asked for."""
     if not solved.config.check_again:
         return solved
-    assert solved.sfm_dir is not None
+    assert solved.sfm_dir is not None and solved.frames is not None
     again_dir = solve_again(
         solved.sfm_dir,
-        solved.images_dir,
+        solved.frames,
         solved.masks_dir,
         solved.out_dir / AGAIN,
         solved.config.sfm,
@@ -256,8 +226,8 @@ def _people(solved: Solved) -> Solved:
         return replace(solved, bodies=people.files)
     if people is None:
         return solved
-    camera = _true_camera(solved)
-    poses_path = _own_poses(solved, camera) if people.are_own else people.results_path
+    lens = _lens_of_frames(solved)
+    poses_path = _own_poses(solved, lens) if people.are_own else people.results_path
     if poses_path is None:
         return replace(solved, remarks=(NOBODY_SEEN,))
     assert solved.frames is not None and solved.body_path is not None
@@ -265,7 +235,7 @@ def _people(solved: Solved) -> Solved:
     into = bodies_dir, solved.config.bodies
     try:
         bodies = make_bodies(
-            poses_path, solved.frames, camera, solved.body_path, *into, run=solved.run
+            poses_path, solved.frames, lens, solved.body_path, *into, run=solved.run
         )
     except BadMotionFile as error:
         if people.asked:
@@ -279,22 +249,20 @@ def _people(solved: Solved) -> Solved:
     return replace(solved, bodies=bodies, remarks=remarks)
 
 
-def _true_camera(solved: Solved) -> TrueCamera:
-    """The camera of the images, with the distortion that was taken out of their points."""
+def _lens_of_frames(solved: Solved) -> Lens:
+    """The lens with the distortion that was taken out of the image points."""
     assert solved.sfm_dir is not None and solved.lens is not None
-    found = load_quality(solved.sfm_dir).lens
-    radial = (solved.lens.radial_k1, 0.0) if found is None else (found.k1, found.k2)
-    return TrueCamera(solved.lens.matrix_px, radial)
+    return load_quality(solved.sfm_dir).lens_of(solved.lens.lens)
 
 
-def _own_poses(solved: Solved, camera: TrueCamera) -> Path | None:
+def _own_poses(solved: Solved, lens: Lens) -> Path | None:
     """Poses by the built-in estimator, for `read_system`; None where it sees nobody."""
     assert solved.frames is not None and solved.body_path is not None
     assert solved.followed_dir is not None
     poses_dir = local_poses(
         solved.followed_dir,
-        ImageTimes(solved.frames.frame_numbers, solved.frames.fps_hz),
-        Lens(camera.intrinsics_px, camera.radial),
+        solved.frames,
+        lens,
         solved.body_path,
         solved.out_dir / OWN_POSES / POSES_FOLDER,
         solved.config.own_poses,
@@ -307,13 +275,13 @@ def _world(solved: Solved) -> Solved:
     """The people in a metric, level world."""
     if not solved.bodies:
         return solved
-    assert solved.sfm_dir is not None
+    assert solved.sfm_dir is not None and solved.frames is not None
     people, lens, config = solved.request.people, solved.lens, solved.config
     given = people if isinstance(people, GivenPeople) else GivenPeople(())
     doubts_path = given.doubts_path
     if doubts_path is None:
         clips = [load_clip(person.clip_path) for person in solved.bodies]
-        doubts_path = write_doubts(solved.out_dir, clips, solved.video, lens)
+        doubts_path = write_doubts(solved.out_dir, clips, solved.frames.video, lens)
     evidence = WorldEvidence(
         sfm_dir=solved.sfm_dir,
         people=solved.bodies,

@@ -18,7 +18,6 @@ from gmrdata.cameras.check.verdict import (
 )
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.recipe import CamerasVerdictConfig
-from gmrdata.read.video import is_video
 from gmrdata.solve.doubts import lost_frames
 from gmrdata.solve.request import EstimatedPeople
 from gmrdata.solve.solve import FRAMES, Solved
@@ -69,13 +68,13 @@ def judge_video(solved: Solved) -> VideoVerdict:
     assert frames is not None and lens is not None
     notes = list(lens.notes)
     if solved.sfm_dir is None:
-        camera = unsolved(_why(solved), len(frames.image_numbers))
+        camera = unsolved(_why(solved), len(frames.numbers))
     else:
         thresholds, cameras = solved.config.pseudo_gt.verdict, load_cameras(solved.sfm_dir)
-        doubts = [*lost_frames(solved.video), *lens_reasons(cameras, lens, thresholds)]
+        doubts = [*lost_frames(frames.video), *lens_reasons(cameras, lens, thresholds)]
         if solved.again_dir is not None:
             doubts += AgainRecord.read(solved.again_dir / AGAIN_FILE).reasons(thresholds)
-        camera = judge_cameras(solved.sfm_dir, frames.fps_hz, thresholds, doubts)
+        camera = judge_cameras(solved.sfm_dir, frames.rate_hz, thresholds, doubts)
         notes += lens_notes(cameras, lens)
     people = _judged_people(solved)
     notes += solved.remarks
@@ -84,8 +83,8 @@ def judge_video(solved: Solved) -> VideoVerdict:
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
     return VideoVerdict(
-        images_dir=FRAMES if is_video(request.source) else str(solved.images_dir.absolute()),
-        fps_hz=frames.fps_hz,
+        images_dir=FRAMES if frames.video_path else str(frames.folder.absolute()),
+        fps_hz=frames.rate_hz,
         accepted=not reasons,
         reasons=reasons,
         camera=camera,
@@ -96,8 +95,8 @@ def judge_video(solved: Solved) -> VideoVerdict:
 
 def _why(solved: Solved) -> str:
     """Why there are no cameras, by a path that holds where the folder is moved."""
-    assert solved.unsolved is not None and solved.lens is not None
-    images_dir = solved.images_dir
+    assert solved.unsolved is not None and solved.lens is not None and solved.frames is not None
+    images_dir = solved.frames.folder
     if images_dir.is_relative_to(solved.out_dir):
         images_dir = images_dir.relative_to(solved.out_dir)
     return "; ".join([str(solved.unsolved.of(images_dir)), *solved.lens.objections])

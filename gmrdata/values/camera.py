@@ -6,6 +6,8 @@ from itertools import product
 import numpy as np
 
 from gmrdata.values import transforms
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.lens import Lens
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +23,15 @@ class CameraPath:
     height_px: int
     world_from_cam: np.ndarray  # (T, 4, 4) rigid transforms [m]; NaN where `has_camera` is False
     has_camera: np.ndarray  # (T,) bool: whether the camera of this frame is known
+
+    @property
+    def lens(self) -> Lens:
+        """BadRecipe where the matrix is no pinhole's."""
+        try:
+            return Lens.of_matrix(self.intrinsics_px, (self.width_px, self.height_px))
+        except (ValueError, IndexError):
+            expected = "expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] [px]"
+            raise BadRecipe(f"intrinsics {self.intrinsics_px.tolist()}: {expected}") from None
 
     @property
     def n_frames(self) -> int:

@@ -26,7 +26,7 @@ class Background:
     camera: CameraPath  # of the T frames of the reconstruction, in the clip's world [m]
     image_numbers: np.ndarray  # (T,) int: number in the image's file name for each row
     points_m: np.ndarray  # (N, 3) background points in the clip's world
-    lens: files.Lens | None  # distortion that was taken out of the image points
+    lens: files.Distortion | None  # distortion that was taken out of the image points
 
 
 def load_background(sfm_dir: Path, clip: Clip | None) -> Background:

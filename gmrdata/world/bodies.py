@@ -1,7 +1,6 @@
 """Stage: the people of another system's file, placed before a video's camera, as clips."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -21,10 +20,12 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, System
+from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.lens import Lens
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.values.records import PART, Config, Figure, Record
-from gmrdata.world.placement import PlacedBody, TrueCamera, place_body
+from gmrdata.world.placement import PlacedBody, place_body
 
 BODIES_FILE = "bodies.json"
 NOT_SEEN = "the file of bodies has nobody there"
@@ -44,23 +45,6 @@ class BodiesConfig(Config):
     """The file was made from every n-th frame of the video; poses between are interpolated."""
     min_images: int = Field(default=10, ge=2)
     """Who is seen in fewer images is left out; the one seen in most of them never is."""
-
-
-@dataclass(frozen=True, eq=False)
-class VideoFrames:
-    """The T images of a video, and which of its frames they are."""
-
-    image_numbers: np.ndarray  # (T,) int, as in the images' names
-    frame_numbers: np.ndarray  # (T,) int, counted from 0
-    n_frames: int | None  # of the whole video; None where only a part of it was looked at
-    size_px: tuple[int, int]  # (width, height) of the images
-    fps_hz: float  # images per second
-
-    @property
-    def video_hz(self) -> float:
-        """Frames of the video per second."""
-        apart = np.diff(self.frame_numbers)
-        return self.fps_hz * (float(np.median(apart)) if len(apart) else 1.0)
 
 
 @part(frozen=True, config=PART)
@@ -106,8 +90,8 @@ class _BodiesRecipe(Config):
 
 def make_bodies(
     poses_path: Path,
-    frames: VideoFrames,
-    camera: TrueCamera,
+    frames: FrameSet,
+    lens: Lens,
     body_path: Path,
     out_dir: Path,
     config: BodiesConfig,
@@ -126,16 +110,16 @@ def make_bodies(
     found = read_system(poses_path, "camera")
     recipe = _BodiesRecipe(
         bodies=config,
-        intrinsics_px=tuple(tuple(row) for row in camera.intrinsics_px.tolist()),
-        radial=camera.radial,
+        intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),
+        radial=lens.radial,
         size_px=frames.size_px,
-        fps_hz=frames.fps_hz,
-        image_numbers=tuple(frames.image_numbers.tolist()),
+        fps_hz=frames.rate_hz,
+        image_numbers=tuple(frames.numbers.tolist()),
         frame_numbers=tuple(frames.frame_numbers.tolist()),
     )
 
     def work(partial: Path) -> None:
-        _write(found, poses_path, frames, camera, load_body(str(body_path)), config, partial)
+        _write(found, poses_path, frames, lens, load_body(str(body_path)), config, partial)
 
     inputs = {"body": body_path} | {f"poses_{n}": path for n, path in enumerate(found.files)}
     run_stage("bodies", out_dir, recipe, inputs, work, run=run)
@@ -146,8 +130,8 @@ def make_bodies(
 def _write(
     found: EstimatedPeople,
     poses_path: Path,
-    frames: VideoFrames,
-    camera: TrueCamera,
+    frames: FrameSet,
+    lens: Lens,
     body: BodyModel,
     config: BodiesConfig,
     folder: Path,
@@ -156,10 +140,10 @@ def _write(
     people, left_out = _seen_enough(found, poses_path, frames, config)
     facts = []
     for number, (person, rows) in enumerate(people):
-        placed = place_body(person, body, camera, frames.size_px, poses_path)
+        placed = place_body(person, body, lens, frames.size_px, poses_path)
         source = f"{poses_path.name} ({found.system}), {person.name}"
         motion, known = _on_rows(person, placed, rows, body, frames, source)
-        clip = _clip(person.name, motion, known, frames, camera, config.frames_per_row)
+        clip = _clip(person.name, motion, known, frames, lens, config.frames_per_row)
         save_clip(folder / person_file(number), clip, body.rest_pelvis_m(clip.motion.shape))
         facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]]))
     BodiesRecord(
@@ -173,7 +157,7 @@ def _write(
 
 
 def _check_frames(
-    found: EstimatedPeople, path: Path, frames: VideoFrames, config: BodiesConfig
+    found: EstimatedPeople, path: Path, frames: FrameSet, config: BodiesConfig
 ) -> list[str]:
     """Refuse a file of another video or rate, as far as its frames tell; small differences."""
     n_video, step = frames.n_frames, config.frames_per_row
@@ -206,7 +190,7 @@ def _size_notes(found: EstimatedPeople, body: BodyModel) -> list[str]:
 
 
 def _seen_enough(
-    found: EstimatedPeople, path: Path, frames: VideoFrames, config: BodiesConfig
+    found: EstimatedPeople, path: Path, frames: FrameSet, config: BodiesConfig
 ) -> tuple[list[tuple[EstimatedPerson, np.ndarray]], list[str]]:
     """People and the file's row of each image, -1 for none; and who was left out, in words."""
     step = config.frames_per_row
@@ -234,7 +218,7 @@ def _on_rows(
     placed: PlacedBody,
     rows: np.ndarray,
     body: BodyModel,
-    frames: VideoFrames,
+    frames: FrameSet,
     source: str,
 ) -> tuple[Motion, np.ndarray]:
     """The motion on all images, filled between those that have a pose; and which have one (N,)."""
@@ -251,7 +235,7 @@ def _on_rows(
         root_rotmats=filled[:, 0],
         pelvis_m=between.placed(placed.pelvis_m[at]),
         shape=placed.shape,
-        fps_hz=frames.fps_hz,
+        fps_hz=frames.rate_hz,
         body=body.name,
         gender=gender_of(body),
         frame="camera",
@@ -264,17 +248,16 @@ def _clip(
     name: str,
     motion: Motion,
     known: np.ndarray,
-    frames: VideoFrames,
-    camera: TrueCamera,
+    frames: FrameSet,
+    lens: Lens,
     frames_per_row: int,
 ) -> Clip:
-    n, (width_px, height_px) = motion.n_frames, frames.size_px
-    unknown = CameraPath(
-        camera.intrinsics_px, width_px, height_px, np.full((n, 4, 4), np.nan), np.zeros(n, bool)
-    )
+    n = motion.n_frames
+    nowhere = np.full((n, 4, 4), np.nan)
+    unknown = CameraPath(lens.matrix_px, *frames.size_px, nowhere, np.zeros(n, bool))
     step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz + 1e-6)))
     valid = _within(frames.frame_numbers, frames.frame_numbers[known], step)
-    return Clip(name, motion, valid, frames.image_numbers, unknown)
+    return Clip(name, motion, valid, frames.numbers, unknown)
 
 
 def _within(frames: np.ndarray, known: np.ndarray, step: int) -> np.ndarray:

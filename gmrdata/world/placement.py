@@ -17,26 +17,12 @@ from gmrdata.values.bodies import SMPL, shape_on
 from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.estimated import Crop, EstimatedPerson, InCamera, Pinhole
-from gmrdata.values.lens import straightened
+from gmrdata.values.lens import Lens
 from gmrdata.values.skinning import posed_joints_m
 
 CROP_FOCAL_PX = 5000.0
 """Focal length of HMR and those after it, in a crop of their own size [px]."""
 LARGEST_SIDE_ERROR_PX = 2.0  # by which twice a principal point may differ from the picture's size
-
-
-@dataclass(frozen=True, eq=False)
-class TrueCamera:
-    """The camera of a video's images."""
-
-    intrinsics_px: np.ndarray  # (3, 3) [px]
-    radial: tuple[float, float] = (0.0, 0.0)
-    """k1 and k2: a point at r, in units of the focal length, is seen at r + k1 r^3 + k2 r^5."""
-
-    def rays(self, image_px: np.ndarray) -> np.ndarray:
-        """x / z and y / z (..., 2) of what is seen at pixels (..., 2)."""
-        seen = (image_px - self.intrinsics_px[:2, 2]) / np.diag(self.intrinsics_px)[:2]
-        return np.asarray(straightened(seen, *self.radial))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +47,7 @@ class AssumedPlace:
 def place_body(
     person: EstimatedPerson,
     body: BodyModel,
-    camera: TrueCamera,
+    lens: Lens,
     size_px: tuple[int, int],
     path: Path,
 ) -> PlacedBody:
@@ -80,9 +66,9 @@ def place_body(
         return PlacedBody(roots, pelvis_m, shape, depths_m)
     rotmats = np.concatenate([roots[:, None], person.local_rotmats], axis=1)
     joints_m, _ = posed_joints_m(body.rest_joints_m(shape), rotmats, pelvis_m)
-    rays, offsets_m = camera.rays(_seen_px(joints_m, place.camera)), joints_m - pelvis_m[:, None]
+    rays, offsets_m = lens.rays(_seen_px(joints_m, place.camera)), joints_m - pelvis_m[:, None]
     if place.along_ray:
-        cam_from_ray = _turns_to(camera.rays(place.camera.centre_px))
+        cam_from_ray = _turns_to(lens.rays(place.camera.centre_px))
         roots, offsets_m = cam_from_ray @ roots, offsets_m @ np.swapaxes(cam_from_ray, 1, 2)
     return PlacedBody(roots, _nearest_to_rays(offsets_m, rays), shape, depths_m)
 

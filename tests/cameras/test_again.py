@@ -21,8 +21,8 @@ SOLVED = SolvedAgain("backward, the video", "full", Agreement(12, 0.1, 0.005), "
 def test_a_filmed_pan_agrees_with_itself_and_not_with_another_turn(
     pan: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    frames, masks = pan.images_dir, pan.masks_dir
-    sfm = reconstruct(frames, masks, pan.intrinsics_px, tmp_path / "sfm", SMALL)
+    frames, masks = pan.taken(), pan.masks_dir
+    sfm = reconstruct(frames, masks, pan.lens, tmp_path / "sfm", SMALL)
     out = solve_again(sfm, frames, masks, tmp_path / "again", SMALL)
     assert {path.name for path in out.iterdir()} == {AGAIN_FILE, "stage.json"}
     record = AgainRecord.read(out / AGAIN_FILE)

@@ -12,7 +12,7 @@ from gmrdata.cameras.files import (
     POINTS_FILE,
     QUALITY_FILE,
     Agreement,
-    Lens,
+    Distortion,
     ModelRecord,
     SfmCameras,
     Smoothing,
@@ -40,7 +40,7 @@ QUALITY = good_quality(
     agreement=Agreement(3, 0.05, 0.004),
     radial_k1=0.013,
     radial_k1_sigma=0.009,
-    lens=Lens(0.042, -0.05, 0.06),
+    lens=Distortion(0.042, -0.05, 0.06),
 )
 QUALITY_KEYS = list(keys_of(QUALITY.model_dump(mode="json")))
 CAMERAS = SfmCameras(

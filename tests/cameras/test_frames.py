@@ -31,7 +31,7 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[Path]:
 def test_the_stage_decodes_each_frame_once(
     dolly: Any, decoded: Counter[Path], tmp_path: Path
 ) -> None:
-    reconstruct(dolly.images_dir, None, dolly.intrinsics_px, tmp_path / "sfm", SfmConfig())
+    reconstruct(dolly.taken(), None, dolly.lens, tmp_path / "sfm", SfmConfig())
     assert decoded == dict.fromkeys(list_images(dolly.images_dir), 1)
 
 
@@ -40,7 +40,7 @@ def test_what_memory_is_not_meant_to_hold_is_decoded_again(
 ) -> None:
     for name, most_bytes in {"all": 2**30, "few": 3 * 320 * 180}.items():
         monkeypatch.setattr(module, "MOST_KEPT_BYTES", most_bytes)
-        reconstruct(dolly.images_dir, None, dolly.intrinsics_px, tmp_path / name, SfmConfig())
+        reconstruct(dolly.taken(), None, dolly.lens, tmp_path / name, SfmConfig())
     images = list_images(dolly.images_dir)
     assert [decoded[image] for image in images[:3]] == [2, 2, 2] and decoded[images[3]] > 2
     all_kept, few_kept = (load_cameras(tmp_path / name).path for name in ("all", "few"))

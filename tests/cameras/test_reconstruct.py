@@ -21,9 +21,11 @@ from gmrdata.cameras.geometry import _why_unsolved
 from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.read.frames import list_images
+from gmrdata.read.frames import list_images, read_frames
 from gmrdata.stage.jobs import own_cores
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction
+from gmrdata.values.lens import Lens
 from tests.filming import film_cameras, look_at, write_pictures
 
 SMALL = SfmConfig(max_features=600)
@@ -128,7 +130,7 @@ def test_a_lens_that_bends_the_picture_bends_no_path(
     pictures = [cv2.imread(str(image)) for image in list_images(dolly.images_dir)]
     bent = [cv2.remap(picture, column, row, cv2.INTER_CUBIC) for picture in pictures]
     write_pictures(tmp_path / "frames", bent)
-    made = reconstruct(tmp_path / "frames", None, dolly.intrinsics_px, tmp_path / "sfm", config)
+    made = reconstruct(read_frames(tmp_path / "frames"), None, dolly.lens, tmp_path / "sfm", config)
     cameras, quality = load_cameras(made), load_quality(made)
     lens, tracks = quality.lens, load_tracks(made).of_adjusted()
     assert lens is not None and lens.explains > 0.05
@@ -224,7 +226,9 @@ def test_frames_without_a_reconstruction_say_why(
 ) -> None:
     write_pictures(tmp_path / "frames", pictures)
     with pytest.raises(NoReconstruction, match=said):
-        reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
+        frames = read_frames(tmp_path / "frames")
+        lens = Lens((150.0, 150.0), (80.0, 60.0), frames.size_px)
+        reconstruct(frames, None, lens, tmp_path / "out", SMALL)
     assert not (tmp_path / "out").exists()
 
 
@@ -233,7 +237,7 @@ def test_two_frames_are_too_few_and_not_textureless(dolly: Any, tmp_path: Path) 
     for image in list_images(dolly.images_dir)[:2]:
         shutil.copy(image, tmp_path / "frames" / image.name)
     with pytest.raises(NoReconstruction, match="frames: 2 frames, but a camera path needs 3"):
-        reconstruct(tmp_path / "frames", None, dolly.intrinsics_px, tmp_path / "out", SMALL)
+        reconstruct(read_frames(tmp_path / "frames"), None, dolly.lens, tmp_path / "out", SMALL)
 
 
 def test_three_frames_of_a_moving_camera_are_not_accepted_as_static(tmp_path: Path) -> None:
@@ -241,7 +245,7 @@ def test_three_frames_of_a_moving_camera_are_not_accepted_as_static(tmp_path: Pa
     places_m = [np.array([-2.0, -2.0, 1.5]) + way_m * ahead for way_m in (0.0, 0.01, 0.02)]
     cameras = np.array([look_at(place_m, place_m + ahead) for place_m in places_m])
     filmed = film_cameras(tmp_path / "film", cameras, None)
-    out = reconstruct(filmed.images_dir, None, filmed.intrinsics_px, tmp_path / "out", SMALL)
+    out = reconstruct(filmed.taken(), None, filmed.lens, tmp_path / "out", SMALL)
     quality = load_quality(out)
     (reason,) = camera_reasons(quality, CamerasVerdictConfig())
     assert quality.geometry != "full"
@@ -291,16 +295,33 @@ def test_frames_of_different_sizes_are_an_error(dolly: Any, tmp_path: Path) -> N
     shutil.copytree(dolly.images_dir, tmp_path / "frames")
     cv2.imwrite(str(tmp_path / "frames" / "00005.jpg"), np.zeros((90, 160), np.uint8))
     with pytest.raises(BadFrames, match=r"00005.jpg: 160x90 px, other frames are 320x180"):
-        reconstruct(tmp_path / "frames", None, dolly.intrinsics_px, tmp_path / "out", SMALL)
+        reconstruct(read_frames(tmp_path / "frames"), None, dolly.lens, tmp_path / "out", SMALL)
 
 
 @pytest.mark.parametrize(
     "matrix",
     [np.zeros((3, 3)), np.eye(4), np.full((3, 3), np.nan), [[500, 1, 80], [0, 500, 60], [0, 0, 1]]],
 )
-def test_what_is_no_calibration_matrix_is_refused(matrix: Any, dolly: Any, tmp_path: Path) -> None:
+def test_what_is_no_calibration_matrix_is_refused(matrix: Any) -> None:
+    path = CameraPath(np.array(matrix), 160, 120, np.eye(4)[None], np.ones(1, bool))
     with pytest.raises(BadRecipe, match="expected"):
-        reconstruct(dolly.images_dir, None, np.array(matrix), tmp_path / "out", SMALL)
+        _ = path.lens
+
+
+@pytest.mark.parametrize(
+    ("lens", "said"),
+    [
+        (Lens((500.0, -500.0), (160.0, 90.0), (320, 180)), "no lens has these"),
+        (Lens((np.nan, 500.0), (160.0, 90.0), (320, 180)), "no lens has these"),
+        (Lens((500.0, 500.0), (80.0, 60.0), (160, 120)), "give that of these frames"),
+        (Lens((500.0, 500.0), (160.0, 90.0), (320, 180), (0.1, 0.1)), "with one term"),
+    ],
+)
+def test_what_is_no_lens_of_the_frames_is_refused(
+    lens: Lens, said: str, dolly: Any, tmp_path: Path
+) -> None:
+    with pytest.raises(BadRecipe, match=said):
+        reconstruct(dolly.taken(), None, lens, tmp_path / "out", SMALL)
 
 
 def test_cameras_of_another_kind_are_refused(tmp_path: Path) -> None:
@@ -309,11 +330,6 @@ def test_cameras_of_another_kind_are_refused(tmp_path: Path) -> None:
         GmrdataError, match=r"cameras\.npz: has no `format`, so it is no gmrdata-cameras/1.*--redo"
     ):
         load_cameras(tmp_path)
-
-
-def intrinsics() -> np.ndarray:
-    """A calibration of a 160x120 image."""
-    return np.array([[150.0, 0.0, 80.0], [0.0, 150.0, 60.0], [0.0, 0.0, 1.0]])
 
 
 def test_frames_that_go_black_are_named_and_the_others_are_solved(

@@ -14,9 +14,9 @@ from gmrdata.cameras.frames import Frames, reduced
 from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.read.frames import list_images, read_gray
+from gmrdata.read.frames import list_images, read_frames, read_gray
 from gmrdata.values.errors import BadFrames, NoReconstruction
-from gmrdata.values.lens import straightened
+from gmrdata.values.lens import Lens, straightened
 from tests.cameras.test_reconstruct import rotation_errors_deg
 from tests.read.test_frames import with_exif
 
@@ -87,7 +87,9 @@ def test_cameras_of_large_frames_have_their_size(dolly: Any, tmp_path: Path) -> 
     height_px, width_px = first.shape
     matrix = np.diag([2.0, 2, 1]) @ dolly.intrinsics_px
     config = SfmConfig(max_features=600, max_image_size_px=width_px)
-    out_dir = reconstruct(tmp_path / "frames", tmp_path / "masks", matrix, tmp_path / "out", config)
+    frames = read_frames(tmp_path / "frames")
+    lens = dolly.lens.at_size(frames.size_px)
+    out_dir = reconstruct(frames, tmp_path / "masks", lens, tmp_path / "out", config)
     cameras, quality = load_cameras(out_dir), load_quality(out_dir)
     assert quality.worked_on_px == (width_px, height_px)
     assert (cameras.path.width_px, cameras.path.height_px) == (2 * width_px, 2 * height_px)
@@ -115,7 +117,8 @@ def test_an_error_names_the_frames_that_were_given(tmp_path: Path) -> None:
         cv2.imwrite(str(path), np.full((120, 160), 128, np.uint8))
     config = SfmConfig(max_image_size_px=80)
     with pytest.raises(NoReconstruction) as raised:
-        reconstruct(tmp_path / "frames", None, K_PX, tmp_path / "out", config)
+        frames = read_frames(tmp_path / "frames")
+        reconstruct(frames, None, Lens.centred(150.0, frames.size_px), tmp_path / "out", config)
     assert str(tmp_path / "frames") in str(raised.value)
     assert "reduced" not in str(raised.value)
 
@@ -153,15 +156,14 @@ def bent_arc(film: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory)
     bend(filmed.images_dir, folder / "frames", filmed.intrinsics_px, cv2.INTER_LANCZOS4)
     intrinsics_px = filmed.intrinsics_px.copy()
     intrinsics_px[:2, 2] -= CUT_PX
-    return folder / "frames", intrinsics_px, filmed
+    frames = read_frames(folder / "frames")
+    return frames, Lens.of_matrix(intrinsics_px, frames.size_px, (RADIAL_K1, 0.0)), filmed
 
 
 def test_cameras_of_a_known_lens_are_right(bent_arc: Any, tmp_path: Path) -> None:
-    images_dir, intrinsics_px, filmed = bent_arc
+    frames, lens, filmed = bent_arc
     config = SfmConfig(max_features=600)
-    made = reconstruct(
-        images_dir, None, intrinsics_px, tmp_path / "sfm", config, radial_k1=RADIAL_K1
-    )
+    made = reconstruct(frames, None, lens, tmp_path / "sfm", config)
     cameras, quality = load_cameras(made), load_quality(made)
     assert cameras.geometry == "full" and cameras.path.has_camera.all()
     found = cameras.path.world_from_cam[:, :3, :3]
@@ -172,8 +174,8 @@ def test_cameras_of_a_known_lens_are_right(bent_arc: Any, tmp_path: Path) -> Non
     # What the tracks show lies in the bent frames, where the record's lens puts the points.
     tracks, points = load_tracks(made).of_adjusted(), load_points(made)
     path = cameras.path.world_from_cam
-    apart_px = errors_px(tracks, points, path, intrinsics_px, quality.lens)
-    without_px = errors_px(tracks, points, path, intrinsics_px, None)
+    apart_px = errors_px(tracks, points, path, lens.matrix_px, quality.lens)
+    without_px = errors_px(tracks, points, path, lens.matrix_px, None)
     assert np.median(apart_px) < 0.4 < 1.0 < np.percentile(without_px, 80)
 
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gmrdata.cameras.files import Lens
+from gmrdata.cameras.files import Distortion
 from gmrdata.pages.footage import (
     BAR_BGR,
     BAR_PX,
@@ -38,7 +38,7 @@ from gmrdata.write.overlay import OVERLAY_BGR, floor_path_m
 from gmrdata.write.take import Performer
 from tests.write.takes import make_take
 
-BENT = Lens(-0.15, 0.02, 0.5)
+BENT = Distortion(-0.15, 0.02, 0.5)
 GREY = 90
 SIZE_PX = (1920, 1080)
 ROW = 5  # nobody is drawn in it
@@ -74,7 +74,9 @@ def footage(walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path) 
     )
 
 
-def seen_px(points_m: np.ndarray, view: CameraPath, row: int, lens: Lens | None) -> np.ndarray:
+def seen_px(
+    points_m: np.ndarray, view: CameraPath, row: int, lens: Distortion | None
+) -> np.ndarray:
     """Where a lens shows world points in the given frame, by its definition."""
     points_cam = transforms.apply(transforms.invert(view.world_from_cam[row]), points_m)
     rays = points_cam[:, :2] / points_cam[:, 2:]
@@ -86,7 +88,7 @@ def seen_px(points_m: np.ndarray, view: CameraPath, row: int, lens: Lens | None)
 
 @pytest.mark.parametrize("lens", [None, BENT])
 def test_the_dots_of_the_path_lie_where_the_camera_sees_the_floor(
-    footage: Footage, lens: Lens | None
+    footage: Footage, lens: Distortion | None
 ) -> None:
     picture = footage_picture(replace(footage, lens=lens), ROW)
     assert picture.shape == (540 + BAR_PX, LARGEST_SIDE_PX, 3)
@@ -99,7 +101,7 @@ def test_the_dots_of_the_path_lie_where_the_camera_sees_the_floor(
 
 
 @pytest.mark.parametrize("lens", [None, BENT])
-def test_the_body_covers_what_its_vertices_cover(footage: Footage, lens: Lens | None) -> None:
+def test_the_body_covers_what_its_vertices_cover(footage: Footage, lens: Distortion | None) -> None:
     row, (person,) = 1, footage.people
     alone = person._replace(shown=np.arange(12) == row)  # so that its path is a point, not drawn
     picture = footage_picture(replace(footage, lens=lens, people=(alone,)), row)
@@ -204,6 +206,6 @@ def test_any_times_give_few_rows_in_order(steps_s: np.ndarray) -> None:
 
 def test_points_beyond_what_a_lens_can_show_are_left_out() -> None:
     points = np.array([[0.5, 0.0, 1.0], [5.0, 0.0, 1.0]])
-    bent = bent_points(points, Lens(-0.3, 0.0, 0.5))
+    bent = bent_points(points, Distortion(-0.3, 0.0, 0.5))
     assert bent[0].tolist() == pytest.approx([0.5 * (1 - 0.3 * 0.25), 0.0, 1.0])
     assert np.isnan(bent[1, 0])

@@ -7,26 +7,29 @@ import numpy as np
 import pytest
 
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
-from gmrdata.people.local_poses import ImageTimes, Lens, LocalPosesConfig, local_poses
+from gmrdata.people.local_poses import LocalPosesConfig, local_poses
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import read_frames
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.lens import Lens
 from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.world.placement import assumed_place
+from tests.frame_sets import frame_set
 
-LENS = Lens(np.array([[820.0, 0, 150], [0, 820, 270], [0, 0, 1]]))
-TIMES = ImageTimes(np.array([4, 6, 8]), 15.0)
+LENS = Lens((820.0, 820.0), (150.0, 270.0), (300, 540))
+TIMES = frame_set(np.array([4, 6, 8]), LENS.size_px, 15.0)
 
 
-def posed(images_dir: Path, times: ImageTimes, out_dir: Path, networks: Networks) -> Path:
+def posed(images_dir: Path, frames: FrameSet, out_dir: Path, networks: Networks) -> Path:
     """Local poses by the default recipe."""
     config = FollowConfig(min_frames=2)
     followed_dir = follow_people(read_frames(images_dir), out_dir / "followed", config, networks)
     poses = LocalPosesConfig()
-    return local_poses(followed_dir, times, LENS, ANNY_FILE, out_dir / "poses", poses)
+    return local_poses(followed_dir, frames, LENS, ANNY_FILE, out_dir / "poses", poses)
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +84,7 @@ def test_another_video_s_poses_are_refused(poses_dir: Path) -> None:
 def test_a_video_without_people_has_no_bodies(
     networks: Networks, grey_dir: Path, tmp_path: Path
 ) -> None:
-    made = posed(grey_dir, ImageTimes(np.array([0, 1]), 15.0), tmp_path, networks)
+    made = posed(grey_dir, frame_set(np.arange(2), (160, 120), 15.0), tmp_path, networks)
     assert LocalPosesRecord.read(made / POSES_FILE).people == 0
     with pytest.raises(BadMotionFile, match="nobody is seen"):
         read_system(made)

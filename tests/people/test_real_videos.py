@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
 
 from gmrdata.cameras.files import load_cameras, load_quality
@@ -13,17 +12,15 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.people.sources import MasksConfig, OnnxSource, make_masks
 from gmrdata.read.frames import read_frames
+from gmrdata.values.lens import Lens
 
 pytestmark = pytest.mark.slow
 
 
 def cameras_of(frames: Path, model: Path, focal_px: float, out: Path) -> Path:
-    masks = make_masks(
-        read_frames(frames), out / "masks", MasksConfig(sources=(OnnxSource(model=model),))
-    )
-    height, width = cv2.imread(str(frames / "00000.jpg")).shape[:2]
-    intrinsics_px = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1.0]])
-    return reconstruct(frames, masks, intrinsics_px, out / "sfm", SfmConfig())
+    read = read_frames(frames)
+    masks = make_masks(read, out / "masks", MasksConfig(sources=(OnnxSource(model=model),)))
+    return reconstruct(read, masks, Lens.centred(focal_px, read.size_px), out / "sfm", SfmConfig())
 
 
 def test_a_moving_camera_round_a_dog_gets_all_its_cameras(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gmrdata.read import video as video_module
+from gmrdata.read.frames import write_gray
 from gmrdata.read.video import VideoConfig, as_frames, extract_video, is_video, turned, video_record
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
@@ -197,7 +198,10 @@ def test_a_part_of_nothing_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_taken_whole(tmp_path: Path) -> None:
-    assert as_frames(tmp_path, tmp_path / "frames", VideoConfig()) == tmp_path
+    for number in range(2):
+        write_gray(tmp_path / f"{number}.png", np.zeros((4, 6), np.uint8))
+    frames = as_frames(tmp_path, tmp_path / "frames", VideoConfig())
+    assert (frames.folder, frames.video_path, frames.size_px) == (tmp_path, None, (6, 4))
     with pytest.raises(BadRecipe, match="--every.*for a video"):
         as_frames(tmp_path, tmp_path / "frames", VideoConfig(every=2))
 

@@ -12,8 +12,10 @@ from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.world.bodies import BodiesConfig, BodiesRecord, VideoFrames, make_bodies
-from gmrdata.world.placement import TrueCamera
+from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.lens import Lens
+from gmrdata.world.bodies import BodiesConfig, BodiesRecord, make_bodies
+from tests.frame_sets import frame_set
 from tests.read import system_files
 from tests.read.system_files import Seen
 
@@ -45,14 +47,14 @@ def rows_of(seen: Seen, rows: np.ndarray, frames: np.ndarray) -> Seen:
     )
 
 
-def video(frames: np.ndarray, n_frames: int | None = N_FRAMES, fps_hz: float = 10.0) -> VideoFrames:
-    return VideoFrames(np.arange(len(frames)), frames, n_frames, SIZE_PX, fps_hz)
+def video(frames: np.ndarray, n_frames: int | None = N_FRAMES, fps_hz: float = 10.0) -> FrameSet:
+    return frame_set(frames, SIZE_PX, fps_hz, n_frames)
 
 
 def made(
     folder: Path,
     people: list[Seen],
-    frames: VideoFrames,
+    frames: FrameSet,
     body: BodyModel,
     config: BodiesConfig | None = None,
 ) -> BodiesRecord:
@@ -60,9 +62,9 @@ def made(
     path = system_files.write_joblib(folder / "wham_output.pkl", system_files.wham_people(people))
     body_path = folder / "body.npz"
     save_body(body_path, body)
-    camera, out = TrueCamera(people[0].intrinsics_px), folder / "bodies"
+    lens, out = Lens.of_matrix(people[0].intrinsics_px, SIZE_PX), folder / "bodies"
     config = BodiesConfig() if config is None else config
-    files = make_bodies(path, frames, camera, body_path, out, config)
+    files = make_bodies(path, frames, lens, body_path, out, config)
     record = BodiesRecord.read(out / "bodies.json")
     assert len(files) == len(record.people)
     return record
@@ -159,6 +161,6 @@ def test_somebody_behind_the_camera_is_refused(
         person["trans"] = -person["trans"]
     path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
     save_body(tmp_path / "body.npz", neutral)
-    camera, frames = TrueCamera(seen.intrinsics_px), video(np.arange(N_FRAMES))
+    lens, frames = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), video(np.arange(N_FRAMES))
     with pytest.raises(BadMotionFile, match="does not stand before the camera"):
-        make_bodies(path, frames, camera, tmp_path / "body.npz", tmp_path / "out", BodiesConfig())
+        make_bodies(path, frames, lens, tmp_path / "body.npz", tmp_path / "out", BodiesConfig())

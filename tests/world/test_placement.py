@@ -18,7 +18,8 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
 from gmrdata.values.estimated import EstimatedPeople, Pinhole
-from gmrdata.world.placement import PlacedBody, TrueCamera, assumed_place, place_body
+from gmrdata.values.lens import Lens
+from gmrdata.world.placement import PlacedBody, assumed_place, place_body
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files
 from tests.read.system_files import Seen, write_joblib, write_seen_tram, write_torch
@@ -52,8 +53,8 @@ def read(path: Path) -> EstimatedPeople:
     return read_system(path, "camera")
 
 
-def placed_by(path: Path, body: BodyModel, camera: TrueCamera) -> PlacedBody:
-    return place_body(read(path).people[0], body, camera, SIZE_PX, path)
+def placed_by(path: Path, body: BodyModel, lens: Lens) -> PlacedBody:
+    return place_body(read(path).people[0], body, lens, SIZE_PX, path)
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def test_a_person_stands_where_the_picture_shows_it(
     assert walk.camera is not None
     true = system_files.seen_person(walk.motion, walk.camera, neutral).motion
     person = found.people[0]
-    placed = placed_by(files[k1][system], neutral, TrueCamera(walk.camera.intrinsics_px, (k1, 0.0)))
+    placed = placed_by(files[k1][system], neutral, replace(walk.camera.lens, radial=(k1, 0.0)))
     far_m = np.linalg.norm(true.pelvis_m, axis=1)
     off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1) / far_m
     # The file's own distance is another one: f is 554 px, and each assumed another.
@@ -122,7 +123,7 @@ def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(
 ) -> None:
     assert walk.camera is not None
     true = system_files.seen_person(walk.motion, walk.camera, neutral).motion
-    placed = placed_by(files[K1]["wham"], neutral, TrueCamera(walk.camera.intrinsics_px))
+    placed = placed_by(files[K1]["wham"], neutral, walk.camera.lens)
     off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1)
     assert off.max() > 0.01 * np.linalg.norm(true.pelvis_m, axis=1).min()
 
@@ -137,7 +138,7 @@ def test_a_file_of_vibe_with_its_drawing_camera_alone_gives_nearly_the_same(
     for person in people.values():
         del person["pred_cam"], person["bboxes"]
     path = write_joblib(tmp_path / "vibe_output.pkl", people)
-    placed = placed_by(path, neutral, TrueCamera(walk.camera.intrinsics_px))
+    placed = placed_by(path, neutral, walk.camera.lens)
     far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
     assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.02
 
@@ -152,7 +153,7 @@ def test_phalp_of_the_whole_picture_is_the_same_person(
     for frame in frames.values():
         del frame["camera_bbox"], frame["center"], frame["scale"]
     path = write_joblib(tmp_path / "demo.pkl", frames)
-    placed = placed_by(path, neutral, TrueCamera(walk.camera.intrinsics_px))
+    placed = placed_by(path, neutral, walk.camera.lens)
     far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
     assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.01
 
@@ -170,8 +171,8 @@ def test_phalps_scale_as_a_share_of_the_picture_is_the_same_crop(
         s, scale = frame["camera_bbox"][0][0], frame["scale"][0]
         assert frame["camera"][0][2] == pytest.approx(2 * 5000 / (256 * s * scale), rel=1e-5)
     as_share = write_joblib(tmp_path / "share.pkl", frames)
-    camera = TrueCamera(walk.camera.intrinsics_px)
-    own, other = (placed_by(path, neutral, camera) for path in (in_px, as_share))
+    lens = walk.camera.lens
+    own, other = (placed_by(path, neutral, lens) for path in (in_px, as_share))
     np.testing.assert_allclose(other.pelvis_m, own.pelvis_m, rtol=1e-9)
     far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
     assert (np.linalg.norm(other.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.005
@@ -183,9 +184,9 @@ def test_the_size_comes_from_the_file_on_smpls_neutral_body_alone(
     path = files[0.0]["wham"]
     person = read(path).people[0]
     person = replace(person, betas=np.tile(np.eye(10)[0] * 2, (len(person.frame_numbers), 1)))
-    camera = TrueCamera(np.array([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]]))
-    assert place_body(person, neutral, camera, SIZE_PX, path).shape[0] == 2.0
-    assert not place_body(person, small_body, camera, SIZE_PX, path).shape.any()
+    lens = Lens.centred(500.0, (640, 360))
+    assert place_body(person, neutral, lens, SIZE_PX, path).shape[0] == 2.0
+    assert not place_body(person, small_body, lens, SIZE_PX, path).shape.any()
 
 
 def test_a_copy_of_another_size_is_the_same_video_and_another_shape_is_not(

@@ -8,7 +8,7 @@ import numpy as np
 import pycolmap
 import pytest
 
-from gmrdata.cameras.files import Lens
+from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.match.tracks import Tracks, errors_px, mean_over_points
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, project
@@ -65,9 +65,9 @@ def test_pycolmap_reads_cameras_points_and_tracks(camera: CameraPath, tmp_path: 
         assert model.compute_num_observations() == len(points.rows)
 
 
-@pytest.mark.parametrize("lens", [None, Lens(0.1, -0.05, 0.1)])
+@pytest.mark.parametrize("lens", [None, Distortion(0.1, -0.05, 0.1)])
 def test_the_error_of_the_model_is_that_of_the_tracks(
-    camera: CameraPath, lens: Lens | None, tmp_path: Path
+    camera: CameraPath, lens: Distortion | None, tmp_path: Path
 ) -> None:
     points = some_points(camera)
     radial = None if lens is None else (lens.k1, lens.k2)

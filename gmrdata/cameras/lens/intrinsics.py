@@ -14,14 +14,13 @@ from gmrdata.cameras.lens.self_calibration import (
     SelfCalibration,
     SelfCalibrationConfig,
     StartTried,
-    guessed_px,
     self_calibrate,
 )
-from gmrdata.read.frames import read_frames
 from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadIntrinsics
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.lens import ASSUMED, GIVEN, Lens, Origin, Source
 from gmrdata.values.records import PART, Config, Figure, Record
 
@@ -119,11 +118,6 @@ class Intrinsics(Record):
         )
 
     @property
-    def matrix_px(self) -> np.ndarray:
-        """(3, 3) calibration matrix [px]."""
-        return self.lens.matrix_px
-
-    @property
     def is_guess(self) -> bool:
         """Whether nobody knows the focal length: every figure that hangs on it is as uncertain."""
         return self.source == "prior"
@@ -143,13 +137,12 @@ class _IntrinsicsRecipe(Config):
 
 
 def find_intrinsics(
-    images_dir: Path,
+    frames: FrameSet,
     masks_dir: Path | None,
     out_dir: Path,
     config: IntrinsicsConfig,
     *,
     given: GivenIntrinsics | None = None,
-    video: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Find the lens of a sequence: given, else noted by the camera, else shown by the frames.
@@ -158,11 +151,10 @@ def find_intrinsics(
     nobody else does, a usual focal length is taken with a wide error.
 
     Args:
-        images_dir: Frames with consecutive numbers, all of one size.
+        frames: All frames; the file of a video that they are of may name the lens.
         masks_dir: Masks (255 = dynamic), one per frame; None to use whole frames.
         out_dir: Folder to make: `intrinsics.json`.
         given: What is known of the lens; None for nothing.
-        video: The file that the frames come from, which may name the lens.
 
     Raises:
         BadFrames: frames or masks are missing, of different sizes, or not images.
@@ -171,16 +163,16 @@ def find_intrinsics(
     given_file = None if given is None else given.file
 
     def work(partial: Path) -> None:
-        read = read_frames(images_dir)
-        size_px = read.size_px
-        known = _known(given, read.paths[0], video, size_px)
+        size_px = frames.size_px
+        known = _known(given, frames)
         asked = None
         if config.look_in_frames:
             focal_px = USUAL_FOCAL * max(size_px) if known is None else known[0].focal_px[0]
-            frames = Frames(list(read.paths), masks_dir, guessed_px(focal_px, size_px), size_px)
+            guess_px = Lens.centred(focal_px, size_px).matrix_px
+            sought = Frames(list(frames.paths), masks_dir, guess_px, size_px)
             work_dir = partial / "colmap"
             work_dir.mkdir()
-            asked = self_calibrate(frames, work_dir, config.self_calibration)
+            asked = self_calibrate(sought, work_dir, config.self_calibration)
             shutil.rmtree(work_dir)
         _decided(known, asked, size_px, config).write(partial / INTRINSICS_FILE)
 
@@ -189,22 +181,25 @@ def find_intrinsics(
         focal_px=None if given is None else given.focal_px,
         fov_deg=None if given is None else given.fov_deg,
     )
-    inputs = {"images": images_dir, "masks": masks_dir, "file": given_file, "video": video}
+    inputs = {
+        "images": frames.folder,
+        "masks": masks_dir,
+        "file": given_file,
+        "video": frames.video_path,
+    }
     there = {role: path for role, path in inputs.items() if path is not None}
     return run_stage("intrinsics", out_dir, recipe, there, work, run=run)
 
 
-def _known(
-    given: GivenIntrinsics | None, image: Path, video: Path | None, size_px: tuple[int, int]
-) -> tuple[Lens, str] | None:
+def _known(given: GivenIntrinsics | None, frames: FrameSet) -> tuple[Lens, str] | None:
     """The lens that is given, else noted by the camera, and how that is said."""
     if given is not None:
-        lens, words = _given_lens(given, size_px)
+        lens, words = _given_lens(given, frames.size_px)
         _require_possible(lens, words)
         return lens, words
-    noted = exif_lens(image, size_px)
-    if noted is None and video is not None:
-        noted = video_lens(video, size_px)
+    noted = exif_lens(frames.paths[0], frames.size_px)
+    if noted is None and frames.video_path is not None:
+        noted = video_lens(frames.video_path, frames.size_px)
     if noted is None:
         return None
     focal_px, percent = noted.focal_px[0], 100 * (noted.focal_from.sigma or 0.0)

@@ -27,7 +27,7 @@ from gmrdata.cameras.colmap import (
     matrix_of,
     pycolmap,
 )
-from gmrdata.cameras.files import Lens
+from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames, reduced
 from gmrdata.cameras.map.focal import (
     FREED_NOT_INDEPENDENT,
@@ -46,7 +46,7 @@ from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, match_frames, 
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import limits, transforms
 from gmrdata.values.errors import NoReconstruction
-from gmrdata.values.lens import bent
+from gmrdata.values.lens import Lens, bent
 from gmrdata.values.records import PART, Config, Figure
 
 CameraMotion = Literal["full", "rotation_only"]
@@ -201,12 +201,6 @@ def is_still(matches: Matches) -> bool:
     return bool(np.percentile(medians_px, 90) < STILL_PX)
 
 
-def guessed_px(focal_px: float, size_px: tuple[int, int]) -> np.ndarray:
-    """(3, 3) calibration matrix with the principal point in the middle [px]."""
-    width_px, height_px = size_px
-    return np.array([[focal_px, 0, width_px / 2], [0, focal_px, height_px / 2], [0, 0, 1.0]])
-
-
 def _keyframes(frames: Frames, config: SelfCalibrationConfig) -> np.ndarray:
     """Rows of a few frames between which the background moves; of long clips the middle."""
     rows = choose_keyframes(frames, config.sfm).rows
@@ -302,7 +296,7 @@ def by_turning(
     longer_px = max(keys.size_px)
 
     def fit_from(start: float) -> _Fit | None:
-        given_px = guessed_px(start * longer_px, keys.size_px)
+        given_px = Lens.centred(start * longer_px, keys.size_px).matrix_px
         fit = _turned(matches, given_px, config, radial=True)
         if fit is None:
             return None
@@ -313,8 +307,8 @@ def by_turning(
     if not fits or fits[0].cost > MOST_COST["rotation_only"]:
         return nothing_found("no turn of the camera explains the matches", tried), "full"
     best = fits[0]
-    given_px = guessed_px(best.focal * longer_px, keys.size_px)
-    straight = matches.without(Lens(best.k1, 0.0, 0.0), given_px)
+    given_px = Lens.centred(best.focal * longer_px, keys.size_px).matrix_px
+    straight = matches.without(Distortion(best.k1, 0.0, 0.0), given_px)
     rng = np.random.default_rng(config.seed)
     turning = solve_rotation_only(straight, given_px, TURN_INLIER_PX, rng)
     evidence = weigh(turning, straight, config.sfm)

@@ -21,7 +21,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import LEAST_NOISE_PX, LOSS_PX, FreeIntrinsic, bundle_adjuster, pycolmap
-from gmrdata.cameras.files import Lens
+from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.map.rotation_only import RotationOnly, slopes_by_turns
 from gmrdata.cameras.match.keypoint_adjustment import MEASURED_PX
 from gmrdata.cameras.match.matches import Matches
@@ -119,7 +119,7 @@ def _let_bend(model: Any, images: list[int], kind: Any, terms: list[float]) -> N
     camera.params = [fx, cx, cy, *terms]
 
 
-def with_lens(model: Any, config: DistortionConfig) -> tuple[Any, Lens | None]:
+def with_lens(model: Any, config: DistortionConfig) -> tuple[Any, Distortion | None]:
     """The model adjusted with radial distortion, and that; itself and None where it hardly helps.
 
     The image points of the result are stretched to one focal length and are still distorted.
@@ -140,7 +140,7 @@ def with_lens(model: Any, config: DistortionConfig) -> tuple[Any, Lens | None]:
     helps = explains >= config.least_share and stretch.min() >= config.least_stretch
     if not (summary.is_solution_usable() and helps):
         return model, None
-    return bent, Lens(k1, k2, explains)
+    return bent, Distortion(k1, k2, explains)
 
 
 def _adjusted(thin: Any, images: list[int], free: FreeIntrinsic, start: float) -> _Adjusted | None:

@@ -47,7 +47,9 @@ class Solution:
     and there; None where they are too few for one."""
     agreement: files.Agreement | None = None  # With that solution; None where there is none
     loss_px: float = LOSS_PX  # Scale of the loss of its bundle adjustment
-    lens: files.Lens | None = None  # Taken out of the image points; None where there was hardly any
+    lens: files.Distortion | None = (
+        None  # Taken out of the image points; None where there was hardly any
+    )
     largest_turn_deg: float | None = None  # Largest turn from the mean orientation; None for "full"
     smoothing: files.Smoothing = files.NOT_SMOOTHED
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.colmap import pycolmap
-from gmrdata.cameras.files import Lens
+from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.features import find_features
 from gmrdata.cameras.recipe import SfmConfig
@@ -54,7 +54,7 @@ class Matches:
         first_px, second_px = self.keypoints_px[pair.first], self.keypoints_px[pair.second]
         return first_px[pair.features[:, 0]], second_px[pair.features[:, 1]]
 
-    def without(self, lens: Lens | None, intrinsics_px: np.ndarray) -> "Matches":
+    def without(self, lens: Distortion | None, intrinsics_px: np.ndarray) -> "Matches":
         """The same with image points where they would be without distortion."""
         if lens is None:
             return self

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.cameras.files import Lens
+from gmrdata.cameras.files import Distortion
 from gmrdata.values import records, transforms
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import write_npz
@@ -74,7 +74,7 @@ def errors_px(
     points: np.ndarray,
     world_from_cam: np.ndarray,
     intrinsics_px: np.ndarray,
-    lens: Lens | None,
+    lens: Distortion | None,
 ) -> np.ndarray:
     """(M,) distance of each observation from its point (N, 3) in its camera (T, 4, 4) [px]."""
     k1, k2 = (0.0, 0.0) if lens is None else (lens.k1, lens.k2)

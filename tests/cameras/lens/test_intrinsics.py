@@ -19,6 +19,7 @@ from gmrdata.cameras.lens.intrinsics import (
     load_intrinsics,
 )
 from gmrdata.cameras.lens.self_calibration import SelfCalibration
+from gmrdata.read.frames import read_frames
 from gmrdata.values.errors import BadIntrinsics, BadRecord
 from tests.read.test_intrinsics import jpeg_with
 
@@ -40,7 +41,8 @@ def made(
     content = jpeg_with(folder, {} if film_mm is None else {0xA405: film_mm}).read_bytes()
     for number in range(2):
         (frames / f"{number:05d}.jpg").write_bytes(content)
-    return load_intrinsics(find_intrinsics(frames, None, folder / "out", config, given=given))
+    read = read_frames(frames)
+    return load_intrinsics(find_intrinsics(read, None, folder / "out", config, given=given))
 
 
 @pytest.fixture
@@ -56,7 +58,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> Callable[[SelfCalibration], None]:
 def test_what_is_given_is_taken(tmp_path: Path) -> None:
     lens = made(tmp_path, given=GivenIntrinsics(fov_deg=90.0))
     assert lens.source == "given" and lens.focal_px == pytest.approx(320.0)
-    assert np.allclose(lens.matrix_px, [[320, 0, 320], [0, 320, 240], [0, 0, 1]])
+    assert np.allclose(lens.lens.matrix_px, [[320, 0, 320], [0, 320, 240], [0, 0, 1]])
     assert lens.focal_observable is None and lens.asked is None and not lens.is_guess
 
 
@@ -175,7 +177,7 @@ def test_a_filmed_arc_shows_its_lens(film: Any, tmp_path: Path) -> None:
     """From frames to record: nothing is given, and a wrong one would be objected to."""
     filmed = film("arc", 12)
     made_dir = find_intrinsics(
-        filmed.images_dir, filmed.masks_dir, tmp_path / "out", IntrinsicsConfig()
+        filmed.taken(), filmed.masks_dir, tmp_path / "out", IntrinsicsConfig()
     )
     lens = load_intrinsics(made_dir)
     true_px = float(filmed.intrinsics_px[0, 0])

@@ -19,13 +19,12 @@ from gmrdata.cameras.lens.self_calibration import (
     _is_settled,
     by_mapping,
     by_turning,
-    guessed_px,
     is_still,
     likelier,
     nothing_found,
 )
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, read_matches
-from gmrdata.values.lens import bent
+from gmrdata.values.lens import Lens, bent
 
 SIZE_PX = (640, 480)
 CONFIG = SelfCalibrationConfig()
@@ -34,7 +33,8 @@ NOISE_PX = 0.4
 
 def drawn_frames(folder: Path, names: list[str]) -> Frames:
     """Frames whose pictures nobody looks at."""
-    return Frames([folder / name for name in names], None, guessed_px(544.0, SIZE_PX), SIZE_PX)
+    guess_px = Lens.centred(544.0, SIZE_PX).matrix_px
+    return Frames([folder / name for name in names], None, guess_px, SIZE_PX)
 
 
 def filmed_cloud(folder: Path, focal_px: float, k1: float, seed: int = 0) -> tuple[Frames, Matches]:

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
-from gmrdata.cameras.files import Lens, load_quality
+from gmrdata.cameras.files import Distortion, load_quality
 from gmrdata.cameras.map.focal import (
     FREED_NOT_INDEPENDENT,
     SYSTEMATIC_FOCAL,
@@ -149,7 +149,7 @@ def test_a_lens_is_found_and_its_image_points_are_put_right(stretch: float) -> N
         assert shift == pytest.approx(0.2 * r**3 + 0.1 * r**5, abs=0.2 / fx)
     matrix = np.array([[fx, 0, cx], [0, stretch * fy, cy], [0, 0, 1]])
     matches = Matches([seen_px, np.zeros((0, 2))], [])
-    for of, most_px in ((Lens(0.2, 0.1, 0.1), 1e-6), (lens, 0.2)):
+    for of, most_px in ((Distortion(0.2, 0.1, 0.1), 1e-6), (lens, 0.2)):
         straight_px, none_px = matches.without(of, matrix).keypoints_px
         straight_px[:, 1] = cy + (straight_px[:, 1] - cy) / stretch
         assert np.median(np.linalg.norm(straight_px - bare, axis=1)) < most_px

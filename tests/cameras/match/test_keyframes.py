@@ -21,8 +21,10 @@ from gmrdata.cameras.match.keyframes import (
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.read.frames import read_frames
 from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames
+from gmrdata.values.lens import Lens
 from tests.filming import write_pictures
 
 SIZE_PX = (240, 160)
@@ -223,9 +225,8 @@ def test_a_camera_that_stands_still_is_static(tmp_path: Path) -> None:
         for _ in range(6)
     ]
     write_pictures(tmp_path / "frames", noisy)
-    out_dir = reconstruct(
-        tmp_path / "frames", None, INTRINSICS_PX, tmp_path / "sfm", SfmConfig(keyframe_gap=2)
-    )
+    frames, lens = read_frames(tmp_path / "frames"), Lens.centred(220.0, SIZE_PX)
+    out_dir = reconstruct(frames, None, lens, tmp_path / "sfm", SfmConfig(keyframe_gap=2))
     cameras, quality = load_cameras(out_dir), load_quality(out_dir)
     assert cameras.geometry == quality.geometry == "static"
     assert np.array_equal(cameras.path.world_from_cam, np.tile(np.eye(4), (6, 1, 1)))
