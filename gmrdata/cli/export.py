@@ -1,5 +1,6 @@
 """The verb that hands results on to other programs: export."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -65,11 +66,14 @@ def export(
     if dry_run:
         print_table(HEADINGS, [_planned(one) for one in results])
         return
-    for unit, _ in (one for one in results if not one.left_out and one.unit.format == "onnx"):
-        answer(unit.path)
-    written = (one.unit.format for one in results if not one.left_out and one.unit.ids)
-    for name in dict.fromkeys(written):
-        answer(out / name)
+    _say(results, out)
+
+
+def _say(results: "Sequence[Exported]", out: Path) -> None:
+    """Where files are and what was left out, which is an error."""
+    written = [one.unit for one in results if not one.left_out]
+    for path in dict.fromkeys(out / unit.format if unit.ids else unit.path for unit in written):
+        answer(path)
     left_out = [one for one in results if one.left_out]
     for unit, reason in left_out:
         remark(f"{unit.name}: no {unit.format}: {reason}")

@@ -22,6 +22,8 @@ from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput, StaleOu
 from gmrdata.values.files import write_bytes
 from gmrdata.write.emdb import emdb_name
 
+ONNX_ALONE = "onnx is of a training run, the other formats of clips"
+
 
 class Unit(NamedTuple):
     """One thing to write: a clip, or the people of a sequence, in one format."""
@@ -60,15 +62,13 @@ def export(
     A clip that can't be read, or that a format can't hold, is left out with its reason.
 
     Args:
-        source: A manifest, a clip's file, or a folder that a stage left; as of `list_clips`.
+        source: A manifest, a clip's file, or a folder that a stage left.
         formats: Names of `FORMATS`; or "onnx" alone, for which `source` is a training run.
         out: Output folder; gets `<format>/<clip id>`.
         clips: Ids of the clips to write; all when empty.
         of: Whose trajectory tum and kitti hold.
-        observations: Which image points a COLMAP model has: of the keyframes; those of the frames
-            between, too; or none.
-        body: The body to use, as `load_body` takes it, or a folder of bodies; what lies beside the
-            clips when None.
+        observations: Which image points a COLMAP model has: of the keyframes, all or none.
+        body: As `load_body` takes it, or a folder of bodies; what lies beside the clips when None.
         images: Folder with the images of one sequence, or with a folder for each of several.
         truth: Manifest, folder or clip with the exact motions of the same clips, by id.
         threedpw: 3DPW's own folder, for its 2D keypoints and clothed templates.
@@ -82,18 +82,27 @@ def export(
     """
     source, out = Path(source), Path(out)
     wanted = tuple(dict.fromkeys(name for name in formats if name != "onnx"))
+    if "onnx" in formats and wanted:
+        raise BadRecipe(f"{ONNX_ALONE}. Export it alone")
     if "onnx" in formats:
-        if wanted:
-            what = "onnx is of a training run, the other formats of clips"
-            raise BadRecipe(f"{what}. Export it alone")
         return [_export_network(source, out, which, redo=redo, dry_run=dry_run)]
     given = _Given(body, _path(images), _path(truth))
     options = ExportOptions(of, observations, _path(threedpw))
-    files = list_clips(source, clips)
-    plan = [(people, list(_units(people, wanted, options, out))) for people in _sequences(files)]
-    if not (redo or dry_run):
-        _refuse_to_overwrite([unit.path for _, units in plan for unit in units])
-    truths, results = _truths(given.truth, files), list[Exported]()
+    people_of = _sequences(list_clips(source, clips))
+    plan = [(people, list(_units(people, wanted, options, out))) for people in people_of]
+    _refuse_to_overwrite([] if redo or dry_run else [u.path for _, units in plan for u in units])
+    return _export_clips(plan, given, options, dry_run)
+
+
+def _export_clips(
+    plan: "Sequence[tuple[Sequence[ClipFiles], Sequence[Unit]]]",
+    given: "_Given",
+    options: ExportOptions,
+    dry_run: bool,
+) -> list[Exported]:
+    """Write the units of each sequence, whose people are loaded once."""
+    truths = _truths(given.truth, [one for people, _ in plan for one in people])
+    results: list[Exported] = []
     with progress_bar(shown=not dry_run) as bar:
         for people, units in bar.track(plan, description="exporting"):
             loaded = {one.id: _load(one, given, truths, len(plan) == 1) for one in people}
