@@ -93,7 +93,7 @@ ELSEWHERE = {
         "cli/test_demo.py::test_sfm_unites_the_silhouette_with_a_detector"
     ),
     "tables --scored --network --poses --keypoints --estimator --out": (
-        "paper/test_estimated_table.py::test_every_row_is_made_with_the_network_of_the_package"
+        "paper/test_paper_tables.py::test_every_row_is_made_with_the_network_of_the_package"
     ),
     "tables --manifest --out --workers": (
         "paper/test_paper_tables.py::test_a_table_from_the_command_line_and_again"
