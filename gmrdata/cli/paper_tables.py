@@ -16,7 +16,7 @@ def tables(
     manifest: UseAppendAction[tuple[Path, ...]] = (),
     scored: Path | None = None,
     scale: ScaleName = "small",
-    held_out: tuple[str, ...] = (),
+    held_out_subjects: tuple[str, ...] = (),
     seeds: tuple[int, ...] = (),
     poses: Annotated[Path | None, POSES] = None,
     keypoints: Annotated[Path | None, KEYPOINTS] = None,
@@ -41,7 +41,7 @@ def tables(
         manifest: Manifest of motions to train on; may be given several times.
         scored: Manifest to score; the held-out subjects of the motions when left out.
         scale: "small" shrinks networks and steps for a machine without a GPU; "paper" needs one.
-        held_out: Subjects who are scored and not trained on, in place of the recipe's.
+        held_out_subjects: Subjects who are scored and not trained on, in place of the recipe's.
         seeds: Seeds of each row's trainings, in place of the recipe's.
         network: Run folder of a trained GMR, or the word bundled for the package's own, in place of
             trainings; for Tables 5, 6 and 10.
@@ -57,7 +57,7 @@ def tables(
 
     recipe = load_table(table)
     given = Given(
-        manifest, scored, poses, keypoints, features, videos, held_out,
+        manifest, scored, poses, keypoints, features, videos, held_out_subjects,
         body_path(body), network and network_dir(network), estimator,
     )  # fmt: skip
     if dry_run:

@@ -143,7 +143,7 @@ def floor(
     twins: Path | None = None,
     recipe: flags.RecipeName = "threedpw",
     size: str = "small",
-    frames: int = 150,
+    clip_frames: int = 150,
     *,
     run: flags.RunFlags,
     dry_run: flags.DryRun = False,
@@ -160,7 +160,7 @@ def floor(
         seed: Chooses their motions, cameras, places, people and faults.
         twins: Output folder of `gmrdata threedpw twin`.
         size: Images of sampled twins: small (540x960), full (1080x1920), or like 180x320 [px].
-        frames: Frames of each sampled twin, at 30 fps; at least 60.
+        clip_frames: Frames of each sampled twin, at 30 fps; at least 60.
     """
     from gmrdata.pages.batches import write_set_pages as write_regenerated
     from gmrdata.pages.sets import write_set_pages as write_rendered
@@ -182,7 +182,7 @@ def floor(
     elif motions is None:
         raise MissingInput("nothing to measure on. Name --motions to sample twins, or --twins")
     else:
-        film = film_of(size, frames)
+        film = film_of(size, clip_frames)
         sampled = twin_recipe(sequences, seed, motions, film=film, workers=run.workers)
         if dry_run:
             flags.show_dry_run(sampled.set, folder / SET_FOLDER, motions, run.workers, probe)

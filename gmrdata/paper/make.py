@@ -40,7 +40,7 @@ def held_out_set(
 ) -> Path:
     """Write the clips of the held-out subjects, without images, as a set; gives its manifest."""
     if not config.held_out_subjects:
-        raise BadRecipe("nothing to score: give --scored, or subjects to hold out with --held-out")
+        raise BadRecipe("nothing to score: give --scored, or --held-out-subjects")
 
     def work(partial_dir: Path) -> None:
         files = split_manifests(manifest_paths, config).held_out

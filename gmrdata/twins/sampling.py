@@ -270,7 +270,7 @@ def film_of(size: str, n_frames: int) -> Film:
         raise BadRecipe(f"--size {size}: give {known}, each {MIN_SIDE_PX} or more")
     if n_frames < MIN_FRAMES:
         why = "in less time the class of a camera's motion does not show"
-        raise BadRecipe(f"--frames {n_frames}: give {MIN_FRAMES} or more; {why}")
+        raise BadRecipe(f"--clip-frames {n_frames}: give {MIN_FRAMES} or more; {why}")
     assert FILM.fps_hz is not None
     size_px = {"width_px": width_px, "height_px": height_px}
     return FILM.model_copy(update=size_px | {"duration_s": n_frames / FILM.fps_hz})

@@ -126,7 +126,7 @@ def test_a_dry_run_of_the_floor_samples_and_does_nothing(
 ) -> None:
     out = tmp_path / "floor"
     asked = ["floor", "--sequences", 2, "--seed", 5, "--motions", cmu_dir, "--out", out]
-    answer = gmrdata(*asked, "--frames", 60, "--dry-run", "--no-probe")
+    answer = gmrdata(*asked, "--clip-frames", 60, "--dry-run", "--no-probe")
     assert answer.returncode == 0, answer.stderr
     assert "2 clips, 120 frames; to do: 2 clips, 120 frames" in answer.stdout
     assert not out.exists()

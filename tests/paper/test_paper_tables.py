@@ -300,7 +300,14 @@ def test_a_table_from_the_command_line_and_again(
 
     def tables(*more: str) -> str:
         command = ["tables", str(tmp_path / "tiny.yaml")]
-        command += ["--manifest", str(motions), "--held-out", "2", "--body", str(body_path)]
+        command += [
+            "--manifest",
+            str(motions),
+            "--held-out-subjects",
+            "2",
+            "--body",
+            str(body_path),
+        ]
         command += ["--out", str(out), "--workers", "1", *more]
         main(command)
         return capsys.readouterr().out

@@ -25,7 +25,7 @@ def test_other_sizes_are_refused(size: str) -> None:
 
 
 def test_too_few_frames_are_refused() -> None:
-    with pytest.raises(BadRecipe, match="--frames 59: give 60 or more"):
+    with pytest.raises(BadRecipe, match="--clip-frames 59: give 60 or more"):
         film_of("small", 59)
 
 
