@@ -13,8 +13,8 @@ from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.render_set import render_clips
 from gmrdata.film.scene import SceneConfig
 from gmrdata.read.body_file import read_body
-from gmrdata.stage.jobs import worker_pool
 from gmrdata.stage.run import Run
+from gmrdata.stage.workers import worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip

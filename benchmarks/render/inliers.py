@@ -15,8 +15,9 @@ from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.scene import SceneConfig
 from gmrdata.read.frames import read_frames
-from gmrdata.stage.jobs import Job, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, run_jobs
 from gmrdata.stage.run import Run
+from gmrdata.stage.workers import worker_pool
 from gmrdata.values.clip import camera_of, load_clip
 
 

@@ -10,8 +10,8 @@ from render.scale import Scale
 
 from gmrdata.film.render import RenderJob
 from gmrdata.film.render_set import render_clips
-from gmrdata.stage.jobs import worker_pool
 from gmrdata.stage.run import Run
+from gmrdata.stage.workers import worker_pool
 from gmrdata.values.files import sha256_of_path
 
 

@@ -4,9 +4,10 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from gmrdata.stage.jobs import Job, try_here, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, try_here, try_jobs
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.stage.workers import worker_pool
 from gmrdata.values.records import Config
 
 

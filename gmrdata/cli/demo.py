@@ -23,10 +23,11 @@ from gmrdata.read.bodies import keep_body, load_body
 from gmrdata.read.body_file import read_body
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.solve.sequence import solve_sequence
-from gmrdata.stage.jobs import Job, Pool, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, run_jobs
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values import plain_yaml
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip

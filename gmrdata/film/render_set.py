@@ -18,6 +18,7 @@ from gmrdata.read.body_file import read_body
 from gmrdata.stage import jobs as stage_jobs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import MissingInput
@@ -30,7 +31,7 @@ RETRIES = 1  # how often a crashed Blender process is started again
 
 def render_clips(
     jobs: Mapping[str, RenderJob],
-    pool: stage_jobs.Pool,
+    pool: Pool,
     failures_dir: Path,
     *,
     run: Run = DEFAULT_RUN,
@@ -42,7 +43,7 @@ def render_clips(
 
 def try_render_clips(
     jobs: Mapping[str, RenderJob],
-    pool: stage_jobs.Pool,
+    pool: Pool,
     failures_dir: Path,
     *,
     run: Run = DEFAULT_RUN,
@@ -89,7 +90,7 @@ def render_set(
     jobs, reasons = plan_takes(selection, body_path, out_dir / "plan", render_dir(out_dir), run)
     stage_jobs.record_failures(failures_dir, reasons, ())
     if jobs:
-        with stage_jobs.worker_pool(run, recipe.workers) as pool:
+        with worker_pool(run, recipe.workers) as pool:
             reasons |= try_render_clips(jobs, pool, failures_dir, run=run).reasons
     done = [take for take in selection.takes if take.id not in reasons]
     if done:

@@ -23,10 +23,11 @@ from gmrdata.motion.files import FileReading, find_motions, input_files, read_fi
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG, LIES
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
 from gmrdata.read.source_motion import ReadConfig, RestPose, is_trial
-from gmrdata.stage.jobs import Job, Outcome, own_cores, try_here, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, Outcome, try_here, try_jobs
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput

@@ -20,10 +20,11 @@ from gmrdata.pages.html import Cell, Table, render, write_page
 from gmrdata.pages.plots import picture, plot_clip_view
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.frames import list_images
-from gmrdata.stage.jobs import Job, raise_failures, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, raise_failures, try_jobs
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.stage.workers import worker_pool
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import EngineMissing
 from gmrdata.values.files import remove_orphans, write_bytes

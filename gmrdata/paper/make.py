@@ -28,9 +28,10 @@ from gmrdata.score import METRICS, Method, Metric
 from gmrdata.score.camera_as_world import predict_camera_as_world
 from gmrdata.score.records import GroupScore, PaperMetrics, Scores
 from gmrdata.score.score import score
-from gmrdata.stage.jobs import Job, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, run_jobs
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.stage.workers import worker_pool
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz, resolve_inside, write_npz
 

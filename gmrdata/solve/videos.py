@@ -36,18 +36,11 @@ from gmrdata.solve.solve import (
     solve,
 )
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_video
-from gmrdata.stage.jobs import (
-    Job,
-    Outcome,
-    own_cores,
-    raise_failures,
-    try_here,
-    try_jobs,
-    worker_pool,
-)
+from gmrdata.stage.jobs import Job, Outcome, raise_failures, try_here, try_jobs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import NotMade, run_stage
+from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import STAGE_FILE, remove_orphans
 from gmrdata.values.lens import Source

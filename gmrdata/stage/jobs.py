@@ -1,35 +1,24 @@
 """Independent jobs on Dask workers, local ones by default, and work in threads."""
 
-import logging
-import os
-import platform
 import socket
 import traceback
-import uuid
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, TypeVar
 
-from gmrdata import __version__
 from gmrdata.stage.progress import console, progress_bar, track
-from gmrdata.stage.run import Run, Shard
-from gmrdata.stage.store import NotMade, package_versions
+from gmrdata.stage.run import Shard
+from gmrdata.stage.store import NotMade
+from gmrdata.stage.workers import Fault, Pool, checked_workers, own_cores
 from gmrdata.values.errors import GmrdataError, StageFailed
 from gmrdata.values.files import write_text
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-
-
-def own_cores() -> int:
-    """Cores for this process: its share of them in a worker, else all of them."""
-    share = os.environ.get("OMP_NUM_THREADS", "")
-    return int(share) if share.isdecimal() and int(share) > 0 else os.cpu_count() or 1
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
@@ -42,10 +31,6 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 
 POLL_S = 0.5
-CONNECT_S = 5.0  # how long a scheduler may take to answer
-FIRST_WORKER_S = 60.0  # and the first of its workers to come
-IDLE = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"}
-"""Dask's processes look at themselves 50 to 100 times a second, which takes a tenth of a core."""
 
 
 @dataclass(frozen=True)
@@ -81,16 +66,6 @@ Units = tuple[int, Callable[[], int]] | None
 """What a progress bar counts instead of jobs: how many there will be, how many there are by now."""
 
 
-@dataclass(frozen=True)
-class Pool:
-    """Who runs jobs."""
-
-    client: Callable[[], Any]  # gives a Dask client; the first call starts the workers
-    elsewhere: bool = False
-    """Whether the workers may be on other machines, so that each is looked at before it works."""
-    shard: Shard | None = None
-
-
 def run_jobs(
     description: str, jobs: Sequence[Job], pool: Pool, failures_dir: Path, units: Units = None
 ) -> Results:
@@ -114,7 +89,7 @@ def try_jobs(
     results = _look_first(share)
     reasons: dict[str, str] = {}
     if left := [job for job in share if job.id not in results]:
-        with _checked_workers(failures_dir.parent, pool) as fault:
+        with checked_workers(failures_dir.parent, pool) as fault:
             new, reasons = _by_dask(description, left, pool.client(), units, fault)
         results |= new
     if shard is not None:
@@ -182,7 +157,7 @@ def _require_whole(description: str, jobs: Sequence[Job], outcome: Outcome, shar
 
 
 def _by_dask(
-    description: str, jobs: Sequence[Job], client: Any, units: Units, fault: "Fault | None"
+    description: str, jobs: Sequence[Job], client: Any, units: Units, fault: Fault | None
 ) -> Outcome:
     futures = {
         job.id: client.submit(_call, job, fault, key=f"{description}-{job.id}", pure=False)
@@ -220,54 +195,6 @@ def _wait(description: str, futures: Mapping[str, Any], units: Units) -> None:
         bar.update(task, completed=total)
 
 
-Fault = Callable[[], str]
-"""In a worker: what is not as where the work was asked for; empty where all is."""
-
-
-@contextmanager
-def _checked_workers(out_dir: Path, pool: Pool) -> Iterator[Fault | None]:
-    """Look at the workers of other machines before they begin; StageFailed names one that differs.
-
-    The mark stays until the work is done, for workers that come later.
-    """
-    if not pool.elsewhere:
-        yield None
-        return
-    mark = out_dir.resolve() / f".workers-{uuid.uuid4().hex}"
-    fault = partial(_fault, mark, _versions())
-    write_text(mark, "")
-    try:
-        client = pool.client()
-        try:
-            client.wait_for_workers(1, timeout=FIRST_WORKER_S)
-        except TimeoutError:
-            what = f"no worker came to {client.scheduler.address} in {FIRST_WORKER_S:g} s"
-            how = "Start some with `dask worker ADDRESS --nthreads 1`"
-            raise StageFailed(f"{what}. {how}") from None
-        found = client.run(fault, on_error="ignore")  # of who doesn't answer, nothing
-        if wrong := [f"  {address}: {said}" for address, said in sorted(found.items()) if said]:
-            what = f"{len(wrong)} of {len(found)} workers can't work on this"
-            raise StageFailed("\n".join([f"{what}. Mend or stop them and run again:", *wrong]))
-        yield fault
-    finally:
-        mark.unlink(missing_ok=True)
-
-
-def _versions() -> dict[str, str]:
-    return package_versions() | {"gmrdata": __version__, "python": platform.python_version()}
-
-
-def _fault(mark: Path, versions: Mapping[str, str]) -> str:
-    if not mark.is_file():
-        return f"does not see {mark.parent}. Put it on a disk that all machines share"
-    own = {name: _versions().get(name, "not at all") for name in versions}
-    return "; ".join(
-        f"has {name} {own[name]}, not {version}"
-        for name, version in versions.items()
-        if own[name] != version
-    )
-
-
 def record_failures(
     failures_dir: Path, reasons: Mapping[str, str], finished: Collection[str]
 ) -> None:
@@ -291,58 +218,6 @@ def raise_failures(
 
 def _first_lines(reasons: Mapping[str, str]) -> list[str]:
     return [f"  {id}: {reason.splitlines()[0]}" for id, reason in reasons.items()]
-
-
-@contextmanager
-def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:
-    """Workers for `run_jobs`: local processes, or those of the cluster at `run.scheduler`.
-
-    `workers` is the number of local processes where the run names none.
-    """
-    with ExitStack() as stack:
-        start = _local_client if run.scheduler is None else _cluster_client
-        client = cache(lambda: stack.enter_context(start(run, workers)))
-        yield Pool(client, run.scheduler is not None, run.shard)
-
-
-@contextmanager
-def _cluster_client(run: Run, _: int) -> Iterator[Any]:
-    from dask.distributed import Client
-
-    # It prints how it looks for a scheduler that is gone; ours says it in a sentence.
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
-    try:
-        client = Client(run.scheduler, timeout=CONNECT_S)
-    # The last two: tls:// without certificates, tcp:// where Dask's settings want encryption.
-    except (OSError, ValueError, TypeError, RuntimeError) as error:
-        what = f"no Dask scheduler at {run.scheduler} ({error})"
-        raise StageFailed(f"{what}. Start one, or leave --scheduler out") from error
-    with client:
-        yield client
-
-
-@contextmanager
-def _local_client(run: Run, workers: int) -> Iterator[Any]:
-    from dask import config
-    from dask.distributed import Client, LocalCluster
-
-    count = run.workers or workers
-    threads = max(1, own_cores() // count)
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    with (
-        config.set(IDLE),
-        LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
-            memory_limit=0,
-            env=dict.fromkeys(names, str(threads)),
-            silence_logs="CRITICAL",
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
 
 
 def _call(job: Job, fault: Fault | None) -> Any:

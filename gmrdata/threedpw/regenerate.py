@@ -16,9 +16,10 @@ from gmrdata.read.threedpw_layout import (
     require_one_split,
     splits_of,
 )
-from gmrdata.stage.jobs import Job, raise_failures, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, raise_failures, try_jobs
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
 from gmrdata.values.camera_motion import MotionClass

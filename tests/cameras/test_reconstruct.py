@@ -22,7 +22,7 @@ from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_point
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import list_images, read_frames
-from gmrdata.stage.jobs import own_cores
+from gmrdata.stage.workers import own_cores
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction
 from gmrdata.values.lens import Lens

@@ -13,7 +13,7 @@ from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.pages import sets
 from gmrdata.pages.sets import preview_set
 from gmrdata.read.body_file import save_body
-from gmrdata.stage import jobs
+from gmrdata.stage import workers
 from gmrdata.stage.jobs import Job, Outcome
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import EngineMissing
@@ -58,7 +58,7 @@ def test_a_preview_stays_in_its_folder_and_is_made_once(
     check_page(page)
     assert all(name.startswith("preview/") for name in files(out_dir))
     written_ns = (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns
-    monkeypatch.delattr(jobs, "_local_client")  # no worker is started
+    monkeypatch.delattr(workers, "_local_client")  # no worker is started
     preview_set(recipe, out_dir)
     assert (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns == written_ns
 

@@ -11,10 +11,11 @@ import dask
 import pytest
 from distributed import LocalCluster
 
-from gmrdata.stage import jobs as stage_jobs
-from gmrdata.stage.jobs import Job, Pool, count_files, run_jobs, try_jobs, worker_pool
+from gmrdata.stage import workers
+from gmrdata.stage.jobs import Job, count_files, run_jobs, try_jobs
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
+from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values.errors import BadFrames, RenderFailed, StageFailed
 
 
@@ -156,7 +157,7 @@ def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
 def test_no_scheduler_at_the_address_is_a_clear_error(
     monkeypatch: pytest.MonkeyPatch, protocol: str
 ) -> None:
-    monkeypatch.setattr(stage_jobs, "CONNECT_S", 0.5)
+    monkeypatch.setattr(workers, "CONNECT_S", 0.5)
     with (
         pytest.raises(StageFailed, match=f"no Dask scheduler at {protocol}://127.0.0.1:9"),
         worker_pool(Run(scheduler=f"{protocol}://127.0.0.1:9")) as pool,
@@ -225,7 +226,7 @@ def test_workers_with_another_version_are_named(tmp_path: Path) -> None:
 def test_a_cluster_without_workers_is_a_clear_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stage_jobs, "FIRST_WORKER_S", 0.2)
+    monkeypatch.setattr(workers, "FIRST_WORKER_S", 0.2)
     with (
         LocalCluster(n_workers=0, dashboard_address=None) as cluster,
         worker_pool(Run(scheduler=cluster.scheduler_address)) as pool,

@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.stage.jobs import Job, OthersLeft, Outcome, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, OthersLeft, Outcome, try_jobs
 from gmrdata.stage.run import Run, Shard
 from gmrdata.stage.store import run_stage
+from gmrdata.stage.workers import worker_pool
 from gmrdata.values.errors import BadFrames, BadRecipe
 from gmrdata.values.records import Config
 

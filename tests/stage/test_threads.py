@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.stage.jobs import Job, in_threads, own_cores, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, in_threads, run_jobs
 from gmrdata.stage.run import Run
+from gmrdata.stage.workers import own_cores, worker_pool
 
 
 def test_a_worker_has_its_share_of_the_cores(

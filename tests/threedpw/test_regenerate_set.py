@@ -12,7 +12,7 @@ import pytest
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.pages.batches import write_set_pages
-from gmrdata.stage import jobs
+from gmrdata.stage import workers
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.regenerate import plan, regenerate_set
 from gmrdata.twins.pseudo_gt_error import compare_clips
@@ -94,7 +94,7 @@ def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     recipe = filmed_set.recipe(workers=2)
-    monkeypatch.delattr(jobs, "_local_client")
+    monkeypatch.delattr(workers, "_local_client")
     pages = {path: path.stat().st_mtime_ns for path in made_by_two.rglob("*.html")}
     regenerate_set(recipe, filmed_set.root, made_by_two)
     write_set_pages(recipe, filmed_set.root, made_by_two)

@@ -28,7 +28,7 @@ import numpy as np
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.stage.jobs import own_cores
+from gmrdata.stage.workers import own_cores
 from gmrdata.values.errors import BadFrames
 
 LAYERS = 3  # of an octave

@@ -1,0 +1,143 @@
+"""Dask's workers: local processes by default, or those of a cluster, which are looked at first."""
+
+import logging
+import os
+import platform
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+from gmrdata import __version__
+from gmrdata.stage.run import Run, Shard
+from gmrdata.stage.store import package_versions
+from gmrdata.values.errors import StageFailed
+from gmrdata.values.files import write_text
+
+CONNECT_S = 5.0  # how long a scheduler may take to answer
+FIRST_WORKER_S = 60.0  # and the first of its workers to come
+IDLE = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"}
+"""Dask's processes look at themselves 50 to 100 times a second, which takes a tenth of a core."""
+
+
+def own_cores() -> int:
+    """Cores for this process: its share of them in a worker, else all of them."""
+    share = os.environ.get("OMP_NUM_THREADS", "")
+    return int(share) if share.isdecimal() and int(share) > 0 else os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Who runs jobs."""
+
+    client: Callable[[], Any]  # gives a Dask client; the first call starts the workers
+    elsewhere: bool = False
+    """Whether the workers may be on other machines, so that each is looked at before it works."""
+    shard: Shard | None = None
+
+
+@contextmanager
+def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:
+    """Workers for `run_jobs`: local processes, or those of the cluster at `run.scheduler`.
+
+    `workers` is the number of local processes where the run names none.
+    """
+    with ExitStack() as stack:
+
+        @cache
+        def client() -> Any:
+            start = _local_client if run.scheduler is None else _cluster_client
+            return stack.enter_context(start(run, workers))
+
+        yield Pool(client, run.scheduler is not None, run.shard)
+
+
+@contextmanager
+def _cluster_client(run: Run, _: int) -> Iterator[Any]:
+    from dask.distributed import Client
+
+    # It prints how it looks for a scheduler that is gone; ours says it in a sentence.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    try:
+        client = Client(run.scheduler, timeout=CONNECT_S)
+    # The last two: tls:// without certificates, tcp:// where Dask's settings want encryption.
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        what = f"no Dask scheduler at {run.scheduler} ({error})"
+        raise StageFailed(f"{what}. Start one, or leave --scheduler out") from error
+    with client:
+        yield client
+
+
+@contextmanager
+def _local_client(run: Run, workers: int) -> Iterator[Any]:
+    from dask import config
+    from dask.distributed import Client, LocalCluster
+
+    count = run.workers or workers
+    threads = max(1, own_cores() // count)
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    with (
+        config.set(IDLE),
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
+            memory_limit=0,
+            env=dict.fromkeys(names, str(threads)),
+            silence_logs="CRITICAL",
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+Fault = Callable[[], str]
+"""In a worker: what is not as where the work was asked for; empty where all is."""
+
+
+@contextmanager
+def checked_workers(out_dir: Path, pool: Pool) -> Iterator[Fault | None]:
+    """Look at the workers of other machines before they begin; StageFailed names one that differs.
+
+    The mark stays until the work is done, for workers that come later.
+    """
+    if not pool.elsewhere:
+        yield None
+        return
+    mark = out_dir.resolve() / f".workers-{uuid.uuid4().hex}"
+    fault = partial(_fault, mark, _versions())
+    write_text(mark, "")
+    try:
+        client = pool.client()
+        try:
+            client.wait_for_workers(1, timeout=FIRST_WORKER_S)
+        except TimeoutError:
+            what = f"no worker came to {client.scheduler.address} in {FIRST_WORKER_S:g} s"
+            how = "Start some with `dask worker ADDRESS --nthreads 1`"
+            raise StageFailed(f"{what}. {how}") from None
+        found = client.run(fault, on_error="ignore")  # of who doesn't answer, nothing
+        if wrong := [f"  {address}: {said}" for address, said in sorted(found.items()) if said]:
+            what = f"{len(wrong)} of {len(found)} workers can't work on this"
+            raise StageFailed("\n".join([f"{what}. Mend or stop them and run again:", *wrong]))
+        yield fault
+    finally:
+        mark.unlink(missing_ok=True)
+
+
+def _versions() -> dict[str, str]:
+    return package_versions() | {"gmrdata": __version__, "python": platform.python_version()}
+
+
+def _fault(mark: Path, versions: Mapping[str, str]) -> str:
+    if not mark.is_file():
+        return f"does not see {mark.parent}. Put it on a disk that all machines share"
+    own = {name: _versions().get(name, "not at all") for name in versions}
+    return "; ".join(
+        f"has {name} {own[name]}, not {version}"
+        for name, version in versions.items()
+        if own[name] != version
+    )
