@@ -86,12 +86,11 @@ def export(
         raise BadRecipe(f"{ONNX_ALONE}. Export it alone")
     if "onnx" in formats:
         return [_export_network(source, out, which, redo=redo, dry_run=dry_run)]
-    given = _Given(body, _path(images), _path(truth))
     options = ExportOptions(of, observations, _path(threedpw))
     people_of = _sequences(list_clips(source, clips))
     plan = [(people, list(_units(people, wanted, options, out))) for people in people_of]
     _refuse_to_overwrite([] if redo or dry_run else [u.path for _, units in plan for u in units])
-    return _export_clips(plan, given, options, dry_run)
+    return _export_clips(plan, _Given(body, _path(images), _path(truth)), options, dry_run)
 
 
 def _export_clips(
