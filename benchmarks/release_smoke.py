@@ -68,8 +68,8 @@ COMMANDS = (
     "baseline zero set/synthetic.yaml --out zero",
     "evaluate zero/predictions set/synthetic.yaml --out zero_scores",
     "compare scores/scores.json zero_scores/scores.json --out compared",
-    "infer gmr set/render/walk/clip.npz --out world",
-    "delta-errors gmr --manifests set/synthetic.yaml --out errors.json",
+    "infer set/render/walk/clip.npz --network gmr --out world",
+    "delta-errors set/synthetic.yaml --network gmr --out errors.json",
     "fuse set/render/walk/clip.npz --network gmr --errors errors.json --out fused",
     "export set --to tum glb colmap amass bvh mp4 --out exported",
     "export gmr --to onnx --out network",
@@ -85,7 +85,7 @@ COMMANDS = (
 """Arguments of `gmrdata`, in an order in which each finds what it needs."""
 REFUSED = {
     "merge shared/motions": "shard 2/2",
-    "delta-errors gmr --manifests set/synthetic.yaml --out errors.json": "held none of these clips",
+    "delta-errors set/synthetic.yaml --network gmr --out errors.json": "held none of these clips",
     "fuse set/render/walk/clip.npz --network gmr --errors errors.json --out fused": "errors.json",
 }
 """Commands that must end with 1, and say so: there are shards that nobody has done, and a network

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def fuse(
     source: Positional[Path],
     out: Path,
-    network: str = "bundled",
+    network: flags.Network = "bundled",
     errors: Path | None = None,
     loops: tuple[str, ...] = (),
     loop_sigma_m: float = 0.1,
@@ -36,7 +36,6 @@ def fuse(
 
     Args:
         source: Folder of a pseudo ground truth, as of `gmrdata video` with people; or one clip.
-        network: Run folder of `gmrdata train`, or the word bundled for the one of the package.
         out: Output folder: fusion.json, fusion.html, and of each person person_<n>.npz and
             sigma_<n>.npz. Frames in which nobody saw the person have a pose and are not valid.
         errors: How wrong the network is, from `gmrdata delta-errors`; delta_errors.json in the
@@ -105,8 +104,8 @@ def _loop(text: str) -> "Loop":
 
 
 def delta_errors(
-    runs: Positional[tuple[Path, ...]],
-    manifests: tuple[Path, ...],
+    manifests: flags.Manifests,
+    network: tuple[str, ...],
     out: Path,
     people: tuple[str, ...] = (),
     pose_noise_deg: float = 3.0,
@@ -116,9 +115,9 @@ def delta_errors(
     """Measure how wrong networks' motions are on the people that their recipes held out.
 
     Args:
-        runs: Run folders of `gmrdata train`; those of one recipe with other people held out say
+        manifests: The manifests that the networks were trained on.
+        network: Run folders of `gmrdata train`; those of one recipe with other people held out say
             together how it does on anybody.
-        manifests: The manifests that they were trained on.
         people: On whom to measure, like 2 for CMU's subject 02, where a folder of weights alone
             doesn't say whom its networks were not trained on.
         out: The record, like RUN/delta_errors.json, where `gmrdata fuse` finds it.
@@ -132,11 +131,11 @@ def delta_errors(
         measure_delta_errors,
     )
 
-    flags.need(runs, "the run folder of a network")
+    flags.need(network, "the run folder of a network")
     flags.need(manifests, "a manifest file")
     with _flags_named():
         config = MeasureConfig(fps_hz=fps_hz, pose_noise_deg=pose_noise_deg, which=which)
-    record = measure_delta_errors(runs, manifests, config, people=people)
+    record = measure_delta_errors(tuple(map(Path, network)), manifests, config, people=people)
     record.write(out)
     print_table(HEADINGS, error_rows(record))
     answer(out)

@@ -10,7 +10,7 @@ from gmrdata.cli.answers import answer, print_table
 from gmrdata.gmr.config import BUNDLED, Which
 from gmrdata.score import Deviation, ProtocolName, SeenAs
 from gmrdata.stage.run import Run
-from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.errors import BadRecipe
 
 Weights = Annotated[
     Which,
@@ -159,8 +159,9 @@ def _show_comparison(path: Path, scores: tuple[Path, ...]) -> None:
 
 
 def infer(
-    run_and_source: Positional[tuple[Path, ...]],
+    source: Positional[Path],
     out: Path,
+    network: flags.Network = BUNDLED,
     body: flags.Body = "anny",
     fps_hz: flags.FpsHz = None,
     joint_map: flags.JointMap = None,
@@ -172,12 +173,10 @@ def infer(
 ) -> None:
     """Predict people's world motion from their local poses, and write it as npz, BVH, GLB, video.
 
-    `gmrdata infer RUN POSES` uses a network of yours, `gmrdata infer POSES` the one in the package,
-    which was trained on 14 people of CMU: docs/inference.md says how it scores.
+    The package has a network trained on 14 people of CMU: docs/inference.md says how it scores.
 
     Args:
-        run_and_source: Run folder of `gmrdata train`, left out for the package's own network, and
-            local poses: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, PHALP's and 4D-Humans'
+        source: Local poses: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, PHALP's and 4D-Humans'
             results, GVHMR's hmr4d_results.pt, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC.
         out: Output folder: infer.json, and for each unbroken run of each person a folder with
             clip.npz, amass.npz, motion.bvh, body.glb, path.png and body.mp4. A run that was stopped
@@ -191,8 +190,6 @@ def infer(
     from gmrdata.gmr import infer as stage
     from gmrdata.pages.inference import draw_motion
 
-    if len(run_and_source) not in (1, 2):
-        raise MissingInput("give a run folder and a file of poses, or the file of poses alone")
     if fps_hz is not None and not 0 < fps_hz < float("inf"):
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
     if bridge_frames < 0:
@@ -200,9 +197,8 @@ def infer(
     config = stage.InferConfig(
         fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, level=level, video=video
     )
-    network = run_and_source[0] if len(run_and_source) == 2 else BUNDLED
     made = stage.infer(
-        network, run_and_source[-1], out, config,
+        network, source, out, config,
         body_path=flags.body_path(body), joint_map=joint_map, draw=draw_motion, run=Run(redo=redo),
     )  # fmt: skip
     record, rows = stage.InferRecord.read(made / stage.RECORD_FILE), []

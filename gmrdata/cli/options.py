@@ -87,6 +87,9 @@ Masks = Annotated[
         "folder of masks, or a recipe (.yaml) of kind `masks`."
     ),
 ]
+Network = Annotated[
+    str, arg(help="Run folder of `gmrdata train`, or the word bundled for the package's network.")
+]
 Page = Annotated[
     bool, arg(help="Write index.html: verdict, overlay, paths, figures, files to take along.")
 ]

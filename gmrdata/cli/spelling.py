@@ -5,6 +5,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from gmrdata.values.errors import nearest
 
 RENAMED: Mapping[str, Mapping[str, str]] = {
+    "fuse": {"--gmr": "--network"},
+    "delta-errors": {"--manifests": "manifests stand first, and networks after --network"},
     "evaluate": {"--predictions": "gmrdata evaluate PREDICTIONS MANIFEST"},
 }
 """Of each verb, flags of earlier versions and what stands for them now."""

@@ -141,7 +141,7 @@ def errors_file(run_dir: Path, given: str | Path | None) -> Path:
     if not path.is_file():
         raise MissingInput(
             f"{path}: nothing says how wrong the network is. Measure it: gmrdata delta-errors"
-            f" {run_dir} --manifests MANIFEST --out {path.name}"
+            f" MANIFEST --network {run_dir} --out {path.name}"
         )
     return path
 

@@ -70,8 +70,6 @@ def test_errors_of_a_run_that_held_nobody_out_are_refused(
     run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):
-        main(
-            ["delta-errors", str(run_dir), "--manifests", "none.yaml", "--out", str(tmp_path / "e")]
-        )
+        main(["delta-errors", "none.yaml", "--network", str(run_dir), "--out", str(tmp_path / "e")])
     assert "stage.json" in capsys.readouterr().err.replace("\n", "")
     assert not (tmp_path / "e").exists()

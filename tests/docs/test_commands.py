@@ -34,7 +34,7 @@ RUN = (
     "evaluate out/mean/predictions filmed/manifest.yaml --out out/mean_scores "
     "--protocol wham --original all",
     "compare out/zero_scores/scores.json out/mean_scores/scores.json --out out/compared",
-    "infer out/gmr path/to/cmu/16_01.bvh --fps-hz 100 --out out/world --no-video",
+    "infer path/to/cmu/16_01.bvh --network out/gmr --fps-hz 100 --out out/world --no-video",
     "export out/gmr --to onnx --out out/exported",
     "manifest check out/cmu/motions.yaml",
     "render synthetic --motions path/to/cmu --out out/synthetic --dry-run --no-probe",
@@ -61,7 +61,7 @@ ELSEWHERE = {
         "paper/test_own_poses.py::test_the_record_says_who_was_seen_and_what_was_left_out"
     ),
     "baseline vibe_cam --poses --keypoints --out": "paper/test_vibe_cam.py::test_the_verb",
-    "delta-errors --manifests --out": (
+    "delta-errors --network --out": (
         "fusion/test_network_errors.py::test_the_verb_measures_a_run_on_whom_it_held_out"
     ),
     "doctor": "cli/test_doctor.py::test_it_finds_what_the_tests_run_with",

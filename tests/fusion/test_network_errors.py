@@ -46,7 +46,7 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     config = small_config.model_copy(update={"data": held_out, "steps": 2})
     run_dir = train([manifest], tmp_path / "run", config, body_path=tmp_path / "body.npz")
     out = run_dir / "delta_errors.json"
-    words = ["delta-errors", str(run_dir), "--manifests", str(manifest), "--out", str(out)]
+    words = ["delta-errors", str(manifest), "--network", str(run_dir), "--out", str(out)]
     with pytest.raises(SystemExit):
         main(words)  # eight seconds are too few
     assert "Hold out more of them" in capsys.readouterr().err.replace("\n", " ")

@@ -283,7 +283,7 @@ def test_the_verb_writes_a_video_and_a_table(
     source = write_joblib(tmp_path / "v.pkl", {0: vibe_person(6)})
     out = tmp_path / "out"
     flags = ["--out", str(out), "--body", str(body_path), "--fps-hz", "30"]
-    main(["infer", str(run_dir), str(source), *flags])
+    main(["infer", str(source), "--network", str(run_dir), *flags])
     said = " ".join(capsys.readouterr().out.split())
     assert "person_0 6 0-5 0 30" in said
     with av.open(str(out / "person_0" / "body.mp4")) as container:
@@ -303,7 +303,7 @@ def test_the_verb_says_what_is_wrong(
         (["--bridge-frames", "-1"], "--bridge-frames -1: give 0 or more"),
     ):
         with pytest.raises(SystemExit) as ended:
-            main(["infer", str(run_dir), str(source), "--out", out,
+            main(["infer", str(source), "--network", str(run_dir), "--out", out,
                   "--body", str(body_path), "--no-video", *flags])  # fmt: skip
         assert ended.value.code == 1
         assert re.search(message, capsys.readouterr().err)
