@@ -31,6 +31,7 @@ from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
+from gmrdata.read.bodies import load_body
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, is_made, run_stage
@@ -209,7 +210,7 @@ def infer(
 
     Args:
         network: As `load_gmr` takes it.
-        poses_path: Local poses, as `gmrdata.motion.local_poses` lists the formats.
+        poses_path: Local poses: docs/inference.md lists the formats.
         out_dir: Gets `infer.json` and a folder for each unbroken run of each person: `clip.npz`,
             `amass.npz`, `motion.bvh`, `body.glb`, and what `draw` adds.  People and runs do not
             share a world: each starts above the origin of its own.
@@ -221,12 +222,9 @@ def infer(
     Errors are MissingInput, BadCheckpoint, BadMotionFile for poses that are broken, or too short or
     slow for the network, UnsafePickle and BrokenPickle.
     """
-    from gmrdata.read.bodies import load_body
-
     run_dir, source, out_dir = network_dir(network), Path(poses_path), Path(out_dir)
     config = config or InferConfig()
-    if draw is None:
-        config = config.model_copy(update={"video": False})
+    config = config if draw is not None else config.model_copy(update={"video": False})
     optional = {"joint_map": joint_map, "body": body_path}
     inputs = {f"poses_{role}": path for role, path in input_files(source).items()}
     inputs |= {"run": run_dir} | {key: Path(it) for key, it in optional.items() if it is not None}
@@ -238,8 +236,8 @@ def infer(
     worlds, left_out = _predict(gmr, source, body, config, inputs.get("joint_map"))
 
     def work(partial_dir: Path) -> None:
-        record = _record(gmr, source.name, body.name, config.level, worlds)
-        record.model_copy(update={"left_out": left_out}).write(partial_dir / RECORD_FILE)
+        record = _record(gmr, source, body, config.level, worlds, left_out)
+        record.write(partial_dir / RECORD_FILE)
         for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
             _write_files(partial_dir / name, world, body)
         if draw is not None:
@@ -250,16 +248,21 @@ def infer(
 
 
 def _record(
-    gmr: TrainedGmr, poses: str, body: str, level: Level, worlds: Mapping[str, Clip]
+    gmr: TrainedGmr,
+    source: Path,
+    body: BodyModel,
+    level: Level,
+    worlds: Mapping[str, Clip],
+    left_out: dict[str, str],
 ) -> InferRecord:
     return InferRecord(
-        poses=poses,
-        body=body,
+        poses=source.name,
+        body=body.name,
         model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
         level=level,
         translation="pelvis",
         motions={name: _described(clip) for name, clip in worlds.items()},
-        left_out={},
+        left_out=left_out,
     )
 
 
