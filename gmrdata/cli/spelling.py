@@ -4,7 +4,21 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from gmrdata.values.errors import nearest
 
+_NETWORKS = {
+    "--model": "--detector",
+    "--landmarks": "--landmark-network",
+    "--weights": "--maskrcnn",
+}
+_ROOT = {"--root": "--threedpw"}
 RENAMED: Mapping[str, Mapping[str, str]] = {
+    "masks": _NETWORKS | {"--sources": "--masks"},
+    "sfm": _NETWORKS | {"--frames": "the folder or file alone, without a flag"},
+    "video": _NETWORKS | {"--fps": "--fps-hz"},
+    "baseline": _NETWORKS,
+    "threedpw": _ROOT,
+    "run": _ROOT,
+    "floor": {"--frames": "--clip-frames"},
+    "tables": {"--held-out": "--held-out-subjects"},
     "fuse": {"--gmr": "--network"},
     "delta-errors": {"--manifests": "manifests stand first, and networks after --network"},
     "evaluate": {"--predictions": "gmrdata evaluate PREDICTIONS MANIFEST"},
