@@ -160,33 +160,27 @@ def find_intrinsics(
         BadFrames: frames or masks are missing, of different sizes, or not images.
         BadIntrinsics: what is given can't be the lens of these frames.
     """
-    given_file = None if given is None else given.file
 
     def work(partial: Path) -> None:
-        size_px = frames.size_px
-        known = _known(given, frames)
-        asked = None
+        known, asked = _known(given, frames), None
         if config.look_in_frames:
-            focal_px = USUAL_FOCAL * max(size_px) if known is None else known[0].focal_px[0]
-            guess_px = Lens.centred(focal_px, size_px).matrix_px
-            sought = Frames(list(frames.paths), masks_dir, guess_px, size_px)
             work_dir = partial / "colmap"
             work_dir.mkdir()
+            usual_px = USUAL_FOCAL * max(frames.size_px)
+            start_px = usual_px if known is None else known[0].focal_px[0]
+            guess_px = Lens.centred(start_px, frames.size_px).matrix_px
+            sought = Frames(list(frames.paths), masks_dir, guess_px, frames.size_px)
             asked = self_calibrate(sought, work_dir, config.self_calibration)
             shutil.rmtree(work_dir)
-        _decided(known, asked, size_px, config).write(partial / INTRINSICS_FILE)
+        _decided(known, asked, frames.size_px, config).write(partial / INTRINSICS_FILE)
 
     recipe = _IntrinsicsRecipe(
         config=config,
         focal_px=None if given is None else given.focal_px,
         fov_deg=None if given is None else given.fov_deg,
     )
-    inputs = {
-        "images": frames.folder,
-        "masks": masks_dir,
-        "file": given_file,
-        "video": frames.video_path,
-    }
+    inputs = {"images": frames.folder, "masks": masks_dir}
+    inputs |= {"file": None if given is None else given.file, "video": frames.video_path}
     there = {role: path for role, path in inputs.items() if path is not None}
     return run_stage("intrinsics", out_dir, recipe, there, work, run=run)
 
