@@ -30,8 +30,8 @@ from gmrdata.cameras.match import keyframes, matches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.read.frames import read_frames
 from gmrdata.stage import store
+from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_json
-from gmrdata.values.lens import Lens
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/speed.json")

@@ -26,7 +26,7 @@ from gmrdata.twins.floor_record import Floor
 from gmrdata.twins.pseudo_gt_error import FPS_HZ
 from gmrdata.twins.twin_set import SET_FOLDER, TwinRecipe, make_twins
 from gmrdata.values.clip import Clip
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 from gmrdata.values.motion_metrics import angles_rad
 
 pytestmark = pytest.mark.bench

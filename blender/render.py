@@ -21,10 +21,9 @@ from gmrdata.film.render import EXTRAS_FOLDER, FRAME_LINE, RenderJob, frame_file
 from gmrdata.film.render_outputs import CLEARANCE_FILE, project_joints
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.clip import CHARACTER_FILE, Clip, save_character, save_clip, save_joints
 from gmrdata.values.errors import RenderFailed
 from gmrdata.values.files import atomic_path
-from gmrdata.values.rendered import CHARACTER_FILE, save_character, save_joints
 
 WORK_FOLDER = ".unfinished"
 SCENE_FOLDER = "scene"

@@ -15,9 +15,8 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import read_frames
 from gmrdata.values import transforms
-from gmrdata.values.camera import intrinsics_from_fov
+from gmrdata.values.camera import Lens, intrinsics_from_fov
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.lens import Lens
 from gmrdata.values.transforms import fit_similarity
 
 WIDTH_PX, HEIGHT_PX = 320, 180

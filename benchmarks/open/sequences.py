@@ -20,8 +20,8 @@ from gmrdata.threedpw.world_sequence import sequence_arrays
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip
-from gmrdata.values.estimated import EstimatedPerson
 from gmrdata.values.motion import Motion
+from gmrdata.values.people import EstimatedPerson
 from gmrdata.write.emdb import emdb_sequence, write_emdb
 from gmrdata.write.systems.gvhmr import write_gvhmr
 from gmrdata.write.systems.tracked import TrackedPerson

@@ -32,9 +32,8 @@ from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.local_poses import load_local_poses
 from gmrdata.values.motion import Motion
-from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, load_local_poses, person_file
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert
 from gmrdata.world.quality import load_record

@@ -11,10 +11,9 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import read_frames
 from gmrdata.stage.store import stage_seconds
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import NoReconstruction
-from gmrdata.values.lens import Lens
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import invert
 from gmrdata.world.judge import SolvedCameras, judge

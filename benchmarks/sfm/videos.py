@@ -13,7 +13,7 @@ from gmrdata.people.sources import MasksConfig, OnnxSource, make_masks, masks_se
 from gmrdata.read.frames import read_frames
 from gmrdata.read.video import extract_video
 from gmrdata.stage.store import stage_seconds
-from gmrdata.values.lens import Lens
+from gmrdata.values.camera import Lens
 
 DOG_FOCAL_PX = 929.0
 """COLMAP's own calibration of the video at its full size."""

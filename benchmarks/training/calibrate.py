@@ -32,8 +32,8 @@ from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
 from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import straightened
 from gmrdata.values.clip import Clip, camera_of, load_clip, rows_of_numbers
-from gmrdata.values.lens import straightened
 
 RATE_HZ = 15.0
 LARGEST_OFF_M = 0.35

@@ -24,8 +24,8 @@ from blender.people.rigged_pose import (
 from gmrdata.film.character import Character, find_bones, joint_of_bone
 from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
 from gmrdata.values.camera import CameraPath, in_frame
+from gmrdata.values.clip import CharacterRecord
 from gmrdata.values.motion import Motion
-from gmrdata.values.rendered import CharacterRecord
 from gmrdata.values.skinning import motion_joints_m
 
 

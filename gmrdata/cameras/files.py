@@ -10,10 +10,9 @@ from pydantic import NonNegativeInt, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.values import records
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, Lens, Origin
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import write_npz
-from gmrdata.values.lens import Lens, Origin
 from gmrdata.values.records import PART, Figure
 
 CAMERAS_FILE = "cameras.npz"

@@ -14,7 +14,7 @@ import numpy as np
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import image_bytes, image_number, is_turned, read_gray
 from gmrdata.stage.jobs import in_threads
-from gmrdata.values.lens import bent
+from gmrdata.values.camera import bent
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
 FAST_PNG = 1  # zlib's level of compression

@@ -12,10 +12,9 @@ from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.errors import BadRecipe, NoReconstruction
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.lens import Lens
 from gmrdata.values.records import Config
 
 

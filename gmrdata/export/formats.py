@@ -14,8 +14,7 @@ import numpy as np
 
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
-from gmrdata.values.bodies import SMPL
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import SMPL, BodyModel
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadSequence
 from gmrdata.values.motion import Motion

@@ -21,8 +21,7 @@ from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.read.bodies import body_files, load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
-from gmrdata.values.bodies import body_of, sized
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput
 from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside

@@ -21,11 +21,11 @@ from pydantic import Field
 
 from gmrdata.motion.rest_pose import LIMBS
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
+from gmrdata.values.clip import CharacterRecord
 from gmrdata.values.errors import BadCharacter, MissingInput
 from gmrdata.values.files import parse_json
 from gmrdata.values.joint_names import REQUIRED, joints_by_name
 from gmrdata.values.records import Config
-from gmrdata.values.rendered import CharacterRecord
 from gmrdata.values.transforms import angles_deg
 
 SUFFIXES = (".glb", ".gltf", ".fbx")

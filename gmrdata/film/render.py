@@ -21,11 +21,10 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values import limits
-from gmrdata.values.clip import load_clip
+from gmrdata.values.clip import CHARACTER_FILE, load_clip
 from gmrdata.values.errors import EngineMissing, RenderFailed, RenderOverLimit
 from gmrdata.values.files import write_text
 from gmrdata.values.records import Config
-from gmrdata.values.rendered import CHARACTER_FILE
 from gmrdata.write.video import write_video_of
 
 RENDERER_LINE = "gmrdata-renderer"  # what the probe prints, with the name of what rendered

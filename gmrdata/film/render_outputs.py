@@ -15,11 +15,10 @@ from pydantic import Field
 from gmrdata.read.frames import decoded
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import in_frame, project_cam
-from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.clip import Clip, Joints2d, camera_of
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import write_bytes
 from gmrdata.values.records import Record
-from gmrdata.values.rendered import Joints2d
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
 

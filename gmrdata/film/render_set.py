@@ -20,10 +20,9 @@ from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import load_clip
+from gmrdata.values.clip import CHARACTER_FILE, load_character, load_clip
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import remove_orphans, write_text
-from gmrdata.values.rendered import CHARACTER_FILE, load_character
 
 DESCRIPTION = "rendering frames"
 RETRIES = 1  # how often a crashed Blender process is started again

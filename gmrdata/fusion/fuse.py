@@ -55,8 +55,7 @@ from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, clip_on_body, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
 from gmrdata.values.files import STAGE_FILE, write_npz
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.motion import Motion, accumulate
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import Config
 from gmrdata.world.quality import PseudoGtQuality

@@ -22,7 +22,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values.errors import StageFailed
-from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.motion import accumulate
 from gmrdata.values.shapes import Float
 
 TURN, PLACE, SLOW, WIDTH = 0, 3, 6, 12

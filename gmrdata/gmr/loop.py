@@ -25,12 +25,10 @@ from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_bodies
 from gmrdata.gmr.windows import Batch, Mix, TrainingSet, make_batch, make_training_set
 from gmrdata.read.bodies import load_bodies
 from gmrdata.stage.progress import console, track
-from gmrdata.values.bodies import names_of
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, names_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, StageFailed
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import orientation_errors_deg, translation_errors_mm
 
 

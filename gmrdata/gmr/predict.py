@@ -29,8 +29,7 @@ from gmrdata.motion.resample import resample
 from gmrdata.values import limits
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, BadMotionFile, BadRecord
-from gmrdata.values.motion import Motion, without_root
-from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.motion import Motion, accumulate, deltas, without_root
 from gmrdata.values.records import Record
 from gmrdata.values.shapes import Float
 

@@ -10,8 +10,7 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.motion.resample import resample, valid_runs
-from gmrdata.values.bodies import body_of
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, body_of
 from gmrdata.values.clip import Clip, clip_on_body
 from gmrdata.values.errors import BadManifest, BadMotionFile
 from gmrdata.values.motion import Motion, whole_ratio

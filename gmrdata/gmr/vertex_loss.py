@@ -16,8 +16,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from gmrdata.values.bodies import names_of
-from gmrdata.values.body import BodyModel, vertex_rows
+from gmrdata.values.body import BodyModel, names_of, vertex_rows
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import joint_transforms

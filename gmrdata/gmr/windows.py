@@ -24,8 +24,7 @@ from gmrdata.gmr.model import network_input
 from gmrdata.gmr.runs import no_runs, runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.shapes import Float, Int
 
 

@@ -10,8 +10,8 @@ from gmrdata.manifest.read import rows_in
 from gmrdata.read.frames import number_in_name
 from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import load_character, load_joints
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.rendered import load_character, load_joints
 
 ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations are stored in float64
 

@@ -18,10 +18,9 @@ from gmrdata.manifest import current
 from gmrdata.manifest.current import DroppedRange, Extra, FrameRange
 from gmrdata.manifest.listing import FILES, FOLDERS, file_record, folder_record
 from gmrdata.stage.store import StageRecord, package_versions
-from gmrdata.values.clip import load_clip
+from gmrdata.values.clip import load_clip, text_runs
 from gmrdata.values.errors import BadManifest
 from gmrdata.values.records import Config
-from gmrdata.values.rows import text_runs
 
 
 def created_by(

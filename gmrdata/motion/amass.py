@@ -22,14 +22,15 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.ground import levelled, motion_of
 from gmrdata.read.numbers import finite_numbers
 from gmrdata.read.source_motion import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
-from gmrdata.values.bodies import SMPL, shape_on
 from gmrdata.values.body import (
     HANDS,
     N_JOINTS,
+    SMPL,
     SMPL_LEG_M,
     SMPL_REST_PELVIS_M,
     BodyModel,
     leg_length_m,
+    shape_on,
 )
 from gmrdata.values.errors import BadBodyFile, BadMotionFile
 from gmrdata.values.files import read_npz

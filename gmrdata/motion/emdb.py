@@ -19,14 +19,12 @@ from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.bodies import SMPL, names_of, shape_on
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import SMPL, BodyModel, names_of, shape_on
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
-from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, first_reasons, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.records import Config, Record
-from gmrdata.values.rows import first_reasons
 from gmrdata.values.transforms import apply, invert, rigid
 
 WORLD_FROM_EMDB = rigid(Rotation.from_euler("x", 90, degrees=True).as_matrix(), np.zeros(3))

@@ -17,8 +17,7 @@ from gmrdata.read.numbers import smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.bodies import SMPL, shape_on
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import SMPL, BodyModel, shape_on
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadBodyFile, BadSequence

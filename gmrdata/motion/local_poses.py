@@ -31,13 +31,12 @@ from gmrdata.motion.resample import between_known, slice_motion, valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.read.source_motion import check_rate_hz
 from gmrdata.read.systems.result import is_system_npz, read_system
-from gmrdata.values.bodies import SMPL, shape_on
-from gmrdata.values.body import BodyModel, gender_of
+from gmrdata.values.body import SMPL, BodyModel, gender_of, shape_on
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.estimated import EstimatedPerson
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
+from gmrdata.values.people import EstimatedPerson
 
 MIN_FRAMES = 2
 

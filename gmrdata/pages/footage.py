@@ -17,9 +17,8 @@ from gmrdata.pages.solved import Solved
 from gmrdata.read.frames import read_gray
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
-from gmrdata.values.camera import CameraPath, project_cam
+from gmrdata.values.camera import CameraPath, bent, project_cam
 from gmrdata.values.errors import BadFrames, MissingInput
-from gmrdata.values.lens import bent
 from gmrdata.write.overlay import OVERLAY_BGR, draw_people, read_frame
 from gmrdata.write.take import Performer
 from gmrdata.write.video import write_video

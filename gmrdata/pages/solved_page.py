@@ -33,11 +33,11 @@ from gmrdata.pages.solved import Solved, align_dataset_camera, counts_of
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import text_runs
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.files import STAGE_FILE, remove_orphans, write_bytes
 from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import Config
-from gmrdata.values.rows import text_runs
 from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.write.overlay import OVERLAY_BGR
 

@@ -11,7 +11,7 @@ from gmrdata.pages import plots
 from gmrdata.pages.plots import COLOURS
 from gmrdata.pages.solved import Aligned, Solved, kinds_of
 from gmrdata.values import transforms
-from gmrdata.values.rows import text_runs
+from gmrdata.values.clip import text_runs
 from gmrdata.world.recipe import CueEstimate
 
 PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45

@@ -41,8 +41,7 @@ from gmrdata.paper.recipe import JointConfig
 from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
-from gmrdata.values.bodies import names_of
-from gmrdata.values.body import N_LOCAL, BodyModel
+from gmrdata.values.body import N_LOCAL, BodyModel, names_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadFeatures
 

@@ -52,8 +52,8 @@ from gmrdata.values.clip import Clip, camera_of, rows_of_numbers, save_clip
 from gmrdata.values.errors import StageFailed
 from gmrdata.values.files import resolve_inside, write_json, write_npz
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.local_poses import LocalPoses, load_local_poses
 from gmrdata.values.motion import Motion
+from gmrdata.values.people import LocalPoses, load_local_poses
 from gmrdata.values.records import Config, Record
 
 POSES_FOLDER, KEYPOINTS_FOLDER, FEATURES_FOLDER, FOLLOWED_FOLDER, SEEN_FOLDER = (

@@ -29,13 +29,11 @@ from gmrdata.score.predictions import every_row
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.bodies import body_of
-from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip
+from gmrdata.values.body import BodyModel, body_of
+from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip, text_runs
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.motion import whole_ratio
 from gmrdata.values.records import Config
-from gmrdata.values.rows import text_runs
 
 
 class VibeCamConfig(Config):

@@ -29,10 +29,9 @@ from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel, leg_length_m
+from gmrdata.values.camera import Lens
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.lens import Lens
-from gmrdata.values.local_poses import POSES_FILE, LocalPoses, LocalPosesRecord
-from gmrdata.values.people import person_file
+from gmrdata.values.people import POSES_FILE, LocalPoses, LocalPosesRecord, person_file
 from gmrdata.values.records import Config
 
 POSES_FOLDER = "poses"

@@ -6,8 +6,7 @@ from gmrdata.read.body_file import is_own_body, read_body, save_body
 from gmrdata.read.smpl import read_smpl, says_gender
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.bodies import of_equal_size
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, of_equal_size
 from gmrdata.values.errors import BadBodyFile, MissingInput
 from gmrdata.values.records import Config
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from gmrdata.read.frames import read_exif
 from gmrdata.values import plain_yaml
+from gmrdata.values.camera import Lens, Origin
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 from gmrdata.values.files import parse_json
-from gmrdata.values.lens import Lens, Origin
 
 MOST_BYTES = 1 << 20  # a calibration is a few lines
 FILM_DIAGONAL_MM = 43.267  # of 24 x 36 mm

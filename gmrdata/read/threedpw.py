@@ -12,8 +12,8 @@ from gmrdata.read.frames import check_images, number_in_name
 from gmrdata.read.numbers import rigid_rows, usable_rows
 from gmrdata.read.threedpw_arrays import Person, SequenceArrays, read_sequence_file
 from gmrdata.read.threedpw_layout import SequenceFiles, find_sequence, require_inside, require_name
+from gmrdata.values.clip import first_reasons, text_runs
 from gmrdata.values.errors import BadFrames, BadRecipe, BadSequence, MissingInput
-from gmrdata.values.rows import first_reasons, text_runs
 
 CENTRE_TOLERANCE = 0.05
 """Share of the width or height by which 3DPW's principal point may be off the image's middle."""

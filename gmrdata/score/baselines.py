@@ -22,8 +22,7 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, StageFailed
 from gmrdata.values.files import read_npz, resolve_inside
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.records import Config, Record
 from gmrdata.values.transforms import rigid
 

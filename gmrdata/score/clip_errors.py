@@ -23,8 +23,7 @@ from gmrdata.score.records import Protocol
 from gmrdata.values import motion_metrics
 from gmrdata.values.body import PARENTS, BodyModel, sole_vertices, with_vertices
 from gmrdata.values.errors import BadRecipe
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.skinning import global_rotmats, motion_joints_m, motion_vertices_m
 
 SMPL_VERTICES = 6890

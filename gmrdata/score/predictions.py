@@ -9,12 +9,10 @@ import numpy as np
 
 from gmrdata.gmr.runs import MIN_FRAMES, UsableClip, runs_at
 from gmrdata.motion.resample import valid_runs
-from gmrdata.values.bodies import on_body
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, on_body
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.motion import Motion, whole_ratio
-from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.motion import Motion, accumulate, whole_ratio
 
 if TYPE_CHECKING:
     from gmrdata.gmr.predict import TrainedGmr

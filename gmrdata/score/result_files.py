@@ -19,7 +19,7 @@ from gmrdata.read.systems.slahmr import SLAHMR_FILE
 from gmrdata.read.systems.tram import HPS_FOLDER, is_tram_folder
 from gmrdata.values.clip import CLIP_FORMAT
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.estimated import EstimatedPeople
+from gmrdata.values.people import EstimatedPeople
 
 OWN_NAMES = ("wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl")
 SUFFIXES = (".npz", ".pkl", ".pt")

@@ -24,12 +24,11 @@ from gmrdata.score.results import (
     people_of_clips,
     timed_clip,
 )
-from gmrdata.values.bodies import body_of
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, body_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
-from gmrdata.values.estimated import EstimatedPerson
 from gmrdata.values.files import resolve_inside
+from gmrdata.values.people import EstimatedPerson
 
 
 def clip_names(manifest_path: Path) -> list[ClipName]:

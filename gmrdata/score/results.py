@@ -14,8 +14,8 @@ from gmrdata.values.body import BodyModel, gender_of
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.estimated import Crop, EstimatedPeople, EstimatedPerson
 from gmrdata.values.motion import Motion
+from gmrdata.values.people import Crop, EstimatedPeople, EstimatedPerson
 from gmrdata.values.transforms import rigid
 from gmrdata.world.compose import motion_in_world
 

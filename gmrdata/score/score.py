@@ -25,8 +25,7 @@ from gmrdata.stage import recipes
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.bodies import body_of, names_of
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, body_of, names_of
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe
 
 

@@ -28,13 +28,19 @@ from gmrdata.read.video import as_frames
 from gmrdata.solve.doubts import with_lens_error, write_doubts
 from gmrdata.solve.request import EstimatedPeople, GivenPeople, SolveConfig, SolveRequest
 from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.lens import Lens
-from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord
-from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, PersonFiles
+from gmrdata.values.people import (
+    BODIES,
+    FUSED,
+    POSES_FILE,
+    PSEUDO_GT,
+    LocalPosesRecord,
+    PersonFiles,
+)
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt

@@ -21,9 +21,8 @@ from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.solve.doubts import lost_frames
 from gmrdata.solve.request import EstimatedPeople
 from gmrdata.solve.solve import FRAMES, Solved
-from gmrdata.values.clip import load_clip
+from gmrdata.values.clip import first_reasons, load_clip
 from gmrdata.values.records import Record
-from gmrdata.values.rows import first_reasons
 from gmrdata.world.quality import load_record
 from gmrdata.world.verdict import Verdict, verdict_of
 

@@ -41,9 +41,9 @@ from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import NotMade, run_stage
 from gmrdata.stage.workers import own_cores, worker_pool
+from gmrdata.values.camera import Source
 from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import STAGE_FILE, remove_orphans
-from gmrdata.values.lens import Source
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
 from gmrdata.values.records import PART, Config, Figure, Record
 

@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, unusable_reasons
 from gmrdata.read.threedpw_arrays import FPS_HZ, Person
-from gmrdata.values.bodies import SMPL, shape_on
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import SMPL, BodyModel, shape_on
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadBodyFile

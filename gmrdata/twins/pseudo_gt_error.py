@@ -12,8 +12,7 @@ from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import NothingToCompare, StageFailed
-from gmrdata.values.motion import whole_ratio
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas, whole_ratio
 from gmrdata.values.motion_metrics import (
     angles_rad,
     orientation_errors_deg,

@@ -1,13 +1,18 @@
-"""Clip: what the manifest lists, the trainer trains on and the evaluator scores; and its file."""
+"""Clip: what the manifest lists, the trainer trains on and the evaluator scores; and its file.
 
+Beside it runs of rows that share a text, as reasons of dropped frames are; and the truth beside a
+rendered clip, row by row: places of joints, and a character's residual.
+"""
+
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmrdata.values.bodies import on_body
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import N_JOINTS, BodyModel, on_body
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile, BadRecord
 from gmrdata.values.files import read_npz, write_npz
@@ -159,3 +164,106 @@ def _rotvecs(rotmats: np.ndarray) -> np.ndarray:
     if known.any():
         rotvecs[known] = Rotation.from_matrix(flat[known]).as_rotvec()
     return rotvecs.reshape(*rotmats.shape[:-1])
+
+
+def text_runs(texts: Iterable[str]) -> list[tuple[int, int, str]]:
+    """All runs of neighbouring rows with one text: (start, one past the last row, text)."""
+    runs, start = [], 0
+    for text, group in groupby(texts):
+        stop = start + len(list(group))
+        runs.append((start, stop, text))
+        start = stop
+    return runs
+
+
+def texts_of(runs: Iterable[tuple[int, int, str]], n_rows: int) -> list[str]:
+    """(n_rows,) the text of each row; empty outside the runs."""
+    texts = [""] * n_rows
+    for start, stop, text in runs:
+        texts[start:stop] = [text] * (stop - start)
+    return texts
+
+
+def first_reasons(reasons: Iterable[str], tests: Iterable[tuple[Iterable[bool], str]]) -> list[str]:
+    """(N,) why each row can't be used: its own reason, or that of the first test (N,) it fails."""
+    found = list(reasons)
+    for passed, reason in tests:
+        found = [old or ("" if good else reason) for old, good in zip(found, passed, strict=True)]
+    return found
+
+
+CHARACTER_FILE = "character.npz"
+T = -1  # stands for the number of frames in `TruthShapes`
+TruthShapes = Mapping[str, tuple[str, tuple[int, ...]]]
+JOINT_ARRAYS: TruthShapes = {
+    "joints_world_m": ("f", (T, N_JOINTS, 3)),
+    "joints_camera_m": ("f", (T, N_JOINTS, 3)),
+    "joints_px": ("f", (T, N_JOINTS, 2)),
+    "in_frame": ("b", (T, N_JOINTS)),
+    "visible": ("b", (T, N_JOINTS)),
+}
+"""The fields of `Joints2d`, as they are called in its file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joints2d:
+    """Joints of T frames, in the order of `gmrdata.values.body.JOINT_NAMES`."""
+
+    world_m: np.ndarray  # (T, 24, 3) places in the world [m]
+    camera_m: np.ndarray  # (T, 24, 3) places in the camera's OpenCV axes [m]
+    image_px: np.ndarray  # (T, 24, 2) image points; NaN behind the camera
+    in_frame: np.ndarray  # (T, 24) bool: in front of the camera and inside the image
+    visible: np.ndarray
+    """(T, 24) bool: in the frame, and neither the scene nor another part of the body hides it."""
+
+
+def save_joints(path: Path, joints: Joints2d) -> None:
+    """Write `joints.npz`; FORMAT.md describes it."""
+    write_npz(path, dict(zip(JOINT_ARRAYS, vars(joints).values(), strict=True)))
+
+
+def load_joints(path: Path) -> Joints2d:
+    """Read a file by `save_joints`; errors as of `read_truth`."""
+    return Joints2d(*read_truth(path, JOINT_ARRAYS, frames_of="joints_px"))
+
+
+def read_truth(path: Path, shapes: TruthShapes, frames_of: str) -> list[np.ndarray]:
+    """The arrays of a file of truth, in the order of `shapes`: kind (numpy's letter) and shape.
+    The first axis of the array `frames_of` tells the number of frames."""
+    arrays = read_npz(path)
+    n_frames = len(np.atleast_1d(arrays.get(frames_of, ())))
+    for key, (kind, shape) in shapes.items():
+        found = arrays.get(key)
+        wanted = tuple(n_frames if length == T else length for length in shape)
+        if found is None or found.dtype.kind != kind or found.shape != wanted:
+            raise BadMotionFile(f"{path}: no array {key!r} of shape {wanted}; render it again")
+    return [arrays[key] for key in shapes]
+
+
+@dataclass(frozen=True, eq=False)
+class CharacterRecord:
+    """What a render with a character knows beside the truth; T frames."""
+
+    joints_world_m: np.ndarray  # (T, 24, 3) heads of the bones, world [m]; NaN without a bone
+    residual_m: np.ndarray  # (T, 24, 3) the same less the body's joints, world axes [m]
+    in_frame: np.ndarray  # (T,) bool: the whole character is inside the image
+    bones: tuple[str, ...]  # 24 names, empty for a joint without a bone
+    scale: float  # by how much the character's file was enlarged
+
+
+def save_character(path: Path, record: CharacterRecord) -> None:
+    """Write `character.npz`; FORMAT.md describes it."""
+    write_npz(path, vars(record) | {"bones": np.array(record.bones)})
+
+
+def load_character(path: Path) -> CharacterRecord:
+    """Read a file by `save_character`; errors as of `read_truth`."""
+    shapes: TruthShapes = {
+        "joints_world_m": ("f", (T, N_JOINTS, 3)),
+        "residual_m": ("f", (T, N_JOINTS, 3)),
+        "in_frame": ("b", (T,)),
+        "bones": ("U", (N_JOINTS,)),
+        "scale": ("f", ()),
+    }
+    joints_m, residual_m, in_frame, bones, scale = read_truth(path, shapes, frames_of="in_frame")
+    return CharacterRecord(joints_m, residual_m, in_frame, tuple(bones.tolist()), float(scale))

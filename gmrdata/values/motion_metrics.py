@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmrdata.values.body import BodyModel
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.shapes import Float
 
 

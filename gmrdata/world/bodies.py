@@ -14,16 +14,13 @@ from gmrdata.read.systems.entries import AGAIN
 from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.bodies import SMPL
-from gmrdata.values.body import BodyModel, gender_of
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.body import SMPL, BodyModel, gender_of
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, System
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.lens import Lens
 from gmrdata.values.motion import Motion
-from gmrdata.values.people import PersonFiles, person_file
+from gmrdata.values.people import EstimatedPeople, EstimatedPerson, PersonFiles, System, person_file
 from gmrdata.values.records import PART, Config, Figure, Record
 from gmrdata.world.placement import PlacedBody, place_body
 

@@ -19,8 +19,7 @@ from gmrdata.cameras.check.verdict import (
 from gmrdata.cameras.files import CamerasQuality, Geometry
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.rows import first_reasons, text_runs
+from gmrdata.values.clip import Clip, camera_of, first_reasons, text_runs
 from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.quality import PseudoGtQuality, quality_of
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig

@@ -13,11 +13,10 @@ import numpy as np
 
 from gmrdata.read.systems import vibe
 from gmrdata.read.systems.entries import AGAIN
-from gmrdata.values.bodies import SMPL, shape_on
-from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
+from gmrdata.values.body import SMPL, SMPL_REST_PELVIS_M, BodyModel, shape_on
+from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.estimated import Crop, EstimatedPerson, InCamera, Pinhole
-from gmrdata.values.lens import Lens
+from gmrdata.values.people import Crop, EstimatedPerson, InCamera, Pinhole
 from gmrdata.values.skinning import posed_joints_m
 
 CROP_FOCAL_PX = 5000.0

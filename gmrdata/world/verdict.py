@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, StringConstraints, model_validator
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.values.clip import text_runs, texts_of
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import PART, ArrayShapes, Config, Figure, Record, read_arrays
-from gmrdata.values.rows import text_runs, texts_of
 
 DATASET_CAMERA_FORMAT = "gmrdata-dataset-camera/1"
 _SHAPES: ArrayShapes = {"world_from_cam": ("f", ("T", 4, 4))}

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.values.bodies import SMPL
 from gmrdata.values.body import (
     HANDS,
+    SMPL,
     SMPL_LEG_M,
     SMPL_REST_PELVIS_M,
     BodyModel,

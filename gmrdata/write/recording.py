@@ -26,9 +26,9 @@ import numpy as np
 from gmrdata.read.frames import check_images, read_gray
 from gmrdata.values.body import PARENTS
 from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import text_runs
 from gmrdata.values.errors import BadFrames, BadMotionFile, MissingExtra
 from gmrdata.values.files import atomic_path
-from gmrdata.values.rows import text_runs
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.write.take import Performer, Take, check_take
 

@@ -14,11 +14,10 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import project, project_cam
-from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, load_joints, save_clip
 from gmrdata.values.errors import RenderFailed
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
-from gmrdata.values.rendered import load_joints
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
 

@@ -27,11 +27,19 @@ from gmrdata.pages.sets import write_set_pages
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
 from gmrdata.values.camera import project
-from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.clip import (
+    CharacterRecord,
+    Clip,
+    camera_of,
+    load_character,
+    load_clip,
+    load_joints,
+    save_character,
+    save_clip,
+)
 from gmrdata.values.errors import BadManifest, RenderFailed
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
-from gmrdata.values.rendered import CharacterRecord, load_character, load_joints, save_character
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 pytestmark = pytest.mark.slow

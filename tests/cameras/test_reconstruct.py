@@ -23,9 +23,8 @@ from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import list_images, read_frames
 from gmrdata.stage.workers import own_cores
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction
-from gmrdata.values.lens import Lens
 from tests.filming import film_cameras, look_at, write_pictures
 
 SMALL = SfmConfig(max_features=600)

@@ -15,8 +15,8 @@ from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_point
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import list_images, read_frames, read_gray
+from gmrdata.values.camera import Lens, straightened
 from gmrdata.values.errors import BadFrames, NoReconstruction
-from gmrdata.values.lens import Lens, straightened
 from tests.cameras.test_reconstruct import rotation_errors_deg
 from tests.read.test_frames import with_exif
 

@@ -27,8 +27,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.skinning import motion_vertices_m
 
 PROGRAMMES = (Circular(), Linear(), Panning(), LinearPanning(), Small(), Static())

@@ -24,8 +24,8 @@ from gmrdata.film.character import (
 from gmrdata.film.render import full_json
 from gmrdata.film.set_plan import SyntheticRecipe, render_config
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
+from gmrdata.values.clip import CharacterRecord, load_character, save_character
 from gmrdata.values.errors import BadCharacter, BadMotionFile, GmrdataError, MissingInput
-from gmrdata.values.rendered import CharacterRecord, load_character, save_character
 
 FILE = Path("someone.glb")
 SCENE: dict[str, Any] = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4}]}

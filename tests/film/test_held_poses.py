@@ -18,8 +18,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import in_frame, person_box
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadRecipe
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera, motion_in_world

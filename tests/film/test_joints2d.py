@@ -10,11 +10,10 @@ from gmrdata.film.camera_moves import look_at
 from gmrdata.film.render_outputs import project_joints
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
-from gmrdata.values.clip import Clip
+from gmrdata.values.clip import Clip, load_joints, save_joints
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion
-from gmrdata.values.rendered import load_joints, save_joints
 from gmrdata.values.transforms import rigid
 
 

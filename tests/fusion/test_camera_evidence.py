@@ -25,8 +25,7 @@ from gmrdata.fusion.smoothing import ErrorProcess, FusedPoses, SeenMotions
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.transforms import rigid
 from gmrdata.world.bodies import BodiesRecord, Estimator
 

@@ -189,7 +189,7 @@ def test_the_true_motions_fill_the_gap(
 ) -> None:
     """With a network that is right, the gap holds the truth."""
     from gmrdata.fusion import fuse as stage
-    from gmrdata.values.motion_deltas import deltas
+    from gmrdata.values.motion import deltas
 
     truth = clip.motion
     monkeypatch.setattr(

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.fusion.network_evidence import corrected_by_like_poses
 from gmrdata.fusion.smoothing import ErrorProcess, SeenMotions, SeenPoses
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 
 N, FPS_HZ, CYCLE = 240, 30.0, 30
 PHASE = 2 * np.pi * np.arange(N) / CYCLE

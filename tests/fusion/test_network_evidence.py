@@ -22,7 +22,7 @@ from gmrdata.fusion.network_evidence import (
 )
 from gmrdata.values.errors import BadMotionFile, BadRecord
 from gmrdata.values.files import read_json, write_json
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 
 FPS_HZ = 20.0
 

@@ -19,7 +19,7 @@ from gmrdata.fusion.smoothing import (
     mean_variance,
     smooth,
 )
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 
 FPS_HZ = 10.0
 

@@ -23,8 +23,7 @@ from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.values.body import JOINT_NAMES, MIRRORED, BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.skinning import motion_joints_m
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])

@@ -23,8 +23,7 @@ from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadCheckpoint
 from gmrdata.values.files import read_json
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from tests.fixtures.inference import keep_gmr, stepped_gmr
 from tests.read.system_files import vibe_person, write_joblib
 

@@ -15,8 +15,7 @@ from gmrdata.gmr.runs import runs_at
 from gmrdata.gmr.windows import Batch, make_batch, make_training_set, reverse
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.motion import Motion, accumulate, deltas
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 

@@ -11,7 +11,7 @@ from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.inputs import REST_JOINTS_M, SCALE, motions_if_standing, velocities
 from gmrdata.gmr.model import Gmr, input_columns, input_size, network_input
 from gmrdata.values.body import JOINT_NAMES, BodyModel
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 from tests.torch_joints import posed_joints
 
 

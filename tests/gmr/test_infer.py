@@ -18,8 +18,7 @@ from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 
 

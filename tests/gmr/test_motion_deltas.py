@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values import transforms
-from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.motion import accumulate, deltas
 
 poses = st.builds(
     lambda seed, n: (

@@ -19,7 +19,7 @@ from gmrdata.gmr.inputs import (
 )
 from gmrdata.gmr.model import Gmr, network_input
 from gmrdata.values.body import BodyModel
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 from tests.gmr.direct_reading import parameter_count
 from tests.gmr.test_extra_inputs import random_poses
 from tests.torch_joints import posed_joints

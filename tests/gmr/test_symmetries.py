@@ -14,8 +14,7 @@ from gmrdata.gmr.model import Gmr, network_input
 from gmrdata.gmr.onnx_network import onnx_network
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
 from gmrdata.gmr.symmetries import mean_of_four
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from tests.gmr.test_extra_inputs import random_poses
 from tests.gmr.test_onnx_network import run_onnx
 

@@ -17,9 +17,8 @@ from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.listing import file_record, folder_record
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.manifest.write import ManifestHead, write_manifest
-from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.clip import Clip, Joints2d, save_clip, save_joints
 from gmrdata.values.errors import BadManifest, MissingInput
-from gmrdata.values.rendered import Joints2d, save_joints
 
 Edit = Callable[[Callable[[dict], None]], Path]
 WALK = 1

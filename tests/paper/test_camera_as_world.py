@@ -18,8 +18,7 @@ from gmrdata.score.camera_as_world import (
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
 from gmrdata.values.files import read_json
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.world.compose import metric_cameras, motion_in_camera
 from tests.reconstructions import good_quality, pseudo_gt_quality
 

@@ -37,7 +37,7 @@ from gmrdata.values.errors import (
     TrainingDiverged,
 )
 from gmrdata.values.files import write_npz
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 from gmrdata.values.motion_metrics import angles_rad
 
 WriteSet = Callable[..., Path]

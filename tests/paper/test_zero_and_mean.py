@@ -23,7 +23,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadManifest, StageFailed, StaleOutput
 from gmrdata.values.files import read_json
-from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.motion import accumulate, deltas
 
 WriteSet = Callable[..., Path]
 

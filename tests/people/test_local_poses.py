@@ -13,11 +13,11 @@ from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import read_frames
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.lens import Lens
-from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.motion import Motion
+from gmrdata.values.people import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.world.placement import assumed_place
 from tests.frame_sets import frame_set

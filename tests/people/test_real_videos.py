@@ -12,7 +12,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.people.sources import MasksConfig, OnnxSource, make_masks
 from gmrdata.read.frames import read_frames
-from gmrdata.values.lens import Lens
+from gmrdata.values.camera import Lens
 
 pytestmark = pytest.mark.slow
 

@@ -10,8 +10,8 @@ import pytest
 
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
+from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadIntrinsics, MissingInput
-from gmrdata.values.lens import Lens
 
 SIZE_PX = (640, 480)
 PINHOLE = "# Camera list\n1 PINHOLE 640 480 600 605 322 239\n"

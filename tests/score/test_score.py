@@ -45,7 +45,7 @@ from gmrdata.values.errors import (
     StaleOutput,
 )
 from gmrdata.values.files import write_json
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 from gmrdata.values.skinning import motion_vertices_m
 from tests.clip_manifests import write_clips as write_manifest_of
 from tests.fixtures.inference import keep_gmr, stepped_gmr

@@ -18,8 +18,7 @@ from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.records import Scores
 from gmrdata.score.score import score
 from gmrdata.stage.run import Run
-from gmrdata.values.bodies import body_of
-from gmrdata.values.body import BodyModel, with_vertices
+from gmrdata.values.body import BodyModel, body_of, with_vertices
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile
 from gmrdata.write.amass import write_amass

@@ -18,7 +18,7 @@ from gmrdata.score.metrics import (
     segment_errors_mm,
     segments_of,
 )
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 from gmrdata.values.motion_metrics import translation_errors_mm
 
 BODY_M = np.array([[0.0, 0.0, 0.9], [0.1, 0.0, 0.5], [-0.1, 0.1, 0.0], [0.0, 0.2, 1.6]])

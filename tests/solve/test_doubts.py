@@ -11,9 +11,9 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.solve.doubts import DOUBTS_FILE, video_doubts, with_lens_error, write_doubts
 from gmrdata.solve.request import SolveConfig
 from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import Source
 from gmrdata.values.clip import Clip
 from gmrdata.values.frame_set import VideoRecord
-from gmrdata.values.lens import Source
 from gmrdata.world.verdict import Doubts
 
 

@@ -13,7 +13,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import StageFailed
-from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion import deltas
 from gmrdata.values.skinning import motion_vertices_m
 
 PSEUDO_FROM_TRUE = transforms.rigid(

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.values.lens import ASSUMED, Lens, Origin, bent, straightened
+from gmrdata.values.camera import ASSUMED, Lens, Origin, bent, straightened
 
 BENT = Lens((600.0, 605.0), (322.0, 239.0), (640, 480), (-0.15, 0.02))
 SEEN_PX = np.array([[10.0, 20.0], [630.0, 470.0], [322.0, 239.0]])

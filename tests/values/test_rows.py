@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.values.rows import text_runs, texts_of
+from gmrdata.values.clip import text_runs, texts_of
 
 
 @given(st.lists(st.sampled_from(["", "a", "b"]), max_size=30))

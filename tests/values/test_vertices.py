@@ -10,8 +10,7 @@ from gmrdata.motion.gait import embedded_motions
 from gmrdata.score.predictions import still_motion
 from gmrdata.values import motion_metrics as vertices
 from gmrdata.values.body import BodyModel
-from gmrdata.values.motion import Motion
-from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.motion_metrics import run_vertex_errors
 from gmrdata.values.skinning import motion_vertices_m
 

@@ -10,10 +10,10 @@ from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import Lens
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.lens import Lens
 from gmrdata.world.bodies import BodiesConfig, BodiesRecord, make_bodies
 from tests.frame_sets import frame_set
 from tests.read import system_files

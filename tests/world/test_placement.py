@@ -15,10 +15,10 @@ from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import Lens
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
-from gmrdata.values.estimated import EstimatedPeople, Pinhole
-from gmrdata.values.lens import Lens
+from gmrdata.values.people import EstimatedPeople, Pinhole
 from gmrdata.world.placement import PlacedBody, assumed_place, place_body
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files

@@ -19,9 +19,9 @@ from gmrdata.cameras.lens.self_calibration import (
 from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values.camera import ASSUMED, GIVEN, Lens, Origin, Source
 from gmrdata.values.errors import BadIntrinsics
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.lens import ASSUMED, GIVEN, Lens, Origin, Source
 from gmrdata.values.records import PART, Config, Figure, Record
 
 INTRINSICS_FILE = "intrinsics.json"

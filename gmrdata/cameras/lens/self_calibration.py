@@ -45,8 +45,8 @@ from gmrdata.cameras.match.keyframes import choose_keyframes
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, match_frames, matched_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import limits, transforms
+from gmrdata.values.camera import Lens, bent
 from gmrdata.values.errors import NoReconstruction
-from gmrdata.values.lens import Lens, bent
 from gmrdata.values.records import PART, Config, Figure
 
 CameraMotion = Literal["full", "rotation_only"]

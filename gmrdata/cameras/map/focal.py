@@ -27,7 +27,7 @@ from gmrdata.cameras.match.keypoint_adjustment import MEASURED_PX
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.recipe import DistortionConfig
 from gmrdata.values import transforms
-from gmrdata.values.lens import bent, straightened
+from gmrdata.values.camera import bent, straightened
 
 FREED_NOT_INDEPENDENT = 2.5
 """The error by covariance is too small by this: a feature's errors have much in common."""

@@ -11,9 +11,9 @@ import numpy as np
 
 from gmrdata.cameras.files import Distortion
 from gmrdata.values import records, transforms
+from gmrdata.values.camera import bent
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import write_npz
-from gmrdata.values.lens import bent
 
 TRACKS_FILE = "tracks.npz"
 TRACKS_FORMAT = "gmrdata-tracks/1"

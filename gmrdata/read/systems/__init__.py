@@ -1,1 +1,1 @@
-"""Results of other systems, one file per system, as `gmrdata.values.estimated` has people."""
+"""Results of other systems, one file per system, as `gmrdata.values.people` has people."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmrdata.read.systems.entries import Entry, rotmats_of, turned
 from gmrdata.values.body import HANDS
-from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, InWorld
+from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InWorld
 
 KEYS = frozenset({"poses", "trans"})
 N_SMPLX = 165

@@ -32,7 +32,7 @@ from gmrdata.read.systems.entries import (
     turned,
 )
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, InCamera, InWorld, Pinhole
+from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, InWorld, Pinhole
 
 WORLD, CAMERA = "smpl_params_global", "smpl_params_incam"
 NAME = "person_0"

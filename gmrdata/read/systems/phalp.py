@@ -29,7 +29,7 @@ import numpy as np
 from gmrdata.read.systems.entries import Entry, person_name, shown, whole_number
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.estimated import Crop, EstimatedPeople, EstimatedPerson, InCamera
+from gmrdata.values.people import Crop, EstimatedPeople, EstimatedPerson, InCamera
 
 FRAME_KEYS = frozenset({"time", "tid", "smpl"})
 """What an entry of these files has, which tells them from others."""

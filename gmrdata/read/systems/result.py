@@ -11,10 +11,16 @@ from gmrdata.read.systems import amass, gvhmr, phalp, slahmr, tram, vibe, wham
 from gmrdata.read.systems.entries import AGAIN
 from gmrdata.read.torch_files import load_tensors
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, InCamera, Part
 from gmrdata.values.files import read_npz
-from gmrdata.values.local_poses import POSES_FILE, load_local_poses
-from gmrdata.values.people import person_file
+from gmrdata.values.people import (
+    POSES_FILE,
+    EstimatedPeople,
+    EstimatedPerson,
+    InCamera,
+    Part,
+    load_local_poses,
+    person_file,
+)
 
 KNOWN = "Known are results of VIBE, WHAM, GVHMR, TRAM, SLAHMR and PHALP (4D-Humans)"
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does

@@ -30,8 +30,8 @@ from gmrdata.read.systems.entries import (
     turned,
 )
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, InWorld
 from gmrdata.values.files import parse_json
+from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InWorld
 from gmrdata.values.transforms import invert, rigid
 
 SLAHMR_FILE = re.compile(r".*_(\d{6})_world_results\.npz")

@@ -28,8 +28,8 @@ from gmrdata.read.safe_pickle import load_object_npy
 from gmrdata.read.systems.entries import AGAIN, Z_UP_FROM_Y_UP, Entry
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, InCamera, InWorld, Pinhole
 from gmrdata.values.files import read_npz
+from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, InWorld, Pinhole
 from gmrdata.values.transforms import rigid
 
 CAMERA_FILE = "camera.npy"

@@ -23,7 +23,7 @@ import numpy as np
 
 from gmrdata.read.systems.entries import Entry, person_name, rotmats_of
 from gmrdata.values.body import N_JOINTS
-from gmrdata.values.estimated import Crop, EstimatedPeople, EstimatedPerson, InCamera
+from gmrdata.values.people import Crop, EstimatedPeople, EstimatedPerson, InCamera
 
 CROP_OVER_BOX = 1.1
 NETWORK_PX = 224.0

@@ -30,7 +30,7 @@ from gmrdata.read.systems.entries import (
     turned,
 )
 from gmrdata.values.body import N_JOINTS
-from gmrdata.values.estimated import EstimatedPeople, EstimatedPerson, InCamera, InWorld
+from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, InWorld
 
 CAMERA_KEYS, WORLD_KEYS = ("pose", "trans"), ("pose_world", "trans_world")
 

@@ -8,8 +8,7 @@ from gmrdata.cameras.check.verdict import lens_notes, lens_reasons, turn_spread_
 from gmrdata.cameras.files import Geometry, SfmCameras
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
-from gmrdata.values.camera import CameraPath
-from gmrdata.values.lens import Source
+from gmrdata.values.camera import CameraPath, Source
 from gmrdata.values.transforms import rigid
 
 N = 41

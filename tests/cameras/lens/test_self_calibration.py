@@ -24,7 +24,7 @@ from gmrdata.cameras.lens.self_calibration import (
     nothing_found,
 )
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, read_matches
-from gmrdata.values.lens import Lens, bent
+from gmrdata.values.camera import Lens, bent
 
 SIZE_PX = (640, 480)
 CONFIG = SelfCalibrationConfig()

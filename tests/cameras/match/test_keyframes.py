@@ -22,9 +22,8 @@ from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import read_frames
-from gmrdata.values.camera import project
+from gmrdata.values.camera import Lens, project
 from gmrdata.values.errors import BadFrames
-from gmrdata.values.lens import Lens
 from tests.filming import write_pictures
 
 SIZE_PX = (240, 160)
