@@ -10,7 +10,7 @@ from gmrdata.fusion.fuse import WeighedGmr, WorldPerson, fuse_person, seen_frame
 from gmrdata.fusion.network_errors import noisy
 from gmrdata.fusion.smoothing import SamePlace
 from gmrdata.gmr.config import DataConfig
-from gmrdata.gmr.split import split_manifests
+from gmrdata.gmr.runs import split_manifests
 from gmrdata.motion.resample import resample
 from gmrdata.values.clip import Clip, clip_on_body
 from gmrdata.values.motion import Motion

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.gmr.split import split_manifests
+from gmrdata.gmr.runs import split_manifests
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ManifestHead, write_manifest

@@ -11,8 +11,7 @@ from gmr.cmu_data import Motions
 
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.loop import fit
-from gmrdata.gmr.runs import LazyClips
-from gmrdata.gmr.split import split_manifests
+from gmrdata.gmr.runs import LazyClips, split_manifests
 from gmrdata.gmr.train import train
 from gmrdata.read.bodies import load_body
 from gmrdata.score.score import score

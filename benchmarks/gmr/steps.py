@@ -12,9 +12,8 @@ from torch import Tensor
 
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.loop import gradient_step
-from gmrdata.gmr.losses import Motions, gmr_loss
+from gmrdata.gmr.losses import Motions, gmr_loss, make_loss_bodies
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.vertex_loss import make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch, make_training_set
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.values.body import BodyModel

@@ -71,7 +71,7 @@ def run_demo(
     _step(2, "motions")
     files = MotionFiles()
     if motions_dir is not None:
-        files = choose_files(motions_dir, trials, recipe, load_body(str(paths.body)))
+        files = choose_files(motions_dir, trials, recipe, load_body(paths.body))
         console.print("  filming " + ", ".join(path.stem for path in files.filmed))
     make_motions(paths, recipe, files, run=run)
     with worker_pool(run, recipe.workers) as pool:

@@ -58,10 +58,10 @@ def threedpw_list(root: Root, rule: Rule = "campose_valid") -> None:
 
     A sequence that can't be read is listed with the reason; then the exit code is 1.
     """
-    from gmrdata.threedpw.listing import HEADINGS, sequence_rows
+    from gmrdata.threedpw.regenerate import LIST_HEADINGS, sequence_rows
 
     rows, n_bad = sequence_rows(root, rule)
-    print_table(HEADINGS, rows)
+    print_table(LIST_HEADINGS, rows)
     if n_bad:
         raise BadSequence(f"{root}: {n_bad} of {len(rows)} sequences can't be used, see the table")
 
@@ -72,7 +72,7 @@ def threedpw_show(sequence: Positional[str], root: Root, rule: Rule = "campose_v
     Args:
         sequence: Name of the sequence, like courtyard_arguing_00.
     """
-    from gmrdata.threedpw.listing import RANGE_HEADINGS, range_rows
+    from gmrdata.threedpw.regenerate import RANGE_HEADINGS, range_rows
 
     rows, problems = range_rows(root, sequence, rule)
     print_table(RANGE_HEADINGS, rows)

@@ -208,8 +208,7 @@ def _export_network(
     run_dir: Path, out: Path, which: Which, *, redo: bool, dry_run: bool
 ) -> Exported:
     """Write the network of a training run as `onnx/<run>.onnx`."""
-    from gmrdata.gmr.onnx_network import onnx_network
-    from gmrdata.gmr.predict import load_gmr
+    from gmrdata.gmr.predict import load_gmr, onnx_network
 
     gmr = load_gmr(run_dir.resolve(), which)
     path = out / "onnx" / f"{gmr.name}.onnx"

@@ -175,7 +175,7 @@ def fuse(
     people = [_person(given, number, config) for number in range(len(given.clip_paths))]
 
     def work(partial: Path) -> None:
-        body = load_body("anny" if body_path is None else str(body_path))
+        body = load_body(body_path)
         weighed = WeighedGmr.load(given, config.which)
         said = []
         for number, person in enumerate(people):

@@ -24,8 +24,7 @@ from gmrdata.fusion.smoothing import mean_variance
 from gmrdata.gmr.augmentation import turned
 from gmrdata.gmr.config import DataConfig, TrainConfig, Which, WindowConfig
 from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, load_gmr
-from gmrdata.gmr.runs import runs_at
-from gmrdata.gmr.split import split_manifests, subject_of
+from gmrdata.gmr.runs import runs_at, split_manifests, subject_of
 from gmrdata.stage.progress import track
 from gmrdata.stage.store import StageRecord
 from gmrdata.values import limits

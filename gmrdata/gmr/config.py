@@ -13,7 +13,7 @@ from gmrdata.values.records import Config
 
 Representation = Literal["quaternion", "axis-angle", "6d"]  # of rotations in and out
 ExtraInput = Literal["velocity", "standing", "feet"]
-"""Functions of the local rotations that are given beside them (gmrdata.gmr.inputs)."""
+"""Functions of the local rotations that are given beside them (gmrdata.gmr.model)."""
 MotionSource = Literal["regressed", "standing_joint"]
 """Where dR or dT comes from: the last layer, the paper's way, or also the joint that stands."""
 Which = Literal["latest", "best"]  # a run's last step so far, or what scored best up to it

@@ -231,7 +231,7 @@ def infer(
     if out_dir.is_dir() and is_made("infer", out_dir, config, inputs):
         return out_dir
     # Before anything is written, so that a bad file leaves nothing behind.
-    body = load_body("anny" if body_path is None else str(body_path))
+    body = load_body(body_path)
     gmr = load_gmr(run_dir, config.which)
     worlds, left_out = _predict(gmr, source, body, config, inputs.get("joint_map"))
 

@@ -15,14 +15,21 @@ from torch import Tensor, nn
 from gmrdata.gmr import checkpoint, steps
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.flat_runs import remove_files
-from gmrdata.gmr.losses import Motions, counts_of, gmr_loss
+from gmrdata.gmr.losses import Bodies, LossBody, Motions, counts_of, gmr_loss, make_loss_bodies
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
-from gmrdata.gmr.runs import LazyClips, fitting_clips, no_runs, runs_at, usable_files
-from gmrdata.gmr.split import Split, split_manifests
+from gmrdata.gmr.runs import (
+    LazyClips,
+    Mix,
+    Split,
+    fitting_clips,
+    no_runs,
+    runs_at,
+    split_manifests,
+    usable_files,
+)
 from gmrdata.gmr.steps import ALONE, Processes
-from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_bodies
-from gmrdata.gmr.windows import Batch, Mix, TrainingSet, make_batch, make_training_set
+from gmrdata.gmr.windows import Batch, TrainingSet, make_batch, make_training_set
 from gmrdata.read.bodies import load_bodies
 from gmrdata.stage.progress import console, track
 from gmrdata.values.body import BodyModel, names_of
@@ -48,7 +55,7 @@ def fit_manifests(
     if split.statement and processes.is_first:
         console.print(split.statement, markup=False, soft_wrap=True)
     scored = [file for path in held_out_paths for file in usable_files(path)[0]]
-    bodies = load_bodies("anny" if body_path is None else str(body_path))
+    bodies = load_bodies(body_path)
     pack_dir, clips = run_dir / "pack", LazyClips(split.training)
     training_set = _training_set(clips, bodies, config, split.mix, pack_dir)
     held_out = LazyClips([*scored, *split.held_out])

@@ -1,4 +1,15 @@
-"""The global motion regressor: local poses in, motion between frames out (the paper's Fig. 4)."""
+"""What the network may be given beside the local rotations, and the joint that stands.
+
+The motion of the root cannot be seen in one local pose, only in how poses follow each other, and
+mostly in the joints that stand on the floor.  With few data it helps to say so.
+
+A foot that stands neither turns nor moves in the world, so the root turns and moves by what the
+foot does in the root's frame.  With A_i the rotation and p_i the place of a joint there,
+dR = A_i A_{i+1}^T (eq. 3 with the joint's rotation in the world unchanged), and given dR,
+dT = p_i - dR p_{i+1} (eqs. 3-4 with its place unchanged).  The second asks only for a point at
+rest, about which the foot may turn: the extra input takes dR for it from the same joint, the
+network's output from the network.
+"""
 
 from collections.abc import Sequence
 
@@ -6,13 +17,170 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
-from gmrdata.gmr import inputs as extra_inputs
 from gmrdata.gmr import rotations
+from gmrdata.gmr.augmentation import four_ways, mean_motion, mean_of_four
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, NetworkConfig, Representation
-from gmrdata.gmr.inputs import StandingShares, root_step_m, root_turn
-from gmrdata.gmr.symmetries import four_ways, mean_motion, mean_of_four
 from gmrdata.values.body import JOINT, N_LOCAL
 from gmrdata.values.shapes import Float, Int
+from gmrdata.values.skinning_torch import forward_kinematics
+
+REST_JOINTS_M = (
+    (0.000, 0.000, 0.000), (0.112, -0.045, -0.008), (-0.112, -0.045, -0.008),
+    (0.000, 0.105, 0.006), (0.112, -0.423, -0.008), (-0.112, -0.423, -0.008),
+    (0.000, 0.208, -0.003), (0.112, -0.856, -0.008), (-0.112, -0.856, -0.008),
+    (0.000, 0.328, -0.036), (0.112, -0.905, 0.139), (-0.112, -0.905, 0.139),
+    (0.000, 0.511, 0.001), (0.062, 0.478, 0.008), (-0.062, 0.478, 0.008),
+    (0.000, 0.561, 0.013), (0.175, 0.414, 0.012), (-0.175, 0.414, 0.012),
+    (0.433, 0.414, 0.012), (-0.433, 0.414, 0.012), (0.663, 0.414, 0.012),
+    (-0.663, 0.414, 0.012), (0.768, 0.414, 0.012), (-0.768, 0.414, 0.012),
+)  # fmt: skip
+"""(24, 3) joints of an average adult in SMPL's T-pose, pelvis at the origin [m]: those of the
+default body, rounded to millimetres.  A person's own shape is no input of the network."""
+
+
+def joints_in_root_frame(
+    local_rotmats: Float[Tensor, "*batch 23 3 3"],
+) -> tuple[Float[Tensor, "*batch 23 3"], Float[Tensor, "*batch 23 3 3"]]:
+    """Places of joints 1 to 23 [m] and root_from_joint, on the mean skeleton."""
+    rest_m = torch.tensor(REST_JOINTS_M, dtype=local_rotmats.dtype, device=local_rotmats.device)
+    places_m, root_from_joint = forward_kinematics(rest_m, local_rotmats)
+    return places_m[..., 1:, :], root_from_joint[..., 1:, :, :]
+
+
+SCALE = 10.0  # motions at 10 fps are about 0.1 rad and 0.1 m; the other numbers are about 1
+
+
+def velocities(
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+) -> Float[Tensor, "*batch frames 23 3"]:
+    """How each joint turns to the next frame: axis-angle of R_i^T R_{i+1}, in `SCALE`-ths [rad]."""
+    turns = local_rotmats[..., :-1, :, :, :].transpose(-1, -2) @ local_rotmats[..., 1:, :, :, :]
+    return _with_last(SCALE * rotations.log_map(turns))
+
+
+def motions_if_standing(
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+) -> Float[Tensor, "*batch frames 23 6"]:
+    """The root's motion if each joint stood still: dR (axis-angle) [rad], dT [m], times `SCALE`."""
+    return _root_motions(*joints_in_root_frame(local_rotmats))
+
+
+def _root_motions(places_m: Tensor, root_from_joint: Tensor) -> Tensor:
+    delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[
+        ..., 1:, :, :, :
+    ].transpose(-1, -2)
+    moved_m = (delta_rotmats @ places_m[..., 1:, :, :, None])[..., 0]
+    delta_m = places_m[..., :-1, :, :] - moved_m
+    return _with_last(SCALE * torch.cat([rotations.log_map(delta_rotmats), delta_m], dim=-1))
+
+
+def speeds_of_change(
+    places_m: Float[Tensor, "*batch frames 23 3"],
+    root_from_joint: Float[Tensor, "*batch frames 23 3 3"],
+) -> Float[Tensor, "*batch frames 1"]:
+    """How fast a pose changes at each frame: about 1 for who walks at 10 fps, 0 for who stands.
+
+    The root mean square over the joints of `motions_if_standing`, before or after the frame,
+    whichever is more.
+    """
+    after = _root_motions(places_m, root_from_joint).square().mean((-1, -2)).sqrt()
+    before = torch.cat([after[..., :1], after[..., :-1]], dim=-1)
+    return torch.maximum(before, after)[..., None]
+
+
+def seen_from_feet(
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+) -> Float[Tensor, "*batch frames 2 30"]:
+    """The body in the frame of each foot, left and right: upright while that foot stands flat.
+
+    Four places [m], and how each changes to the next frame, times `SCALE`: of the centre of mass,
+    the other ankle and the pelvis from the foot's ankle, and of the other foot's ball from this
+    one's.  Then the root's and the other foot's up (y of their frames).
+    """
+    places_m, root_from_joint = joints_in_root_frame(local_rotmats)
+    masses = torch.tensor(MASSES, dtype=places_m.dtype, device=places_m.device)
+    centre_m = (places_m * masses[:, None]).sum(-2) / (masses.sum() + PELVIS_MASS)
+    feet = []
+    for foot, other in ((ANKLES[0], ANKLES[1]), (ANKLES[1], ANKLES[0])):
+        foot_from_root = root_from_joint[..., foot, :, :].transpose(-1, -2)
+        ankle_m = places_m[..., foot, :]
+        balls_m = places_m[..., other + _TO_BALL, :] - places_m[..., foot + _TO_BALL, :]
+        numbers = []
+        for place_m in (centre_m - ankle_m, places_m[..., other, :] - ankle_m, -ankle_m, balls_m):
+            seen_m = (foot_from_root @ place_m[..., None])[..., 0]
+            change_m = seen_m[..., 1:, :] - seen_m[..., :-1, :]
+            numbers += [seen_m, SCALE * _with_last(change_m[..., None, :])[..., 0, :]]
+        up_of_other = (foot_from_root @ root_from_joint[..., other, :, 1, None])[..., 0]
+        feet.append(torch.cat([*numbers, foot_from_root[..., :, 1], up_of_other], dim=-1))
+    return torch.stack(feet, dim=-2)
+
+
+PELVIS_MASS = 8.0
+MASSES = (
+    0.1, 0.1, 8.0, 7.0, 7.0, 8.0, 3.0, 3.0, 12.0, 1.0, 1.0, 1.0,
+    2.0, 2.0, 5.0, 2.0, 2.0, 1.5, 1.5, 0.8, 0.8, 0.3, 0.3,
+)  # fmt: skip
+"""What hangs on joints 1 to 23, and on the pelvis, roughly in per cent of the body's mass."""
+ANKLES = (JOINT["left_ankle"] - 1, JOINT["right_ankle"] - 1)
+_TO_BALL = JOINT["left_foot"] - JOINT["left_ankle"]
+
+EXTRA_SIZES: dict[ExtraInput, tuple[int, int]] = {
+    "velocity": (N_LOCAL, 3),
+    "standing": (N_LOCAL, 6),
+    "feet": (2, 30),
+}
+"""Rows (joints 1 to 23, or feet) and numbers of each row."""
+_MAKE_EXTRA = {"velocity": velocities, "standing": motions_if_standing, "feet": seen_from_feet}
+
+
+def _with_last(values: Tensor) -> Tensor:
+    """Zeros after the last frame, which has no next one: (..., T-1, 23, n) -> (..., T, 23, n)."""
+    return torch.cat([values, torch.zeros_like(values[..., :1, :, :])], dim=-3)
+
+
+class StandingShares(nn.Module):
+    """Which joint stands, as shares that sum to 1 over the joints 1..23 and none of them."""
+
+    def __init__(self, n_features: int) -> None:
+        super().__init__()
+        self.logits = nn.Linear(n_features, N_LOCAL + 1)
+
+    def forward(
+        self, features: Float[Tensor, "batch frames n"]
+    ) -> Float[Tensor, "batch frames 23 1"]:
+        """Shares of the joints, without that of none."""
+        return self.logits(features).softmax(-1)[..., :N_LOCAL, None]
+
+
+def root_turn(
+    shares: Float[Tensor, "*#batch joints 1"], root_from_joint: Float[Tensor, "*#batch joints 3 3"]
+) -> Float[Tensor, "*batch 3 3"]:
+    """dR: the mean, as axis-angle, of what each joint leaves to the root; none leaves no turn."""
+    turns = rotations.log_map(root_from_joint @ _next(root_from_joint).transpose(-1, -2))
+    return rotations.to_rotmats((shares * turns).sum(-2), "axis-angle")
+
+
+def root_step_m(
+    shares: Float[Tensor, "*#batch joints 1"],
+    places_m: Float[Tensor, "*#batch joints 3"],
+    delta_rotmats: Float[Tensor, "*#batch 3 3"],
+) -> Float[Tensor, "*batch 3"]:
+    """dT [m]: the mean of what each joint leaves to the root; none leaves no step."""
+    return (shares * (places_m - _next(places_m) @ delta_rotmats.transpose(-1, -2))).sum(-2)
+
+
+def input_rotmats(
+    poses: Float[Tensor, "*batch numbers"], representation: Representation
+) -> Float[Tensor, "*batch 23 3 3"]:
+    """Local rotations, which come first in the network's input."""
+    local = poses[..., : N_LOCAL * rotations.SIZE[representation]].unflatten(-1, (N_LOCAL, -1))
+    return rotations.to_rotmats(local, representation)
+
+
+def _next(values: Tensor) -> Tensor:
+    """Each frame's next one along axis 1, and the last again: its motion leads out."""
+    return torch.cat([values[:, 1:], values[:, -1:]], dim=1)
+
 
 LEGS_AND_TRUNK = range(JOINT["neck"] - 1)
 """Rows of hips, knees, ankles, feet and spine among the 23 local rotations."""
@@ -93,7 +261,7 @@ class Gmr(MotionNetwork):
         """
         if self.training or not self.config.symmetric:
             return self._motions_of(poses, lengths)
-        local_rotmats = extra_inputs.input_rotmats(poses, self.config.input)
+        local_rotmats = input_rotmats(poses, self.config.input)
         seen = [
             network_input(way, self.config.input, self.config.extra_inputs)
             for way in four_ways(local_rotmats, lengths)
@@ -113,10 +281,10 @@ class Gmr(MotionNetwork):
             if self._is_free and self.turn_shares is None and self.step_shares is None:
                 return self.motions(regressed)
             with torch.no_grad():  # in padding they are finite, but of no meaning
-                local_rotmats = extra_inputs.input_rotmats(poses, self.config.input)
-                places_m, root_from_joint = extra_inputs.joints_in_root_frame(local_rotmats)
+                local_rotmats = input_rotmats(poses, self.config.input)
+                places_m, root_from_joint = joints_in_root_frame(local_rotmats)
             if not self._is_free:
-                speeds = extra_inputs.speeds_of_change(places_m, root_from_joint)
+                speeds = speeds_of_change(places_m, root_from_joint)
                 regressed = regressed * speeds
             # The regression puts out what standing joints leave over.
             turns, delta_m = self.motions(regressed)
@@ -166,7 +334,7 @@ def input_columns(config: ModelConfig) -> list[int]:
 
 
 def _extra_sizes(config: ModelConfig) -> list[tuple[int, int]]:
-    return [extra_inputs.SIZE[kind] for kind in config.extra_inputs]
+    return [EXTRA_SIZES[kind] for kind in config.extra_inputs]
 
 
 def network_input(
@@ -178,5 +346,5 @@ def network_input(
     values = rotations.from_rotmats(local_rotmats, representation)
     if representation == "quaternion":
         values = rotations.continuous_in_time(values)
-    parts = [values] + [extra_inputs.MAKE[kind](local_rotmats) for kind in extra]
+    parts = [values] + [_MAKE_EXTRA[kind](local_rotmats) for kind in extra]
     return torch.cat([part.flatten(-2) for part in parts], dim=-1)

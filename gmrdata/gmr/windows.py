@@ -18,23 +18,13 @@ from gmrdata.gmr.augmentation import (
 )
 from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation, WindowConfig
 from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, TrainingRun, in_files, in_memory
-from gmrdata.gmr.inputs import input_rotmats
 from gmrdata.gmr.losses import Motions
-from gmrdata.gmr.model import network_input
-from gmrdata.gmr.runs import no_runs, runs_at
+from gmrdata.gmr.model import input_rotmats, network_input
+from gmrdata.gmr.runs import Mix, no_runs, runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.shapes import Float, Int
-
-
-@dataclass(frozen=True)
-class Mix:
-    """How clips in a row belong to manifests, and how often windows come from each."""
-
-    sizes: tuple[int, ...]  # number of clips of each manifest, in order
-    weights: tuple[float, ...] | None = None  # share of the windows from each; None: by its frames
-    names: tuple[str, ...] = ()  # of the manifests, for messages
 
 
 def sample_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.Generator) -> int:

@@ -308,7 +308,7 @@ def _keep(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
 @lru_cache(maxsize=3)
 def _body(path: Path) -> BodyModel:
     """Read once per process and not once per file."""
-    return load_body(str(path))
+    return load_body(path)
 
 
 def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:

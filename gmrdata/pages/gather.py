@@ -21,9 +21,9 @@ from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images, number_in_name
 from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras
-from gmrdata.threedpw.people import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict
+from gmrdata.threedpw.sequence import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip

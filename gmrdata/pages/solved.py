@@ -23,8 +23,8 @@ from gmrdata.cameras.match.tracks import Tracks, errors_px
 from gmrdata.export.sources import ExportedClip
 from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
-from gmrdata.threedpw.people import PeopleRecord
 from gmrdata.threedpw.regenerate import SequenceVerdict
+from gmrdata.threedpw.sequence import PeopleRecord
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, rows_of_numbers

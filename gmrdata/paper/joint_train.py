@@ -17,7 +17,7 @@ from torch import Tensor
 
 from gmrdata.gmr import checkpoint
 from gmrdata.gmr.flat_runs import TrainingRun, in_memory
-from gmrdata.gmr.losses import gmr_loss
+from gmrdata.gmr.losses import Bodies, LossBody, gmr_loss, make_loss_bodies
 from gmrdata.gmr.runs import MIN_FRAMES, check_finite, fitting_clips, no_runs, usable_clips
 from gmrdata.gmr.steps import (
     Learner,
@@ -27,7 +27,6 @@ from gmrdata.gmr.steps import (
     run_steps,
     torch_settings,
 )
-from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet, sample_window, stacked
 from gmrdata.motion.resample import valid_runs
 from gmrdata.paper.joint_model import (
@@ -70,7 +69,7 @@ def train_joint(
     inputs |= body_inputs(body_path)
 
     def work(partial_dir: Path) -> None:
-        bodies = load_bodies("anny" if body_path is None else str(body_path))
+        bodies = load_bodies(body_path)
         fitting = list(fitting_clips(clips, bodies))
         pairs = [(clip, load_features(features_dir, clip)) for clip in fitting]
         names = [body.name for body in bodies]

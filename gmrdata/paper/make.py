@@ -11,8 +11,7 @@ from pathlib import Path
 
 from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.predict import load_gmr
-from gmrdata.gmr.runs import ClipFile, usable_files
-from gmrdata.gmr.split import split_manifests
+from gmrdata.gmr.runs import ClipFile, split_manifests, usable_files
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Clip
 from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry

@@ -104,7 +104,7 @@ def predict_vibe_cam(
         inputs[f"keypoints_{id}"] = files.keypoints_dir / id
 
     def work(partial_dir: Path) -> None:
-        bodies = load_bodies("anny" if files.body_path is None else str(files.body_path))
+        bodies = load_bodies(files.body_path)
         made = []
         for one in track(subjects, "placing people", total=len(subjects)):
             id = one.clip.id
@@ -199,7 +199,7 @@ def infer_poses(
 
     def work(partial_dir: Path) -> None:
         gmr = load_gmr(run_dir)
-        bodies = load_bodies("anny" if body_path is None else str(body_path))
+        bodies = load_bodies(body_path)
         seen = (load_poses(inputs[f"poses_{one.clip.id}"], one.clip, bodies) for one in subjects)
         found = [_moved(gmr, one, *posed) for one, posed in zip(subjects, seen, strict=True)]
         kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)

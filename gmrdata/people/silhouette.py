@@ -133,7 +133,7 @@ def _write_silhouettes(
 
     images, size_px = frames.paths, frames.size_px
     clips = [_clip(person.clip_path, images[0], size_px) for person in people]
-    bodies = [load_body(str(person.body_path)) for person in people]
+    bodies = [load_body(person.body_path) for person in people]
     clips = list(map(clip_on_body, clips, bodies))
     pairs = zip(clips, people, strict=True)
     rows = [_rows_of_images(clip, person.clip_path, frames) for clip, person in pairs]

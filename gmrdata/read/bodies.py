@@ -15,13 +15,13 @@ ANNY_FILE = Path(__file__).with_name("anny.npz")
 """The default body, under CC0; benchmarks/training/default_body.py made it."""
 
 
-def load_body(body: str) -> BodyModel:
+def load_body(body: Path | str | None) -> BodyModel:
     """Load a body by name or path; errors are MissingInput, BadBodyFile and UnsafePickle.
 
-    "anny" is the default body, `ANNY_FILE`.  A path is of SMPL's model as `.npz` or `.pkl`, or of
-    an `.npz` of gmrdata's own.
+    "anny", and None, are the default body, `ANNY_FILE`.  A path is of SMPL's model as `.npz` or
+    `.pkl`, or of an `.npz` of gmrdata's own.
     """
-    if body == "anny":
+    if body in ("anny", None):
         return read_body(ANNY_FILE)
     path = Path(body).expanduser()
     if path.is_dir():
@@ -51,14 +51,13 @@ def body_files(folder: Path) -> list[Path]:
     return sorted(path for path in files if says_gender(path) or is_own_body(path))
 
 
-def load_bodies(body: str) -> tuple[BodyModel, ...]:
+def load_bodies(body: Path | str | None) -> tuple[BodyModel, ...]:
     """The body that `load_body` takes, or those of a folder, by name; errors as there.
 
     They get as many shape coefficients as the one with most.  MissingInput: a folder without any.
     BadBodyFile: two files are of one body.
     """
-    folder = Path(body).expanduser()
-    if body == "anny" or not folder.is_dir():
+    if body is None or not (folder := Path(body).expanduser()).is_dir() or body == "anny":
         return (load_body(body),)
     found = _named_files(folder)
     return of_equal_size([one for _, one in (found[name] for name in sorted(found))])
@@ -86,7 +85,7 @@ def _named_files(folder: Path) -> dict[str, tuple[Path, BodyModel]]:
     """A folder's bodies and their files, by the bodies' names."""
     found: dict[str, tuple[Path, BodyModel]] = {}
     for path in body_files(folder):
-        one = load_body(str(path))
+        one = load_body(path)
         if one.name in found:
             both = f"{found[one.name][0]} and {path}"
             what = f"holds two files of the body {one.name}: {both}"

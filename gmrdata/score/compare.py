@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gmrdata.score import METRICS, Interval, table
-from gmrdata.score.intervals import PairedDifference, paired_difference
 from gmrdata.score.records import ClipScore, Protocol, Scores, metrics_with, same_names
+from gmrdata.score.summary import PairedDifference, paired_difference
 from gmrdata.score.table import METRIC_WORDS, Cell, figure_text
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage

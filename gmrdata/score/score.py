@@ -14,11 +14,18 @@ from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.predictions import PredictedClip, on_its_body
-from gmrdata.score.predictors import ScoreConfig, Source, clips_source, network_source
+from gmrdata.score.predictors import (
+    ResultSets,
+    ScoreConfig,
+    Source,
+    check_people,
+    clip_names,
+    clips_source,
+    network_source,
+)
 from gmrdata.score.protocols import H36M_JOINTS, H36M_ROWS, with_mesh_joints
 from gmrdata.score.records import Bootstrap, Protocol, Scores
 from gmrdata.score.result_files import COMPARISON, ClipFiles, find_result_sets
-from gmrdata.score.result_scores import ResultSets, check_people, clip_names
 from gmrdata.score.summary import beside_floor, read_fitting_floor, summarise
 from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
@@ -283,10 +290,8 @@ def bodies_for(body_path: Path | None, predicted_body_path: Path | None) -> Scor
 
     BadBodyFile: meshes of different sizes.
     """
-    bodies = load_bodies("anny" if body_path is None else str(body_path))
-    predicted = bodies
-    if predicted_body_path is not None:
-        predicted = load_bodies(str(predicted_body_path))
+    bodies = load_bodies(body_path)
+    predicted = bodies if predicted_body_path is None else load_bodies(predicted_body_path)
     n_vertices = len(bodies[0].template_m)
     for body in (*bodies, *predicted):
         if len(body.template_m) != n_vertices:

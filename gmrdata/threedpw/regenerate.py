@@ -1,4 +1,4 @@
-"""A data set in 3DPW's layout: every sequence a job, a verdict for each, one manifest."""
+"""Stage: world-frame pseudo ground truth of a 3DPW folder, and what is in one, as tables."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,8 +8,10 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.manifest.entry import created_by
 from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.read import threedpw
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.threedpw_layout import (
+    SEQUENCE_NAME,
     SequenceFiles,
     find_sequences,
     require_name,
@@ -17,13 +19,13 @@ from gmrdata.read.threedpw_layout import (
     splits_of,
 )
 from gmrdata.stage.jobs import Job, raise_failures, try_jobs
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
 from gmrdata.values.camera_motion import MotionClass
-from gmrdata.values.errors import BadSequence, MissingInput
+from gmrdata.values.errors import BadSequence, GmrdataError, MissingInput
 from gmrdata.values.files import remove_orphans
 from gmrdata.values.records import PART, Figure, Record
 from gmrdata.world.quality import load_record
@@ -224,3 +226,64 @@ def _failed(name: str, split: str, reason: str) -> SequenceVerdict:
         scale=None,
         scale_sigma=None,
     )
+
+
+LIST_HEADINGS = ("sequence", "split", "people", "frames", "size [px]", "usable", "problems")
+RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "usable, or why not")
+
+
+def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
+    """A row for `LIST_HEADINGS` per sequence, and how many say why one can't be read."""
+    known = threedpw.known_rule(rule)
+    found = find_sequences(root)
+    splits = splits_of(found)
+    rows: list[tuple[str, ...]] = []
+    n_bad = 0
+    for files in track(found, "reading sequences"):
+        try:
+            require_name(files.name)
+            require_one_split(files.name, splits[files.name])
+            rows.append(_row(files, known))
+        except (GmrdataError, OSError) as error:
+            # Not the name as it is: it could hold anything, even escape codes for the terminal.
+            name = files.name if SEQUENCE_NAME.fullmatch(files.name) else repr(files.name)
+            rows.append((name, files.split, "-", "-", "-", "-", str(error)))
+            n_bad += 1
+    return rows, n_bad
+
+
+def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+    """Rows for `RANGE_HEADINGS`, each person's usable frames and other ranges, and the problems."""
+    known = threedpw.known_rule(rule)
+    sequence = threedpw.read_sequence(root, name)
+    rows: list[tuple[str, ...]] = []
+    for index, person in enumerate(sequence.arrays.people):
+        reasons = threedpw.unusable_reasons(sequence, index, known)
+        kept = sum(reason == "" for reason in reasons)
+        who = (str(index), person.gender)
+        rows.append((*who, "0", str(len(reasons) - 1), str(kept), _share(reasons)))
+        rows += [
+            (*who, str(start), str(stop - 1), str(stop - start), reason)
+            for start, stop, reason in threedpw.dropped_ranges(reasons)
+        ]
+    return rows, sequence.problems
+
+
+def _row(files: SequenceFiles, rule: threedpw.ValidRule) -> tuple[str, ...]:
+    sequence = threedpw.read_found(files)
+    people = sequence.arrays.people
+    reasons = [threedpw.unusable_reasons(sequence, index, rule) for index in range(len(people))]
+    genders = ", ".join(person.gender for person in people)
+    return (
+        files.name,
+        files.split,
+        f"{len(people)} ({genders})",
+        str(sequence.n_frames),
+        f"{sequence.images.width_px}x{sequence.images.height_px}",
+        ", ".join(map(_share, reasons)),
+        "; ".join(sequence.problems),
+    )
+
+
+def _share(reasons: list[str]) -> str:
+    return f"{100 * sum(reason == '' for reason in reasons) / len(reasons):.1f} %"

@@ -1,27 +1,135 @@
-"""One sequence from its files to its world motions, or to the reason why there are none."""
+"""One sequence of 3DPW: its people as clips, and its world motions, or why there are none."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import NonNegativeInt
 
 from gmrdata.cameras.files import QUALITY_FILE
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.read.body_file import read_body
+from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
 from gmrdata.solve.sequence import solve_sequence
-from gmrdata.stage.run import Run
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage
-from gmrdata.threedpw.people import SequencePeople, make_people
+from gmrdata.threedpw import intrinsics_check
+from gmrdata.threedpw.camera_frame import camera_clip, world_clip
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
-from gmrdata.values.clip import load_clip, save_clip
-from gmrdata.values.errors import NoReconstruction
-from gmrdata.values.people import person_file
+from gmrdata.values.clip import camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadRecord, NoReconstruction
+from gmrdata.values.people import PersonFiles, person_file
+from gmrdata.values.records import MAKE_AGAIN, Config, Record
 from gmrdata.world.quality import load_record, quality_record, unsolved_quality
-from gmrdata.world.verdict import Doubts, verdict_of
+from gmrdata.world.verdict import Doubts, save_dataset_camera, verdict_of
+
+PEOPLE_FILE, DOUBTS_FILE = "people.json", "doubts.json"
+DATASET_CAMERA_FILE = "dataset_camera.npz"
+
+
+class PeopleConfig(Config):
+    """What decides the clips of a sequence: parts of `ThreedpwRecipe`."""
+
+    name: str
+    split: str
+    valid_rule: ValidRule
+    intrinsics: intrinsics_check.IntrinsicsConfig
+
+
+class PeopleRecord(Record):
+    """`people.json`: what the sequence's file says besides its people's motions."""
+
+    format: Literal["gmrdata-people/1"] = "gmrdata-people/1"
+    bodies: tuple[NonNegativeInt, ...]
+    """Each person's body, by its number in the recipe."""
+    genders: tuple[str, ...]
+    left_out: tuple[int, ...]
+    """Numbers of images that can't be used."""
+    problems: tuple[str, ...]
+    """What is odd about the file."""
+    focal: intrinsics_check.FocalEstimate | None
+    """What the keypoints say of the intrinsics; null where they say nothing."""
+
+
+@dataclass(frozen=True)
+class SequencePeople:
+    """A sequence's people on disk, and what else its file says."""
+
+    people: tuple[PersonFiles, ...]
+    dataset_camera_path: Path
+    doubts_path: Path  # what speaks against the data set's frames, and the sequence
+    left_out: tuple[int, ...]
+
+
+def make_people(
+    files: SequenceFiles,
+    body_paths: tuple[Path, ...],
+    out_dir: Path,
+    recipe: ThreedpwRecipe,
+    *,
+    run: Run = DEFAULT_RUN,
+) -> SequencePeople:
+    """Stage: `person_<n>.npz`, `dataset_camera.npz`, `doubts.json` and `people.json`."""
+
+    def work(partial: Path) -> None:
+        _write(read_found(files), body_paths, recipe, partial)
+
+    inputs = {"sequence": files.pickle_path}
+    # The images decide which frames can be used; that there are none is the reader's to say.
+    inputs |= {"images": files.image_dir} if files.image_dir.is_dir() else {}
+    inputs |= {f"body_{number}": path for number, path in enumerate(body_paths)}
+    rule, intrinsics = recipe.valid_rule, recipe.intrinsics
+    config = PeopleConfig(
+        name=files.name, split=files.split, valid_rule=rule, intrinsics=intrinsics
+    )
+    run_stage("people", out_dir, config, inputs, work, run=run)
+    record = PeopleRecord.read(out_dir / PEOPLE_FILE)
+    if any(body >= len(body_paths) for body in record.bodies):
+        raise BadRecord(f"{out_dir / PEOPLE_FILE}: `bodies` names one too many; {MAKE_AGAIN}")
+    people = tuple(
+        PersonFiles(out_dir / person_file(number), body_paths[body])
+        for number, body in enumerate(record.bodies)
+    )
+    cameras_path, doubts_path = out_dir / DATASET_CAMERA_FILE, out_dir / DOUBTS_FILE
+    return SequencePeople(people, cameras_path, doubts_path, record.left_out)
+
+
+def _write(
+    sequence: Sequence3DPW, body_paths: tuple[Path, ...], recipe: ThreedpwRecipe, partial: Path
+) -> None:
+    rule = recipe.valid_rule
+    bodies = [read_body(path) for path in body_paths]
+    names = [body.name for body in bodies]
+    chosen = []
+    dataset_camera = np.full((sequence.n_frames, 4, 4), np.nan)
+    people = range(len(sequence.arrays.people))
+    for number in people:
+        clip = camera_clip(sequence, number, bodies, rule)
+        chosen.append(names.index(clip.motion.body))
+        rest_pelvis_m = bodies[chosen[-1]].rest_pelvis_m(clip.motion.shape)
+        save_clip(partial / person_file(number), clip, rest_pelvis_m)
+        known = camera_of(world_clip(sequence, number, bodies, rule))
+        dataset_camera[known.has_camera] = known.world_from_cam[known.has_camera]
+    save_dataset_camera(partial / DATASET_CAMERA_FILE, dataset_camera)
+    focal = intrinsics_check.estimate_focal(sequence, bodies, recipe.intrinsics, rule)
+    wrong = intrinsics_check.intrinsics_reason(focal, recipe.intrinsics)
+    Doubts(
+        frames=tuple(tuple(unusable_reasons(sequence, number, rule)) for number in people),
+        sequence=() if wrong is None else (wrong,),
+    ).write(partial / DOUBTS_FILE)
+    PeopleRecord(
+        bodies=tuple(chosen),
+        genders=tuple(person.gender for person in sequence.arrays.people),
+        left_out=tuple(row for row, fault in enumerate(sequence.images.faults) if fault),
+        problems=sequence.problems,
+        focal=focal,
+    ).write(partial / PEOPLE_FILE)
+
 
 UNSOLVED = "unsolved"  # the stage's name where there is no reconstruction
 

@@ -116,7 +116,7 @@ def make_bodies(
     )
 
     def work(partial: Path) -> None:
-        _write(found, poses_path, frames, lens, load_body(str(body_path)), config, partial)
+        _write(found, poses_path, frames, lens, load_body(body_path), config, partial)
 
     inputs = {"body": body_path} | {f"poses_{n}": path for n, path in enumerate(found.files)}
     run_stage("bodies", out_dir, recipe, inputs, work, run=run)

@@ -79,7 +79,7 @@ def make_pseudo_gt(
     """
 
     def work(partial: Path) -> None:
-        bodies = [load_body(str(one.body_path)) for one in evidence.people]
+        bodies = [load_body(one.body_path) for one in evidence.people]
         clips = list(map(clip_on_body, _camera_clips(evidence.people), bodies))
         cameras = _solved_cameras(evidence, clips)
         try:

@@ -8,8 +8,16 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import ModelConfig
-from gmrdata.gmr.inputs import REST_JOINTS_M, SCALE, motions_if_standing, velocities
-from gmrdata.gmr.model import Gmr, input_columns, input_size, network_input
+from gmrdata.gmr.model import (
+    REST_JOINTS_M,
+    SCALE,
+    Gmr,
+    input_columns,
+    input_size,
+    motions_if_standing,
+    network_input,
+    velocities,
+)
 from gmrdata.values.body import JOINT_NAMES, BodyModel
 from gmrdata.values.motion import deltas
 from tests.torch_joints import posed_joints

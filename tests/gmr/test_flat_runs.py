@@ -21,7 +21,8 @@ from gmrdata.gmr.flat_runs import (
     remove_files,
 )
 from gmrdata.gmr.model import network_input
-from gmrdata.gmr.windows import Batch, Mix, make_batch, make_training_set, sample_run
+from gmrdata.gmr.runs import Mix
+from gmrdata.gmr.windows import Batch, make_batch, make_training_set, sample_run
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadRecord
 from gmrdata.values.files import read_json, write_json

@@ -9,12 +9,11 @@ import torch
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr import vertex_loss
+from gmrdata.gmr import losses
 from gmrdata.gmr.config import LossConfig, ModelConfig
-from gmrdata.gmr.losses import Motions, counts_of, gmr_loss
+from gmrdata.gmr.losses import Bodies, Motions, counts_of, gmr_loss, make_loss_bodies, vertex_l1_m
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.rotations import to_rotmats
-from gmrdata.gmr.vertex_loss import Bodies, make_loss_bodies, vertex_l1_m
 from gmrdata.values.body import BodyModel, vertex_rows, with_vertices
 from gmrdata.values.skinning_torch import posed_vertices
 from tests.gmr.direct_reading import direct_mesh_m
@@ -180,8 +179,8 @@ def test_vertex_term_is_eq_13_with_the_body_posed_twice(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Value and gradient as if prediction and truth each went through the body under autograd."""
-    monkeypatch.setattr(vertex_loss, "BLOCK_VERTICES", block_vertices)
-    monkeypatch.setattr(vertex_loss, "CHUNK_BYTES", {"cpu": 12 * 8 * N * block_vertices * 2})
+    monkeypatch.setattr(losses, "BLOCK_VERTICES", block_vertices)
+    monkeypatch.setattr(losses, "CHUNK_BYTES", {"cpu": 12 * 8 * N * block_vertices * 2})
     body = bent_body(small_body) if has_pose_dirs else small_body
     bodies, true = random_bodies(body, 0), random_motions(2)
 

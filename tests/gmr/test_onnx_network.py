@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, Representation
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.onnx_network import OPSET, onnx_network
-from gmrdata.gmr.predict import TrainedGmr, predict_deltas
+from gmrdata.gmr.predict import OPSET, TrainedGmr, onnx_network, predict_deltas
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.values.body import JOINT_NAMES, BodyModel
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from gmrdata.gmr.config import DataConfig, TrainConfig
-from gmrdata.gmr.split import cmu_trial, split_manifests, subject_of
+from gmrdata.gmr.runs import cmu_trial, split_manifests, subject_of
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry

@@ -8,16 +8,17 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import ModelConfig, Representation
-from gmrdata.gmr.inputs import (
+from gmrdata.gmr.model import (
     REST_JOINTS_M,
+    Gmr,
     input_rotmats,
     joints_in_root_frame,
     motions_if_standing,
+    network_input,
     root_step_m,
     root_turn,
     speeds_of_change,
 )
-from gmrdata.gmr.model import Gmr, network_input
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import deltas
 from tests.gmr.direct_reading import parameter_count

@@ -7,13 +7,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from gmrdata.gmr.augmentation import mirror_local, mirror_points_m, mirror_rotmats
+from gmrdata.gmr.augmentation import mean_of_four, mirror_local, mirror_points_m, mirror_rotmats
 from gmrdata.gmr.config import ModelConfig
-from gmrdata.gmr.inputs import seen_from_feet
-from gmrdata.gmr.model import Gmr, network_input
-from gmrdata.gmr.onnx_network import onnx_network
-from gmrdata.gmr.predict import TrainedGmr, predict_deltas
-from gmrdata.gmr.symmetries import mean_of_four
+from gmrdata.gmr.model import Gmr, network_input, seen_from_feet
+from gmrdata.gmr.predict import TrainedGmr, onnx_network, predict_deltas
 from gmrdata.values.motion import Motion, deltas
 from tests.gmr.test_extra_inputs import random_poses
 from tests.gmr.test_onnx_network import run_onnx

@@ -13,7 +13,7 @@ from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, NetworkConfig
 from gmrdata.gmr.flat_runs import in_memory
-from gmrdata.gmr.vertex_loss import make_loss_bodies
+from gmrdata.gmr.losses import make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.paper.joint_model import JointModel, load_features, load_joint, predict_joint

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.read.threedpw_arrays import SequenceArrays, read_sequence_file
-from gmrdata.threedpw.listing import sequence_rows
+from gmrdata.threedpw.regenerate import sequence_rows
 from gmrdata.values.errors import BrokenPickle, GmrdataError, UnsafePickle
 from gmrdata.write.threedpw import write_sequence_file
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import bootstrap
 
-from gmrdata.score.intervals import (
+from gmrdata.score.summary import (
     mean_intervals,
     paired_difference,
     ratio_interval,

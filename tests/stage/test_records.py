@@ -17,8 +17,8 @@ from gmrdata.stage.store import (
     run_stage,
 )
 from gmrdata.threedpw.intrinsics_check import FocalEstimate
-from gmrdata.threedpw.people import PeopleRecord
 from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts
+from gmrdata.threedpw.sequence import PeopleRecord
 from gmrdata.values.errors import StaleOutput
 from gmrdata.values.files import read_json, write_json
 from gmrdata.values.records import Config, Record

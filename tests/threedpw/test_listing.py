@@ -13,7 +13,7 @@ import pytest
 
 from gmrdata.read.threedpw_arrays import SequenceArrays
 from gmrdata.read.threedpw_layout import SequenceFiles
-from gmrdata.threedpw.listing import range_rows, sequence_rows
+from gmrdata.threedpw.regenerate import range_rows, sequence_rows
 from gmrdata.values.errors import BadRecipe
 from gmrdata.write.threedpw import write_sequence
 

@@ -15,7 +15,7 @@ from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence, unusable_reasons
 from gmrdata.read.threedpw_arrays import SequenceArrays
 from gmrdata.threedpw.camera_frame import world_clip
-from gmrdata.threedpw.listing import sequence_rows
+from gmrdata.threedpw.regenerate import sequence_rows
 from gmrdata.threedpw.world_sequence import sequence_arrays, with_original
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of

@@ -12,7 +12,7 @@ from gmrdata.read.threedpw import read_sequence
 from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.threedpw.camera_frame import camera_clip, world_clip
 from gmrdata.twins.faults import ExposureConfig, FaultConfig
-from gmrdata.twins.twin import FilmedPeople, TwinConfig, write_twin
+from gmrdata.twins.twin_set import FilmedPeople, TwinConfig, write_twin
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadFrames, BadSequence
