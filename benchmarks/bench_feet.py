@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.film.shots import Film, film_motion
+from gmrdata.film.programmes import Film, film_motion
 from gmrdata.motion.files import find_motions, read_motion
 from gmrdata.stage.progress import console
 from gmrdata.values.body import JOINT, BodyModel

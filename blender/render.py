@@ -16,9 +16,9 @@ from blender.objects import MOVING_PASS
 from blender.passes import add_surface_output, set_step, wants_surface, write_surface
 from blender.scene import ClipScene, build_scene, save_blend
 from blender.visibility import visible_joints
-from gmrdata.film.extras import save_extras
 from gmrdata.film.render import EXTRAS_FOLDER, FRAME_LINE, RenderJob, frame_files
 from gmrdata.film.render_outputs import CLEARANCE_FILE, project_joints
+from gmrdata.film.scene import save_extras
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import CHARACTER_FILE, Clip, save_character, save_clip, save_joints

@@ -23,8 +23,8 @@ from blender.places.layout import main_colours, with_ways
 from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import street
-from gmrdata.film.extras import Cast, make_cast
 from gmrdata.film.render import RenderConfig, RenderJob
+from gmrdata.film.scene import Cast, make_cast
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, load_clip

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 

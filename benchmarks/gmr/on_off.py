@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from gmrdata.film.programmes import Circular
+from gmrdata.film.programmes import Circular, Film
 from gmrdata.film.render_set import render_set
 from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe
-from gmrdata.film.shots import Film
 from gmrdata.score.camera_as_world import predict_camera_as_world
 from gmrdata.score.score import score
 from gmrdata.stage.recipes import find_recipe, load_recipe

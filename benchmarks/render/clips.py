@@ -8,14 +8,16 @@ import numpy as np
 
 from gmrdata.film.programmes import (
     Circular,
+    Film,
     Linear,
     LinearPanning,
     Panning,
     Programme,
     Small,
     Static,
+    film_motion,
+    plan_clip,
 )
-from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import read_body
 from gmrdata.values.clip import Clip, camera_of, save_clip

@@ -13,9 +13,8 @@ from blender.people.actors import Actor, add_actor
 from blender.people.person import person_mesh
 from blender.places.car import car_things, moved_vertices_m
 from blender.places.layout import mesh_of
-from gmrdata.film.cars import Drive
-from gmrdata.film.extras import Cast, looks_of
-from gmrdata.film.scene import SceneConfig
+from gmrdata.film.scene import Cast, SceneConfig, looks_of
+from gmrdata.film.walkers import Drive
 from gmrdata.motion.resample import slice_motion
 from gmrdata.values.body import BodyModel
 from gmrdata.values.skinning import motion_vertices_m

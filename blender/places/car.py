@@ -5,7 +5,7 @@ import numpy as np
 
 from blender.places.layout import Thing, direction
 from blender.textures.road import car_body, car_roof, car_windows, random_paint, tyre
-from gmrdata.film.cars import WHEEL_RADIUS_M, Drive
+from gmrdata.film.walkers import WHEEL_RADIUS_M, Drive
 
 CAR_M = np.array([4.1, 1.75, 0.62])
 """Length, width and height of the body's lower part [m]."""

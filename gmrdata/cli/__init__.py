@@ -1,7 +1,7 @@
 """The command line: one verb per capability.  Each verb imports its stage only when it runs."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import tyro
 
@@ -12,16 +12,52 @@ from gmrdata.cli.doctor import doctor
 from gmrdata.cli.export import export
 from gmrdata.cli.fusion import delta_errors, fuse
 from gmrdata.cli.gmr import compare, evaluate, infer, train
-from gmrdata.cli.manifests import manifest
-from gmrdata.cli.motion_files import fetch, motions, render
+from gmrdata.cli.motion_files import fetch, manifest, motions, render
 from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
-from gmrdata.cli.sequence import masks, sfm
 from gmrdata.cli.shards import merge, share
-from gmrdata.cli.spelling import misspelled
-from gmrdata.cli.video import page, video
-from gmrdata.values.errors import GmrdataError
+from gmrdata.cli.video import masks, page, sfm, video
+from gmrdata.values.errors import GmrdataError, nearest
+
+_NETWORKS = {
+    "--model": "--detector",
+    "--landmarks": "--landmark-network",
+    "--weights": "--maskrcnn",
+}
+_ROOT = {"--root": "--threedpw"}
+RENAMED: Mapping[str, Mapping[str, str]] = {
+    "masks": _NETWORKS | {"--sources": "--masks"},
+    "sfm": _NETWORKS | {"--frames": "the folder or file alone, without a flag"},
+    "video": _NETWORKS | {"--fps": "--fps-hz"},
+    "baseline": _NETWORKS,
+    "threedpw": _ROOT,
+    "run": _ROOT,
+    "floor": {"--frames": "--clip-frames"},
+    "tables": {"--held-out": "--held-out-subjects"},
+    "fuse": {"--gmr": "--network"},
+    "delta-errors": {"--manifests": "manifests stand first, and networks after --network"},
+    "evaluate": {"--predictions": "gmrdata evaluate PREDICTIONS MANIFEST"},
+}
+"""Of each verb, flags of earlier versions and what stands for them now."""
+
+
+def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
+    """What is wrong with a command line before any verb looks at it; None if nothing is."""
+    if not arguments or arguments[0].startswith("-"):
+        return None
+    verb, *rest = arguments
+    if verb not in verbs:
+        return f"there is no verb {verb!r}{nearest(verb, verbs)}. `gmrdata --help` lists them"
+    return next(_renamed(verb, rest), None)
+
+
+def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:
+    for word in rest:
+        flag = word.split("=")[0].replace("_", "-")
+        if flag in RENAMED.get(verb, {}):
+            yield f"{verb} {flag} has another name now: {RENAMED[verb][flag]}"
+
 
 _VERBS: tuple[Callable[..., None], ...] = (
     demo, doctor, fetch, motions, render, masks, sfm, video, page, manifest, threedpw, floor, train,

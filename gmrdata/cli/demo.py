@@ -8,13 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe, MotionsConfig
+from gmrdata.film.programmes import Film, film_motion, plan_clip
 from gmrdata.film.render import RenderJob, optional_outputs
 from gmrdata.film.render_set import render_clips
-from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, created_by, stage_recipe
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import (
+    ClipAbout,
+    ClipFiles,
+    ManifestHead,
+    clip_entry,
+    made_by,
+    stage_recipe,
+    write_manifest,
+)
 from gmrdata.motion.files import find_motions, input_files, read_motion
 from gmrdata.motion.gait import embedded_motions, make_gait
 from gmrdata.motion.library import file_source, gait_source, licence_of
@@ -263,7 +270,7 @@ def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:
 def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) -> None:
     """Write the three manifests; the same clips give the same bytes."""
     # How many workers there were decides nothing, so it is no part of what made the clips.
-    by = created_by(recipe.model_dump(mode="json", exclude={"workers"}), {"demo": recipe.seed})
+    by = made_by(recipe.model_dump(mode="json", exclude={"workers"}), {"demo": recipe.seed})
     licence = f"clips as stated by each; body: {read_body(paths.body).licence}"
 
     def write(path: Path, kind: str, description: str, clips: Sequence[ClipEntry]) -> None:

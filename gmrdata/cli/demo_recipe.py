@@ -5,9 +5,8 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from gmrdata.film.programmes import Programme
+from gmrdata.film.programmes import Film, Programme
 from gmrdata.film.render import RenderConfig
-from gmrdata.film.shots import Film
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.values import limits

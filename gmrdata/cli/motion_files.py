@@ -1,12 +1,15 @@
-"""Verbs that bring motions in and film them: fetch, motions and render."""
+"""The verbs of data sets: fetch and render motions, check and compare manifests."""
 
+import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
+from gmrdata.cli.options import Manifest, Manifests, need
+from gmrdata.stage.progress import answers
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 
 
@@ -136,3 +139,47 @@ def render(
         with then(lambda: write_set_pages(loaded, out)):
             made = render_set(loaded, out, motions_dir=motions, run=run)
         answer(made)
+
+
+def manifest_check(paths: Manifests, hashes: bool = True, files: bool = True) -> None:
+    """Check manifests: schema, files, hashes, sizes, finite values, proper rotations, paths.
+
+    Args:
+        hashes: Read every byte; sizes alone without.
+        files: Look at the files; without, only at what the manifests say, for data sets that are
+            not here.
+    """
+    from gmrdata.manifest.check import check_manifest
+
+    need(paths, "a manifest file")
+    for path in paths:
+        check_manifest(path, hashes=hashes, files=files)
+        answer(f"{path}: good")
+
+
+def manifest_show(path: Manifest) -> None:
+    """Show a manifest as a table."""
+    from gmrdata.manifest.show import manifest_table
+
+    answers.print(manifest_table(path))
+
+
+def manifest_diff(a: Manifest, b: Manifest) -> None:
+    """Say what differs between two manifests; exit code 1 if anything does."""
+    from gmrdata.manifest.show import diff_manifests
+
+    differences = diff_manifests(a, b)
+    for line in differences:
+        answer(line)
+    if differences:
+        sys.exit(1)
+
+
+def manifest(
+    verb: OmitSubcommandPrefixes[
+        Annotated[Any, subcommand("check", constructor=manifest_check)]
+        | Annotated[Any, subcommand("show", constructor=manifest_show)]
+        | Annotated[Any, subcommand("diff", constructor=manifest_diff)]
+    ],
+) -> None:
+    """Check, show or compare manifests."""

@@ -230,7 +230,7 @@ def show_dry_run(
     recipe: "SyntheticRecipe", out: Path, motions: Path | None, workers: int | None, probe: bool
 ) -> None:
     """Print what a set of clips would take: frames, time, disk."""
-    from gmrdata.film import set_dry_run as dry
+    from gmrdata.film import render_set as dry
 
     if workers is not None:
         recipe = recipe.model_copy(update={"workers": workers})

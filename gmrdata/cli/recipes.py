@@ -13,7 +13,7 @@ from gmrdata.cli.gmr import show_scores
 from gmrdata.cli.motion_files import render
 from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import threedpw_regenerate, threedpw_twin
-from gmrdata.cli.sequence import masks
+from gmrdata.cli.video import masks
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 

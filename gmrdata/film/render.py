@@ -15,8 +15,7 @@ from typing import Any, Literal, TextIO
 
 from pydantic import Field, model_validator
 
-from gmrdata.film.character import Character
-from gmrdata.film.people import PersonConfig
+from gmrdata.film.character import Character, PersonConfig
 from gmrdata.film.scene import SceneConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
@@ -188,7 +187,7 @@ def frame_files(out_dir: Path, config: RenderConfig, row: int, n_frames: int) ->
 
 
 def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Any]:
-    """What a recipe adds to a finished folder, as keywords of `manifest.entry.ClipFiles`."""
+    """What a recipe adds to a finished folder, as keywords of `manifest.write.ClipFiles`."""
     files = {"joints": "joints.npz", "video": "video.mp4", "character": CHARACTER_FILE}
     asked = [name for name in (*files, *FOLDERS) if getattr(config, name)]
     outputs: dict[str, Any]

@@ -1,13 +1,157 @@
-"""The place that a clip is rendered in: what a recipe may say of it."""
+"""The place that a clip is rendered in: what a recipe may say of it, and its extras."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from gmrdata.film.extras import Extras
+from gmrdata.film.walkers import CAR_SIZE_M, Drive, Shot, drive_past, keep_company, pass_by, shot_of
+from gmrdata.motion.resample import hold_pose, resample, slice_motion
 from gmrdata.values import limits
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
+
+STRAIGHT_S = 8.0
+"""For longer, a passer-by walks in a figure of eight, so that the place needn't be so large [s]."""
+EXTRAS_STREAM = 1000
+"""Spawn key of the extras' random numbers, so that place and person stay as they are."""
+
+
+class Extras(Config):
+    """Who and what moves through the scene beside the clip's person.
+
+    Their instance numbers go on from the person's 1: company, then passers-by, then cars.
+    """
+
+    company: int = Field(default=0, ge=0, le=2)
+    """People who go along, about 0.9 to 1.5 m away, in view for at least 4/5 of the frames."""
+    passers_by: int = Field(default=0, ge=0, le=8)
+    """People who cross the view once, in front of the clip's person or behind."""
+    cars: int = Field(default=0, ge=0, le=2)
+    """Cars that drive across the view at 3 to 8 m/s; not in a room."""
+    hold_s: float | None = Field(default=None, ge=0, le=limits.LONGEST_S)
+    """All these people hold the pose that their motion has at this time [s]; None: they move."""
+    motions: tuple[Path, ...] = ()
+    """Motion files for the passers-by, each at least as long as the clip; none: embedded gaits."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Each extra's name, in the order of the instance numbers 2, 3, ..."""
+        kinds = {"company": self.company, "passer_by": self.passers_by, "car": self.cars}
+        return tuple(f"{kind}_{n + 1}" for kind, count in kinds.items() for n in range(count))
+
+    @property
+    def inputs(self) -> dict[str, Path]:
+        """Files that the extras depend on, by name."""
+        from gmrdata.motion.files import input_files
+
+        return {
+            f"extras_{role}{number}": file
+            for number, path in enumerate(self.motions if self.passers_by else ())
+            for role, file in input_files(path).items()
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """The extras; the walkers come first in the order of instance numbers, then the cars."""
+
+    walkers: tuple[Motion, ...]  # world motions of company and passers-by, of one length and rate
+    cars: tuple[Drive, ...]
+
+    @property
+    def ground_m(self) -> np.ndarray:
+        """(N, 3) points that nothing may stand near, at the height of a pelvis [m]."""
+        walked_m = [walker.pelvis_m for walker in self.walkers]
+        driven_m = [np.c_[car.ground_m, np.ones(len(car.ground_m))] for car in self.cars]
+        return np.concatenate([np.empty((0, 3)), *walked_m, *driven_m])
+
+
+def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int) -> Cast:
+    """Plan all extras of a place; the first clip's camera is the one to be crossed.
+
+    Those of one kind don't depend on how many more of their kind are asked for; passers-by make way
+    for company, and cars for both.  BadRecipe: no room for someone, or a motion is too short.
+    """
+    if not extras.names:
+        return Cast((), ())
+    shot = shot_of(clips)
+    kinds = np.random.SeedSequence(seed, spawn_key=(EXTRAS_STREAM,)).spawn(3)
+    walkers: list[Motion] = []
+    cars: list[Drive] = []
+    for n, own in enumerate(kinds[0].spawn(extras.company), 1):
+        walkers.append(keep_company(f"company_{n}", shot, walkers, body, own, extras.hold_s))
+    for n, own in enumerate(kinds[1].spawn(extras.passers_by), 1):
+        rng = np.random.default_rng(own)
+        motion = _passing_motion(extras.motions, shot, body, rng)
+        if extras.hold_s is not None:
+            motion = hold_pose(motion, extras.hold_s, shot.n_frames)
+        walkers.append(pass_by(f"passer_by_{n}", motion, shot, walkers, rng))
+    paths_m = [walker.pelvis_m for walker in walkers]
+    for n, own in enumerate(kinds[2].spawn(extras.cars), 1):
+        cars.append(drive_past(f"car_{n}", shot, paths_m, cars, np.random.default_rng(own)))
+    return Cast(tuple(walkers), tuple(cars))
+
+
+def looks_of(name: str, seed: int) -> np.random.Generator:
+    """Chooses an extra's clothes or paint: from the scene's seed and its name alone."""
+    key = (EXTRAS_STREAM, 3, *name.encode())
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def _passing_motion(
+    files: Sequence[Path], shot: Shot, body: BodyModel, rng: np.random.Generator
+) -> Motion:
+    """As long as the shot, at its rate, on a build of its own: a piece of a file, or a gait."""
+    from gmrdata.motion.gait import make_gait, sample_shape  # slow to load
+
+    if not files:
+        kind = "walk" if shot.duration_s <= STRAIGHT_S else "figure_eight"
+        return make_gait(kind, shot.duration_s, shot.fps_hz, body, rng)
+    from gmrdata.motion.files import read_motion
+
+    path = files[int(rng.integers(len(files)))]
+    whole = resample(read_motion(path, body, shape=sample_shape(body, rng)), shot.fps_hz)
+    if whole.n_frames < shot.n_frames:
+        lasts = f"lasts {whole.n_frames / shot.fps_hz:.2f} s, the clip {shot.duration_s:.2f} s"
+        remedy = "give longer motions, or none for embedded gaits"
+        raise BadRecipe(f"extras.motions: {path} {lasts}; {remedy}")
+    start = int(rng.integers(whole.n_frames - shot.n_frames + 1))
+    return slice_motion(whole, start, start + shot.n_frames)
+
+
+def save_extras(
+    folder: Path, names: tuple[str, ...], cast: Cast, filmed: Clip, body: BodyModel
+) -> None:
+    """Write `<name>.npz` for each of `Extras.names`: of a person a clip with the filmed camera."""
+    if names:
+        folder.mkdir(exist_ok=True)
+    n_frames = filmed.motion.n_frames
+    for name, motion in zip(names, cast.walkers, strict=False):
+        walk = slice_motion(motion, 0, n_frames)
+        everywhere = np.ones(n_frames, dtype=bool)
+        clip = Clip(f"{filmed.id}_{name}", walk, everywhere, filmed.image_numbers, filmed.camera)
+        save_clip(folder / f"{name}.npz", clip, body.rest_pelvis_m(walk.shape))
+    for name, car in zip(names[len(cast.walkers) :], cast.cars, strict=True):
+        arrays = {"world_from_car": car.world_from_car[:n_frames], "size_m": CAR_SIZE_M}
+        write_npz(folder / f"{name}.npz", arrays)
+
+
+def load_car(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Transforms `world_from_car` (T, 4, 4) and size (3,) [m] of a car's file."""
+    arrays = read_npz(path)
+    world_from_car, size_m = (arrays.get(key, np.empty(0)) for key in ("world_from_car", "size_m"))
+    if world_from_car.shape[1:] != (4, 4) or size_m.shape != (3,):
+        raise BadMotionFile(f"{path}: not a car's file; render the clip again")
+    return world_from_car, size_m
+
 
 Light = Literal["sun", "overcast", "indoor"]
 

@@ -13,12 +13,17 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from gmrdata.film.character import Character
-from gmrdata.film.people import sample_person
-from gmrdata.film.programmes import Programme, camera_programme, static_twin
+from gmrdata.film.character import Character, sample_person
+from gmrdata.film.programmes import (
+    Film,
+    Programme,
+    camera_programme,
+    film_motion,
+    plan_clip,
+    static_twin,
+)
 from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.scene import SceneConfig
-from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.manifest.current import CameraMotion, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import find_motions, input_files, read_file

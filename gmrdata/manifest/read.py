@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from gmrdata import __version__
-from gmrdata.manifest import clip_lines, yaml_text
+from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import READS, AnyManifest, FrameRange, ListManifest, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.stage.progress import console
@@ -31,13 +31,13 @@ MAX_PROBLEMS = 50
 def read_manifest(path: str | Path) -> Manifest | ListManifest:
     """Read a manifest, not its files; a BadManifest names each wrong field with line and path."""
     path = Path(path)
-    yaml_text.require_size(path, clip_lines.MAX_BYTES)
-    found = clip_lines.load(path)
+    yaml_text.require_size(path, yaml_text.MAX_BYTES)
+    found = yaml_text.load_lines(path)
     data, lines = yaml_text.load(path) if found is None else found[:2]
     _refuse_other_formats(path, data)
     text: str | bytes = _as_json(path, data)
     if found is not None:
-        text = clip_lines.as_json(str(text), found[2])
+        text = yaml_text.as_json(str(text), found[2])
     try:
         # Only from JSON does pydantic's strict mode take lists for tuples; "12" never passes as 12.
         return ADAPTER.validate_json(text, strict=True)

@@ -1,5 +1,13 @@
-"""The text of a manifest: plain YAML, of a size that a manifest has."""
+"""The text of a manifest: plain YAML, of a size that a manifest has.
 
+A long manifest has a line of JSON for each clip, which is YAML too, and is read many times as fast:
+libraries for YAML need about a millisecond and 20 kB for each clip.  A manifest of 100,000 clips
+takes minutes then, and more memory than a laptop has.
+"""
+
+import json
+import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +16,16 @@ from gmrdata.values.errors import BadManifest, MissingInput
 from gmrdata.values.plain_yaml import NotPlain
 
 FieldPath = plain_yaml.FieldPath
+LINES_FROM = 1000  # clips; shorter manifests are for people to read
+MAX_BYTES = 1 << 30
+CLIPS_KEY, BEGIN = b"clips:\n", b'- {"'
+HEAD_BYTES = 1 << 20  # before the clips at most
+
+PlainData = dict[str, Any]  # by key, as JSON has it
+
+_NOT_IN_YAML = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff]")
+"""Characters that JSON has in texts as they are, and YAML reads as ends of lines or not at all."""
+_TEXT_OR_DOTLESS = re.compile(r'("(?:[^"\\]|\\.)*")|((?<![\d.])\d+e[-+]\d+)')
 
 
 def load(path: Path) -> tuple[Any, dict[FieldPath, int]]:
@@ -37,3 +55,87 @@ def parse(path: Path, content: bytes) -> tuple[Any, dict[FieldPath, int]]:
     except NotPlain as error:
         where = str(path) if error.line is None else f"{path}:{error.line}"
         raise BadManifest(f"{where}: {error.problem}") from None
+
+
+def dump_lines(head: PlainData, clips: Iterable[PlainData]) -> str:
+    """The text of a manifest; `head` is all but its clips."""
+    lines = [f"- {_line(clip)}\n" for clip in clips]
+    return "".join([plain_yaml.dump(head), CLIPS_KEY.decode(), *lines])
+
+
+def _line(clip: PlainData) -> str:
+    text = json.dumps(clip, ensure_ascii=False, allow_nan=False)
+    text = _TEXT_OR_DOTLESS.sub(lambda found: (found[1] or "") + _dotted(found[2] or ""), text)
+    return _NOT_IN_YAML.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def _dotted(number: str) -> str:
+    """A number like 1e-05 with a dot: YAML takes it for a text else."""
+    return number.replace("e", ".0e")
+
+
+class ClipLines(Sequence[Any]):
+    """The clips of a long manifest, each read when it is asked for."""
+
+    def __init__(self, path: Path, texts: list[bytes], first_line: int) -> None:
+        self.path, self.texts, self.first_line = path, texts, first_line
+
+    def __len__(self) -> int:
+        return len(self.texts)
+
+    @property
+    def lines(self) -> range:
+        """Of the file, from 1, in the order of the clips."""
+        return range(self.first_line, self.first_line + len(self))
+
+    def __getitem__(self, at: Any) -> Any:
+        """BadManifest where it is no JSON, or a key stands twice in it."""
+        try:
+            return json.loads(self.texts[at], object_pairs_hook=_once, parse_constant=_refuse)
+        except (ValueError, RecursionError) as error:
+            where = f"{self.path}:{self.first_line + at}"
+            raise BadManifest(f"{where}: not a line of plain JSON: {error}") from None
+
+
+def load_lines(path: Path) -> tuple[PlainData, dict[FieldPath, int], ClipLines] | None:
+    """Head, the line of each of its fields, and the clips; None where clips are not in lines.
+
+    BadManifest where a line is no clip's.
+    """
+    with path.open("rb") as stream:
+        start = stream.read(HEAD_BYTES)
+        at = start.find(b"\n" + CLIPS_KEY + BEGIN) + 1
+        if not at:
+            return None
+        require_size(path, MAX_BYTES)
+        stream.seek(at + len(CLIPS_KEY))
+        texts = stream.read().removesuffix(b"\n").split(b"\n")
+    head, lines = parse(path, start[:at])
+    clips = ClipLines(path, [text[2:] for text in texts], start[:at].count(b"\n") + 2)
+    for number, text in enumerate(texts):
+        if not text.startswith(BEGIN):
+            raise BadManifest(
+                f"{path}:{clips.first_line + number}: a clip must be one line, as on the lines "
+                "before; write the manifest again"
+            )
+    return head, lines, clips
+
+
+def as_json(head_json: str, clips: ClipLines) -> bytes:
+    """The whole manifest as JSON; BadManifest as `ClipLines` has it."""
+    for number in range(len(clips)):
+        clips[number]
+    return b"".join([head_json.encode()[:-1], b', "clips": [', b",".join(clips.texts), b"]}"])
+
+
+def _once(pairs: list[tuple[str, Any]]) -> PlainData:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"key {twice!r} stands twice; remove one")
+    return found
+
+
+def _refuse(text: str) -> None:
+    raise ValueError(f"holds {text}; leave out what is not known")

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, stage_recipe
+from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
 from gmrdata.read.bodies import keep_bodies

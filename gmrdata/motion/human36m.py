@@ -7,7 +7,7 @@ import numpy as np
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, stage_recipe
+from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
 from gmrdata.read import human36m as files

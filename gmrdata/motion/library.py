@@ -16,8 +16,15 @@ import numpy as np
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, created_by, stage_recipe
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import (
+    ClipAbout,
+    ClipFiles,
+    ManifestHead,
+    clip_entry,
+    made_by,
+    stage_recipe,
+    write_manifest,
+)
 from gmrdata.motion.amass import chosen_body
 from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG, LIES
@@ -292,7 +299,7 @@ def write_motions(
             name=name, version="1.0.0", description=description, kind="motions", licence=licence
         ),
         clips,
-        created_by=created_by(recipe),
+        created_by=made_by(recipe),
         redo=run.redo,
     )
 

@@ -14,9 +14,8 @@ from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.runs import ClipFile, split_manifests, usable_files
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Clip
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.read import rows_in
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.paper import ScaleName, comparison
 from gmrdata.paper.joint_model import predict_joint
 from gmrdata.paper.joint_train import train_joint

@@ -6,8 +6,7 @@ from typing import Literal
 
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.manifest.entry import created_by
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import ManifestHead, made_by, write_manifest
 from gmrdata.read import threedpw
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.threedpw_layout import (
@@ -191,7 +190,7 @@ def _list(
             licence=recipe.licence,
         ),
         [entry for files in done for entry in sequence_entries(files, recipe, paths)],
-        created_by=created_by(
+        created_by=made_by(
             recipe.model_dump(mode="json", exclude={"workers"}), {"sfm": recipe.sequence.sfm.seed}
         ),
         redo=run.redo or bool(reasons),

@@ -11,7 +11,7 @@ from pydantic import NonNegativeInt
 from gmrdata.cameras.files import QUALITY_FILE
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, stage_recipe
+from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.entry import without_machine_paths
 from gmrdata.manifest.read import load_entry, read_manifest
+from gmrdata.manifest.write import without_machine_paths
 from gmrdata.people.sources import masks_seconds
 from gmrdata.read.bodies import BODY_FILE
 from gmrdata.read.body_file import read_body

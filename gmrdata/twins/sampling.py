@@ -12,10 +12,9 @@ from typing import Any, get_args
 
 import numpy as np
 
-from gmrdata.film.extras import make_cast
-from gmrdata.film.scene import SceneConfig
+from gmrdata.film.programmes import Film, plan_clip
+from gmrdata.film.scene import SceneConfig, make_cast
 from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, planned_clip
-from gmrdata.film.shots import Film, plan_clip
 from gmrdata.motion.files import find_motions
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.recipes import find_recipe, load_recipe

@@ -5,7 +5,7 @@ import pytest
 
 from blender.places.car import car_things, moved_vertices_m
 from blender.places.layout import mesh_of
-from gmrdata.film.cars import CAR_SIZE_M, WHEEL_RADIUS_M, Drive
+from gmrdata.film.walkers import CAR_SIZE_M, WHEEL_RADIUS_M, Drive
 from gmrdata.values.transforms import apply, invert, rigid
 
 ALONG_Y = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

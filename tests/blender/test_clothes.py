@@ -16,7 +16,7 @@ from blender.people.outfit import (
     contrasts,
     sample_outfit,
 )
-from gmrdata.film.people import sample_person
+from gmrdata.film.character import sample_person
 from gmrdata.values.body import JOINT, BodyModel
 
 UV_TOLERANCE_PX = 1e-6

@@ -10,10 +10,9 @@ from blender.places.layout import Yard, mesh_of, with_ways
 from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import PAVEMENT_M, street
-from gmrdata.film.cars import CAR_SIZE_M
-from gmrdata.film.extras import Cast, Extras, make_cast
-from gmrdata.film.programmes import Circular, Panning, Programme
-from gmrdata.film.shots import Film, film_motion, plan_clip
+from gmrdata.film.programmes import Circular, Film, Panning, Programme, film_motion, plan_clip
+from gmrdata.film.scene import Cast, Extras, make_cast
+from gmrdata.film.walkers import CAR_SIZE_M
 from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of

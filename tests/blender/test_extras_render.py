@@ -6,17 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.film.extras import Extras, load_car
-from gmrdata.film.programmes import Panning
+from gmrdata.film.programmes import Film, Panning, film_motion, plan_clip
 from gmrdata.film.render import RenderConfig, optional_outputs, render_clip
 from gmrdata.film.render_outputs import read_depth, read_flow, read_instances
-from gmrdata.film.scene import SceneConfig
-from gmrdata.film.shots import Film, film_motion, plan_clip
+from gmrdata.film.scene import Extras, SceneConfig, load_car
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel

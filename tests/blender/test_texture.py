@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gmrdata.film.camera_moves import look_at
-from gmrdata.film.people import PersonConfig, TextureConfig
+from gmrdata.film.character import PersonConfig, TextureConfig
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.scene import SceneConfig
 from gmrdata.read.body_file import save_body

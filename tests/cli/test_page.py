@@ -8,7 +8,7 @@ import numpy as np
 import pycolmap
 import trimesh
 
-from gmrdata.export.taken_along import write_files
+from gmrdata.export.export import write_files
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import read_npz

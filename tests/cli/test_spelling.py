@@ -6,8 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from gmrdata import __version__
-from gmrdata.cli import VERBS
-from gmrdata.cli.spelling import RENAMED
+from gmrdata.cli import RENAMED, VERBS
 
 Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
 

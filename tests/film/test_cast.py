@@ -8,19 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmrdata.film.cars import CAR_SIZE_M, HALF_DRIVE_M, way_driven_m
-from gmrdata.film.extras import Cast, Extras, load_car, looks_of, make_cast, save_extras
 from gmrdata.film.programmes import (
     Circular,
+    Film,
     Linear,
     LinearPanning,
     Panning,
     Small,
     Static,
+    film_motion,
+    plan_clip,
     static_twin,
 )
-from gmrdata.film.shots import Film, film_motion, plan_clip
-from gmrdata.film.walkers import move_motion
+from gmrdata.film.scene import Cast, Extras, load_car, looks_of, make_cast, save_extras
+from gmrdata.film.walkers import CAR_SIZE_M, HALF_DRIVE_M, move_motion, way_driven_m
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.resample import slice_motion
 from gmrdata.values.body import BodyModel

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.film.extras import Extras, make_cast
-from gmrdata.film.programmes import Circular
+from gmrdata.film.programmes import Circular, Film, film_motion, plan_clip
+from gmrdata.film.scene import Extras, make_cast
 from gmrdata.film.set_plan import SyntheticClip, planned_clip
-from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.resample import hold_pose
 from gmrdata.score.camera_as_world import find_cameras, recovered_cameras

@@ -14,7 +14,7 @@ from benchmarks.training.default_body import (
     principal_directions,
     within_bounds,
 )
-from gmrdata.film.people import phenotypes_of, sample_person
+from gmrdata.film.character import phenotypes_of, sample_person
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import read_body, save_body

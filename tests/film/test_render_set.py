@@ -11,8 +11,7 @@ import psutil
 import pytest
 
 from gmrdata.film.render import RenderConfig
-from gmrdata.film.render_set import render_set
-from gmrdata.film.set_dry_run import dry_run, summary_lines
+from gmrdata.film.render_set import dry_run, render_set, summary_lines
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest

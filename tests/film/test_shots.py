@@ -6,9 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.film import shots as film
-from gmrdata.film.programmes import Circular, camera_path
-from gmrdata.film.shots import Film, film_motion, frame_rate_hz, plan_clip
+from gmrdata.film import programmes as film
+from gmrdata.film.programmes import (
+    Circular,
+    Film,
+    camera_path,
+    film_motion,
+    frame_rate_hz,
+    plan_clip,
+)
 from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath

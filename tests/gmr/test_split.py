@@ -13,9 +13,8 @@ from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.runs import cmu_trial, split_manifests, subject_of
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.read.body_file import save_body
 from gmrdata.stage import recipes
 from gmrdata.values.body import BodyModel

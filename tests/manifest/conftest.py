@@ -12,8 +12,14 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry, created_by
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import (
+    ClipAbout,
+    ClipFiles,
+    ManifestHead,
+    clip_entry,
+    made_by,
+    write_manifest,
+)
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.motion import Motion
@@ -93,7 +99,7 @@ def finished_data_set(walk_clip: Clip, tmp_path_factory: pytest.TempPathFactory)
             licence="CC0-1.0",
         ),
         [walk, still],
-        created_by=created_by({"seed": 7}, {"all": 7}),
+        created_by=made_by({"seed": 7}, {"all": 7}),
     )
     return root
 

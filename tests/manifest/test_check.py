@@ -13,10 +13,9 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
 from gmrdata.manifest.listing import file_record, folder_record
 from gmrdata.manifest.read import load_clips, read_manifest
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.values.clip import Clip, Joints2d, save_clip, save_joints
 from gmrdata.values.errors import BadManifest, MissingInput
 

@@ -8,7 +8,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.manifest import clip_lines, yaml_text
+from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import Clip, CreatedBy, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ManifestHead, manifest_text, write_manifest
@@ -33,22 +33,22 @@ def a_clip(number: int, licence: str = "CC0") -> Clip:
 
 @pytest.fixture
 def long_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(clip_lines, "LINES_FROM", 3)
+    monkeypatch.setattr(yaml_text, "LINES_FROM", 3)
     clips = [a_clip(0, '\x85\u2028 1e-05, "x\\'), a_clip(1, "née 𝄞\x7f"), a_clip(2)]
     return write_manifest(tmp_path / "many.yaml", HEAD, clips, BY)
 
 
 def test_all_readers_find_the_same(long_manifest: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = read_manifest(long_manifest)
-    assert clip_lines.load(long_manifest) is not None
+    assert yaml_text.load_lines(long_manifest) is not None
     assert [clip.id for clip in found.clips] == ["c0", "c1", "c2"]
     plain = yaml.safe_load(long_manifest.read_text(encoding="utf-8"))
     assert plain["clips"] == [
         clip.model_dump(mode="json", exclude_defaults=True) for clip in found.clips
     ]
-    monkeypatch.setattr(clip_lines, "load", lambda _: None)
+    monkeypatch.setattr(yaml_text, "load_lines", lambda _: None)
     assert read_manifest(long_manifest) == found
-    monkeypatch.setattr(clip_lines, "LINES_FROM", 9)
+    monkeypatch.setattr(yaml_text, "LINES_FROM", 9)
     short = manifest_text(found)
     assert yaml.safe_load(short) == plain and "\n- id: c0\n" in short
 
@@ -66,7 +66,7 @@ def test_all_readers_find_the_same(long_manifest: Path, monkeypatch: pytest.Monk
     )
 )  # fmt: skip
 def test_a_line_is_yaml_too(clip: dict[str, object]) -> None:
-    text = clip_lines.dump({}, [clip]).partition("clips:")[2]
+    text = yaml_text.dump_lines({}, [clip]).partition("clips:")[2]
     assert yaml.safe_load(f"clips:{text}") == {"clips": [clip]}
 
 
@@ -103,13 +103,13 @@ def test_deep_nesting_and_size_are_limited(
     long_manifest.write_text(before.replace('"quality": {"figures": {"cpu": 1.0e-05', deep, 1))
     with pytest.raises(BadManifest, match=":10: not a line of plain JSON"):
         read_manifest(long_manifest)
-    monkeypatch.setattr(clip_lines, "MAX_BYTES", 100)
+    monkeypatch.setattr(yaml_text, "MAX_BYTES", 100)
     with pytest.raises(BadManifest, match="more than a manifest's 100; split the data set"):
         read_manifest(long_manifest)
 
 
 def test_a_short_manifest_is_written_for_people(tmp_path: Path) -> None:
     path = write_manifest(tmp_path / "few.yaml", HEAD, [a_clip(1)], BY)
-    assert clip_lines.load(path) is None
+    assert yaml_text.load_lines(path) is None
     assert isinstance(read_manifest(path), Manifest)
     assert yaml_text.load(path)[0]["clips"][0]["id"] == "c1"

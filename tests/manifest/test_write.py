@@ -13,16 +13,17 @@ import pytest
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import ListManifest, Source
-from gmrdata.manifest.entry import (
+from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.write import (
     ClipAbout,
     ClipFiles,
+    ManifestHead,
     clip_entry,
-    created_by,
+    made_by,
     recipe_sha256,
     stage_recipe,
+    write_manifest,
 )
-from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.stage.store import run_stage
 from gmrdata.values import clip as clip_file
 from gmrdata.values.errors import BadManifest, BadRecord, MissingInput
@@ -55,7 +56,7 @@ def test_same_content_gives_the_same_bytes(data_set: Path) -> None:
 
 
 def test_no_machine_path_and_no_time_in_the_bytes(data_set: Path) -> None:
-    by = created_by({"motions": "/home/someone/cmu", "list": ["/a/b"], "n": 1}, {"b": 2, "a": 1})
+    by = made_by({"motions": "/home/someone/cmu", "list": ["/a/b"], "n": 1}, {"b": 2, "a": 1})
     text = rewritten(data_set, data_set / "other.yaml", created_by=by).read_text()
     assert "/home" not in text
     assert str(data_set) not in text

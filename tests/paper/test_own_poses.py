@@ -10,8 +10,7 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import ClipAbout, ClipFiles, clip_entry
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.paper.joint_model import load_features
 from gmrdata.paper.own_poses import (

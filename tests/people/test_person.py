@@ -7,10 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.film.programmes import Small
+from gmrdata.film.programmes import Film, Small, film_motion, plan_clip
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.scene import SceneConfig
-from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.boxes import fill_boxes
 from gmrdata.people.following import Networks

@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cli.demo_recipe import Training
+from gmrdata.film.programmes import Film
 from gmrdata.film.set_plan import SyntheticRecipe
-from gmrdata.film.shots import Film
 from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.paper.recipe import JointConfig

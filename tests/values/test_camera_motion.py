@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.film.programmes import (
     Circular,
+    Film,
     Linear,
     LinearPanning,
     Panning,
@@ -18,8 +19,9 @@ from gmrdata.film.programmes import (
     Small,
     Static,
     camera_path,
+    film_motion,
+    plan_clip,
 )
-from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import BodyModel
