@@ -15,8 +15,7 @@ from gmrdata.read.systems.result import read_system
 from gmrdata.read.threedpw import Sequence3DPW, SequenceImages
 from gmrdata.read.threedpw_arrays import read_sequence_file
 from gmrdata.read.threedpw_layout import SequenceFiles
-from gmrdata.threedpw.camera_frame import world_clip
-from gmrdata.threedpw.world_sequence import sequence_arrays
+from gmrdata.threedpw.clips import sequence_arrays, world_clip
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip

@@ -19,7 +19,7 @@ from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
 from gmrdata.read.numbers import rigid_rows
 from gmrdata.read.threedpw_arrays import read_sequence_file
 from gmrdata.stage.store import run_stage
-from gmrdata.threedpw.camera_frame import WORLD_FROM_3DPW
+from gmrdata.threedpw.clips import WORLD_FROM_3DPW
 from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.files import read_npz

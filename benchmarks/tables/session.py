@@ -25,8 +25,7 @@ from gmrdata.paper.own_poses import (
     OwnPosesRecord,
     own_poses,
 )
-from gmrdata.paper.plan import Given
-from gmrdata.paper.recipe import TableRecipe, load_table
+from gmrdata.paper.plan import Given, TableRecipe, load_table
 from gmrdata.stage.run import Run
 from gmrdata.twins.twin_set import SET_FOLDER
 

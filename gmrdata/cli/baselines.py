@@ -107,8 +107,8 @@ def baseline_joint_train(
         out: Run folder.
         recipe: A recipe file of kind `joint`; the defaults (GMR's) when left out.
     """
-    from gmrdata.paper.joint_train import train_joint
-    from gmrdata.paper.recipe import JointConfig
+    from gmrdata.paper.joint import train_joint
+    from gmrdata.paper.plan import JointConfig
     from gmrdata.stage.recipes import load_recipe
 
     flags.need(manifests, "a manifest file")
@@ -129,7 +129,7 @@ def baseline_joint(
     Args:
         run: Run folder of `gmrdata baseline joint_train`.
     """
-    from gmrdata.paper.joint_model import predict_joint
+    from gmrdata.paper.joint import predict_joint
 
     answer(predict_joint(run, manifest, features, out, run=Run(redo=redo)))
 

@@ -52,8 +52,7 @@ def tables(
     from gmrdata.pages.scores import write_scores_pages
     from gmrdata.paper.comparison import TableRecord, explanations, shown_rows
     from gmrdata.paper.make import make_table
-    from gmrdata.paper.plan import HEADINGS, Given, plan_table, planned_runs
-    from gmrdata.paper.recipe import load_table
+    from gmrdata.paper.plan import HEADINGS, Given, load_table, plan_table, planned_runs
 
     recipe = load_table(table)
     given = Given(

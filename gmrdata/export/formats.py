@@ -204,7 +204,7 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     """The people of a sequence; of those who were rejected no frame is `campose_valid`."""
     from gmrdata.read.threedpw_arrays import N_KEYPOINTS, SMPL_SHAPES, read_sequence_file
     from gmrdata.read.threedpw_layout import find_sequence
-    from gmrdata.threedpw.world_sequence import sequence_arrays, with_original
+    from gmrdata.threedpw.clips import sequence_arrays, with_original
     from gmrdata.write.threedpw import write_sequence_file
 
     _usable(clips, "campose_valid is 0 in all frames")

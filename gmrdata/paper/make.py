@@ -17,10 +17,17 @@ from gmrdata.manifest.current import Clip
 from gmrdata.manifest.read import rows_in
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.paper import ScaleName, comparison
-from gmrdata.paper.joint_model import predict_joint
-from gmrdata.paper.joint_train import train_joint
-from gmrdata.paper.plan import Given, Plan, Scoring, plan_table
-from gmrdata.paper.recipe import JointConfig, Row, TableRecipe, train_config
+from gmrdata.paper.joint import predict_joint, train_joint
+from gmrdata.paper.plan import (
+    Given,
+    JointConfig,
+    Plan,
+    Row,
+    Scoring,
+    TableRecipe,
+    plan_table,
+    train_config,
+)
 from gmrdata.paper.vibe_cam import SeenFiles, infer_poses, predict_vibe_cam
 from gmrdata.score import METRICS, Method, Metric
 from gmrdata.score.camera_as_world import predict_camera_as_world

@@ -19,7 +19,7 @@ from gmrdata.solve.sequence import solve_sequence
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage
 from gmrdata.threedpw import intrinsics_check
-from gmrdata.threedpw.camera_frame import camera_clip, world_clip
+from gmrdata.threedpw.clips import camera_clip, world_clip
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadRecord, NoReconstruction

@@ -27,7 +27,7 @@ from gmrdata.read.threedpw_layout import (
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.threedpw.world_sequence import sequence_arrays
+from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.twins.faults import (
     UNCHANGED,
     ExposureConfig,

@@ -16,16 +16,19 @@ from gmrdata.gmr.flat_runs import in_memory
 from gmrdata.gmr.losses import make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.paper.joint_model import JointModel, load_features, load_joint, predict_joint
-from gmrdata.paper.joint_train import (
+from gmrdata.paper.joint import (
+    JointModel,
     fit_joint,
     joint_loss,
     joint_runs,
+    load_features,
+    load_joint,
     make_joint_batch,
+    predict_joint,
     split_rows,
     training_runs,
 )
-from gmrdata.paper.recipe import JointConfig
+from gmrdata.paper.plan import JointConfig
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import (
@@ -167,7 +170,7 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(
         return make_joint_batch(runs, config, step)
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr("gmrdata.paper.joint_train.make_joint_batch", stop_in_step_6)
+        patched.setattr("gmrdata.paper.joint.make_joint_batch", stop_in_step_6)
         fit_joint(runs, [small_body], tmp_path / "stopped", config)
     pointer = tmp_path / "stopped" / "checkpoints" / "latest"
     assert pointer.read_text() == "step_00000004\n"

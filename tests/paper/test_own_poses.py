@@ -12,7 +12,7 @@ from gmrdata.cli import main
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
-from gmrdata.paper.joint_model import load_features
+from gmrdata.paper.joint import load_features
 from gmrdata.paper.own_poses import (
     OwnPosesRecord,
     rows_between,

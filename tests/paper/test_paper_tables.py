@@ -23,8 +23,14 @@ from gmrdata.paper.comparison import (
     orderings,
 )
 from gmrdata.paper.make import clip_figure, held_out_set, make_table
-from gmrdata.paper.plan import Given, folder_name, plan_table
-from gmrdata.paper.recipe import joint_config, load_table, train_config
+from gmrdata.paper.plan import (
+    Given,
+    folder_name,
+    joint_config,
+    load_table,
+    plan_table,
+    train_config,
+)
 from gmrdata.read.body_file import save_body
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes

@@ -13,7 +13,7 @@ from gmrdata.film.programmes import Film
 from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.train import GmrRecipe
-from gmrdata.paper.recipe import JointConfig
+from gmrdata.paper.plan import JointConfig
 from gmrdata.people.silhouette import SilhouetteConfig
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.threedpw.recipe import ThreedpwRecipe

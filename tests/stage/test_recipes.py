@@ -8,7 +8,7 @@ from gmrdata.cli.demo_recipe import DemoRecipe
 from gmrdata.cli.recipes import run
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.gmr.train import GmrRecipe
-from gmrdata.paper.recipe import TableRecipe
+from gmrdata.paper.plan import TableRecipe
 from gmrdata.people.sources import MasksRecipe
 from gmrdata.stage import recipes
 from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_kind

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.openpose import OPENPOSE_JOINTS
 from gmrdata.read.threedpw import Sequence3DPW, read_sequence
 from gmrdata.read.threedpw_arrays import SequenceArrays
-from gmrdata.threedpw.camera_frame import (
+from gmrdata.threedpw.clips import (
     WORLD_FROM_3DPW,
     camera_clip,
     fitting_body,

@@ -12,13 +12,13 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.read.threedpw import Sequence3DPW, SequenceImages
 from gmrdata.read.threedpw_arrays import Person, SequenceArrays
 from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.threedpw.intrinsics_check import (
     FocalEstimate,
     IntrinsicsConfig,
     estimate_focal,
     intrinsics_reason,
 )
-from gmrdata.threedpw.world_sequence import sequence_arrays
 from gmrdata.twins.faults import FaultConfig, KeypointConfig, dataset_side, detected_keypoints
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath

@@ -14,9 +14,8 @@ from gmrdata.manifest.read import load_clips
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence, unusable_reasons
 from gmrdata.read.threedpw_arrays import SequenceArrays
-from gmrdata.threedpw.camera_frame import world_clip
+from gmrdata.threedpw.clips import sequence_arrays, with_original, world_clip
 from gmrdata.threedpw.regenerate import sequence_rows
-from gmrdata.threedpw.world_sequence import sequence_arrays, with_original
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadSequence

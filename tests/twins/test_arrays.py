@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gmrdata.read.threedpw_arrays import SequenceArrays
-from gmrdata.threedpw.world_sequence import sequence_arrays
+from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.twins.faults import FEWEST_JOINTS, KeypointConfig, detected_keypoints
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of

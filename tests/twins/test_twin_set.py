@@ -15,7 +15,7 @@ from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import Run
-from gmrdata.threedpw.camera_frame import camera_clip
+from gmrdata.threedpw.clips import camera_clip
 from gmrdata.threedpw.regenerate import sequence_rows
 from gmrdata.twins.twin_set import TwinRecipe, make_twins, write_sequence_twin
 from gmrdata.values.body import BodyModel
