@@ -1,9 +1,10 @@
 """Verbs for the network: train, evaluate, compare and infer."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table
@@ -44,25 +45,68 @@ def train(
     answer(train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run))
 
 
+@dataclass(frozen=True)
+class Protocols:
+    """What is measured beside OME, TME and VME."""
+
+    protocol: ProtocolName | None = None
+    """What to measure besides: gmr, wham, tram, gvhmr, slahmr, emdb or vibe, as each of them
+    defines it."""
+    original: tuple[Deviation | Literal["all"], ...] = ()
+    """In what the protocol follows its released code where it doesn't by itself."""
+    joint_regressor: Path | None = None
+    """A .npy of (joints, vertices) that takes a protocol's joints from meshes."""
+
+    def settings(self) -> dict[str, object]:
+        """Of a `ScoreConfig`."""
+        return {"protocol": self.protocol, "original": self.original}
+
+
+@dataclass(frozen=True)
+class Results:
+    """How motions that something else predicted are laid beside the truth."""
+
+    predictions_body: Path | None = None
+    """Body model of the predictions, with the same mesh; the clips' when left out."""
+    person: tuple[str, ...] = ()
+    """Which person of a result a clip is, where there are several: NAME, CLIP=NAME or
+    SYSTEM/CLIP=NAME."""
+    camera: SeenAs = "ignored"
+    """How motions in the camera's frame (VIBE's) become ones in the world: as if it stood still, or
+    by the manifest's cameras."""
+    first_image: int | None = None
+    """Number of the image that the systems' frame 0 is; that of the first image that the manifest
+    lists when left out, or 0."""
+    fps_hz: float = 10.0
+    """Rate of OME, TME and VME of predictions; a network is scored at its own."""
+    missing: Literal["error", "drop"] = "error"
+    """Whether a clip or frame without a prediction is an error, or dropped and counted."""
+
+    def settings(self) -> dict[str, object]:
+        """Of a `ScoreConfig`; BadRecipe names a flag that can't be."""
+        if not self.fps_hz > 0:
+            raise BadRecipe(f"--fps-hz {self.fps_hz:g}: must be more than 0")
+        if self.first_image is not None and self.first_image < 0:
+            raise BadRecipe(f"--first-image {self.first_image}: give 0 or more")
+        found = {
+            name: getattr(self, name) for name in ("fps_hz", "missing", "camera", "first_image")
+        }
+        return found | {"person": _people(self.person)}
+
+
 def evaluate(
     predictor: Positional[Path],
     manifest: flags.Manifest,
     out: Path,
-    protocol: ProtocolName | None = None,
-    original: tuple[Deviation | Literal["all"], ...] = (),
     body: flags.Body = "anny",
-    predictions_body: Path | None = None,
-    joint_regressor: Path | None = None,
-    person: tuple[str, ...] = (),
-    camera: SeenAs = "ignored",
-    first_image: int | None = None,
-    fps_hz: float = 10.0,
-    missing: Literal["error", "drop"] = "error",
     floor: Path | None = None,
     which: Weights = "latest",
     all_phases: bool = False,
     seed: flags.BootstrapSeed = 0,
     redo: flags.Redo = False,
+    *,
+    protocols: Annotated[Protocols, OmitArgPrefixes],
+    results: Annotated[Results, OmitArgPrefixes],
 ) -> None:
     """Score a trained GMR, or any predictions, on a manifest: OME [deg], TME [mm], VME [mm].
 
@@ -77,20 +121,6 @@ def evaluate(
             (docs/scores.md has the rules).
         out: Output folder: scores.json, scores.csv, scores.md, scores.html, over_time.png; with
             several systems a folder of these for each, and comparison/.
-        protocol: What to measure besides: gmr, wham, tram, gvhmr, slahmr, emdb or vibe, as each of
-            them defines it.
-        original: In what the protocol follows its released code where it doesn't by itself.
-        predictions_body: Body model of the predictions, with the same mesh; the clips' when left
-            out.
-        joint_regressor: A .npy of (joints, vertices) that takes a protocol's joints from meshes.
-        person: Which person of a result a clip is, where there are several: NAME, CLIP=NAME or
-            SYSTEM/CLIP=NAME.
-        camera: How motions in the camera's frame (VIBE's) become ones in the world: as if it stood
-            still, or by the manifest's cameras.
-        first_image: Number of the image that the systems' frame 0 is; that of the first image that
-            the manifest lists when left out, or 0.
-        fps_hz: Rate of OME, TME and VME of predictions; a network is scored at its own.
-        missing: Whether a clip or frame without a prediction is an error, or dropped and counted.
         floor: The floor.json of `gmrdata floor`, to see which scores are not distinguishable from
             the pseudo ground truth's own error.
         all_phases: Score a clip of a higher frame rate in all its phases, not in the first alone.
@@ -98,18 +128,12 @@ def evaluate(
     from gmrdata.score.predictors import ScoreConfig
     from gmrdata.score.score import score
 
-    if not fps_hz > 0:
-        raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
-    if first_image is not None and first_image < 0:
-        raise BadRecipe(f"--first-image {first_image}: give 0 or more")
-    config = ScoreConfig(
-        which=which, all_phases=all_phases, protocol=protocol, original=original, fps_hz=fps_hz,
-        missing=missing, person=_people(person), camera=camera, first_image=first_image, seed=seed,
-    )  # fmt: skip
+    given = {"which": which, "all_phases": all_phases, "seed": seed}
+    config = ScoreConfig.model_validate(given | protocols.settings() | results.settings())
     made = score(
         predictor, manifest, out, config, body_path=flags.body_path(body),
-        predictions_body_path=predictions_body, floor_path=floor,
-        joint_regressor_path=joint_regressor, run=Run(redo=redo),
+        predictions_body_path=results.predictions_body, floor_path=floor,
+        joint_regressor_path=protocols.joint_regressor, run=Run(redo=redo),
     )  # fmt: skip
     for path in made.scores:
         show_scores(path)

@@ -1,13 +1,30 @@
 """The verb for the paper's tables: tables."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional, UseAppendAction
+from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction
 
 from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.cli.options import FEATURES, KEYPOINTS, POSES, Body, DryRun, RunFlags, body_path
 from gmrdata.paper import ScaleName
+
+if TYPE_CHECKING:
+    from gmrdata.paper.plan import Plan
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What other networks see of the clips, for Tables 5, 6 and 10."""
+
+    poses: Annotated[Path | None, POSES] = None
+    keypoints: Annotated[Path | None, KEYPOINTS] = None
+    features: Annotated[Path | None, FEATURES] = None
+    videos: UseAppendAction[tuple[Path, ...]] = ()
+    """Manifest that the non-sequential model is trained on; may be given several times."""
+    estimator: str = "VIBE"
+    """Whose poses and keypoints they are, as the table shall call it."""
 
 
 def tables(
@@ -18,14 +35,10 @@ def tables(
     scale: ScaleName = "small",
     held_out_subjects: tuple[str, ...] = (),
     seeds: tuple[int, ...] = (),
-    poses: Annotated[Path | None, POSES] = None,
-    keypoints: Annotated[Path | None, KEYPOINTS] = None,
-    features: Annotated[Path | None, FEATURES] = None,
-    videos: UseAppendAction[tuple[Path, ...]] = (),
     network: Path | None = None,
-    estimator: str = "VIBE",
     body: Body = "anny",
     *,
+    seen: Annotated[Seen, OmitArgPrefixes],
     run: RunFlags,
     dry_run: DryRun = False,
 ) -> None:
@@ -45,34 +58,38 @@ def tables(
         seeds: Seeds of each row's trainings, in place of the recipe's.
         network: Run folder of a trained GMR, or the word bundled for the package's own, in place of
             trainings; for Tables 5, 6 and 10.
-        estimator: Whose poses and keypoints they are, as the table shall call it.
-        videos: Manifest that the non-sequential model is trained on; may be given several times.
     """
     from gmrdata.gmr.config import network_dir
     from gmrdata.pages.scores import write_scores_pages
-    from gmrdata.paper.comparison import TableRecord, explanations, shown_rows
+    from gmrdata.paper import plan
     from gmrdata.paper.make import make_table
-    from gmrdata.paper.plan import HEADINGS, Given, load_table, plan_table, planned_runs
 
-    recipe = load_table(table)
-    given = Given(
-        manifest, scored, poses, keypoints, features, videos, held_out_subjects,
-        body_path(body), network and network_dir(network), estimator,
+    recipe = plan.load_table(table)
+    given = plan.Given(
+        manifest, scored, seen.poses, seen.keypoints, seen.features, seen.videos, held_out_subjects,
+        body_path(body), network and network_dir(network), seen.estimator,
     )  # fmt: skip
     if dry_run:
-        plan = plan_table(recipe, scale, given, seeds)
-        rows, lines = planned_runs(plan, out, run.workers or 2)
-        print_table(HEADINGS, rows)
-        for line in lines:
-            answer(line)
-        if plan.lacking:
-            answer(plan.lacking_text())
+        _show_plan(plan.plan_table(recipe, scale, given, seeds), out, run.workers or 2)
         return
     with then(lambda: write_scores_pages(out / "scores")):
         path = make_table(recipe, scale, given, out, seeds=seeds, run=run)
+    _show_table(path)
+
+
+def _show_plan(planned: "Plan", out: Path, workers: int) -> None:
+    from gmrdata.paper.plan import HEADINGS, planned_runs
+
+    rows, lines = planned_runs(planned, out, workers)
+    print_table(HEADINGS, rows)
+    for line in (*lines, *([planned.lacking_text()] if planned.lacking else ())):
+        answer(line)
+
+
+def _show_table(path: Path) -> None:
+    from gmrdata.paper.comparison import TableRecord, explanations, shown_rows
+
     record = TableRecord.read(path)
     print_table(*shown_rows(record))
-    for line in (*explanations(record), *record.statements):
+    for line in (*explanations(record), *record.statements, path.with_suffix(".md"), path):
         answer(line)
-    answer(path.with_suffix(".md"))
-    answer(path)

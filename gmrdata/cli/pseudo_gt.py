@@ -1,15 +1,19 @@
 """Verbs for 3DPW: its pseudo ground truth, a look into it, a twin of it, and the noise floor."""
 
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
+from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, subcommand
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.values.errors import BadSequence, MissingInput
+
+if TYPE_CHECKING:
+    from gmrdata.twins.floor import MadeFloor
 
 Root = Annotated[
     Path, arg(name="threedpw", help="3DPW's folder, which holds imageFiles and sequenceFiles.")
@@ -135,16 +139,27 @@ def threedpw(
     """World-frame pseudo ground truth of a 3DPW folder, a look into it, or a twin of it."""
 
 
+@dataclass(frozen=True)
+class Sampled:
+    """Which twins are sampled from --motions."""
+
+    sequences: int = 6
+    """Twins to sample; with 6 or more every class of camera motion is among them."""
+    seed: int = 0
+    """Chooses their motions, cameras, places, people and faults."""
+    size: str = "small"
+    """Images of sampled twins: small (540x960), full (1080x1920), or like 180x320 [px]."""
+    clip_frames: int = 150
+    """Frames of each sampled twin, at 30 fps; at least 60."""
+
+
 def floor(
     out: Path,
-    sequences: int = 6,
-    seed: int = 0,
     motions: flags.Motions = None,
     twins: Path | None = None,
     recipe: flags.RecipeName = "threedpw",
-    size: str = "small",
-    clip_frames: int = 150,
     *,
+    sampled: Annotated[Sampled, OmitArgPrefixes],
     run: flags.RunFlags,
     dry_run: flags.DryRun = False,
     probe: flags.Probe = True,
@@ -156,11 +171,7 @@ def floor(
     Args:
         out: Output folder: floor.json, twins/, regenerated/. A run that was stopped goes on where
             it was.
-        sequences: Twins to sample; with 6 or more every class of camera motion is among them.
-        seed: Chooses their motions, cameras, places, people and faults.
         twins: Output folder of `gmrdata threedpw twin`.
-        size: Images of sampled twins: small (540x960), full (1080x1920), or like 180x320 [px].
-        clip_frames: Frames of each sampled twin, at 30 fps; at least 60.
     """
     from gmrdata.pages.batches import write_set_pages as write_regenerated
     from gmrdata.pages.sets import write_set_pages as write_rendered
@@ -182,25 +193,26 @@ def floor(
     elif motions is None:
         raise MissingInput("nothing to measure on. Name --motions to sample twins, or --twins")
     else:
-        film = film_of(size, clip_frames)
-        sampled = twin_recipe(sequences, seed, motions, film=film, workers=run.workers)
+        film, n = film_of(sampled.size, sampled.clip_frames), sampled.sequences
+        chosen = twin_recipe(n, sampled.seed, motions, film=film, workers=run.workers)
         if dry_run:
-            flags.show_dry_run(sampled.set, folder / SET_FOLDER, motions, run.workers, probe)
+            flags.show_dry_run(chosen.set, folder / SET_FOLDER, motions, run.workers, probe)
             return
-        make = partial(stage.sampled_floor, sampled, motions, loaded, out, run=run)
-        pages = then(lambda: write_rendered(sampled.set, folder / SET_FOLDER))
+        make = partial(stage.sampled_floor, chosen, motions, loaded, out, run=run)
+        pages = then(lambda: write_rendered(chosen.set, folder / SET_FOLDER))
     with then(lambda: write_regenerated(loaded, read_truth(folder).root, regenerated)), pages:
         made = make()
-    _show_floor(made.path)
-    if made.failed is not None:
-        raise made.failed
+    _show_floor(made)
 
 
-def _show_floor(path: Path) -> None:
+def _show_floor(made: "MadeFloor") -> None:
+    """Print a `floor.json`; then StageFailed where something of it failed."""
     from gmrdata.twins import floor_record
 
-    measured = floor_record.Floor.read(path)
+    measured = floor_record.Floor.read(made.path)
     print_table(floor_record.HEADINGS, floor_record.floor_rows(measured))
     for line in floor_record.notes(measured):
         answer(line)
-    answer(path)
+    answer(made.path)
+    if made.failed is not None:
+        raise made.failed

@@ -11,7 +11,7 @@ from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.baselines import baseline_joint_train
 from gmrdata.cli.gmr import show_scores
 from gmrdata.cli.motion_files import render
-from gmrdata.cli.paper_tables import tables
+from gmrdata.cli.paper_tables import Seen, tables
 from gmrdata.cli.pseudo_gt import threedpw_regenerate, threedpw_twin
 from gmrdata.cli.video import masks
 from gmrdata.stage.run import Run
@@ -161,7 +161,9 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
         case "threedpw":
             threedpw_regenerate(given["threedpw"], out, recipe, run=run, dry_run=dry_run)
         case "table":
-            tables(recipe, out, run=run, dry_run=dry_run, **given)
+            kinds = ("poses", "keypoints", "features", "videos")
+            seen = Seen(**{name: given.pop(name) for name in kinds})
+            tables(recipe, out, seen=seen, run=run, dry_run=dry_run, **given)
         case "masks":
             masks(
                 out=out,

@@ -23,7 +23,7 @@ from gmrdata.read.source_motion import CMU_TRIAL
 from gmrdata.stage import recipes
 from gmrdata.values.body import BodyModel, body_of
 from gmrdata.values.clip import Clip, clip_on_body
-from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError
 from gmrdata.values.motion import Motion, whole_ratio
 
 
@@ -99,17 +99,28 @@ def fitting_clips(clips: Iterable[Clip], bodies: Sequence[BodyModel]) -> Iterato
                 f"clip {clip.id}: its motion is in the camera's frame, which moves. Give clips in"
                 " the world frame"
             )
-        body = body_of(clip.motion, bodies)
-        if body is None:
-            given = ", ".join(f"{body.name} with {body.n_shape}" for body in bodies)
-            raise BadManifest(
-                f"clip {clip.id}: of body {clip.motion.body} with {clip.motion.shape.size} shape"
-                f" coefficients, but the given body is {given}."
-                " Give the clips' own body, or a folder with the bodies of all"
-            )
+        remedy = "Give the clips' own body, or a folder with the bodies of all"
+        body = given_body(clip.motion, bodies, BadManifest, f"clip {clip.id}: of", remedy)
         yield clip_on_body(clip, body)
     if clip is None:
         raise BadManifest("no usable clips. Give manifests with clips that are not rejected")
+
+
+def given_body(
+    motion: Motion,
+    bodies: Sequence[BodyModel],
+    error: type[GmrdataError],
+    whose: str,
+    remedy: str,
+) -> BodyModel:
+    """Which of some bodies a motion is of; an error of a kind where it is of none of them."""
+    if (body := body_of(motion, bodies)) is not None:
+        return body
+    given = ", ".join(f"{one.name} with {one.n_shape}" for one in bodies)
+    raise error(
+        f"{whose} body {motion.body} with {motion.shape.size} shape coefficients, but the given"
+        f" body is {given}. {remedy}"
+    )
 
 
 def no_runs(n_clips: int, what: str, fps_hz: float, remedy: str) -> BadManifest:

@@ -154,7 +154,7 @@ def predict_joint(
 ) -> Path:
     """Predict local poses and world motions from image features, at the network's frame rate.
 
-    `run_dir` is a finished run of `gmrdata.paper.joint_train`, which sees features as there.
+    `run_dir` is a finished run of `train_joint`.
     Errors are MissingInput, BadCheckpoint, BadFeatures for those of other clips or networks, and
     BadMotionFile for a clip whose rate is no multiple of the network's.
     """
@@ -238,9 +238,9 @@ def train_joint(
 ) -> Path:
     """Train the network on the clips of manifests.  A run that was stopped goes on where it was.
 
-    Their image features are described in `gmrdata.paper.joint_model`; `body_path` is their body,
-    None the default one.  Errors are those of `gmrdata.gmr.train.train`; MissingInput where a clip
-    has no features, and BadFeatures where features do not fit their clip or each other.
+    `body_path` is their body, None the default one. Errors are those of `gmrdata.gmr.train.train`;
+    MissingInput where a clip has no features, and BadFeatures where features do not fit their clip
+    or each other.
     """
     config = config or JointConfig()
     clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]

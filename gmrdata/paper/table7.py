@@ -1,7 +1,5 @@
 """Our pseudo ground truth of 3DPW beside the ranges that the GMR paper chose by hand (Table 7)."""
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +7,7 @@ from pathlib import Path
 from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import Clip, FrameRange, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
+from gmrdata.score.table import csv_text
 from gmrdata.stage.recipes import published_manifest
 from gmrdata.values.errors import BadManifest, MissingInput
 from gmrdata.values.files import write_text
@@ -187,9 +186,7 @@ def summary(rows: Sequence[ComparedRow]) -> str:
 
 def write_csv(path: Path, rows: Iterable[ComparedRow]) -> Path:
     """Write the rows under `CSV_HEADINGS`, shares from 0 to 1, empty cells where unknown."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([CSV_HEADINGS, *map(_csv_row, rows)])
-    write_text(path, text.getvalue())
+    write_text(path, csv_text([CSV_HEADINGS, *map(_csv_row, rows)]))
     return path
 
 

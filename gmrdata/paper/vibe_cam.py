@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_deltas
+from gmrdata.gmr.runs import given_body
 from gmrdata.paper.placement import (
     ClipKeypoints,
     Placed,
@@ -29,7 +30,7 @@ from gmrdata.score.predictions import every_row
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.body import BodyModel, body_of
+from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip, text_runs
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.motion import whole_ratio
@@ -129,13 +130,7 @@ def load_poses(path: Path, clip: Clip, bodies: Sequence[BodyModel]) -> tuple[Cli
     motion = posed.motion
     if motion.frame != "camera":
         raise BadMotionFile(f"{path}: the motion is not in the camera frame")
-    body = body_of(motion, bodies)
-    if body is None:
-        given = ", ".join(f"{one.name} with {one.n_shape}" for one in bodies)
-        raise BadMotionFile(
-            f"{path}: of body {motion.body} with {motion.shape.size} shape coefficients, but the"
-            f" given body is {given}. Give the poses' own body"
-        )
+    body = given_body(motion, bodies, BadMotionFile, f"{path}: of", "Give the poses' own body")
     same_rate = abs(motion.fps_hz / clip.motion.fps_hz - 1) < 1e-6
     if motion.n_frames != clip.motion.n_frames or not same_rate:
         raise BadMotionFile(

@@ -18,6 +18,10 @@ _CAMERA: tuple[ProtocolMetric, ...] = (
     "pa_mpjpe_mm", "mpjpe_mm", "pve_mm", "accel_error_m_per_s2",
 )  # fmt: skip
 
+_USUAL: tuple[ProtocolMetric, ...] = (*_CAMERA, "w_mpjpe_mm", "wa_mpjpe_mm", "rte_percent")
+
+_JITTER_AND_FEET: tuple[ProtocolMetric, ...] = ("jitter_10m_per_s3", "foot_sliding_mm")
+
 _SCALE_NOTE = ("W-MPJPE and WA-MPJPE fit the scale, so they don't show an error of it; RTE does.",)
 
 _TRIM_NOTE = "The first and the last sample of the acceleration's error are left out, as there."
@@ -111,16 +115,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
         ),
         _protocol(
             "wham",
-            metrics=(
-                *_CAMERA,
-                "w_mpjpe_mm",
-                "wa_mpjpe_mm",
-                "rte_percent",
-                "roe_deg",
-                "erve_mm_per_frame",
-                "jitter_10m_per_s3",
-                "foot_sliding_mm",
-            ),
+            metrics=(*_USUAL, "roe_deg", "erve_mm_per_frame", *_JITTER_AND_FEET),
             source="yohanshin/WHAM, lib/eval/eval_utils.py and lib/eval/evaluate_emdb.py",
             notes=(
                 *_SCALE_NOTE,
@@ -134,15 +129,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
         ),
         _protocol(
             "tram",
-            metrics=(
-                *_CAMERA,
-                "w_mpjpe_mm",
-                "wa_mpjpe_mm",
-                "rte_percent",
-                "erve_mm_per_frame",
-                "ate_m",
-                "ate_s_m",
-            ),
+            metrics=(*_USUAL, "erve_mm_per_frame", "ate_m", "ate_s_m"),
             source="yufu-wang/tram, lib/utils/eval_utils.py, scripts/emdb/run_eval.py and "
             "lib/vis/traj.py",
             notes=(
@@ -160,14 +147,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
         ),
         _protocol(
             "gvhmr",
-            metrics=(
-                *_CAMERA,
-                "w_mpjpe_mm",
-                "wa_mpjpe_mm",
-                "rte_percent",
-                "jitter_10m_per_s3",
-                "foot_sliding_mm",
-            ),
+            metrics=(*_USUAL, *_JITTER_AND_FEET),
             source="zju3dv/GVHMR, hmr4d/utils/eval/eval_utils.py and "
             "hmr4d/model/gvhmr/callbacks/metric_emdb.py",
             notes=(

@@ -10,7 +10,7 @@ from gmrdata.read.systems.entries import Z_UP_FROM_Y_DOWN
 from gmrdata.score import SeenAs
 from gmrdata.score.records import MatchedResult
 from gmrdata.score.result_files import ClipName, ResultSet
-from gmrdata.values.body import BodyModel, gender_of
+from gmrdata.values.body import BodyModel, gender_of, shape_on
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.errors import BadMotionFile
@@ -224,19 +224,15 @@ def _own_camera(
 
 def _shape_on(person: EstimatedPerson, body: BodyModel) -> tuple[np.ndarray, tuple[str, ...]]:
     """(S,) the person's mean shape where it is of this body, else the body's mean; and a word."""
-    shape = np.zeros(body.n_shape)
-    if person.betas is None:
-        what = "the file has no shape of an SMPL body"
-    elif person.betas_body != body.name:
+    if person.betas is not None and person.betas_body == body.name:
+        return shape_on(body, person.betas.mean(axis=0)), ()
+    what = "the file has no shape of an SMPL body"
+    if person.betas is not None:
         what = f"its shape is of {person.betas_body}"
-    else:
-        kept = person.betas.mean(axis=0)[: len(shape)]
-        shape[: len(kept)] = kept
-        return shape, ()
     said = (
         f"{what}: scored on the mean shape of {body.name}, so limbs have other lengths than there"
     )
-    return shape, (said,)
+    return np.zeros(body.n_shape), (said,)
 
 
 def _rest_pelves_m(person: EstimatedPerson, body: BodyModel, shape: np.ndarray) -> np.ndarray:
@@ -303,16 +299,11 @@ def _spread(motion: Motion, has: np.ndarray) -> Motion:
         found[has] = values
         return found
 
-    return Motion(
+    return replace(
+        motion,
         local_rotmats=on_all(motion.local_rotmats),
         root_rotmats=on_all(motion.root_rotmats),
         pelvis_m=on_all(motion.pelvis_m),
-        shape=motion.shape,
-        fps_hz=motion.fps_hz,
-        body=motion.body,
-        gender=motion.gender,
-        frame=motion.frame,
-        source=motion.source,
     )
 
 
@@ -324,15 +315,9 @@ def timed_clip(
     shape, notes = _shape_on(person, body)
     if result.fps_hz is None:
         notes += (f"the file has no frame rate: taken as the clip's {fps_hz:g} fps",)
-    assert person.in_world is not None
-    motion = Motion(
-        local_rotmats=person.local_rotmats,
-        root_rotmats=person.in_world.root_rotmats,
-        pelvis_m=person.in_world.transl_m + _rest_pelves_m(person, body, shape),
-        shape=shape,
+    motion = replace(
+        _seen(person, true, body, shape),
         fps_hz=fps_hz,
-        body=body.name,
-        gender=gender_of(body),
         frame="world",
         source=f"{result.system}: {result.files[0].name}",
     )

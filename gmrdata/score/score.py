@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.gmr.config import is_network, network_dir
-from gmrdata.gmr.runs import UsableClip, UsableClips, fitting_clips, usable_clips
+from gmrdata.gmr.runs import UsableClip, UsableClips, fitting_clips, given_body, usable_clips
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.bodies import body_inputs, load_bodies
@@ -220,16 +220,9 @@ def score_clips(
 
 
 def _predicted_body(predicted: PredictedClip, bodies: ScoredBodies) -> BodyModel:
-    motion = predicted.runs[0].predicted
-    body = body_of(motion, bodies.of_predictions)
-    if body is None:
-        given = ", ".join(f"{one.name} with {one.n_shape}" for one in bodies.of_predictions)
-        raise BadMotionFile(
-            f"clip {predicted.clip_id}: its prediction is of body {motion.body} with "
-            f"{motion.shape.size} shape coefficients, but the given body is {given}. Pass the "
-            "predictions' own body with --predictions-body"
-        )
-    return body
+    motion, whose = predicted.runs[0].predicted, f"clip {predicted.clip_id}: its prediction is of"
+    remedy = "Pass the predictions' own body with --predictions-body"
+    return given_body(motion, bodies.of_predictions, BadMotionFile, whose, remedy)
 
 
 def motion_types(manifest: Manifest) -> dict[str, str]:

@@ -274,10 +274,14 @@ def _seen_in(scores: Scores) -> list[str]:
 
 def write_table_files(path: Path, rows: Iterable[Sequence[Cell]], text: str) -> None:
     """Write a table's `<name>.csv` and `<name>.md` beside its `<name>.json`, which is `path`."""
+    write_text(path.with_suffix(".csv"), csv_text(rows))
+    write_text(path.with_suffix(".md"), text)
+
+
+def csv_text(rows: Iterable[Sequence[Cell]]) -> str:
     stream = io.StringIO()
     csv.writer(stream, lineterminator="\n").writerows(rows)
-    write_text(path.with_suffix(".csv"), stream.getvalue())
-    write_text(path.with_suffix(".md"), text)
+    return stream.getvalue()
 
 
 def markdown(title: str, lead: str, tables: Mapping[str, Table], lines: Iterable[str]) -> str:

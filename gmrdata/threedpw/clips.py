@@ -1,4 +1,8 @@
-"""3DPW's people and camera as clips in the camera's frame and in our z-up world, and back."""
+"""3DPW's people and camera as clips in the camera's frame and in our z-up world, and back.
+
+3DPW's `trans` is not the pelvis.  A rigid transform (A, b) takes `trans` to A (J0 + trans) + b - J0
+and the root rotation R to A R; with the pelvis = trans + J0 it is simply A pelvis + b.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
