@@ -1,12 +1,27 @@
 """Clips written to files, with a manifest of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
+
+Edit = Callable[[Callable[[dict], object]], Path]
+"""Changes what stands in a manifest; gives the manifest."""
+
+
+def a_head(name: str, kind: str = "synthetic", **more: str) -> ManifestHead:
+    said = {"version": "1.0.0", "description": "Clips of a test.", "licence": "CC0-1.0"}
+    return ManifestHead(name=name, kind=kind, **said | more)
+
+
+def a_walk(camera_motion: str = "circular", **more: Any) -> ClipAbout:
+    """What is said of a clip of this package's own walk."""
+    source = Source(dataset="gmrdata", sequence="walk")
+    return ClipAbout(camera_motion=camera_motion, licence="CC0-1.0", source=source, **more)
 
 
 def write_clips(
@@ -49,12 +64,6 @@ def write_clips(
         )
     return write_manifest(
         folder / "manifest.yaml",
-        ManifestHead(
-            name="clips",
-            version="1.0.0",
-            description="Clips of a test.",
-            kind=kind,
-            licence="CC0-1.0",
-        ),
+        a_head("clips", kind),
         entries,
     )

@@ -1,8 +1,5 @@
 """gmrdata's projection against Blender's own, through every camera programme."""
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +17,7 @@ from gmrdata.film.programmes import (
     camera_path,
 )
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
+from tests.blender.jobs import ask_blender
 
 PROGRAMMES: dict[str, Programme] = {
     "circular": Circular(),
@@ -32,7 +30,6 @@ PROGRAMMES: dict[str, Programme] = {
 }
 SIZES_PX = ((640, 360), (270, 480))
 OFF_CENTRE_PX = ((0.0, 0.0), (17.5, -9.25))
-SCRIPT = Path(__file__).with_name("projection_by_blender.py")
 
 
 class Case(NamedTuple):
@@ -44,10 +41,11 @@ class Case(NamedTuple):
     answer: dict[str, np.ndarray]
 
 
+Cases = dict[tuple[tuple[int, int], tuple[float, float]], Case]
+
+
 @pytest.fixture(scope="module")
-def cases(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> dict[tuple[tuple[int, int], tuple[float, float]], Case]:
+def cases(tmp_path_factory: pytest.TempPathFactory) -> Cases:
     """By size and offset of the principal point; Blender is asked once for all."""
     folder, made = tmp_path_factory.mktemp("cameras"), {}
     for size_px in SIZES_PX:
@@ -56,15 +54,11 @@ def cases(
             camera.intrinsics_px[:2, 2] += off_centre_px
             points_m = points_in_view(camera, 24, np.random.default_rng(11))
             made[size_px, off_centre_px] = Case(camera, owner, points_m, {})
-    return {
-        key: case._replace(answer=answer)
-        for (key, case), answer in zip(
-            made.items(), ask_blender(folder, list(made.values())), strict=True
-        )
-    }
+    answers = zip(made.items(), blenders_answers(folder, list(made.values())), strict=True)
+    return {key: case._replace(answer=answer) for (key, case), answer in answers}
 
 
-def ask_blender(folder: Path, cases: list[Case]) -> list[dict[str, np.ndarray]]:
+def blenders_answers(folder: Path, cases: list[Case]) -> list[dict[str, np.ndarray]]:
     paths = [folder / f"{number}.npz" for number in range(len(cases))]
     for path, (camera, _, points_m, _) in zip(paths, cases, strict=True):
         np.savez(
@@ -74,13 +68,9 @@ def ask_blender(folder: Path, cases: list[Case]) -> list[dict[str, np.ndarray]]:
             world_from_cam=camera.world_from_cam,
             points_world_m=points_m,
         )
-    said = subprocess.run(
-        [sys.executable, SCRIPT, *paths], capture_output=True, text=True, check=True
-    )
-    line = next(line for line in said.stdout.splitlines() if line.startswith("ANSWER "))
     return [
         {name: np.array(values) for name, values in answer.items()}
-        for answer in json.loads(line.removeprefix("ANSWER "))
+        for answer in ask_blender("projection_by_blender.py", *paths)
     ]
 
 
@@ -112,9 +102,7 @@ def film_all(width_px: int, height_px: int) -> tuple[CameraPath, np.ndarray]:
 @pytest.mark.parametrize("size_px", SIZES_PX)
 @pytest.mark.parametrize("off_centre_px", OFF_CENTRE_PX)
 def test_projection_is_blenders(
-    cases: dict[tuple[tuple[int, int], tuple[float, float]], Case],
-    size_px: tuple[int, int],
-    off_centre_px: tuple[float, float],
+    cases: Cases, size_px: tuple[int, int], off_centre_px: tuple[float, float]
 ) -> None:
     camera, owner, points_m, answer = cases[size_px, off_centre_px]
     ours_px = project(camera.world_from_cam, points_m, camera.intrinsics_px)

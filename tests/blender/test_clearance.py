@@ -1,8 +1,6 @@
 """How near the camera and the person come to what stands about, by Blender's own surfaces."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +9,7 @@ import pytest
 from gmrdata.film.render_outputs import Clearance, clearance_figures
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import read_json, write_json
+from tests.blender.jobs import ask_blender
 
 # A box fills x 4 to 6, y -1 to 1, z 0 to 2; a wall 2 cm thick stands at y = 3, x -1 to 1, z 0 to 2.
 PERSON = [[0.0, 0.0, 1.0], [0.5, 0.0, 1.0]]
@@ -37,17 +36,7 @@ CASES = {
 def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     path = tmp_path_factory.mktemp("clearance") / "cases.json"
     path.write_text(json.dumps(CASES))
-    root = Path(__file__).parents[2]
-    said = subprocess.run(
-        [sys.executable, Path(__file__).with_name("clearance_by_blender.py"), path],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=root,
-        env={"PYTHONPATH": str(root)},
-    )
-    found: dict[str, Any] = json.loads(said.stdout.split("\nANSWER ")[1])
-    return found
+    return dict(ask_blender("clearance_by_blender.py", path))
 
 
 def test_distances_are_those_to_the_nearest_surface(answers: dict[str, Any]) -> None:
@@ -80,24 +69,20 @@ def test_a_path_through_a_thing_is_an_error(
     assert message in answers[case] and "scene.seed" in answers[case]
 
 
-def test_the_figures_come_back_from_the_file(tmp_path: Path) -> None:
+def test_the_figures_come_back_from_the_file_and_each_key_is_needed(tmp_path: Path) -> None:
     assert clearance_figures(tmp_path) == {}
     path = tmp_path / "clearance.json"
     Clearance(camera_m=1.25, person_m=0.8, sight_share=0.75).write(path)
+    whole = read_json(path)
     assert clearance_figures(tmp_path) == {
         "camera_clearance_m": 1.25,
         "person_clearance_m": 0.8,
         "clear_sight_share": 0.75,
     }
-    write_json(path, read_json(path) | {"camera_m": -1})
+    write_json(path, whole | {"camera_m": -1})
     with pytest.raises(BadRecord, match=r"json: `camera_m` .*greater than 0; make it again"):
         clearance_figures(tmp_path)
-
-
-@pytest.mark.parametrize("key", ["format", "camera_m", "person_m", "sight_share"])
-def test_a_missing_key_is_an_error(tmp_path: Path, key: str) -> None:
-    path = tmp_path / "clearance.json"
-    Clearance(camera_m=1.25, person_m=0.8, sight_share=0.75).write(path)
-    write_json(path, {k: value for k, value in read_json(path).items() if k != key})
-    with pytest.raises(BadRecord, match=rf"clearance\.json: has no (key )?`{key}`.*--redo"):
-        clearance_figures(tmp_path)
+    for key in ("format", "camera_m", "person_m", "sight_share"):
+        write_json(path, {k: value for k, value in whole.items() if k != key})
+        with pytest.raises(BadRecord, match=rf"clearance\.json: has no (key )?`{key}`.*--redo"):
+            clearance_figures(tmp_path)

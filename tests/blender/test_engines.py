@@ -10,19 +10,15 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gmrdata.film.camera_moves import look_at
-from gmrdata.film.render import RenderConfig, find_renderer, render_clip
+from gmrdata.film.render import RenderConfig, find_renderer
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.body_file import save_body
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import EngineMissing
 from gmrdata.values.files import sha256_of_file
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
-from gmrdata.values.transforms import rigid
+from tests.blender.jobs import Job, camera_at, coverage, facing_x, grown, mask_of, overlap, save_job
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 160, 90
 SHARP = RenderConfig(samples=8, image_format="png", depth=True, normals=True, flow=True)
@@ -30,36 +26,20 @@ STEP_M = 0.5
 
 
 @pytest.fixture(scope="module")
-def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
     """Someone with wide arms who is carried to the side, half a metre a frame."""
-    folder = tmp_path_factory.mktemp("job")
-    motion = Motion(
-        np.tile(np.eye(3), (N_FRAMES, 23, 1, 1)),
-        np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (N_FRAMES, 1, 1)),
-        np.c_[np.zeros(N_FRAMES), STEP_M * (np.arange(N_FRAMES) - 1), np.full(N_FRAMES, 0.95)],
-        np.zeros(small_body.n_shape),
-        10.0,
-        small_body.name,
-        "neutral",
-        "world",
-        "is carried",
-    )
-    centre_m = np.tile([4.0, 0.0, 1.2], (N_FRAMES, 1))
-    pose = rigid(look_at(centre_m, np.tile([0.0, 0.0, 1.0], (N_FRAMES, 1))), centre_m)
-    intrinsics_px = intrinsics_from_fov(60.0, WIDTH_PX, HEIGHT_PX)
-    camera = CameraPath(intrinsics_px, WIDTH_PX, HEIGHT_PX, pose, np.ones(N_FRAMES, bool))
-    clip = Clip("carried", motion, np.ones(N_FRAMES, bool), np.full(N_FRAMES, -1), camera)
-    save_clip(folder / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
-    save_body(folder / "body.npz", small_body)
-    return folder / "clip.npz", folder / "body.npz"
+    motion = facing_x(small_body, [[0.0, STEP_M * (row - 1), 0.95] for row in range(N_FRAMES)])
+    centres_m, targets_m = [[4.0, 0.0, 1.2]] * N_FRAMES, [[0.0, 0.0, 1.0]] * N_FRAMES
+    camera = camera_at(centres_m, targets_m, (WIDTH_PX, HEIGHT_PX))
+    return save_job(tmp_path_factory.mktemp("job"), small_body, motion, camera)
 
 
 @pytest.fixture(scope="module")
-def sharp(job: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sharp(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Cycles, png, with the scene saved beside."""
     out_dir = tmp_path_factory.mktemp("sharp") / "carried"
     config = SHARP.model_copy(update={"blend": True})
-    return render_clip(*job, out_dir, config, on_frame=lambda _: None)
+    return job.render(out_dir, config)
 
 
 def read(path: Path) -> np.ndarray:
@@ -103,7 +83,7 @@ def test_cycles_on_the_cpu_needs_no_trial() -> None:
 
 
 def test_without_a_gpu_the_devices_are_named(
-    job: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for hidden in ("CUDA_VISIBLE_DEVICES", "HIP_VISIBLE_DEVICES"):
         monkeypatch.setenv(hidden, "")
@@ -112,7 +92,7 @@ def test_without_a_gpu_the_devices_are_named(
         find_renderer("cycles", "gpu")
     config = RenderConfig(device="gpu")
     with pytest.raises(EngineMissing, match="device: cpu"):
-        render_clip(*job, tmp_path / "out", config, on_frame=lambda _: None)
+        job.render(tmp_path / "out", config)
     assert not (tmp_path / "out").exists()
 
 
@@ -131,7 +111,7 @@ def test_png_frames_are_lossless_and_the_record_names_the_renderer(sharp: Path) 
 
 @pytest.mark.slow
 def test_eevee_shows_the_same_place_with_the_same_truth(
-    sharp: Path, job: tuple[Path, Path], tmp_path: Path, small_body: BodyModel
+    sharp: Path, job: Job, tmp_path: Path, small_body: BodyModel
 ) -> None:
     try:
         renderer = find_renderer("eevee", "cpu")
@@ -146,14 +126,9 @@ def test_eevee_shows_the_same_place_with_the_same_truth(
         camera_of(whole).at_rows(rows),
     )
     save_clip(tmp_path / "two.npz", two, small_body.rest_pelvis_m(two.motion.shape))
-    out_dir = render_clip(
-        tmp_path / "two.npz",
-        job[1],
-        tmp_path / "eevee",
-        SHARP.model_copy(update={"engine": "eevee"}),
-        layout_paths=[job[0]],
-        on_frame=lambda _: None,
-    )
+    config = SHARP.model_copy(update={"engine": "eevee"})
+    short = Job(tmp_path / "two.npz", job.body_path)
+    out_dir = short.render(tmp_path / "eevee", config, layout_paths=[job.clip_path])
     assert StageRecord.of(out_dir).facts["renderer"] == renderer
     assert same_files(out_dir, sharp, "masks", "depth", "normals", "flow")
     for row in range(2):
@@ -163,45 +138,39 @@ def test_eevee_shows_the_same_place_with_the_same_truth(
 
 
 def covered(clip: Clip, body: BodyModel, moment: float) -> np.ndarray:
-    """(H, W) share of each pixel that the projected mesh covers, a share of a frame after frame 1.
+    """(H, W) share of each pixel that the mesh covers, a share of a frame after frame 1.
 
-    Drawn eight times as fine; between frames the person goes straight.
+    Between frames the person goes straight.
     """
-    fine, camera = 8, camera_of(clip)
-    vertices_m = motion_vertices_m(body, clip.motion)[1].astype(np.float64)
-    there_m = vertices_m + np.array([0.0, moment * STEP_M, 0.0])
-    points_px = project(camera.world_from_cam[1], there_m, camera.intrinsics_px)
-    canvas = np.zeros((HEIGHT_PX * fine, WIDTH_PX * fine), np.uint8)
-    for face in np.round((points_px * fine - 0.5) * 16).astype(np.int32)[body.faces]:
-        cv2.fillConvexPoly(canvas, face, (255,), shift=4)
-    size_px = WIDTH_PX, HEIGHT_PX
-    return np.asarray(cv2.resize(canvas, size_px, interpolation=cv2.INTER_AREA) / 255)
+    ahead_m = np.array([0.0, moment * STEP_M, 0.0])
+    vertices_m = motion_vertices_m(body, clip.motion)[1] + ahead_m
+    return coverage(camera_of(clip), body, vertices_m, 1)
 
 
-def coverage(clip: Clip, body: BodyModel, shutter: float) -> np.ndarray:
+def smear(clip: Clip, body: BodyModel, shutter: float) -> np.ndarray:
     """(H, W) mean share that is covered while a shutter is open, of 17 moments."""
     moments = shutter * ((np.arange(17) + 0.5) / 17 - 0.5)
     return np.mean([covered(clip, body, moment) for moment in moments], axis=0)
 
 
 def test_an_open_shutter_smears_the_person_and_leaves_the_truth(
-    sharp: Path, job: tuple[Path, Path], tmp_path: Path, small_body: BodyModel
+    sharp: Path, job: Job, tmp_path: Path, small_body: BodyModel
 ) -> None:
     shutter = 0.3  # 5 px of 17 px a frame
     config = SHARP.model_copy(update={"shutter": shutter, "samples": 32})
-    blurred = render_clip(*job, tmp_path / "blurred", config, on_frame=lambda _: None)
+    blurred = job.render(tmp_path / "blurred", config)
     assert same_files(sharp, blurred, "depth", "normals", "flow")
     assert sha256_of_file(sharp / "clip.npz") == sha256_of_file(blurred / "clip.npz")
     clip = load_clip(job[0])
-    smeared, still = coverage(clip, small_body, shutter), coverage(clip, small_body, 0.0)
-    mask, expected = read(blurred / "masks/00001.png") > 0, smeared >= 0.5
-    iou = (mask & expected).sum() / (mask | expected).sum()
+    smeared, still = smear(clip, small_body, shutter), smear(clip, small_body, 0.0)
+    mask, expected = mask_of(blurred, 1), smeared >= 0.5
+    iou = overlap(mask, expected)
     assert expected.sum() > 300 and iou > 0.85, f"IoU {iou:.3f}"
     # The colours mix where the person is for a part of the time, and nowhere else.
     frames = [read(folder / "frames/00001.png") for folder in (blurred, sharp)]
     change = np.abs(frames[0] - frames[1]).mean(axis=-1)
     mixed = np.abs(smeared - still) > 0.25
-    untouched = cv2.dilate((smeared > 0).astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
+    untouched = ~grown(smeared > 0, 3)
     assert mixed.sum() > 200
     assert change[mixed].mean() > 3 * change[untouched].mean()
 
@@ -211,7 +180,7 @@ def test_a_rolling_shutter_shows_each_row_at_its_own_time(
     shutter: float,
     box_place: SceneConfig,
     sharp: Path,
-    job: tuple[Path, Path],
+    job: Job,
     tmp_path: Path,
     small_body: BodyModel,
 ) -> None:
@@ -220,14 +189,14 @@ def test_a_rolling_shutter_shows_each_row_at_its_own_time(
     config = RenderConfig(
         samples=31, image_format="png", shutter=shutter, readout=readout, scene=box_place
     )
-    out_dir = render_clip(*job, tmp_path / "rolled", config, on_frame=lambda _: None)
-    mask = read(out_dir / "masks/00001.png") > 0
+    out_dir = job.render(tmp_path / "rolled", config)
+    mask = mask_of(out_dir, 1)
     iou = {}
     for direction in (1, 0, -1):
         moments = direction * readout * ((np.arange(HEIGHT_PX) + 0.5) / HEIGHT_PX - 0.5)
         rows = [covered(clip, small_body, moment)[row] for row, moment in enumerate(moments)]
         expected = np.array(rows) >= 0.5
-        iou[direction] = (mask & expected).sum() / (mask | expected).sum()
+        iou[direction] = overlap(mask, expected)
     assert mask.sum() > 300 and iou[1] > 0.9 > iou[0] + 0.1 > iou[-1], iou
     assert sha256_of_file(out_dir / "clip.npz") == sha256_of_file(sharp / "clip.npz")
 

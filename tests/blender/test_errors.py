@@ -4,126 +4,83 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from blender.__main__ import main, run
-from gmrdata.film.camera_moves import look_at
-from gmrdata.film.render import RenderConfig, render_clip
-from gmrdata.read.body_file import save_body
+from gmrdata.film.render import RenderConfig
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import CameraPath, intrinsics_from_fov
-from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import MissingInput, RenderFailed
-from gmrdata.values.motion import Motion
-from gmrdata.values.transforms import rigid
+from tests.blender.jobs import Job, camera_at, facing_x, save_job
 
 
-@pytest.fixture(scope="module")
-def body_path(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("body") / "body.npz"
-    save_body(path, small_body)
-    return path
+def one_frame(folder: Path, body: BodyModel, change: Callable[[Clip], Clip] = lambda c: c) -> Job:
+    motion = facing_x(body, [[0.0, 0.0, 0.95]])
+    job = save_job(folder, body, motion, camera_at([[0.0, -4.0, 1.5]], motion.pelvis_m, (64, 36)))
+    clip = change(load_clip(job.clip_path))
+    save_clip(job.clip_path, clip, body.rest_pelvis_m(clip.motion.shape))
+    return job
 
 
-def one_frame(body: BodyModel) -> Clip:
-    motion = Motion(
-        np.tile(np.eye(3), (1, 23, 1, 1)),
-        np.array([[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]),
-        np.array([[0.0, 0.0, 0.95]]),
-        np.zeros(body.n_shape),
-        10.0,
-        body.name,
-        "neutral",
-        "world",
-        "standing",
-    )
-    centre = np.array([[0.0, -4.0, 1.5]])
-    camera = CameraPath(
-        intrinsics_from_fov(60, 64, 36),
-        64,
-        36,
-        rigid(look_at(centre, motion.pelvis_m), centre),
-        np.ones(1, dtype=bool),
-    )
-    return Clip("one", motion, np.ones(1, dtype=bool), np.array([-1]), camera)
-
-
-def save(path: Path, clip: Clip, body: BodyModel) -> Path:
-    save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
-    return path
-
-
-def job_file(tmp_path: Path, clip_path: Path, body_path: Path, **changes: object) -> Path:
-    job: dict[str, object] = {
-        "clip_path": str(clip_path),
-        "body_path": str(body_path),
-        "out_dir": str(tmp_path / "out"),
-        "config": RenderConfig().model_dump(),
-    }
+def job_file(tmp_path: Path, job: Job, **changes: object) -> Path:
+    paths = {name: str(path) for name, path in job._asdict().items()}
+    rest = {"out_dir": str(tmp_path / "out"), "config": RenderConfig().model_dump()}
     path = tmp_path / "job.json"
-    path.write_text(json.dumps(job | changes), encoding="utf-8")
+    path.write_text(json.dumps(paths | rest | changes), encoding="utf-8")
     return path
 
 
-def run_blender(*arguments: str) -> tuple[int, str]:
-    said = subprocess.run(
-        [sys.executable, "-m", "blender", *arguments], capture_output=True, text=True, check=False
-    )
+def run_blender(*arguments: str, **options: Any) -> tuple[int, str]:
+    command = [sys.executable, "-m", "blender", *arguments]
+    said = subprocess.run(command, capture_output=True, text=True, check=False, **options)
     assert "Traceback" not in said.stderr
     return said.returncode, said.stderr
 
 
-def test_a_missing_clip_or_body(small_body: BodyModel, body_path: Path, tmp_path: Path) -> None:
-    missing = tmp_path / "missing.npz"
-    code, said = run_blender(str(job_file(tmp_path, missing, body_path)))
+def test_a_missing_clip_or_body(small_body: BodyModel, tmp_path: Path) -> None:
+    missing, job = tmp_path / "missing.npz", one_frame(tmp_path, small_body)
+    code, said = run_blender(str(job_file(tmp_path, job._replace(clip_path=missing))))
     assert code == 1 and said == f"error: {missing}: no such file\n"
-    with pytest.raises(MissingInput, match=r"missing\.npz: no such file"):
-        render_clip(missing, body_path, tmp_path / "out", RenderConfig())
-    clip_path = save(tmp_path / "clip.npz", one_frame(small_body), small_body)
-    with pytest.raises(MissingInput, match=r"missing\.npz: no such file"):
-        render_clip(clip_path, missing, tmp_path / "out", RenderConfig())
+    for less in (job._replace(clip_path=missing), job._replace(body_path=missing)):
+        with pytest.raises(MissingInput, match=r"missing\.npz: no such file"):
+            less.render(tmp_path / "out", RenderConfig())
 
 
+def lens(clip: Clip, **changes: Any) -> Clip:
+    return replace(clip, camera=replace(camera_of(clip), **changes))
+
+
+STRETCHED = np.array([[1.0], [1.1], [1.0]])
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda c: replace(c, camera=None), "has no camera; give it one"),
+        (lambda c: replace(c, motion=replace(c.motion, frame="camera")), "not in the world frame"),
+        (lambda c: lens(c, has_camera=np.zeros(1, dtype=bool)), "some frames have no camera"),
+        (lambda c: replace(c, motion=replace(c.motion, body="someone")), "made for body 'someone'"),
+        (lambda c: lens(c, intrinsics_px=c.camera.intrinsics_px * STRETCHED), "square pixels"),
+    ],
+)
 def test_clips_that_cannot_be_filmed(
-    small_body: BodyModel, body_path: Path, tmp_path: Path
+    change: Callable[[Clip], Clip], reason: str, small_body: BodyModel, tmp_path: Path
 ) -> None:
-    good = one_frame(small_body)
-    assert good.camera is not None
-    in_camera = replace(good, motion=replace(good.motion, frame="camera"))
-    lost = replace(good, camera=replace(good.camera, has_camera=np.zeros(1, dtype=bool)))
-    stranger = replace(good, motion=replace(good.motion, body="someone"))
-    for clip, reason in (
-        (replace(good, camera=None), "has no camera; give it one"),
-        (in_camera, "not in the world frame"),
-        (lost, "some frames have no camera"),
-        (stranger, "made for body 'someone'"),
-    ):
-        clip_path = save(tmp_path / "clip.npz", clip, small_body)
-        with pytest.raises(RenderFailed, match=reason) as failure:
-            render_clip(
-                clip_path, body_path, tmp_path / "out", RenderConfig(), on_frame=lambda _: None
-            )
-        assert str(clip_path) in str(failure.value)
-        assert not (tmp_path / "out").exists()
+    job = one_frame(tmp_path, small_body, change)
+    with pytest.raises(RenderFailed, match=reason) as failure:
+        job.render(tmp_path / "out", RenderConfig())
+    # A lens that Blender lacks is found where the file is not known.
+    assert str(job.clip_path) in str(failure.value) or reason == "square pixels"
+    assert not (tmp_path / "out").exists()
 
 
-def test_a_lens_that_blender_lacks(small_body: BodyModel, body_path: Path, tmp_path: Path) -> None:
-    good = one_frame(small_body)
-    assert good.camera is not None
-    stretched_px = good.camera.intrinsics_px * np.array([[1.0], [1.1], [1.0]])
-    clip = replace(good, camera=replace(good.camera, intrinsics_px=stretched_px))
-    clip_path = save(tmp_path / "clip.npz", clip, small_body)
-    with pytest.raises(RenderFailed, match="square pixels"):
-        render_clip(clip_path, body_path, tmp_path / "out", RenderConfig(), on_frame=print)
-
-
-def test_broken_job_files(
-    tmp_path: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_broken_job_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def run_here(*arguments: str) -> tuple[int, str]:
         """As `run_blender` without the start, for what is said before Blender is loaded."""
         return run(lambda: main(list(arguments))), capsys.readouterr().err
@@ -135,21 +92,17 @@ def test_broken_job_files(
     code, said = run_here(str(broken))
     assert code == 1 and said.startswith(f"error: {broken}: the file: Invalid JSON")
     config = RenderConfig().model_dump() | {"scene": {"kind": "moon", "seed": 0}}
-    code, said = run_here(str(job_file(tmp_path, body_path, body_path, config=config)))
+    code, said = run_here(str(job_file(tmp_path, Job(tmp_path, tmp_path), config=config)))
     assert code == 1 and "config.scene.kind: Input should be 'courtyard', 'street'" in said
     code, said = run_here()
     assert code == 1 and "usage: python -m blender job.json" in said
 
 
-def test_a_folder_that_cannot_be_written(
-    small_body: BodyModel, body_path: Path, tmp_path: Path
-) -> None:
-    clip_path = save(tmp_path / "clip.npz", one_frame(small_body), small_body)
+def test_a_folder_that_cannot_be_written(small_body: BodyModel, tmp_path: Path) -> None:
     blocker = tmp_path / "a_file"
     blocker.write_text("not a folder", encoding="utf-8")
-    code, said = run_blender(
-        str(job_file(tmp_path, clip_path, body_path, out_dir=str(blocker / "out")))
-    )
+    job = job_file(tmp_path, one_frame(tmp_path, small_body), out_dir=str(blocker / "out"))
+    code, said = run_blender(str(job))
     assert code == 1 and str(blocker) in said and said.startswith("error: ")
 
 
@@ -164,12 +117,6 @@ def test_bpy_is_imported_in_the_blender_folder_only() -> None:
 
 
 def test_blender_is_found_from_any_folder(tmp_path: Path) -> None:
-    said = subprocess.run(
-        [sys.executable, "-m", "blender"],
-        cwd=tmp_path,
-        env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert said.returncode == 1 and "usage:" in said.stderr
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    code, said = run_blender(cwd=tmp_path, env=environment)
+    assert code == 1 and "usage:" in said

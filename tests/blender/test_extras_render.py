@@ -2,26 +2,24 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from gmrdata.film.programmes import Film, Panning, film_motion, plan_clip
-from gmrdata.film.render import RenderConfig, optional_outputs, render_clip
+from gmrdata.film.render import RenderConfig, optional_outputs
 from gmrdata.film.render_outputs import read_depth, read_flow, read_instances
 from gmrdata.film.scene import Extras, SceneConfig, load_car
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Source
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
+from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.files import sha256_of_file
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.values.transforms import apply, invert
+from tests.blender.jobs import Job, contents, mask_of, overlap, save_job, unprojected
+from tests.clip_manifests import a_head, a_walk
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 5, 320, 180
 EXTRAS = Extras(company=1, passers_by=1, cars=1)
@@ -38,22 +36,20 @@ ALONE = RenderConfig(samples=2, scene=SceneConfig(seed=2), instances=True)
 
 
 @pytest.fixture(scope="module")
-def paths(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
     """A clip of 2.5 s at 2 Hz, and its body."""
-    folder = tmp_path_factory.mktemp("planned")
     rng = np.random.default_rng(4)
     film = Film(fps_hz=2, duration_s=2.5, width_px=WIDTH_PX, height_px=HEIGHT_PX)
     motion = film_motion(make_gait("walk", 2.5, 30.0, small_body, rng), film)
     clip = plan_clip("walk", motion, Panning(), film, rng)
-    save_clip(folder / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
-    save_body(folder / "body.npz", small_body)
-    return folder / "clip.npz", folder / "body.npz"
+    job = save_job(tmp_path_factory.mktemp("planned"), small_body, motion, camera_of(clip))
+    save_clip(job.clip_path, clip, small_body.rest_pelvis_m(motion.shape))
+    return job
 
 
 @pytest.fixture(scope="module")
-def filmed(paths: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out_dir = tmp_path_factory.mktemp("with") / "walk"
-    return render_clip(*paths, out_dir, CONFIG, on_frame=lambda _: None)
+def filmed(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return job.render(tmp_path_factory.mktemp("with") / "walk", CONFIG)
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +82,7 @@ def test_everyone_is_seen_and_masked(filmed: Path, instances: np.ndarray) -> Non
     assert instances.shape == (N_FRAMES, HEIGHT_PX, WIDTH_PX)
     assert set(np.unique(instances)) == {0, PERSON, COMPANY, PASSER_BY, CAR}
     for row, seen in enumerate(instances):
-        mask = cv2.imread(str(filmed / f"masks/{row:05d}.png"), cv2.IMREAD_GRAYSCALE) > 0
-        assert (mask & (seen > 0)).sum() / (mask | (seen > 0)).sum() > 0.96
+        assert overlap(mask_of(filmed, row), seen > 0) > 0.96
 
 
 def test_a_person_is_who_their_file_says(
@@ -111,7 +106,7 @@ def test_a_person_is_who_their_file_says(
             )
             found, visible = seen == number, expected & ~hidden
             if visible.sum() > 150:
-                iou = (found & visible).sum() / (found | visible).sum()
+                iou = overlap(found, visible)
                 assert iou > 0.98, f"{names[number]}, frame {row}: {iou:.4f}"
                 compared[number] += 1
             unhidden[number] += bool(expected.any() and not (hidden & expected).any())
@@ -120,12 +115,9 @@ def test_a_person_is_who_their_file_says(
 
 
 def test_the_person_is_the_same_without_extras(
-    filmed: Path,
-    instances: np.ndarray,
-    paths: tuple[Path, Path],
-    tmp_path: Path,
+    filmed: Path, instances: np.ndarray, job: Job, tmp_path: Path
 ) -> None:
-    alone = render_clip(*paths, tmp_path / "alone", ALONE, on_frame=lambda _: None)
+    alone = job.render(tmp_path / "alone", ALONE)
     assert not (alone / "extras").exists()
     untouched = 0
     for row, seen in enumerate(instances):
@@ -143,22 +135,18 @@ def test_the_person_is_the_same_without_extras(
 def test_flow_on_the_car_is_its_rigid_motion(filmed: Path, instances: np.ndarray) -> None:
     camera = camera_of(load_clip(filmed / "clip.npz"))
     world_from_car, size_m = load_car(filmed / "extras/car_1.npz")
-    x, y = np.meshgrid(np.arange(WIDTH_PX) + 0.5, np.arange(HEIGHT_PX) + 0.5)
-    pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
+    pixels = np.stack(np.meshgrid(np.arange(WIDTH_PX), np.arange(HEIGHT_PX)), axis=-1) + 0.5
     compared = 0
     for row in range(N_FRAMES - 1):
         on_car = instances[row] == CAR
-        rays = pixels[on_car] @ np.linalg.inv(camera.intrinsics_px).T
-        depth_m = read_depth(filmed / f"depth/{row:05d}.png")[on_car]
-        points_m = apply(camera.world_from_cam[row], rays * depth_m[:, None])
-        car_m = apply(invert(world_from_car[row]), points_m)
+        car_m = apply(invert(world_from_car[row]), unprojected(filmed, row)[on_car])
         assert (np.abs(car_m[:, :2]) < size_m[:2] / 2 + 0.02).all()
         assert ((car_m[:, 2] > -0.02) & (car_m[:, 2] < size_m[2] + 0.02)).all()
         body = car_m[:, 2] > 0.7  # above the wheels
         next_m = apply(world_from_car[row + 1], car_m[body])
         next_px = project(camera.world_from_cam[row + 1], next_m, camera.intrinsics_px)
         flow_px = read_flow(filmed / f"flow/{row:05d}.png")[on_car][body]
-        off_px = np.abs(flow_px - (next_px - pixels[on_car][body][:, :2]))
+        off_px = np.abs(flow_px - (next_px - pixels[on_car][body]))
         known = np.isfinite(off_px).all(axis=1)
         assert off_px[known].max(initial=0.0) < 0.5  # a millimetre of depth, seen from near
         compared += int(known.sum())
@@ -174,23 +162,9 @@ def test_the_manifest_lists_the_extras(filmed: Path) -> None:
             masks=filmed / "masks",
             **optional_outputs(filmed, CONFIG),
         ),
-        ClipAbout(
-            camera_motion="panning",
-            licence="CC0-1.0",
-            source=Source(dataset="gmrdata", sequence="walk"),
-        ),
+        a_walk("panning"),
     )
-    path = write_manifest(
-        filmed.parent / "set.yaml",
-        ManifestHead(
-            name="extras",
-            version="1.0.0",
-            description="A clip with extras.",
-            kind="synthetic",
-            licence="CC0-1.0",
-        ),
-        [entry],
-    )
+    path = write_manifest(filmed.parent / "set.yaml", a_head("extras"), [entry])
     check_manifest(path)
     listed = read_manifest(path).clips[0]
     names = ["company_1", "passer_by_1", "car_1"]
@@ -201,14 +175,5 @@ def test_the_manifest_lists_the_extras(filmed: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_same_recipe_gives_the_same_bytes(
-    filmed: Path, paths: tuple[Path, Path], tmp_path: Path
-) -> None:
-    again = render_clip(*paths, tmp_path / "walk", CONFIG, threads=2, on_frame=lambda _: None)
-    files = [
-        {p.relative_to(folder): sha256_of_file(p) for p in folder.rglob("*") if p.is_file()}
-        for folder in (filmed, again)
-    ]
-    for found in files:
-        found.pop(Path("stage.json"))
-    assert files[0] == files[1]
+def test_the_same_recipe_gives_the_same_bytes(filmed: Path, job: Job, tmp_path: Path) -> None:
+    assert contents(job.render(tmp_path / "walk", CONFIG, threads=2)) == contents(filmed)

@@ -3,23 +3,30 @@
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import pytest
 
-from gmrdata.film.programmes import Circular, camera_path
-from gmrdata.film.render import RenderConfig, frame_files, render_clip
-from gmrdata.film.render_outputs import read_depth, read_flow, read_normals
+from gmrdata.film.render import RenderConfig, frame_files
+from gmrdata.film.render_outputs import read_flow, read_normals
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import project, project_cam
-from gmrdata.values.clip import Clip, camera_of, load_clip, load_joints, save_clip
+from gmrdata.values.clip import camera_of, load_clip, load_joints
 from gmrdata.values.errors import RenderFailed
-from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
+from tests.blender.jobs import (
+    Job,
+    circling,
+    contents,
+    facing_x,
+    grown,
+    mask_of,
+    save_job,
+    shrunk,
+    unprojected,
+)
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 320, 180
 PLAIN = RenderConfig(samples=1, scene=SceneConfig(seed=5))
@@ -34,46 +41,21 @@ def striding(body: BodyModel) -> Motion:
     for row in range(N_FRAMES):
         cos, sin = np.cos(0.3 * row), np.sin(0.3 * row)
         local[row, JOINT["left_hip"] - 1, 1:, 1:] = [[cos, -sin], [sin, cos]]
-    pelvis_m = np.c_[0.1 * np.arange(N_FRAMES) + 3, np.full(N_FRAMES, -2), np.full(N_FRAMES, 0.95)]
-    root = np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (N_FRAMES, 1, 1))
-    shape = np.zeros(body.n_shape)
-    return Motion(local, root, pelvis_m, shape, 10.0, body.name, "neutral", "world", "a stride")
-
-
-class Job(NamedTuple):
-    """What a render starts from."""
-
-    clip_path: Path
-    body_path: Path
+    return facing_x(body, [[0.1 * row + 3, -2.0, 0.95] for row in range(N_FRAMES)], local)
 
 
 @pytest.fixture(scope="module")
 def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
-    folder = tmp_path_factory.mktemp("job")
     motion = striding(small_body)
-    camera = camera_path(
-        Circular(), motion.pelvis_m, 10.0, WIDTH_PX, HEIGHT_PX, 60.0, np.random.default_rng(2)
-    )
-    clip = Clip("stride", motion, np.ones(N_FRAMES, bool), np.full(N_FRAMES, -1), camera)
-    save_clip(folder / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
-    save_body(folder / "body.npz", small_body)
-    return Job(folder / "clip.npz", folder / "body.npz")
+    camera = circling(motion, (WIDTH_PX, HEIGHT_PX))
+    return save_job(tmp_path_factory.mktemp("job"), small_body, motion, camera)
 
 
 @pytest.fixture(scope="module")
 def full(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
     # Blender would fill in what stands in braces.
     out_dir = tmp_path_factory.mktemp("full") / "{stride} #1 %d"
-    return render_clip(*job, out_dir, FULL, on_frame=lambda _: None)
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """Hashes of all files but the stage's record, which holds times."""
-    return {
-        path.relative_to(folder).as_posix(): sha256_of_file(path)
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != "stage.json"
-    }
+    return job.render(out_dir, FULL)
 
 
 class Seen(NamedTuple):
@@ -90,9 +72,8 @@ class Seen(NamedTuple):
 def seen_by_rays(full: Path, body: BodyModel, row: int) -> Seen:
     """Nearest hit of each ray with the posed triangles (Möller and Trumbore 1997)."""
     clip = load_clip(full / "clip.npz")
-    camera, mask = camera_of(clip), cv2.imread(str(full / f"masks/{row:05d}.png"), 0)
-    inner = cv2.erode(mask, np.ones((5, 5), np.uint8)) > 0
-    y, x = np.nonzero(inner)
+    camera = camera_of(clip)
+    y, x = np.nonzero(shrunk(mask_of(full, row), 5))
     pixels = np.c_[x + 0.5, y + 0.5, np.ones(len(x))]
     world_from_cam = camera.world_from_cam[row]
     rays = pixels @ np.linalg.inv(camera.intrinsics_px).T @ world_from_cam[:3, :3].T
@@ -123,18 +104,8 @@ def seen_by_rays(full: Path, body: BodyModel, row: int) -> Seen:
     )
 
 
-def unprojected(full: Path, row: int) -> np.ndarray:
-    """(H, W, 3) world points [m] of a frame's depth; NaN in the sky."""
-    camera = camera_of(load_clip(full / "clip.npz"))
-    depth_m = read_depth(full / f"depth/{row:05d}.png")[..., None]
-    x, y = np.meshgrid(np.arange(WIDTH_PX) + 0.5, np.arange(HEIGHT_PX) + 0.5)
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(camera.intrinsics_px).T
-    points_cam_m = np.where(np.isfinite(depth_m), depth_m, np.nan) * rays
-    return apply(camera.world_from_cam[row], points_cam_m.reshape(-1, 3)).reshape(rays.shape)
-
-
 def test_passes_come_on_top_and_change_nothing_else(full: Path, job: Job, tmp_path: Path) -> None:
-    plain = contents(render_clip(*job, tmp_path / "plain", PLAIN, on_frame=lambda _: None))
+    plain = contents(job.render(tmp_path / "plain", PLAIN))
     more = contents(full)
     assert {name: data for name, data in more.items() if name in plain} == plain
     added = {f"{d}/{row:05d}.png" for d in ("depth", "normals") for row in range(N_FRAMES)}
@@ -151,8 +122,7 @@ def test_unprojected_depth_is_the_surface_within_5_mm(full: Path, small_body: Bo
 
 def ground(full: Path, row: int) -> np.ndarray:
     """(H, W) bool: pixels whose depth says that they are on the yard's floor."""
-    mask = cv2.imread(str(full / f"masks/{row:05d}.png"), cv2.IMREAD_GRAYSCALE)
-    outside = cv2.dilate(mask, np.ones((5, 5), np.uint8)) == 0
+    outside = ~grown(mask_of(full, row), 5)
     return outside & (np.abs(unprojected(full, row)[..., 2]) < 0.005)
 
 
@@ -223,9 +193,9 @@ def test_a_frame_with_a_file_missing_is_made_again(full: Path, job: Job, tmp_pat
         raise RenderFailed("stopped by the test")
 
     with pytest.raises(RenderFailed, match="stopped"):
-        render_clip(*job, out_dir, FULL, on_frame=stop)
+        job.render(out_dir, FULL, on_frame=stop)
     first = frame_files(partial, FULL, 0, N_FRAMES)
     assert set(first) == {"frames", "masks", "depth", "normals", "flow"}
     first["flow"].unlink()
-    render_clip(*job, out_dir, FULL, threads=2, on_frame=lambda _: None)
+    job.render(out_dir, FULL, threads=2)
     assert contents(out_dir) == contents(full)

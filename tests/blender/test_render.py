@@ -12,26 +12,32 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.film.programmes import Circular, camera_path
-from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.film.render import RenderConfig
 from gmrdata.film.scene import SceneConfig
-from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.camera import project
-from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import RenderFailed
-from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
+from tests.blender.jobs import (
+    REPOSITORY,
+    Job,
+    circling,
+    contents,
+    coverage,
+    facing_x,
+    mask_of,
+    n_features,
+    overlap,
+    save_job,
+)
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 4, 320, 180
 CONFIG = RenderConfig(samples=4, scene=SceneConfig(seed=5))
 
 
 def walking(body: BodyModel) -> Motion:
     """Four frames of someone who strides along x with the arms down."""
-    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # faces +x, stands on z
     local = np.tile(np.eye(3), (N_FRAMES, 23, 1, 1))
     for name, angle in (("left_shoulder", -1.2), ("right_shoulder", 1.2)):
         cos, sin = np.cos(angle), np.sin(angle)
@@ -41,50 +47,24 @@ def walking(body: BodyModel) -> Motion:
             angle = sign * 0.4 * np.cos(0.9 * row)
             cos, sin = np.cos(angle), np.sin(angle)
             local[row, JOINT[name] - 1, 1:, 1:] = [[cos, -sin], [sin, cos]]
-    pelvis = np.c_[0.13 * np.arange(N_FRAMES) + 3, np.full(N_FRAMES, -2), np.full(N_FRAMES, 0.95)]
-    root = np.tile(turn, (N_FRAMES, 1, 1))
-    return Motion(
-        local, root, pelvis, np.zeros(body.n_shape), 10.0, body.name, "neutral", "world", "a stride"
-    )
+    return facing_x(body, [[0.13 * row + 3, -2.0, 0.95] for row in range(N_FRAMES)], local)
 
 
 @pytest.fixture(scope="module")
-def body_path(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("body") / "body.npz"
-    save_body(path, small_body)
-    return path
-
-
-@pytest.fixture(scope="module")
-def clip_path(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
     motion = walking(small_body)
-    camera = camera_path(
-        Circular(), motion.pelvis_m, 10.0, WIDTH_PX, HEIGHT_PX, 60.0, np.random.default_rng(2)
-    )
-    valid = np.array([True, True, False, True])
-    clip = Clip("stride", motion, valid, np.full(N_FRAMES, -1), camera)
-    path = tmp_path_factory.mktemp("clip") / "clip.npz"
-    save_clip(path, clip, small_body.rest_pelvis_m(motion.shape))
-    return path
+    camera, valid = circling(motion, (WIDTH_PX, HEIGHT_PX)), [True, True, False, True]
+    return save_job(tmp_path_factory.mktemp("clip"), small_body, motion, camera, valid)
 
 
 @pytest.fixture(scope="module")
-def rendered(clip_path: Path, body_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def rendered(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An undisturbed render."""
     seen: list[int] = []
     out_dir = tmp_path_factory.mktemp("render") / "stride"
-    render_clip(clip_path, body_path, out_dir, CONFIG, on_frame=seen.append)
+    job.render(out_dir, CONFIG, on_frame=seen.append)
     assert seen == list(range(N_FRAMES))
     return out_dir
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """Hashes of all files but the stage's record, which holds times."""
-    return {
-        path.relative_to(folder).as_posix(): sha256_of_file(path)
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != "stage.json"
-    }
 
 
 def test_the_folder_holds_frames_masks_and_the_clip_and_nothing_else(rendered: Path) -> None:
@@ -99,10 +79,8 @@ def test_the_folder_holds_frames_masks_and_the_clip_and_nothing_else(rendered: P
         assert frame.std() > 25  # there is something to see
 
 
-def test_the_clip_is_the_one_that_went_in_with_blenders_camera(
-    rendered: Path, clip_path: Path
-) -> None:
-    asked, got = load_clip(clip_path), load_clip(rendered / "clip.npz")
+def test_the_clip_is_the_one_that_went_in_with_blenders_camera(rendered: Path, job: Job) -> None:
+    asked, got = load_clip(job.clip_path), load_clip(rendered / "clip.npz")
     assert asked.camera is not None and got.camera is not None
     assert got.id == asked.id and got.camera.has_camera.all()
     np.testing.assert_array_equal(got.image_numbers, np.arange(N_FRAMES))
@@ -113,46 +91,27 @@ def test_the_clip_is_the_one_that_went_in_with_blenders_camera(
     assert (got.camera.width_px, got.camera.height_px) == (WIDTH_PX, HEIGHT_PX)
 
 
-def silhouette(clip: Clip, body: BodyModel, row: int) -> np.ndarray:
-    """(H, W) bool: pixels that the projected mesh covers by half, drawn eight times as fine."""
-    fine = 8
-    assert clip.camera is not None
-    vertices_m = motion_vertices_m(body, clip.motion, np.array([row]))[0].astype(np.float64)
-    points_px = project(clip.camera.world_from_cam[row], vertices_m, clip.camera.intrinsics_px)
-    canvas = np.zeros((HEIGHT_PX * fine, WIDTH_PX * fine), np.uint8)
-    for face in np.round((points_px * fine - 0.5) * 16).astype(np.int32)[body.faces]:
-        cv2.fillConvexPoly(canvas, face, (255,), shift=4)
-    return cv2.resize(canvas, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA) >= 128
-
-
 def test_masks_are_the_projected_mesh(rendered: Path, small_body: BodyModel) -> None:
     clip = load_clip(rendered / "clip.npz")
+    vertices_m = motion_vertices_m(small_body, clip.motion)
     for row in range(N_FRAMES):
-        mask = cv2.imread(str(rendered / f"masks/{row:05d}.png"), cv2.IMREAD_GRAYSCALE) > 0
-        expected = silhouette(clip, small_body, row)
+        mask = mask_of(rendered, row)
+        expected = coverage(camera_of(clip), small_body, vertices_m[row], row) >= 0.5
         assert expected.sum() > 1000
-        iou = (mask & expected).sum() / (mask | expected).sum()
+        iou = overlap(mask, expected)
         assert iou > 0.97, f"frame {row}: IoU {iou:.4f}"
         for shift in ((0, 1), (0, -1), (1, 0), (-1, 0)):  # not even one pixel off
-            moved = np.roll(expected, shift, axis=(0, 1))
-            assert (mask & moved).sum() / (mask | moved).sum() < iou
+            assert overlap(mask, np.roll(expected, shift, axis=(0, 1))) < iou
 
 
 def test_the_scene_has_enough_to_match(rendered: Path) -> None:
-    for row in range(N_FRAMES):
-        frame = cv2.imread(str(rendered / f"frames/{row:05d}.jpg"), cv2.IMREAD_GRAYSCALE)
-        mask = cv2.imread(str(rendered / f"masks/{row:05d}.png"), cv2.IMREAD_GRAYSCALE)
-        outside = np.where(cv2.dilate(mask, np.ones((5, 5), np.uint8)) == 0, 255, 0)
-        assert len(cv2.SIFT.create().detect(frame, outside.astype(np.uint8))) > 300
+    assert all(n_features(rendered, row) > 300 for row in range(N_FRAMES))
 
 
 def test_another_run_with_other_threads_gives_the_same_bytes(
-    rendered: Path, clip_path: Path, body_path: Path, tmp_path: Path
+    rendered: Path, job: Job, tmp_path: Path
 ) -> None:
-    render_clip(
-        clip_path, body_path, tmp_path / "again", CONFIG, threads=2, on_frame=lambda _: None
-    )
-    assert contents(tmp_path / "again") == contents(rendered)
+    assert contents(job.render(tmp_path / "again", CONFIG, threads=2)) == contents(rendered)
 
 
 def test_the_blender_process_has_no_use_for_torch() -> None:
@@ -191,24 +150,14 @@ def before_boxes(box_place: SceneConfig) -> RenderConfig:
 
 @pytest.fixture(scope="module")
 def undisturbed(
-    before_boxes: RenderConfig,
-    clip_path: Path,
-    body_path: Path,
-    tmp_path_factory: pytest.TempPathFactory,
+    before_boxes: RenderConfig, job: Job, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, str]:
     """What a render of that leaves when nobody kills it."""
-    out_dir = tmp_path_factory.mktemp("boxes") / "stride"
-    return contents(
-        render_clip(clip_path, body_path, out_dir, before_boxes, on_frame=lambda _: None)
-    )
+    return contents(job.render(tmp_path_factory.mktemp("boxes") / "stride", before_boxes))
 
 
 def test_a_killed_parent_takes_blender_along_and_the_next_run_goes_on(
-    before_boxes: RenderConfig,
-    undisturbed: dict[str, str],
-    clip_path: Path,
-    body_path: Path,
-    tmp_path: Path,
+    before_boxes: RenderConfig, undisturbed: dict[str, str], job: Job, tmp_path: Path
 ) -> None:
     out_dir = tmp_path / "stride"
     code = (
@@ -216,7 +165,7 @@ def test_a_killed_parent_takes_blender_along_and_the_next_run_goes_on(
         "clip, body, out, config = sys.argv[1:]\n"
         "render_clip(Path(clip), Path(body), Path(out), RenderConfig.model_validate_json(config))"
     )
-    words = [str(clip_path), str(body_path), str(out_dir), before_boxes.model_dump_json()]
+    words = [*map(str, (*job, out_dir)), before_boxes.model_dump_json()]
     parent = subprocess.Popen([sys.executable, "-c", code, *words], stderr=subprocess.DEVNULL)
     partial = out_dir.with_name("stride.partial")
     first = partial / "frames/00000.jpg"
@@ -230,17 +179,13 @@ def test_a_killed_parent_takes_blender_along_and_the_next_run_goes_on(
             assert data == undisturbed[name]
     assert not out_dir.exists()
     written_ns = first.stat().st_mtime_ns
-    render_clip(clip_path, body_path, out_dir, before_boxes, on_frame=lambda _: None)
+    job.render(out_dir, before_boxes)
     assert contents(out_dir) == undisturbed
     assert (out_dir / "frames/00000.jpg").stat().st_mtime_ns == written_ns  # not made again
 
 
 def test_a_killed_blender_is_an_error_and_missing_frames_are_made_again(
-    before_boxes: RenderConfig,
-    undisturbed: dict[str, str],
-    clip_path: Path,
-    body_path: Path,
-    tmp_path: Path,
+    before_boxes: RenderConfig, undisturbed: dict[str, str], job: Job, tmp_path: Path
 ) -> None:
     out_dir = tmp_path / "stride"
     partial = out_dir.with_name("stride.partial")
@@ -250,7 +195,7 @@ def test_a_killed_blender_is_an_error_and_missing_frames_are_made_again(
             os.kill(blender_pids(partial)[0], signal.SIGKILL)
 
     with pytest.raises(RenderFailed, match=r"signal 9; run again"):
-        render_clip(clip_path, body_path, out_dir, before_boxes, on_frame=kill_at_second)
+        job.render(out_dir, before_boxes, on_frame=kill_at_second)
     (partial / "masks/00000.png").unlink()
-    render_clip(clip_path, body_path, out_dir, before_boxes, on_frame=lambda _: None)
+    job.render(out_dir, before_boxes)
     assert contents(out_dir) == undisturbed

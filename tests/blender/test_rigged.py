@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from gmrdata.film.character import Character, limb_angles_deg, residual_figures
 from gmrdata.film.programmes import Static, camera_path
-from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.film.render import RenderConfig
 from gmrdata.film.render_set import render_set
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe
@@ -29,18 +29,26 @@ from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import (
     CharacterRecord,
-    Clip,
     camera_of,
     load_character,
     load_clip,
     load_joints,
     save_character,
-    save_clip,
 )
 from gmrdata.values.errors import BadManifest, RenderFailed
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from tests.blender.jobs import (
+    Job,
+    contents,
+    facing_x,
+    grown,
+    mask_of,
+    overlap,
+    save_job,
+    shrunk,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -55,6 +63,9 @@ MIXAMO = {
     "collar": "Shoulder", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand",
     "hand": "HandMiddle1",
 }  # fmt: skip
+
+
+Film, Files = Callable[..., Path], dict[str, Path]
 
 
 def mixamo_name(joint: str) -> str:
@@ -118,12 +129,12 @@ def stand_in(
 
 
 @pytest.fixture(scope="module")
-def characters(small_body: BodyModel, folder: Path) -> dict[str, Path]:
+def characters(small_body: BodyModel, folder: Path) -> Files:
     """The files of all characters, written with Blender in one process of its own."""
     t_pose = stand_in(small_body, {}, a_pose=False, rename=smpl_name)
     in_cm = stand_in(small_body, LEGS | ARMS, unit_m=0.01)
     cases = {
-        "proportions.glb": in_cm,
+        "proportions.glb": in_cm,  # a Mixamo rig, in an A-pose, with longer legs and shorter arms
         "someone.fbx": in_cm,
         "twin.glb": t_pose,
         "holes.glb": t_pose | {"holes": True},
@@ -154,19 +165,7 @@ def striding(body: BodyModel) -> Motion:
             local[row, JOINT[f"{side}_hip"] - 1] = rotation(np.array([1.0, 0, 0]), -sign * swing)
             knee = rotation(np.array([1.0, 0, 0]), 0.3 + 0.2 * sign)
             local[row, JOINT[f"{side}_knee"] - 1] = knee
-    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    pelvis_m = np.c_[0.2 * np.arange(N_FRAMES), np.zeros(N_FRAMES), np.full(N_FRAMES, 0.93)]
-    return Motion(
-        local,
-        np.tile(turn, (N_FRAMES, 1, 1)),
-        pelvis_m,
-        np.zeros(body.n_shape),
-        10.0,
-        body.name,
-        "neutral",
-        "world",
-        "strides",
-    )
+    return facing_x(body, [[0.2 * row, 0.0, 0.93] for row in range(N_FRAMES)], local)
 
 
 @pytest.fixture(scope="module")
@@ -176,20 +175,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def clip_path(small_body: BodyModel, folder: Path) -> Path:
-    save_body(folder / "body.npz", small_body)
-    motion = striding(small_body)
-    camera = camera_path(
-        Static(azimuth_deg=90.0),
-        motion.pelvis_m,
-        10.0,
-        WIDTH_PX,
-        HEIGHT_PX,
-        60.0,
-        np.random.default_rng(2),
-    )
-    clip = Clip("strides", motion, np.ones(N_FRAMES, bool), np.arange(N_FRAMES), camera)
-    save_clip(folder / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
-    return folder / "clip.npz"
+    motion, rng = striding(small_body), np.random.default_rng(2)
+    programme = Static(azimuth_deg=90.0)
+    camera = camera_path(programme, motion.pelvis_m, 10.0, WIDTH_PX, HEIGHT_PX, 60.0, rng)
+    return save_job(folder, small_body, motion, camera).clip_path
 
 
 @pytest.fixture(scope="module")
@@ -199,22 +188,15 @@ def film(box_place: SceneConfig) -> Callable[..., Path]:
     def run(clip_path: Path, out_dir: Path, character: Character | None, **more: Any) -> Path:
         said = {"scene": box_place} | more
         config = RenderConfig(samples=1, character=character, **said)
-        body_path = clip_path.with_name("body.npz")
-        return render_clip(clip_path, body_path, out_dir, config, on_frame=lambda _: None)
+        return Job(clip_path, clip_path.with_name("body.npz")).render(out_dir, config)
 
     return run
 
 
 @pytest.fixture(scope="module")
-def proportions(characters: dict[str, Path]) -> Path:
-    """A Mixamo rig in centimetres, in an A-pose, with longer legs and shorter arms."""
-    return characters["proportions"]
-
-
-@pytest.fixture(scope="module")
-def rendered(film: Callable[..., Path], proportions: Path, clip_path: Path, folder: Path) -> Path:
+def rendered(film: Film, characters: Files, clip_path: Path, folder: Path) -> Path:
     """In a place of our own, whose light is in the materials."""
-    character = Character(path=proportions)
+    character = Character(path=characters["proportions"])
     return film(clip_path, folder / "rendered", character, joints=True, scene=SceneConfig())
 
 
@@ -264,8 +246,8 @@ def test_the_residual_is_what_the_proportions_imply(
 
 
 def test_a_file_in_centimetres_keeps_its_size_if_told_to(
-    film: Callable[..., Path],
-    characters: dict[str, Path],
+    film: Film,
+    characters: Files,
     small_body: BodyModel,
     clip_path: Path,
     folder: Path,
@@ -277,12 +259,6 @@ def test_a_file_in_centimetres_keeps_its_size_if_told_to(
     assert record.scale == 1.0
 
 
-def mask_of(folder: Path, row: int) -> np.ndarray:
-    mask = cv2.imread(str(folder / f"masks/{row:05d}.png"), cv2.IMREAD_GRAYSCALE)
-    assert mask is not None
-    return np.asarray(mask > 0)
-
-
 def test_the_picture_shows_the_character_where_its_joints_are(rendered: Path) -> None:
     record, clip = load_character(rendered / "character.npz"), load_clip(rendered / "clip.npz")
     camera = camera_of(clip)
@@ -291,8 +267,7 @@ def test_the_picture_shows_the_character_where_its_joints_are(rendered: Path) ->
         mask = mask_of(rendered, row)
         assert mask.sum() > 150
         x_px, y_px = np.floor(joints_px[row]).astype(int).T
-        grown = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        assert grown[y_px, x_px].all()  # joints are inside the flesh
+        assert grown(mask, 3)[y_px, x_px].all()  # joints are inside the flesh
         ys, xs = np.nonzero(mask)
         for pixels, joints in ((xs, joints_px[row, :, 0]), (ys, joints_px[row, :, 1])):
             assert pixels.min() > joints.min() - 8 and pixels.max() < joints.max() + 8
@@ -304,29 +279,19 @@ def test_it_has_its_own_picture_on_and_is_lit(rendered: Path) -> None:
     assert (blue - red > 60).mean() > 0.2 and (red > 120).mean() > 0.2
 
 
-def contents(folder: Path) -> dict[str, str]:
-    return {
-        path.relative_to(folder).as_posix(): sha256_of_file(path)
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != "stage.json"
-    }
-
-
 def smpl_name(joint: str) -> str:
     return "m_avg_" + joint.title().replace("Left_", "L_").replace("Right_", "R_")
 
 
 @pytest.fixture(scope="module")
-def twin(
-    film: Callable[..., Path], characters: dict[str, Path], clip_path: Path, folder: Path
-) -> Path:
+def twin(film: Film, characters: Files, clip_path: Path, folder: Path) -> Path:
     """The body itself as a character, in the T-pose with SMPL's names, with flow and depth."""
     character = Character(path=characters["twin"])
     return film(clip_path, folder / "twin", character, blend=True, flow=True, joints=True)
 
 
 def test_the_body_as_a_character_is_the_body(
-    film: Callable[..., Path], twin: Path, small_body: BodyModel, clip_path: Path, folder: Path
+    film: Film, twin: Path, small_body: BodyModel, clip_path: Path, folder: Path
 ) -> None:
     record = load_character(twin / "character.npz")
     assert np.abs(record.residual_m).max() < 1e-5 and record.scale == pytest.approx(1.0, rel=1e-5)
@@ -338,11 +303,9 @@ def test_the_body_as_a_character_is_the_body(
     assert apart_m.max() < 1e-4
     plain = film(clip_path, folder / "plain", None, flow=True, joints=True)
     for row in range(N_FRAMES):
-        mine, bodys = mask_of(twin, row), mask_of(plain, row)
-        assert (mine & bodys).sum() / (mine | bodys).sum() > 0.98
+        assert overlap(mask_of(twin, row), mask_of(plain, row)) > 0.98
     ours, flow = (cv2.imread(str(f / "flow/00000.png"), -1).astype(int) for f in (plain, twin))
-    inside = cv2.erode(mask_of(twin, 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    assert np.median(np.abs(ours - flow)[inside]) <= 1  # 1/64 px
+    assert np.median(np.abs(ours - flow)[shrunk(mask_of(twin, 0), 3)]) <= 1  # 1/64 px
     seen, expected = (load_joints(f / "joints.npz").visible for f in (twin, plain))
     np.testing.assert_array_equal(seen, expected)
     assert not seen.all() and seen[:, JOINT["head"]].all()  # the camera is on the left
@@ -350,8 +313,8 @@ def test_the_body_as_a_character_is_the_body(
 
 
 def test_there_is_nothing_in_the_holes_of_a_picture(
-    film: Callable[..., Path],
-    characters: dict[str, Path],
+    film: Film,
+    characters: Files,
     twin: Path,
     clip_path: Path,
     folder: Path,
@@ -367,24 +330,21 @@ def test_there_is_nothing_in_the_holes_of_a_picture(
 
 
 def test_feet_stand_on_the_floor_where_the_bodys_do(
-    film: Callable[..., Path],
+    film: Film,
     clip_path: Path,
     small_body: BodyModel,
-    proportions: Path,
+    characters: Files,
     folder: Path,
 ) -> None:
-    motion = striding(small_body)
-    upright = np.tile(np.eye(3), (N_FRAMES, 23, 1, 1))
     soles_m = (small_body.template_m - small_body.joints_template_m[0])[:, 1].min()
-    pelvis_m = np.tile([0.0, 0.0, -soles_m], (N_FRAMES, 1))
-    motion = replace(motion, local_rotmats=upright, pelvis_m=pelvis_m)
-    clip = replace(load_clip(clip_path), motion=motion)
+    motion, camera = (
+        facing_x(small_body, [[0, 0, -soles_m]] * N_FRAMES),
+        load_clip(clip_path).camera,
+    )
     (folder / "standing").mkdir()
-    save_body(folder / "standing/body.npz", small_body)
-    path = folder / "standing/clip.npz"
-    save_clip(path, clip, small_body.rest_pelvis_m(motion.shape))
+    path = save_job(folder / "standing", small_body, motion, camera).clip_path
     for scale in ("legs", "keep"):
-        character = Character.model_validate({"path": proportions, "scale": scale})
+        character = Character.model_validate({"path": characters["proportions"], "scale": scale})
         out_dir = film(path, folder / f"standing/{scale}", character, blend=True)
         lowest_m = np.frombuffer((out_dir / "scene/person.pc2").read_bytes(), "<f4", offset=32)
         assert abs(lowest_m.reshape(-1, 3)[:, 2].min()) < 1e-3
@@ -406,9 +366,9 @@ def write_glb(path: Path, scene: Mapping[str, Any], binary: bytes) -> Path:
 
 
 def test_another_run_from_a_gltf_with_files_beside_it_gives_the_same_bytes(
-    film: Callable[..., Path], rendered: Path, proportions: Path, clip_path: Path, folder: Path
+    film: Film, rendered: Path, proportions: Path, clip_path: Path, folder: Path
 ) -> None:
-    scene, binary = read_glb(proportions)
+    scene, binary = read_glb(characters["proportions"])
     (folder / "parts").mkdir()
     view = scene["bufferViews"][scene["images"][0].pop("bufferView")]
     start = view.get("byteOffset", 0)
@@ -429,9 +389,9 @@ def test_another_run_from_a_gltf_with_files_beside_it_gives_the_same_bytes(
 
 
 def test_a_missing_bone_is_named(
-    film: Callable[..., Path], proportions: Path, clip_path: Path, folder: Path
+    film: Film, characters: Files, clip_path: Path, folder: Path
 ) -> None:
-    scene, binary = read_glb(proportions)
+    scene, binary = read_glb(characters["proportions"])
     for node in scene["nodes"]:
         node["name"] = node["name"].replace("LeftLeg", "Tentacle")
     path = write_glb(folder / "odd.glb", scene, binary)
@@ -444,9 +404,9 @@ def test_a_missing_bone_is_named(
 
 
 def test_a_mesh_without_a_skeleton_is_no_character(
-    film: Callable[..., Path], proportions: Path, clip_path: Path, folder: Path
+    film: Film, characters: Files, clip_path: Path, folder: Path
 ) -> None:
-    scene, binary = read_glb(proportions)
+    scene, binary = read_glb(characters["proportions"])
     del scene["skins"]
     for node in scene["nodes"]:
         node.pop("skin", None)
@@ -455,7 +415,7 @@ def test_a_mesh_without_a_skeleton_is_no_character(
         film(clip_path, folder / "statue", Character(path=path))
 
 
-def test_a_damaged_fbx_is_named(film: Callable[..., Path], clip_path: Path, folder: Path) -> None:
+def test_a_damaged_fbx_is_named(film: Film, clip_path: Path, folder: Path) -> None:
     path = folder / "cut.fbx"
     path.write_bytes(b"Kaydara FBX Binary  \0\x1a\0" + struct.pack("<I", 7400) + b"\1" * 50)
     with pytest.raises(RenderFailed, match=r"cut\.fbx: Blender can't read this character"):
@@ -463,7 +423,7 @@ def test_a_damaged_fbx_is_named(film: Callable[..., Path], clip_path: Path, fold
 
 
 def test_an_fbx_with_its_picture_elsewhere_is_refused(
-    film: Callable[..., Path], characters: dict[str, Path], clip_path: Path, folder: Path
+    film: Film, characters: Files, clip_path: Path, folder: Path
 ) -> None:
     path = characters["loose"]
     assert (folder / "loose/stripes.png").is_file()
@@ -472,10 +432,10 @@ def test_an_fbx_with_its_picture_elsewhere_is_refused(
 
 
 def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
-    box_place: SceneConfig, small_body: BodyModel, proportions: Path, folder: Path
+    box_place: SceneConfig, small_body: BodyModel, characters: Files, folder: Path
 ) -> None:
     save_body(folder / "small.npz", small_body)
-    character = {"path": str(proportions), "licence": "CC0-1.0"}
+    character = {"path": str(characters["proportions"]), "licence": "CC0-1.0"}
     clip = {"gait": "walk", "programme": {"kind": "static"}}
     recipe = SyntheticRecipe.model_validate(
         {

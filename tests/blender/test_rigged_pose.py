@@ -24,6 +24,7 @@ from gmrdata.values.body import JOINT, PARENTS, BodyModel
 from gmrdata.values.errors import BadCharacter
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats, motion_joints_m
+from tests.blender.jobs import facing_x
 
 N_FRAMES = 4
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -34,17 +35,8 @@ def random_motion(body: BodyModel, seed: int) -> Motion:
     rng = np.random.default_rng(seed)
     rotmats = Rotation.from_rotvec(rng.normal(0, 0.7, (N_FRAMES * 24, 3))).as_matrix()
     rotmats = rotmats.reshape(N_FRAMES, 24, 3, 3)
-    return Motion(
-        rotmats[:, 1:],
-        rotmats[:, 0],
-        rng.normal(size=(N_FRAMES, 3)),
-        np.zeros(body.n_shape),
-        10.0,
-        body.name,
-        "neutral",
-        "world",
-        "random",
-    )
+    standing = facing_x(body, rng.normal(size=(N_FRAMES, 3)), rotmats[:, 1:])
+    return replace(standing, root_rotmats=rotmats[:, 0])
 
 
 def random_rest(body: BodyModel, seed: int, unit: float, file_from_rest: np.ndarray) -> RestPose:

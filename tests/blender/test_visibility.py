@@ -1,10 +1,6 @@
 """Which joints the camera sees, on a body of boxes with a wall beside it and someone passing."""
 
-import json
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +9,7 @@ from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, JOINT_NAMES, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from tests.blender.jobs import ask_blender, facing_x
 
 PLACES_M = {
     "front": (4.0, 0.0, 1.2),
@@ -46,10 +43,7 @@ def standing(body: BodyModel) -> Motion:
     third /= np.linalg.norm(third)
     elbow = np.stack([-along, np.cross(third, -along), third], axis=1)
     local[:, JOINT["right_elbow"] - 1] = turn(2, 1.4).T @ elbow
-    root = np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (n_frames, 1, 1))
-    pelvis_m = np.tile([0.0, 0.0, 0.95], (n_frames, 1))
-    shape = np.zeros(body.n_shape)
-    return Motion(local, root, pelvis_m, shape, 10.0, body.name, "neutral", "world", "standing")
+    return facing_x(body, [[0.0, 0.0, 0.95]] * n_frames, local)
 
 
 @pytest.fixture(scope="module")
@@ -69,16 +63,8 @@ def seen(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> dic
         wall_m=np.array(WALL_M),
     )
     save_body(folder / "body.npz", small_body)
-    script = Path(__file__).with_name("visibility_by_blender.py")
-    said = subprocess.run(
-        [sys.executable, script, folder / "case.npz", folder / "body.npz"],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(__file__).parents[2],
-        env={"PYTHONPATH": str(Path(__file__).parents[2])},
-    )
-    visible = json.loads(said.stdout.split("\nANSWER ")[1])
+    files = folder / "case.npz", folder / "body.npz"
+    visible = ask_blender("visibility_by_blender.py", *files)
     return {
         place: {name for name, yes in zip(JOINT_NAMES, row, strict=True) if yes}
         for place, row in zip(PLACES_M, visible, strict=True)
