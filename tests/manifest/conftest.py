@@ -11,18 +11,12 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.write import (
-    ClipAbout,
-    ClipFiles,
-    ManifestHead,
-    clip_entry,
-    made_by,
-    write_manifest,
-)
+from gmrdata.manifest.v1 import Quality, created_by
+from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.motion import Motion
+from tests.clip_manifests import Edit, a_head, a_walk
 
 REST_PELVIS_M = np.array([0.001, -0.24, 0.03])
 N_FRAMES = 6
@@ -70,37 +64,16 @@ def finished_data_set(walk_clip: Clip, tmp_path_factory: pytest.TempPathFactory)
     walk = clip_entry(
         root,
         ClipFiles(root / "clips" / "walk.npz", images=root / "frames", masks=root / "masks"),
-        ClipAbout(
-            camera_motion="circular",
-            licence="CC0-1.0",
-            source=Source(dataset="gmrdata", sequence="walk"),
+        a_walk(
             dropped_reason="no camera found",
             quality=Quality(
                 geometry="exact", registered_share=5 / 6, figures={"speed_m_per_s": 1.2}
             ),
         ),
     )
-    still = clip_entry(
-        root,
-        ClipFiles(root / "clips" / "bare.npz"),
-        ClipAbout(
-            camera_motion="none",
-            licence="CC0-1.0",
-            source=Source(dataset="gmrdata", sequence="walk"),
-        ),
-    )
-    write_manifest(
-        root / "set.yaml",
-        ManifestHead(
-            name="set",
-            version="1.0.0",
-            description="Two clips for tests.",
-            kind="synthetic",
-            licence="CC0-1.0",
-        ),
-        [walk, still],
-        created_by=made_by({"seed": 7}, {"all": 7}),
-    )
+    still = clip_entry(root, ClipFiles(root / "clips" / "bare.npz"), a_walk("none"))
+    by = created_by({"seed": 7}, {"all": 7})
+    write_manifest(root / "set.yaml", a_head("set"), [walk, still], created_by=by)
     return root
 
 
@@ -111,10 +84,10 @@ def data_set(finished_data_set: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def edit(data_set: Path) -> Callable[[Callable[[dict], None]], Path]:
+def edit(data_set: Path) -> Edit:
     """Change the manifest's data as a person with an editor would, past the models."""
 
-    def change(how: Callable[[dict], None]) -> Path:
+    def change(how: Callable[[dict], object]) -> Path:
         path = data_set / "set.yaml"
         data = yaml.safe_load(path.read_text())
         how(data)

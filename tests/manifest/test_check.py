@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.listing import file_record, folder_record
 from gmrdata.manifest.read import load_clips, read_manifest
-from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
+from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
 from gmrdata.values.clip import Clip, Joints2d, save_clip, save_joints
 from gmrdata.values.errors import BadManifest, MissingInput
+from tests.clip_manifests import Edit, a_head, a_walk
 
-Edit = Callable[[Callable[[dict], None]], Path]
 WALK = 1
 """Clips are written in order of id: bare, walk."""
 
@@ -34,74 +34,63 @@ def refused(path: Path, *words: str, hashes: bool = True) -> str:
 
 
 def rehash(data_set: Path, edit: Edit) -> Path:
-    """Make the manifest agree with a changed clip file, so that only its content is wrong."""
-    content = (data_set / "clips" / "walk.npz").read_bytes()
+    """Make the manifest agree with changed files of walk, so that only their content is wrong."""
 
     def change(data: dict) -> None:
-        record = data["clips"][WALK]["arrays"]
-        record["sha256"] = hashlib.sha256(content).hexdigest()
-        record["size_bytes"] = len(content)
+        walk = data["clips"][WALK]
+        for record in (walk["arrays"], walk["images"]["listing"]):
+            content = (data_set / record["path"]).read_bytes()
+            record["sha256"] = hashlib.sha256(content).hexdigest()
+            record["size_bytes"] = len(content)
 
     return edit(change)
 
 
+def arrays_of(data_set: Path) -> dict[str, np.ndarray]:
+    with np.load(data_set / "clips" / "walk.npz") as archive:
+        return dict(archive)
+
+
 def with_arrays(data_set: Path, edit: Edit, **changed: np.ndarray) -> Path:
-    path = data_set / "clips" / "walk.npz"
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    np.savez(path, **(arrays | changed))
+    arrays = arrays_of(data_set)
+    np.savez(data_set / "clips" / "walk.npz", **(arrays | changed))
     return rehash(data_set, edit)
+
+
+def save_places(data_set: Path, n_rows: int) -> None:
+    places_m, yes = np.zeros((n_rows, 24, 3)), np.ones((n_rows, 24), bool)
+    joints = Joints2d(places_m, places_m, places_m[..., :2], yes, yes)
+    save_joints(data_set / "joints.npz", joints)
 
 
 EXTRAS = ("depth", "normals", "flow", "instances")
 
 
-def with_extras(data_set: Path, clip: Clip) -> Path:
+def with_extras(data_set: Path) -> Path:
     """The data set again, with all that a clip may have besides; row 5, the last, no flow."""
     for name in EXTRAS:
         (data_set / name).mkdir()
         for number in range(6 - (name == "flow")):
             (data_set / name / f"{number:05d}.png").write_bytes(b"%d" % number)
-    shape = (clip.motion.n_frames, 24)
-    places_m, yes = np.zeros((*shape, 3)), np.ones(shape, bool)
-    save_joints(
-        data_set / "joints.npz", Joints2d(places_m, places_m, np.zeros((*shape, 2)), yes, yes)
-    )
+    save_places(data_set, 6)
     (data_set / "video.mp4").write_bytes(b"a video")
     (data_set / "passer_by_1.npz").write_bytes(b"someone")
     (data_set / "car_1.npz").write_bytes(b"a car")
-    old = read_manifest(data_set / "set.yaml").clips[WALK]
-    entry = clip_entry(
-        data_set,
-        ClipFiles(
-            data_set / "clips" / "walk.npz",
-            images=data_set / "frames",
-            masks=data_set / "masks",
-            depth=data_set / "depth",
-            normals=data_set / "normals",
-            flow=data_set / "flow",
-            instances=data_set / "instances",
-            extras=[data_set / "passer_by_1.npz", data_set / "car_1.npz"],
-            joints=data_set / "joints.npz",
-            video=data_set / "video.mp4",
-        ),
-        ClipAbout(camera_motion="circular", licence="CC0-1.0", source=old.source),
+    files = ClipFiles(
+        data_set / "clips" / "walk.npz",
+        images=data_set / "frames",
+        masks=data_set / "masks",
+        extras=[data_set / "passer_by_1.npz", data_set / "car_1.npz"],
+        joints=data_set / "joints.npz",
+        video=data_set / "video.mp4",
+        **{name: data_set / name for name in EXTRAS},
     )
-    return write_manifest(
-        data_set / "more.yaml",
-        ManifestHead(
-            name="more",
-            version="1.0.0",
-            description="A clip with everything.",
-            kind="synthetic",
-            licence="CC0-1.0",
-        ),
-        [entry],
-    )
+    entry = clip_entry(data_set, files, a_walk())
+    return write_manifest(data_set / "more.yaml", a_head("more"), [entry])
 
 
-def test_passes_joints_and_video_are_listed_and_checked(data_set: Path, walk_clip: Clip) -> None:
-    path = with_extras(data_set, walk_clip)
+def test_passes_joints_and_video_are_listed_and_checked(data_set: Path) -> None:
+    path = with_extras(data_set)
     check_manifest(path)
     walk = read_manifest(path).clips[0]
     assert [getattr(walk, name).count for name in EXTRAS] == [6, 6, 5, 6]
@@ -124,29 +113,16 @@ def test_passes_joints_and_video_are_listed_and_checked(data_set: Path, walk_cli
     )
 
 
-def test_passes_of_other_images_are_found(data_set: Path, walk_clip: Clip) -> None:
-    with_extras(data_set, walk_clip)
+def test_passes_of_other_images_are_found(data_set: Path) -> None:
+    with_extras(data_set)
     (data_set / "flow" / "00001.png").rename(data_set / "flow" / "00009.png")
     (data_set / "normals" / "00005.png").unlink()
     walk_only = read_manifest(data_set / "more.yaml").clips[0]
-    shape = (3, 24)
-    places_m, yes = np.zeros((*shape, 3)), np.ones(shape, bool)
-    save_joints(
-        data_set / "joints.npz", Joints2d(places_m, places_m, np.zeros((*shape, 2)), yes, yes)
-    )
+    save_places(data_set, 3)
     changed = {name: folder_record(data_set, data_set / name) for name in EXTRAS}
     changed["joints"] = file_record(data_set, data_set / "joints.npz")
-    path = write_manifest(
-        data_set / "wrong.yaml",
-        ManifestHead(
-            name="wrong",
-            version="1.0.0",
-            description="The files don't fit the clip.",
-            kind="synthetic",
-            licence="CC0-1.0",
-        ),
-        [walk_only.model_copy(update=changed)],
-    )
+    wrong = walk_only.model_copy(update=changed)
+    path = write_manifest(data_set / "wrong.yaml", a_head("wrong"), [wrong])
     refused(
         path,
         "flow.folder: 00009.png belongs to no image",
@@ -156,12 +132,9 @@ def test_passes_of_other_images_are_found(data_set: Path, walk_clip: Clip) -> No
     )
 
 
-def test_a_finished_data_set_passes(finished_data_set: Path) -> None:
+def test_a_data_set_passes_also_where_it_is_moved(finished_data_set: Path, data_set: Path) -> None:
     check_manifest(finished_data_set / "set.yaml")
     check_manifest(finished_data_set / "set.yaml", hashes=False)
-
-
-def test_a_moved_data_set_passes(data_set: Path) -> None:
     check_manifest(data_set / "set.yaml")
     assert [clip.id for clip in load_clips(data_set / "set.yaml")] == ["bare", "walk"]
 
@@ -277,34 +250,19 @@ def test_arrays_that_cannot_be(
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        (f"{'0' * 64}\t12\t../../secret", "climbs out"),
-        (f"{'0' * 64}\t12\t/etc/hosts", "absolute"),
-        (f"{'0' * 64}  12  00000.jpg", "not 'sha256 <tab> size <tab> path'"),
-        (f"{'0' * 64}\t12\t00000.jpg", "repeated or out of order"),
+        (f"{'0' * 64}\t12\t../../secret\n", "climbs out"),
+        (f"{'0' * 64}\t12\t/etc/hosts\n", "absolute"),
+        (f"{'0' * 64}  12  00000.jpg\n", "not 'sha256 <tab> size <tab> path'"),
+        (f"{'0' * 64}\t12\t00000.jpg\n", "repeated or out of order"),
+        (None, "truncated"),
     ],
 )
-def test_hostile_listing(data_set: Path, edit: Edit, line: str, said: str) -> None:
+def test_hostile_listing(data_set: Path, edit: Edit, line: str | None, said: str) -> None:
     listing = data_set / "listings" / "frames.tsv"
-    listing.write_text(listing.read_text() + line + "\n")
-
-    def change(data: dict) -> None:
-        record = data["clips"][WALK]["images"]["listing"]
-        record["size_bytes"] = listing.stat().st_size
-        record["sha256"] = hashlib.sha256(listing.read_bytes()).hexdigest()
-
-    refused(edit(change), "images.listing", "frames.tsv:7", said)
-
-
-def test_truncated_listing(data_set: Path, edit: Edit) -> None:
-    listing = data_set / "listings" / "frames.tsv"
-    listing.write_bytes(listing.read_bytes()[:-1])
-    record = {
-        "path": "listings/frames.tsv",
-        "size_bytes": listing.stat().st_size,
-        "sha256": hashlib.sha256(listing.read_bytes()).hexdigest(),
-    }
-    path = edit(lambda data: data["clips"][WALK]["images"].update(listing=record))
-    refused(path, "images.listing", "truncated")
+    whole = listing.read_text()
+    listing.write_text(whole[:-1] if line is None else whole + line)
+    at = () if line is None else ("frames.tsv:7",)
+    refused(rehash(data_set, edit), "images.listing", *at, said)
 
 
 def test_file_that_is_a_link_out(data_set: Path, tmp_path: Path) -> None:
@@ -330,18 +288,16 @@ def test_truncated_npz(data_set: Path, edit: Edit) -> None:
 
 @pytest.mark.parametrize("key", ["poses", "trans"])
 def test_nan_in_a_kept_row(data_set: Path, edit: Edit, key: str) -> None:
-    with np.load(data_set / "clips" / "walk.npz") as archive:
-        values = archive[key].copy()
+    values = arrays_of(data_set)[key]
     values[4, 1] = np.nan
     path = with_arrays(data_set, edit, **{key: values})
     refused(path, f"arrays.{key}: NaN or infinite in kept row 4", "drop the rows")
 
 
 def test_nan_in_a_dropped_row_is_fine(data_set: Path, edit: Edit) -> None:
-    with np.load(data_set / "clips" / "walk.npz") as archive:
-        poses, trans = archive["poses"].copy(), archive["trans"].copy()
-    poses[2], trans[2] = np.nan, np.inf
-    check_manifest(with_arrays(data_set, edit, poses=poses, trans=trans))
+    arrays = arrays_of(data_set)
+    arrays["poses"][2], arrays["trans"][2] = np.nan, np.inf
+    check_manifest(with_arrays(data_set, edit, **arrays))
 
 
 @pytest.mark.parametrize(
@@ -356,8 +312,7 @@ def test_nan_in_a_dropped_row_is_fine(data_set: Path, edit: Edit) -> None:
 def test_camera_that_is_no_rigid_transform(
     data_set: Path, edit: Edit, damage: np.ndarray, said: str
 ) -> None:
-    with np.load(data_set / "clips" / "walk.npz") as archive:
-        world_from_cam = archive["world_from_cam"].copy()
+    world_from_cam = arrays_of(data_set)["world_from_cam"]
     world_from_cam[0] = damage
     refused(with_arrays(data_set, edit, world_from_cam=world_from_cam), "clip walk", said)
 
@@ -366,26 +321,9 @@ def test_row_without_its_mask(data_set: Path) -> None:
     """A kept row needs its mask, a dropped one doesn't."""
     for number in (2, 4):
         (data_set / "masks" / f"{number:05d}.png").unlink()
-    walk = read_manifest(data_set / "set.yaml").clips[WALK]
-    entry = clip_entry(
-        data_set,
-        ClipFiles(
-            data_set / "clips" / "walk.npz", images=data_set / "frames", masks=data_set / "masks"
-        ),
-        ClipAbout(camera_motion="circular", licence="CC0-1.0", source=walk.source),
-    )
-    path = data_set / "again.yaml"
-    write_manifest(
-        path,
-        ManifestHead(
-            name="again",
-            version="1.0.0",
-            description="One mask is missing.",
-            kind="synthetic",
-            licence="CC0-1.0",
-        ),
-        [entry],
-    )
+    folders = {"images": data_set / "frames", "masks": data_set / "masks"}
+    entry = clip_entry(data_set, ClipFiles(data_set / "clips" / "walk.npz", **folders), a_walk())
+    path = write_manifest(data_set / "again.yaml", a_head("again"), [entry])
     refused(path, "clip walk: masks.folder: none of number 4, which a row names")
 
 

@@ -1,14 +1,12 @@
 """The table of a manifest, and the difference of two."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
 
 from gmrdata.manifest.show import diff_manifests, manifest_table
 from gmrdata.stage.recipes import published_manifest
-
-Edit = Callable[[Callable[[dict], None]], Path]
+from tests.clip_manifests import Edit
 
 
 def printed(path: Path) -> list[str]:

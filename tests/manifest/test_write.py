@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import ListManifest, Source
 from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.v1 import ListManifest, created_by
 from gmrdata.manifest.write import (
-    ClipAbout,
     ClipFiles,
     ManifestHead,
     clip_entry,
-    made_by,
     recipe_sha256,
     stage_recipe,
     write_manifest,
@@ -28,13 +26,9 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values import clip as clip_file
 from gmrdata.values.errors import BadManifest, BadRecord, MissingInput
 from gmrdata.values.records import Config
+from tests.clip_manifests import a_walk
 
 HEAD = [field.name for field in fields(ManifestHead)]
-ENTRY: dict[str, Any] = {
-    "camera_motion": "circular",
-    "licence": "CC0-1.0",
-    "source": Source(dataset="gmrdata", sequence="walk"),
-}
 
 
 def rewritten(root: Path, path: Path, **changed: Any) -> Path:
@@ -56,7 +50,7 @@ def test_same_content_gives_the_same_bytes(data_set: Path) -> None:
 
 
 def test_no_machine_path_and_no_time_in_the_bytes(data_set: Path) -> None:
-    by = made_by({"motions": "/home/someone/cmu", "list": ["/a/b"], "n": 1}, {"b": 2, "a": 1})
+    by = created_by({"motions": "/home/someone/cmu", "list": ["/a/b"], "n": 1}, {"b": 2, "a": 1})
     text = rewritten(data_set, data_set / "other.yaml", created_by=by).read_text()
     assert "/home" not in text
     assert str(data_set) not in text
@@ -125,14 +119,14 @@ def test_a_reason_per_row(data_set: Path, walk_clip: clip_file.Clip) -> None:
     valid = np.array([False, False, True, False, False, True])
     clip_file.save_clip(path, replace(walk_clip, valid=valid), np.zeros(3))
     reasons = ["drift", "drift", "", "drift", "no camera", ""]
-    entry = clip_entry(data_set, ClipFiles(path), ClipAbout(dropped_reason=reasons, **ENTRY))
+    entry = clip_entry(data_set, ClipFiles(path), a_walk(dropped_reason=reasons))
     assert [(part.start, part.stop, part.reason) for part in entry.dropped] == [
         (0, 2, "drift"),
         (3, 4, "drift"),
         (4, 5, "no camera"),
     ]
     with pytest.raises(BadManifest, match="5 reasons for 6 frames"):
-        clip_entry(data_set, ClipFiles(path), ClipAbout(dropped_reason=reasons[1:], **ENTRY))
+        clip_entry(data_set, ClipFiles(path), a_walk(dropped_reason=reasons[1:]))
 
 
 def test_a_stages_record_is_no_part_of_its_folder(data_set: Path) -> None:
@@ -140,11 +134,8 @@ def test_a_stages_record_is_no_part_of_its_folder(data_set: Path) -> None:
     before = (data_set / "set.yaml").read_bytes()
     (data_set / "masks" / "stage.json").write_text('{"seconds": 1.5}')
     check_manifest(data_set / "set.yaml")
-    entry = clip_entry(
-        data_set,
-        ClipFiles(data_set / "clips" / "walk.npz", masks=data_set / "masks"),
-        ClipAbout(**ENTRY),
-    )
+    files = ClipFiles(data_set / "clips" / "walk.npz", masks=data_set / "masks")
+    entry = clip_entry(data_set, files, a_walk())
     assert entry.masks == read_manifest(data_set / "set.yaml").clips[1].masks
     assert (data_set / "set.yaml").read_bytes() == before
 
@@ -158,11 +149,8 @@ def test_two_manifests_share_a_folder(data_set: Path) -> None:
         (data_set / "masks" / image.name).write_bytes(image.read_bytes())
     for image in other.iterdir():
         image.write_bytes(b"another mask")
-    entry = clip_entry(
-        data_set,
-        ClipFiles(data_set / "clips" / "walk.npz", images=data_set / "frames", masks=other),
-        ClipAbout(**ENTRY),
-    )
+    files = ClipFiles(data_set / "clips" / "walk.npz", images=data_set / "frames", masks=other)
+    entry = clip_entry(data_set, files, a_walk())
     rewritten(data_set, data_set / "second.yaml", name="second", clips=[entry])
     check_manifest(data_set / "set.yaml")
     check_manifest(data_set / "second.yaml")
@@ -170,34 +158,27 @@ def test_two_manifests_share_a_folder(data_set: Path) -> None:
 
 def test_entry_with_another_id(data_set: Path) -> None:
     with pytest.raises(BadManifest, match="holds clip walk, not run"):
-        clip_entry(
-            data_set, ClipFiles(data_set / "clips" / "walk.npz"), ClipAbout(id="run", **ENTRY)
-        )
+        clip_entry(data_set, ClipFiles(data_set / "clips" / "walk.npz"), a_walk(id="run"))
 
 
 def test_id_that_would_write_elsewhere(data_set: Path, walk_clip: clip_file.Clip) -> None:
     path = data_set / "clips" / "walk.npz"
     clip_file.save_clip(path, replace(walk_clip, id="../../walk"), np.zeros(3))
     with pytest.raises(BadManifest, match="can't be listed"):
-        clip_entry(data_set, ClipFiles(path, images=data_set / "frames"), ClipAbout(**ENTRY))
+        clip_entry(data_set, ClipFiles(path, images=data_set / "frames"), a_walk())
 
 
 def test_file_outside_the_manifests_folder(data_set: Path) -> None:
     with pytest.raises(BadManifest, match="write the manifest to a folder above"):
-        clip_entry(
-            data_set / "frames", ClipFiles(data_set / "clips" / "walk.npz"), ClipAbout(**ENTRY)
-        )
+        clip_entry(data_set / "frames", ClipFiles(data_set / "clips" / "walk.npz"), a_walk())
 
 
 @pytest.mark.parametrize("folder", ["empty", "absent"])
 def test_no_images(data_set: Path, folder: str) -> None:
     (data_set / "empty").mkdir()
+    files = ClipFiles(data_set / "clips" / "walk.npz", images=data_set / folder)
     with pytest.raises(MissingInput, match=folder):
-        clip_entry(
-            data_set,
-            ClipFiles(data_set / "clips" / "walk.npz", images=data_set / folder),
-            ClipAbout(**ENTRY),
-        )
+        clip_entry(data_set, files, a_walk())
 
 
 class Blur(Config):
