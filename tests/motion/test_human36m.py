@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -20,8 +20,9 @@ from gmrdata.read.human36m import find_subjects, read_cameras, read_takes
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import camera_of, load_clip
-from gmrdata.values.errors import BadBodyFile, BadSequence, GmrdataError, MissingInput
+from gmrdata.values.errors import BadBodyFile, BadSequence, MissingInput
 from gmrdata.values.motion_metrics import orientation_errors_deg
+from tests.damage import bytes_changed, in_one_folder, read_or_refused
 from tests.smpl_models import save_smpl
 
 Content = dict[str, Any]
@@ -248,32 +249,21 @@ JSON = st.recursive(
 )
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@in_one_folder(150)
 @given(content=JSON)
 def test_any_json_is_read_or_refused(tmp_path: Path, content: Any) -> None:
-    path = tmp_path / "any.json"
-    path.write_text(json.dumps(content))
     for read in (read_takes, read_cameras):
-        try:
-            read(path)
-        except GmrdataError as error:
-            assert "any.json" in str(error)
+        read_or_refused(tmp_path / "any.json", json.dumps(content).encode(), read)
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(share=st.floats(0, 0.999), flip=st.integers(0, 255))
+@in_one_folder(40)
+@given(data=st.data(), share=st.floats(0, 0.999))
 def test_truncated_and_changed_files_are_refused_or_read(
-    tmp_path: Path, share: float, flip: int
+    data: st.DataObject, tmp_path: Path, share: float
 ) -> None:
     path = write_subject(tmp_path, 5, {"2": parameters((0, 5))["2"]})
-    data = path.read_bytes()
-    path.write_bytes(data[: int(share * len(data))])
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(BadSequence, match="not JSON"):
         read_takes(path)
-    changed = bytearray(data)
-    changed[int(share * len(data))] = flip
-    path.write_bytes(bytes(changed))
-    try:
-        read_takes(path)
-    except GmrdataError as error:
-        assert path.name in str(error)
+    read_or_refused(path, bytes_changed(data, whole, 1), read_takes)

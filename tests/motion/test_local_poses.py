@@ -1,11 +1,11 @@
 """Local poses from each format: the same rotations, split where frames are missing."""
 
-import io
 import pickle  # noqa: TID251  The tests write hostile files.
 import zipfile
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,10 @@ from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import (
     BadMotionFile,
     BrokenPickle,
-    GmrdataError,
     MissingInput,
     UnsafePickle,
 )
+from tests.damage import bytes_changed, read_or_refused
 from tests.joblib_layout import joblib_bytes
 from tests.read.system_files import (
     phalp_frame,
@@ -246,30 +246,26 @@ def test_a_clip_is_split_at_frames_that_are_not_valid(
     np.testing.assert_allclose(runs[0].motion.shape, motion.shape, atol=0)
 
 
-def _changed(person: dict[str, Any], **values: Any) -> dict[str, Any]:
-    return person | values
-
-
 def _with_nan(n_frames: int) -> np.ndarray:
     poses = some_poses(n_frames)
     poses[2, 5] = np.nan
     return poses
 
 
-BAD_PEOPLE: dict[str, tuple[Callable[[], dict[Any, Any]], str]] = {
+BAD_PEOPLE: dict[str, tuple[Callable[[], Any], str]] = {
     "22 joints": (
-        lambda: {1: _changed(vibe_person(4), pose=some_poses(4, 22))},
+        lambda: {1: vibe_person(4) | {"pose": some_poses(4, 22)}},
         r"pose of person_1 is \(4, 66\), not \(T, 72\)",
     ),
     "NaN": (
-        lambda: {1: _changed(vibe_person(4), pose=_with_nan(4))},
+        lambda: {1: vibe_person(4) | {"pose": _with_nan(4)}},
         "pose of person_1 is not finite at frame 2; cut such frames",
     ),
     "one frame": (lambda: {1: vibe_person(1)}, "no person has two frames in a row"),
     "no frames": (lambda: {1: vibe_person(0)}, r"pose of person_1 is \(0, 72\)"),
     "alone": (lambda: {1: vibe_person(3, [1, 5, 9])}, "no person has two frames in a row"),
     "fewer frame numbers": (
-        lambda: {1: _changed(vibe_person(4), frame_ids=np.arange(3))},
+        lambda: {1: vibe_person(4) | {"frame_ids": np.arange(3)}},
         r"frame_ids of person_1 is \(3,\) for 4 poses",
     ),
     "falling frame numbers": (
@@ -277,30 +273,21 @@ BAD_PEOPLE: dict[str, tuple[Callable[[], dict[Any, Any]], str]] = {
         "frame_ids of person_1 are not rising frame numbers",
     ),
     "broken frame numbers": (
-        lambda: {1: _changed(vibe_person(3), frame_ids=np.array([0.0, 0.5, 2.0]))},
+        lambda: {1: vibe_person(3) | {"frame_ids": np.array([0.0, 0.5, 2.0])}},
         "are not rising frame numbers",
     ),
     "no pose": (lambda: {1: {"frame_ids": np.arange(3)}}, "person_1 has no 'pose'"),
     "words": (
-        lambda: {1: _changed(vibe_person(2), pose=np.array([["a"] * 72] * 2))},
+        lambda: {1: vibe_person(2) | {"pose": np.array([["a"] * 72] * 2)}},
         "pose of person_1 does not hold numbers",
     ),
     "a path as a name": (lambda: {"../../x": vibe_person(3)}, r"a person is called '\.\./\.\./x'"),
     "a huge number as a name": (lambda: {1 << 20000: vibe_person(3)}, "a person is called a int"),
     "other keys": (lambda: {1: {"joints": np.ones(3)}}, "first entry has: joints"),
+    "an array alone": (lambda: np.ones((3, 72)), "no poses in a known form"),
     "no people": (dict, "has no person in it"),
     "not a person": (lambda: {1: vibe_person(3), 2: np.ones(3)}, "person_2 has no 'pose'"),
 }
-
-
-@pytest.mark.parametrize("fault", sorted(BAD_PEOPLE))
-def test_bad_people_are_refused_by_name(fault: str, tmp_path: Path, small_body: BodyModel) -> None:
-    make, message = BAD_PEOPLE[fault]
-    path = tmp_path / "bad.pkl"
-    path.write_bytes(joblib_bytes(make()))
-    with pytest.raises(BadMotionFile, match=message) as caught:
-        read_local_poses(path, 30.0, body=small_body)
-    assert str(path) in str(caught.value)
 
 
 BAD_FRAMES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
@@ -338,34 +325,45 @@ BAD_FRAMES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("fault", sorted(BAD_FRAMES))
-def test_bad_tracks_are_refused_by_name(fault: str, tmp_path: Path, small_body: BodyModel) -> None:
-    change, message = BAD_FRAMES[fault]
+def _tracks(change: Callable[[dict[str, Any]], Any]) -> dict[Any, Any]:
     poses = phalp_poses(3)
     frames = [phalp_frame(t, {1: poses[t]}) for t in range(3)]
     change(frames[1])
-    path = write_phalp(tmp_path / "bad.pkl", frames)
+    return {frame["frame_path"]: frame for frame in frames}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        *BAD_PEOPLE.values(),
+        *((partial(_tracks, change), said) for change, said in BAD_FRAMES.values()),
+    ],
+    ids=[*BAD_PEOPLE, *(f"track: {fault}" for fault in BAD_FRAMES)],
+)
+def test_bad_people_and_tracks_are_refused_by_name(
+    content: Callable[[], Any], message: str, tmp_path: Path, small_body: BodyModel
+) -> None:
+    path = tmp_path / "bad.pkl"
+    path.write_bytes(joblib_bytes(content()))
     with pytest.raises(BadMotionFile, match=message) as caught:
         read_local_poses(path, 30.0, body=small_body)
     assert str(path) in str(caught.value)
 
 
 def test_gvhmr_of_another_layout(tmp_path: Path, small_body: BodyModel) -> None:
-    path = write_torch(tmp_path / "a.pt", some_gvhmr(4, n_joints=23))
-    with pytest.raises(
-        BadMotionFile, match=r"a\.pt: body_pose of person_0 is \(4, 69\), not \(T, 63\)"
-    ):
-        read_local_poses(path, 30.0, body=small_body)
+    write_torch(tmp_path / "a.pt", some_gvhmr(4, n_joints=23))
     torch.save({"weights": torch.ones(3)}, tmp_path / "b.pt")
-    with pytest.raises(BadMotionFile, match=r"b\.pt: has no body_pose .*it has weights"):
-        read_local_poses(tmp_path / "b.pt", 30.0, body=small_body)
     torch.save(torch.ones(3), tmp_path / "c.pt")
-    with pytest.raises(BadMotionFile, match=r"c\.pt: holds no dict"):
-        read_local_poses(tmp_path / "c.pt", 30.0, body=small_body)
     with zipfile.ZipFile(tmp_path / "d.pt", "w") as archive:
         archive.writestr("hello.txt", "hello")
-    with pytest.raises(BadMotionFile, match=r"d\.pt: truncated, or not a file of torch\.save"):
-        read_local_poses(tmp_path / "d.pt", 30.0, body=small_body)
+    for name, said in (
+        ("a", r"body_pose of person_0 is \(4, 69\), not \(T, 63\)"),
+        ("b", "has no body_pose .*it has weights"),
+        ("c", "holds no dict"),
+        ("d", r"truncated, or not a file of torch\.save"),
+    ):
+        with pytest.raises(BadMotionFile, match=rf"{name}\.pt: {said}"):
+            read_local_poses(tmp_path / f"{name}.pt", 30.0, body=small_body)
 
 
 class _Call:
@@ -378,7 +376,7 @@ class _Call:
 
 def test_hostile_files_are_not_run(tmp_path: Path, small_body: BodyModel) -> None:
     touched = tmp_path / "touched"
-    person = _changed(vibe_person(3), joints2d=_Call(touched))
+    person = vibe_person(3) | {"joints2d": _Call(touched)}
     (tmp_path / "vibe.pkl").write_bytes(joblib_bytes({1: person}))
     torch.save({"smpl_params_global": _Call(touched)}, tmp_path / "new.pt")
     torch.save(
@@ -397,45 +395,38 @@ def test_hostile_files_are_not_run(tmp_path: Path, small_body: BodyModel) -> Non
     assert not touched.exists()
 
 
+def _whole(kind: str, folder: Path, n_frames: int = 3) -> bytes:
+    """A file of one person from a system."""
+    path = folder / "whole.bin"
+    if kind == "vibe":
+        write_joblib(path, {1: vibe_person(n_frames)})
+    elif kind == "phalp":
+        poses = phalp_poses(n_frames)
+        write_phalp(path, [phalp_frame(t, {1: poses[t]}) for t in range(n_frames)])
+    else:
+        write_torch(path, some_gvhmr(n_frames))
+    return path.read_bytes()
+
+
 @given(data=st.data())
 def test_changed_bytes_are_read_or_refused(
     data: st.DataObject, small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """Whatever a few changed bytes make of a file: poses that are finite, or one of our errors."""
     folder = tmp_path_factory.getbasetemp()
-    kind = data.draw(st.sampled_from(["vibe", "phalp", "gvhmr"]))
-    if kind == "vibe":
-        content = joblib_bytes({1: vibe_person(3)})
-    elif kind == "phalp":
-        poses = phalp_poses(2)
-        frames = [phalp_frame(t, {1: poses[t]}) for t in range(2)]
-        content = joblib_bytes({frame["frame_path"]: frame for frame in frames})
-    else:
-        content = write_torch(folder / "whole.pt", some_gvhmr(3)).read_bytes()
-    changed = bytearray(content)
-    for _ in range(data.draw(st.integers(1, 4))):
-        changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
-    (folder / "changed.bin").write_bytes(changed)
-    try:
-        runs = read_local_poses(folder / "changed.bin", 30.0, body=small_body)
-    except GmrdataError as error:
-        assert "changed.bin" in str(error)
-        return
-    assert all(np.isfinite(run.motion.local_rotmats).all() for run in runs)
+    whole = _whole(data.draw(st.sampled_from(["vibe", "phalp", "gvhmr"])), folder)
+    runs = read_or_refused(
+        folder / "changed.bin",
+        bytes_changed(data, whole),
+        lambda path: read_local_poses(path, 30.0, body=small_body),
+    )
+    assert all(np.isfinite(run.motion.local_rotmats).all() for run in runs or ())
 
 
 @pytest.mark.parametrize("kind", ["vibe", "phalp", "gvhmr"])
 def test_truncated_files_are_an_error(kind: str, tmp_path: Path, small_body: BodyModel) -> None:
-    path = tmp_path / "whole.bin"
-    if kind == "vibe":
-        write_joblib(path, {1: vibe_person(3)})
-    elif kind == "phalp":
-        write_phalp(path, [phalp_frame(t, {1: phalp_poses(3)[t]}) for t in range(3)])
-    else:
-        write_torch(path, some_gvhmr(3))
-    data = path.read_bytes()
+    data, cut = _whole(kind, tmp_path), tmp_path / "cut.bin"
     for length in np.linspace(0, len(data) - 1, 40).astype(int):
-        cut = tmp_path / "cut.bin"
         cut.write_bytes(data[:length])
         with pytest.raises((BrokenPickle, UnsafePickle, BadMotionFile), match=r"cut\.bin"):
             read_local_poses(cut, 30.0, body=small_body)
@@ -449,10 +440,3 @@ def test_a_rate_is_needed_and_checked(tmp_path: Path, small_body: BodyModel) -> 
         read_local_poses(path, 5000.0, body=small_body)
     with pytest.raises(MissingInput, match=r"none\.pkl: no such file"):
         read_local_poses(tmp_path / "none.pkl", 30.0, body=small_body)
-
-
-def test_an_array_alone_is_no_known_form(tmp_path: Path, small_body: BodyModel) -> None:
-    stream = io.BytesIO(joblib_bytes(np.ones((3, 72))))
-    (tmp_path / "a.pkl").write_bytes(stream.getvalue())
-    with pytest.raises(BadMotionFile, match="no poses in a known form"):
-        read_local_poses(tmp_path / "a.pkl", 30.0, body=small_body)

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.read.amc import find_asf, read_amc, read_asf
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
+from tests.damage import in_one_folder, part_replaced
 
 ASF = """# a comment
 :version 1.10
@@ -122,66 +123,59 @@ def test_frames_that_need_a_closer_look_are_read_as_the_plain_ones(
     np.testing.assert_array_equal(odd.translations_m, plain.translations_m)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("thigh 90 0\n2", "foot 90 0\n2", ":6: bone foot is not in 07.asf.*asf_path"),
-        ("thigh 90 0\n2", "thigh 90\n2", ":6: 1 values for thigh, where 07.asf has 2"),
-        ("thigh 90 0\n2", "2", "have no thigh, which 07.asf has"),
-        ("thigh 0 90\n", "", ":9: '3' where thigh with 2 values is due"),
-        ("thigh 0 90\n", "thigh 0 90 5\n", ":9: 'thigh 0 90 5' where thigh with 2 values"),
-        ("thigh 0 90\n", "thigh 0 nan\n", ":9: nan is not a usable number"),
-        ("thigh 0 90\n", "thigh 0 1e9\n", ":9: 1e9 is not a usable number"),
-        ("thigh 0 90\n", "thigh 0 y\n", ":9: 'y' is not a number"),
-        ("thigh 0 90\n", "thigh 0 9_0\n", ":9: '9_0' is not a number"),
-        ("thigh 0 90\n", "thigh 0 true\n", ":9: 'true' is not a number"),
-        ("thigh 0 90\n", "thigh 0,90\n", ":9: 'thigh 0,90' where thigh with 2 values"),
-        ("2 4 0 0 0\nthigh 0 90\n", "2 4 0 0\n0 thigh 0 90\n", ":8: 'root 1 2 4 0 0' where root"),
-        ("\n3\n", "\n4\n", "frame 4 follows frame 2"),
-        ("\n2\n", "\nx 2\n", "bone x is not in 07.asf"),
-        ("thigh 0 0\n", "", ":11: the last frame is not complete"),
-        (AMC[AMC.index("\n2\n") :], "\n", "1 recorded frames are no motion"),
-        (AMC[AMC.index("1\nroot") :], "", "no frames"),
-        ("1\nroot", "root", ":4: 'root 1 2 3 0 90 0' where the first frame's number is due"),
-    ],
-)
-def test_broken_amc(tmp_path: Path, old: str, new: str, words: str) -> None:
-    assert old in AMC
-    path = _write(tmp_path, amc=AMC.replace(old, new, 1))
-    with pytest.raises(BadMotionFile, match=words) as caught:
-        read_amc(path, fps_hz=50)
-    assert str(path) in str(caught.value)
+BROKEN_AMC = [
+    ("thigh 90 0\n2", "foot 90 0\n2", ":6: bone foot is not in 07.asf.*asf_path"),
+    ("thigh 90 0\n2", "thigh 90\n2", ":6: 1 values for thigh, where 07.asf has 2"),
+    ("thigh 90 0\n2", "2", "have no thigh, which 07.asf has"),
+    ("thigh 0 90\n", "", ":9: '3' where thigh with 2 values is due"),
+    ("thigh 0 90\n", "thigh 0 90 5\n", ":9: 'thigh 0 90 5' where thigh with 2 values"),
+    ("thigh 0 90\n", "thigh 0 nan\n", ":9: nan is not a usable number"),
+    ("thigh 0 90\n", "thigh 0 1e9\n", ":9: 1e9 is not a usable number"),
+    ("thigh 0 90\n", "thigh 0 y\n", ":9: 'y' is not a number"),
+    ("thigh 0 90\n", "thigh 0 9_0\n", ":9: '9_0' is not a number"),
+    ("thigh 0 90\n", "thigh 0 true\n", ":9: 'true' is not a number"),
+    ("thigh 0 90\n", "thigh 0,90\n", ":9: 'thigh 0,90' where thigh with 2 values"),
+    ("2 4 0 0 0\nthigh 0 90\n", "2 4 0 0\n0 thigh 0 90\n", ":8: 'root 1 2 4 0 0' where root"),
+    ("\n3\n", "\n4\n", "frame 4 follows frame 2"),
+    ("\n2\n", "\nx 2\n", "bone x is not in 07.asf"),
+    ("thigh 0 0\n", "", ":11: the last frame is not complete"),
+    (AMC[AMC.index("\n2\n") :], "\n", "1 recorded frames are no motion"),
+    (AMC[AMC.index("1\nroot") :], "", "no frames"),
+    ("1\nroot", "root", ":4: 'root 1 2 3 0 90 0' where the first frame's number is due"),
+]
+BROKEN_ASF = [
+    (":bonedata", ":bones", "no section :bonedata"),
+    ("angle deg", "angle grad", ":7: :units must say"),
+    ("length 0.5", "length 0", ":6: :units must give one positive 'length'"),
+    ("length 0.5", "length 1e-320", ":6: :units must give one positive 'length'"),
+    ("order TX TY", "order TX TX", ":11: the root's order"),
+    ("position 0 0 0", "position 0 0", ":root needs a line 'position' with 3 values"),
+    ("dof rx rz", "dof rx l", ":22: dof 'rx l'"),
+    ("dof rx rz", "dof rx rx", ":22: dof 'rx rx'"),
+    ("direction 0 -2 0", "direction 0 0 0", ":19: a bone's direction is zero"),
+    ("direction 0 -2 0", "direction 0 -2", ":19: a bone needs 'direction' with 3 values"),
+    ("length 4", "length four", ":20: 'four' is not a number"),
+    ("axis 0 0 90 XYZ", "axis 0 0 90 XYX", ":21: an axis is three angles and an order"),
+    ("name shank", "name thigh", ":32: a second bone of the name thigh"),
+    ("  end\n  begin\n     id 2", "  begin\n     id 2", "'begin' and 'end' do not alternate"),
+    ("  end\n:hierarchy", ":hierarchy", "the last bone of :bonedata has no 'end'"),
+    ("thigh shank", "shin shank", ":36: shin has no parent yet"),
+    ("thigh shank", "thigh shin", ":36: bone shin is not in :bonedata"),
+    ("    thigh shank\n", "", "does not reach the bones shank"),
+]
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        (":bonedata", ":bones", "no section :bonedata"),
-        ("angle deg", "angle grad", ":7: :units must say"),
-        ("length 0.5", "length 0", ":6: :units must give one positive 'length'"),
-        ("length 0.5", "length 1e-320", ":6: :units must give one positive 'length'"),
-        ("order TX TY", "order TX TX", ":11: the root's order"),
-        ("position 0 0 0", "position 0 0", ":root needs a line 'position' with 3 values"),
-        ("dof rx rz", "dof rx l", ":22: dof 'rx l'"),
-        ("dof rx rz", "dof rx rx", ":22: dof 'rx rx'"),
-        ("direction 0 -2 0", "direction 0 0 0", ":19: a bone's direction is zero"),
-        ("direction 0 -2 0", "direction 0 -2", ":19: a bone needs 'direction' with 3 values"),
-        ("length 4", "length four", ":20: 'four' is not a number"),
-        ("axis 0 0 90 XYZ", "axis 0 0 90 XYX", ":21: an axis is three angles and an order"),
-        ("name shank", "name thigh", ":32: a second bone of the name thigh"),
-        ("  end\n  begin\n     id 2", "  begin\n     id 2", "'begin' and 'end' do not alternate"),
-        ("  end\n:hierarchy", ":hierarchy", "the last bone of :bonedata has no 'end'"),
-        ("thigh shank", "shin shank", ":36: shin has no parent yet"),
-        ("thigh shank", "thigh shin", ":36: bone shin is not in :bonedata"),
-        ("    thigh shank\n", "", "does not reach the bones shank"),
-    ],
+    ("name", "old", "new", "words"),
+    [("07_01.amc", *row) for row in BROKEN_AMC] + [("07.asf", *row) for row in BROKEN_ASF],
 )
-def test_broken_asf(tmp_path: Path, old: str, new: str, words: str) -> None:
-    assert old in ASF
-    path = _write(tmp_path, asf=ASF.replace(old, new, 1))
+def test_broken_files(tmp_path: Path, name: str, old: str, new: str, words: str) -> None:
+    path = _write(tmp_path)
+    assert old in (tmp_path / name).read_text()
+    (tmp_path / name).write_text((tmp_path / name).read_text().replace(old, new, 1))
     with pytest.raises(BadMotionFile, match=words) as caught:
         read_amc(path, fps_hz=50)
-    assert str(tmp_path / "07.asf") in str(caught.value)
+    assert str(tmp_path / name) in str(caught.value)
 
 
 def test_the_rate_of_a_skeleton_that_is_not_cmus_must_be_given(tmp_path: Path) -> None:
@@ -206,17 +200,12 @@ def test_the_skeleton_beside_it(tmp_path: Path) -> None:
     assert find_asf(path) == tmp_path / "anyone.asf"
 
 
-@settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@in_one_folder(150)
 @given(data=st.data())
 def test_damage_never_raises_anything_else(data: st.DataObject, tmp_path: Path) -> None:
     path = _write(tmp_path)
     damaged = data.draw(st.sampled_from([path, tmp_path / "07.asf"]))
-    raw = damaged.read_bytes()
-    start = data.draw(st.integers(0, len(raw)))
-    stop = data.draw(st.integers(start, len(raw)))
-    damaged.write_bytes(raw[:start] + data.draw(st.binary(max_size=20)) + raw[stop:])
+    damaged.write_bytes(part_replaced(data, damaged.read_bytes()))
     try:
         source = read_amc(path, fps_hz=50)
     except GmrdataError as error:
