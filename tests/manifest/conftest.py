@@ -11,8 +11,8 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from gmrdata.manifest.v1 import Quality, created_by
-from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
+from gmrdata.manifest.current import Quality
+from gmrdata.manifest.write import ClipFiles, clip_entry, made_by, write_manifest
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.motion import Motion
@@ -72,7 +72,7 @@ def finished_data_set(walk_clip: Clip, tmp_path_factory: pytest.TempPathFactory)
         ),
     )
     still = clip_entry(root, ClipFiles(root / "clips" / "bare.npz"), a_walk("none"))
-    by = created_by({"seed": 7}, {"all": 7})
+    by = made_by({"seed": 7}, {"all": 7})
     write_manifest(root / "set.yaml", a_head("set"), [walk, still], created_by=by)
     return root
 

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.current import ListManifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.v1 import ListManifest, created_by
 from gmrdata.manifest.write import (
     ClipFiles,
     ManifestHead,
     clip_entry,
+    made_by,
     recipe_sha256,
     stage_recipe,
     write_manifest,
@@ -50,7 +51,7 @@ def test_same_content_gives_the_same_bytes(data_set: Path) -> None:
 
 
 def test_no_machine_path_and_no_time_in_the_bytes(data_set: Path) -> None:
-    by = created_by({"motions": "/home/someone/cmu", "list": ["/a/b"], "n": 1}, {"b": 2, "a": 1})
+    by = made_by({"motions": "/home/someone/cmu", "list": ["/a/b"], "n": 1}, {"b": 2, "a": 1})
     text = rewritten(data_set, data_set / "other.yaml", created_by=by).read_text()
     assert "/home" not in text
     assert str(data_set) not in text
