@@ -1,11 +1,10 @@
 """Verbs for cameras and a network together."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table
@@ -17,20 +16,34 @@ if TYPE_CHECKING:
     from gmrdata.fusion.fuse import Loop
 
 
+@dataclass(frozen=True)
+class Parts:
+    """What is put together."""
+
+    loops: tuple[str, ...] = ()
+    """Pairs of times [s] at which the person stands on one spot, like 4.2:17.8."""
+    loop_sigma_m: float = 0.1
+    """How far apart the pelvis may be then, seen from above (1 sigma) [m]."""
+    like_poses: bool = True
+    """Whether the network's error where cameras see the person is taken for its error in like poses
+    that they don't see."""
+    feet: bool = True
+    """Whether planted feet stand still."""
+    ground: bool = True
+    """Whether they stand on level ground, at the height that the cameras' world has."""
+
+
 def fuse(
     source: Positional[Path],
     out: Path,
     network: flags.Network = "bundled",
     errors: Path | None = None,
-    loops: tuple[str, ...] = (),
-    loop_sigma_m: float = 0.1,
     body: flags.Body = "anny",
-    like_poses: bool = True,
-    feet: bool = True,
-    ground: bool = True,
     which: Weights = "latest",
     redo: flags.Redo = False,
     dry_run: flags.DryRun = False,
+    *,
+    parts: Annotated[Parts, OmitArgPrefixes],
 ) -> None:
     """Put cameras and a network together: a world motion without gaps, with an error bar a frame.
 
@@ -40,12 +53,6 @@ def fuse(
             sigma_<n>.npz. Frames in which nobody saw the person have a pose and are not valid.
         errors: How wrong the network is, from `gmrdata delta-errors`; delta_errors.json in the
             run's folder when left out.
-        loops: Pairs of times [s] at which the person stands on one spot, like 4.2:17.8.
-        loop_sigma_m: How far apart the pelvis may be then, seen from above (1 sigma) [m].
-        like_poses: Whether the network's error where cameras see the person is taken for its error
-            in like poses that they don't see.
-        feet: Whether planted feet stand still.
-        ground: Whether they stand on level ground, at the height that the cameras' world has.
     """
     from gmrdata.fusion.camera_evidence import fusion_config_of
     from gmrdata.fusion.fuse import HEADINGS, FuseConfig, plan
@@ -53,17 +60,16 @@ def fuse(
     from gmrdata.fusion.record import RECORD_FILE, RESULT_HEADINGS, FusionRecord, result_rows
     from gmrdata.pages.fusion import write_fusion_page
 
-    parts = {"like_poses": like_poses, "feet": feet, "ground": ground}
-    with _flags_named():
+    used = {name: getattr(parts, name) for name in ("like_poses", "feet", "ground")}
+    with flags.flags_named():
         config = FuseConfig(
             which=which,
-            fusion=fusion_config_of(source).model_copy(update=parts),
-            loops=tuple(map(_loop, loops)),
-            loop_sigma_m=loop_sigma_m,
+            fusion=fusion_config_of(source).model_copy(update=used),
+            loops=tuple(map(_loop, parts.loops)),
+            loop_sigma_m=parts.loop_sigma_m,
         )
     if dry_run:
-        rows = plan(source, network=network, config=config, errors_path=errors)
-        print_table(HEADINGS, rows)
+        print_table(HEADINGS, plan(source, network=network, config=config, errors_path=errors))
         return
     made = fuse_people(
         source,
@@ -77,19 +83,6 @@ def fuse(
     print_table(RESULT_HEADINGS, result_rows(FusionRecord.read(made / RECORD_FILE)))
     answer(write_fusion_page(made))
     answer(made)
-
-
-@contextmanager
-def _flags_named() -> Iterator[None]:
-    """What a recipe refuses, by the flag that said it."""
-    from pydantic import ValidationError
-
-    try:
-        yield
-    except ValidationError as error:
-        wrong = error.errors()[0]
-        flag = str(wrong["loc"][0]).replace("_", "-")
-        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
 
 
 def _loop(text: str) -> "Loop":
@@ -133,7 +126,7 @@ def delta_errors(
 
     flags.need(network, "the run folder of a network")
     flags.need(manifests, "a manifest file")
-    with _flags_named():
+    with flags.flags_named():
         config = MeasureConfig(fps_hz=fps_hz, pose_noise_deg=pose_noise_deg, which=which)
     record = measure_delta_errors(tuple(map(Path, network)), manifests, config, people=people)
     record.write(out)

@@ -1,5 +1,7 @@
 """Flags that several verbs have, each described once, and what they stand for."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -15,7 +17,6 @@ from gmrdata.values.people import PersonFiles
 if TYPE_CHECKING:
     from gmrdata.film.set_plan import SyntheticRecipe
     from gmrdata.read.source_motion import ReadConfig
-    from gmrdata.read.video import VideoConfig
     from gmrdata.values.records import Config
 
 AnyRecipe = TypeVar("AnyRecipe", bound="Config")
@@ -144,11 +145,55 @@ def _part(
     ] = False,
 ) -> Any:  # a VideoConfig, which is loaded when it is needed
     """What is taken of a video file."""
-    return video_part(from_s, to_s, every, take_what_decodes)
+    from pydantic import ValidationError
+
+    from gmrdata.read.video import VideoConfig
+
+    given = {"from_s": from_s, "to_s": to_s, "every": every, "take_what_decodes": take_what_decodes}
+    try:
+        return VideoConfig.model_validate(given)
+    except ValidationError as error:
+        found = error.errors()[0]
+        option = "".join(f"--{str(part).removesuffix('_s')}: " for part in found["loc"])
+        raise BadRecipe(f"{option}{found['msg']}") from None
 
 
 PartFlags = Annotated[Any, OmitArgPrefixes, arg(constructor=_part)]
 """--from, --to, --every and --take-what-decodes: a `VideoConfig`; give it no default."""
+LENS_FLAGS = {"focal_px": "focal", "fov_deg": "fov", "file": "intrinsics"}
+"""The flag of each key of a given lens."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """What is known of the lens, of all videos; one of the first three at most."""
+
+    focal: float | None = None
+    """Focal length of the images [px]."""
+    fov: float | None = None
+    """Horizontal field of view of the images [deg]."""
+    intrinsics: Path | None = None
+    """Calibration of the images: a file, as docs/video.md lists them."""
+    check_lens: bool = True
+    """Seek the lens in the frames too. Without, a given lens is taken as it is, and one that nobody
+    knows is guessed."""
+
+
+@dataclass(frozen=True)
+class Solving:
+    """How cameras and people are solved."""
+
+    poses_every: int = 1
+    """The poses were made from every n-th frame of the video."""
+    check_again: bool = False
+    """Solve the cameras four more times, backward, by every second frame and by other seeds, and
+    reject a path that these don't give."""
+    seed: int = 0
+    """Seed of the reconstruction."""
+
+
+LensFlags = Annotated[Lens, OmitArgPrefixes]
+SolvingFlags = Annotated[Solving, OmitArgPrefixes]
 POSES = arg(help="Folder with <clip id>.npz: poses in the camera's frame, without translation.")
 KEYPOINTS = arg(help="Folder with <clip id>/ of OpenPose's or STAF's JSON, one file per frame.")
 FEATURES = arg(help="Folder with <clip id>.npz that hold image `features` (T, D), row by row.")
@@ -162,21 +207,29 @@ def read_recipe(name: str, model: type[AnyRecipe]) -> AnyRecipe:
     return load_recipe(find_recipe(name), model)
 
 
+@contextmanager
+def flags_named() -> Iterator[None]:
+    """What a recipe refuses inside, as BadRecipe by the flag that said it."""
+    from pydantic import ValidationError
+
+    try:
+        yield
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        key = str(wrong["loc"][0])
+        flag = LENS_FLAGS.get(key, key).replace("_", "-")
+        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
+
+
 def reading(
     fps_hz: float | None, unit_m: float | None, joint_map: Path | None, rest_pose: str | None
 ) -> "ReadConfig":
     """What a person said of motion files; raises BadRecipe for what is none of the choices."""
-    from pydantic import ValidationError
-
     from gmrdata.read.source_motion import ReadConfig
 
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
-    try:
+    with flags_named():
         return ReadConfig.model_validate(said)
-    except ValidationError as error:
-        wrong = error.errors()[0]
-        flag = str(wrong["loc"][0]).replace("_", "-")
-        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
 
 
 def need(values: tuple[Any, ...], what: str) -> None:
@@ -188,23 +241,6 @@ def need(values: tuple[Any, ...], what: str) -> None:
 def body_path(body: str) -> Path | None:
     """The file of `--body`; None for the default body."""
     return None if body == "anny" else Path(body)
-
-
-def video_part(
-    from_s: float, to_s: float | None, every: int, take_what_decodes: bool
-) -> "VideoConfig":
-    """What is taken of a video; BadRecipe if no frame can be."""
-    from pydantic import ValidationError
-
-    from gmrdata.read.video import VideoConfig
-
-    given = {"from_s": from_s, "to_s": to_s, "every": every, "take_what_decodes": take_what_decodes}
-    try:
-        return VideoConfig.model_validate(given)
-    except ValidationError as error:
-        found = error.errors()[0]
-        option = "".join(f"--{str(part).removesuffix('_s')}: " for part in found["loc"])
-        raise BadRecipe(f"{option}{found['msg']}") from None
 
 
 def say_lost(frames_dir: Path) -> None:

@@ -88,6 +88,7 @@ def sfm(
 if TYPE_CHECKING:
     from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
     from gmrdata.people.sources import MasksConfig
+    from gmrdata.solve.request import SolveConfig
     from gmrdata.solve.verdict import VideoVerdict
 
 NO_MASKS = ("none",)
@@ -100,28 +101,15 @@ def video(
     poses: Path | None = None,
     body: flags.Body = "anny",
     masks: flags.Masks = ("person",),
-    focal: Annotated[
-        float | None,
-        arg(help="Focal length of the images, of all videos [px]; one of these three at most."),
-    ] = None,
-    fov: Annotated[
-        float | None, arg(help="Horizontal field of view of the images, of all videos [deg].")
-    ] = None,
-    intrinsics: Annotated[
-        Path | None,
-        arg(help="Calibration of the images, of all videos: a file, as docs/video.md lists them."),
-    ] = None,
     fps_hz: Annotated[
         float | None, arg(help="Images per second of a folder of images [Hz].")
     ] = None,
     dry_run: flags.DryRun = False,
     page: flags.Page = True,
     strict: bool = False,
-    poses_every: int = 1,
-    check_lens: bool = True,
-    check_again: bool = False,
-    seed: int = 0,
     *,
+    lens: flags.LensFlags,
+    solving: flags.SolvingFlags,
     part: flags.PartFlags,
     networks: flags.NetworkFlags,
     run: flags.RunFlags,
@@ -132,8 +120,7 @@ def video(
     processes or shards.
 
     Args:
-        sources: A video file, or a folder of numbered images; for a batch several of them, or a
-            folder with video files.
+        sources: A video file, or a folder of numbered images; of a batch several, or their folder.
         out: Output folder: frames/ of a video, masks/, intrinsics/, sfm/ and verdict.json; bodies/
             and pseudo_gt/ of people, and fused/ of the built-in estimator's; files/ to take along;
             index.html and overlay/ to look at. Of a batch videos/<name>/ with these, videos.json
@@ -144,43 +131,48 @@ def video(
             built-in estimator sees, a demonstrator (docs/poses.md), if its networks were fetched;
             cameras decide alone then whether the video is accepted. The word own for the same
             people, one of whom must be accepted; none for cameras alone.
-        check_lens: Seek the lens in the frames too. Without, a given lens is taken as it is, and
-            one that nobody knows is guessed.
-        poses_every: The poses were made from every n-th frame of the video.
-        seed: Seed of the reconstruction.
-        check_again: Solve the cameras four more times, backward, by every second frame and by
-            other seeds, and reject a path that these don't give.
         strict: End with exit code 1 for a rejected video.
     """
-    from gmrdata.cameras.lens.intrinsics import IntrinsicsConfig
-    from gmrdata.read.video_files import find_videos
-    from gmrdata.solve.request import QUICK_SFM, SolveConfig
-    from gmrdata.world.bodies import BodiesConfig
-
     flags.need(sources, "a video, or a folder of numbered images or of videos")
     asked: dict[str, Any] = {
-        "poses": poses,
-        "body": body,
-        "lens": _lens(focal, fov, intrinsics),
-        "fps_hz": fps_hz,
-        "part": part,
-        "config": SolveConfig(
-            masks=_masks(masks, networks),
-            intrinsics=IntrinsicsConfig(look_in_frames=check_lens),
-            sfm=QUICK_SFM.model_copy(update={"seed": seed}),
-            check_again=check_again,
-            bodies=BodiesConfig(frames_per_row=poses_every),
-        ),
-    }
-    alone = find_videos(sources) is None
-    if alone:
-        _require_alone(run)
+        "poses": poses, "body": body, "lens": _lens(lens), "fps_hz": fps_hz, "part": part,
+        "config": _solve_config(_masks(masks, networks), lens, solving),
+    }  # fmt: skip
+    alone = _are_one(sources, run)
     if dry_run:
         _show_plan(sources, asked)
     elif alone:
         _solve_one(sources[0], out, asked, run, page=page, strict=strict)
     else:
         _solve_many(sources, out, asked, run, page=page, strict=strict)
+
+
+def _solve_config(
+    masks: "MasksConfig | None", lens: flags.Lens, solving: flags.Solving
+) -> "SolveConfig":
+    from gmrdata.cameras.lens.intrinsics import IntrinsicsConfig
+    from gmrdata.solve.request import QUICK_SFM, SolveConfig
+    from gmrdata.world.bodies import BodiesConfig
+
+    return SolveConfig(
+        masks=masks,
+        intrinsics=IntrinsicsConfig(look_in_frames=lens.check_lens),
+        sfm=QUICK_SFM.model_copy(update={"seed": solving.seed}),
+        check_again=solving.check_again,
+        bodies=BodiesConfig(frames_per_row=solving.poses_every),
+    )
+
+
+def _are_one(sources: Sequence[Path], run: Run) -> bool:
+    """Whether one video is meant; BadRecipe for flags that are for many."""
+    from gmrdata.read.video_files import find_videos
+
+    if find_videos(sources) is not None:
+        return False
+    if run.shard or run.workers or run.scheduler:
+        what = "--workers, --scheduler and --shard are for several videos"
+        raise BadRecipe(f"{what}, or a folder with video files. Leave them out for one")
+    return True
 
 
 def _show_plan(sources: Sequence[Path], asked: dict[str, Any]) -> None:
@@ -240,13 +232,6 @@ def leave_files_and_page(out: Path, verdict: "VideoVerdict") -> Path:
     return write_page(out, images=out / verdict.images_dir)
 
 
-def _require_alone(run: Run) -> None:
-    """Refuse what is for many videos; raises BadRecipe."""
-    if run.shard or run.workers or run.scheduler:
-        what = "--workers, --scheduler and --shard are for several videos"
-        raise BadRecipe(f"{what}, or a folder with video files. Leave them out for one")
-
-
 def _masks(names: tuple[str, ...], networks: flags.Networks) -> "MasksConfig | None":
     """The sources of masks; None for the word none, where nothing moves."""
     from gmrdata.people.sources import masks_named, network_files
@@ -265,23 +250,16 @@ def _masks(names: tuple[str, ...], networks: flags.Networks) -> "MasksConfig | N
     return config
 
 
-def _lens(
-    focal_px: float | None, fov_deg: float | None, file: Path | None
-) -> "GivenIntrinsics | None":
-    from pydantic import ValidationError
-
+def _lens(lens: flags.Lens) -> "GivenIntrinsics | None":
+    """What a person said of the lens; BadRecipe for no lens, or for several."""
     from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 
-    given = {"focal_px": focal_px, "fov_deg": fov_deg, "file": file}
-    named = {key: value for key, value in given.items() if value is not None}
+    said = {key: getattr(lens, flag) for key, flag in flags.LENS_FLAGS.items()}
+    named = {key: value for key, value in said.items() if value is not None}
     if len(named) > 1:
         raise BadRecipe("give one of --focal, --fov and --intrinsics, or none of them")
-    try:
+    with flags.flags_named():
         return GivenIntrinsics.model_validate(named) if named else None
-    except ValidationError as error:
-        found = error.errors()[0]
-        flag = str(found["loc"][0]).split("_")[0]
-        raise BadRecipe(f"--{flag} {found['input']}: {found['msg']}") from None
 
 
 def _say(verdict: "VideoVerdict") -> None:
