@@ -22,7 +22,6 @@ import pytest
 from dask.local import SynchronousExecutor
 from render.tables import show
 
-from gmrdata.cameras import geometry
 from gmrdata.cameras import reconstruct as stage
 from gmrdata.cameras.check import agreement
 from gmrdata.cameras.map import mapping
@@ -43,17 +42,17 @@ PARTS: dict[str, list[tuple[Any, str]]] = {
     "decoding": [(cv2, "imdecode")],
     "reducing": [(cv2, "resize"), (cv2, "imencode")],
     "following points": [(keyframes, "_flow"), (cv2, "goodFeaturesToTrack")],
-    "choosing keyframes": [(geometry, "choose_keyframes")],
+    "choosing keyframes": [(stage, "choose_keyframes")],
     "features": [(matches, "find_features")],
     "matching": [(matches, "match_features"), (matches, "sort_pairs"), (matches, "read_matches")],
-    "keypoint adjustment": [(geometry, "adjust_keypoints")],
-    "pure rotation": [(geometry, "solve_rotation_only")],
+    "keypoint adjustment": [(stage, "adjust_keypoints")],
+    "pure rotation": [(stage, "solve_rotation_only")],
     "mapping": [(pycolmap, "global_mapping"), (pycolmap, "incremental_mapping")],
     "adjusting": [(mapping, "_finish")],
-    "frames between": [(geometry, "with_frames_between"), (mapping, "place_frames")],
-    "checks": [(mapping, "freed_focal"), (geometry, "weakest_step")],
+    "frames between": [(stage, "with_frames_between"), (mapping, "place_frames")],
+    "checks": [(mapping, "freed_focal"), (stage, "weakest_step")],
     "second solution": [(agreement, "map_again")],
-    "refinement": [(geometry, "refine_mapped")],
+    "refinement": [(stage, "refine_mapped")],
 }
 
 
@@ -111,7 +110,7 @@ def test_where_the_time_goes(
     # With one thread for each of them, and what runs beside mapping done before it, no part runs
     # while another is timed.
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    monkeypatch.setattr(geometry, "ThreadPoolExecutor", lambda _: SynchronousExecutor())
+    monkeypatch.setattr(stage, "ThreadPoolExecutor", lambda _: SynchronousExecutor())
     clock = Clock()
     for part, functions in PARTS.items():
         for module, name in functions:

@@ -20,7 +20,7 @@ from training.learning import (
 from training.noise import NOISE_FILE, LandmarkNoise, NoiseSampler, SeenTruth, measure_noise
 
 from gmrdata.motion.gait import make_gait
-from gmrdata.people.landmark_body import MIRRORED_LANDMARKS, from_hips, tree_joints
+from gmrdata.people.landmark_network import MIRRORED_LANDMARKS, from_hips, tree_joints
 from gmrdata.people.lifter import N_FEATURES, SEEN, WINDOW, LifterConfig, load_lifter, views_of
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.stage.recipes import load_recipe

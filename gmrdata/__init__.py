@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from gmrdata.score.score import score as score
     from gmrdata.solve.request import SequenceConfig as SequenceConfig
     from gmrdata.solve.request import SolveConfig as SolveConfig
-    from gmrdata.solve.sequence import make_masks as make_masks
-    from gmrdata.solve.sequence import solve_sequence as solve_sequence
+    from gmrdata.solve.solve import make_masks as make_masks
+    from gmrdata.solve.solve import solve_sequence as solve_sequence
     from gmrdata.solve.verdict import VideoVerdict as VideoVerdict
     from gmrdata.solve.videos import solve_video as solve_video
     from gmrdata.solve.videos import solve_videos as solve_videos

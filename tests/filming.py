@@ -172,7 +172,7 @@ def motion_errors(found: np.ndarray, true: np.ndarray, step: int) -> tuple[float
 
 def solve_keyframes_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep the first model of the keyframes for all solutions of a test, which film the same."""
-    from gmrdata.cameras import geometry
+    from gmrdata.cameras import reconstruct as geometry
     from gmrdata.cameras.check import agreement
 
     of_geometry = (

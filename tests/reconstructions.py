@@ -9,10 +9,9 @@ import numpy as np
 from gmrdata.cameras.files import NOT_SMOOTHED, CamerasQuality, Evidence
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionFigures
+from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.picture_fit import PictureFit
-from gmrdata.world.quality import PseudoGtQuality
-from gmrdata.world.recipe import CueEstimate
-from gmrdata.world.verdict import verdict_of
+from gmrdata.world.recipe import CueEstimate, verdict_of
 
 EVIDENCE = Evidence("full", "a pure rotation does not explain the matches", 8, 9, 4, 0.2, 0, 57, 60)
 

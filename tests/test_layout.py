@@ -14,8 +14,8 @@ ORDER = (
 
 
 CAMERAS_ORDER = (
-    "recipe", "files", "colmap", "frames", "match", "map", "lens", "check", "geometry",
-    "reconstruct", "again",
+    "recipe", "files", "colmap", "frames", "match", "map", "lens", "check", "reconstruct",
+    "again",
 )  # fmt: skip
 """The same of the files and folders of cameras/."""
 

@@ -46,7 +46,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
-from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.write.threedpw import write_sequence
 from tests import reconstructions
 from tests.clip_manifests import write_clips

@@ -10,8 +10,7 @@ from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
-from gmrdata.people.landmark_body import landmark_offsets_m
-from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmark_network import LANDMARKS, landmark_offsets_m
 from gmrdata.people.local_poses import (
     LocalPosesConfig,
     Method,
@@ -20,7 +19,7 @@ from gmrdata.people.local_poses import (
 )
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
-from gmrdata.solve.solve import FOLLOWED, INTRINSICS
+from gmrdata.solve.request import FOLLOWED, INTRINSICS
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
 from gmrdata.values.skinning import posed_joints_m

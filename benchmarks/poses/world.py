@@ -25,8 +25,7 @@ from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
 from gmrdata.score.metrics import root_errors_percent, segment_errors_mm
-from gmrdata.solve.request import SolveConfig
-from gmrdata.solve.solve import FOLLOWED, INTRINSICS, OWN_POSES
+from gmrdata.solve.request import FOLLOWED, INTRINSICS, OWN_POSES, SolveConfig
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
@@ -36,7 +35,7 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, load_local_poses, person_file
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert
-from gmrdata.world.quality import load_record
+from gmrdata.world.judge import load_record
 
 STANDS = ("static",)
 """Programmes whose camera does not move."""

@@ -17,8 +17,7 @@ from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import invert
 from gmrdata.world.judge import SolvedCameras, judge
-from gmrdata.world.recipe import VerdictConfig
-from gmrdata.world.verdict import Doubts
+from gmrdata.world.recipe import Doubts, VerdictConfig
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,7 @@ from gmrdata.people.following import (
     follow_people,
     load_tracks,
 )
-from gmrdata.people.landmark_body import BODY_FILE, LandmarkBodyRecord
-from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmark_network import BODY_FILE, LANDMARKS, LandmarkBodyRecord
 from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames

@@ -12,7 +12,7 @@ import torch
 from training.noise import LandmarkNoise, SeenTruth, measure_noise
 
 from gmrdata.people.following import Sightings
-from gmrdata.people.landmark_body import (
+from gmrdata.people.landmark_network import (
     HANGS_ON,
     LEG_M,
     MIRRORED_LANDMARKS,

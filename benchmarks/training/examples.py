@@ -16,13 +16,13 @@ from torch import Tensor
 from training.noise import LandmarkNoise, NoiseSampler
 
 from gmrdata.motion.resample import resample
-from gmrdata.people.landmark_body import (
+from gmrdata.people.landmark_network import (
+    LANDMARKS,
     MIRRORED_LANDMARKS,
     landmark_offsets_m,
     landmarks_on,
     tree_joints,
 )
-from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.lifter import RATE_HZ, WINDOW, window_features
 from gmrdata.values.body import MIRRORED, BodyModel, leg_length_m
 from gmrdata.values.motion import Motion

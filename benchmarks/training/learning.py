@@ -21,7 +21,7 @@ from training.noise import NOISE_FILE, LandmarkNoise
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import ListManifest
 from gmrdata.manifest.read import load_entry, read_manifest
-from gmrdata.people.landmark_body import tree_joints
+from gmrdata.people.landmark_network import tree_joints
 from gmrdata.people.lifter import Lifter, LifterConfig, save_lifter
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.body_file import read_body

@@ -15,8 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gmrdata.people.landmark_body import MIRRORED_LANDMARKS, from_hips
-from gmrdata.people.landmark_network import N_LANDMARKS
+from gmrdata.people.landmark_network import MIRRORED_LANDMARKS, N_LANDMARKS, from_hips
 from gmrdata.people.lifter import views_of
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import ArrayShapes, check_shapes, read_arrays

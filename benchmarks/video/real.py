@@ -27,8 +27,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.sources import FolderSource, MasksConfig, masks_named
 from gmrdata.read.frames import list_images, read_frames
 from gmrdata.read.video import VideoConfig
-from gmrdata.solve.request import QUICK_SFM, SolveConfig
-from gmrdata.solve.solve import FRAMES, MASKS, SFM
+from gmrdata.solve.request import FRAMES, MASKS, QUICK_SFM, SFM, SolveConfig
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.files import write_json

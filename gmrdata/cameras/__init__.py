@@ -7,6 +7,6 @@ The order of imports, bottom up, which is the order of the method:
     map/      cameras and points from matches: a pure rotation, or COLMAP's mappers; smoothed
     lens/     the lens: as it is given or noted, or as the frames say by matching and mapping a few
     check/    whether cameras can be trusted: a second solution, coverage, the verdict
-    geometry  chooses between a camera that only turns and one that moves, and orders all of it
-    reconstruct, again              the stages
+    reconstruct, again              the stages; the first orders all of it, and chooses between a
+                                    camera that only turns and one that moves
 """

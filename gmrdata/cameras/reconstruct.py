@@ -1,14 +1,47 @@
 """Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits."""
 
 import shutil
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from gmrdata.cameras import files
-from gmrdata.cameras.frames import Frames, reduced
-from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
+from gmrdata.cameras.check.agreement import (
+    compare_again,
+    compare_turned_again,
+    disagreement,
+)
+from gmrdata.cameras.files import CamerasQuality, Evidence
+from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words, reduced
+from gmrdata.cameras.map.focal import turning_focal
+from gmrdata.cameras.map.mapping import (
+    hardly_travels,
+    map_frames,
+    place_between,
+    refine_mapped,
+)
+from gmrdata.cameras.map.models import weakest_step
+from gmrdata.cameras.map.rotation_only import (
+    RotationOnly,
+    refine_turning,
+    require_cover,
+    solve_rotation_only,
+    weigh,
+)
+from gmrdata.cameras.map.solution import Solution, fill_short_gaps, quality_of, turning_solution
+from gmrdata.cameras.match.keyframes import choose_keyframes, with_frames_between
+from gmrdata.cameras.match.keypoint_adjustment import adjust_keypoints
+from gmrdata.cameras.match.matches import Matches, match_behind_masks, match_frames
+from gmrdata.cameras.match.tracks import (
+    TRACKS_FILE,
+    Tracks,
+    errors_px,
+    mean_over_points,
+    save_tracks,
+    tracks_of,
+)
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
@@ -66,8 +99,6 @@ def reconstruct(
 
 def _leave_cameras(folder: Path, given: Frames, lens: Lens, config: SfmConfig) -> None:
     """Find the cameras of frames, and write them and what holds them into the stage's folder."""
-    from gmrdata.cameras.geometry import solve
-
     # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
     work_dir = folder / "colmap"
     work_dir.mkdir()
@@ -118,3 +149,156 @@ def _require_usable(lens: Lens, frames: FrameSet) -> None:
     if lens.size_px != frames.size_px or lens.radial[1]:
         what = f"a lens of {lens.size_px} px with distortion {lens.radial}"
         raise BadRecipe(f"{frames.folder}: {what}; give that of these frames, with one term")
+
+
+def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
+    """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
+    if (n := len(frames.images)) < config.min_frames_registered:
+        raise NoReconstruction(
+            f"{n} frames, but a camera path needs {config.min_frames_registered} at least; take "
+            "more of the video",
+            frames.images[0].parent,
+        )
+    keys = choose_keyframes(frames, config)
+    # Neither the prior nor the filling reaches over what looks like a cut, matched or not.
+    timeline = Timeline(frames.numbers, keys.cuts)
+    keyframes = frames.some(keys.rows)
+    try:
+        matches = match_frames(keyframes, work_dir, config)
+        matches = match_behind_masks(matches, keyframes, work_dir, config)
+        matches = adjust_keypoints(matches, keyframes, work_dir)
+        keys = keys.but_matched(matches)
+        keyed = _Keyed(frames, keys.rows, matches, timeline, config)
+        solution, evidence, bent = _solve_keyframes(keyed, work_dir)
+    except NoReconstruction as error:
+        why = f"{error.why}{cuts_in_words(keys.cuts)}"
+        raise NoReconstruction(why, error.frames_dir) from None
+    filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
+    quality = quality_of(solution, marks, evidence, keys, bent, frames.size_px)
+    return replace(solution, world_from_cam=filled), quality
+
+
+@dataclass(frozen=True, eq=False)
+class _Keyed:
+    """Frames and the matches of their keyframes, from which all cameras come."""
+
+    frames: Frames
+    rows: np.ndarray  # (K,) of the keyframes
+    matches: Matches  # Of the K keyframes
+    timeline: Timeline
+    config: SfmConfig
+
+    def turning(self, of: Matches) -> RotationOnly:
+        rng, config = np.random.default_rng(self.config.seed), self.config
+        return solve_rotation_only(
+            of, self.frames.intrinsics_px, config.rotation_only_inlier_px, rng
+        )
+
+
+def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence, bool]:
+    """All frames by their keyframes; the evidence; and whether a bent model was set aside."""
+    config, turning = keyed.config, keyed.turning(keyed.matches)
+    evidence = weigh(turning, keyed.matches, config)
+    turns = evidence.verdict == "rotation_only"
+    mapped, matches = _mapped(keyed, work_dir, turns=turns)
+    bent = mapped is not None and is_bent(mapped, turning, config)
+    unsure = evidence.verdict == "either"
+    if turns or bent or (unsure and not explains_better(mapped, turning, config)):
+        return _as_turning(keyed, turning, matches), evidence, bent
+    if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
+        raise NoReconstruction(
+            f"{len(keyed.matches.pairs)} pairs of frames match, but no mapper could build a model; "
+            f"{_why_unsolved(len(keyed.rows), evidence, config)}",
+            keyed.frames.images[0].parent,
+        )
+    return _as_mapped(keyed, mapped, matches), evidence, bent
+
+
+def _mapped(keyed: _Keyed, work_dir: Path, *, turns: bool) -> tuple[Solution | None, Matches]:
+    """A model of the keyframes, unless the camera only turns, with what a second one says of it;
+    and the matches of all frames."""
+    keys, matches, config = keyed.frames.some(keyed.rows), keyed.matches, keyed.config
+    # Mapping takes one core.  No second mapping is run beside it: of two at once pycolmap 4.2.1 now
+    # and then gives another model.
+    with ThreadPoolExecutor(1) as beside:
+        between = beside.submit(with_frames_between, matches, keyed.rows, keyed.frames, config)
+        mapped = None if turns else map_frames(keys, matches, work_dir, config)
+        if mapped is not None:
+            mapped = compare_again(mapped, keys, matches, work_dir, config)
+        return mapped, between.result()
+
+
+def _as_turning(keyed: _Keyed, turning: RotationOnly, matches: Matches) -> Solution:
+    """Cameras of all frames that only turn, by the matches of all, where that explains them."""
+    config, intrinsics_px = keyed.config, keyed.frames.intrinsics_px
+    require_cover(turning, keyed.matches, keyed.frames, config)
+    focal = turning_focal(turning, keyed.matches, intrinsics_px)
+    refined, smoothing = refine_turning(keyed.turning(matches), keyed.timeline, config)
+    focal_px = float(intrinsics_px[0, 0])
+    solution = turning_solution(refined, smoothing, focal, focal_px, config)
+    return compare_turned_again(solution, turning, keyed.matches, keyed.rows, intrinsics_px, config)
+
+
+def _as_mapped(keyed: _Keyed, mapped: Solution, matches: Matches) -> Solution:
+    """Cameras of all frames by a model of the keyframes and the matches of all."""
+    config, intrinsics_px = keyed.config, keyed.frames.intrinsics_px
+    of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in (keyed.matches, matches))
+    step = weakest_step(mapped, of_keys, keyed.rows, intrinsics_px, config.max_reprojection_px)
+    placed = place_between(replace(mapped, weakest_step=step), keyed.rows, straight, intrinsics_px)
+    solution = refine_mapped(placed, straight, intrinsics_px, keyed.timeline, config)
+    return _with_tracks(solution, matches, keyed.frames)
+
+
+def _why_unsolved(n_keyframes: int, evidence: Evidence, config: SfmConfig) -> str:
+    """What may keep matched frames from becoming a model, the likeliest alone where it is clear."""
+    if n_keyframes < config.second.few_keyframes:
+        return f"{n_keyframes} frames are too few for one, take more of the video"
+    if evidence.rotation_only_share >= config.choice.nearly_turns:
+        share = f"{evidence.rotation_only_share:.0%} of the matches"
+        return f"the camera hardly travels, a turn explains {share}, but not all of them"
+    return (
+        "the background may move itself (water, a crowd, leaves), the intrinsics be wrong, or the "
+        "parallax too small"
+    )
+
+
+def _with_tracks(solution: Solution, matches: Matches, frames: Frames) -> Solution:
+    """The solution with its tracks, and the errors of what the bundle adjustment had of them."""
+    names = [image.name for image in frames.images]
+    points, adjusted = solution.points, solution.adjusted
+    tracks = tracks_of(solution.seen, matches.keypoints_px, points, adjusted, names)
+    held, cameras = tracks.of_adjusted(), solution.world_from_cam
+    found_px = errors_px(held, points, cameras, frames.intrinsics_px, solution.lens)
+    mean_px = mean_over_points(found_px, held.points)
+    return replace(solution, tracks=tracks, errors_px=found_px, mean_error_px=mean_px)
+
+
+def explains_better(mapped: Solution | None, turning: RotationOnly, config: SfmConfig) -> bool:
+    """Whether six degrees of freedom are worth it where a pure rotation fits as well."""
+    if mapped is None or mapped.has_camera.sum() < turning.has_camera.sum():
+        return False
+    agree_px = turning.residuals_px[turning.residuals_px < config.rotation_only_inlier_px]
+    return bool(np.median(mapped.errors_px) < config.choice.clearly_better * np.median(agree_px))
+
+
+def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
+    """Whether a model of a camera that hardly travels is less to be trusted than a pure rotation.
+
+    Over a way that is short beside the distance of the background, turning and travelling look
+    alike, and a mapper may trade one for the other.  Such a model asks for another focal length
+    than the true one, or can't tell which it needs, or a part of the keyframes gives another path.
+    One of few keyframes does not tell how far the camera travels over all.
+    """
+    if mapped.has_camera.mean() < config.second.most_of_them:
+        return False
+    turns_px = np.median(turning.residuals_px)
+    if turns_px > config.small_travel_median_px:
+        return False
+    if not hardly_travels(mapped, config.small_travel_share):
+        return False
+    enough = mapped.is_confirmed_by(config.second.most_of_them)
+    if enough and disagreement(mapped, config) > config.second.agreeing_share:
+        return True
+    if (focal := mapped.focal) is None or focal.sigma > config.choice.vague_focal:
+        return True
+    return abs(focal.factor - 1.0) > 3 * focal.sigma

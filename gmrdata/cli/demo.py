@@ -29,7 +29,7 @@ from gmrdata.motion.resample import resample
 from gmrdata.read.bodies import keep_body, load_body
 from gmrdata.read.body_file import read_body
 from gmrdata.solve.request import SequenceConfig
-from gmrdata.solve.sequence import solve_sequence
+from gmrdata.solve.solve import solve_sequence
 from gmrdata.stage.jobs import Job, run_jobs
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -44,7 +44,7 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.compose import motion_in_camera
-from gmrdata.world.quality import load_record, quality_record
+from gmrdata.world.judge import load_record, quality_record
 
 SHORTEST_S = 1.2  # a trial shorter than this has too few motions at 10 fps to say anything
 WIDEST_M = 7.0  # the scene's free ground; a trial that walks further than this doesn't fit

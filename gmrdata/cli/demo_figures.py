@@ -21,7 +21,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import read_json_lines
-from gmrdata.world.quality import load_record
+from gmrdata.world.judge import load_record
 
 FPS_HZ = 10.0  # rate at which all errors are measured [Hz]: the paper's
 

@@ -34,7 +34,7 @@ def masks(
     """
     from gmrdata.pages.frames import make_mask_sheet
     from gmrdata.people.sources import masks_named
-    from gmrdata.solve.sequence import make_masks
+    from gmrdata.solve.solve import make_masks
 
     flags.need(masks, "a source of masks: --masks onnx")
     config = masks_named(masks, **vars(networks))
@@ -71,7 +71,7 @@ def sfm(
     from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.people.sources import masks_named
     from gmrdata.solve.request import SequenceConfig
-    from gmrdata.solve.sequence import solve_sequence
+    from gmrdata.solve.solve import solve_sequence
 
     flags.need(masks, "a source of masks: --masks silhouette")
     named = masks_named(masks, **vars(networks))

@@ -28,15 +28,15 @@ from gmrdata.export.sources import (
 )
 from gmrdata.gmr.config import Which
 from gmrdata.read.video import video_record
-from gmrdata.solve.solve import SFM
+from gmrdata.solve.request import SFM
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
 from gmrdata.solve.videos import FILES
 from gmrdata.stage.progress import progress_bar, remark
 from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput, StaleOutput
 from gmrdata.values.files import write_bytes
 from gmrdata.values.people import PSEUDO_GT
-from gmrdata.world.background import load_background
-from gmrdata.world.quality import load_record
+from gmrdata.world.compose import load_background
+from gmrdata.world.judge import load_record
 from gmrdata.write.emdb import emdb_name
 from gmrdata.write.trajectories import write_tum
 

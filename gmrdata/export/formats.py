@@ -21,7 +21,7 @@ from gmrdata.values.motion import Motion
 
 if TYPE_CHECKING:
     from gmrdata.export.sources import ExportedClip
-    from gmrdata.world.background import Background
+    from gmrdata.world.compose import Background
     from gmrdata.write.colmap import ColmapPoints
     from gmrdata.write.systems.tracked import TrackedPerson
 
@@ -99,7 +99,7 @@ def _clip_lacks(need: Need, exported: "ExportedClip") -> str:
 def export_colmap(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
     from gmrdata.cameras.files import load_cameras
-    from gmrdata.world.background import is_kept_in_place, load_background
+    from gmrdata.world.compose import is_kept_in_place, load_background
     from gmrdata.write.colmap import NO_POINTS, write_colmap
 
     exported = clips[0]
@@ -128,7 +128,7 @@ def seen_points(
     found: "Background", sfm_dir: Path, observations: Literal["keyframes", "all"]
 ) -> tuple[Sequence[str], "ColmapPoints"]:
     """Names of solved cameras' images, and the background points as these images see them."""
-    from gmrdata.world.background import load_background_tracks
+    from gmrdata.world.compose import load_background_tracks
     from gmrdata.write.colmap import ColmapPoints
 
     tracks = load_background_tracks(sfm_dir, found)

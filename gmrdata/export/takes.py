@@ -28,7 +28,7 @@ def result_take(clips: Sequence[ExportedClip]) -> Take:
 
 def with_points(take: Take, exported: ExportedClip) -> Take:
     """The same with the background points of the sequence, if they have a place in its world."""
-    from gmrdata.world.background import load_background
+    from gmrdata.world.compose import load_background
 
     if exported.sfm_dir is None:
         return take

@@ -58,7 +58,7 @@ from gmrdata.values.files import STAGE_FILE, write_npz
 from gmrdata.values.motion import Motion, accumulate
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import Config
-from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.judge import PseudoGtQuality
 
 HEADINGS = ("person", "frames", "rate [Hz]", "with camera", "gaps [s]", "loops")
 

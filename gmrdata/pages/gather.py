@@ -31,10 +31,9 @@ from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput
 from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
 from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import MAKE_AGAIN
+from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.pseudo_gt import config_of
-from gmrdata.world.quality import PseudoGtQuality, load_record
-from gmrdata.world.recipe import PseudoGtConfig
-from gmrdata.world.verdict import Doubts, Verdict, load_dataset_camera
+from gmrdata.world.recipe import Doubts, PseudoGtConfig, Verdict, load_dataset_camera
 
 if TYPE_CHECKING:
     from gmrdata.pages.fusion import FusedPeople

@@ -29,10 +29,8 @@ from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, rows_of_numbers
 from gmrdata.values.motion_metrics import angles_rad
-from gmrdata.world.judge import window_differences
-from gmrdata.world.quality import PseudoGtQuality
-from gmrdata.world.recipe import PseudoGtConfig
-from gmrdata.world.verdict import Verdict
+from gmrdata.world.judge import PseudoGtQuality, window_differences
+from gmrdata.world.recipe import PseudoGtConfig, Verdict
 
 if TYPE_CHECKING:
     from gmrdata.pages.fusion import FusedPeople

@@ -38,7 +38,7 @@ from gmrdata.values.errors import GmrdataError
 from gmrdata.values.files import STAGE_FILE, remove_orphans, write_bytes
 from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import Config
-from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.write.overlay import OVERLAY_BGR
 
 PAGE_FILE = "index.html"

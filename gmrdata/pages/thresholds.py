@@ -13,7 +13,7 @@ from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Solved
 from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
-from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.recipe import PseudoGtConfig
 
 

@@ -13,14 +13,14 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from gmrdata.people.landmark_body import (
+from gmrdata.people.landmark_network import (
+    LANDMARKS,
     LEG_M,
     from_hips,
     landmark_offsets_m,
     landmarks_on,
     tree_joints,
 )
-from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.lifter import LiftedPose, SeenLandmarks, landmark_weights, views_of
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS, leg_length_m
 from gmrdata.values.records import Config

@@ -21,7 +21,6 @@ import numpy as np
 from pydantic import Field, PositiveInt
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.people.boxes import Detection, box_iou, detections_as_json
 from gmrdata.people.landmark_network import (
     N_LANDMARKS,
     Crop,
@@ -30,7 +29,16 @@ from gmrdata.people.landmark_network import (
     crop_around,
     open_landmark_network,
 )
-from gmrdata.people.linking import LinkConfig, Piece, cuts_in, join_pieces, unsure_pairs
+from gmrdata.people.linking import (
+    Detection,
+    LinkConfig,
+    Piece,
+    box_iou,
+    cuts_in,
+    detections_as_json,
+    join_pieces,
+    unsure_pairs,
+)
 from gmrdata.people.onnx import OnnxConfig, detect_all
 from gmrdata.read.frames import read_color, write_gray
 from gmrdata.stage.progress import track as with_bar

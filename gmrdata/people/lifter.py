@@ -22,8 +22,7 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from gmrdata.people.landmark_body import HIPS, LEG_M
-from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmark_network import HIPS, LANDMARKS, LEG_M
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.errors import BadCheckpoint
 from gmrdata.values.records import Config

@@ -1,10 +1,10 @@
-"""Which pieces of tracks are of one person: all that is seen speaks for or against it together.
+"""Boxes linked over time, and which pieces of tracks are of one person.
 
-Where the second piece begins where the first would be by then, as large, and in the same colours,
-each counts by how much likelier it is of one person than of two (a sum of logarithms of ratios), so
-that a dancer whose colours change while it stands in one place is still one.  A track is cut where
-its colours change, since who walks past another may take it over; what goes on is then joined to
-whom it fits best.
+All that is seen speaks for or against that together.  Where the second piece begins where the
+first would be by then, as large, and in the same colours, each counts by how much likelier it is of
+one person than of two (a sum of logarithms of ratios), so that a dancer whose colours change while
+it stands in one place is still one.  A track is cut where its colours change, since who walks past
+another may take it over; what goes on is then joined to whom it fits best.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,174 @@ from typing import Self
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import TypedDict
 
 from gmrdata.values.records import Config
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """What a detector found in one frame."""
+
+    boxes_px: np.ndarray  # (N, 4) left, top, right, bottom from the first pixel's outer corner [px]
+    scores: np.ndarray  # (N,) from 0 to 1
+    classes: np.ndarray  # (N,) index in COCO_NAMES
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+
+Detection = TypedDict("Detection", {"box_px": list[float], "score": float, "class": int})
+"""What a record says of one: left, top, right, bottom; index in COCO_NAMES."""
+
+
+def detections_as_json(found: Detections) -> list[Detection]:
+    """Plain numbers: boxes to 0.01 px, scores to 0.0001."""
+    rows = zip(found.boxes_px.tolist(), found.scores.tolist(), found.classes.tolist(), strict=True)
+    return [
+        {"box_px": [round(edge, 2) for edge in box_px], "score": round(score, 4), "class": index}
+        for box_px, score, index in rows
+    ]
+
+
+def detections_from_json(records: list[Detection]) -> Detections:
+    """The inverse of `detections_as_json`."""
+    boxes_px = np.array([record["box_px"] for record in records], dtype=np.float64)
+    scores = np.array([record["score"] for record in records], dtype=np.float64)
+    classes = np.array([record["class"] for record in records], dtype=np.int64)
+    return Detections(boxes_px.reshape(-1, 4), scores, classes)
+
+
+def box_iou(a_px: np.ndarray, b_px: np.ndarray) -> np.ndarray:
+    """Intersection over union (N, M) of boxes (N, 4) and (M, 4); 0 where both are empty."""
+    low = np.maximum(a_px[:, None, :2], b_px[None, :, :2])
+    high = np.minimum(a_px[:, None, 2:], b_px[None, :, 2:])
+    common = np.prod(np.maximum(high - low, 0.0), axis=-1)
+    union = _area(a_px)[:, None] + _area(b_px)[None, :] - common
+    return np.where(union > 0, common / np.where(union > 0, union, 1.0), 0.0)
+
+
+def keep_best(found: Detections, nms_iou: float) -> Detections:
+    """Class by class, drop boxes that overlap one of a higher score by more than `nms_iou`."""
+    import cv2
+
+    if len(found) == 0:
+        return found
+    corners_px = found.boxes_px.reshape(-1, 2, 2)
+    as_xywh = np.concatenate([corners_px[:, 0], np.ptp(corners_px, axis=1)], axis=1)
+    kept = cv2.dnn.NMSBoxesBatched(
+        as_xywh.tolist(), found.scores.tolist(), found.classes.tolist(), 0.0, nms_iou
+    )
+    rows = np.asarray(kept, dtype=np.int64).reshape(-1)
+    return Detections(found.boxes_px[rows], found.scores[rows], found.classes[rows])
+
+
+def grow(boxes_px: np.ndarray, share: float, margin_px: float) -> np.ndarray:
+    """Boxes (N, 4) widened on each side by a share of their shorter side and by a margin [px]."""
+    if len(boxes_px) == 0:
+        return boxes_px
+    width_px, height_px = (boxes_px[:, 2:] - boxes_px[:, :2]).T
+    by_px = share * np.minimum(width_px, height_px) + margin_px
+    return np.asarray(boxes_px + by_px[:, None] * np.array([-1.0, -1.0, 1.0, 1.0]))
+
+
+def fill_boxes(boxes_px: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
+    """Mask (height, width) uint8, 255 on all pixels of a picture of (width, height) that a box
+    (N, 4) [px] touches; boxes may lie outside the picture."""
+    mask = np.zeros(size_px[::-1], dtype=np.uint8)
+    low = np.clip(np.floor(boxes_px[:, :2]), 0, size_px).astype(int)
+    high = np.clip(np.ceil(boxes_px[:, 2:]), 0, size_px).astype(int)
+    for (left, top), (right, bottom) in zip(low, high, strict=True):
+        mask[top:bottom, left:right] = 255
+    return mask
+
+
+def _area(boxes_px: np.ndarray) -> np.ndarray:
+    return np.asarray(np.prod(np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 0.0), axis=1))
+
+
+class TrackConfig(Config):
+    """How detections of neighbouring frames are joined."""
+
+    link_iou: float = Field(default=0.3, gt=0, le=1)
+    """Intersection over union from which two boxes show the same object."""
+    max_gap_frames: int = Field(default=5, ge=0)
+    """Longest run of frames without the object over which its box is interpolated."""
+    hold_frames: int = Field(default=2, ge=0)
+    """Frames before a track's first and after its last box in which that box is masked too."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedFrame:
+    """What is masked in one frame."""
+
+    rows: np.ndarray  # (K,) detections of the frame that belong to kept tracks
+    filled_px: np.ndarray
+    """(F, 4) boxes of kept tracks that have no detection here: interpolated or held [px]."""
+
+
+def track(frames: list[Detections], min_score: float, config: TrackConfig) -> list[TrackedFrame]:
+    """Choose and complete a sequence's boxes; tracks with a box of `min_score` or more are kept.
+
+    Their weak boxes then count too (the idea of Zhang et al., "ByteTrack", 2022).  Frames that a
+    kept track skips get a box halfway, in proportion to time.
+    """
+    rows: list[list[int]] = [[] for _ in frames]
+    filled: list[list[np.ndarray]] = [[] for _ in frames]
+    for linked in link(frames, config):
+        if max(frames[at].scores[row] for at, row in linked) < min_score:
+            continue
+        for at, row in linked:
+            rows[at].append(row)
+        for at, box_px in _fill(frames, linked, config.hold_frames):
+            filled[at].append(box_px)
+    return [
+        TrackedFrame(np.array(sorted(kept), dtype=np.int64), np.array(boxes_px).reshape(-1, 4))
+        for kept, boxes_px in zip(rows, filled, strict=True)
+    ]
+
+
+def link(frames: list[Detections], config: TrackConfig) -> list[list[tuple[int, int]]]:
+    """Tracks as lists of (frame, detection); every detection is in one of them.
+
+    A box joins the track whose last box it overlaps most, best pairs first.  Classes don't matter:
+    a detector wavers between dog and horse but not between something and nothing.
+    """
+    tracks: list[list[tuple[int, int]]] = []
+    for at, found in enumerate(frames):
+        open_tracks = [t for t in tracks if at - t[-1][0] <= config.max_gap_frames + 1]
+        last_px = [frames[t[-1][0]].boxes_px[t[-1][1]] for t in open_tracks]
+        overlap = box_iou(np.array(last_px).reshape(-1, 4), found.boxes_px)
+        taken = _best_pairs(overlap, config.link_iou)
+        for track_row, row in taken:
+            open_tracks[track_row].append((at, row))
+        matched = {row for _, row in taken}
+        tracks += [[(at, row)] for row in range(len(found)) if row not in matched]
+    return tracks
+
+
+def _best_pairs(overlap: np.ndarray, least: float) -> list[tuple[int, int]]:
+    """Pairs (row, column) of a matrix, each row and column once, largest values first."""
+    rows, columns = np.nonzero(overlap >= least)
+    order = np.argsort(-overlap[rows, columns], kind="stable")
+    pairs: dict[int, int] = {}
+    for row, column in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
+        if row not in pairs and column not in pairs.values():
+            pairs[row] = column
+    return list(pairs.items())
+
+
+def _fill(
+    frames: list[Detections], linked: list[tuple[int, int]], hold_frames: int
+) -> list[tuple[int, np.ndarray]]:
+    """(frame, box) wherever a track has no detection of its own."""
+    at = np.array([frame for frame, _ in linked])
+    boxes_px = np.array([frames[frame].boxes_px[row] for frame, row in linked])
+    first = max(0, at[0] - hold_frames)
+    last = min(len(frames) - 1, at[-1] + hold_frames)
+    missing = [frame for frame in range(first, last + 1) if frame not in set(at.tolist())]
+    edges_px = np.stack([np.interp(missing, at, edge_px) for edge_px in boxes_px.T], axis=1)
+    return list(zip(missing, edges_px, strict=True))
 
 
 class LinkConfig(Config):

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from gmrdata.people.fit import FitConfig, fit
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord, Sightings, load_tracks
-from gmrdata.people.landmark_body import landmark_offsets_m, landmarks_on, tree_joints
+from gmrdata.people.landmark_network import landmark_offsets_m, landmarks_on, tree_joints
 from gmrdata.people.lifter import (
     WEIGHTS_FILE,
     LiftedPose,

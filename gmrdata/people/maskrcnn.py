@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from gmrdata.people.boxes import Detections, TrackedFrame, fill_boxes, track
+from gmrdata.people.linking import Detections, TrackedFrame, fill_boxes, track
 from gmrdata.people.silhouette import dilate
 from gmrdata.people.yolox import CATEGORY_NUMBERS, DetectorConfig, class_indices
 from gmrdata.read.frames import read_color, write_gray

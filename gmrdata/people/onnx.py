@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.people import boxes, yolox
-from gmrdata.people.boxes import Detection, Detections
+from gmrdata.people import linking, yolox
+from gmrdata.people.linking import Detection, Detections
 from gmrdata.read.frames import read_color, write_gray
 from gmrdata.read.models import require_model
 from gmrdata.stage.progress import track as with_bar
@@ -89,14 +89,14 @@ def onnx_masks(
 
     def work(partial: Path) -> None:
         found = detect_all(model_path, frames.paths, partial, config)
-        chosen = boxes.track(found, config.min_score, config.tracks)
+        chosen = linking.track(found, config.min_score, config.tracks)
         records = {}
         for image, frame, choice in zip(frames.paths, found, chosen, strict=True):
             boxes_px = np.concatenate([frame.boxes_px[choice.rows], choice.filled_px])
-            boxes_px = boxes.grow(boxes_px, config.grow_share, config.dilate_px)
-            write_gray(partial / f"{image.stem}.png", boxes.fill_boxes(boxes_px, frames.size_px))
+            boxes_px = linking.grow(boxes_px, config.grow_share, config.dilate_px)
+            write_gray(partial / f"{image.stem}.png", linking.fill_boxes(boxes_px, frames.size_px))
             filled_px = np.round(choice.filled_px, 2).tolist()
-            as_json = boxes.detections_as_json(frame)
+            as_json = linking.detections_as_json(frame)
             records[image.stem] = FrameRecord(as_json, choice.rows.tolist(), filled_px)
         DetectionsRecord(frames=records).write(partial / DETECTIONS_FILE)
         shutil.rmtree(partial / "seen")
@@ -125,7 +125,7 @@ def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
             least = config.weak_score
             found.append(yolox.decode(output, size_px, input_from_frame, indices, least))
         parts = zip(*((f.boxes_px, f.scores, f.classes) for f in found), strict=True)
-        return boxes.keep_best(Detections(*map(np.concatenate, parts)), config.nms_iou)
+        return linking.keep_best(Detections(*map(np.concatenate, parts)), config.nms_iou)
 
     return detect
 
@@ -172,9 +172,9 @@ def detect_all(
     for image in with_bar(images, "detecting"):
         seen = partial / "seen" / f"{image.stem}.json"
         if not seen.is_file():
-            write_json(seen, boxes.detections_as_json(detect(read_color(image))))
+            write_json(seen, linking.detections_as_json(detect(read_color(image))))
         # Read back, so that a resumed run works on the very same numbers.
-        found.append(boxes.detections_from_json(read_json(seen)))
+        found.append(linking.detections_from_json(read_json(seen)))
     return found
 
 

@@ -8,7 +8,6 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from gmrdata.people.boxes import detections_from_json, fill_boxes
 from gmrdata.people.folder import FolderMaskConfig, UnionConfig, folder_masks, unite_masks
 from gmrdata.people.following import (
     FOLLOWED_FILE,
@@ -21,6 +20,7 @@ from gmrdata.people.following import (
     is_among,
     outline_path,
 )
+from gmrdata.people.linking import detections_from_json, fill_boxes
 from gmrdata.people.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.people.onnx import OnnxConfig, onnx_masks
 from gmrdata.people.silhouette import SilhouetteConfig, dilate, silhouette_masks

@@ -16,7 +16,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from gmrdata.people.boxes import Detections, TrackConfig
+from gmrdata.people.linking import Detections, TrackConfig
 from gmrdata.values.records import Config
 
 COCO_NAMES: tuple[str, ...] = (  # The 80 classes in the order of their category numbers

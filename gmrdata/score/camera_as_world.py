@@ -21,7 +21,7 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import invert, rigid
 from gmrdata.world.compose import metric_cameras, motion_in_camera, motion_in_world
-from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.judge import PseudoGtQuality
 
 LEVEL_FROM_CAM = rigid(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 """World of a camera that is held level and looks along +y: x to the right, z up, origin in it."""

@@ -4,18 +4,24 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, IntrinsicsConfig
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, Intrinsics, IntrinsicsConfig
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.local_poses import LocalPosesConfig
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.video import VideoConfig
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.stage.progress import remark
-from gmrdata.values.errors import MissingInput
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.values.errors import MissingInput, NoReconstruction
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from gmrdata.world.recipe import PseudoGtConfig
+
+FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
+FOLLOWED, AGAIN, OWN_POSES, BODY = "followed", "again", "own_poses", "body"
+"""The folders of a sequence but for those of people."""
 
 QUICK_SFM = SfmConfig(max_image_size_px=960, max_features=1200, max_orientations=1)
 """What any video is solved by: 107 keyframes of 1280x720 px take 0.6 of the camera stage's own
@@ -102,6 +108,27 @@ class SolveRequest:
         if video.poses_path is not None:
             people = EstimatedPeople(video.poses_path, body)
         return replace(self, source=video.path, people=people)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What is asked of a sequence, and what its stages have left so far."""
+
+    request: SolveRequest
+    out_dir: Path
+    config: SolveConfig
+    run: Run = DEFAULT_RUN
+    body_path: Path | None = None  # of people whom a system sees
+    frames: FrameSet | None = None  # with times unless bodies are given, which have theirs
+    followed_dir: Path | None = None  # who is in the picture, where somebody wants to know
+    masks_dir: Path | None = None
+    lens: Intrinsics | None = None  # None where bodies came with theirs
+    sfm_dir: Path | None = None
+    again_dir: Path | None = None
+    bodies: tuple[PersonFiles, ...] = ()  # people before the camera
+    remarks: tuple[str, ...] = ()  # what one should know of them
+    world_dir: Path | None = None
+    unsolved: NoReconstruction | None = None  # why there are no cameras, or no world
 
 
 SEEN, OWN, NOBODY = None, "own", "none"

@@ -4,12 +4,13 @@
 """
 
 import shutil
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 from gmrdata.cameras.again import solve_again
 from gmrdata.cameras.files import load_quality
-from gmrdata.cameras.lens.intrinsics import Intrinsics, find_intrinsics, load_intrinsics
+from gmrdata.cameras.lens.intrinsics import find_intrinsics, load_intrinsics
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.fusion.fuse import fuse_own_people
 from gmrdata.people import sources as mask_sources
@@ -24,15 +25,29 @@ from gmrdata.people.sources import (
     sources_dir,
 )
 from gmrdata.read.bodies import body_file, keep_body
-from gmrdata.read.video import as_frames
-from gmrdata.solve.doubts import with_lens_error, write_doubts
-from gmrdata.solve.request import EstimatedPeople, GivenPeople, SolveConfig, SolveRequest
+from gmrdata.read.video import VideoConfig, as_frames
+from gmrdata.solve.request import (
+    AGAIN,
+    BODY,
+    FOLLOWED,
+    FRAMES,
+    INTRINSICS,
+    MASKS,
+    OWN_POSES,
+    SFM,
+    EstimatedPeople,
+    GivenPeople,
+    SequenceConfig,
+    SolveConfig,
+    Solved,
+    SolveRequest,
+)
+from gmrdata.solve.verdict import with_lens_error, write_doubts
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
-from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.people import (
     BODIES,
     FUSED,
@@ -45,36 +60,11 @@ from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 
-FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
-FOLLOWED, AGAIN, OWN_POSES, BODY = "followed", "again", "own_poses", "body"
-"""The folders of a sequence but for those of people."""
-
 NOBODY_SEEN = "The built-in estimator sees nobody: these are cameras alone"
 
 OWN_FEET = {"creep_m_per_s": 0.6, "contact_sigma_m": 0.03}
 """Errors of feet by the built-in estimator, for the scale: its steps are too short, mostly by a
 fifth to a half, so feet that stand seem to creep."""
-
-
-@dataclass(frozen=True)
-class Solved:
-    """What is asked of a sequence, and what its stages have left so far."""
-
-    request: SolveRequest
-    out_dir: Path
-    config: SolveConfig
-    run: Run = DEFAULT_RUN
-    body_path: Path | None = None  # of people whom a system sees
-    frames: FrameSet | None = None  # with times unless bodies are given, which have theirs
-    followed_dir: Path | None = None  # who is in the picture, where somebody wants to know
-    masks_dir: Path | None = None
-    lens: Intrinsics | None = None  # None where bodies came with theirs
-    sfm_dir: Path | None = None
-    again_dir: Path | None = None
-    bodies: tuple[PersonFiles, ...] = ()  # people before the camera
-    remarks: tuple[str, ...] = ()  # what one should know of them
-    world_dir: Path | None = None
-    unsolved: NoReconstruction | None = None  # why there are no cameras, or no world
 
 
 def solve(
@@ -328,3 +318,58 @@ def _fusion(solved: Solved) -> None:
     if not isinstance(people, GivenPeople):
         own = people is not None and people.are_own
         fuse_own_people(solved.out_dir, solved.body_path if own else None, run=solved.run)
+
+
+def solve_sequence(
+    frames: str | Path,
+    people: tuple[PersonFiles, ...],
+    out_dir: str | Path,
+    config: SequenceConfig,
+    *,
+    dataset_camera_path: Path | None = None,
+    doubts_path: Path | None = None,
+    left_out: Collection[int] = (),
+    video: VideoConfig | None = None,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Make `out_dir/masks` (and `masks_by`), `out_dir/sfm` and, the result, `out_dir/pseudo_gt`.
+
+    The intrinsics of the first of the people are kept.
+
+    Args:
+        frames: A folder of numbered images, or a video file, of which `video` says the part.  Where
+            bodies are of other times than a video's frames, the verdict says so.
+        people: In the camera's frame, all with the same rows.
+        dataset_camera_path: Of the data set, by `save_dataset_camera`; right over short times.
+        doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
+        left_out: Numbers of images that are known to be unusable.
+
+    Raises:
+        NoReconstruction: there is no camera path, or no world.
+    """
+    given = GivenPeople(people, dataset_camera_path, doubts_path, left_out)
+    stages = SolveConfig(masks=config.masks, sfm=config.sfm, pseudo_gt=config.pseudo_gt)
+    solved = solve(SolveRequest(Path(frames), given, part=video), Path(out_dir), stages, run)
+    if solved.unsolved is not None:
+        raise solved.unsolved
+    assert solved.world_dir is not None
+    return solved.world_dir
+
+
+def make_masks(
+    frames: str | Path,
+    out_dir: str | Path,
+    config: MasksConfig,
+    *,
+    people: tuple[PersonFiles, ...] = (),
+    video: VideoConfig | None = None,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Make `masks`, `masks_by` and, of a video, `frames` in a folder; gives the path of `masks`.
+
+    Args:
+        frames: A folder of numbered images, or a video file, of which `video` says the part.
+        people: Camera-frame clips with their bodies, for silhouettes.
+    """
+    given = as_frames(Path(frames), Path(out_dir) / FRAMES, video, run=run)
+    return mask_sources.make_masks(given, Path(out_dir) / MASKS, config, people=people, run=run)

@@ -16,25 +16,22 @@ from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.video import VideoConfig, is_video
 from gmrdata.read.video_files import FoundVideos, NamedVideo, find_videos, with_poses
 from gmrdata.solve.request import (
-    DEFAULT_CONFIG,
-    SEEN,
-    EstimatedPeople,
-    SolveConfig,
-    SolveRequest,
-    people_of,
-)
-from gmrdata.solve.solve import (
     AGAIN,
     BODY,
+    DEFAULT_CONFIG,
     FOLLOWED,
     FRAMES,
     INTRINSICS,
     MASKS,
     OWN_POSES,
+    SEEN,
     SFM,
-    chosen_body,
-    solve,
+    EstimatedPeople,
+    SolveConfig,
+    SolveRequest,
+    people_of,
 )
+from gmrdata.solve.solve import chosen_body, solve
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_video
 from gmrdata.stage.jobs import Job, Outcome, raise_failures, try_here, try_jobs
 from gmrdata.stage.progress import remark

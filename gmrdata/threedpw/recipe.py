@@ -11,7 +11,7 @@ from gmrdata.solve.request import SequenceConfig
 from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
 from gmrdata.values import limits
 from gmrdata.values.records import Config
-from gmrdata.world.verdict import Override
+from gmrdata.world.recipe import Override
 
 
 class ThreedpwRecipe(Config):

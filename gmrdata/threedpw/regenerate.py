@@ -27,7 +27,7 @@ from gmrdata.values.camera_motion import MotionClass
 from gmrdata.values.errors import BadSequence, GmrdataError, MissingInput
 from gmrdata.values.files import remove_orphans
 from gmrdata.values.records import PART, Figure, Record
-from gmrdata.world.quality import load_record
+from gmrdata.world.judge import load_record
 
 HEADINGS = ("sequence", "split", "state")
 VERDICT_HEADINGS = ("sequence", "split", "verdict", "camera", "kept", "scale", "reasons")

@@ -15,7 +15,7 @@ from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recip
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
-from gmrdata.solve.sequence import solve_sequence
+from gmrdata.solve.solve import solve_sequence
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage
 from gmrdata.threedpw import intrinsics_check
@@ -25,8 +25,8 @@ from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadRecord, NoReconstruction
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.values.records import MAKE_AGAIN, Config, Record
-from gmrdata.world.quality import load_record, quality_record, unsolved_quality
-from gmrdata.world.verdict import Doubts, save_dataset_camera, verdict_of
+from gmrdata.world.judge import load_record, quality_record, unsolved_quality
+from gmrdata.world.recipe import Doubts, save_dataset_camera, verdict_of
 
 PEOPLE_FILE, DOUBTS_FILE = "people.json", "doubts.json"
 DATASET_CAMERA_FILE = "dataset_camera.npz"

@@ -23,9 +23,8 @@ from gmrdata.world.compose import level_from_world, metric_cameras, motion_in_wo
 from gmrdata.world.judge import SolvedCameras, judge_people
 from gmrdata.world.picture_fit import PeopleMasks, picture_fits
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
-from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.recipe import Doubts, PseudoGtConfig, load_dataset_camera
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, with_focal_error
-from gmrdata.world.verdict import Doubts, load_dataset_camera
 
 
 @dataclass(frozen=True)

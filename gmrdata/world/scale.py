@@ -16,8 +16,13 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
-from gmrdata.world.ground_contact import ground_contact_scale, scale_by_what_is_below
-from gmrdata.world.planted_feet import SeenFeet, foot_points_m, planted_feet_scale
+from gmrdata.world.planted_feet import (
+    SeenFeet,
+    foot_points_m,
+    ground_contact_scale,
+    planted_feet_scale,
+    scale_by_what_is_below,
+)
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 FEWEST_WINDOWS = 5

@@ -17,10 +17,9 @@ from gmrdata.cameras.files import (
     load_points,
     load_quality,
 )
-from gmrdata.cameras.geometry import _why_unsolved
 from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
-from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.cameras.reconstruct import _why_unsolved, reconstruct
 from gmrdata.read.frames import list_images, read_frames
 from gmrdata.stage.workers import own_cores
 from gmrdata.values.camera import CameraPath, Lens

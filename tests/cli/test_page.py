@@ -12,8 +12,8 @@ from gmrdata.export.export import write_files
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import read_npz
-from gmrdata.world.quality import load_record
-from gmrdata.world.verdict import verdict_of
+from gmrdata.world.judge import load_record
+from gmrdata.world.recipe import verdict_of
 from gmrdata.write.amass import write_amass
 from tests.film.set_kills import contents
 from tests.pages.html_pages import Page

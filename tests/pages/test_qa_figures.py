@@ -8,10 +8,9 @@ import pytest
 from gmrdata.cameras.files import Agreement, WeakestStep
 from gmrdata.pages.solved import Solved
 from gmrdata.pages.thresholds import Row, camera_rows, verdict_rows
-from gmrdata.world.quality import quality_of
-from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
+from gmrdata.world.judge import quality_of
+from gmrdata.world.recipe import CueEstimate, PseudoGtConfig, verdict_of
 from gmrdata.world.scale import ScaleEstimate, fuse
-from gmrdata.world.verdict import verdict_of
 from tests.reconstructions import good_quality
 from tests.world.test_verdict import GOOD, circling, clip_of, judged
 

@@ -18,9 +18,8 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import read_npz, write_npz
-from gmrdata.world.quality import load_record
-from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
-from gmrdata.world.verdict import verdict_of
+from gmrdata.world.judge import load_record
+from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig, verdict_of
 from tests.browser import Visit
 from tests.pages.html_pages import Page
 from tests.pages.solved_video import N_ROWS, OFF_PX, fuse_video, solved_video

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from gmrdata.people.landmark_body import (
+from gmrdata.people.landmark_network import (
     from_hips,
     landmark_offsets_m,
     landmarks_on,

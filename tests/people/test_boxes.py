@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.people.boxes import (
+from gmrdata.people.linking import (
     Detections,
     TrackConfig,
     box_iou,

@@ -4,14 +4,14 @@ import numpy as np
 import torch
 
 from gmrdata.motion.gait import make_gait
-from gmrdata.people.landmark_body import (
+from gmrdata.people.landmark_network import (
+    LANDMARKS,
     LEG_M,
     MIRRORED_LANDMARKS,
     landmark_offsets_m,
     landmarks_on,
     tree_joints,
 )
-from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.values.body import JOINT, BodyModel, leg_length_m
 from gmrdata.values.skinning import posed_joints_m
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from gmrdata.people import maskrcnn
-from gmrdata.people.boxes import Detections, TrackConfig, TrackedFrame
+from gmrdata.people.linking import Detections, TrackConfig, TrackedFrame
 from gmrdata.people.maskrcnn import (
     Instances,
     MaskRcnnConfig,

@@ -11,8 +11,8 @@ from gmrdata.film.programmes import Film, Small, film_motion, plan_clip
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.scene import SceneConfig
 from gmrdata.motion.gait import make_gait
-from gmrdata.people.boxes import fill_boxes
 from gmrdata.people.following import Networks
+from gmrdata.people.linking import fill_boxes
 from gmrdata.people.onnx import OnnxConfig, open_detector
 from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.bodies import ANNY_FILE

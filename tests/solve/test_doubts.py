@@ -8,13 +8,13 @@ import pytest
 
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.motion.gait import make_gait
-from gmrdata.solve.doubts import DOUBTS_FILE, video_doubts, with_lens_error, write_doubts
 from gmrdata.solve.request import SolveConfig
+from gmrdata.solve.verdict import DOUBTS_FILE, video_doubts, with_lens_error, write_doubts
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Source
 from gmrdata.values.clip import Clip
 from gmrdata.values.frame_set import VideoRecord
-from gmrdata.world.verdict import Doubts
+from gmrdata.world.recipe import Doubts
 
 
 def video(times_s: list[float], *, every: int = 1, n_lost: int = 0) -> VideoRecord:

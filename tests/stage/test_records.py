@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.people.boxes import Detection
 from gmrdata.people.folder import MasksRecord
+from gmrdata.people.linking import Detection
 from gmrdata.people.onnx import DetectionsRecord, FrameRecord
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import (

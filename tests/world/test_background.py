@@ -14,7 +14,7 @@ from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecord
-from gmrdata.world.background import load_background, load_background_tracks
+from gmrdata.world.compose import load_background, load_background_tracks
 from tests.reconstructions import good_quality
 
 SCALE, N_FRAMES = 0.37, 30

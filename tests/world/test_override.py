@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from gmrdata.values.errors import BadRecipe
-from gmrdata.world.verdict import Dropped, Override, Verdict, overridden, verdict_of
+from gmrdata.world.recipe import Dropped, Override, Verdict, overridden, verdict_of
 
 N = 20
 USABLE = np.zeros(N, dtype=bool)

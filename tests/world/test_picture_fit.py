@@ -23,9 +23,9 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera
+from gmrdata.world.judge import load_record
 from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
-from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 from tests.world.test_make import as_input, person_files, reconstruction, true_clip
 

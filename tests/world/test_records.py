@@ -11,10 +11,15 @@ from gmrdata.cameras.files import QUALITY_FILE
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.people import PersonFiles
+from gmrdata.world.judge import PseudoGtQuality, load_record, quality_record, unsolved_quality
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
-from gmrdata.world.quality import PseudoGtQuality, load_record, quality_record, unsolved_quality
-from gmrdata.world.recipe import PseudoGtConfig
-from gmrdata.world.verdict import Doubts, load_dataset_camera, save_dataset_camera, verdict_of
+from gmrdata.world.recipe import (
+    Doubts,
+    PseudoGtConfig,
+    load_dataset_camera,
+    save_dataset_camera,
+    verdict_of,
+)
 from tests.reconstructions import good_quality, keys_of, pseudo_gt_quality, without
 from tests.world.test_make import Circular, as_input, made, person_files, reconstruction, true_clip
 

@@ -13,8 +13,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, invert, rigid
 from gmrdata.world.compose import motion_in_camera
-from gmrdata.world.ground_contact import ground_contact_scale
-from gmrdata.world.planted_feet import SeenFeet, foot_points_m
+from gmrdata.world.planted_feet import SeenFeet, foot_points_m, ground_contact_scale
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 from gmrdata.world.scale import SeenPerson, estimate_scale, short_windows_scale
 

@@ -16,9 +16,8 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from gmrdata.world.judge import SolvedCameras, judge
 from gmrdata.world.picture_fit import PictureFit
-from gmrdata.world.recipe import CueEstimate, VerdictConfig
+from gmrdata.world.recipe import CueEstimate, Doubts, Dropped, Verdict, VerdictConfig, verdict_of
 from gmrdata.world.scale import ScaleEstimate, fuse
-from gmrdata.world.verdict import Doubts, Dropped, Verdict, verdict_of
 from tests.reconstructions import good_quality
 
 N, FPS_HZ = 90, 30.0

@@ -21,9 +21,8 @@ from gmrdata.cameras.colmap import (
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.map.focal import freed_focal, with_lens
-from gmrdata.cameras.map.jumps import mend_jumps
 from gmrdata.cameras.map.models import join_models, place_frames
-from gmrdata.cameras.map.refinement import is_short, refined_model, sharpen
+from gmrdata.cameras.map.refinement import is_short, mend_jumps, refined_model, sharpen
 from gmrdata.cameras.map.smoothing import camera_information, smooth_cameras
 from gmrdata.cameras.map.solution import SeenPoints, Solution
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points

@@ -11,7 +11,7 @@ from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.features import find_features
-from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
 DATABASE_FILE = "database.db"
@@ -195,3 +195,62 @@ def _require_usable(matches: Matches, frames: Frames) -> None:
             "belong to one take",
             folder,
         )
+
+
+def match_behind_masks(
+    matches: Matches, frames: Frames, work_dir: Path, config: SfmConfig
+) -> Matches:
+    """Matches with those between a feature inside a mask and one outside, where neighbours hardly
+    match outside of both; COLMAP's database in `work_dir` has them too.
+
+    What a person hides at one time shows at another.
+    """
+    if not matches.descriptors or not _hardly_match(matches, config.masks):
+        return matches
+    database_path = work_dir / DATABASE_FILE
+    _give_descriptors(matches, frames, database_path)
+    match_features(database_path, config, verified=False)
+    _forget_hidden(matches, frames, database_path)
+    verifier = pycolmap.GeometricVerifierOptions()
+    verifier.num_threads = 1  # as where they were matched first
+    pycolmap.geometric_verification(
+        database_path, verifier, two_view_geometry_options=verification_options(config)
+    )
+    sort_pairs(database_path)
+    return replace(matches, pairs=read_matches(database_path, frames.images).pairs)
+
+
+def _hardly_match(matches: Matches, config: MasksConfig) -> bool:
+    """Whether many neighbours have few matches."""
+    count = matches.n_of_pair
+    rows = range(len(matches.keypoints_px) - 1)
+    hardly = [count.get((row, row + 1), 0) < config.hardly_matched for row in rows]
+    return bool(np.mean(hardly) >= config.often)
+
+
+def _give_descriptors(matches: Matches, frames: Frames, database_path: Path) -> None:
+    """Let a database have the descriptors of all features, and no matches."""
+    row_of_name, sift = frames.row_of_name, pycolmap.FeatureExtractorType.SIFT
+    with closing(pycolmap.Database.open(database_path)) as database:
+        database.clear_matches()
+        database.clear_two_view_geometries()
+        database.clear_descriptors()
+        for image in database.read_all_images():
+            table = matches.descriptors[row_of_name[image.name]]
+            if len(table):
+                descriptors = pycolmap.FeatureDescriptors(sift, table)
+                database.write_descriptors(image.image_id, descriptors)
+
+
+def _forget_hidden(matches: Matches, frames: Frames, database_path: Path) -> None:
+    """Take away the matches whose two features are inside masks."""
+    row_of_name = frames.row_of_name
+    with closing(pycolmap.Database.open(database_path)) as database:
+        images = database.read_all_images()
+        n_free = {image.image_id: matches.n_free[row_of_name[image.name]] for image in images}
+        pair_ids, tables = database.read_all_matches()
+        database.clear_matches()
+        for pair_id, table in zip(pair_ids, tables, strict=True):
+            pair = pycolmap.pair_id_to_image_pair(pair_id)
+            outside = np.asarray(table) < [n_free[image_id] for image_id in pair]
+            database.write_matches(*pair, table[outside.any(axis=1)])

@@ -5,10 +5,9 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.check.coverage import CELLS, FEWEST_FEATURES, covered_share
-from gmrdata.cameras.map.rotation_only import RotationOnly
+from gmrdata.cameras.map.rotation_only import CELLS, FEWEST_FEATURES, RotationOnly, covered_share
+from gmrdata.cameras.match.keyframes import unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
-from gmrdata.cameras.match.rays import unit_rays
 
 SIZE_PX = (640, 360)
 INTRINSICS_PX = np.array([[500.0, 0, 320], [0, 500.0, 180], [0, 0, 1]])

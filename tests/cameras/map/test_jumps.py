@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.map import jumps as jumps_module
-from gmrdata.cameras.map.jumps import FEWEST, jumps, mend_jumps
+from gmrdata.cameras.map import refinement as jumps_module
+from gmrdata.cameras.map.refinement import FEWEST, jumps, mend_jumps
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 from tests.cameras.drawn_models import (

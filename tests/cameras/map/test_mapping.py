@@ -11,11 +11,11 @@ import pytest
 
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.geometry import explains_better
 from gmrdata.cameras.map import mapping
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
 from gmrdata.cameras.match.matches import Matches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import explains_better
 from gmrdata.read.frames import list_images
 from gmrdata.values.errors import BadFrames
 from tests.filming import Filmed, film_cameras, look_at

@@ -9,7 +9,7 @@ import pytest
 
 from gmrdata.cameras.files import WeakestStep
 from gmrdata.cameras.map.mapping import map_frames
-from gmrdata.cameras.map.one_scale import _held, weakest_step
+from gmrdata.cameras.map.models import _held, weakest_step
 from gmrdata.cameras.map.solution import Solution
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
+from gmrdata.cameras.match.keyframes import relative_rotation, unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
-from gmrdata.cameras.match.rays import relative_rotation, unit_rays
 from gmrdata.values.camera import intrinsics_from_fov
 
 INTRINSICS_PX = intrinsics_from_fov(60.0, 640, 360)
@@ -110,7 +110,7 @@ THREADS_SCRIPT = """
 import hashlib, runpy, sys
 import numpy as np
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
-from gmrdata.cameras.match.rays import relative_rotation, unit_rays
+from gmrdata.cameras.match.keyframes import relative_rotation, unit_rays
 here = runpy.run_path(sys.argv[1])
 rotmats = here["panning_rotations"](60)
 matches = here["turning_matches"](rotmats, 0.5, 0.1, np.random.default_rng(0), 100)

@@ -10,8 +10,8 @@ import pytest
 
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map import mapping
-from gmrdata.cameras.match import behind_masks
-from gmrdata.cameras.match.matches import Matches, match_frames
+from gmrdata.cameras.map.refinement import _alike, see_again
+from gmrdata.cameras.match.matches import Matches, match_behind_masks, match_frames
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.read.frames import list_images, read_gray, write_gray
 from gmrdata.values.errors import NoReconstruction
@@ -102,7 +102,7 @@ def test_a_person_who_stands_still_stays_out(tmp_path: Path) -> None:
 
 def test_neighbours_that_match_need_nothing_from_inside_masks(walking: Any) -> None:
     _, frames, matches, work_dir = walking
-    assert behind_masks.match_behind_masks(matches, frames, work_dir, SMALL) is matches
+    assert match_behind_masks(matches, frames, work_dir, SMALL) is matches
 
 
 @pytest.mark.parametrize("walks", [True, False])
@@ -114,7 +114,7 @@ def test_what_masks_hide_is_matched_with_what_they_show_and_the_person_is_not(
     frames = boxed(film, tmp_path / "boxes")
     before = match_frames(frames, tmp_path, SMALL)
     always = SMALL.model_copy(update={"masks": MasksConfig(hardly_matched=10_000)})
-    matches = behind_masks.match_behind_masks(before, frames, tmp_path, always)
+    matches = match_behind_masks(before, frames, tmp_path, always)
     hidden = []
     for pair in matches.pairs:
         n_free = [matches.n_free[pair.first], matches.n_free[pair.second]]
@@ -137,7 +137,7 @@ def test_a_feature_shows_one_of_two_points_that_look_the_same() -> None:
     looks[:2, 0] = looks[2, 1] = 1
     point, feature = np.array([0, 1, 2, 2]), np.array([1, 1, 0, 2])
     looks_here = looks[[2, 0, 2]]
-    assert behind_masks._alike(point, feature, looks, looks_here, 0.9) == [(0, 1), (2, 0)]
+    assert _alike(point, feature, looks, looks_here, 0.9) == [(0, 1), (2, 0)]
 
 
 def test_without_masks_nothing_is_sought(walking: Any, tmp_path: Path) -> None:
@@ -146,7 +146,7 @@ def test_without_masks_nothing_is_sought(walking: Any, tmp_path: Path) -> None:
     matches = match_frames(whole, tmp_path, SMALL)
     assert matches.descriptors == []
     assert matches.n_free == [len(points_px) for points_px in matches.keypoints_px]
-    assert behind_masks.see_again(None, matches, whole, SMALL.masks) == 0
+    assert see_again(None, matches, whole, SMALL.masks) == 0
 
 
 def test_a_black_frame_between_others_has_no_features(walking: Any, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmrdata.cameras.match.keyframes import follow
-from gmrdata.cameras.match.patches import HALF_PX, follow_patches
+from gmrdata.cameras.match.keypoint_adjustment import HALF_PX, follow_patches
 from tests.cameras.match.test_keyframes import texture
 
 HEIGHT_PX, WIDTH_PX = 300, 600
