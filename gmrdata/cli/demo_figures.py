@@ -8,8 +8,7 @@ from pydantic import FiniteFloat, TypeAdapter, ValidationError
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe, MotionsConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.pages import report_data
-from gmrdata.pages.overview import summary_table, write_overview
-from gmrdata.pages.report import write_report
+from gmrdata.pages.report import summary_table, write_overview, write_report
 from gmrdata.pages.report_data import ClipReport
 from gmrdata.people.sources import masks_seconds
 from gmrdata.read.body_file import read_body

@@ -13,7 +13,6 @@ from matplotlib.text import Text
 from scipy.spatial.transform import Rotation
 
 from gmrdata.pages.frames import frame_tiles, tile_sheet
-from gmrdata.pages.overview import DPI, overview_plot, write_overview
 from gmrdata.pages.plots import (
     COLOURS,
     aligned_paths,
@@ -22,6 +21,7 @@ from gmrdata.pages.plots import (
     plot_top_view,
     svg,
 )
+from gmrdata.pages.report import DPI, overview_plot, write_overview
 from gmrdata.pages.report_data import ReportData
 from gmrdata.twins.pseudo_gt_error import compare_clips, error_series, paired_rows
 from gmrdata.values import transforms

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from gmrdata.pages.overview import summary_table
+from gmrdata.pages.report import summary_table
 from gmrdata.pages.report_data import (
     ClipFigures,
     ReportData,
