@@ -1,7 +1,5 @@
 """A place leaves the extras their ways and closes round them; without them it is as it was."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,8 @@ from gmrdata.film.walkers import CAR_SIZE_M
 from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of
-from tests.blender.coarse_pictures import coarse_pictures
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
 PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
 CASES: list[tuple[str, Programme]] = [
@@ -25,12 +24,6 @@ CASES: list[tuple[str, Programme]] = [
     ("park", Panning()),
     ("room", Panning()),
 ]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def paint_little() -> Iterator[None]:
-    with coarse_pictures():
-        yield
 
 
 def filmed(body: BodyModel, programme: Programme, seed: int) -> Clip:
