@@ -224,36 +224,37 @@ def test_pickled_objects_are_not_opened(tmp_path: Path, monkeypatch: pytest.Monk
     assert not (tmp_path / "trap_was_sprung").exists()
 
 
-def test_other_files_with_the_name_of_an_npz(tmp_path: Path) -> None:
-    path = tmp_path / "c.npz"
+def _of_one_array() -> bytes:
     single = io.BytesIO()
     np.save(single, np.zeros(3))
-    for content in (b"", b"text", single.getvalue(), b"PK\x03\x04" + bytes(100)):
-        path.write_bytes(content)
-        with pytest.raises(BadMotionFile, match="not a readable"):
-            read_npz(path)
+    return single.getvalue()
 
 
-def test_damaged_compressed_data(tmp_path: Path) -> None:
+def _of_damaged_data() -> bytes:
     """zlib's error is neither an OSError nor a ValueError."""
-    path = tmp_path / "c.npz"
-    np.savez_compressed(path, a=np.random.default_rng(0).normal(size=1000).round(1))
-    content = bytearray(path.read_bytes())
-    content[60:120] = bytes(60)
-    path.write_bytes(content)
-    with pytest.raises(BadMotionFile, match="not a readable"):
-        read_npz(path)
+    whole = io.BytesIO()
+    np.savez_compressed(whole, a=np.random.default_rng(0).normal(size=1000).round(1))
+    return whole.getvalue()[:60] + bytes(60) + whole.getvalue()[120:]
 
 
-def test_header_that_claims_more_than_any_memory(tmp_path: Path) -> None:
-    header = io.BytesIO()
+def _that_claims_more_than_any_memory() -> bytes:
+    header, whole = io.BytesIO(), io.BytesIO()
     claim = {"descr": "<f8", "fortran_order": False, "shape": (1 << 50,)}
     np.lib.format.write_array_header_1_0(header, claim)
-    path = tmp_path / "c.npz"
-    with zipfile.ZipFile(path, "w") as archive:
+    with zipfile.ZipFile(whole, "w") as archive:
         archive.writestr("a.npy", header.getvalue())
+    return whole.getvalue()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"text", b"PK\x03\x04" + bytes(100), _of_one_array(), _of_damaged_data(),
+     _that_claims_more_than_any_memory()],
+)  # fmt: skip
+def test_what_is_no_readable_npz(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "c.npz").write_bytes(content)
     with pytest.raises(BadMotionFile, match="not a readable"):
-        read_npz(path)
+        read_npz(tmp_path / "c.npz")
 
 
 @pytest.mark.parametrize("code", [0xD800, 0x110000, 0xFFFFFFFF])
