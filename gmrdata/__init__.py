@@ -89,7 +89,7 @@ _NAMES = {
     "people.sources": ("MasksConfig",),
     "read.video": ("VideoConfig",),
     "solve.request": ("SequenceConfig", "SolveConfig"),
-    "solve.sequence": ("make_masks", "solve_sequence"),
+    "solve.solve": ("make_masks", "solve_sequence"),
     "solve.verdict": ("VideoVerdict",),
     "solve.videos": ("solve_video", "solve_videos"),
 }
