@@ -13,7 +13,7 @@ import pytest
 from fuzz import runs, targets
 from record import Record, at_least, at_most
 
-from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.stage.progress import answers
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip

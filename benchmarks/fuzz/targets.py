@@ -31,11 +31,11 @@ from gmrdata.people import onnx
 from gmrdata.people.sources import MasksRecipe
 from gmrdata.read import emdb, human36m, openpose
 from gmrdata.read.amc import read_amc
+from gmrdata.read.bodies import read_smpl
 from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.frames import check_images, list_images, read_color, read_gray
-from gmrdata.read.smpl import read_smpl
 from gmrdata.read.systems.result import read_system
-from gmrdata.read.threedpw_arrays import SequenceArrays, read_sequence_file
+from gmrdata.read.threedpw_files import SequenceArrays, read_sequence_file
 from gmrdata.score.compare import CompareConfig, compare_records
 from gmrdata.score.records import Scores
 from gmrdata.score.table import scores_markdown

@@ -8,7 +8,7 @@ import pycolmap
 
 from gmrdata.cameras.files import load_quality
 from gmrdata.cli import main
-from gmrdata.write.colmap import BINARY_FOLDER, TEXT_FOLDER
+from gmrdata.write.cameras import BINARY_FOLDER, TEXT_FOLDER
 
 COLUMNS = ("sequence", "form", "stage_px", "colmap_px", "difference_share")
 

@@ -13,8 +13,7 @@ from gmrdata.motion.emdb import sequence_clip
 from gmrdata.read.emdb import FPS_HZ, read_emdb
 from gmrdata.read.systems.result import read_system
 from gmrdata.read.threedpw import Sequence3DPW, SequenceImages
-from gmrdata.read.threedpw_arrays import read_sequence_file
-from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.threedpw_files import SequenceFiles, read_sequence_file
 from gmrdata.threedpw.clips import sequence_arrays, world_clip
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
@@ -22,9 +21,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import EstimatedPerson
 from gmrdata.write.emdb import emdb_sequence, write_emdb
-from gmrdata.write.systems.gvhmr import write_gvhmr
-from gmrdata.write.systems.tracked import TrackedPerson
-from gmrdata.write.systems.wham import write_wham
+from gmrdata.write.systems import TrackedPerson, write_gvhmr, write_wham
 from gmrdata.write.threedpw import write_sequence_file
 
 WIDTH_PX, HEIGHT_PX = 640, 480

@@ -9,7 +9,7 @@ from sfm.plain import plain_cameras, plain_pseudo_gt
 from sfm.score import true_clips
 from sfm.twins import Twins
 
-from gmrdata.read.threedpw_arrays import read_sequence_file
+from gmrdata.read.threedpw_files import read_sequence_file
 from gmrdata.stage.store import stage_seconds
 from gmrdata.twins.pseudo_gt_error import RecoveredSequence, sequence_errors
 from gmrdata.values.clip import load_clip

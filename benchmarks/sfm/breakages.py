@@ -14,8 +14,7 @@ import numpy as np
 import yaml
 
 from gmrdata.read.frames import read_color, read_gray
-from gmrdata.read.threedpw_arrays import read_sequence_file
-from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.threedpw_files import SequenceFiles, read_sequence_file
 from gmrdata.stage.recipes import find_recipe
 from gmrdata.write.threedpw import write_sequence
 

@@ -8,8 +8,7 @@ from sfm.breakages import BREAKAGES, Breakage, Broken
 from sfm.ours import Regenerated, regenerate
 
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.read.threedpw_arrays import read_sequence_file
-from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.threedpw_files import SequenceFiles, read_sequence_file
 
 WHITE = "masked_everywhere"
 MIN_GOOD_SHARE = 0.8

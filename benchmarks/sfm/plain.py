@@ -17,7 +17,7 @@ from gmrdata.cameras.files import CAMERAS_FILE, SfmCameras, load_cameras, save_c
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
 from gmrdata.read.numbers import rigid_rows
-from gmrdata.read.threedpw_arrays import read_sequence_file
+from gmrdata.read.threedpw_files import read_sequence_file
 from gmrdata.stage.store import run_stage
 from gmrdata.threedpw.clips import WORLD_FROM_3DPW
 from gmrdata.values.camera import CameraPath, fill_gaps

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from render.timing import run_python
 
-from gmrdata.read.threedpw_layout import SequenceFiles, find_sequence
+from gmrdata.read.threedpw_files import SequenceFiles, find_sequence
 from gmrdata.twins.twin_set import TwinSequence, TwinsRecord
 
 

@@ -12,7 +12,7 @@ from blender.people.atlas import lay_out
 from blender.people.clothes import paint
 from blender.people.outfit import sample_outfit
 from gmrdata.film.character import TextureConfig, phenotypes_of
-from gmrdata.read.body_texture import read_picture, read_uv
+from gmrdata.read.body_file import read_picture, read_uv
 from gmrdata.values.body import BodyModel
 
 UV = "uv"

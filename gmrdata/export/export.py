@@ -37,8 +37,8 @@ from gmrdata.values.files import write_bytes
 from gmrdata.values.people import PSEUDO_GT
 from gmrdata.world.compose import load_background
 from gmrdata.world.judge import load_record
+from gmrdata.write.cameras import write_tum
 from gmrdata.write.emdb import emdb_name
-from gmrdata.write.trajectories import write_tum
 
 ONNX_ALONE = "onnx is of a training run, the other formats of clips"
 

@@ -22,8 +22,8 @@ from gmrdata.values.motion import Motion
 if TYPE_CHECKING:
     from gmrdata.export.sources import ExportedClip
     from gmrdata.world.compose import Background
-    from gmrdata.write.colmap import ColmapPoints
-    from gmrdata.write.systems.tracked import TrackedPerson
+    from gmrdata.write.cameras import ColmapPoints
+    from gmrdata.write.systems import TrackedPerson
 
 FormatName = Literal[
     "colmap", "tum", "kitti", "gem-x", "3dpw", "emdb", "wham", "gvhmr", "amass", "bvh", "glb",
@@ -100,7 +100,7 @@ def export_colmap(clips: Sequence["ExportedClip"], path: Path, options: ExportOp
     """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
     from gmrdata.cameras.files import load_cameras
     from gmrdata.world.compose import is_kept_in_place, load_background
-    from gmrdata.write.colmap import NO_POINTS, write_colmap
+    from gmrdata.write.cameras import NO_POINTS, write_colmap
 
     exported = clips[0]
     path.mkdir()
@@ -129,7 +129,7 @@ def seen_points(
 ) -> tuple[Sequence[str], "ColmapPoints"]:
     """Names of solved cameras' images, and the background points as these images see them."""
     from gmrdata.world.compose import load_background_tracks
-    from gmrdata.write.colmap import ColmapPoints
+    from gmrdata.write.cameras import ColmapPoints
 
     tracks = load_background_tracks(sfm_dir, found)
     seen = tracks if observations == "all" else tracks.of_adjusted()
@@ -145,7 +145,7 @@ def write_background(
     images_dir: Path | None,
 ) -> None:
     """Solved cameras and points as a COLMAP model, with the lens that they were solved with."""
-    from gmrdata.write.colmap import write_colmap
+    from gmrdata.write.cameras import write_colmap
 
     radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
     write_colmap(folder, found.camera, image_names, points, radial=radial, images_dir=images_dir)
@@ -158,7 +158,7 @@ def _image_names(exported: "ExportedClip") -> list[str | None]:
 
 def export_tum(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The camera's or the pelvis's path; frames without one are left out, so times have gaps."""
-    from gmrdata.write.trajectories import write_tum
+    from gmrdata.write.cameras import write_tum
 
     poses, known = _trajectory(clips[0], options.of)
     times_s = np.flatnonzero(known) / clips[0].clip.motion.fps_hz
@@ -167,7 +167,7 @@ def export_tum(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
 
 def export_kitti(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The same, a line for each frame: one that lacks a pose can't be left out."""
-    from gmrdata.write.trajectories import write_kitti
+    from gmrdata.write.cameras import write_kitti
 
     poses, known = _trajectory(clips[0], options.of)
     _require_all(clips[0], known, options.of, "tum leaves such frames out")
@@ -176,7 +176,7 @@ def export_kitti(clips: Sequence["ExportedClip"], path: Path, options: ExportOpt
 
 def export_gem_x(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """`camera.pt` with cam_from_world of each frame of the video."""
-    from gmrdata.write.trajectories import write_gem_x
+    from gmrdata.write.cameras import write_gem_x
 
     camera = camera_of(clips[0].clip)
     _require_all(clips[0], camera.has_camera, "camera", "GEM-X needs one for each frame")
@@ -202,8 +202,12 @@ def _trajectory(exported: "ExportedClip", of: Trajectory) -> tuple[np.ndarray, n
 
 def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The people of a sequence; of those who were rejected no frame is `campose_valid`."""
-    from gmrdata.read.threedpw_arrays import N_KEYPOINTS, SMPL_SHAPES, read_sequence_file
-    from gmrdata.read.threedpw_layout import find_sequence
+    from gmrdata.read.threedpw_files import (
+        N_KEYPOINTS,
+        SMPL_SHAPES,
+        find_sequence,
+        read_sequence_file,
+    )
     from gmrdata.threedpw.clips import sequence_arrays, with_original
     from gmrdata.write.threedpw import write_sequence_file
 
@@ -266,7 +270,7 @@ def export_emdb(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
 
 def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """The people of a sequence, each in the frames that may be used."""
-    from gmrdata.write.systems.wham import write_wham
+    from gmrdata.write.systems import write_wham
 
     usable = zip(clips, _usable(clips, "left out"), strict=True)
     people = [_tracked(one) if is_usable else None for one, is_usable in usable]
@@ -275,7 +279,7 @@ def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
 
 def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """One person, in every frame of the video."""
-    from gmrdata.write.systems.gvhmr import write_gvhmr
+    from gmrdata.write.systems import write_gvhmr
 
     person = _tracked(clips[0])
     missed = np.flatnonzero(person.frame_numbers != np.arange(len(person.frame_numbers)))
@@ -289,7 +293,7 @@ def _tracked(exported: "ExportedClip") -> "TrackedPerson":
     """The person and the frames of the video, counted as `gmrdata evaluate` counts them."""
     from gmrdata.read.frames import number_in_name
     from gmrdata.score.results import frames_of_rows
-    from gmrdata.write.systems.tracked import TrackedPerson
+    from gmrdata.write.systems import TrackedPerson
 
     images = []
     if exported.images_dir is not None:

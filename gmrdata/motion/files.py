@@ -9,8 +9,8 @@ from typing import get_args
 import numpy as np
 
 from gmrdata.motion.amass import is_amass_extra, read_amass
+from gmrdata.motion.rest_pose import in_metres
 from gmrdata.motion.retarget import Residual, Retargeting, retarget
-from gmrdata.motion.standing import in_metres
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import (

@@ -25,7 +25,7 @@ with a constant C_j that turns the body's rest pose into the source's zero pose 
 - pelvis, spine, collars: none.  Both rest poses hold them upright.
 
 A file whose zero pose is the body's own rest pose has the body's rotations: nothing is corrected
-then, and its world and shape are kept (`own_skeleton`).
+then, and its world and shape are kept (`own_shape`).
 
 The zero pose is one in which the person stands; a file whose own is none is told from another
 (`standing.from_standing`).
@@ -50,8 +50,13 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.motion import rest_pose
 from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections, levelled, motion_of
-from gmrdata.motion.own_skeleton import own_shape
-from gmrdata.motion.standing import from_standing, some_rows, source_joints_m, zero_pose_m
+from gmrdata.motion.rest_pose import (
+    from_standing,
+    own_shape,
+    some_rows,
+    source_joints_m,
+    zero_pose_m,
+)
 from gmrdata.read.source_motion import RestPose, SourceMotion
 from gmrdata.values.body import (
     JOINT,

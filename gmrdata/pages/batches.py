@@ -18,7 +18,7 @@ from gmrdata.pages.solved import Kind, Solved, counts_of, example_frames
 from gmrdata.pages.solved_page import PAGE_FILE, solved_page
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import number_in_name, read_color, read_gray
-from gmrdata.read.threedpw_layout import SEQUENCE_NAME, SequenceFiles, require_inside
+from gmrdata.read.threedpw_files import SEQUENCE_NAME, SequenceFiles, require_inside
 from gmrdata.solve.videos import FAILED, PAGE, RECORD_FILE, VideoEntry, Videos, video_dir
 from gmrdata.stage.progress import track
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe

@@ -19,7 +19,7 @@ from gmrdata.export.sources import SFM, ExportedClip, list_clips, load_exported
 from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images, number_in_name
-from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict

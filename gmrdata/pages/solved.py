@@ -21,7 +21,7 @@ from gmrdata.cameras.files import (
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.match.tracks import Tracks, errors_px
 from gmrdata.export.sources import ExportedClip
-from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
 from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.threedpw.sequence import PeopleRecord

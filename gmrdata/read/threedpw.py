@@ -10,8 +10,15 @@ import numpy as np
 
 from gmrdata.read.frames import check_images, number_in_name
 from gmrdata.read.numbers import rigid_rows, usable_rows
-from gmrdata.read.threedpw_arrays import Person, SequenceArrays, read_sequence_file
-from gmrdata.read.threedpw_layout import SequenceFiles, find_sequence, require_inside, require_name
+from gmrdata.read.threedpw_files import (
+    Person,
+    SequenceArrays,
+    SequenceFiles,
+    find_sequence,
+    read_sequence_file,
+    require_inside,
+    require_name,
+)
 from gmrdata.values.clip import first_reasons, text_runs
 from gmrdata.values.errors import BadFrames, BadRecipe, BadSequence, MissingInput
 

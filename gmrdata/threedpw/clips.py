@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, unusable_reasons
-from gmrdata.read.threedpw_arrays import FPS_HZ, IMU_HZ, SMPL_SHAPES, Person, SequenceArrays
+from gmrdata.read.threedpw_files import FPS_HZ, IMU_HZ, SMPL_SHAPES, Person, SequenceArrays
 from gmrdata.values.body import SMPL, BodyModel, shape_on
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of

@@ -17,7 +17,7 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.read.openpose import OPENPOSE_JOINTS
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule
-from gmrdata.read.threedpw_arrays import FPS_HZ
+from gmrdata.read.threedpw_files import FPS_HZ
 from gmrdata.threedpw.clips import camera_clip, fitting_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam

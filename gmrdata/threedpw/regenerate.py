@@ -9,7 +9,7 @@ from pydantic.dataclasses import dataclass as part
 from gmrdata.manifest.write import ManifestHead, made_by, write_manifest
 from gmrdata.read import threedpw
 from gmrdata.read.bodies import keep_body
-from gmrdata.read.threedpw_layout import (
+from gmrdata.read.threedpw_files import (
     SEQUENCE_NAME,
     SequenceFiles,
     find_sequences,

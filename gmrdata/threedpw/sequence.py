@@ -14,7 +14,7 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
-from gmrdata.read.threedpw_layout import SequenceFiles, require_name
+from gmrdata.read.threedpw_files import SequenceFiles, require_name
 from gmrdata.solve.solve import solve_sequence
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage

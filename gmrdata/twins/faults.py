@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from gmrdata.read.openpose import OPENPOSE_JOINTS
-from gmrdata.read.threedpw_arrays import N_KEYPOINTS
+from gmrdata.read.threedpw_files import N_KEYPOINTS
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.camera import CameraPath, project_cam
 from gmrdata.values.clip import Clip, camera_of

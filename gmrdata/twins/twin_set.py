@@ -16,8 +16,8 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, render_config, select
 from gmrdata.read.body_file import read_body
 from gmrdata.read.frames import check_images, read_frames
-from gmrdata.read.threedpw_arrays import FPS_HZ
-from gmrdata.read.threedpw_layout import (
+from gmrdata.read.threedpw_files import (
+    FPS_HZ,
     IMAGES_DIR,
     SEQUENCES_DIR,
     SPLITS,

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.threedpw_arrays import GENDERS, SequenceArrays
-from gmrdata.read.threedpw_layout import SPLITS, SequenceFiles, require_name
+from gmrdata.read.threedpw_files import GENDERS, SPLITS, SequenceArrays, SequenceFiles, require_name
 from gmrdata.values.errors import BadSequence
 from gmrdata.values.files import write_bytes
 from gmrdata.write.pickles import python2_pickle

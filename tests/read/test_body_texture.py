@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.read.body_texture import read_picture, read_uv
+from gmrdata.read.body_file import read_picture, read_uv
 from gmrdata.values.errors import BadBodyFile, GmrdataError, MissingInput
 
 FACES = np.array([[0, 1, 2], [2, 1, 3]])

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.read.threedpw_arrays import SequenceArrays, read_sequence_file
+from gmrdata.read.threedpw_files import SequenceArrays, read_sequence_file
 from gmrdata.threedpw.regenerate import sequence_rows
 from gmrdata.values.errors import BrokenPickle, UnsafePickle
 from gmrdata.write.threedpw import write_sequence_file

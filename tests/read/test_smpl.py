@@ -13,9 +13,8 @@ import torch
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.bodies import load_body
+from gmrdata.read.bodies import load_body, read_smpl
 from gmrdata.read.body_file import read_body, save_body
-from gmrdata.read.smpl import read_smpl
 from gmrdata.values.body import PARENTS, BodyModel
 from gmrdata.values.errors import BadBodyFile, UnsafePickle
 from gmrdata.values.skinning_torch import place, posed_vertices

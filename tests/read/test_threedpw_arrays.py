@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.read import threedpw_arrays as parse
-from gmrdata.read.threedpw_arrays import SequenceArrays, read_sequence_file
+from gmrdata.read import threedpw_files as parse
+from gmrdata.read.threedpw_files import SequenceArrays, read_sequence_file
 from gmrdata.values.errors import BadSequence
 from gmrdata.write.threedpw import write_sequence_file
 

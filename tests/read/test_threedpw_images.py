@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmrdata.read.threedpw import read_sequence
-from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.values.errors import BadFrames, BadSequence, MissingInput
 
 NAME = "courtyard_walk_00"

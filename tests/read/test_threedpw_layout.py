@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from gmrdata.read.threedpw import read_sequence
-from gmrdata.read.threedpw_arrays import SequenceArrays
-from gmrdata.read.threedpw_layout import find_sequence, find_sequences
+from gmrdata.read.threedpw_files import SequenceArrays, find_sequence, find_sequences
 from gmrdata.values.errors import BadSequence, MissingInput
 
 NAME = "courtyard_walk_00"

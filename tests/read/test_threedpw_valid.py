@@ -15,7 +15,7 @@ from gmrdata.read.threedpw import (
     read_sequence,
     unusable_reasons,
 )
-from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.values.errors import BadRecipe
 from gmrdata.write.threedpw import write_sequence
 

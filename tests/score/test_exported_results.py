@@ -7,9 +7,7 @@ import numpy as np
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
-from gmrdata.write.systems.gvhmr import write_gvhmr
-from gmrdata.write.systems.tracked import TrackedPerson
-from gmrdata.write.systems.wham import write_wham
+from gmrdata.write.systems import TrackedPerson, write_gvhmr, write_wham
 from tests.score.test_results import FRAMES, N, body, data, only, rest, score, true
 
 __all__ = ["body", "data", "true"]  # fixtures

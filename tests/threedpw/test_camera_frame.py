@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.read.openpose import OPENPOSE_JOINTS
 from gmrdata.read.threedpw import Sequence3DPW, read_sequence
-from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.threedpw.clips import (
     WORLD_FROM_3DPW,
     camera_clip,

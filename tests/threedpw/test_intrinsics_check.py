@@ -10,8 +10,7 @@ import pytest
 from gmrdata.film.programmes import Circular, Linear, Panning, Programme, Small, Static, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.threedpw import Sequence3DPW, SequenceImages
-from gmrdata.read.threedpw_arrays import Person, SequenceArrays
-from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.threedpw_files import Person, SequenceArrays, SequenceFiles
 from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.threedpw.intrinsics_check import (
     FocalEstimate,

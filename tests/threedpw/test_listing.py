@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.read.threedpw_arrays import SequenceArrays
-from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.threedpw_files import SequenceArrays, SequenceFiles
 from gmrdata.threedpw.regenerate import range_rows, sequence_rows
 from gmrdata.values.errors import BadRecipe
 from gmrdata.write.threedpw import write_sequence

@@ -13,7 +13,7 @@ from gmrdata.cli import main
 from gmrdata.manifest.read import load_clips
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence, unusable_reasons
-from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.threedpw.clips import sequence_arrays, with_original, world_clip
 from gmrdata.threedpw.regenerate import sequence_rows
 from gmrdata.values.body import BodyModel

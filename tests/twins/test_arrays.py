@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.twins.faults import FEWEST_JOINTS, KeypointConfig, detected_keypoints
 from gmrdata.values.body import BodyModel

@@ -9,7 +9,7 @@ import pytest
 
 from gmrdata.read.frames import read_color
 from gmrdata.read.threedpw import read_sequence
-from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.threedpw.clips import camera_clip, world_clip
 from gmrdata.twins.faults import ExposureConfig, FaultConfig
 from gmrdata.twins.twin_set import FilmedPeople, TwinConfig, write_twin

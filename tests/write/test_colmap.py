@@ -13,7 +13,7 @@ from gmrdata.cameras.match.tracks import Tracks, errors_px, mean_over_points
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, project
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.write.colmap import BINARY_FOLDER, TEXT_FOLDER, ColmapPoints, write_colmap
+from gmrdata.write.cameras import BINARY_FOLDER, TEXT_FOLDER, ColmapPoints, write_colmap
 
 K_PX = np.array([[500.0, 0, 310], [0, 480, 250], [0, 0, 1]])
 N_FRAMES, N_POINTS = 6, 30

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gmrdata.read.threedpw_arrays import Person, SequenceArrays, read_sequence_file
+from gmrdata.read.threedpw_files import Person, SequenceArrays, read_sequence_file
 from gmrdata.values.errors import BadSequence
 from gmrdata.write.threedpw import write_sequence, write_sequence_file
 from tests.write.test_pickles import names_of_numpy_alone

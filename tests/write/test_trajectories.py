@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.values import transforms
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.write.trajectories import write_gem_x, write_kitti, write_tum
+from gmrdata.write.cameras import write_gem_x, write_kitti, write_tum
 
 
 def some_poses(n: int) -> np.ndarray:

@@ -11,7 +11,7 @@ The body joints are SMPL's first; its two hand joints stay straight.  The betas 
 mean something else on SMPL, and are not used.  People save the dict again as a numpy pickle, for
 Blender (its issue 10): without K_fullimg there is no camera.
 
-gmrdata's own export (`gmrdata.write.systems.gvhmr`) has `valid` (T,) bool besides, the rows that
+gmrdata's own export (`gmrdata.write.systems`) has `valid` (T,) bool besides, the rows that
 may be used; it is of the video's own camera.
 """
 

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from gmrdata.read.safe_pickle import load_plain
-from gmrdata.read.systems import amass, gvhmr, phalp, slahmr, tram, vibe, wham
-from gmrdata.read.systems.entries import AGAIN
+from gmrdata.read.systems import gvhmr, phalp, slahmr, tram, vibe, wham
+from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
 from gmrdata.read.torch_files import load_tensors
+from gmrdata.values.body import HANDS
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
 from gmrdata.values.people import (
@@ -17,6 +18,7 @@ from gmrdata.values.people import (
     EstimatedPeople,
     EstimatedPerson,
     InCamera,
+    InWorld,
     Part,
     load_local_poses,
     person_file,
@@ -79,10 +81,10 @@ def _npz(path: Path) -> EstimatedPeople:
     arrays = dict(read_npz(path))
     if "pred_rotmat" in arrays:
         return tram.read_tram_npz(arrays, path)
-    if arrays.keys() >= slahmr.KEYS and not arrays.keys() >= amass.KEYS:
+    if arrays.keys() >= slahmr.KEYS and not arrays.keys() >= AMASS_KEYS:
         return slahmr.read_slahmr(arrays, path)
-    if arrays.keys() >= amass.KEYS:
-        return amass.read_amass_result(arrays, path)
+    if arrays.keys() >= AMASS_KEYS:
+        return _with_amass_keys(arrays, path)
     what = "not TRAM's (pred_rotmat), not SLAHMR's (trans, root_orient, pose_body), no motion with"
     has = ", ".join(arrays)[:200]
     raise BadMotionFile(f"{path}: {what} AMASS's keys (poses, trans); it has {has}. {AGAIN}")
@@ -124,3 +126,59 @@ def _built_in(folder: Path) -> EstimatedPeople:
         for n, one in enumerate(people)
     ]
     return EstimatedPeople("gmrdata", files, tuple(found))
+
+
+AMASS_KEYS = frozenset({"poses", "trans"})
+N_SMPLX = 165
+RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
+
+
+def _with_amass_keys(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
+    """Any system's motion with AMASS's keys, at its own rate, as `gmrdata evaluate` takes it.
+
+    `poses` (T, 72, 156 or 165) axis-angle [rad], `trans` (T, 3), SMPL's transl [m] with z up, and
+    perhaps `betas` (S,) or (T, S), `gender`, `mocap_framerate` or `mocap_frame_rate` [Hz].
+    `gmrdata.motion.amass` reads such files as motion capture: onto another body, on the floor.
+    """
+    entry = Entry(arrays, "the motion", path)
+    poses = entry.array("poses", None, None)
+    if poses.shape[1] not in HANDS:
+        raise entry.fault(f"poses are {poses.shape}; known are (T, 72), (T, 156) and (T, 165)")
+    rotmats = rotmats_of(poses)[:, [*range(22), *HANDS[poses.shape[1]]]]
+    transl_m, n_rows = entry.array("trans", len(poses), 3), len(poses)
+    person = EstimatedPerson(
+        name="person_0",
+        frame_numbers=np.arange(n_rows),
+        local_rotmats=rotmats[:, 1:],
+        in_world=InWorld(rotmats[:, 0], transl_m, turned(np.eye(3), n_rows)),
+        betas=None if poses.shape[1] == N_SMPLX else _mean_betas(entry, n_rows),
+        betas_body=f"smpl-{_gender(arrays)}",
+        has_own_rate=True,
+        lacks={"camera": "a motion in the world alone"},
+    )
+    return EstimatedPeople("amass", (path,), (person,), fps_hz=_rate_hz(entry))
+
+
+def _mean_betas(entry: Entry, n_rows: int) -> np.ndarray | None:
+    """(T, S) one shape for all rows, the mean over time."""
+    if not entry.has("betas"):
+        return None
+    by_row = np.ndim(entry.values["betas"]) == 2
+    betas = entry.array("betas", None, None).mean(axis=0) if by_row else entry.array("betas", None)
+    return np.tile(betas, (n_rows, 1))
+
+
+def _gender(arrays: dict[str, Any]) -> str:
+    value = np.asarray(arrays.get("gender", "neutral")).ravel()
+    word = value[0] if value.size else "neutral"
+    return (word.decode("ascii", "replace") if isinstance(word, bytes) else str(word)).lower()
+
+
+def _rate_hz(entry: Entry) -> float | None:
+    key = next((key for key in RATE_KEYS if entry.has(key)), None)
+    if key is None:
+        return None
+    (rate_hz,) = entry.flat(key, 1)
+    if not rate_hz > 0:
+        raise entry.fault(f"{key} is no frame rate")
+    return float(rate_hz)

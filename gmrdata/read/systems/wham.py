@@ -11,7 +11,7 @@ A dict from the tracker's person number to a dict of arrays over the T frames of
 `betas` (T, 10)         SMPL's neutral shape
 `frame_ids` (T,)        the video's frames from 0, with gaps
 
-gmrdata's own export (`gmrdata.write.systems.wham`) has `body` besides, the name of the body that
+gmrdata's own export (`gmrdata.write.systems`) has `body` besides, the name of the body that
 `betas` are of; it is of the video's own camera.
 """
 

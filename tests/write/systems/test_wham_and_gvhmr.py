@@ -15,9 +15,7 @@ from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert, rigid
-from gmrdata.write.systems.gvhmr import write_gvhmr
-from gmrdata.write.systems.tracked import TrackedPerson
-from gmrdata.write.systems.wham import write_wham
+from gmrdata.write.systems import TrackedPerson, write_gvhmr, write_wham
 
 MM, DEG = 1e-4, 0.01
 Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])

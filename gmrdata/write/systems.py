@@ -1,0 +1,152 @@
+"""People written as other systems write theirs: GVHMR and WHAM.
+
+`gmrdata.read.systems.gvhmr` and `gmrdata.read.systems.wham` say what the files hold.  GVHMR's
+`net_outputs`, what its network made on its way, and WHAM's `verts`, which follow from the rest, are
+left out.
+"""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.read.systems.entries import N_SMPLX_BODY, SMPLX_REST_PELVIS_M
+from gmrdata.read.systems.gvhmr import CAMERA, WORLD
+from gmrdata.values.body import WORLD_FROM_REST
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.files import write_bytes
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import invert, rigid
+from gmrdata.write.pickles import python3_pickle
+
+N_BETAS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPerson:
+    """One person of a sequence over T frames."""
+
+    motion: Motion  # in the z-up world
+    rest_pelvis_m: np.ndarray  # (3,) J0 of the person's shape, rest frame [m]
+    rows: np.ndarray  # (T,) bool: frames that may be used
+    frame_numbers: np.ndarray  # (T,) int: which frame of the video each row is, from 0
+
+
+def y_up_from_world(n_frames: int) -> np.ndarray:
+    """(T, 4, 4) to the world of WHAM and GVHMR, the same for all rows."""
+    return np.tile(rigid(WORLD_FROM_REST.T, np.zeros(3)), (n_frames, 1, 1))
+
+
+def placed(
+    motion: Motion, frame_from_world: np.ndarray, rest_pelvis_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Axis-angle (T, 72) and transl (T, 3) in another frame, each row's own (T, 4, 4)."""
+    turns = frame_from_world[:, :3, :3]
+    rotmats = np.concatenate([(turns @ motion.root_rotmats)[:, None], motion.local_rotmats], axis=1)
+    rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
+    pelvis_m = (turns @ motion.pelvis_m[..., None])[..., 0] + frame_from_world[:, :3, 3]
+    return rotvecs.reshape(-1, 72), pelvis_m - rest_pelvis_m
+
+
+def require_finite(motion: Motion, rows: np.ndarray) -> None:
+    values = np.concatenate([motion.rotmats.reshape(len(rows), -1), motion.pelvis_m], axis=1)
+    if bad := rows[~np.isfinite(values).all(axis=1)].tolist():
+        raise BadMotionFile(f"frame {bad[0]} has no motion ({len(bad)} frames in all)")
+
+
+if TYPE_CHECKING:
+    import torch
+
+
+def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) -> None:
+    """Write `hmr4d_results.pt`: one person, with a row for every frame.
+
+    SMPL-X has other shape coefficients than the person's body, so `betas` are zero, the mean shape;
+    `transl` puts SMPL-X's pelvis where the person's is.  The two hand joints have no place in it.
+    `valid` (T,), a key more than GVHMR has, says which frames may be used.  Without a camera there
+    is no `smpl_params_incam` and no `K_fullimg`; in frames without a known one the first is NaN.
+
+    Raises:
+        BadMotionFile: a frame is not finite.
+    """
+    import torch
+
+    motion = person.motion
+    require_finite(motion, np.arange(motion.n_frames))
+    y_up = y_up_from_world(motion.n_frames)
+    valid = person.rows
+    content: dict[str, object] = {WORLD: _smplx_params(motion, y_up)}
+    if camera is not None:
+        known = camera.has_camera
+        cam_from_world = np.tile(np.eye(4), (motion.n_frames, 1, 1))
+        cam_from_world[known] = invert(camera.world_from_cam[known])
+        in_camera = _smplx_params(motion, cam_from_world)
+        for key in ("global_orient", "transl"):
+            in_camera[key][~torch.as_tensor(known)] = torch.nan
+        intrinsics_px = torch.as_tensor(camera.intrinsics_px, dtype=torch.float32)
+        content[CAMERA] = in_camera
+        content["K_fullimg"] = intrinsics_px.repeat(motion.n_frames, 1, 1)
+        valid = valid & known
+    content["valid"] = torch.as_tensor(valid)
+    stream = io.BytesIO()
+    torch.save(content, stream)
+    write_bytes(path, stream.getbuffer())
+
+
+def _smplx_params(motion: Motion, frame_from_world: np.ndarray) -> dict[str, "torch.Tensor"]:
+    import torch
+
+    poses_rad, transl_m = placed(motion, frame_from_world, SMPLX_REST_PELVIS_M)
+    params = {
+        "body_pose": poses_rad[:, 3 : 3 + 3 * N_SMPLX_BODY],
+        "betas": np.zeros((motion.n_frames, N_BETAS)),
+        "global_orient": poses_rad[:, :3],
+        "transl": transl_m,
+    }
+    return {key: torch.tensor(values, dtype=torch.float32) for key, values in params.items()}
+
+
+def write_wham(
+    path: Path, people: Sequence[TrackedPerson | None], camera: CameraPath | None
+) -> None:
+    """Write `wham_output.pkl`: each person's frames that may be used, numbered from person 0.
+
+    A person who is None is left out; the others keep their numbers.
+
+    The shape coefficients are those of the person's own body, whose name is in `body`, a key more
+    than WHAM has.  Without a camera there is no `pose` and no `trans`.
+
+    Raises:
+        BadMotionFile: a person has no frame that may be used, or one that is not finite.
+    """
+    content = {n: _wham_person(one, camera) for n, one in enumerate(people) if one is not None}
+    write_bytes(path, python3_pickle(content))
+
+
+def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, object]:
+    rows = person.rows if camera is None else person.rows & camera.has_camera
+    if not rows.any():
+        raise BadMotionFile("a person has no frame that may be used; give a clip with one")
+    motion = person.motion.take(rows)
+    require_finite(motion, np.flatnonzero(rows))
+    y_up = y_up_from_world(motion.n_frames)
+    shape = np.pad(motion.shape, (0, max(0, N_BETAS - len(motion.shape))))
+    content: dict[str, object] = {}
+    if camera is not None:
+        cam_from_world = invert(camera.world_from_cam[rows])
+        content |= _named(placed(motion, cam_from_world, person.rest_pelvis_m), "pose", "trans")
+    world = placed(motion, y_up, person.rest_pelvis_m)
+    content |= _named(world, "pose_world", "trans_world")
+    content["betas"] = np.tile(shape, (motion.n_frames, 1)).astype(np.float32)
+    content["frame_ids"] = person.frame_numbers[rows].astype(np.int64)
+    content["body"] = motion.body
+    return content
+
+
+def _named(arrays: tuple[np.ndarray, np.ndarray], *keys: str) -> dict[str, object]:
+    return dict(zip(keys, (values.astype(np.float32) for values in arrays), strict=True))

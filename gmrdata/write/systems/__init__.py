@@ -1,1 +1,0 @@
-"""Results as other systems write them, one file per system."""
