@@ -366,7 +366,7 @@ def write_glb(path: Path, scene: Mapping[str, Any], binary: bytes) -> Path:
 
 
 def test_another_run_from_a_gltf_with_files_beside_it_gives_the_same_bytes(
-    film: Film, rendered: Path, proportions: Path, clip_path: Path, folder: Path
+    film: Film, rendered: Path, characters: Files, clip_path: Path, folder: Path
 ) -> None:
     scene, binary = read_glb(characters["proportions"])
     (folder / "parts").mkdir()
