@@ -1,18 +1,25 @@
-"""Frames are decoded once, as long as memory is meant to hold them."""
+"""Frames are decoded once; large ones are worked on at a smaller size, as a pinhole shows them."""
 
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from gmrdata.cameras import frames as module
-from gmrdata.cameras.files import load_cameras
-from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.files import load_cameras, load_points, load_quality
+from gmrdata.cameras.frames import Frames, reduced
+from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.read.frames import list_images, read_gray
+from gmrdata.read.frames import list_images, read_frames, read_gray
+from gmrdata.values.camera import Lens, straightened
+from gmrdata.values.errors import BadFrames, NoReconstruction
+from tests.cameras.test_reconstruct import rotation_errors_deg
+from tests.read.test_frames import with_exif
 
 
 @pytest.fixture
@@ -52,3 +59,186 @@ def test_some_of_the_frames_share_what_was_decoded(dolly: Any, decoded: Counter[
     some = frames.some(np.array([0, 2]))
     assert some.gray(some.images[1]) is frames.gray(frames.images[2])
     assert decoded == {frames.images[2]: 1}
+
+
+K_PX = np.array([[300.0, 0, 100], [0, 300, 60], [0, 0, 1]])
+
+
+def a_frame(folder: Path, size_px: tuple[int, int] = (200, 120)) -> Frames:
+    """White from column 100 on; the mask covers pixel (40, 20) alone."""
+    image, mask = np.zeros(size_px[::-1], np.uint8), np.zeros(size_px[::-1], np.uint8)
+    image[:, 100:] = 255
+    mask[20, 40] = 255
+    for name, values in {"frames": image, "masks": mask}.items():
+        (folder / name).mkdir()
+        cv2.imwrite(str(folder / name / "image_00007.png"), values)
+    images = [folder / "frames" / "image_00007.png"]
+    return Frames(images, folder / "masks", K_PX, size_px)
+
+
+def test_pixels_scale_from_the_outer_corner(tmp_path: Path) -> None:
+    small = reduced(a_frame(tmp_path), 50, tmp_path / "small")
+    assert small.size_px == (50, 30)
+    np.testing.assert_allclose(small.intrinsics_px, [[75, 0, 25], [0, 75, 15], [0, 0, 1]])
+    (image,) = small.images
+    assert image.stem == "image_00007"
+    gray = read_gray(image, small.size_px)
+    assert (gray[:, :25] == 0).all() and (gray[:, 25:] == 255).all()
+
+
+def test_a_pixel_is_dynamic_if_any_part_of_it_is(tmp_path: Path) -> None:
+    small = reduced(a_frame(tmp_path), 50, tmp_path / "small")
+    assert small.masks_dir is not None
+    mask = read_gray(small.masks_dir / "image_00007.png", small.size_px)
+    assert np.argwhere(mask).tolist() == [[5, 10]] and mask.max() == 255
+
+
+def test_small_frames_are_taken_as_they_are(tmp_path: Path) -> None:
+    frames = a_frame(tmp_path)
+    assert reduced(frames, 200, tmp_path / "small") is frames
+    assert not (tmp_path / "small").exists()
+
+
+def test_turned_frames_are_written_upright_for_colmap(tmp_path: Path) -> None:
+    """COLMAP reads pictures as they are stored; the mask is of the upright picture."""
+    frames = a_frame(tmp_path)
+    (image,) = frames.images
+    stored = np.rot90(cv2.imread(str(image)))
+    cv2.imwrite(str(image), stored)
+    with_exif(image, 6)
+    upright = reduced(frames, 200, tmp_path / "small")
+    assert upright.size_px == (200, 120) and np.array_equal(upright.intrinsics_px, K_PX)
+    written = cv2.imread(str(upright.images[0]), cv2.IMREAD_GRAYSCALE)
+    assert (written[:, 100:] == 255).all() and (written[:, :100] == 0).all()
+    assert np.array_equal(upright.mask(upright.images[0]), frames.mask(image))
+
+
+def test_a_mask_of_another_size_is_an_error(tmp_path: Path) -> None:
+    frames = a_frame(tmp_path)
+    cv2.imwrite(str(tmp_path / "masks" / "image_00007.png"), np.zeros((30, 50), np.uint8))
+    with pytest.raises(BadFrames, match="image_00007"):
+        reduced(frames, 50, tmp_path / "small")
+
+
+def test_cameras_of_large_frames_have_their_size(dolly: Any, tmp_path: Path) -> None:
+    """Frames of twice the size, worked on at the size that they had."""
+    enlarge(dolly.images_dir, tmp_path / "frames", cv2.INTER_LINEAR)
+    enlarge(dolly.masks_dir, tmp_path / "masks", cv2.INTER_NEAREST)
+    first = read_gray(list_images(dolly.images_dir)[0])
+    height_px, width_px = first.shape
+    matrix = np.diag([2.0, 2, 1]) @ dolly.intrinsics_px
+    config = SfmConfig(max_features=600, max_image_size_px=width_px)
+    frames = read_frames(tmp_path / "frames")
+    lens = dolly.lens.at_size(frames.size_px)
+    out_dir = reconstruct(frames, tmp_path / "masks", lens, tmp_path / "out", config)
+    cameras, quality = load_cameras(out_dir), load_quality(out_dir)
+    assert quality.worked_on_px == (width_px, height_px)
+    assert (cameras.path.width_px, cameras.path.height_px) == (2 * width_px, 2 * height_px)
+    np.testing.assert_array_equal(cameras.path.intrinsics_px, matrix)
+    assert cameras.geometry == "full" and cameras.path.has_camera.all()
+    assert quality.mean_reprojection_px < 1.0
+    held, points = load_tracks(out_dir).of_adjusted(), load_points(out_dir)
+    found_px = errors_px(held, points, cameras.path.world_from_cam, matrix, None)
+    # The tracks are in the pixels of the given frames, the record in those worked on.
+    again_px = mean_over_points(found_px, held.points) / 2
+    assert again_px == pytest.approx(quality.mean_reprojection_px, rel=2e-3)
+    turns = cameras.path.world_from_cam[:, :3, :3]
+    true = dolly.world_from_cam[:, :3, :3]
+    found = turns[0].T @ turns[-1]
+    expected = true[0].T @ true[-1]
+    cosine = (np.trace(found.T @ expected) - 1) / 2
+    assert np.rad2deg(np.arccos(np.clip(cosine, -1, 1))) < 0.2
+    assert not (out_dir / "colmap").exists()
+
+
+def test_an_error_names_the_frames_that_were_given(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    for i in range(6):
+        path = tmp_path / "frames" / f"{i:05d}.png"
+        cv2.imwrite(str(path), np.full((120, 160), 128, np.uint8))
+    config = SfmConfig(max_image_size_px=80)
+    with pytest.raises(NoReconstruction) as raised:
+        frames = read_frames(tmp_path / "frames")
+        reconstruct(frames, None, Lens.centred(150.0, frames.size_px), tmp_path / "out", config)
+    assert str(tmp_path / "frames") in str(raised.value)
+    assert "reduced" not in str(raised.value)
+
+
+def enlarge(folder: Path, out_dir: Path, interpolation: int) -> None:
+    out_dir.mkdir()
+    for image in list_images(folder):
+        twice = cv2.resize(read_gray(image), None, fx=2, fy=2, interpolation=interpolation)
+        cv2.imwrite(str(out_dir / f"{image.stem}.png"), twice)
+
+
+RADIAL_K1 = -0.15
+CUT_PX = (8, 5)  # from either side of a frame, beyond which the bent one would show nothing
+
+
+def bend(source: Path, target: Path, intrinsics_px: np.ndarray, how: int) -> None:
+    """A folder of pictures through a lens, cut at the sides."""
+    target.mkdir(parents=True)
+    focal_px, centre_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
+    for path in sorted(source.iterdir()):
+        picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        high, wide = picture.shape
+        x, y = np.meshgrid(np.arange(wide) + 0.5, np.arange(high) + 0.5)
+        flat = (np.stack([x, y], axis=-1) - centre_px) / focal_px
+        at = (straightened(flat, RADIAL_K1) * focal_px + centre_px - 0.5).astype(np.float32)
+        seen = cv2.remap(picture, at, None, how, borderMode=cv2.BORDER_REPLICATE)
+        left, top = CUT_PX
+        cv2.imwrite(str(target / path.name), seen[top : high - top, left : wide - left])
+
+
+@pytest.fixture(scope="module")
+def bent_arc(film: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A filmed arc through a lens: folder, intrinsics, and what was filmed."""
+    filmed, folder = film("arc", 12, person=False), tmp_path_factory.mktemp("bent")
+    bend(filmed.images_dir, folder / "frames", filmed.intrinsics_px, cv2.INTER_LANCZOS4)
+    intrinsics_px = filmed.intrinsics_px.copy()
+    intrinsics_px[:2, 2] -= CUT_PX
+    frames = read_frames(folder / "frames")
+    return frames, Lens.of_matrix(intrinsics_px, frames.size_px, (RADIAL_K1, 0.0)), filmed
+
+
+def test_cameras_of_a_known_lens_are_right(bent_arc: Any, tmp_path: Path) -> None:
+    frames, lens, filmed = bent_arc
+    config = SfmConfig(max_features=600)
+    made = reconstruct(frames, None, lens, tmp_path / "sfm", config)
+    cameras, quality = load_cameras(made), load_quality(made)
+    assert cameras.geometry == "full" and cameras.path.has_camera.all()
+    found = cameras.path.world_from_cam[:, :3, :3]
+    assert rotation_errors_deg(found, filmed.world_from_cam[:, :3, :3]).max() < 0.3
+    assert filmed.centre_errors_m(cameras.path.centres_world_m).max() < 0.02
+    assert quality.lens is not None
+    assert quality.lens.k1 == pytest.approx(RADIAL_K1, abs=0.02)
+    # What the tracks show lies in the bent frames, where the record's lens puts the points.
+    tracks, points = load_tracks(made).of_adjusted(), load_points(made)
+    path = cameras.path.world_from_cam
+    apart_px = errors_px(tracks, points, path, lens.matrix_px, quality.lens)
+    without_px = errors_px(tracks, points, path, lens.matrix_px, None)
+    assert np.median(apart_px) < 0.4 < 1.0 < np.percentile(without_px, 80)
+
+
+def test_a_frame_is_straightened_and_what_was_not_seen_is_masked(tmp_path: Path) -> None:
+    for name in ("frames", "masks"):
+        (tmp_path / name).mkdir()
+    picture = np.zeros((120, 200), np.uint8)
+    picture[20:23, 40:43] = 255
+    cv2.imwrite(str(tmp_path / "frames" / "00000.png"), picture)
+    cv2.imwrite(str(tmp_path / "masks" / "00000.png"), np.zeros_like(picture))
+    intrinsics_px = np.array([[150.0, 0, 100], [0, 150, 60], [0, 0, 1]])
+    given = Frames(
+        [tmp_path / "frames" / "00000.png"], tmp_path / "masks", intrinsics_px, (200, 120)
+    )
+    for k1 in (-0.15, 0.2):
+        straight = reduced(given, 400, tmp_path / f"straight{k1}", k1)
+        assert straight.size_px == given.size_px
+        seen = (np.array([41.5, 21.5]) - [100, 60]) / 150
+        expected_px = straightened(seen, k1) * 150 + [100, 60]
+        gray = read_gray(straight.images[0]).astype(float)
+        rows, columns = np.indices(gray.shape) + 0.5
+        found_px = [(gray * columns).sum() / gray.sum(), (gray * rows).sum() / gray.sum()]
+        assert found_px == pytest.approx(expected_px.tolist(), abs=0.1)
+        covered = straight.mask(straight.images[0]) > 0
+        assert covered[0, 0] == (k1 > 0) and not covered[60, 100]

@@ -1,16 +1,26 @@
 """The command line as a person meets it: exit codes, messages, nothing half-written."""
 
+import json
 import resource
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
+from importlib import import_module, metadata
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from gmrdata.cli import VERBS
+from gmrdata import __version__
+from gmrdata.cli import RENAMED, VERBS
+from gmrdata.pages.report_data import ClipSummary, GmrSummary, Summary
+from gmrdata.read.models import MODELS, models_dir
+from gmrdata.score.records import PaperMetrics
 from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
+from gmrdata.values.body import BodyModel
 from tests.docs.page_commands import FUNCTIONS
+from tests.record_keys import assert_each_key_is_needed
 
 Answer = subprocess.CompletedProcess[str]
 Gmrdata = Callable[..., Answer]
@@ -178,3 +188,129 @@ def test_each_recipe_runs_or_names_the_flag_that_it_lacks(
         if fails_without_motions:
             fails_cleanly(gmrdata("run", name, "--out", out), "--motions")
     assert not out.exists()
+
+
+def test_version(gmrdata: Gmrdata) -> None:
+    said = gmrdata("--version")
+    assert (said.returncode, said.stdout) == (0, f"gmrdata {__version__}\n")
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("vidoe", "video"), ("evalute", "evaluate")])
+def test_a_mistyped_verb_gets_the_nearest(gmrdata: Gmrdata, typed: str, meant: str) -> None:
+    said = gmrdata(typed, "x")
+    assert said.returncode == 2
+    assert f"there is no verb '{typed}'; did you mean '{meant}'?" in said.stderr
+
+
+def test_a_verb_like_none_is_refused(gmrdata: Gmrdata) -> None:
+    said = gmrdata("xyzzy")
+    assert said.returncode == 2
+    assert "there is no verb 'xyzzy'. `gmrdata --help` lists them" in said.stderr
+
+
+def test_a_mistyped_recipe_gets_the_nearest(gmrdata: Gmrdata) -> None:
+    said = gmrdata("run", "syntetic", "--out", "x")
+    assert said.returncode == 1
+    assert "twins_small; did you mean 'synthetic'?" in " ".join(said.stderr.split())
+
+
+def test_an_old_flag_names_the_new_one(gmrdata: Gmrdata) -> None:
+    assert set(RENAMED) <= set(VERBS)
+    for verb, flags in RENAMED.items():
+        for flag, now in flags.items():
+            for typed in (flag, "--" + flag[2:].replace("-", "_"), f"{flag}=x"):
+                said = gmrdata(verb, "x", typed)
+                assert said.returncode == 2
+                told = f"gmrdata: {verb} {flag} has another name now: {now}"
+                assert " ".join(said.stderr.split()) == told
+
+
+doctor = import_module("gmrdata.cli.doctor")  # beside the verb of that name
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache/gmrdata"
+
+
+def test_it_finds_what_the_tests_run_with(
+    gmrdata: Callable[..., Any], empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = gmrdata("doctor", "--json")
+    assert said.returncode == 0, said.stderr
+    found = json.loads(said.stdout)
+    assert found["good"]
+    parts = {part["name"]: part for part in found["parts"]}
+    for package in ("numpy", "torch", "pycolmap", "bpy"):
+        assert parts[package]["found"] == metadata.version(package)
+    blender, *_ = parts["Blender"]["found"].split()  # "5.2.3 LTS"
+    assert parts["bpy"]["found"].startswith(blender)
+    assert [parts[name]["state"] for name in ("export", "view", "tensorboard")] == ["there"] * 3
+    assert parts["SMPL"]["state"] == "missing"
+    assert f"free in {empty_cache}" in parts["cache"]["found"]
+    # The same as a table, with its remedies.
+    monkeypatch.setattr(doctor, "find_parts", lambda: [doctor.Part(**p) for p in parts.values()])
+    table = gmrdata("doctor")
+    assert table.returncode == 0
+    said = " ".join(table.stdout.split())  # a note may take several lines
+    assert "gmrdata fetch models" in said and "All that" in said
+
+
+def test_every_extra_of_users_is_looked_for() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - {"dev", "docs"}
+    for name, extra in doctor.EXTRAS.items():
+        assert any(
+            line.startswith(extra.package) for line in project["optional-dependencies"][name]
+        )
+
+
+def test_a_missing_required_part_ends_with_1(
+    gmrdata: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = doctor.Part("packages", "torch", "missing", "", "pip install 'torch>=2.4'", True)
+    monkeypatch.setattr(doctor, "find_parts", lambda: [part])
+    for flags in ((), ("--json",)):
+        said = gmrdata("doctor", *flags)
+        assert said.returncode == 1
+        assert "can't work without: torch" in said.stderr
+    assert json.loads(said.stdout)["good"] is False
+
+
+def test_a_library_that_does_not_load_is_said() -> None:
+    names = ("json", "no_such_module")
+    loaded = doctor._loaded(doctor._start("-c", doctor.LIBRARIES, *names), names)
+    assert loaded == ({"json": None, "no_such_module": "No module named 'no_such_module'"}, [])
+    died = doctor._loaded(doctor._start("-c", "raise SystemExit(3)"), names)
+    assert died == (dict.fromkeys(names, "ended with exit code 3"), [])
+    ended = doctor._blender(doctor._start("-c", "raise ImportError('libX.so: not there')"))
+    assert ended.state == "broken" and ended.required
+    assert ended.found == "ImportError: libX.so: not there"
+
+
+def test_models_and_bodies_are_looked_into(empty_cache: Path, small_body: BodyModel) -> None:
+    assert {part.state for part in doctor._models()} == {"missing"}
+    models_dir().mkdir(parents=True)
+    (models_dir() / MODELS[0].name).write_bytes(b"not a network")
+    first = next(doctor._models())
+    assert first.state == "broken" and "--redo" in first.note
+    assert not any(part.required and part.state == "missing" for part in doctor._bodies())
+
+
+def test_each_key_of_a_summary_is_needed(tmp_path: Path) -> None:
+    clip = ClipSummary(
+        id="circular",
+        camera_motion="circular",
+        ome_deg=0.1,
+        tme_mm=2.0,
+        camera_rotation_deg=0.2,
+        scale_error_percent=-1.0,
+        frames=26,
+        frames_with_camera=25,
+    )
+    errors = {"ome_deg": 1.0, "tme_mm": 20.0, "vme_mm": 30.0}
+    gmr = GmrSummary(**errors, zero_motion=PaperMetrics[float](**errors))
+    record = Summary(clips=(clip,), gmr={"synthetic": gmr}, seconds={"render": 60.0})
+    assert_each_key_is_needed(record, tmp_path / "summary.json", ("gmr", "seconds"))

@@ -1,4 +1,4 @@
-"""A synthetic set, rendered for real: a captured trial and an embedded gait."""
+"""A synthetic set, rendered for real; kill -9 of any of its processes leaves the same set."""
 
 import re
 import threading
@@ -17,8 +17,17 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.pages.sets import write_set_pages
+from gmrdata.stage.recipes import load_recipe
+from gmrdata.stage.run import Run
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
+from tests.film.set_kills import (
+    VICTIMS,
+    contents,
+    kill_and_complete,
+    leftovers,
+    write_recipe,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -214,3 +223,22 @@ def test_nothing_to_render_is_an_error(tmp_path: Path) -> None:
         render_set(RECIPE.model_copy(update={"clips": (trial,)}), tmp_path)
     with pytest.raises(BadRecipe, match="no clips"):
         render_set(RECIPE.model_copy(update={"clips": ()}), tmp_path)
+
+
+def test_three_kills_change_nothing(tmp_path: Path, anny: object) -> None:
+    recipe, undisturbed = tmp_path / "recipe.yaml", tmp_path / "undisturbed"
+    write_recipe(recipe, n_clips=2, n_frames=5)
+    begin_s = time.monotonic()
+    loaded = load_recipe(recipe, SyntheticRecipe)
+    render_set(loaded, undisturbed, run=Run(workers=1))
+    write_set_pages(loaded, undisturbed)
+    whole_s = time.monotonic() - begin_s
+    killed = tmp_path / "killed"
+    kills = kill_and_complete(recipe, killed, VICTIMS, whole_s / 2, np.random.default_rng(1))
+    assert [kill.victim for kill in kills] == list(VICTIMS)
+    expected = contents(undisturbed)
+    assert "synthetic.yaml" in expected and "index.html" in expected
+    for folder in (path for path in tmp_path.glob("killed*") if path.is_dir()):
+        assert contents(folder) == expected
+        assert leftovers(folder) == []
+        check_manifest(folder / "synthetic.yaml")

@@ -1,28 +1,44 @@
-"""How wrong a network is: the two processes are found again, and the record holds its shape."""
+"""How wrong a network is: measured, found again, and carried to like poses."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cli import main
+from gmrdata.fusion import network_errors
 from gmrdata.fusion.network_errors import (
     HEADINGS,
+    MeasureConfig,
     SeenBesideTruth,
+    beside_truth,
     error_rates,
     error_rows,
     fit_errors,
+    held_out_motions,
 )
 from gmrdata.fusion.network_evidence import (
     SPEEDS_M_PER_S,
     DeltaErrors,
     ErrorPart,
+    corrected_by_like_poses,
     mean_speeds_m_per_s,
     seen_motions,
 )
-from gmrdata.values.errors import BadMotionFile, BadRecord
+from gmrdata.fusion.smoothing import ErrorProcess, SeenMotions, SeenPoses
+from gmrdata.gmr.config import DataConfig, TrainConfig
+from gmrdata.gmr.predict import TrainedGmr
+from gmrdata.gmr.train import train
+from gmrdata.read.body_file import save_body
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
 from gmrdata.values.files import read_json, write_json
-from gmrdata.values.motion import deltas
+from gmrdata.values.motion import Motion, deltas
+from tests.clip_manifests import write_clips
 
 FPS_HZ = 20.0
 
@@ -163,3 +179,163 @@ def test_a_negative_time_is_refused(tmp_path: Path) -> None:
     write_json(path, bad)
     with pytest.raises(BadRecord, match="not positive"):
         DeltaErrors.read(path)
+
+
+@pytest.fixture
+def cmu_clips(make_clips: Callable[..., list[Clip]]) -> list[Clip]:
+    names = ("02_01", "02_02", "05_01")
+    return [replace(clip, id=name) for clip, name in zip(make_clips(3, 1), names, strict=True)]
+
+
+def test_the_verb_measures_a_run_on_whom_it_held_out(
+    cmu_clips: list[Clip],
+    small_body: BodyModel,
+    small_config: TrainConfig,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    manifest = write_clips(tmp_path / "cmu", small_body, cmu_clips, dataset="CMU")
+    save_body(tmp_path / "body.npz", small_body)
+    held_out = DataConfig(held_out_subjects=(2,))
+    config = small_config.model_copy(update={"data": held_out, "steps": 2})
+    run_dir = train([manifest], tmp_path / "run", config, body_path=tmp_path / "body.npz")
+    out = run_dir / "delta_errors.json"
+    words = ["delta-errors", str(manifest), "--network", str(run_dir), "--out", str(out)]
+    with pytest.raises(SystemExit):
+        main(words)  # eight seconds are too few
+    assert "Hold out more of them" in capsys.readouterr().err.replace("\n", " ")
+    monkeypatch.setattr(network_errors, "FEWEST_S", 1.0)
+    main(words)
+    record = DeltaErrors.read(out)
+    assert (record.people, record.clips, record.networks) == (("CMU/02",), 2, ("run",))
+    assert record.seconds == pytest.approx(8.0, abs=0.5)
+    assert np.array(record.fast.place_m_per_s).max() > 0.05
+    nobody = config.model_copy(update={"data": DataConfig()})
+    other = train([manifest], tmp_path / "other", nobody, body_path=tmp_path / "body.npz")
+    with pytest.raises(BadManifest, match="held none of these clips out"):
+        held_out_motions(other, [manifest])
+    said = held_out_motions(other, [manifest], people=("2",))
+    assert [(one.clip, one.person) for one in said] == [("02_01", "CMU/02"), ("02_02", "CMU/02")]
+
+
+def test_noise_is_put_on_what_the_network_sees_alone(
+    cmu_clips: list[Clip], untrained: TrainedGmr
+) -> None:
+    clip, rng = cmu_clips[0], np.random.default_rng(0)
+    exact, noisy = (
+        next(beside_truth(untrained, clip, MeasureConfig(pose_noise_deg=deg), rng))
+        for deg in (0.0, 10.0)
+    )
+    np.testing.assert_array_equal(exact.true_pelvis_m, noisy.true_pelvis_m)
+    assert exact.fps_hz == clip.motion.fps_hz == 20.0
+    assert np.abs(error_rates(exact) - error_rates(noisy)).max() > 0.01
+
+
+N, LIKE_FPS_HZ, CYCLE = 240, 30.0, 30
+PHASE = 2 * np.pi * np.arange(N) / CYCLE
+BUT_A_GAP = (np.arange(N) < 100) | (np.arange(N) >= 160)  # frames with a camera
+TURN = Rotation.from_rotvec([0.02, 0.0, 0.0])
+
+
+@pytest.fixture
+def stepping(small_body: BodyModel) -> Motion:
+    """Who swings both legs and goes ahead, a cycle a second."""
+    local = np.tile(np.eye(3), (N, 23, 1, 1))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        swing = np.outer(0.6 * sign * np.sin(PHASE), [1.0, 0.0, 0.0])
+        lift = np.outer(0.4 * (1 + sign * np.cos(PHASE)), [1.0, 0.0, 0.0])
+        local[:, JOINT[f"{side}_hip"] - 1] = Rotation.from_rotvec(swing).as_matrix()
+        local[:, JOINT[f"{side}_knee"] - 1] = Rotation.from_rotvec(lift).as_matrix()
+    return Motion(
+        local_rotmats=local,
+        root_rotmats=Rotation.from_rotvec(np.outer(0.1 * np.sin(PHASE), [0, 1, 0])).as_matrix(),
+        pelvis_m=np.outer(np.arange(N) / LIKE_FPS_HZ, [0.3, 0.0, 1.0]),
+        shape=np.zeros(10),
+        fps_hz=LIKE_FPS_HZ,
+        body=small_body.name,
+        gender="neutral",
+        frame="world",
+        source="steps",
+    )
+
+
+def error_m() -> np.ndarray:
+    """A step that is wrong to the side of the leg in front, and ahead twice a cycle, (N - 1, 3)."""
+    middle = (PHASE[:-1] + PHASE[1:]) / 2
+    return 0.01 * np.stack([np.sin(middle), 0 * middle, np.cos(2 * middle)], axis=1)
+
+
+def seen_by_network(motion: Motion) -> SeenMotions:
+    turns, steps_m = deltas(motion.root_rotmats, motion.pelvis_m)
+    parts = [ErrorProcess(np.full((N - 1, 6), 0.3), np.full(6, time_s)) for time_s in (0.2, 5.0)]
+    return SeenMotions(turns @ TURN.inv().as_matrix(), steps_m - error_m(), *parts)
+
+
+def seen_by_cameras(motion: Motion, known: np.ndarray, noise_m: float = 0.0005) -> SeenPoses:
+    covariances = np.tile(noise_m**2 * np.eye(3), (N, 1, 1))
+    return SeenPoses(motion.root_rotmats, motion.pelvis_m, known, np.full(N, 0.0005), covariances)
+
+
+def left_of(motion: Motion, motions: SeenMotions) -> tuple[np.ndarray, np.ndarray]:
+    """What is left of the network's errors, (N - 1,) of turns [rad] and steps [m]."""
+    turns, steps_m = deltas(motion.root_rotmats, motion.pelvis_m)
+    wrong = Rotation.from_matrix(motions.delta_rotmats.swapaxes(-1, -2) @ turns)
+    return wrong.magnitude(), np.linalg.norm(steps_m - motions.delta_m, axis=1)
+
+
+def test_an_error_that_comes_with_each_step_is_taken_off_where_no_camera_sees(
+    stepping: Motion, small_body: BodyModel
+) -> None:
+    before, seen = seen_by_network(stepping), seen_by_cameras(stepping, BUT_A_GAP)
+    after = corrected_by_like_poses(small_body, stepping, before, seen)
+    hidden = ~(BUT_A_GAP[:-1] & BUT_A_GAP[1:])
+    turn_rad, step_m = left_of(stepping, after)
+    assert turn_rad[hidden].max() < 0.1 * 0.02
+    assert step_m[hidden].max() < 0.1 * 0.01
+    np.testing.assert_array_equal(after.delta_m[~hidden], before.delta_m[~hidden])
+    np.testing.assert_array_equal(after.delta_rotmats[~hidden], before.delta_rotmats[~hidden])
+    assert after.fast is before.fast and after.slow is before.slow
+
+
+def test_steps_with_the_left_foot_tell_of_those_with_the_right(
+    stepping: Motion, small_body: BodyModel
+) -> None:
+    known = PHASE % (2 * np.pi) < np.pi - 1e-9
+    motions, seen = seen_by_network(stepping), seen_by_cameras(stepping, known)
+    hidden = ~known[:-1] & ~known[1:]
+    before_m = left_of(stepping, motions)[1][hidden]
+    after_m = left_of(stepping, corrected_by_like_poses(small_body, stepping, motions, seen))[1]
+    assert after_m[hidden].max() < 0.25 * before_m.max()
+
+
+def test_cameras_that_are_noisier_than_the_network_say_little(
+    stepping: Motion, small_body: BodyModel
+) -> None:
+    motions = seen_by_network(stepping)
+    noisy = seen_by_cameras(stepping, BUT_A_GAP, noise_m=1.0)
+    after = corrected_by_like_poses(small_body, stepping, motions, noisy)
+    assert np.abs(after.delta_m - motions.delta_m).max() < 0.1 * 0.01
+
+
+def test_nothing_is_carried_over_from_nothing_or_to_nowhere(
+    stepping: Motion, small_body: BodyModel
+) -> None:
+    motions = seen_by_network(stepping)
+    for known in (np.zeros(N, dtype=bool), np.arange(N) < 8, np.ones(N, dtype=bool)):
+        seen = seen_by_cameras(stepping, known)
+        assert corrected_by_like_poses(small_body, stepping, motions, seen) is motions
+
+
+def test_rows_that_no_camera_knows_may_hold_anything(
+    stepping: Motion, small_body: BodyModel
+) -> None:
+    known = np.arange(N) < 150
+    motions, seen = seen_by_network(stepping), seen_by_cameras(stepping, known)
+    rotmats, pelvis_m = seen.rotmats.copy(), seen.pelvis_m.copy()
+    rotmats[~known], pelvis_m[~known] = np.nan, np.nan
+    same = corrected_by_like_poses(small_body, stepping, motions, seen)
+    after = corrected_by_like_poses(
+        small_body, stepping, motions, replace(seen, rotmats=rotmats, pelvis_m=pelvis_m)
+    )
+    np.testing.assert_array_equal(after.delta_m, same.delta_m)

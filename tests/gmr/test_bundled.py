@@ -1,30 +1,45 @@
-"""Networks in a folder of weights alone, and several that predict together."""
+"""Other forms of a network: weights alone, several together, ONNX, and one that is symmetric."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import onnxruntime
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
+from torch import Tensor
 
 from benchmarks.training.bundle import write_bundle
 from gmrdata.cli import main
-from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, network_dir
-from gmrdata.gmr.model import Gmr, MeanGmr
+from gmrdata.gmr.augmentation import mean_of_four, mirror_local, mirror_points_m, mirror_rotmats
+from gmrdata.gmr.config import (
+    BUNDLE_FILE,
+    ExtraInput,
+    ModelConfig,
+    MotionSource,
+    Representation,
+    network_dir,
+)
+from gmrdata.gmr.model import Gmr, MeanGmr, network_input, seen_from_feet
 from gmrdata.gmr.predict import (
+    OPSET,
+    TrainedGmr,
     load_gmr,
+    onnx_network,
     predict_deltas,
     read_bundle,
 )
 from gmrdata.gmr.train import GmrRecipe
+from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import JOINT_NAMES, BodyModel
 from gmrdata.values.errors import BadCheckpoint
 from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion, deltas
 from tests.fixtures.inference import keep_gmr, stepped_gmr
+from tests.gmr.test_model import random_poses
 from tests.read.system_files import vibe_person, write_joblib
 
 CONFIG = ModelConfig(
@@ -143,3 +158,217 @@ def test_infer_without_a_run_uses_it_and_says_so(
     assert read_json(tmp_path / "w" / "infer.json")["model"]["run"] == "bundled"
     with pytest.raises(SystemExit):
         main(["infer", "a", "b", "c", "--out", str(tmp_path / "x")])
+
+
+SAME = 1e-5
+Variant = tuple[tuple[ExtraInput, ...], MotionSource, int | None]
+REGRESSED: Variant = ((), "regressed", None)
+STANDING: Variant = (("velocity", "standing"), "standing_joint", 5)
+
+
+def network(
+    input: Representation = "quaternion",
+    output: Representation = "axis-angle",
+    extra: tuple[ExtraInput, ...] = (),
+    source: MotionSource = "regressed",
+    latent: int | None = None,
+) -> TrainedGmr:
+    torch.manual_seed(0)
+    config = ModelConfig(
+        layers=2, hidden=7, latent=latent, input=input, output=output, extra_inputs=extra,
+        rotation=source, translation=source, output_scale=0.5,
+    )  # fmt: skip
+    return TrainedGmr(Gmr(config).eval(), 10.0, "some_run", 12)
+
+
+def run_onnx(model: bytes, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """dR and dT of a batch (B, T, 23, 3, 3) by onnxruntime."""
+    session = onnxruntime.InferenceSession(model)
+    turns, steps_m = session.run(None, {"local_rotmats": local_rotmats.astype(np.float32)})
+    return turns, steps_m
+
+
+def wild_poses(n_frames: int, seed: int) -> np.ndarray:
+    """Joints that go through whole turns, where quaternions change their signs."""
+    rng = np.random.default_rng(seed)
+    rotvecs = np.cumsum(rng.normal(0, 0.4, (n_frames, 23, 3)), axis=0)
+    rotvecs += rng.normal(size=(23, 3))
+    return Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(-1, 23, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "variant"),
+    [
+        (("quaternion", "axis-angle"), REGRESSED),
+        (("axis-angle", "quaternion"), REGRESSED),
+        (("6d", "6d"), REGRESSED),
+        (("quaternion", "6d"), STANDING),
+    ],
+)
+def test_every_kind_of_network_is_the_same_as_in_torch(
+    kinds: tuple[Representation, Representation], variant: Variant
+) -> None:
+    gmr = network(*kinds, *variant)
+    poses = np.stack([wild_poses(9, seed) for seed in range(3)])
+    turns, steps_m = run_onnx(onnx_network(gmr), poses)
+    assert (turns.shape, steps_m.shape) == ((3, 8, 3, 3), (3, 8, 3))
+    for at, one in enumerate(poses):
+        wanted = predict_deltas(gmr, one)
+        assert np.abs(turns[at] - wanted[0]).max() < SAME
+        assert np.abs(steps_m[at] - wanted[1]).max() < SAME
+
+
+@pytest.fixture(scope="module")
+def usual() -> tuple[TrainedGmr, bytes]:
+    """A network of the paper's kind, and its model file."""
+    gmr = network(latent=5)
+    return gmr, onnx_network(gmr)
+
+
+@pytest.mark.parametrize("n_frames", [2, 3, 64, 301])
+def test_any_length_of_a_motion(
+    usual: tuple[TrainedGmr, bytes], small_body: BodyModel, n_frames: int
+) -> None:
+    rng = np.random.default_rng(1)
+    seconds = n_frames / 10 + 1
+    motion = embedded_motions(small_body, rng, count=1, fps_hz=10.0, duration_s=seconds)[0]
+    local_rotmats = motion.local_rotmats[:n_frames]
+    gmr, model = usual
+    turns, steps_m = run_onnx(model, local_rotmats[None])
+    wanted = predict_deltas(gmr, local_rotmats)
+    assert np.abs(turns[0] - wanted[0]).max() < SAME
+    assert np.abs(steps_m[0] - wanted[1]).max() < SAME
+
+
+def test_the_model_says_what_it_needs(usual: tuple[TrainedGmr, bytes]) -> None:
+    gmr, model = usual
+    session = onnxruntime.InferenceSession(model)
+    about = session.get_modelmeta().custom_metadata_map
+    assert float(about["fps_hz"]) == 10.0
+    assert about["joints"].split(",") == list(JOINT_NAMES[1:])
+    assert (about["run"], about["step"]) == ("some_run", "12")
+    assert ModelConfig.model_validate_json(about["network"]) == gmr.model.config
+    (given,), made = session.get_inputs(), session.get_outputs()
+    assert (given.name, given.type, given.shape) == (
+        "local_rotmats", "tensor(float)", ["batch", "frames", 23, 3, 3],
+    )  # fmt: skip
+    assert [(one.name, one.shape) for one in made] == [
+        ("delta_rotmats", ["batch", "motions", 3, 3]),
+        ("delta_m", ["batch", "motions", 3]),
+    ]
+    assert all(one.name in about for one in (given, *made))
+    assert OPSET == 17
+
+
+def test_the_network_stays_as_it_was() -> None:
+    """It was left in training mode, in which dropout is random."""
+    gmr = network()
+    onnx_network(gmr)
+    assert not any(module.training for module in gmr.model.modules())
+
+
+SYMMETRIC_CONFIG = ModelConfig(
+    layers=1, hidden=5, extra_inputs=("standing", "velocity", "feet"), looks_at="legs_and_trunk",
+    rotation="standing_joint", translation="standing_joint", output_scale=0.5, symmetric=True,
+)  # fmt: skip
+
+
+def symmetric_network(config: ModelConfig = SYMMETRIC_CONFIG) -> Gmr:
+    torch.manual_seed(1)
+    return Gmr(config).double().eval()
+
+
+def answer(model: Gmr, poses: Tensor, lengths: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    config = model.config
+    with torch.no_grad():
+        return model(network_input(poses, config.input, config.extra_inputs), lengths)
+
+
+def test_a_mirror_image_moves_as_the_mirrored_person() -> None:
+    poses, model = random_poses(1, 7), symmetric_network()
+    turns, moves_m = answer(model, poses)
+    seen = answer(model, torch.from_numpy(mirror_local(poses.numpy())))
+    np.testing.assert_allclose(seen[0][:, :-1], mirror_rotmats(turns.numpy())[:, :-1], atol=1e-6)
+    np.testing.assert_allclose(seen[1][:, :-1], mirror_points_m(moves_m.numpy())[:, :-1], atol=1e-6)
+
+
+def test_backwards_the_person_goes_back() -> None:
+    poses, model = random_poses(1, 7), symmetric_network()
+    turns, back = answer(model, poses)[0], answer(model, poses.flip(1))[0]
+    np.testing.assert_allclose(back[0, :-1].flip(0), turns[0, :-1].mT, atol=1e-6)
+
+
+def test_four_right_answers_are_one(walk: Callable[..., Motion]) -> None:
+    """True motions of a walk, its mirror image, its reverse and both; and of a shorter piece."""
+    motion = walk(10.0)
+    roots, pelvis_m = motion.root_rotmats[:12], motion.pelvis_m[:12]
+    turns, moves_m = np.zeros((4, 2, 12, 3, 3)), np.zeros((4, 2, 12, 3))
+    for piece, n in enumerate((12, 7)):
+        for way in range(4):
+            step = -1 if way >= 2 else 1
+            found = deltas(roots[:n][::step], pelvis_m[:n][::step])
+            if way % 2:
+                found = mirror_rotmats(found[0]), mirror_points_m(found[1])
+            turns[way, piece, : n - 1], moves_m[way, piece, : n - 1] = found
+            turns[way, piece, n - 1 :] = np.eye(3)
+    lengths = torch.tensor([12, 7])
+    ways = zip(torch.from_numpy(turns), torch.from_numpy(moves_m), strict=True)
+    mean = mean_of_four(list(ways), lengths)
+    wanted = deltas(roots, pelvis_m)
+    for piece, n in enumerate((12, 7)):
+        np.testing.assert_allclose(mean[0][piece, : n - 1], wanted[0][: n - 1], atol=1e-6)
+        np.testing.assert_allclose(mean[1][piece, : n - 1], wanted[1][: n - 1], atol=1e-6)
+
+
+def test_the_answer_lies_between_the_plain_networks_answers() -> None:
+    poses, model = random_poses(1, 9), symmetric_network()
+    plain = Gmr(SYMMETRIC_CONFIG.model_copy(update={"symmetric": False})).double().eval()
+    plain.load_state_dict(model.state_dict())
+    _, as_given = answer(plain, poses)
+    mirrored = mirror_points_m(
+        answer(plain, torch.from_numpy(mirror_local(poses.numpy())))[1].numpy()
+    )
+    _, mean_m = answer(model, poses)
+    assert np.abs(as_given.numpy() - mirrored)[:, :-1].max() > 1e-3
+    assert not torch.allclose(mean_m, as_given)
+    model.train()
+    torch.testing.assert_close(answer(model, poses)[1], as_given)
+
+
+def test_a_padded_batch_is_its_sequences() -> None:
+    poses, model = random_poses(2, 8), symmetric_network()
+    alone = answer(model, poses[1:, :5])
+    together = answer(model, poses, torch.tensor([8, 5]))
+    torch.testing.assert_close(together[0][1, :4], alone[0][0, :4])
+    torch.testing.assert_close(together[1][1, :4], alone[1][0, :4])
+
+
+@pytest.mark.parametrize("n_frames", [2, 9])
+def test_as_an_onnx_model(n_frames: int) -> None:
+    gmr = TrainedGmr(symmetric_network().float(), 10.0, "some_run", 3)
+    poses = random_poses(2, n_frames).numpy()
+    turns, steps_m = run_onnx(onnx_network(gmr), poses)
+    for at, one in enumerate(poses):
+        wanted = predict_deltas(gmr, one)
+        np.testing.assert_allclose(turns[at], wanted[0], atol=1e-5)
+        np.testing.assert_allclose(steps_m[at], wanted[1], atol=1e-5)
+
+
+def test_feet_see_the_body_in_their_own_frames() -> None:
+    """Where the left foot stands as in the T-pose, its frame is the root's."""
+    still = torch.eye(3, dtype=torch.float64).expand(3, 23, 3, 3).clone()
+    left, right = seen_from_feet(still)[0].unbind(0)
+    np.testing.assert_allclose(left[6:9], (-0.224, 0, 0), atol=1e-12)  # the other ankle
+    np.testing.assert_allclose(right[6:9], (0.224, 0, 0), atol=1e-12)
+    np.testing.assert_allclose(left[12:15], (-0.112, 0.856, 0.008), atol=1e-12)  # the pelvis
+    np.testing.assert_allclose(left[24:], (0, 1, 0, 0, 1, 0), atol=1e-12)
+    assert -0.13 < left[0] < -0.1 and 0.8 < left[1] < 1.2, "the centre of mass, about the pelvis"
+    poses = random_poses(6)
+    seen = seen_from_feet(poses)
+    np.testing.assert_allclose(
+        seen[:-1, 0, 12:15] + seen[:-1, 0, 15:18] / 10, seen[1:, 0, 12:15], atol=1e-12
+    )
+    assert seen[-1, :, 3:6].abs().max() == 0
+    mirrored = seen_from_feet(torch.from_numpy(mirror_local(poses.numpy())))
+    swapped = seen.flip(1).unflatten(-1, (10, 3)) * torch.tensor([-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(mirrored, swapped.flatten(-2), atol=1e-12)

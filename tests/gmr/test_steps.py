@@ -1,15 +1,26 @@
-"""What the loop of any training does: batches made ahead, and a log that goes on."""
+"""What the loop of any training does, and the moving average of weights."""
 
 import json
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 
-from gmrdata.gmr.steps import AHEAD, prefetched, run_log
-from gmrdata.values.errors import MissingExtra
+from gmrdata.gmr import loop
+from gmrdata.gmr.checkpoint import checkpoint_dir, load_weights
+from gmrdata.gmr.config import ModelConfig, TrainConfig
+from gmrdata.gmr.loop import fit
+from gmrdata.gmr.model import Gmr
+from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.steps import AHEAD, decay_at, prefetched, run_log, start_average
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadCheckpoint, MissingExtra
 
 
 def test_steps_come_in_order_with_their_batches() -> None:
@@ -107,3 +118,112 @@ def test_event_files_have_the_lines_numbers(tmp_path: Path) -> None:
     events.Reload()
     found = [(event.step, event.value) for event in events.Scalars("loss")]
     assert found == [(1, 0.5), (2, 0.25), (3, 7.0)]
+
+
+@pytest.fixture
+def config(small_config: TrainConfig) -> TrainConfig:
+    windows = small_config.windows.model_copy(
+        update={"mirror_probability": 0.5, "pose_noise_deg": 2.0, "pose_noise_time_s": 0.2}
+    )
+    model = small_config.model.model_copy(update={"extra_inputs": ("velocity", "standing")})
+    return small_config.model_copy(
+        update={"average_decay": 0.8, "windows": windows, "model": model}
+    )
+
+
+def test_it_is_the_weighted_sum_of_the_steps() -> None:
+    torch.manual_seed(0)
+    model = Gmr(ModelConfig(layers=1, hidden=3))
+    average = start_average(model, 0.7)
+    weight = model.regression.weight
+    expected = weight.detach().double().numpy().copy()
+    for step in range(40):
+        with torch.no_grad():
+            weight.add_(torch.randn(weight.shape))
+        average.update_parameters(model)
+        share = min(0.7, (1 + step) / (10 + step))
+        assert decay_at(0.7, step) == share
+        expected = share * expected + (1 - share) * weight.detach().double().numpy()
+    np.testing.assert_allclose(average.module.regression.weight, expected, atol=1e-5)
+    assert not average.training
+    assert not any(p.requires_grad for p in average.parameters())
+    assert torch.equal(average.module.projection.weight, model.projection.weight)
+
+
+def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(
+    make_clips: Callable[..., list[Clip]],
+    small_body: BodyModel,
+    config: TrainConfig,
+    tmp_path: Path,
+) -> None:
+    clips = make_clips(2, 1)
+    used = fit(clips, [small_body], tmp_path / "a", config)
+    fit(clips, [small_body], tmp_path / "b", config.model_copy(update={"average_decay": 0.0}))
+    a, b = checkpoint_dir(tmp_path / "a", 12), checkpoint_dir(tmp_path / "b", 12)
+    for name in ("model.safetensors", "optimizer.safetensors"):
+        assert (a / name).read_bytes() == (b / name).read_bytes()
+    assert not (b / "average.safetensors").exists()
+    loaded, trained = load_gmr(tmp_path / "a").model, load_gmr(tmp_path / "b").model
+    for name, tensor in used.state_dict().items():
+        assert torch.equal(loaded.state_dict()[name], tensor)
+        assert not torch.equal(trained.state_dict()[name], tensor)
+
+
+def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(
+    make_clips: Callable[..., list[Clip]],
+    small_body: BodyModel,
+    config: TrainConfig,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With every augmentation, extra input and the average: stopped at any step."""
+    clips, held_out = make_clips(2, 1), make_clips(1, 2)
+    fit(clips, [small_body], tmp_path / "whole", config, held_out=held_out)
+    expected = files_of(tmp_path / "whole")
+    assert any("average" in name for name in expected)
+    make_batch = loop.make_batch
+    for stop in (3, 5, 11):
+
+        def stopping(*args: object, stop: int = stop, **more: object) -> object:
+            if args[-1] == stop:
+                raise KeyboardInterrupt
+            return make_batch(*args, **more)  # type: ignore[arg-type]
+
+        run_dir = tmp_path / f"stopped_{stop}"
+        with monkeypatch.context() as patch:
+            patch.setattr(loop, "make_batch", stopping)
+            with pytest.raises(KeyboardInterrupt):
+                fit(clips, [small_body], run_dir, config, held_out=held_out)
+        torch.rand(stop)
+        fit(clips, [small_body], run_dir, config, held_out=held_out)
+        assert files_of(run_dir) == expected
+
+
+def files_of(run_dir: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(run_dir).as_posix(): path.read_bytes()
+        for path in sorted(run_dir.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_a_checkpoint_that_lost_its_average_is_refused(
+    make_clips: Callable[..., list[Clip]],
+    small_body: BodyModel,
+    config: TrainConfig,
+    tmp_path: Path,
+) -> None:
+    clips = make_clips(1, 1)
+    fit(clips, [small_body], tmp_path, config)
+    folder = checkpoint_dir(tmp_path, 12)
+    assert json.loads((folder / "state.json").read_text())["averaged"] is True
+    path = folder / "average.safetensors"
+    path.write_bytes(path.read_bytes()[:-5])
+    with pytest.raises(BadCheckpoint, match=r"average\.safetensors: truncated"):
+        load_gmr(tmp_path)
+    path.unlink()
+    with pytest.raises(BadCheckpoint, match=r"average\.safetensors: truncated, missing"):
+        load_gmr(tmp_path)
+    with pytest.raises(BadCheckpoint, match=r"average\.safetensors"):
+        fit(clips, [small_body], tmp_path, config.model_copy(update={"steps": 20}))
+    load_weights(folder, Gmr(config.model))

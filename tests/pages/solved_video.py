@@ -20,7 +20,7 @@ from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
 from tests.fusion.test_network_evidence import record
 from tests.pages.conftest import paint_clip
-from tests.world.test_make import as_input, reconstruction, true_clip
+from tests.world.test_compose import as_input, reconstruction, true_clip
 
 OFF_PX = 0.25
 """How far each background point is seen from its place."""

@@ -1,4 +1,4 @@
-"""Overlays lie where the camera puts them, series agree with the metrics, pictures repeat."""
+"""Pictures of clips and sets: overlays, series, small previews and the sheet of masks."""
 
 import re
 from dataclasses import replace
@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from scipy.spatial.transform import Rotation
 
-from gmrdata.pages.frames import frame_tiles, tile_sheet
+from gmrdata.pages.frames import TINT_BGR, frame_tiles, make_mask_sheet, mask_sheet, tile_sheet
+from gmrdata.pages.fusion import plot_person
 from gmrdata.pages.plots import (
     COLOURS,
     aligned_paths,
@@ -26,6 +27,7 @@ from gmrdata.pages.report_data import ReportData
 from gmrdata.twins.pseudo_gt_error import compare_clips, error_series, paired_rows
 from gmrdata.values import transforms
 from gmrdata.values.camera import intrinsics_from_fov, project
+from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadFrames, NothingToCompare, StageFailed
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write import overlay
@@ -281,3 +283,70 @@ def test_overview_is_reproducible_and_wide(report: ReportData, tmp_path: Path) -
     with pytest.raises(BadFrames, match="no clip"):
         write_overview(tmp_path / "c.png", replace(report, clips=()))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.jpg", "a.png", "b.png"]
+
+
+@pytest.fixture
+def grey_dirs(tmp_path: Path) -> tuple[Path, Path]:
+    """Six grey frames of 80x40 with the left half masked."""
+    images_dir, masks_dir = tmp_path / "frames", tmp_path / "masks"
+    images_dir.mkdir()
+    masks_dir.mkdir()
+    mask = np.zeros((40, 80), np.uint8)
+    mask[:, :40] = 255
+    for i in range(6):
+        cv2.imwrite(str(images_dir / f"{i:02d}.png"), np.full((40, 80, 3), 100, np.uint8))
+        cv2.imwrite(str(masks_dir / f"{i:02d}.png"), mask)
+    return images_dir, masks_dir
+
+
+def test_the_masked_part_is_tinted_and_the_rest_left(grey_dirs: tuple[Path, Path]) -> None:
+    sheet = mask_sheet(*grey_dirs, n_frames=5, tile_width_px=80)
+    assert sheet.shape == (2 * 40 + 4, 4 * 80 + 3 * 4, 3)  # four to a row, 4 px apart
+    expected = np.round(0.65 * 100 + 0.35 * np.array(TINT_BGR))
+    np.testing.assert_array_equal(sheet[20, 20], expected)
+    np.testing.assert_array_equal(sheet[20, 60], [100, 100, 100])
+    assert sheet[20, 39].min() > 200  # the outline
+    np.testing.assert_array_equal(sheet[50:70, 100:], np.full((20, 232, 3), 255))
+
+
+def test_it_is_made_anew_when_masks_change(grey_dirs: tuple[Path, Path], tmp_path: Path) -> None:
+    first = make_mask_sheet(*grey_dirs, tmp_path / "sheet").read_bytes()
+    cv2.imwrite(str(grey_dirs[1] / "00.png"), np.zeros((40, 80), np.uint8))
+    assert make_mask_sheet(*grey_dirs, tmp_path / "sheet").read_bytes() != first
+
+
+def test_a_missing_mask_is_an_error(grey_dirs: tuple[Path, Path], tmp_path: Path) -> None:
+    (grey_dirs[1] / "05.png").unlink()
+    with pytest.raises(BadFrames, match=r"no mask for 05\.png"):
+        make_mask_sheet(*grey_dirs, tmp_path / "sheet")
+
+
+def test_gaps_lie_on_grey_behind_the_error_bars(walkers: list[Clip]) -> None:
+    clip = walkers[0]
+    n_frames, fps_hz = clip.motion.n_frames, clip.motion.fps_hz
+    has_camera = np.ones(n_frames, dtype=bool)
+    has_camera[[4, 7, 8]] = False
+    sigma = {
+        "place_sigma_m": np.tile([0.1, 0.2, 0.2], (n_frames, 1)),
+        "turn_sigma_deg": np.full((n_frames, 3), 5.0),
+        "has_camera": has_camera,
+    }
+    plot = Figure()
+    plot_person(plot, clip, sigma)
+    *places, place, turn = plot.axes
+    assert [axes.get_ylabel() for axes in places] == ["x [m]", "y [m]", "z [m]"]
+    for axis, axes in enumerate(places):
+        (line,), (band,) = axes.get_lines(), axes.collections
+        np.testing.assert_array_equal(line.get_ydata(), clip.motion.pelvis_m[:, axis])
+        heights = band.get_paths()[0].vertices[:, 1]
+        reach_m = 2 * sigma["place_sigma_m"][0, axis]
+        assert np.isclose(heights.min(), clip.motion.pelvis_m[:, axis].min() - reach_m)
+        assert all(patch.get_zorder() < band.get_zorder() for patch in axes.patches)
+    np.testing.assert_allclose(place.get_lines()[0].get_ydata(), np.sqrt(0.09 / 3))
+    np.testing.assert_allclose(turn.get_lines()[0].get_ydata(), 5.0)
+    for axes in plot.axes:
+        spans = [
+            patch.get_path().transformed(patch.get_patch_transform()) for patch in axes.patches
+        ]
+        ends_s = [(span.vertices[:, 0].min(), span.vertices[:, 0].max()) for span in spans]
+        np.testing.assert_allclose(np.array(ends_s) * fps_hz, [(3.5, 4.5), (6.5, 8.5)])

@@ -1,20 +1,40 @@
-"""The page holds every figure that it was given, and nothing from outside."""
+"""The page of a set holds every figure that it was given; the terminal shows them in 80 columns."""
 
+import json
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
+from unittest.mock import Mock
 
+import cv2
 import numpy as np
 import pytest
 from markupsafe import Markup
+from rich.console import Console
 
-from gmrdata.pages import frames
+from gmrdata.film import render
+from gmrdata.film.render import find_renderer
+from gmrdata.film.set_plan import SyntheticRecipe
+from gmrdata.pages import frames, sets
 from gmrdata.pages import report as report_page
-from gmrdata.pages.report import page, write_report
-from gmrdata.pages.report_data import ReportData
-from gmrdata.values.errors import BadFrames
+from gmrdata.pages.report import page, summary_table, write_report
+from gmrdata.pages.report_data import (
+    ClipFigures,
+    ReportData,
+    Summary,
+    figure_texts,
+    summary,
+    verdicts,
+)
+from gmrdata.pages.sets import preview_set
+from gmrdata.read.body_file import save_body
+from gmrdata.stage import workers
+from gmrdata.stage.jobs import Job, Outcome
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import BadFrames, EngineMissing
 from tests.browser import Visit
 from tests.pages.html_pages import Page
 
@@ -190,3 +210,171 @@ def test_a_browser_opens_it_without_a_complaint(
     dom = read(seen.dom)
     assert "walk_panning" in dom.sections["clip-2"]
     assert sum(tag == "img" and name == "src" for tag, name, _ in dom.values) == 36
+
+
+def printed(figures: Summary, width: int = 80) -> str:
+    stream = StringIO()
+    Console(file=stream, width=width, color_system=None).print(summary_table(figures))
+    return stream.getvalue()
+
+
+def test_summary_holds_the_figures_and_survives_json(report: ReportData, tmp_path: Path) -> None:
+    summary(report).write(tmp_path / "summary.json")
+    assert Summary.read(tmp_path / "summary.json") == summary(report)
+    figures = json.loads((tmp_path / "summary.json").read_text())
+    assert figures["clips"][0] == {
+        "id": "walk_circular",
+        "camera_motion": "circular",
+        "ome_deg": 0.1234,
+        "tme_mm": 4.567,
+        "camera_rotation_deg": 0.0567,
+        "scale_error_percent": -1.234,
+        "frames": 12,
+        "frames_with_camera": 12,
+    }
+    assert figures["clips"][2]["scale_error_percent"] is None
+    assert figures["gmr"]["truth"] == {
+        "ome_deg": 3.21, "tme_mm": 43.2, "vme_mm": 54.3,
+        "zero_motion": {"ome_deg": 7.65, "tme_mm": 120.1, "vme_mm": 130.2},
+    }  # fmt: skip
+    assert figures["seconds"] == {"render": 61.25, "reconstruct": 40.5, "train": 12.0}
+
+
+def test_rows_show_every_figure(report: ReportData) -> None:
+    lines = printed(summary(report)).splitlines()
+    row = next(line for line in lines if "walk_circular" in line)
+    assert row.split() == ["walk_circular", "12/12", "0.123", "4.57", "0.057", "−1.23"]
+    assert any("walk_panning" in line and "not observable (pan)" in line for line in lines)
+    row = next(line for line in lines if line.strip().startswith("truth"))
+    assert row.split() == ["truth", "3.21", "(7.65)", "43.2", "(120.1)", "54.3", "(130.2)"]
+    assert "114 s in all: render 61 s · reconstruct 40 s · train 12 s" in lines[-1]
+
+
+def test_long_names_and_bad_figures_fit_into_80_columns(report: ReportData) -> None:
+    found = summary(report)
+    long = {
+        "id": "a_clip_with_a_name_that_goes_on_and_on_and_on",
+        "ome_deg": 123.456,
+        "tme_mm": 98765.4,
+        "camera_rotation_deg": 179.9,
+        "frames": 1000,
+        "frames_with_camera": 999,
+    }
+    clips = (*found.clips[:2], found.clips[2].model_copy(update=long))
+    gmr = {"a manifest with a long name " * 4: found.gmr["truth"]}
+    text = printed(found.model_copy(update={"clips": clips, "gmr": gmr}))
+    assert max(map(len, text.splitlines())) <= 80
+    for figure in ("999/1000", "123.456", "98765.40", "179.900", "not observable (pan)", "(130.2)"):
+        assert figure in text
+
+
+def test_names_are_not_markup(report: ReportData) -> None:
+    clips = (replace(report.clips[0], id="[red]x[/red]"),)
+    assert "[red]x[/red]" in printed(summary(replace(report, clips=clips)))
+
+
+def test_parts_that_are_missing_are_left_out(report: ReportData) -> None:
+    text = printed(summary(replace(report, scores={}, run=replace(report.run, seconds={}))))
+    assert "GMR" not in text
+    assert "in all" not in text
+
+
+GOOD = ClipFigures(
+    ome_deg=0.1, tme_mm=1.0, camera_rotation_deg=0.1, scale_error_percent=0.0,
+    frames=48, frames_with_camera=48,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changed", "missed"),
+    [
+        ({}, set()),
+        ({"ome_deg": 0.5, "tme_mm": 15.0, "scale_error_percent": 5.0}, set()),
+        ({"scale_error_percent": -5.001}, {"scale_error_percent"}),
+        ({"ome_deg": float("nan")}, {"ome_deg"}),
+        ({"frames_with_camera": 47}, {"frames_with_camera"}),
+        ({"tme_mm": 15.001}, {"tme_mm"}),
+    ],
+)
+def test_thresholds(changed: dict[str, float], missed: set[str]) -> None:
+    met = verdicts(GOOD.model_copy(update=changed))
+    assert {key for key, good in met.items() if not good} == missed
+
+
+def test_a_scale_that_does_not_enter_has_no_verdict() -> None:
+    unknown = {"camera_rotation_deg": None, "scale_error_percent": None}
+    figures = GOOD.model_copy(update=unknown)
+    assert "scale_error_percent" not in verdicts(figures)
+    texts = figure_texts(figures)
+    assert texts["scale_error_percent"] == "not observable (pan)"
+    assert texts["camera_rotation_deg"] == "–"
+
+
+@pytest.fixture
+def recipe(small_body: BodyModel, tmp_path: Path) -> SyntheticRecipe:
+    save_body(tmp_path / "small.npz", small_body)
+    return SyntheticRecipe.model_validate(
+        {
+            "recipe": "synthetic",
+            "name": "look",
+            "body": str(tmp_path / "small.npz"),
+            "workers": 1,
+            "film": {"duration_s": 1.0, "fps_hz": 10, "width_px": 320, "height_px": 180},
+            "render": {"scene": {"kind": "room"}},
+            "clips": [{"id": "walk", "gait": "walk", "programme": {"kind": "circular"}}],
+        }
+    )
+
+
+def files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def check_page(page: Path) -> None:
+    assert page.name == "index.html" and "clips/walk/contact.jpg" in page.read_text()
+    shown = {"stage.json", "contact.jpg", "paths.png"}
+    assert {path.name for path in (page.parent / "clips/walk").iterdir()} == shown
+    sheet = cv2.imread(str(page.parent / "clips/walk/contact.jpg"))
+    assert sheet is not None and sheet.shape == (2 * 135 + 4, 4 * 240 + 3 * 4, 3)
+    assert sheet[:135, :240].std() > 25  # there is something to see
+    assert abs(sheet[:135, :240].astype(int) - sheet[-135:, -240:]).mean() > 2  # and it moves
+
+
+def test_a_preview_stays_in_its_folder_and_is_made_once(
+    recipe: SyntheticRecipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out_dir = tmp_path / "out {of} #1"
+    page = preview_set(recipe, out_dir)
+    assert page == out_dir / "preview/index.html"
+    check_page(page)
+    assert all(name.startswith("preview/") for name in files(out_dir))
+    written_ns = (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns
+    monkeypatch.delattr(workers, "_local_client")  # no worker is started
+    preview_set(recipe, out_dir)
+    assert (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns == written_ns
+
+
+def in_this_process(_: str, jobs: Sequence[Job], *__: object) -> Outcome:
+    return Outcome({job.id: job.call(**job.arguments) for job in jobs}, {})
+
+
+def test_without_opengl_cycles_draws_and_that_is_said(
+    recipe: SyntheticRecipe,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    find_renderer.cache_clear()
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
+    try:
+        with pytest.raises(EngineMissing) as missing:
+            find_renderer("workbench", "cpu")
+        # That was a start of Blender, and one tells enough; so does one process.
+        monkeypatch.setattr(render, "find_renderer", Mock(side_effect=missing.value))
+        monkeypatch.setattr(sets, "try_jobs", in_this_process)
+        assert sets._choose_engine() == "cycles"
+        check_page(preview_set(recipe, tmp_path / "out"))
+    finally:
+        find_renderer.cache_clear()
+    said = capsys.readouterr()
+    assert "drawn by Cycles with one ray per pixel" in " ".join((said.out + said.err).split())

@@ -1,11 +1,16 @@
-"""People of real frames, followed: who is seen, where, how often, and after a stop."""
+"""People of real frames, detected, followed and linked: who is seen, where, how often."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from gmrdata.film.programmes import Film, Small, film_motion, plan_clip
+from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.film.scene import SceneConfig
+from gmrdata.motion.gait import make_gait
 from gmrdata.people.following import (
     FOLLOWED_FILE,
     SIGHTINGS_FILE,
@@ -20,7 +25,13 @@ from gmrdata.people.following import (
     outline_path,
 )
 from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.read.frames import list_images, read_frames, read_gray
+from gmrdata.people.linking import LinkConfig, Piece, cuts_in, fill_boxes, join_pieces, unsure_pairs
+from gmrdata.people.onnx import OnnxConfig, open_detector
+from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
+from gmrdata.read.bodies import ANNY_FILE
+from gmrdata.read.frames import list_images, read_color, read_frames, read_gray
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadRecord
 
 N_FRAMES = 4
@@ -141,3 +152,193 @@ def test_a_changed_file_is_refused(followed_dir: Path, tmp_path: Path) -> None:
     np.savez(tmp_path / SIGHTINGS_FILE, **arrays | {"scores": arrays["scores"][1:]})
     with pytest.raises(BadRecord, match=r"sightings\.npz: array 'scores' has shape"):
         Sightings.read(tmp_path / SIGHTINGS_FILE)
+
+
+RED, BLUE = np.eye(2)
+LINKS = LinkConfig()
+
+
+def piece(first: int, n: int, x_px: float, colours: np.ndarray = RED, side_px: float = 100.0):
+    """Somebody who goes 2 px a frame to the right from `x_px`, seen from frame `first` on."""
+    crops = [[x_px + 2 * i, 50.0, side_px, 0.0] for i in range(n)]
+    return Piece(np.arange(first, first + n), np.array(crops), np.tile(colours, (n, 1)))
+
+
+def together(*pieces: Piece) -> Piece:
+    """Pieces as one."""
+    return Piece(
+        np.concatenate([one.rows for one in pieces]),
+        np.concatenate([one.crops for one in pieces]),
+        np.concatenate([one.colours for one in pieces]),
+    )
+
+
+def like_red(distance: float) -> np.ndarray:
+    """Colours at a distance from red."""
+    share = (1 - distance**2) ** 2
+    return np.array([share, 1 - share])
+
+
+def test_who_is_found_again_where_it_went_is_one_person() -> None:
+    pieces = [piece(0, 20, 0.0), piece(30, 20, 60.0), piece(0, 50, 400.0)]
+    assert join_pieces(pieces, LINKS) == [[0, 1], [2]]
+
+
+def test_another_in_the_same_place_is_somebody_else() -> None:
+    assert join_pieces([piece(0, 20, 0.0), piece(30, 20, 60.0, BLUE)], LINKS) == [[0], [1]]
+
+
+def test_who_is_twice_as_large_is_somebody_else() -> None:
+    pieces = [piece(0, 20, 0.0), piece(30, 20, 60.0, side_px=200.0)]
+    assert join_pieces(pieces, LINKS) == [[0], [1]]
+
+
+def test_a_gap_may_be_too_long() -> None:
+    late = 20 + LINKS.max_gap_frames
+    pieces = [piece(0, 20, 0.0), piece(late, 5, 2.0 * late), piece(late + 1, 5, 2.0 * late + 2)]
+    assert join_pieces(pieces, LINKS) == [[0, 1], [2]]
+
+
+def test_at_one_time_nobody_is_two() -> None:
+    assert join_pieces([piece(0, 20, 0.0), piece(10, 20, 20.0)], LINKS) == [[0], [1]]
+
+
+def test_two_who_cross_are_told_by_their_colours() -> None:
+    """Both are lost at one place and found again at one place."""
+    pieces = [
+        piece(0, 20, 0.0),
+        piece(0, 20, 0.0, BLUE),
+        piece(30, 9, 60.0, BLUE),
+        piece(30, 9, 60.0),
+    ]
+    assert join_pieces(pieces, LINKS) == [[0, 3], [1, 2]]
+
+
+def test_a_track_is_cut_where_another_takes_over() -> None:
+    taken = together(piece(0, 20, 0.0), piece(20, 15, 40.0, BLUE), piece(35, 20, 70.0))
+    assert cuts_in(taken, LINKS) == [20, 35]
+    assert cuts_in(piece(0, 20, 0.0), LINKS) == []
+    assert cuts_in(piece(0, 1, 0.0), LINKS) == []
+
+
+def test_place_size_and_time_count_with_the_colours() -> None:
+    """Who turns in one place may change its colours; after a while, or elsewhere, it is unsure."""
+    turned = like_red(0.31)
+    assert cuts_in(together(piece(0, 20, 0.0), piece(20, 20, 40.0, turned)), LINKS) == [20]
+    before, after = piece(0, 20, 0.0), piece(20, 20, 40.0, turned)
+    assert join_pieces([before, after], LINKS) == [[0, 1]]
+    late = piece(75, 20, 240.0, like_red(0.4))
+    assert join_pieces([before, late], LINKS) == [[0], [1]]
+    assert unsure_pairs([before, late], LINKS) == [(0, 1)]
+    elsewhere = piece(20, 20, 240.0, turned)
+    assert join_pieces([before, elsewhere], LINKS) == [[0], [1]]
+    assert unsure_pairs([before, elsewhere], LINKS) == [(0, 1)]
+
+
+def test_who_is_seen_together_or_in_other_colours_is_surely_two() -> None:
+    assert unsure_pairs([piece(0, 20, 0.0), piece(19, 20, 400.0)], LINKS) == []
+    assert unsure_pairs([piece(0, 20, 0.0), piece(30, 20, 60.0, BLUE)], LINKS) == []
+    assert unsure_pairs([piece(0, 20, 0.0), piece(300, 20, 60.0)], LINKS) == [(0, 1)]
+
+
+N_RENDERED_FRAMES = 5
+
+
+@pytest.fixture(scope="module")
+def rendered(anny: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`frames` and exact `masks` of a dressed person of 150 px who walks through a room."""
+    folder = tmp_path_factory.mktemp("rendered")
+    rng = np.random.default_rng(3)
+    film = Film(fps_hz=10, duration_s=N_RENDERED_FRAMES / 10, width_px=320, height_px=240)
+    motion = film_motion(make_gait("walk", N_RENDERED_FRAMES / 10, 30.0, anny, rng), film)
+    clip = plan_clip("walk", motion, Small(), film, rng)
+    save_clip(folder / "clip.npz", clip, anny.rest_pelvis_m(motion.shape))
+    room = RenderConfig(samples=1, scene=SceneConfig(kind="room", seed=3), image_format="png")
+    files = folder / "clip.npz", ANNY_FILE, folder / "render"
+    return render_clip(*files, room, on_frame=lambda frame: None)
+
+
+@pytest.fixture
+def masked(networks: Networks, tmp_path: Path) -> Callable[..., np.ndarray]:
+    """The masks (T, H, W) bool of a folder of frames, not widened."""
+
+    def run(frames: Path, **settings: float) -> np.ndarray:
+        files = {"model": networks.detector, "landmarks": networks.landmarks}
+        source = PersonSource(dilate_px=0, **files, **settings)
+        return read_masks(
+            make_masks(read_frames(frames), tmp_path / "masks", MasksConfig(sources=(source,)))
+        )
+
+    return run
+
+
+def read_masks(folder: Path) -> np.ndarray:
+    return np.stack([read_gray(path) == 255 for path in sorted(folder.glob("*.png"))])
+
+
+def iou_and_recall(found: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    common = (found & true).sum(axis=(1, 2))
+    return common / (found | true).sum(axis=(1, 2)), common / true.sum(axis=(1, 2))
+
+
+@pytest.mark.slow
+def test_outlines_are_those_of_the_rendered_person(
+    rendered: Path, masked: Callable[..., np.ndarray]
+) -> None:
+    iou, recall = iou_and_recall(masked(rendered / "frames"), read_masks(rendered / "masks"))
+    assert len(iou) == N_RENDERED_FRAMES
+    assert iou.mean() >= 0.85 and iou.min() >= 0.8
+    assert recall.mean() >= 0.95 and recall.min() >= 0.9
+
+
+@pytest.mark.slow
+def test_whom_the_detector_sees_in_one_frame_is_followed_to_the_first_and_the_last(
+    rendered: Path, yolox_nano: Path, masked: Callable[..., np.ndarray], tmp_path: Path
+) -> None:
+    """A second person, the first one's mirror image, stands on the right from frame 1 on."""
+    (tmp_path / "frames").mkdir()
+    detect = open_detector(yolox_nano, OnnxConfig(classes=("person",)))
+    newcomers, scores = [], []
+    for row, path in enumerate(sorted((rendered / "frames").glob("*.png"))):
+        image = read_color(path)
+        mirrored, mask = (np.fliplr(p) for p in (image, read_gray(rendered / "masks" / path.name)))
+        moved = np.float32([[1, 0, 320 - mask.any(axis=0).argmax() - 66 - 8 * row], [0, 1, 0]])
+        mirrored, mask = (cv2.warpAffine(p.copy(), moved, (320, 240)) for p in (mirrored, mask))
+        newcomers.append((mask == 255) & (row > 0))
+        image[newcomers[-1]] = mirrored[newcomers[-1]]
+        cv2.imwrite(str(tmp_path / "frames" / path.name), image)
+        found = detect(image)
+        scores += found.scores[found.boxes_px[:, 0] > 200].tolist()
+    assert sorted(scores)[-2] < max(scores)
+    found = masked(tmp_path / "frames", min_detector_score=max(scores))
+    assert not found[0, :, 200:].any()
+    iou, recall = iou_and_recall(found[1:, :, 200:], np.array(newcomers)[1:, :, 200:])
+    assert iou.mean() >= 0.8 and recall.mean() >= 0.85 and recall.min() >= 0.75
+
+
+def test_nobody_gives_empty_masks_and_is_said(
+    masked: Callable[..., np.ndarray], noise_dir: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = masked(noise_dir)
+    assert found.shape == (3, 48, 64) and not found.any()
+    said = " ".join(capsys.readouterr().err.split())
+    assert "nothing is masked in frame 00000, 00001, 00002 (3 of 3)" in said
+
+
+def test_whom_the_landmark_network_does_not_see_gets_the_box(
+    yolox_nano: Path,
+    shared_path: Callable[[str], Path],
+    masked: Callable[..., np.ndarray],
+    tmp_path: Path,
+) -> None:
+    """No score reaches 1, so that nobody counts as seen."""
+    (tmp_path / "frames").mkdir()
+    detect = open_detector(yolox_nano, OnnxConfig(classes=("person",), weak_score=0.35))
+    boxes = []
+    for row, name in enumerate(("00001.jpg", "00003.jpg")):
+        image = read_color(shared_path("video/static_people") / name)
+        cv2.imwrite(str(tmp_path / "frames" / f"{row}.png"), image)
+        boxes.append(fill_boxes(detect(image).boxes_px, image.shape[1::-1]) == 255)
+    found = masked(tmp_path / "frames", min_score=1.0)
+    np.testing.assert_array_equal(found, boxes)
+    assert found.any(axis=(1, 2)).all()

@@ -1,6 +1,9 @@
-"""Sources of masks as recipes and command lines name them."""
+"""Sources and folders of masks; no frame goes unmasked in silence."""
 
 import json
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -8,6 +11,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from gmrdata.cli import main
+from gmrdata.people.folder import (
+    RECORD_FILE,
+    FolderMaskConfig,
+    UnionConfig,
+    folder_masks,
+    unite_masks,
+)
 from gmrdata.people.sources import (
     FolderSource,
     MaskRcnnSource,
@@ -164,3 +175,203 @@ def test_a_network_that_was_not_fetched_is_named_with_the_command(
 def test_a_silhouette_needs_the_body(noise_dir: Path, tmp_path: Path) -> None:
     with pytest.raises(MissingInput, match="pass --camera-body"):
         make_masks(read_frames(noise_dir), tmp_path / "masks", MasksConfig())
+
+
+SIZE = (48, 64)
+DYNAMIC = np.zeros(SIZE, dtype=bool)
+DYNAMIC[5:12, 20:33] = True
+
+
+def put(folder: Path, *masks: np.ndarray, name: str = "{}.png") -> Path:
+    folder.mkdir()
+    for i, mask in enumerate(masks):
+        cv2.imwrite(str(folder / name.format(f"{i:05d}")), mask)
+    return folder
+
+
+def left_part(share: float) -> np.ndarray:
+    mask = np.zeros(SIZE, np.uint8)
+    mask[:, : round(64 * share)] = 255
+    return mask
+
+
+def top_part(share: float) -> np.ndarray:
+    mask = np.zeros(SIZE, np.uint8)
+    mask[: round(48 * share)] = 255
+    return mask
+
+
+@pytest.mark.parametrize("name", ["{}.png", "{}.png.png"])
+@pytest.mark.parametrize("masked_value", [0, 255])
+def test_both_senses_and_namings_become_ours(
+    name: str, masked_value: int, noise_dir: Path, tmp_path: Path
+) -> None:
+    mask = np.where(DYNAMIC, masked_value, 255 - masked_value).astype(np.uint8)
+    masks = put(tmp_path / "masks", *[mask] * 3, name=name)
+    config = FolderMaskConfig.model_validate({"masked_value": masked_value})
+    out_dir = folder_masks(masks, read_frames(noise_dir), tmp_path / "out", config)
+    for stem in ("00000", "00001"):
+        assert np.array_equal(read_gray(out_dir / f"{stem}.png"), 255 * DYNAMIC)
+
+
+def test_masks_are_widened_by_a_disc(noise_dir: Path, tmp_path: Path) -> None:
+    masks = put(tmp_path / "masks", *[DYNAMIC * np.uint8(255)] * 3)
+    out_dir = folder_masks(
+        masks, read_frames(noise_dir), tmp_path / "out", FolderMaskConfig(dilate_px=3)
+    )
+    mask = read_gray(out_dir / "00000.png") > 0
+    rows, columns = np.nonzero(DYNAMIC)
+    y, x = np.mgrid[:48, :64]
+    nearest = np.min(np.hypot(y[..., None] - rows, x[..., None] - columns), axis=-1)
+    assert mask[nearest <= 2.5].all() and not mask[nearest > 3.5].any()
+
+
+Stage = Callable[[Path, Path, Path], Path]
+
+
+def as_ours(masks: Path, images: Path, out: Path) -> Path:
+    return folder_masks(masks, read_frames(images), out, FolderMaskConfig())
+
+
+def as_one(masks: Path, images: Path, out: Path) -> Path:
+    return unite_masks({"one": masks}, read_frames(images), out, UnionConfig())
+
+
+@pytest.mark.parametrize("stage", [as_ours, as_one])
+@pytest.mark.parametrize(
+    ("masks", "error", "said"),
+    [
+        (None, MissingInput, "masks"),
+        (
+            [left_part(0.1)] * 2,
+            BadFrames,
+            r"masks: no mask for 00002\.png; expected 00002\.png or",
+        ),
+        (
+            [left_part(0.1), left_part(0.1)[:40], left_part(0.1)],
+            BadFrames,
+            r"00001\.png: 64x40 px, its frame is 64x48 px",
+        ),
+    ],
+)
+def test_a_missing_folder_or_mask_and_one_of_another_size_are_named(
+    stage: Stage,
+    masks: list[np.ndarray] | None,
+    error: type[Exception],
+    said: str,
+    noise_dir: Path,
+    tmp_path: Path,
+) -> None:
+    if masks is not None:
+        put(tmp_path / "masks", *masks)
+    with pytest.raises(error, match=said):
+        stage(tmp_path / "masks", noise_dir, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_pixel_is_masked_if_any_source_says_so(
+    noise_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    a = put(tmp_path / "a", left_part(0.25), left_part(0.5), left_part(0))
+    b = put(tmp_path / "b", top_part(0.5), top_part(0), top_part(0))
+    out_dir = unite_masks(
+        {"one": a, "two": b}, read_frames(noise_dir), tmp_path / "out", UnionConfig()
+    )
+    united = [read_gray(out_dir / f"{i:05d}.png", (64, 48)) for i in range(3)]
+    np.testing.assert_array_equal(united[0], np.maximum(left_part(0.25), top_part(0.5)))
+    np.testing.assert_array_equal(united[1], left_part(0.5))
+    assert not united[2].any()
+    record = json.loads((out_dir / RECORD_FILE).read_text())
+    assert record["sources"] == ["one", "two"]
+    assert record["masked_share"]["00000"] == {"one": 0.25, "two": 0.5, "united": 0.625}
+    assert (record["covered"], record["unmasked"]) == ([], ["00002"])
+    said = " ".join(capsys.readouterr().err.split())
+    assert "nothing is masked in frame 00002 (1 of 3). If somebody is to be seen there" in said
+
+
+def test_a_mask_that_covers_everything_is_reported_with_the_frame(
+    noise_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Neither covers too much alone, both together do.
+    a = put(tmp_path / "a", left_part(0.1), left_part(0.5), left_part(0.5))
+    b = put(tmp_path / "b", top_part(0), 255 - left_part(0.5), top_part(0.5))
+    config = UnionConfig(max_masked_share=0.8)
+    out_dir = unite_masks({"one": a, "two": b}, read_frames(noise_dir), tmp_path / "out", config)
+    assert json.loads((out_dir / RECORD_FILE).read_text())["covered"] == ["00001"]
+    first = capsys.readouterr().err
+    assert "more than 80% of the picture is masked in frame 00001. Look" in " ".join(first.split())
+    # It is said again by a run that finds everything done.
+    unite_masks({"one": a, "two": b}, read_frames(noise_dir), tmp_path / "out", config)
+    assert capsys.readouterr().err == first
+
+
+def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from gmrdata.cli import main; main()", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_frames_are_masked_and_shown(yolox_nano: Path, dog_dir: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    answer = gmrdata("masks", dog_dir, "--out", out, "--detector", yolox_nano, "--classes", "dog")
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.split() == [str(out / "masks"), str(out / "sheet" / "contact.jpg")]
+    assert "detecting" in answer.stderr and "4/4" in answer.stderr
+    record = json.loads((out / "masks" / "masks.json").read_text())
+    assert record["sources"] == ["onnx"]
+    assert all(0.01 < share["united"] < 0.5 for share in record["masked_share"].values())
+    sheet = cv2.imread(str(out / "sheet" / "contact.jpg"))
+    assert sheet is not None and sheet.shape[1] == 4 * 400 + 3 * 4
+
+
+def fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    with pytest.raises(SystemExit) as caught:
+        main([str(argument) for argument in arguments])
+    assert caught.value.code == 1
+    return " ".join(capsys.readouterr().err.split())
+
+
+def test_a_video_and_a_folder_of_masks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    video = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10, (64, 48))
+    (tmp_path / "made").mkdir()
+    for i in range(3):
+        video.write(np.full((48, 64, 3), 60 * i, np.uint8))
+        cv2.imwrite(str(tmp_path / "made" / f"{i:05d}.png"), np.full((48, 64), 255, np.uint8))
+    video.release()
+    common = ("masks", tmp_path / "v.avi", "--out", tmp_path / "out", "--masks")
+    main([str(argument) for argument in (*common, tmp_path / "made")])
+    frames = sorted(p.name for p in (tmp_path / "out" / "frames").glob("*.jpg"))
+    assert frames == [f"{i:05d}.jpg" for i in range(3)]
+    said = " ".join(capsys.readouterr().err.split())
+    assert "more than 90% of the picture is masked in frame 00000, 00001, 00002. Look" in said
+    part = (*common, tmp_path / "made", "--redo", "--from", "0.05", "--to", "0.2")
+    main([str(argument) for argument in part])
+    frames = sorted(p.name for p in (tmp_path / "out" / "frames").glob("*.jpg"))
+    assert frames == ["00001.jpg", "00002.jpg"]
+    assert "to_s: 0.01 s is not after from_s, 0.05 s" in fails(capsys, *part[:-1], "0.01")
+    of_folder = ("masks", tmp_path / "out" / "frames", *common[2:], tmp_path / "made")
+    assert "are for a video file" in fails(capsys, *of_folder, "--every", "2")
+    (tmp_path / "made" / "00001.png").unlink()
+    assert "no mask for 00001.jpg" in fails(capsys, *common, tmp_path / "made", "--redo")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--masks", "person"), "no such model file; `gmrdata fetch models` gets it"),
+        (("--masks", "silhouette"), "pass --camera-body"),
+        (("--detector", "no.onnx"), "no.onnx: no such model file; `gmrdata fetch models` gets it"),
+        (("--masks", "maskrcnn", "--detector", "m.onnx"), "--detector is for onnx and person"),
+        (("--masks",), "nothing given. Name a source of masks"),
+    ],
+)
+def test_what_is_missing_is_told(
+    arguments: tuple[str, ...],
+    said: str,
+    noise_dir: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert said in fails(capsys, "masks", noise_dir, "--out", tmp_path / "out", *arguments)
+    assert not (tmp_path / "out" / "masks").exists()

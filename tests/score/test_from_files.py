@@ -1,4 +1,4 @@
-"""Predictions from clip files: what counts, what is dropped, and what is refused."""
+"""Predictions from clip files, in the world and in the camera's frame."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +9,24 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.runs import UsableClip
+from gmrdata.motion.emdb import make_emdb
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.score.clip_errors import clip_errors
+from gmrdata.read.body_file import save_body
+from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.predictions import Pairing, PredictedClip, file_clip
-from gmrdata.score.protocols import PROTOCOLS
+from gmrdata.score.predictors import ScoreConfig
+from gmrdata.score.protocol_values import WorldBody, WorldPair
+from gmrdata.score.protocols import ORIGINAL, PROTOCOLS, protocol_as, with_mesh_joints
+from gmrdata.score.records import Scores
+from gmrdata.score.score import score
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadBodyFile, BadMotionFile, BadRecipe, MissingInput
+from gmrdata.values.transforms import apply, invert
+from tests.clip_manifests import write_clips
+from tests.motion.test_emdb import content, write_sequence
+from tests.score.made_people import made_people
+from tests.smpl_models import save_smpl
 
 TURN = Rotation.from_euler("xyz", [20, 30, 200], degrees=True).as_matrix()
 
@@ -173,3 +184,188 @@ def test_a_missing_file_is_named(tmp_path: Path, true: Clip) -> None:
         file_clip(tmp_path, one, Pairing(10.0))
     with pytest.raises(MissingInput, match="nowhere"):
         file_clip(tmp_path / "nowhere", one, dropping)
+
+
+@pytest.fixture(scope="module")
+def person(small_body: BodyModel) -> tuple[Clip, Clip]:
+    return made_people(small_body, 1, gaps=True)[0]
+
+
+def scored(
+    folder: Path, body: BodyModel, true: Clip, predicted: Clip, name: str, *original: str
+) -> ClipErrors:
+    save_clip(folder / f"{true.id}.npz", predicted, body.rest_pelvis_m(predicted.motion.shape))
+    found = file_clip(folder, UsableClip(true, "linear"), Pairing(10.0, protocol_fps_hz=30.0))
+    assert isinstance(found, PredictedClip)
+    protocol = protocol_as(name, original)  # type: ignore[arg-type]
+    return clip_errors(found, body, protocol)
+
+
+def in_camera(clip: Clip, seen_by: Clip) -> Clip:
+    """A clip's motion in the frame of a clip's camera, without a camera of its own."""
+    cam_from_world = invert(camera_of(seen_by).world_from_cam)
+    motion = replace(
+        clip.motion,
+        root_rotmats=cam_from_world[:, :3, :3] @ clip.motion.root_rotmats,
+        pelvis_m=apply(cam_from_world, clip.motion.pelvis_m[:, None])[:, 0],
+        frame="camera",
+    )
+    return replace(clip, motion=motion, camera=None)
+
+
+def means(errors: ClipErrors) -> dict[str, float]:
+    return {key: float(values.mean()) for key, values in errors.protocol["predicted"].items()
+            if len(values)}  # fmt: skip
+
+
+def test_the_truth_in_the_cameras_frame_has_no_error(
+    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
+) -> None:
+    true = person[0]
+    seen = in_camera(replace(true, valid=np.ones(250, bool)), true)
+    for name in ("wham", "emdb", "vibe"):
+        found = scored(tmp_path, small_body, true, seen, name, "camera")
+        assert found.seen_in == "own_camera"
+        for metric, figure in means(found).items():
+            if not metric.startswith(("jitter", "accel_mm", "foot")):  # the truth has some too
+                assert figure == pytest.approx(0, abs=2e-4), metric
+    # The truth's camera is no prediction of a camera.
+    found = scored(tmp_path, small_body, true, seen, "tram", "camera")
+    assert "ate_m" not in means(found) and "mpjpe_mm" in means(found)
+
+
+def test_a_camera_of_its_own_changes_mpjpe_and_not_pa_mpjpe(
+    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
+) -> None:
+    true, predicted = person
+    own = scored(tmp_path, small_body, true, predicted, "tram")
+    without = replace(predicted, camera=None)
+    turned = scored(tmp_path, small_body, true, without, "tram")
+    assert (own.seen_in, turned.seen_in) == ("own_camera", "true_camera")
+    a, b = means(own), means(turned)
+    assert abs(a["mpjpe_mm"] / b["mpjpe_mm"] - 1) > 0.05
+    assert a["pa_mpjpe_mm"] == b["pa_mpjpe_mm"] and a["w_mpjpe_mm"] == b["w_mpjpe_mm"]
+    assert {"ate_m", "ate_s_m"} == set(a) - set(b)
+    # As released code has it, there is no figure without a camera: named, and not zero.
+    none = scored(tmp_path, small_body, true, without, "tram", "camera")
+    assert none.seen_in is None
+    assert {"mpjpe_mm", "pve_mm", "accel_error_m_per_s2"} == set(b) - set(means(none))
+    blind = replace(true, camera=None)
+    world = scored(tmp_path, small_body, blind, without, "tram")
+    assert world.seen_in == "world"
+    # Turning both alike changes no distance, and no camera's turn is in the acceleration.
+    assert means(world)["mpjpe_mm"] == pytest.approx(b["mpjpe_mm"])
+    assert means(world)["accel_error_m_per_s2"] != pytest.approx(b["accel_error_m_per_s2"])
+
+
+def test_a_camera_that_stands_has_no_scale(
+    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
+) -> None:
+    true, predicted = person
+    camera = camera_of(predicted)
+    still = replace(camera, world_from_cam=np.tile(camera.world_from_cam[:1], (250, 1, 1)))
+    found = means(scored(tmp_path, small_body, true, replace(predicted, camera=still), "tram"))
+    centres_m = camera_of(true).centres_world_m
+    spread_m = np.linalg.norm(centres_m - centres_m.mean(0), axis=1).mean()
+    assert "ate_m" not in found and found["ate_s_m"] == pytest.approx(spread_m)
+
+
+def test_joints_from_the_mesh(
+    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
+) -> None:
+    """A regressor that takes single vertices: the joints' errors are those of the vertices."""
+    true, predicted = person
+    matrix = np.zeros((24, len(small_body.template_m)))
+    matrix[np.arange(24), np.arange(24)] = 1.0
+    save_clip(tmp_path / f"{true.id}.npz", predicted, small_body.rest_pelvis_m(true.motion.shape))
+    found = file_clip(tmp_path, UsableClip(true, "linear"), Pairing(10.0, protocol_fps_hz=30.0))
+    assert isinstance(found, PredictedClip)
+    protocol = with_mesh_joints(PROTOCOLS["gvhmr"], 24)
+    regressed = clip_errors(found, small_body, protocol, regressor=matrix)
+    plain = clip_errors(found, small_body, PROTOCOLS["gvhmr"])
+    assert means(regressed)["mpjpe_mm"] != means(plain)["mpjpe_mm"]
+    everything = np.eye(len(small_body.template_m))
+    joints = protocol.model_copy(update={"joints": tuple(range(len(everything)))})
+    whole = means(clip_errors(found, small_body, joints, regressor=everything))
+    assert whole["mpjpe_mm"] == pytest.approx(whole["pve_mm"])
+    assert with_mesh_joints(PROTOCOLS["slahmr"], 17).hips == (3, 2)
+    on_3dpw = with_mesh_joints(PROTOCOLS["wham"], 17)
+    assert on_3dpw.metrics == ("pa_mpjpe_mm", "mpjpe_mm", "pve_mm", "accel_error_m_per_s2")
+    for name, n_rows, wanted in (("tram", 17, "24"), ("vibe", 24, "17 or 14")):
+        with pytest.raises(BadBodyFile, match=f"{n_rows} rows, but protocol {name} takes {wanted}"):
+            with_mesh_joints(PROTOCOLS[name], n_rows)  # type: ignore[index]
+
+
+def test_deviations_are_switched_by_name() -> None:
+    found = protocol_as("tram", ("gaps", "smoothing"))
+    assert (found.gaps, found.smoothing_frames, found.camera) == ("joined", 3.0, "any")
+    assert (found.original, found.deviations) == (("gaps", "smoothing"), ("camera",))
+    for name, known in ORIGINAL.items():
+        assert protocol_as(name, ("all",)).original == tuple(known)
+        assert protocol_as(name) == PROTOCOLS[name]
+    with pytest.raises(BadRecipe, match="--original people: protocol wham has no such deviation"):
+        protocol_as("wham", ("people",))
+    with pytest.raises(BadRecipe, match="give --protocol too"):
+        ScoreConfig(original=("gaps",)).its_protocol()
+
+
+def test_people_of_a_network_can_not_be_put_into_a_video() -> None:
+    protocol = protocol_as("slahmr", ("people",))
+    nothing = ClipErrors("a", "none", {}, pairs={"predicted": [_pair_without_frames()]})
+    with pytest.raises(BadRecipe, match="Write its predictions to files"):
+        across_clips([nothing], protocol, {})
+
+
+def _pair_without_frames() -> WorldPair:
+    one = WorldBody(np.tile(np.eye(3), (3, 1, 1)), np.zeros((3, 24, 3)), np.zeros((3, 0, 3)))
+    return WorldPair(one, one, ((0, 3),), 30.0)
+
+
+def test_emdb_1_and_emdb_2_in_one_run(tmp_path: Path, small_body: BodyModel) -> None:
+    """Poses are taken of EMDB 1, paths of EMDB 2, as its authors take them."""
+    body = save_smpl(tmp_path / "smpl" / "male.npz", small_body, "male")
+    body_path, root, second = tmp_path / "smpl" / "male.npz", tmp_path / "EMDB", "P7_57_rock_chair"
+    write_sequence(root, content())
+    write_sequence(root, content(second, emdb1=True, emdb2=False), second)
+    manifest_path = make_emdb(root, str(body_path), tmp_path / "out")[0]
+    folder = tmp_path / "predictions"
+    folder.mkdir()
+    for name in ("P0_09_outdoor_walk", second):
+        true = load_clip(tmp_path / "out" / "clips" / name / "clip.npz")
+        off = replace(in_camera(true, true), image_numbers=true.image_numbers)
+        save_clip(folder / f"{name}.npz", off, body.rest_pelvis_m(true.motion.shape))
+    config = ScoreConfig(protocol="wham", original=("all",))
+    path = score(folder, manifest_path, tmp_path / "scores", config, body_path=body_path).scores[0]
+    scores = Scores.read(path)
+    assert {clip.id: (clip.subsets, clip.seen_in) for clip in scores.clips} == {
+        "P0_09_outdoor_walk": (("EMDB 2",), "own_camera"),
+        second: (("EMDB 1",), "own_camera"),
+    }
+    poses = scores.subset["EMDB 1"].figures("predicted")
+    paths = scores.subset["EMDB 2"].figures("predicted")
+    assert poses["mpjpe_mm"] == pytest.approx(0, abs=1e-4) and poses["w_mpjpe_mm"] is None
+    assert paths["w_mpjpe_mm"] == pytest.approx(0, abs=1e-4) and paths["mpjpe_mm"] is None
+    text = path.with_name("scores.md").read_text()
+    assert "| all EMDB 1 |" in text and "--original gaps camera" in text
+
+
+def test_a_regressor_file_is_checked(
+    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
+) -> None:
+    true, predicted = person
+    manifest_path = write_clips(tmp_path / "data", small_body, [true])
+    save_clip(tmp_path / f"{true.id}.npz", predicted, small_body.rest_pelvis_m(true.motion.shape))
+    files = {name: tmp_path / f"{name}.npy" for name in ("cut", "small", "rows")}
+    files["cut"].write_bytes(b"\x93NUMPY")
+    np.save(files["small"], np.ones((17, 5)))
+    np.save(files["rows"], np.ones((3, len(small_body.template_m))))
+    said = {"cut": "not a .npy", "small": "Give the regressor of this mesh", "rows": "has 3 rows"}
+    body_path = tmp_path / "body.npz"
+    save_body(body_path, small_body)
+    for name, message in said.items():
+        with pytest.raises(BadBodyFile, match=message):
+            score(
+                tmp_path, manifest_path, tmp_path / f"scores_{name}",
+                ScoreConfig(protocol="slahmr"), body_path=body_path,
+                joint_regressor_path=files[name],
+            )  # fmt: skip

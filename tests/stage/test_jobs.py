@@ -1,9 +1,11 @@
-"""Jobs on real Dask workers."""
+"""Jobs on Dask workers, shards and threads, with their progress."""
 
 import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,10 +14,10 @@ import pytest
 from distributed import LocalCluster
 
 from gmrdata.stage import workers
-from gmrdata.stage.jobs import Job, count_files, run_jobs, try_jobs
-from gmrdata.stage.progress import console
+from gmrdata.stage.jobs import Job, count_files, in_threads, run_jobs, try_jobs
+from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
-from gmrdata.stage.workers import Pool, worker_pool
+from gmrdata.stage.workers import Pool, own_cores, worker_pool
 from gmrdata.values.errors import BadFrames, RenderFailed, StageFailed
 
 
@@ -233,3 +235,67 @@ def test_a_cluster_without_workers_is_a_clear_error(
         pytest.raises(StageFailed, match="no worker came to tcp://"),
     ):
         run_jobs("a", [Job("a", write_process_id, {"path": tmp_path})], pool, tmp_path / "failed")
+
+
+def test_a_worker_has_its_share_of_the_cores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with worker_pool(Run(workers=2)) as pool:
+        jobs = [Job("clip", own_cores, {})]
+        found = run_jobs("counting", jobs, pool, tmp_path / "failed")
+    cores = os.cpu_count() or 1
+    assert found == {"clip": max(1, cores // 2)}
+    for said, expected in (("3", 3), ("", cores), ("0", cores), ("many", cores)):
+        monkeypatch.setenv("OMP_NUM_THREADS", said)
+        assert own_cores() == expected
+
+
+def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "4")
+    together = threading.Barrier(4, timeout=20)
+
+    def backwards(number: int) -> int:
+        together.wait()
+        time.sleep(0.01 * (4 - number))
+        return number * number
+
+    assert in_threads(backwards, range(4)) == [0, 1, 4, 9]
+
+
+def test_an_error_stops_what_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    begun = []
+
+    def fail_at_once(number: int) -> None:
+        begun.append(number)
+        if number == 0:
+            raise ValueError("the first")
+        time.sleep(0.05)
+
+    with pytest.raises(ValueError, match="the first"):
+        in_threads(fail_at_once, range(50))
+    assert len(begun) < 10
+
+
+def test_items_pass_through(capsys: pytest.CaptureFixture[str]) -> None:
+    assert list(track(range(5), "counting")) == [0, 1, 2, 3, 4]
+    assert list(track(iter("abc"), "letters", total=3)) == ["a", "b", "c"]
+    assert capsys.readouterr().out == ""
+
+
+def test_an_error_in_the_loop_comes_through() -> None:
+    with pytest.raises(ArithmeticError):
+        for _ in track([1, 2], "failing"):
+            raise ArithmeticError
+
+
+def test_brackets_are_text_and_no_markup() -> None:
+    assert list(track([1], "checking [/b].yaml")) == [1]
+
+
+def test_bar_counts() -> None:
+    with progress_bar() as bar:
+        task = bar.add_task("counting", total=4)
+        bar.advance(task, 3)
+        assert bar.tasks[0].completed == 3
+        assert bar.tasks[0].total == 4

@@ -1,25 +1,35 @@
-"""Clips in the world as 3DPW's files, with gaps, and a regenerated set as 3DPW again."""
+"""Clips in the world as 3DPW's files, a set's tables, and arithmetic of frame ranges."""
 
-import pickle  # noqa: TID251  The oracle: what every other reader of 3DPW uses.
+import os
+import pickle  # noqa: TID251  The oracle: what every other reader of 3DPW uses.  # noqa: TID251  The test writes a hostile pickle.
 import shutil
+import subprocess
+import sys
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
+from gmrdata.manifest.current import FrameRange
 from gmrdata.manifest.read import load_clips
+from gmrdata.paper.table7 import merged, n_frames, n_shared
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence, unusable_reasons
-from gmrdata.read.threedpw_files import SequenceArrays
+from gmrdata.read.threedpw_files import SequenceArrays, SequenceFiles
 from gmrdata.threedpw.clips import sequence_arrays, with_original, world_clip
-from gmrdata.threedpw.regenerate import sequence_rows
+from gmrdata.threedpw.regenerate import range_rows, sequence_rows
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import BadSequence
+from gmrdata.values.errors import BadRecipe, BadSequence
 from gmrdata.values.skinning import motion_joints_m
+from gmrdata.write.threedpw import write_sequence
 from tests.fixtures.filmed_sets import Made
 
 MM, RAD = 1e-4, 1.7e-4  # 0.1 mm, 0.01 degrees
@@ -119,3 +129,133 @@ def _require_same(
     y_up_m = joints_m[0] @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     stored_m = content["jointPositions"][number].reshape(-1, 24, 3)[rows]
     assert np.abs(stored_m - y_up_m).max() < MM
+
+
+NAME = "courtyard_walk_00"
+Make = Callable[..., Path]
+
+
+def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from gmrdata.cli import main; main()", *map(str, arguments)]
+    environment = os.environ | {"COLUMNS": "240"}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+
+
+@pytest.fixture
+def mixed_root(
+    make_dataset: Make, walk_arrays: SequenceArrays, jpeg: Callable[[int, int], bytes]
+) -> Path:
+    """A good sequence, one with oddities, and five that can't be read."""
+    root = make_dataset()
+    odd = replace(walk_arrays, name="odd_00", people=walk_arrays.people[:1])
+    files = write_sequence(root, "test", odd)
+    files.image_dir.mkdir()
+    for row in range(27):
+        files.image_path(row).write_bytes(jpeg(90, 160))
+    write_sequence(root, "test", replace(walk_arrays, name="no_images_00"))
+    test_dir = root / "sequenceFiles" / "test"
+    (test_dir / "empty_00.pkl").write_bytes(b"")
+    (test_dir / "hostile_00.pkl").write_bytes(b"cos\nsystem\n(S'exit'\ntR.")
+    (test_dir / "[red]\x1b[2J.pkl").write_bytes(pickle.dumps({}))
+    (test_dir / f"{NAME}.pkl").write_bytes(b"")
+    return root
+
+
+def test_the_list_shows_every_sequence_and_ends_with_1(mixed_root: Path) -> None:
+    answer = gmrdata("threedpw", "list", "--threedpw", mixed_root)
+    assert answer.returncode == 1
+    assert "Traceback" not in answer.stderr
+    assert "6 of 7 sequences can't be used, see the table" in " ".join(answer.stderr.split())
+    said = " ".join(answer.stdout.split())
+    assert said.startswith("sequence split people frames size [px] usable problems")
+    assert "1 (female) 30 90x160 80.0 %" in said
+    for text in ("truncated or not a pickle", "system", "no name of a sequence",
+                 "is in train and test", "unpack 3DPW's imageFiles.zip",
+                 "3 of 30 images can't be used"):  # fmt: skip
+        assert text in said.replace("\n", " "), text
+    assert "\x1b" not in answer.stdout
+
+
+def test_rows_of_good_and_odd_sequences(mixed_root: Path) -> None:
+    rows, n_bad = sequence_rows(mixed_root, "campose_valid")
+    assert n_bad == 6
+    by_name = {row[0]: row for row in rows if row[2] != "-"}
+    assert by_name == {
+        "odd_00": ("odd_00", "test", "1 (female)", "30", "90x160", "80.0 %",
+                   "3 of 30 images can't be used"),
+    }  # fmt: skip
+    (mixed_root / "sequenceFiles" / "test" / f"{NAME}.pkl").unlink()
+    rows, n_bad = sequence_rows(mixed_root, "campose_valid")
+    assert rows[0] == (
+        NAME, "train", "2 (female, male)", "30", "90x160", "90.0 %, 100.0 %", "",
+    )  # fmt: skip
+    assert n_bad == 4
+
+
+def test_a_good_folder_ends_with_0(make_dataset: Make) -> None:
+    answer = gmrdata("threedpw", "list", "--threedpw", make_dataset())
+    assert answer.returncode == 0, answer.stderr
+    assert "90.0 %, 100.0 %" in answer.stdout
+
+
+def test_show_gives_the_ranges_and_reasons_of_each_person(
+    make_dataset: Make, walk_arrays: SequenceArrays
+) -> None:
+    root = make_dataset()
+    SequenceFiles(root, NAME, "train").image_path(29).unlink()
+    rows, problems = range_rows(root, NAME, "campose_valid")
+    assert rows == [
+        ("0", "female", "0", "29", "26", "86.7 %"),
+        ("0", "female", "10", "12", "3", "campose_valid is 0"),
+        ("0", "female", "29", "29", "1", "image_00029.jpg is missing"),
+        ("1", "male", "0", "29", "29", "96.7 %"),
+        ("1", "male", "29", "29", "1", "image_00029.jpg is missing"),
+    ]
+    assert problems == ("1 of 30 images can't be used",)
+    answer = gmrdata("threedpw", "show", NAME, "--threedpw", root)
+    assert answer.returncode == 0, answer.stderr
+    assert "campose_valid is 0" in answer.stdout and "1 of 30 images" in answer.stdout
+
+
+def test_rules_change_the_share_and_unknown_ones_are_refused(
+    make_dataset: Make, walk_arrays: SequenceArrays
+) -> None:
+    undetected = replace(
+        walk_arrays.people[1],
+        poses2d_px=np.where(
+            np.arange(30)[:, None, None] < 15, 0.0, walk_arrays.people[1].poses2d_px
+        ),
+    )
+    root = make_dataset(replace(walk_arrays, people=(walk_arrays.people[0], undetected)))
+    shares = {rule: sequence_rows(root, rule)[0][0][5] for rule in ("glamr", "vibe")}
+    assert shares["glamr"] == "90.0 %, 50.0 %"
+    assert shares["vibe"] == "100.0 %, 50.0 %"
+    with pytest.raises(BadRecipe, match="no rule 'best'"):
+        sequence_rows(root, "best")
+
+
+ranges = st.lists(
+    st.builds(
+        lambda start, length: FrameRange(start=start, stop=start + length),
+        st.integers(0, 40),
+        st.integers(1, 15),
+    ),
+    max_size=6,
+)
+
+
+def frames(parts: list[FrameRange]) -> set[int]:
+    return {row for part in parts for row in range(part.start, part.stop)}
+
+
+@given(a=ranges, b=ranges)
+def test_counts_are_those_of_sets_of_frames(a: list[FrameRange], b: list[FrameRange]) -> None:
+    assert n_frames(a) == len(frames(a))
+    assert n_shared(a, b) == n_shared(b, a) == len(frames(a) & frames(b))
+
+
+@given(a=ranges)
+def test_merged_ranges_hold_the_same_frames_and_do_not_meet(a: list[FrameRange]) -> None:
+    parts = merged(a)
+    assert {row for start, stop in parts for row in range(start, stop)} == frames(a)
+    assert all(stop < later for (_, stop), (later, _) in pairwise(parts))

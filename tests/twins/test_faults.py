@@ -1,7 +1,9 @@
-"""The faults of a twin's dataset side, each measured on the result against its stated bounds."""
+"""The faults of a twin's dataset side, each measured against its stated bounds."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,19 +11,29 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read.threedpw_files import SequenceArrays
+from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.twins.faults import (
+    FEWEST_JOINTS,
+    ExposureConfig,
     FaultConfig,
+    KeypointConfig,
     dataset_side,
+    detected_keypoints,
     drift,
+    exposed_jpeg,
+    exposure_gains,
     smooth_noise,
     with_invalid_frames,
     with_joint_noise,
     with_root_error,
 )
+from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import BadSequence
+from gmrdata.values.errors import BadFrames, BadSequence
 from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert, rigid
 from gmrdata.world.compose import motion_in_camera
 
@@ -208,3 +220,143 @@ def test_clips_without_a_world_or_a_camera_are_refused() -> None:
     ):
         with pytest.raises(BadSequence, match=r"made\.up: faults need a world-frame clip"):
             dataset_side([bad], FaultConfig(), np.random.default_rng(0))
+
+
+def test_60_hz_arrays_hold_the_30_hz_rows_and_their_middles(walk_arrays: SequenceArrays) -> None:
+    person = walk_arrays.people[0]
+    poses, trans = person.poses_60hz_rad, person.trans_60hz_m
+    assert poses is not None and trans is not None
+    assert poses.shape == (60, 72) and trans.shape == (60, 3)
+    assert np.array_equal(poses[walk_arrays.img_frame_ids], person.poses_rad)
+    assert np.array_equal(trans[walk_arrays.img_frame_ids], person.trans_m)
+    assert np.allclose(trans[1:-1:2], (trans[0:-2:2] + trans[2::2]) / 2, atol=1e-12)
+    assert np.array_equal(trans[-1], trans[-2])  # nothing comes after the last frame
+
+
+def test_people_share_the_camera_and_stand_on_a_y_up_floor(
+    walk_arrays: SequenceArrays, small_body: BodyModel, walkers: list[Clip]
+) -> None:
+    for person, clip in zip(walk_arrays.people, walkers, strict=True):
+        joints_m = person.joints_world_m
+        assert joints_m is not None
+        exact_m = motion_joints_m(small_body, clip.motion)
+        assert np.allclose(joints_m[..., 1], exact_m[..., 2], atol=1e-12)
+        assert 0.7 < np.median(joints_m[:, 0, 1]) < 1.2  # the pelvis is up along y
+        assert person.template_clothed_m is not None
+        assert person.template_clothed_m.shape == small_body.template_m.shape
+
+
+def test_keypoints_are_noisy_cut_at_the_border_and_gone_below_six(
+    walkers: list[Clip], small_body: BodyModel
+) -> None:
+    clip = walkers[0]
+    joints_m = motion_joints_m(small_body, clip.motion)
+    camera = camera_of(clip)
+    exact = detected_keypoints(
+        joints_m, camera, KeypointConfig(noise_px=0.0), np.random.default_rng(0)
+    )
+    noisy = detected_keypoints(
+        joints_m, camera, KeypointConfig(noise_px=1.5), np.random.default_rng(0)
+    )
+    both = (exact[..., 2] > 0) & (noisy[..., 2] > 0)
+    assert (noisy - exact)[both][:, :2].std() == pytest.approx(1.5, rel=0.1)
+    assert (exact[both][:, 2] >= 0.6).all() and (exact[both][:, 2] <= 0.95).all()
+    assert not exact[:, [0, 14, 15, 16, 17]].any()  # the face is no joint of SMPL
+    narrow = replace(camera, width_px=52)
+    cut = detected_keypoints(
+        joints_m, narrow, KeypointConfig(noise_px=0.0), np.random.default_rng(0)
+    )
+    n_joints = (cut[..., 2] > 0).sum(axis=1)
+    assert ((n_joints == 0) | (n_joints >= FEWEST_JOINTS)).all()
+    assert n_joints.min() == 0 or n_joints.min() < (exact[..., 2] > 0).sum(axis=1).min()
+    assert (cut[..., 0] < 52).all()
+
+
+def other_camera(clip: Clip) -> Clip:
+    camera = camera_of(clip)
+    return replace(clip, camera=replace(camera, world_from_cam=camera.world_from_cam[::-1]))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda clip: replace(clip, motion=replace(clip.motion, fps_hz=10.0)), "at 10 Hz"),
+        (lambda clip: replace(clip, motion=replace(clip.motion, frame="camera")), "camera frame"),
+        (other_camera, "has another camera"),
+    ],
+)
+def test_clips_that_are_no_sequence_are_refused(
+    walkers: list[Clip], small_body: BodyModel, change: Callable[[Clip], Clip], said: str
+) -> None:
+    points_px = [np.zeros((30, 18, 3))] * 2
+    with pytest.raises(BadSequence, match=rf"seq: clip walk\.p1 .*{said}"):
+        sequence_arrays(
+            "seq", [walkers[0], change(walkers[1])], [small_body] * 2, ["female", "male"], points_px
+        )
+
+
+CONFIG = ExposureConfig()
+
+
+def gains_of(seed: int, n_frames: int = 150, config: ExposureConfig = CONFIG) -> np.ndarray:
+    return exposure_gains(n_frames, 30.0, config, np.random.default_rng(seed))
+
+
+@given(seed=st.integers(0, 2**32), n_frames=st.integers(1, 300))
+def test_gains_stay_in_their_range(seed: int, n_frames: int) -> None:
+    gains = gains_of(seed, n_frames)
+    assert gains.shape == (n_frames,)
+    assert gains.min() >= 0.7 and gains.max() <= 1.4
+
+
+@given(seed=st.integers(0, 2**32))
+def test_a_sequence_uses_most_of_the_range_with_one_fast_correction(seed: int) -> None:
+    logs = np.log(gains_of(seed, config=ExposureConfig(steps=(1, 1))))
+    assert np.ptp(logs) >= 0.59 * np.log(2.0)
+    in_half_a_second = np.abs(logs[15:] - logs[:-15]).max()
+    assert in_half_a_second >= 0.2 * np.ptp(logs)
+    assert np.abs(np.diff(logs)).max() < 0.5 * np.ptp(logs)  # no cut from one frame to the next
+
+
+def test_the_same_seed_gives_the_same_gains() -> None:
+    assert np.array_equal(gains_of(3), gains_of(3))
+    assert not np.array_equal(gains_of(3), gains_of(4))
+
+
+def test_no_range_is_no_change() -> None:
+    assert (gains_of(0, config=ExposureConfig(gain=(1.0, 1.0))) == 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("value", "gain", "expected"),
+    [  # IEC 61966-2-1: 188, 137 and 99 are a half, a quarter and an eighth of white's light
+        (255, 0.5, 188),
+        (188, 0.5, 137),
+        (137, 0.5, 99),
+        (99, 2.0, 137),
+        (188, 2.5, 255),
+        (0, 1.4, 0),
+    ],
+)
+def test_light_is_multiplied_and_not_the_encoded_value(
+    value: int, gain: float, expected: int
+) -> None:
+    _, encoded = cv2.imencode(".jpg", np.full((16, 24, 3), value, dtype=np.uint8))
+    found = cv2.imdecode(
+        np.frombuffer(exposed_jpeg(encoded.tobytes(), gain, 100), dtype=np.uint8), cv2.IMREAD_COLOR
+    )
+    assert found is not None and found.shape == (16, 24, 3)
+    assert np.abs(found.astype(int) - expected).max() <= 1
+
+
+def test_bytes_that_are_no_image_are_refused() -> None:
+    with pytest.raises(BadFrames, match="cannot be decoded"):
+        exposed_jpeg(b"\xff\xd8 no jpeg", 1.1, 92)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"gain": (1.4, 0.7)}, {"gain": (0, 1)}, {"step_s": (0, 1)}, {"steps": (2, 1)}]
+)
+def test_ranges_the_wrong_way_round_are_refused(wrong: dict[str, tuple[float, float]]) -> None:
+    with pytest.raises(ValueError, match=r"least|above 0"):
+        ExposureConfig.model_validate(wrong)

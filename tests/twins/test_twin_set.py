@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -10,20 +11,31 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
+from gmrdata.film.programmes import camera_programme
+from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticClip
+from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.clips import camera_clip
 from gmrdata.threedpw.regenerate import sequence_rows
-from gmrdata.twins.twin_set import TwinRecipe, make_twins, write_sequence_twin
+from gmrdata.twins.twin_set import (
+    TwinRecipe,
+    TwinSequence,
+    TwinsRecord,
+    make_twins,
+    read_truth,
+    write_sequence_twin,
+)
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
-from gmrdata.values.clip import Clip, camera_of, load_clip
-from gmrdata.values.errors import StageFailed, StaleOutput
-from gmrdata.values.files import read_json
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadRecord, BadSequence, MissingInput, StageFailed, StaleOutput
+from gmrdata.values.files import read_json, write_json
 from gmrdata.world.compose import motion_in_camera
+from tests.record_keys import assert_each_key_is_needed
 
 SHIPPED = load_recipe(find_recipe("twins_small"), TwinRecipe)
 TWO, ONE = "courtyard_together_00", "room_walk_00"
@@ -244,3 +256,71 @@ def test_a_clip_that_fails_is_named_and_the_others_are_written(out: Path, tmp_pa
     assert files_of(tmp_path / "3DPW") == files_of(out / "3DPW")
     listed = read_json(tmp_path / "truth" / "twins.json")["sequences"]
     assert [sequence["name"] for sequence in listed] == [clip.id for clip in RECIPE.set.clips]
+
+
+def write_index(folder: Path, record: Any) -> None:
+    (folder / "truth").mkdir(exist_ok=True)
+    write_json(folder / "truth" / "twins.json", record)
+
+
+def about(name: str, kind: str, people: int) -> dict[str, Any]:
+    seen: dict[str, Any] = {"scene": {"kind": "park"}, "programme": {"kind": "static"}}
+    return {"name": name, "class_true": kind, "people": people, "trial": "gait walk"} | seen
+
+
+def test_people_come_in_order(tmp_path: Path, small_body: BodyModel) -> None:
+    rows = [about("park_00", "linear", 2), about("park", "static", 1)]
+    write_index(tmp_path, {"format": "gmrdata-twins/1", "sequences": rows})
+    motion = make_gait("walk", 0.5, 30.0, small_body, np.random.default_rng(0))
+    n = np.arange(motion.n_frames)
+    for id in ("park_00.p0", "park_00.p1"):
+        rest_pelvis_m = small_body.rest_pelvis_m(motion.shape)
+        save_clip(
+            tmp_path / "truth" / f"{id}.npz", Clip(id, motion, n >= 0, n, None), rest_pelvis_m
+        )
+    twins = read_truth(tmp_path)
+    assert twins.classes == {"park_00": "linear", "park": "static"}
+    assert twins.root == tmp_path / "3DPW"
+    assert [clip.id for clip in twins.people("park_00")] == ["park_00.p0", "park_00.p1"]
+    with pytest.raises(MissingInput, match=r"no park\.p0\.npz"):
+        twins.people("park")
+    with pytest.raises(MissingInput, match="no twin 'room_00'; there are park_00, park"):
+        twins.people("room_00")
+
+
+@pytest.mark.parametrize(
+    ("record", "said"),
+    [
+        ([], "has no `format`"),
+        ({"sequences": [about("a", "linear", 1)]}, "has no `format`.*make it again.*--redo"),
+        ({"format": "gmrdata-twins/1"}, "has no key `sequences`"),
+        ({"format": "gmrdata-twins/1", "sequences": [{"name": "a"}]}, "sequences.0.class_true`"),
+        ({"format": "gmrdata-twins/1", "sequences": [1]}, "`sequences.0` is wrong"),
+    ],
+)
+def test_a_broken_index_is_named(tmp_path: Path, record: Any, said: str) -> None:
+    write_index(tmp_path, record)
+    with pytest.raises(BadRecord, match=rf"twins\.json: .*{said}"):
+        read_truth(tmp_path)
+
+
+def test_names_lead_nowhere_else(tmp_path: Path) -> None:
+    rows = [about("../../x", "linear", 1)]
+    write_index(tmp_path, {"format": "gmrdata-twins/1", "sequences": rows})
+    with pytest.raises(BadSequence, match="is no name of a sequence"):
+        read_truth(tmp_path)
+
+
+def test_a_folder_without_index_is_no_twin_set(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match="give a folder that `gmrdata threedpw twin` made"):
+        read_truth(tmp_path)
+
+
+def test_each_key_of_the_index_is_needed(tmp_path: Path) -> None:
+    sequence = TwinSequence(
+        "park_00", "static", "gait walk", 1, SceneConfig(), camera_programme("static")
+    )
+    record = TwinsRecord(sequences=(sequence,))
+    # Scene and programme are parts of a recipe, with its defaults.
+    free = ("sequences.0.scene", "sequences.0.scene.extras", "sequences.0.programme")
+    assert_each_key_is_needed(record, tmp_path / "twins.json", free)

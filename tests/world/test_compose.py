@@ -1,6 +1,7 @@
-"""Eqs. 6-8 and the pelvis."""
+"""Eqs. 6-8, levelling, and pseudo ground truth from exact cameras."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,9 +9,36 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.files import (
+    CAMERAS_FILE,
+    POINTS_FILE,
+    QUALITY_FILE,
+    SfmCameras,
+    save_cameras,
+    save_points,
+)
+from gmrdata.film.programmes import Circular, Panning, camera_path
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.body_file import save_body
+from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values import transforms
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, fill_gaps
+from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.errors import BadMotionFile, NoReconstruction
+from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
-from gmrdata.world.compose import metric_cameras, motion_in_camera, motion_in_world
+from gmrdata.values.people import PersonFiles, person_file
+from gmrdata.world.compose import (
+    ground_normal,
+    level_from_world,
+    metric_cameras,
+    motion_in_camera,
+    motion_in_world,
+)
+from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
+from gmrdata.world.recipe import PseudoGtConfig
+from tests.reconstructions import quality_of_path
 
 # About where SMPL's rest pelvis is: 0.22 m below the model's origin.
 REST_PELVIS_M = np.array([-0.002, -0.223, 0.028])
@@ -91,3 +119,198 @@ def test_the_frame_of_reference_is_checked() -> None:
         motion_in_camera(motion_in_camera(motion, cameras), cameras)
     with pytest.raises(ValueError, match="3 frames of motion, 2 cameras"):
         motion_in_camera(motion, cameras[:2])
+
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+
+def leaning(degrees: float) -> np.ndarray:
+    return np.asarray(Rotation.from_euler("x", degrees, degrees=True).apply(UP))
+
+
+def test_without_feet_the_body_says_where_up_is() -> None:
+    assert np.array_equal(ground_normal(np.zeros((0, 3)), UP), UP)
+
+
+def test_feet_all_round_correct_a_leaning_body() -> None:
+    rng = np.random.default_rng(0)
+    feet_m = np.column_stack([rng.uniform(-2, 2, (60, 2)), rng.normal(0, 0.005, 60)])
+    assert angle_deg(ground_normal(feet_m, leaning(6.0)), UP) < 0.3
+
+
+def test_feet_along_a_line_correct_the_tilt_along_it_only() -> None:
+    line_m = np.column_stack([np.zeros(30), np.linspace(0, 4, 30), np.zeros(30)])
+    assert angle_deg(ground_normal(line_m, leaning(6.0)), UP) < 0.1
+    across_m = line_m[:, [1, 0, 2]]
+    assert angle_deg(ground_normal(across_m, leaning(6.0)), leaning(6.0)) < 0.1
+
+
+def test_feet_on_stairs_are_not_taken_for_a_plane() -> None:
+    rng = np.random.default_rng(0)
+    jumps_m = np.column_stack([rng.uniform(-1, 1, (40, 2)), rng.choice([0.0, 0.5], 40)])
+    assert np.array_equal(ground_normal(jumps_m, leaning(3.0)), leaning(3.0))
+
+
+@given(st.integers(0, 10**6))
+def test_any_world_becomes_level(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    world = Rotation.random(random_state=rng.integers(1 << 30)).as_matrix()
+    shift_m = rng.normal(0, 10, 3)
+    turns = Rotation.from_rotvec(rng.uniform(0, 6, (20, 1)) * UP).as_matrix()
+    upright = turns @ Rotation.from_euler("x", 90, degrees=True).as_matrix()
+    pelvis_m = np.column_stack([rng.uniform(-2, 2, (20, 2)), np.full(20, 0.9)])
+    feet_m = pelvis_m - [0, 0, 0.9]
+    forward = np.array([0.6, -0.7, -0.2])
+    level = level_from_world(
+        world @ upright, pelvis_m @ world.T + shift_m, feet_m @ world.T + shift_m, world @ forward
+    )
+    pelvis_level_m = (pelvis_m @ world.T + shift_m) @ level[:3, :3].T + level[:3, 3]
+    assert pelvis_level_m[0] == pytest.approx([0, 0, 0.9], abs=1e-9)
+    assert pelvis_level_m[:, 2] == pytest.approx(0.9, abs=1e-9)
+    seen = level[:3, :3] @ world @ forward
+    assert seen[0] == pytest.approx(0, abs=1e-9) and seen[1] > 0
+    assert np.linalg.det(level[:3, :3]) == pytest.approx(1.0)
+
+
+def test_a_camera_that_looks_straight_down_is_no_problem() -> None:
+    upright = Rotation.from_euler("x", 90, degrees=True).as_matrix()[None]
+    level = level_from_world(upright, np.array([[0, 0, 1.0]]), np.zeros((0, 3)), -UP)
+    assert np.allclose(level[:3, :3] @ level[:3, :3].T, np.eye(3), atol=1e-12)
+
+
+def true_clip(body: BodyModel, programme: Circular | Panning) -> Clip:
+    motion = make_gait("circle", 4.0, 10.0, body, np.random.default_rng(2))
+    rng = np.random.default_rng(0)
+    path = camera_path(programme, motion.pelvis_m, 10.0, 640, 360, 60.0, rng)
+    n = motion.n_frames
+    return Clip("walk", motion, np.ones(n, dtype=bool), np.arange(n) + 100, path)
+
+
+def as_input(clip: Clip) -> Clip:
+    """What 3DPW gives: the person in the camera frame, and intrinsics."""
+    assert clip.camera is not None
+    n = clip.motion.n_frames
+    unknown = np.full((n, 4, 4), np.nan)
+    camera = replace(clip.camera, world_from_cam=unknown, has_camera=np.zeros(n, dtype=bool))
+    return replace(
+        clip, motion=motion_in_camera(clip.motion, clip.camera.world_from_cam), camera=camera
+    )
+
+
+def reconstruction(folder: Path, clip: Clip, geometry: str, lost: list[int]) -> Path:
+    """The true cameras in another world and unit, without the rows `lost`, as sfm writes them."""
+    assert clip.camera is not None
+    world = transforms.rigid(Rotation.from_rotvec([0.4, 1.0, -2.0]).as_matrix(), np.ones(3))
+    world_from_cam = metric_cameras(world @ clip.camera.world_from_cam, 1 / 0.37)
+    if geometry == "rotation_only":
+        world_from_cam[:, :3, 3] = 0.0
+    has_camera = np.ones(len(world_from_cam), dtype=bool)
+    has_camera[lost] = False
+    world_from_cam[lost] = np.nan
+    path = CameraPath(clip.camera.intrinsics_px, 640, 360, world_from_cam, has_camera)
+    folder.mkdir()
+    cameras = SfmCameras(
+        path,
+        "full" if geometry == "full" else "rotation_only",
+        clip.image_numbers,
+        np.zeros(len(has_camera), dtype=bool),
+    )
+    save_cameras(folder / CAMERAS_FILE, cameras)
+    save_points(folder / POINTS_FILE, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+    quality = quality_of_path(path, geometry=cameras.geometry, registered_share=1.0)
+    quality.write(folder / QUALITY_FILE)
+    return folder
+
+
+def person_files(folder: Path, clip: Clip, body: BodyModel, name: str = "in") -> PersonFiles:
+    """A clip and its body on disk."""
+    save_body(folder / "body.npz", body)
+    save_clip(folder / f"{name}.npz", clip, body.rest_pelvis_m(clip.motion.shape))
+    return PersonFiles(folder / f"{name}.npz", folder / "body.npz")
+
+
+def made(tmp_path: Path, clip: Clip, body: BodyModel, geometry: str, lost: list[int]) -> Path:
+    people = (person_files(tmp_path, as_input(clip), body),)
+    sfm_dir = reconstruction(tmp_path / "sfm", clip, geometry, lost)
+    return make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+
+
+def test_exact_cameras_give_back_the_true_motion(small_body: BodyModel, tmp_path: Path) -> None:
+    true = true_clip(small_body, Circular())
+    out_dir = made(tmp_path, true, small_body, "full", [])
+    found, quality = load_clip(out_dir / person_file(0)), read_json(out_dir / "quality.json")
+    assert found.motion.frame == "world" and found.valid.all()
+    assert quality["scale"] == pytest.approx(0.37, rel=0.005)
+    assert (
+        quality["cameras"]["geometry"] == "full"
+        and quality["people"][0]["kept_frames"] == true.motion.n_frames
+    )
+    assert quality["scale_cues"][0]["name"] == "planted_feet"
+    error = compare_clips(found, true)
+    assert error.ome_deg < 1e-4 and error.tme_mm < 2.0
+    # Level: z up to a degree, feet on the ground.
+    assert error.true_from_pseudo[2, 2] > np.cos(np.deg2rad(1.0))
+    assert found.motion.pelvis_m[:, 2] == pytest.approx(true.motion.pelvis_m[:, 2], abs=0.03)
+    assert found.motion.pelvis_m[0, :2] == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_a_pan_needs_no_scale(small_body: BodyModel, tmp_path: Path) -> None:
+    true = true_clip(small_body, Panning())
+    out_dir = made(tmp_path, true, small_body, "rotation_only", [])
+    quality = read_json(out_dir / "quality.json")
+    assert quality["scale"] is None and quality["scale_sigma"] is None
+    error = compare_clips(load_clip(out_dir / person_file(0)), true)
+    assert error.ome_deg < 1e-4 and error.tme_mm < 1e-3
+
+
+def test_frames_without_a_camera_are_not_valid_but_finite(
+    small_body: BodyModel, tmp_path: Path
+) -> None:
+    true = true_clip(small_body, Circular())
+    lost = [0, 7, 8, true.motion.n_frames - 1]
+    found = load_clip(made(tmp_path, true, small_body, "full", lost) / person_file(0))
+    assert np.flatnonzero(~found.valid).tolist() == lost
+    assert found.camera is not None
+    assert np.array_equal(found.camera.has_camera, found.valid)
+    assert np.isnan(found.camera.world_from_cam[lost]).all()
+    assert np.isfinite(found.motion.pelvis_m).all() and np.isfinite(found.motion.root_rotmats).all()
+    # Row 7 lies in a short gap of a smooth path: interpolation is near the truth.
+    steps_m = np.linalg.norm(np.diff(found.motion.pelvis_m, axis=0), axis=1)
+    true_steps_m = np.linalg.norm(np.diff(true.motion.pelvis_m, axis=0), axis=1)
+    assert steps_m[6:9] == pytest.approx(true_steps_m[6:9], abs=0.03)
+    error = compare_clips(found, true)
+    assert error.frames_with_camera == true.motion.n_frames - 4 and error.tme_mm < 3.0
+
+
+def test_gaps_are_filled_between_neighbours() -> None:
+    rotmats = Rotation.from_rotvec([[0, 0, 0.1 * i] for i in range(5)]).as_matrix()
+    cameras = transforms.rigid(rotmats, np.arange(15.0).reshape(5, 3))
+    holes = cameras.copy()
+    holes[[0, 2, 4]] = np.nan
+    filled = fill_gaps(holes, np.array([False, True, False, True, False]), np.arange(5))
+    assert filled[1:4] == pytest.approx(cameras[1:4], abs=1e-12)
+    assert filled[[0, 4]] == pytest.approx(cameras[[1, 3]], abs=1e-12)
+
+
+def test_no_common_frame_is_an_error(small_body: BodyModel, tmp_path: Path) -> None:
+    true = true_clip(small_body, Circular())
+    with pytest.raises(NoReconstruction, match="walk: no two frames have both pose and camera"):
+        made(tmp_path, true, small_body, "full", list(range(true.motion.n_frames)))
+    assert not (tmp_path / "out").exists()
+
+
+def test_clips_that_do_not_fit_are_refused(small_body: BodyModel, tmp_path: Path) -> None:
+    true = true_clip(small_body, Circular())
+    sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
+    later = replace(as_input(true), image_numbers=true.image_numbers + 1)
+    for clips, said in (
+        ({"a": true}, "not in the camera frame"),
+        ({"a": as_input(true), "b": later}, r"b\.npz: has other rows than walk"),
+    ):
+        people = tuple(person_files(tmp_path, clip, small_body, n) for n, clip in clips.items())
+        with pytest.raises(BadMotionFile, match=said):
+            make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())

@@ -27,7 +27,7 @@ from gmrdata.world.judge import load_record
 from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
-from tests.world.test_make import as_input, person_files, reconstruction, true_clip
+from tests.world.test_compose import as_input, person_files, reconstruction, true_clip
 
 SIZE_PX = (320, 180)
 OFF_OVERLAP = VerdictConfig().off_overlap

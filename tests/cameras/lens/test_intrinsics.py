@@ -1,4 +1,4 @@
-"""Which lens is taken: given, noted, shown by the frames, or guessed; and what is objected to."""
+"""The lens: given, noted, shown by drawn matches whose camera is known, or guessed."""
 
 import json
 from collections.abc import Callable
@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.lens import intrinsics
 from gmrdata.cameras.lens.intrinsics import (
     GivenIntrinsics,
@@ -18,8 +21,23 @@ from gmrdata.cameras.lens.intrinsics import (
     find_intrinsics,
     load_intrinsics,
 )
-from gmrdata.cameras.lens.self_calibration import SelfCalibration
+from gmrdata.cameras.lens.self_calibration import (
+    CameraMotion,
+    SelfCalibration,
+    SelfCalibrationConfig,
+    StartTried,
+    _answer,
+    _Fit,
+    _is_settled,
+    by_mapping,
+    by_turning,
+    is_still,
+    likelier,
+    nothing_found,
+)
+from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, read_matches
 from gmrdata.read.frames import read_frames
+from gmrdata.values.camera import Lens, bent
 from gmrdata.values.errors import BadIntrinsics, BadRecord
 from tests.read.test_intrinsics import jpeg_with
 
@@ -185,3 +203,143 @@ def test_a_filmed_arc_shows_its_lens(film: Any, tmp_path: Path) -> None:
     assert lens.focal_sigma < 0.05
     assert abs(np.log(lens.focal_px / true_px)) < 2 * lens.focal_sigma
     assert not (made_dir / "colmap").exists()
+
+
+SIZE_PX = (640, 480)
+CONFIG = SelfCalibrationConfig()
+NOISE_PX = 0.4
+
+
+def drawn_frames(folder: Path, names: list[str]) -> Frames:
+    """Frames whose pictures nobody looks at."""
+    guess_px = Lens.centred(544.0, SIZE_PX).matrix_px
+    return Frames([folder / name for name in names], None, guess_px, SIZE_PX)
+
+
+def filmed_cloud(folder: Path, focal_px: float, k1: float, seed: int = 0) -> tuple[Frames, Matches]:
+    """COLMAP's own cameras all round a cloud of points, and its database of their matches."""
+    pycolmap.set_random_seed(seed)
+    options = pycolmap.SyntheticDatasetOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig = 1, 1, 10
+    options.num_points3D = 150
+    options.camera_model_id = pycolmap.CameraModelId.SIMPLE_RADIAL
+    options.camera_width, options.camera_height = SIZE_PX
+    options.camera_params = [focal_px, 320.0, 240.0, k1]
+    path = folder / DATABASE_FILE
+    with pycolmap.Database.open(path) as database:
+        model = pycolmap.synthesize_dataset(options, database)
+        noise = pycolmap.SyntheticNoiseOptions()
+        noise.point2D_stddev = NOISE_PX
+        pycolmap.synthesize_noise(noise, model, database)
+    names = sorted(image.name for image in model.images.values())
+    frames = drawn_frames(folder, names)
+    return frames, read_matches(path, frames.images)
+
+
+def turned(
+    turn_deg: float, focal_px: float, k1: float, seed: int = 0, drift_m: float = 0.0
+) -> tuple[Frames, Matches]:
+    """A camera that turns by so much about the vertical and a quarter of it about its side."""
+    rng = np.random.default_rng(seed)
+    rays = rng.normal(size=(1000, 3))
+    points_m = rays / np.linalg.norm(rays, axis=1, keepdims=True) * rng.uniform(4, 15, (1000, 1))
+    seen, points_px = [], []
+    for share in np.linspace(-0.5, 0.5, 8):
+        angles = [share * turn_deg, 0.25 * share * turn_deg]
+        world_from_cam = Rotation.from_euler("yx", angles, degrees=True).as_matrix()
+        cam_m = (points_m - drift_m * rng.normal(size=3)) @ world_from_cam
+        flat = cam_m[:, :2] / cam_m[:, 2:]
+        there = (cam_m[:, 2] > 0.1) & (np.linalg.norm(flat, axis=1) < 1.2)
+        image_px = focal_px * bent(flat, k1) + np.array(SIZE_PX) / 2
+        image_px += rng.normal(0, NOISE_PX, image_px.shape)
+        there &= (image_px > 0).all(axis=1) & (image_px < SIZE_PX).all(axis=1)
+        seen.append(np.flatnonzero(there))
+        points_px.append(image_px[there])
+    pairs = []
+    for first in range(8):
+        for second in range(first + 1, min(8, first + 4)):
+            _, a, b = np.intersect1d(seen[first], seen[second], return_indices=True)
+            pairs.append(PairMatches(first, second, np.c_[a, b], "UNCALIBRATED"))
+    frames = drawn_frames(Path(), [f"{row:05d}.jpg" for row in range(8)])
+    return frames, Matches(points_px, pairs, [len(points) for points in points_px])
+
+
+def require_lens(found: SelfCalibration, focal_px: float, k1: float) -> None:
+    assert found.focal is not None and found.observable, found.reason
+    assert found.focal_sigma < 0.05
+    assert abs(np.log(640 * found.focal / focal_px)) < 2 * found.focal_sigma
+    assert abs(found.radial_k1 - k1) < 2 * found.radial_k1_sigma < 0.1
+
+
+@pytest.mark.parametrize(("focal_px", "k1"), [(435.0, 0.0), (1100.0, -0.14)])
+def test_a_moving_camera_shows_its_lens(tmp_path: Path, focal_px: float, k1: float) -> None:
+    frames, matches = filmed_cloud(tmp_path, focal_px, k1)
+    found = by_mapping(frames, matches, tmp_path, CONFIG)
+    require_lens(found, focal_px, k1)
+    assert len(found.starts) >= 3
+    assert all(start.cost is not None for start in found.starts[:3])
+
+
+@pytest.mark.parametrize(("focal_px", "k1"), [(435.0, 0.0), (560.0, -0.15)])
+def test_a_turning_camera_shows_its_lens(focal_px: float, k1: float) -> None:
+    frames, matches = turned(30.0, focal_px, k1)
+    found, verdict = by_turning(frames, matches, CONFIG)
+    assert verdict == "rotation_only"
+    require_lens(found, focal_px, k1)
+
+
+def test_a_turn_of_a_few_degrees_does_not(tmp_path: Path) -> None:
+    frames, matches = turned(1.5, 560.0, 0.0, drift_m=0.005)
+    found, _ = by_turning(frames, matches, CONFIG)
+    assert not found.observable
+    assert found.focal is None or "only to" in found.reason
+
+
+def test_a_turn_of_half_a_degree_says_little_however_well_it_fits() -> None:
+    # A phone at rest before a street: 0.46 to 5 % by its covariance; phones have 0.65 to 0.95.
+    found, _ = by_turning(*turned(0.45, 560.0, 0.0), CONFIG)
+    assert not found.observable and not found.focal_sigma < 0.15
+
+
+def test_what_only_one_start_leads_to_is_not_taken() -> None:
+    def errors(radial: bool) -> tuple[float, float, float, float]:
+        return -0.6, 0.09, 0.0, 0.01
+
+    fits = [_Fit(focal, 0.0, cost, 12, None) for focal, cost in ((0.551, 0.917), (0.538, 0.921))]
+    found = _answer("rotation_only", [], fits, errors, CONFIG)
+    assert found.focal is None and "from each start" in found.reason
+    again = _answer("rotation_only", [], [*fits, fits[0]], errors, CONFIG)
+    assert again.focal == pytest.approx(np.exp(-0.6)) and "only to 9 %" in again.reason
+
+
+def test_a_still_camera_is_known() -> None:
+    assert is_still(turned(0.0, 560.0, 0.0)[1])
+    assert not is_still(turned(1.5, 560.0, 0.0)[1])
+
+
+def test_what_explains_more_of_the_matches_is_likelier() -> None:
+    # A pan in the hand whose focal length is 1.281: a model of it is poor, and says it is sure.
+    turning = found("rotation_only", 1.306, 0.028, cost=0.94)
+    mapped = found("full", 1.184, 0.016, cost=1.57)
+    assert likelier(turning, mapped, nearly_turns=False) is turning
+    moves = found("full", 1.28, 0.016, cost=0.7)
+    assert likelier(turning, moves, nearly_turns=False) is moves
+    assert likelier(turning, replace(moves, focal_sigma=0.1), nearly_turns=True) is turning
+    nothing = nothing_found("no model", [StartTried("full", 0.9, None, None, None)])
+    assert likelier(turning, nothing, nearly_turns=False) is turning
+    assert likelier(nothing_found("no turn"), mapped, nearly_turns=False) is mapped
+
+
+def found(motion: CameraMotion, focal: float, sigma: float, cost: float) -> SelfCalibration:
+    starts = (StartTried(motion, 0.9, focal, 0.0, cost), StartTried(motion, 0.6, None, None, None))
+    return SelfCalibration(motion, focal, sigma, 0.0, 0.01, starts, "")
+
+
+def test_starts_settle_where_the_best_is_found_twice_and_nothing_comes_near() -> None:
+    def fit(focal: float, cost: float) -> _Fit:
+        return _Fit(focal, 0.0, cost, 12, None)
+
+    assert not _is_settled([fit(1.0, 0.5), fit(1.0, 0.5)])
+    assert _is_settled([fit(1.0, 0.5), fit(0.8, 0.9), fit(1.005, 0.6)])
+    assert not _is_settled([fit(1.0, 0.5), fit(0.8, 0.52), fit(1.0, 0.5)])
+    assert not _is_settled([fit(1.01, 1.13), fit(0.7, 0.54), fit(1.01, 0.81)])

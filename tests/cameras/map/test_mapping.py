@@ -1,4 +1,4 @@
-"""Both mappers, and frames that they leave out."""
+"""Both mappers, frames that they leave out, and models of two scales, made on purpose."""
 
 import shutil
 from collections.abc import Callable
@@ -9,15 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.cameras.files import Mapper
+from gmrdata.cameras.files import Mapper, WeakestStep
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map import mapping
+from gmrdata.cameras.map.mapping import map_frames
+from gmrdata.cameras.map.models import _held, weakest_step
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
-from gmrdata.cameras.match.matches import Matches, match_frames
-from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.map.solution import Solution
+from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
+from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import explains_better
 from gmrdata.read.frames import list_images
+from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames
+from gmrdata.values.transforms import rigid
 from tests.filming import Filmed, film_cameras, look_at
 
 SMALL = SfmConfig(max_features=400, first_octave=-1)
@@ -165,3 +170,198 @@ def test_a_frame_whose_inside_is_broken_is_named(dolly: Any, tmp_path: Path) -> 
     with pytest.raises(BadFrames, match=r"00001\.jpg: cannot be decoded"):
         frames = Frames(list_images(folder), None, dolly.intrinsics_px, (320, 180))
         match_frames(frames, tmp_path, SMALL)
+
+
+K_PX = np.array([[500.0, 0, 320], [0, 500.0, 180], [0, 0, 1]])
+MOST, FIRM = CamerasVerdictConfig().max_loose_share, 0.0006
+N, POINTS = 20, 300
+
+
+def solved(centres: np.ndarray, sees: np.ndarray) -> tuple[Solution, Matches]:
+    """Cameras (T, 3) that look ahead, and which of the points (T, POINTS) each sees; 0.1 px off."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-3, -2, 3], [4, 2, 8], (POINTS, 3))
+    cameras = rigid(np.tile(np.eye(3), (len(centres), 1, 1)), centres)
+    seen_px = [project(cam, points, K_PX) + rng.normal(0, 0.1, (POINTS, 2)) for cam in cameras]
+    seen = {row: {at: points[at] for at in np.flatnonzero(of)} for row, of in enumerate(sees)}
+    mapped = Solution(
+        geometry="full",
+        mapper="global",
+        world_from_cam=cameras,
+        errors_px=np.zeros(0),
+        inliers=sees.sum(axis=1),
+        focal=None,
+        seen=seen,
+    )
+    return mapped, Matches(seen_px, [])
+
+
+def found(mapped: Solution, matches: Matches) -> WeakestStep:
+    step = weakest_step(mapped, matches, 3 * np.arange(len(matches.keypoints_px)), K_PX, 2.0)
+    assert step is not None
+    return step
+
+
+def along(start: float, stop: float) -> np.ndarray:
+    """Every point is seen by the frames of its third of the way, and by those beside it."""
+    places = np.linspace(start, stop, N)[:, None]
+    return np.abs(places - np.linspace(start, stop, POINTS)) < (stop - start) / 3
+
+
+STRAIGHT = np.linspace(0, 1, N)[:, None] * [1.0, 0.1, 0.2]
+
+
+def test_points_hold_two_sides_as_the_sum_of_their_variances_says() -> None:
+    rng = np.random.default_rng(0)
+    left, right = (a @ np.swapaxes(a, 1, 2) for a in rng.normal(size=(2, 5, 3, 4)))
+    expected = np.linalg.inv(np.linalg.inv(left) + np.linalg.inv(right))
+    np.testing.assert_allclose(_held(left, left + right), expected, rtol=1e-6)
+
+
+def test_a_model_of_one_scale_passes() -> None:
+    step = found(*solved(STRAIGHT, along(0, 1)))
+    assert step.before == step.after + 3 and 0.00005 < step.loose_share < FIRM
+
+
+def test_halves_without_a_common_point_are_found() -> None:
+    sees = along(0, 1)
+    sees[:9, 150:], sees[9:, :150] = False, False
+    step = found(*solved(STRAIGHT, sees))
+    assert (step.after, step.before) == (24, 27) and step.loose_share > 1
+
+
+def test_halves_that_share_one_frame_have_no_common_scale() -> None:
+    """Frame 9 sees the points of both, but nothing that is seen on both sides of it."""
+    sees = along(0, 1)
+    sees[:9, 150:], sees[10:, :150] = False, False
+    step = found(*solved(STRAIGHT, sees))
+    assert step.after in (24, 27) and step.loose_share > 0.05
+
+
+def test_a_camera_that_rests_at_first_is_held_by_what_it_sees() -> None:
+    resting = np.concatenate([np.zeros((9, 3)), STRAIGHT[:11]])
+    assert found(*solved(resting, np.ones((N, POINTS), dtype=bool))).loose_share < FIRM
+
+
+def test_a_step_from_rest_that_nothing_holds_is_found() -> None:
+    """17 frames at rest and then 5.8 m in one step."""
+    centres = np.concatenate([np.zeros((17, 3)), [5.8, 0, 0] + 0.1 * STRAIGHT[:3]])
+    sees = np.ones((N, POINTS), dtype=bool)
+    sees[:17, 150:], sees[17:, :150] = False, False
+    # A few false points on both sides hold a direction, but no length.
+    sees[16:18, :4] = True
+    step = found(*solved(centres, sees))
+    assert (step.after, step.before) == (48, 51) and step.loose_share > 0.05
+
+
+@pytest.mark.parametrize("away_m", [1e3, 1e4, 1e5, 1e6])
+def test_cameras_that_a_broken_model_puts_far_away_are_found(away_m: float) -> None:
+    """Rounding once made variances negative there, and the stage ended with another error."""
+    mapped, matches = solved(STRAIGHT, along(0, 1))
+    cameras = mapped.world_from_cam.copy()
+    cameras[-2:, 2, 3] -= away_m
+    rng = np.random.default_rng(0)
+    there = cameras[-1, :3, 3] + rng.uniform([-1, -1, 3], [1, 1, 6], (40, 3))
+    seen, seen_px = dict(mapped.seen), list(matches.keypoints_px)
+    for row in (N - 2, N - 1):
+        # Twenty points that the others see as well, and what is there.
+        shared = dict(list(mapped.seen[row].items())[:20])
+        points = np.concatenate([np.array(list(shared.values())), there])
+        seen[row] = dict(enumerate(points))
+        seen_px[row] = project(cameras[row], points, K_PX) + rng.normal(0, 0.1, (60, 2))
+    step = found(replace(mapped, world_from_cam=cameras, seen=seen), Matches(seen_px, []))
+    assert (step.after, step.before) == (51, 54) and step.loose_share > 1
+
+
+def test_points_that_a_model_does_not_explain_hold_nothing() -> None:
+    mapped, matches = solved(STRAIGHT, along(0, 1))
+    first, last = np.arange(POINTS) < 150, np.arange(POINTS) >= 150
+    off_px = [
+        points_px + 5.0 * (last if row < 9 else first)[:, None]
+        for row, points_px in enumerate(matches.keypoints_px)
+    ]
+    step = found(mapped, Matches(off_px, []))
+    assert (step.after, step.before) == (24, 27) and step.loose_share > 1
+
+
+def test_a_piece_of_another_scale_sees_everything_at_another_distance() -> None:
+    """Frames 0-8 are 9.7 times as large, and false points hold them firmly to the others."""
+    mapped, matches = solved(STRAIGHT, np.ones((N, POINTS), dtype=bool))
+    assert 1 <= found(mapped, matches).distance_ratio < 1.2
+    cameras, centre = mapped.world_from_cam.copy(), mapped.world_from_cam[8, :3, 3]
+    cameras[:9, :3, 3] = centre + 9.7 * (cameras[:9, :3, 3] - centre)
+    seen = {
+        row: {at: centre + 9.7 * (point - centre) if row < 9 else point for at, point in of.items()}
+        for row, of in mapped.seen.items()
+    }
+    step = found(replace(mapped, world_from_cam=cameras, seen=seen), matches)
+    assert step.distance_ratio == pytest.approx(9.7, rel=0.1)
+
+
+def test_the_share_of_matches_that_move_otherwise_is_that_of_the_worst_tenth_of_pairs() -> None:
+    mapped, matches = solved(STRAIGHT, np.ones((N, POINTS), dtype=bool))
+    every = np.tile(np.arange(POINTS)[:, None], 2)
+    pairs = [PairMatches(row, row + 1, every, "CALIBRATED") for row in range(N - 1)]
+    assert found(mapped, Matches(matches.keypoints_px, pairs)).moving_share == 0
+    # A fifth of what frames 17 to 19 see has moved by 9 px across the camera's way.
+    for row in (17, 18, 19):
+        matches.keypoints_px[row][:60, 1] += 9 * (row - 16)
+    step = found(mapped, Matches(matches.keypoints_px, pairs))
+    assert step.moving_share == pytest.approx(0.2, abs=0.01)
+    # What has no camera says nothing.
+    lost = mapped.world_from_cam.copy()
+    lost[17:] = np.nan
+    kept = replace(mapped, world_from_cam=lost, seen={row: mapped.seen[row] for row in range(17)})
+    assert found(kept, Matches(matches.keypoints_px, pairs)).moving_share == 0
+
+
+def test_fewer_than_two_cameras_have_no_step() -> None:
+    mapped, matches = solved(STRAIGHT, along(0, 1))
+    alone = replace(mapped, seen={4: mapped.seen[4], 5: {}})
+    assert weakest_step(alone, matches, np.arange(N), K_PX, 2.0) is None
+
+
+@pytest.fixture(scope="module")
+def dolly_model(
+    film: Callable[[str, int], Any], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Solution, Matches, np.ndarray]:
+    filmed, work_dir = film("dolly", 14), tmp_path_factory.mktemp("one_scale")
+    config = SfmConfig(max_features=400, first_octave=-1)
+    frames = filmed.frames
+    matches = match_frames(frames, work_dir, config)
+    mapped = map_frames(frames, matches, work_dir, config)
+    assert mapped is not None and mapped.has_camera.all()
+    return mapped, matches, filmed.intrinsics_px
+
+
+def rescaled(model: tuple[Solution, Matches, np.ndarray], last: int, scale: float) -> Solution:
+    """The frames up to `last`, and the points seen mostly there, at another scale about it."""
+    mapped, *_ = model
+    centre, cameras = mapped.world_from_cam[last, :3, 3], mapped.world_from_cam.copy()
+    cameras[: last + 1, :3, 3] = centre + scale * (cameras[: last + 1, :3, 3] - centre)
+    rows: dict[bytes, list[int]] = {}
+    for row, points in mapped.seen.items():
+        for point in points.values():
+            rows.setdefault(point.tobytes(), []).append(row)
+    left = {point for point, of in rows.items() if np.mean(np.array(of) <= last) > 0.5}
+    seen = {
+        row: {
+            feature: centre + scale * (point - centre) if point.tobytes() in left else point
+            for feature, point in points.items()
+        }
+        for row, points in mapped.seen.items()
+    }
+    return replace(mapped, world_from_cam=cameras, seen=seen)
+
+
+@pytest.mark.parametrize("scale", [0.1, 2.5, 9.7])
+def test_a_real_model_with_one_half_rescaled_is_found(
+    dolly_model: tuple[Solution, Matches, np.ndarray], scale: float
+) -> None:
+    mapped, matches, intrinsics_px = dolly_model
+    right = weakest_step(mapped, matches, np.arange(14), intrinsics_px, 2.0)
+    assert right is not None and right.loose_share < FIRM
+    broken = rescaled(dolly_model, 6, scale)
+    step = weakest_step(broken, matches, np.arange(14), intrinsics_px, 2.0)
+    assert step is not None and step.loose_share > MOST
+    assert step.after in (5, 6, 7)
