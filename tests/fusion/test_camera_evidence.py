@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gmrdata.values.estimated import System
+from gmrdata.values.motion_deltas import deltas
 from scipy.spatial.transform import Rotation
 
 from gmrdata.fusion.camera_evidence import (
@@ -25,9 +27,9 @@ from gmrdata.fusion.smoothing import ErrorProcess, FusedPoses, SeenMotions
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
-from gmrdata.values.motion import Motion, deltas
+from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
-from gmrdata.world.bodies import BodiesRecord, Estimator
+from gmrdata.world.bodies import BodiesRecord
 
 CONFIG = FusionConfig()
 
@@ -102,7 +104,7 @@ def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path: Path) -
     folder = tmp_path / "bodies"
     folder.mkdir()
     assert fusion_config_of(tmp_path) == FusionConfig()
-    systems: dict[Estimator, FusionConfig] = {"wham": FusionConfig(), "gmrdata": OWN_FUSION}
+    systems: dict[System, FusionConfig] = {"wham": FusionConfig(), "gmrdata": OWN_FUSION}
     for estimator, config in systems.items():
         BodiesRecord(
             estimator=estimator, file="poses", body="anny", people=(), left_out=(), notes=()
