@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gmrdata.values.estimated import System
-from gmrdata.values.motion_deltas import deltas
 from scipy.spatial.transform import Rotation
 
 from gmrdata.fusion.camera_evidence import (
@@ -27,7 +25,8 @@ from gmrdata.fusion.smoothing import ErrorProcess, FusedPoses, SeenMotions
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, deltas
+from gmrdata.values.people import System
 from gmrdata.values.transforms import rigid
 from gmrdata.world.bodies import BodiesRecord
 

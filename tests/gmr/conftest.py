@@ -1,6 +1,8 @@
 """Small clips to train on."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -55,3 +57,23 @@ def small_config() -> TrainConfig:
         eval_every=4,
         checkpoint_every=5,
     )
+
+
+@dataclass(frozen=True)
+class Training:
+    """What a training takes: clips, their body, a configuration and a folder."""
+
+    make_clips: Callable[..., list[Clip]]
+    body: BodyModel
+    config: TrainConfig
+    path: Path
+
+
+@pytest.fixture
+def training(
+    make_clips: Callable[..., list[Clip]],
+    small_body: BodyModel,
+    small_config: TrainConfig,
+    tmp_path: Path,
+) -> Training:
+    return Training(make_clips, small_body, small_config, tmp_path)

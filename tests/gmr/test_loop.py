@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,10 +15,9 @@ from gmrdata.gmr.checkpoint import BestScore, latest_checkpoint, read_best, read
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.loop import fit, held_out_runs, held_out_scores, learning_rate_at
 from gmrdata.gmr.predict import load_gmr
-from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
 from gmrdata.values.files import write_json
+from tests.gmr.conftest import Training
 
 
 def bytes_of(run_dir: Path) -> dict[str, bytes]:
@@ -35,9 +33,7 @@ def lines_of(run_dir: Path) -> list[dict[str, float]]:
 
 
 @pytest.mark.parametrize("kind", ["chordal", "angular", "axis-angle"])
-def test_it_overfits_one_window(
-    make_clips: Callable[..., list[Clip]], small_body: BodyModel, tmp_path: Path, kind: str
-) -> None:
+def test_it_overfits_one_window(training: Training, kind: str) -> None:
     """One window, seen again and again: the loss falls to a small part, and so do its terms."""
     config = TrainConfig(
         model=ModelConfig(layers=1, hidden=32),
@@ -49,84 +45,63 @@ def test_it_overfits_one_window(
         steps=150,
         log_every=1,
     )
-    clip = make_clips(1, 0, duration_s=2.0, fps_hz=10.0)
-    fit(clip, [small_body], tmp_path, config)
-    first, last = lines_of(tmp_path)[0], lines_of(tmp_path)[-1]
+    clip = training.make_clips(1, 0, duration_s=2.0, fps_hz=10.0)
+    fit(clip, [training.body], training.path, config)
+    first, last = lines_of(training.path)[0], lines_of(training.path)[-1]
     assert last["step"] == 150
     assert last["loss"] < 0.06 * first["loss"]
     assert last["translation"] < 0.01 * first["translation"]
 
 
-def test_held_out_scores_are_logged_and_change_nothing(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
-    clips, held_out = make_clips(2, 1), make_clips(2, 2)
-    fit(clips, [small_body], tmp_path / "a", small_config, held_out=held_out)
-    fit(clips, [small_body], tmp_path / "b", small_config)
-    scored = [line for line in lines_of(tmp_path / "a") if "held_out_ome_deg" in line]
+def test_held_out_scores_are_logged_and_change_nothing(training: Training) -> None:
+    clips, held_out = training.make_clips(2, 1), training.make_clips(2, 2)
+    fit(clips, [training.body], training.path / "a", training.config, held_out=held_out)
+    fit(clips, [training.body], training.path / "b", training.config)
+    scored = [line for line in lines_of(training.path / "a") if "held_out_ome_deg" in line]
     assert [line["step"] for line in scored] == [4, 8, 12]
-    a, b = bytes_of(tmp_path / "a"), bytes_of(tmp_path / "b")
+    a, b = bytes_of(training.path / "a"), bytes_of(training.path / "b")
     weights = "checkpoints/step_00000012/model.safetensors"
     assert a[weights] == b[weights]
 
 
 @pytest.mark.parametrize("best_by", ["held_out_tme_mm", "held_out_ome_deg"])
-def test_the_best_weights_are_those_of_the_lowest_score(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-    best_by: str,
-) -> None:
+def test_the_best_weights_are_those_of_the_lowest_score(training: Training, best_by: str) -> None:
     """A step size that is too large, so that the best step is not the last one."""
-    clips, held_out = make_clips(2, 1), make_clips(2, 2)
+    clips, held_out = training.make_clips(2, 1), training.make_clips(2, 2)
     change = {"eval_every": 1, "best_by": best_by, "learning_rate": 0.1, "schedule": "constant"}
-    config = small_config.model_copy(update=change)
-    fit(clips, [small_body], tmp_path, config, held_out=held_out)
-    scores = {line["step"]: line[best_by] for line in lines_of(tmp_path) if best_by in line}
+    config = training.config.model_copy(update=change)
+    fit(clips, [training.body], training.path, config, held_out=held_out)
+    scores = {line["step"]: line[best_by] for line in lines_of(training.path) if best_by in line}
     step = min(scores, key=lambda step: (scores[step], step))
     assert step < 12
-    folder = latest_checkpoint(tmp_path)
+    folder = latest_checkpoint(training.path)
     assert folder is not None
     best = read_best(folder)
     assert best is not None
     assert best.score == BestScore(step=step, score=best_by, value=scores[step])
     fps_hz = config.windows.fps_hz
-    runs = held_out_runs(held_out, [small_body], fps_hz)
+    runs = held_out_runs(held_out, [training.body], fps_hz)
     found = held_out_scores(read_model(folder, "best"), runs, fps_hz)
     assert found[best_by] == scores[step]
-    assert load_gmr(tmp_path, "best").step == step
-    assert load_gmr(tmp_path).step == 12
+    assert load_gmr(training.path, "best").step == step
+    assert load_gmr(training.path).step == 12
 
 
-def test_without_held_out_clips_there_are_no_best_weights(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
-    fit(make_clips(1, 1), [small_body], tmp_path, small_config)
+def test_without_held_out_clips_there_are_no_best_weights(training: Training) -> None:
+    fit(training.make_clips(1, 1), [training.body], training.path, training.config)
     with pytest.raises(BadCheckpoint, match="no best weights"):
-        load_gmr(tmp_path, "best")
+        load_gmr(training.path, "best")
 
 
-def test_bf16_is_close_and_keeps_float32_weights(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
+def test_bf16_is_close_and_keeps_float32_weights(training: Training) -> None:
     losses = {}
     for precision in ("fp32", "bf16"):
-        config = small_config.model_copy(
+        config = training.config.model_copy(
             update={"precision": precision, "model": ModelConfig(layers=2, hidden=12)}
         )
-        fit(make_clips(2, 1), [small_body], tmp_path / precision, config)
-        losses[precision] = [line["loss"] for line in lines_of(tmp_path / precision)]
-        parameters = load_gmr(tmp_path / precision).model.parameters()
+        fit(training.make_clips(2, 1), [training.body], training.path / precision, config)
+        losses[precision] = [line["loss"] for line in lines_of(training.path / precision)]
+        parameters = load_gmr(training.path / precision).model.parameters()
         assert {p.dtype for p in parameters} == {torch.float32}
     assert losses["bf16"] == pytest.approx(losses["fp32"], rel=0.05)
     assert losses["bf16"] != losses["fp32"]
@@ -137,58 +112,45 @@ def test_bf16_is_close_and_keeps_float32_weights(
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("g++") is None, reason="torch.compile needs a C++ compiler")
 def test_compiling_changes_rounding_alone(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    training: Training, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The checks of shapes can't be traced.
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
-    config = small_config.model_copy(
+    config = training.config.model_copy(
         update={"steps": 4, "model": ModelConfig(layers=2, hidden=12, output="6d")}
     )
     for name, compiled in (("plain", False), ("compiled", True)):
         fit(
-            make_clips(2, 1),
-            [small_body],
-            tmp_path / name,
+            training.make_clips(2, 1),
+            [training.body],
+            training.path / name,
             config.model_copy(update={"compile": compiled}),
         )
-    plain, found = (lines_of(tmp_path / name) for name in ("plain", "compiled"))
+    plain, found = (lines_of(training.path / name) for name in ("plain", "compiled"))
     assert [line["loss"] for line in found] == pytest.approx(
         [line["loss"] for line in plain], rel=1e-5
     )
-    load_gmr(tmp_path / "compiled")
+    load_gmr(training.path / "compiled")
 
 
 def test_compiling_without_a_compiler_is_said(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    training: Training, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CXX", "no-such-compiler")
-    config = small_config.model_copy(update={"compile": True})
+    config = training.config.model_copy(update={"compile": True})
     with pytest.raises(StageFailed, match="there is no no-such-compiler"):
-        fit(make_clips(1, 1), [small_body], tmp_path, config)
+        fit(training.make_clips(1, 1), [training.body], training.path, config)
 
 
 @pytest.mark.parametrize("precision", ["fp32", "bf16"])
 def test_k_steps_resumed_are_n_steps_bit_for_bit(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    precision: str,
+    training: Training, monkeypatch: pytest.MonkeyPatch, precision: str
 ) -> None:
     """Stopped in the middle of any step: before, between and after checkpoints and log lines."""
-    clips, held_out = make_clips(2, 1), make_clips(1, 2)
-    small_config = small_config.model_copy(update={"precision": precision})
-    fit(clips, [small_body], tmp_path / "whole", small_config, held_out=held_out)
-    expected = bytes_of(tmp_path / "whole")
+    clips, held_out = training.make_clips(2, 1), training.make_clips(1, 2)
+    config = training.config.model_copy(update={"precision": precision})
+    fit(clips, [training.body], training.path / "whole", config, held_out=held_out)
+    expected = bytes_of(training.path / "whole")
     assert "checkpoints/step_00000012/best.safetensors" in expected
     make_batch = loop.make_batch
     for stop in (0, 3, 5, 9, 11) if precision == "fp32" else (9,):
@@ -198,54 +160,40 @@ def test_k_steps_resumed_are_n_steps_bit_for_bit(
                 raise KeyboardInterrupt
             return make_batch(*args, **more)  # type: ignore[arg-type]
 
-        run_dir = tmp_path / f"stopped_{stop}"
+        run_dir = training.path / f"stopped_{stop}"
         run_dir.mkdir()
         with monkeypatch.context() as patch:
             patch.setattr(loop, "make_batch", stopping)
             with pytest.raises(KeyboardInterrupt):
-                fit(clips, [small_body], run_dir, small_config, held_out=held_out)
+                fit(clips, [training.body], run_dir, config, held_out=held_out)
         with (run_dir / "metrics.jsonl").open("a") as stream:
             stream.write('{"step": 11, "lo')
         torch.manual_seed(stop)
         torch.rand(stop)
-        fit(clips, [small_body], run_dir, small_config, held_out=held_out)
+        fit(clips, [training.body], run_dir, config, held_out=held_out)
         assert bytes_of(run_dir) == expected
 
 
-def test_another_seed_gives_other_weights(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
-    clips = make_clips(2, 1)
-    fit(clips, [small_body], tmp_path / "a", small_config)
-    fit(clips, [small_body], tmp_path / "b", small_config.model_copy(update={"seed": 8}))
-    assert bytes_of(tmp_path / "a") != bytes_of(tmp_path / "b")
+def test_another_seed_gives_other_weights(training: Training) -> None:
+    clips = training.make_clips(2, 1)
+    fit(clips, [training.body], training.path / "a", training.config)
+    fit(clips, [training.body], training.path / "b", training.config.model_copy(update={"seed": 8}))
+    assert bytes_of(training.path / "a") != bytes_of(training.path / "b")
 
 
-def test_global_torch_settings_are_left_alone(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
+def test_global_torch_settings_are_left_alone(training: Training) -> None:
     torch.manual_seed(5)
     expected = torch.rand(3)
     torch.manual_seed(5)
     threads = torch.get_num_threads()
-    fit(make_clips(1, 1), [small_body], tmp_path, small_config)
+    fit(training.make_clips(1, 1), [training.body], training.path, training.config)
     assert torch.equal(torch.rand(3), expected)
     assert torch.get_num_threads() == threads
     assert not torch.are_deterministic_algorithms_enabled()
 
 
 def test_divergence_keeps_the_last_good_checkpoint(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    training: Training, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From step 8 on a true motion is infinite, as in a broken clip."""
     make_batch = loop.make_batch
@@ -258,85 +206,64 @@ def test_divergence_keeps_the_last_good_checkpoint(
 
     monkeypatch.setattr(loop, "make_batch", bursting)
     with pytest.raises(TrainingDiverged, match=r"in step 8 the loss is (inf|nan) .*step_00000005"):
-        fit(make_clips(2, 1), [small_body], tmp_path, small_config)
-    gmr = load_gmr(tmp_path)
+        fit(training.make_clips(2, 1), [training.body], training.path, training.config)
+    gmr = load_gmr(training.path)
     assert gmr.step == 5
     assert all(torch.isfinite(p).all() for p in gmr.model.parameters())
-    assert max(line["step"] for line in lines_of(tmp_path)) == 7
+    assert max(line["step"] for line in lines_of(training.path)) == 7
 
 
-def test_a_step_size_that_is_far_too_large_diverges_and_says_so(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
-    config = small_config.model_copy(
+def test_a_step_size_that_is_far_too_large_diverges_and_says_so(training: Training) -> None:
+    config = training.config.model_copy(
         update={"learning_rate": 1e30, "warmup_steps": 0, "gradient_norm": None}
     )
     with pytest.raises(TrainingDiverged, match="checkpoint: none. Lower learning_rate"):
-        fit(make_clips(2, 1), [small_body], tmp_path, config)
+        fit(training.make_clips(2, 1), [training.body], training.path, config)
 
 
-def test_a_broken_or_foreign_checkpoint_stops_the_run(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
-    clips = make_clips(1, 1)
-    fit(clips, [small_body], tmp_path, small_config)
-    larger = small_config.model_copy(update={"model": ModelConfig(layers=1, hidden=13)})
+def test_a_broken_or_foreign_checkpoint_stops_the_run(training: Training) -> None:
+    clips = training.make_clips(1, 1)
+    fit(clips, [training.body], training.path, training.config)
+    larger = training.config.model_copy(update={"model": ModelConfig(layers=1, hidden=13)})
     with pytest.raises(BadCheckpoint, match="of another model"):
-        fit(clips, [small_body], tmp_path, larger)
+        fit(clips, [training.body], training.path, larger)
     with pytest.raises(BadCheckpoint, match="more steps than the 6 to train"):
-        fit(clips, [small_body], tmp_path, small_config.model_copy(update={"steps": 6}))
-    folder = tmp_path / "checkpoints" / "step_00000012"
+        fit(clips, [training.body], training.path, training.config.model_copy(update={"steps": 6}))
+    folder = training.path / "checkpoints" / "step_00000012"
     state = json.loads((folder / "state.json").read_text())
     write_json(folder / "state.json", state | {"processes": 2})
     with pytest.raises(BadCheckpoint, match="made by 2 processes"):
-        fit(clips, [small_body], tmp_path, small_config)
+        fit(clips, [training.body], training.path, training.config)
     write_json(folder / "state.json", state)
     path = folder / "optimizer.safetensors"
     path.write_bytes(path.read_bytes()[:-5])
     with pytest.raises(BadCheckpoint, match=r"optimizer\.safetensors: truncated"):
-        fit(clips, [small_body], tmp_path, small_config)
+        fit(clips, [training.body], training.path, training.config)
 
 
-def test_clips_that_cannot_be_trained_on_are_refused(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
+def test_clips_that_cannot_be_trained_on_are_refused(training: Training) -> None:
     with pytest.raises(BadManifest, match="no usable clips"):
-        fit([], [small_body], tmp_path, small_config)
-    clip = make_clips(1, 1)[0]
+        fit([], [training.body], training.path, training.config)
+    clip = training.make_clips(1, 1)[0]
     other = replace(clip, motion=replace(clip.motion, body="giant"))
     with pytest.raises(BadManifest, match="clip gait_1_0: of body giant with 10"):
-        fit([other], [small_body], tmp_path, small_config)
+        fit([other], [training.body], training.path, training.config)
     flicker = replace(clip, valid=np.arange(clip.motion.n_frames) % 2 == 0)
     with pytest.raises(BadManifest, match="none of the 1 held-out clips has two valid frames"):
-        fit([clip], [small_body], tmp_path, small_config, held_out=[flicker])
+        fit([clip], [training.body], training.path, training.config, held_out=[flicker])
     shaken = replace(clip, motion=replace(clip.motion, frame="camera"))
     with pytest.raises(BadManifest, match="clip gait_1_0: its motion is in the camera's frame"):
-        fit([shaken], [small_body], tmp_path, small_config)
+        fit([shaken], [training.body], training.path, training.config)
 
 
-def test_a_missing_gpu_is_said(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_missing_gpu_is_said(training: Training, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(StageFailed, match="no GPU here"):
         fit(
-            make_clips(1, 1),
-            [small_body],
-            tmp_path,
-            small_config.model_copy(update={"device": "cuda"}),
+            training.make_clips(1, 1),
+            [training.body],
+            training.path,
+            training.config.model_copy(update={"device": "cuda"}),
         )
 
 

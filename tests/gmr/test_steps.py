@@ -4,7 +4,6 @@ import json
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +17,9 @@ from gmrdata.gmr.loop import fit
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.steps import AHEAD, decay_at, prefetched, run_log, start_average
-from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, MissingExtra
+from tests.gmr.conftest import Training
+from tests.gmr.test_loop import bytes_of
 
 
 def test_steps_come_in_order_with_their_batches() -> None:
@@ -121,7 +120,7 @@ def test_event_files_have_the_lines_numbers(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def config(small_config: TrainConfig) -> TrainConfig:
+def small_config(small_config: TrainConfig) -> TrainConfig:
     windows = small_config.windows.model_copy(
         update={"mirror_probability": 0.5, "pose_noise_deg": 2.0, "pose_noise_time_s": 0.2}
     )
@@ -151,35 +150,33 @@ def test_it_is_the_weighted_sum_of_the_steps() -> None:
 
 
 def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    config: TrainConfig,
-    tmp_path: Path,
+    training: Training,
 ) -> None:
-    clips = make_clips(2, 1)
-    used = fit(clips, [small_body], tmp_path / "a", config)
-    fit(clips, [small_body], tmp_path / "b", config.model_copy(update={"average_decay": 0.0}))
-    a, b = checkpoint_dir(tmp_path / "a", 12), checkpoint_dir(tmp_path / "b", 12)
+    clips = training.make_clips(2, 1)
+    used = fit(clips, [training.body], training.path / "a", training.config)
+    fit(
+        clips,
+        [training.body],
+        training.path / "b",
+        training.config.model_copy(update={"average_decay": 0.0}),
+    )
+    a, b = checkpoint_dir(training.path / "a", 12), checkpoint_dir(training.path / "b", 12)
     for name in ("model.safetensors", "optimizer.safetensors"):
         assert (a / name).read_bytes() == (b / name).read_bytes()
     assert not (b / "average.safetensors").exists()
-    loaded, trained = load_gmr(tmp_path / "a").model, load_gmr(tmp_path / "b").model
+    loaded, trained = load_gmr(training.path / "a").model, load_gmr(training.path / "b").model
     for name, tensor in used.state_dict().items():
         assert torch.equal(loaded.state_dict()[name], tensor)
         assert not torch.equal(trained.state_dict()[name], tensor)
 
 
 def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    config: TrainConfig,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    training: Training, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With every augmentation, extra input and the average: stopped at any step."""
-    clips, held_out = make_clips(2, 1), make_clips(1, 2)
-    fit(clips, [small_body], tmp_path / "whole", config, held_out=held_out)
-    expected = files_of(tmp_path / "whole")
+    clips, held_out = training.make_clips(2, 1), training.make_clips(1, 2)
+    fit(clips, [training.body], training.path / "whole", training.config, held_out=held_out)
+    expected = bytes_of(training.path / "whole")
     assert any("average" in name for name in expected)
     make_batch = loop.make_batch
     for stop in (3, 5, 11):
@@ -189,41 +186,28 @@ def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(
                 raise KeyboardInterrupt
             return make_batch(*args, **more)  # type: ignore[arg-type]
 
-        run_dir = tmp_path / f"stopped_{stop}"
+        run_dir = training.path / f"stopped_{stop}"
         with monkeypatch.context() as patch:
             patch.setattr(loop, "make_batch", stopping)
             with pytest.raises(KeyboardInterrupt):
-                fit(clips, [small_body], run_dir, config, held_out=held_out)
+                fit(clips, [training.body], run_dir, training.config, held_out=held_out)
         torch.rand(stop)
-        fit(clips, [small_body], run_dir, config, held_out=held_out)
-        assert files_of(run_dir) == expected
+        fit(clips, [training.body], run_dir, training.config, held_out=held_out)
+        assert bytes_of(run_dir) == expected
 
 
-def files_of(run_dir: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(run_dir).as_posix(): path.read_bytes()
-        for path in sorted(run_dir.rglob("*"))
-        if path.is_file()
-    }
-
-
-def test_a_checkpoint_that_lost_its_average_is_refused(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    config: TrainConfig,
-    tmp_path: Path,
-) -> None:
-    clips = make_clips(1, 1)
-    fit(clips, [small_body], tmp_path, config)
-    folder = checkpoint_dir(tmp_path, 12)
+def test_a_checkpoint_that_lost_its_average_is_refused(training: Training) -> None:
+    clips = training.make_clips(1, 1)
+    fit(clips, [training.body], training.path, training.config)
+    folder = checkpoint_dir(training.path, 12)
     assert json.loads((folder / "state.json").read_text())["averaged"] is True
     path = folder / "average.safetensors"
     path.write_bytes(path.read_bytes()[:-5])
     with pytest.raises(BadCheckpoint, match=r"average\.safetensors: truncated"):
-        load_gmr(tmp_path)
+        load_gmr(training.path)
     path.unlink()
     with pytest.raises(BadCheckpoint, match=r"average\.safetensors: truncated, missing"):
-        load_gmr(tmp_path)
+        load_gmr(training.path)
     with pytest.raises(BadCheckpoint, match=r"average\.safetensors"):
-        fit(clips, [small_body], tmp_path, config.model_copy(update={"steps": 20}))
-    load_weights(folder, Gmr(config.model))
+        fit(clips, [training.body], training.path, training.config.model_copy(update={"steps": 20}))
+    load_weights(folder, Gmr(training.config.model))

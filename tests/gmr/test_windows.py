@@ -24,8 +24,8 @@ from gmrdata.gmr.flat_runs import (
 )
 from gmrdata.gmr.model import network_input
 from gmrdata.gmr.rotations import to_rotmats
-from gmrdata.gmr.runs import runs_at
-from gmrdata.gmr.windows import Batch, Mix, make_batch, make_training_set, reverse, sample_run
+from gmrdata.gmr.runs import Mix, runs_at
+from gmrdata.gmr.windows import Batch, make_batch, make_training_set, reverse, sample_run
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
 from gmrdata.values.files import read_json, write_json

@@ -1,7 +1,7 @@
 """VIBE-CAM from files: translations from 2D joints come back, whatever the camera does."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -71,36 +71,47 @@ def errors_mm(made: Path, clip: Clip) -> np.ndarray:
     return 1000 * np.linalg.norm(found.pelvis_m - true.pelvis_m, axis=1)
 
 
+@dataclass(frozen=True)
+class Take:
+    """Filmed clips, their body, what writes a set of them, and a folder."""
+
+    clips: tuple[Clip, ...]
+    body: BodyModel
+    write_set: WriteSet
+    path: Path
+
+
+@pytest.fixture
+def take(
+    filmed: tuple[Clip, ...], small_body: BodyModel, write_set: WriteSet, tmp_path: Path
+) -> Take:
+    return Take(filmed, small_body, write_set, tmp_path)
+
+
 @pytest.mark.parametrize("n", [25, 21])
 def test_exact_keypoints_give_the_true_translation(
-    files: Callable[..., Path],
-    filmed: tuple[Clip, ...],
-    small_body: BodyModel,
-    tmp_path: Path,
-    n: int,
+    take: Take, files: Callable[..., Path], n: int
 ) -> None:
-    write_frames(tmp_path / "keypoints" / "walk_0", filmed[0], small_body, n=n)
+    write_frames(take.path / "keypoints" / "walk_0", take.clips[0], take.body, n=n)
     made = files()
     found = load_clip(made / "predictions" / "walk_0.npz")
     assert found.valid.all() and found.motion.frame == "world"
-    assert errors_mm(made, filmed[0]).max() < 1e-3
-    true = as_if_still(seen(filmed[0]))
+    assert errors_mm(made, take.clips[0]).max() < 1e-3
+    true = as_if_still(seen(take.clips[0]))
     np.testing.assert_allclose(found.motion.root_rotmats, true.root_rotmats, atol=1e-9)
     record = read_json(made / "predictions.json")["clips"]["walk_0"]
     assert record["median_residual_px"] < 1e-6
     assert record["not_predicted"] == []
 
 
-def test_two_pixels_of_noise(
-    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_two_pixels_of_noise(take: Take, files: Callable[..., Path]) -> None:
     """At 3.7 m before a camera of 640x480 and 60 degrees, the median error is 17 mm, in depth."""
     rng = np.random.default_rng(0)
-    folder = tmp_path / "keypoints" / "walk_0"
-    write_frames(folder, filmed[0], small_body, noise_px=2.0, rng=rng)
+    folder = take.path / "keypoints" / "walk_0"
+    write_frames(folder, take.clips[0], take.body, noise_px=2.0, rng=rng)
     made = files()
-    found = errors_mm(made, filmed[0])
-    assert seen(filmed[0]).pelvis_m[:, 2].mean() == pytest.approx(3.7, abs=0.1)
+    found = errors_mm(made, take.clips[0])
+    assert seen(take.clips[0]).pelvis_m[:, 2].mean() == pytest.approx(3.7, abs=0.1)
     assert np.median(found) == pytest.approx(17, abs=1)
     assert found.max() < 100
     record = read_json(made / "predictions.json")["clips"]["walk_0"]
@@ -108,12 +119,10 @@ def test_two_pixels_of_noise(
     assert record["median_residual_px"] == pytest.approx(2 * 1.18, rel=0.1)
 
 
-def test_rows_without_keypoints_are_not_predicted(
-    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
-    clip, folder = filmed[0], tmp_path / "keypoints" / "walk_0"
-    write_frames(folder, clip, small_body)
-    points_px = project_joints(clip, small_body).image_px
+def test_rows_without_keypoints_are_not_predicted(take: Take, files: Callable[..., Path]) -> None:
+    clip, folder = take.clips[0], take.path / "keypoints" / "walk_0"
+    write_frames(folder, clip, take.body)
+    points_px = project_joints(clip, take.body).image_px
     (folder / "clip_000000000103_keypoints.json").unlink()
     write_frame(folder, 110, [])
     write_frame(folder, 111, [])
@@ -134,12 +143,10 @@ def test_rows_without_keypoints_are_not_predicted(
     ]
 
 
-def test_two_people(
-    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_two_people(take: Take, files: Callable[..., Path]) -> None:
     """By track where one is named, wherever it stands in the list; else the more confident."""
-    clip, folder = filmed[0], tmp_path / "keypoints" / "walk_0"
-    points_px = project_joints(clip, small_body).image_px
+    clip, folder = take.clips[0], take.path / "keypoints" / "walk_0"
+    points_px = project_joints(clip, take.body).image_px
     for row, frame_px in enumerate(points_px):
         people = [person(frame_px, 0.7, track=6), person(frame_px + 40, 0.9, track=2)]
         write_frame(folder, 100 + row, people if row % 2 else people[::-1])
@@ -156,10 +163,10 @@ def test_two_people(
 
 
 def test_keypoints_of_smaller_images_are_scaled_when_that_is_said(
-    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
+    take: Take, files: Callable[..., Path]
 ) -> None:
-    clip, folder = filmed[0], tmp_path / "keypoints" / "walk_0"
-    points_px = project_joints(clip, small_body).image_px
+    clip, folder = take.clips[0], take.path / "keypoints" / "walk_0"
+    points_px = project_joints(clip, take.body).image_px
     for row, frame_px in enumerate(points_px):
         write_frame(folder, 100 + row, [person(frame_px / 2, 0.8)])
     assert errors_mm(files(), clip).min() > 1000
@@ -169,59 +176,53 @@ def test_keypoints_of_smaller_images_are_scaled_when_that_is_said(
         files(VibeCamConfig(image_size_px=(320, 320)))
 
 
-def test_keypoints_that_cannot_be_of_the_clip(
-    filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
-    clip = filmed[0]
-    points_px = project_joints(clip, small_body).image_px
+def test_keypoints_that_cannot_be_of_the_clip(take: Take) -> None:
+    clip = take.clips[0]
+    points_px = project_joints(clip, take.body).image_px
     for factor, words in (
         (3.0, r"are not of the camera's images of 640x480 px. Say with image_size_px"),
         (1 / 640, "points are shares of the image, not pixels. Run OpenPose with --keypoint_scale"),
     ):
-        folder = tmp_path / f"times_{factor:.3f}"
+        folder = take.path / f"times_{factor:.3f}"
         for row, frame_px in enumerate(points_px):
             write_frame(folder, 100 + row, [person(frame_px * factor, 0.8)])
         with pytest.raises(BadKeypoints, match=words):
             clip_keypoints(clip, folder)
-    write_frame(tmp_path / "others", 7, [person(points_px[0], 0.8)])
+    write_frame(take.path / "others", 7, [person(points_px[0], 0.8)])
     with pytest.raises(
         BadKeypoints, match="holds frames 7 to 7, but clip walk_0 has images 100 to"
     ):
-        clip_keypoints(clip, tmp_path / "others")
+        clip_keypoints(clip, take.path / "others")
     unnumbered = replace(clip, image_numbers=np.full(40, -1))
     with pytest.raises(BadKeypoints, match="but clip walk_0 has no images"):
-        clip_keypoints(unnumbered, tmp_path / "others")
+        clip_keypoints(unnumbered, take.path / "others")
     for number in range(100, 140):
-        write_frame(tmp_path / "nobody", number, [])
+        write_frame(take.path / "nobody", number, [])
     with pytest.raises(BadKeypoints, match="nobody: nobody detected in any image of clip walk_0"):
-        clip_keypoints(clip, tmp_path / "nobody")
+        clip_keypoints(clip, take.path / "nobody")
     with pytest.raises(BadMotionFile, match="clip walk_0 has no camera"):
-        clip_keypoints(replace(clip, camera=None), tmp_path / "nobody")
+        clip_keypoints(replace(clip, camera=None), take.path / "nobody")
 
 
-def test_a_truncated_or_missing_file_leaves_nothing(
-    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
-    folder = tmp_path / "keypoints" / "walk_0"
+def test_a_truncated_or_missing_file_leaves_nothing(take: Take, files: Callable[..., Path]) -> None:
+    folder = take.path / "keypoints" / "walk_0"
     with pytest.raises(MissingInput, match="keypoints/walk_0: no such"):
         files()
-    write_frames(folder, filmed[0], small_body)
+    write_frames(folder, take.clips[0], take.body)
     path = folder / "clip_000000000105_keypoints.json"
     path.write_text(path.read_text()[:200])
     with pytest.raises(BadRecord, match="clip_000000000105_keypoints.json: not JSON"):
         files()
-    (tmp_path / "poses" / "walk_0.npz").unlink()
+    (take.path / "poses" / "walk_0.npz").unlink()
     with pytest.raises(MissingInput, match=r"poses/walk_0.npz: no such file"):
         files()
-    assert not (tmp_path / "out").exists()
+    assert not (take.path / "out").exists()
 
 
-def test_poses_that_do_not_fit(
-    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
-    clip, path = filmed[0], tmp_path / "poses" / "walk_0.npz"
-    write_frames(tmp_path / "keypoints" / "walk_0", clip, small_body)
-    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+def test_poses_that_do_not_fit(take: Take, files: Callable[..., Path]) -> None:
+    clip, path = take.clips[0], take.path / "poses" / "walk_0.npz"
+    write_frames(take.path / "keypoints" / "walk_0", clip, take.body)
+    rest_pelvis_m = take.body.rest_pelvis_m(clip.motion.shape)
     posed = load_clip(path)
 
     def refused(other: Clip, words: str) -> None:
@@ -236,11 +237,9 @@ def test_poses_that_do_not_fit(
     refused(replace(posed, image_numbers=posed.image_numbers + 1), "of other images than clip")
 
 
-def test_rows_without_a_pose(
-    files: Callable[..., Path], filmed: tuple[Clip, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
-    write_frames(tmp_path / "keypoints" / "walk_0", filmed[0], small_body)
-    path = tmp_path / "poses" / "walk_0.npz"
+def test_rows_without_a_pose(take: Take, files: Callable[..., Path]) -> None:
+    write_frames(take.path / "keypoints" / "walk_0", take.clips[0], take.body)
+    path = take.path / "poses" / "walk_0.npz"
     posed = load_clip(path)
     local_rotmats = posed.motion.local_rotmats.copy()
     local_rotmats[4, 22] = np.nan
@@ -249,29 +248,22 @@ def test_rows_without_a_pose(
         motion=replace(posed.motion, local_rotmats=local_rotmats),
         valid=np.arange(40) != 9,
     )
-    save_clip(path, lost, small_body.rest_pelvis_m(posed.motion.shape))
+    save_clip(path, lost, take.body.rest_pelvis_m(posed.motion.shape))
     found = load_clip(files() / "predictions" / "walk_0.npz")
     np.testing.assert_array_equal(np.flatnonzero(~found.valid), [4, 9])
 
 
-def test_the_verb(
-    filmed: tuple[Clip, ...],
-    small_body: BodyModel,
-    write_set: WriteSet,
-    body_path: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    manifest = write_set(tmp_path / "set", filmed[:1])
-    write_poses(tmp_path / "poses", filmed[0], small_body)
-    write_frames(tmp_path / "keypoints" / "walk_0", filmed[0], small_body)
-    asked = ["baseline", "vibe_cam", str(manifest), "--poses", str(tmp_path / "poses")]
-    asked += ["--keypoints", str(tmp_path / "keypoints"), "--body", str(body_path)]
-    main([*asked, "--image-size", "640", "480", "--out", str(tmp_path / "out")])
-    assert capsys.readouterr().out.split() == [str(tmp_path / "out")]
-    assert errors_mm(tmp_path / "out", filmed[0]).max() < 1e-3
+def test_the_verb(take: Take, body_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    manifest = take.write_set(take.path / "set", take.clips[:1])
+    write_poses(take.path / "poses", take.clips[0], take.body)
+    write_frames(take.path / "keypoints" / "walk_0", take.clips[0], take.body)
+    asked = ["baseline", "vibe_cam", str(manifest), "--poses", str(take.path / "poses")]
+    asked += ["--keypoints", str(take.path / "keypoints"), "--body", str(body_path)]
+    main([*asked, "--image-size", "640", "480", "--out", str(take.path / "out")])
+    assert capsys.readouterr().out.split() == [str(take.path / "out")]
+    assert errors_mm(take.path / "out", take.clips[0]).max() < 1e-3
     with pytest.raises(SystemExit) as ended:
-        main([*asked, "--person", "walk_0", "--out", str(tmp_path / "no")])
+        main([*asked, "--person", "walk_0", "--out", str(take.path / "no")])
     assert ended.value.code == 1
     assert "--person walk_0: expected the clip's id, =, and a number" in capsys.readouterr().err
 
@@ -318,11 +310,11 @@ def test_gmr_sees_the_same_motion_with_the_camera_on_and_off(takes: tuple[Clip, 
 
 
 def test_camera_frame_poses_are_right_for_the_camera_at_rest_alone(
-    takes: tuple[Clip, Clip], small_body: BodyModel, write_set: WriteSet, tmp_path: Path
+    take: Take, takes: tuple[Clip, Clip]
 ) -> None:
-    made = predict_camera_as_world(write_set(tmp_path / "set", takes), tmp_path / "out")
+    made = predict_camera_as_world(take.write_set(take.path / "set", takes), take.path / "out")
     on, off = (
-        scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, small_body)
+        scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, take.body)
         for clip in takes
     )
     assert max(off) < 1e-5
@@ -330,27 +322,21 @@ def test_camera_frame_poses_are_right_for_the_camera_at_rest_alone(
     assert on[1] > 50 and on[2] > 50
 
 
-def test_so_is_vibe_cam(
-    takes: tuple[Clip, Clip],
-    small_body: BodyModel,
-    write_set: WriteSet,
-    body_path: Path,
-    tmp_path: Path,
-) -> None:
+def test_so_is_vibe_cam(take: Take, takes: tuple[Clip, Clip], body_path: Path) -> None:
     """With exact poses and keypoints all that is left of its error is the camera's motion."""
     for clip in takes:
         posed = seen_by_its_camera(clip)
         motion = replace(posed.motion, pelvis_m=np.zeros((clip.motion.n_frames, 3)))
         save_clip(
-            tmp_path / "poses" / f"{clip.id}.npz",
+            take.path / "poses" / f"{clip.id}.npz",
             replace(posed, motion=motion),
-            small_body.rest_pelvis_m(motion.shape),
+            take.body.rest_pelvis_m(motion.shape),
         )
-        write_frames(tmp_path / "keypoints" / clip.id, clip, small_body)
-    files = SeenFiles(tmp_path / "poses", tmp_path / "keypoints", body_path)
-    made = predict_vibe_cam(write_set(tmp_path / "set", takes), files, tmp_path / "out")
+        write_frames(take.path / "keypoints" / clip.id, clip, take.body)
+    files = SeenFiles(take.path / "poses", take.path / "keypoints", body_path)
+    made = predict_vibe_cam(take.write_set(take.path / "set", takes), files, take.path / "out")
     on, off = (
-        scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, small_body)
+        scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, take.body)
         for clip in takes
     )
     assert max(off) < 1e-3

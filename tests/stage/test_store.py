@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from gmrdata.people.folder import MasksRecord
+from gmrdata.people.following import FollowedRecord, PersonFacts
 from gmrdata.people.linking import Detection
 from gmrdata.people.onnx import DetectionsRecord, FrameRecord
 from gmrdata.stage import store
@@ -427,6 +428,7 @@ VERDICT = SequenceVerdict("a_00", "test", True, (), "panning", 0.5, None, None)
 FOCAL = FocalEstimate(1.0, 0.1, (0.0, 0.0), 2.0, 500)
 RECIPE = RecipeRecord(stage="test", config={"seed": 1}, inputs={"a": "0" * 64})
 FOUND: Detection = {"box_px": [0.0, 0.0, 2.0, 1.0], "score": 0.5, "class": 3}
+SEEN = PersonFacts(images=2, seen=((0, 1),), may_be=())
 RECORDS: tuple[Record, ...] = (
     RECIPE,
     StageRecord(
@@ -442,6 +444,9 @@ RECORDS: tuple[Record, ...] = (
     PeopleRecord(bodies=(0,), genders=("female",), left_out=(), problems=(), focal=FOCAL),
     Verdicts(sequences=(VERDICT,)),
     MasksRecord(sources=("a",), masked_share={"0": {"a": 0.5}}, covered=(), unmasked=()),
+    FollowedRecord(
+        size_px=(4, 2), images=(0,), detections=([FOUND],), people=(SEEN,), left_out=(3,)
+    ),
     DetectionsRecord(frames={"0": FrameRecord([FOUND], [0], [[0.0, 0.0, 4.0, 2.0]])}),
 )
 
