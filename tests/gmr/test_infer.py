@@ -29,10 +29,12 @@ def gmr() -> TrainedGmr:
     return TrainedGmr(Gmr(ModelConfig(layers=1, hidden=8)).eval(), 10.0, "untrained", 3)
 
 
-def test_the_motion_between_frames_is_the_networks(
-    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
-) -> None:
-    motion = make_clips(1, 3, fps_hz=10.0)[0].motion
+@pytest.fixture
+def motion(make_clips: Callable[..., list[Clip]]) -> Motion:
+    return make_clips(1, 3, fps_hz=10.0)[0].motion
+
+
+def test_the_motion_between_frames_is_the_networks(gmr: TrainedGmr, motion: Motion) -> None:
     world = predict_world_motion(gmr, motion)
     assert world.n_frames == motion.n_frames
     assert np.array_equal(world.root_rotmats[0], np.eye(3))
@@ -49,10 +51,7 @@ def test_the_motion_between_frames_is_the_networks(
     )
 
 
-def test_a_first_pose_moves_the_whole(
-    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
-) -> None:
-    motion = make_clips(1, 3, fps_hz=10.0)[0].motion
+def test_a_first_pose_moves_the_whole(gmr: TrainedGmr, motion: Motion) -> None:
     first = Rotation.from_euler("xyz", [0.3, 1.0, -2.0]).as_matrix()
     place_m = np.array([1.0, 2.0, 3.0])
     moved = predict_world_motion(gmr, motion, first_root_rotmat=first, first_pelvis_m=place_m)
@@ -65,11 +64,8 @@ def test_a_first_pose_moves_the_whole(
     )
 
 
-def test_the_given_root_is_not_looked_at(
-    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
-) -> None:
+def test_the_given_root_is_not_looked_at(gmr: TrainedGmr, motion: Motion) -> None:
     """Camera-motion agnostic: any root gives the same bytes, even none at all."""
-    motion = make_clips(1, 3, fps_hz=10.0)[0].motion
     shaken = replace(
         motion,
         root_rotmats=Rotation.random(motion.n_frames, random_state=1).as_matrix(),
@@ -112,10 +108,7 @@ def test_rotations_stay_orthonormal_over_a_long_sequence(gmr: TrainedGmr) -> Non
     assert np.abs(product - np.eye(3)).max() < 1e-14
 
 
-def test_one_frame_and_nan_are_refused(
-    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
-) -> None:
-    motion = make_clips(1, 3, fps_hz=10.0)[0].motion
+def test_one_frame_and_nan_are_refused(gmr: TrainedGmr, motion: Motion) -> None:
     short = replace(
         motion,
         local_rotmats=motion.local_rotmats[:1],

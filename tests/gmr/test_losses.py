@@ -19,11 +19,10 @@ from gmrdata.values.skinning_torch import posed_vertices
 from tests.gmr.direct_reading import direct_mesh_m
 
 B, N = 3, 6
-KINDS: tuple[Literal["chordal", "angular", "axis-angle"], ...] = (
-    "chordal",
-    "angular",
-    "axis-angle",
-)
+Kind = Literal["chordal", "angular", "axis-angle"]
+Reduction = Literal["mean", "sum"]
+KINDS: tuple[Kind, ...] = ("chordal", "angular", "axis-angle")
+REDUCTIONS: tuple[Reduction, ...] = ("mean", "sum")
 
 
 def random_motions(seed: int, angle_rad: float = 0.3) -> Motions:
@@ -67,10 +66,8 @@ def direct_terms(
     sums = dict.fromkeys(("orientation", "translation", "vertex", "smoothness"), 0.0)
     pairs = 0
     for b, n in enumerate(lengths):
-        delta_rotmats, true_rotmats = (
-            predicted.delta_rotmats[b].numpy(),
-            true.delta_rotmats[b].numpy(),
-        )
+        delta_rotmats = predicted.delta_rotmats[b].numpy()
+        true_rotmats = true.delta_rotmats[b].numpy()
         delta_m, true_m = predicted.delta_m[b].numpy(), true.delta_m[b].numpy()
         for i in range(n):
             if kind == "chordal":
@@ -99,14 +96,10 @@ def direct_terms(
 
 @pytest.mark.parametrize("angle_rad", [1e-5, 0.3, np.pi - 1e-6])
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("reduction", ["mean", "sum"])
+@pytest.mark.parametrize("reduction", REDUCTIONS)
 @pytest.mark.parametrize("lengths", [[N, N, N], [N, 2, 1]])
 def test_terms_are_the_equations(
-    small_body: BodyModel,
-    kind: Literal["chordal", "angular", "axis-angle"],
-    reduction: Literal["mean", "sum"],
-    lengths: list[int],
-    angle_rad: float,
+    small_body: BodyModel, kind: Kind, reduction: Reduction, lengths: list[int], angle_rad: float
 ) -> None:
     predicted, true = random_motions(1, angle_rad), random_motions(2, angle_rad)
     bodies = random_bodies(small_body, 3, n_vertices=20)
@@ -145,8 +138,8 @@ def test_padding_has_no_value_and_no_gradient(small_body: BodyModel) -> None:
         assert (leaf.grad[mask].abs().flatten(1).sum(-1) > 0).all()
 
 
-@pytest.mark.parametrize("reduction", ["mean", "sum"])
-def test_parts_of_a_step_add_up(small_body: BodyModel, reduction: Literal["mean", "sum"]) -> None:
+@pytest.mark.parametrize("reduction", REDUCTIONS)
+def test_parts_of_a_step_add_up(small_body: BodyModel, reduction: Reduction) -> None:
     """Three processes with a window each, of different lengths: their mean is the whole's loss."""
     predicted, true, bodies = random_motions(1), random_motions(2), random_bodies(small_body, 3)
     mask = torch.arange(N) < torch.tensor([4, 1, N])[:, None]
@@ -243,10 +236,8 @@ def test_weights_get_the_direct_readings_gradient_in_single_precision(
     assert (gradient - direct_gradient).norm() < 1e-5 * direct_gradient.norm()
 
 
-@pytest.mark.parametrize("reduction", ["mean", "sum"])
-def test_a_vertex_subset_estimates_the_whole(
-    small_body: BodyModel, reduction: Literal["mean", "sum"]
-) -> None:
+@pytest.mark.parametrize("reduction", REDUCTIONS)
+def test_a_vertex_subset_estimates_the_whole(small_body: BodyModel, reduction: Reduction) -> None:
     predicted, true = random_motions(1), random_motions(2)
     mask = torch.ones(B, N, dtype=torch.bool)
     config = LossConfig(reduction=reduction)
@@ -276,10 +267,10 @@ def test_vertex_rows_are_spread_and_ascending(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("angle_rad", [0.0, 1e-8, 1e-4, 0.1, 1.0, 3.0, np.pi - 1e-3])
-@pytest.mark.parametrize("reduction", ["mean", "sum"])
+@pytest.mark.parametrize("reduction", REDUCTIONS)
 @pytest.mark.parametrize("term", [*KINDS, "translation", "vertex", "smoothness"])
 def test_gradients_by_finite_differences(
-    small_body: BodyModel, term: str, reduction: Literal["mean", "sum"], angle_rad: float
+    small_body: BodyModel, term: str, reduction: Reduction, angle_rad: float
 ) -> None:
     """Each term's gradient through the network's output, at predictions of 0 to nearly pi."""
     axes = np.array([[0.6, -0.48, 0.64], [0.8, 0.6, 0.0], [-0.28, 0.96, 0.0]])
@@ -312,10 +303,7 @@ def test_gradients_by_finite_differences(
 @pytest.mark.parametrize("angle_rad", [0.0, 1e-12, 1e-7, np.pi - 1e-7, np.pi, np.pi + 1e-7])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_gradients_are_finite_at_0_and_pi(
-    small_body: BodyModel,
-    kind: Literal["chordal", "angular", "axis-angle"],
-    angle_rad: float,
-    dtype: torch.dtype,
+    small_body: BodyModel, kind: Kind, angle_rad: float, dtype: torch.dtype
 ) -> None:
     """Prediction and truth equal, opposite, or both at half a turn."""
     axis = torch.tensor([0.6, -0.48, 0.64], dtype=dtype)
@@ -364,9 +352,7 @@ def test_each_window_is_posed_on_its_own_body(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_lengths_of_errors_are_their_means_and_have_a_slope_everywhere(
-    kind: Literal["chordal", "angular", "axis-angle"],
-) -> None:
+def test_lengths_of_errors_are_their_means_and_have_a_slope_everywhere(kind: Kind) -> None:
     """A chordal distance of small angles is the angle times the root of 2."""
     true, mask = random_motions(1), torch.ones(B, N, dtype=torch.bool)
     mask[1, 4:] = False

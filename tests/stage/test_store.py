@@ -92,17 +92,11 @@ def test_stage_is_complete_with_its_record(tmp_path: Path) -> None:
     assert stage_seconds(out_dir) == record["seconds"] >= 0
 
 
-def test_same_recipe_does_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("redo", [False, True])
+def test_same_recipe_does_nothing_even_with_redo(tmp_path: Path, redo: bool) -> None:
     work = Counter()
     for _ in range(3):
-        made(tmp_path / "out", work)
-    assert work.runs == 1
-
-
-def test_same_recipe_does_nothing_even_with_redo(tmp_path: Path) -> None:
-    work = Counter()
-    made(tmp_path / "out", work)
-    made(tmp_path / "out", work, run=Run(redo=True))
+        made(tmp_path / "out", work, run=Run(redo=redo))
     assert work.runs == 1
 
 

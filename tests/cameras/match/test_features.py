@@ -1,18 +1,34 @@
-"""Features of frames are those of each frame alone."""
+"""Features and patches of frames, and keypoints moved by known parts of a pixel."""
 
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.features import _first_octave, find_features
+from gmrdata.cameras.match.keyframes import follow
+from gmrdata.cameras.match.keypoint_adjustment import (
+    HALF_PX,
+    MEASURED_PX,
+    PLACED_PX,
+    Motions,
+    _fitted,
+    adjust_keypoints,
+    follow_patches,
+)
+from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
+from tests.cameras.match.test_keyframes import INTRINSICS_PX, SIZE_PX, shifted, texture
+from tests.filming import write_pictures
 
-INTRINSICS_PX = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
+SMALL_INTRINSICS_PX = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
 
 
 def coarse_noise(folder: Path, n_frames: int) -> list[Path]:
@@ -35,11 +51,11 @@ def keypoints_of(database_path: Path) -> dict[str, np.ndarray]:
 def test_features_are_those_of_each_frame_alone(tmp_path: Path) -> None:
     """COLMAP's extractor gave a frame the orientations of the frame before it."""
     images = coarse_noise(tmp_path / "frames", 12)
-    frames = Frames(images, None, INTRINSICS_PX, (160, 120))
+    frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
     find_features(frames, tmp_path / "all.db", SfmConfig(threads=4, first_octave=0))
     together = keypoints_of(tmp_path / "all.db")
     for image in images:
-        alone = Frames([image], None, INTRINSICS_PX, (160, 120))
+        alone = Frames([image], None, SMALL_INTRINSICS_PX, (160, 120))
         find_features(alone, tmp_path / f"{image.stem}.db", SfmConfig(threads=1, first_octave=0))
         expected = keypoints_of(tmp_path / f"{image.stem}.db")[image.name]
         np.testing.assert_array_equal(together[image.name], expected)
@@ -51,7 +67,7 @@ def test_features_are_those_of_colmap_for_a_single_frame(
 ) -> None:
     """Of a small frame, which is doubled if nobody says otherwise."""
     images = coarse_noise(tmp_path / "frames", 1)
-    frames = Frames(images, None, INTRINSICS_PX, (160, 120))
+    frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
     config = SfmConfig(max_features=600, first_octave=asked)
     found = find_features(frames, tmp_path / "own.db", config)
     options = pycolmap.FeatureExtractionOptions()
@@ -77,7 +93,7 @@ def test_features_inside_masks_are_last_and_have_no_descriptors(tmp_path: Path) 
     (tmp_path / "masks").mkdir()
     for image in images:
         cv2.imwrite(str(tmp_path / "masks" / image.name), mask)
-    frames = Frames(images, tmp_path / "masks", INTRINSICS_PX, (160, 120))
+    frames = Frames(images, tmp_path / "masks", SMALL_INTRINSICS_PX, (160, 120))
     found = find_features(frames, tmp_path / "masked.db", SfmConfig())
     places = keypoints_of(tmp_path / "masked.db")
     with closing(pycolmap.Database.open(tmp_path / "masked.db")) as database:
@@ -108,7 +124,7 @@ def blobs() -> np.ndarray:
 def test_features_of_large_frames_are_where_the_frame_has_them(tmp_path: Path) -> None:
     """By OpenCV's SIFT on half the size, whose (0, 0) is the centre of a pixel."""
     cv2.imwrite(str(tmp_path / "00000.png"), blobs())
-    frames = Frames([tmp_path / "00000.png"], None, INTRINSICS_PX, LARGE_PX)
+    frames = Frames([tmp_path / "00000.png"], None, SMALL_INTRINSICS_PX, LARGE_PX)
     found = find_features(frames, tmp_path / "own.db", SfmConfig(max_orientations=1))
     places_px = keypoints_of(tmp_path / "own.db")["00000.png"][:, :2]
     assert found.n_free == [len(places_px)]
@@ -135,7 +151,7 @@ def test_weak_features_are_taken_where_masks_leave_few(
     (tmp_path / "masks").mkdir()
     cv2.imwrite(str(tmp_path / "00000.png"), np.clip(np.round(image), 0, 255).astype(np.uint8))
     cv2.imwrite(str(tmp_path / "masks" / "00000.png"), mask)
-    frames = Frames([tmp_path / "00000.png"], tmp_path / "masks", INTRINSICS_PX, LARGE_PX)
+    frames = Frames([tmp_path / "00000.png"], tmp_path / "masks", SMALL_INTRINSICS_PX, LARGE_PX)
     find_features(frames, tmp_path / "own.db", SfmConfig())
     x_px = keypoints_of(tmp_path / "own.db")["00000.png"][:, 0]
     n_weak = int((x_px > 661).sum())
@@ -147,7 +163,7 @@ def test_a_place_has_as_many_directions_as_are_asked_for(tmp_path: Path) -> None
     coarse = rng.integers(0, 255, (80, 120)).astype(np.uint8)
     image = cv2.resize(coarse, LARGE_PX, interpolation=cv2.INTER_CUBIC)
     cv2.imwrite(str(tmp_path / "00000.png"), image)
-    frames = Frames([tmp_path / "00000.png"], None, INTRINSICS_PX, LARGE_PX)
+    frames = Frames([tmp_path / "00000.png"], None, SMALL_INTRINSICS_PX, LARGE_PX)
     counts = []
     for most in (1, 2):
         path = tmp_path / f"{most}.db"
@@ -157,3 +173,203 @@ def test_a_place_has_as_many_directions_as_are_asked_for(tmp_path: Path) -> None
         assert each.max() == most and len(each) == 300
         counts.append(len(keypoints))
     assert counts[1] > counts[0] == 300
+
+
+HEIGHT_PX, WIDTH_PX = 300, 600
+SPOTS_PX = np.stack(np.meshgrid(np.arange(150.0, 460, 12), np.arange(80.0, 230, 12)), -1)
+POINTS_PX = SPOTS_PX.reshape(-1, 2)
+MIDDLE_PX = np.array([WIDTH_PX / 2, HEIGHT_PX / 2])
+
+
+def similar(growth: float, turn_rad: float, shift_px: tuple[float, float]) -> np.ndarray:
+    """(2, 3) after_from_before, about the middle of the picture."""
+    turn = growth * np.array(
+        [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
+    )
+    return np.c_[turn, MIDDLE_PX - turn @ MIDDLE_PX + shift_px]
+
+
+def seen_after(image: np.ndarray, after_from_before: np.ndarray) -> np.ndarray:
+    """The picture after a similarity; OpenCV's (0, 0) is the centre of the first pixel."""
+    moved = after_from_before.copy()
+    moved[:, 2] += after_from_before[:, :2] @ [0.5, 0.5] - 0.5
+    return cv2.warpAffine(image, moved, (WIDTH_PX, HEIGHT_PX), flags=cv2.INTER_CUBIC)
+
+
+def errors_px(found_px: np.ndarray, after_from_before: np.ndarray) -> np.ndarray:
+    true_px = POINTS_PX @ after_from_before[:, :2].T + after_from_before[:, 2]
+    return np.asarray(np.linalg.norm(found_px - true_px, axis=1))
+
+
+def guessed_px(after_from_before: np.ndarray, off_px: float = 0.5) -> np.ndarray:
+    """Places as SIFT would have them, half a pixel off."""
+    rng = np.random.default_rng(0)
+    true_px = POINTS_PX @ after_from_before[:, :2].T + after_from_before[:, 2]
+    return np.asarray(true_px + rng.normal(0, off_px, true_px.shape))
+
+
+@settings(max_examples=20)
+@given(
+    st.floats(0.85, 1.2), st.floats(-0.15, 0.15),
+    st.tuples(st.floats(-20, 20), st.floats(-20, 20)), st.integers(0, 20),
+)  # fmt: skip
+def test_a_patch_is_found_as_it_turns_and_grows(
+    growth: float, turn_rad: float, shift_px: tuple[float, float], seed: int
+) -> None:
+    move, image = similar(growth, turn_rad, shift_px), texture(seed)
+    found_px, rests = follow_patches(image, seen_after(image, move), POINTS_PX, guessed_px(move))
+    assert rests.mean() > 0.8
+    assert np.median(errors_px(found_px, move)[rests]) < 0.05
+    assert np.percentile(errors_px(found_px, move)[rests], 90) < 0.2
+
+
+def test_a_patch_that_may_only_shift_goes_too_far_where_it_grows() -> None:
+    """As on a car's path, where the two differed by 0.8 px in one match of ten."""
+    image, move = texture(0), similar(1.12, 0.0, (3.0, -2.0))
+    after = seen_after(image, move)
+    shifted_px, ok = follow(image, after, POINTS_PX, guessed_px(move))
+    grown_px, rests = follow_patches(image, after, POINTS_PX, guessed_px(move))
+    assert np.percentile(errors_px(shifted_px, move)[ok & rests], 90) > 0.4
+    assert np.percentile(errors_px(grown_px, move)[ok & rests], 90) < 0.1
+
+
+def test_patches_are_where_opencv_finds_them() -> None:
+    """OpenCV's own alignment (enhanced correlation, Evangelidis and Psarakis 2008), one by one."""
+    image, move = texture(3), similar(1.06, 0.05, (4.0, 1.0))
+    after, guess_px = seen_after(image, move), guessed_px(move)
+    found_px, rests = follow_patches(image, after, POINTS_PX, guess_px)
+    chosen = np.flatnonzero(rests)[::9]
+    apart_px = []
+    for n in chosen:
+        corner = np.floor(POINTS_PX[n]).astype(int) - HALF_PX
+        side = 2 * HALF_PX + 1
+        patch = image[corner[1] : corner[1] + side, corner[0] : corner[0] + side]
+        start = np.c_[np.eye(2), guess_px[n] - POINTS_PX[n] + corner].astype(np.float32)
+        until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-6)
+        _, warp = cv2.findTransformECC(
+            patch, after, start, cv2.MOTION_AFFINE, until, np.full_like(after, 255), 1
+        )
+        own_px = POINTS_PX[n] - corner - 0.5
+        theirs_px = warp[:, :2] @ own_px + warp[:, 2] + 0.5
+        apart_px.append(np.linalg.norm(theirs_px - found_px[n]))
+    assert len(chosen) > 20
+    assert np.median(apart_px) < 0.05
+
+
+def test_what_is_not_there_does_not_come_to_rest_near_it() -> None:
+    image, other = texture(1), texture(2)
+    found_px, rests = follow_patches(image, other, POINTS_PX, POINTS_PX)
+    near = np.linalg.norm(found_px - POINTS_PX, axis=1) < 0.5
+    assert (rests & near).mean() < 0.1
+
+
+def test_no_points_and_no_texture_are_no_error() -> None:
+    image = np.full((50, 60), 128, np.uint8)
+    found_px, rests = follow_patches(image, image, np.zeros((0, 2)), np.zeros((0, 2)))
+    assert found_px.shape == (0, 2) and rests.shape == (0,)
+    found_px, _ = follow_patches(image, image, np.array([[30.0, 20.0]]), np.array([[31.0, 20.0]]))
+    np.testing.assert_allclose(found_px, [[31.0, 20.0]])
+
+
+SHIFTS_PX = np.array([0.0, 3.3, 6.85, 10.4])
+
+
+@pytest.fixture
+def found(tmp_path: Path) -> tuple[Matches, Frames, Path]:
+    """Four shifted pictures, and what COLMAP finds and matches in them."""
+    images = write_pictures(
+        tmp_path / "frames", [shifted(texture(0), by_px) for by_px in SHIFTS_PX]
+    )
+    frames = Frames(images, None, INTRINSICS_PX, SIZE_PX)
+    return match_frames(frames, tmp_path, SfmConfig(first_octave=-1)), frames, tmp_path
+
+
+def keypoint_errors_px(matches: Matches) -> np.ndarray:
+    """(M,) by how much the motions of matched features are wrong."""
+    errors = []
+    for pair in matches.pairs:
+        ends = matches.keypoints_px[pair.first], matches.keypoints_px[pair.second]
+        moved_px = ends[1][pair.features[:, 1]] - ends[0][pair.features[:, 0]]
+        true_px = [SHIFTS_PX[pair.first] - SHIFTS_PX[pair.second], 0.0]
+        errors.append(np.linalg.norm(moved_px - true_px, axis=1))
+    return np.concatenate(errors)
+
+
+def test_features_move_as_their_pictures_do(found: tuple[Matches, Frames, Path]) -> None:
+    """Features of one blob in shifted pictures differ little: noise of SIFT is laid over them."""
+    matches, frames, work_dir = found
+    rng = np.random.default_rng(0)
+    noisy = [px + rng.normal(0, 0.3, px.shape) for px in matches.keypoints_px]
+    before = replace(matches, keypoints_px=noisy)
+    after = adjust_keypoints(before, frames, work_dir)
+    assert len(keypoint_errors_px(before)) > 100
+    assert np.median(keypoint_errors_px(before)) > 0.4
+    assert np.median(keypoint_errors_px(after)) < 0.08
+    # What all frames have in common is not measured: they stay about where they were.
+    apart_px = np.concatenate(after.keypoints_px) - np.concatenate(noisy)
+    assert np.abs(apart_px.mean(axis=0)).max() < 0.02
+    assert np.median(np.linalg.norm(apart_px, axis=1)) < 0.5
+
+
+def test_the_mappers_see_the_same_points(found: tuple[Matches, Frames, Path]) -> None:
+    matches, frames, work_dir = found
+    after = adjust_keypoints(matches, frames, work_dir)
+    with closing(pycolmap.Database.open(work_dir / DATABASE_FILE)) as database:
+        for image in database.read_all_images():
+            written = database.read_keypoints(image.image_id)
+            points_px = after.keypoints_px[[path.name for path in frames.images].index(image.name)]
+            np.testing.assert_array_equal(written[:, :2], points_px.astype(np.float32))
+            assert (written[:, 2:] != 0).any()  # shapes stay
+    assert after.pairs is matches.pairs
+
+
+def test_what_moves_in_a_mask_moves_no_point(
+    found: tuple[Matches, Frames, Path], tmp_path: Path
+) -> None:
+    matches, frames, work_dir = found
+    masks_dir, mask = tmp_path / "masks", np.zeros(SIZE_PX[::-1], np.uint8)
+    mask[:, :120] = 255
+    write_pictures(masks_dir, [mask] * len(frames.images))
+    after = adjust_keypoints(matches, replace(frames, masks_dir=masks_dir), work_dir)
+    before_px, after_px = np.concatenate(matches.keypoints_px), np.concatenate(after.keypoints_px)
+    masked = before_px[:, 0] < 120
+    np.testing.assert_allclose(after_px[masked], before_px[masked], atol=1e-9)
+    assert np.abs(after_px[~masked] - before_px[~masked]).max() > 0.01
+
+
+def test_a_patch_that_is_found_elsewhere_counts_for_nothing(
+    found: tuple[Matches, Frames, Path],
+) -> None:
+    """A wrong match: the feature that it names is nowhere near."""
+    matches, frames, work_dir = found
+    wrong = [
+        PairMatches(pair.first, pair.second, np.roll(pair.features, 5, axis=0) * [1, 0] + [0, 3],
+                    "CALIBRATED")
+        for pair in matches.pairs
+    ]  # fmt: skip
+    away = [PairMatches(p.first, p.second, p.features[p.features[:, 0] > 20], "") for p in wrong]
+    after = adjust_keypoints(replace(matches, pairs=away), frames, work_dir)
+    moved_px = np.concatenate(after.keypoints_px) - np.concatenate(matches.keypoints_px)
+    assert (np.linalg.norm(moved_px, axis=1) > 1e-6).mean() < 0.02
+
+
+def test_without_neighbours_nothing_moves(found: tuple[Matches, Frames, Path]) -> None:
+    matches, frames, work_dir = found
+    far = [pair for pair in matches.pairs if pair.second > pair.first + 1]
+    after = adjust_keypoints(replace(matches, pairs=far), frames, work_dir)
+    for before_px, after_px in zip(matches.keypoints_px, after.keypoints_px, strict=True):
+        np.testing.assert_array_equal(before_px, after_px)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 30))
+def test_the_fit_is_that_of_numpy(seed: int, m: int) -> None:
+    rng = np.random.default_rng(seed)
+    places_px = rng.uniform(0, 100, (12, 2))
+    measured = Motions(rng.integers(0, 6, m), rng.integers(6, 12, m), rng.normal(0, 5, (m, 2)))
+    rows = np.zeros((m, 12))
+    rows[np.arange(m), measured.second] = 1
+    rows[np.arange(m), measured.first] -= 1
+    weighted = np.concatenate([np.eye(12) / PLACED_PX, rows / MEASURED_PX])
+    wanted = np.concatenate([places_px / PLACED_PX, measured.moved_px / MEASURED_PX])
+    expected = np.linalg.lstsq(weighted, wanted, rcond=None)[0]
+    np.testing.assert_allclose(_fitted(places_px, measured), expected, atol=1e-6)
