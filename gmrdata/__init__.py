@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gmrdata.film.programmes import camera_programme as camera_programme
     from gmrdata.film.render import RenderConfig as RenderConfig
     from gmrdata.film.render import render_clip as render_clip
+    from gmrdata.film.render_set import render_set as render_set
     from gmrdata.fusion.fuse import FuseConfig as FuseConfig
     from gmrdata.fusion.fuse import fuse as fuse
     from gmrdata.gmr.config import TrainConfig as TrainConfig
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from gmrdata.people.sources import MasksConfig as MasksConfig
     from gmrdata.read.bodies import load_body as load_body
     from gmrdata.read.body_file import save_body as save_body
+    from gmrdata.read.models import fetch_models as fetch_models
     from gmrdata.read.video import VideoConfig as VideoConfig
     from gmrdata.score.compare import CompareConfig as CompareConfig
     from gmrdata.score.compare import compare as compare
@@ -46,6 +48,8 @@ if TYPE_CHECKING:
     from gmrdata.solve.videos import solve_video as solve_video
     from gmrdata.solve.videos import solve_videos as solve_videos
     from gmrdata.stage.run import Run as Run
+    from gmrdata.threedpw.regenerate import regenerate_threedpw as regenerate_threedpw
+    from gmrdata.twins.floor import measure_floor as measure_floor
     from gmrdata.values.body import BodyModel as BodyModel
     from gmrdata.values.camera import CameraPath as CameraPath
     from gmrdata.values.clip import Clip as Clip
@@ -84,6 +88,10 @@ _NAMES = {
     "values.errors": ("GmrdataError",),
     "values.motion": ("Motion",),
     "values.people": ("PersonFiles",),
+    "film.render_set": ("render_set",),
+    "read.models": ("fetch_models",),
+    "threedpw.regenerate": ("regenerate_threedpw",),
+    "twins.floor": ("measure_floor",),
     "world.compose": ("motion_in_camera",),
     "cameras.lens.intrinsics": ("GivenIntrinsics",),
     "people.sources": ("MasksConfig",),

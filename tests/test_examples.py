@@ -11,7 +11,9 @@ import pytest
 FOLDER = Path(__file__).resolve().parents[1] / "examples"
 Example = Callable[..., str]
 SCRIPTS = sorted(path.name for path in FOLDER.glob("*.py"))
-MAY_IMPORT = {"gmrdata", "numpy", "matplotlib.pyplot", "argparse", "dataclasses", "pathlib"}
+MAY_IMPORT = {
+    "gmrdata", "numpy", "matplotlib.pyplot", "argparse", "dataclasses", "pathlib", "sys",
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -28,13 +30,21 @@ def example(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
     return run
 
 
-def test_there_are_four() -> None:
+def test_there_are_seven() -> None:
     assert SCRIPTS == [
         "plot_path.py",
+        "regenerate_threedpw.py",
         "render_clip.py",
+        "score_results.py",
         "solve_sequence.py",
         "train_and_score.py",
+        "video_to_glb.py",
     ]
+
+
+@pytest.mark.parametrize("name", ["regenerate_threedpw", "score_results", "video_to_glb"])
+def test_a_whole_job_takes_fifteen_lines(name: str) -> None:
+    assert len((FOLDER / f"{name}.py").read_text(encoding="utf-8").splitlines()) <= 15
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
@@ -72,6 +82,7 @@ def test_a_gmr_is_trained_scored_and_plotted(example: Example, tmp_path: Path) -
     out = tmp_path / "gmr"
     said = example("train_and_score", out, "--walks", 2, "--steps", 2)
     assert said.splitlines()[-1].startswith("OME ") and " mm" in said
+    assert example("score_results", "bundled", out / "scored/motions.yaml", tmp_path / "bundled")
     picture = tmp_path / "path.png"
     example("plot_path", out / "run", out / "files" / "scored" / "scored_0.npz", picture)
     assert picture.read_bytes()[:4] == b"\x89PNG"

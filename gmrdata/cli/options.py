@@ -202,9 +202,9 @@ BootstrapSeed = Annotated[int, arg(help="Seed of the bootstrap intervals.")]
 
 def read_recipe(name: str, model: type[AnyRecipe]) -> AnyRecipe:
     """The recipe that a RecipeName stands for."""
-    from gmrdata.stage.recipes import find_recipe, load_recipe
+    from gmrdata.stage import recipes
 
-    return load_recipe(find_recipe(name), model)
+    return recipes.read_recipe(name, model)
 
 
 @contextmanager

@@ -31,6 +31,7 @@ from gmrdata.read.body_file import read_body
 from gmrdata.stage import jobs as stage_jobs
 from gmrdata.stage.jobs import count_files
 from gmrdata.stage.progress import remark
+from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values.body import BodyModel
@@ -87,10 +88,10 @@ def try_render_clips(
 
 
 def render_set(
-    recipe: SyntheticRecipe,
-    out_dir: Path,
+    recipe: SyntheticRecipe | str | Path,
+    out_dir: str | Path,
     *,
-    motions_dir: Path | None = None,
+    motions_dir: str | Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Render every clip whose motion is there, and list them in `out_dir/synthetic.yaml`.
@@ -100,6 +101,8 @@ def render_set(
     without some of its clips has "incomplete" in its version.  Returns the manifest's path;
     StageFailed where some clips failed, MissingInput where not one can be rendered.
     """
+    recipe, out_dir = read_recipe(recipe, SyntheticRecipe), Path(out_dir)
+    motions_dir = None if motions_dir is None else Path(motions_dir)
     selection = select(recipe, motions_dir)
     require_takes(selection, motions_dir)
     out_dir = out_dir.resolve()

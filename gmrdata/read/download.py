@@ -48,6 +48,9 @@ class FetchConfig(Config):
     """A longer answer is none of the files that are fetched, and is refused [bytes]."""
 
 
+DEFAULT_FETCH = FetchConfig()
+
+
 BLOCK_BYTES = 1 << 16
 _RANGE = re.compile(r"bytes ([0-9]+)-([0-9]+)/([0-9]+)")
 _PASSING = frozenset({408, 425, 429, 500, 502, 503, 504})

@@ -9,7 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.download import FetchConfig, download, drop_part, part_of, web_folder
+from gmrdata.read.download import (
+    DEFAULT_FETCH,
+    FetchConfig,
+    download,
+    drop_part,
+    part_of,
+    web_folder,
+)
 from gmrdata.stage.locks import locked
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingInput
@@ -74,19 +81,22 @@ def require_model(path: Path) -> Path:
 
 
 def fetch_models(
-    out_dir: Path,
-    config: FetchConfig,
-    rng: np.random.Generator,
+    out_dir: str | Path | None = None,
+    config: FetchConfig = DEFAULT_FETCH,
+    rng: np.random.Generator | None = None,
     *,
     redo: bool = False,
     sleep: Callable[[float], None] = time.sleep,
 ) -> list[Path]:
     """Get the networks whose published files are not there, and check each against its SHA-256.
 
-    With `redo` a file of another content is fetched again.  BadRecipe: the address is not one of
+    Without `out_dir` they go to the cache folder in which every job looks for them.  With `redo` a
+    file of another content is fetched again.  BadRecipe: the address is not one of
     the web.  FetchFailed: some were not fetched, or not as published; the others are there.
     """
     urls = [_url(model, config) for model in MODELS]
+    out_dir = models_dir() if out_dir is None else Path(out_dir)
+    rng = np.random.default_rng() if rng is None else rng
     out_dir.mkdir(parents=True, exist_ok=True)
     get = partial(download, config=config, rng=rng, sleep=sleep)
     problems = []

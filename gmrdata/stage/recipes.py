@@ -52,6 +52,11 @@ def load_recipe(path: Path, model: type[Recipe]) -> Recipe:
         raise BadRecipe(f"{path}: {error.error_count()} wrong:\n{problems}") from None
 
 
+def read_recipe(recipe: Recipe | Path | str, model: type[Recipe]) -> Recipe:
+    """A recipe itself, or the one of a file or of a carried name; errors as of `load_recipe`."""
+    return recipe if isinstance(recipe, model) else load_recipe(find_recipe(str(recipe)), model)
+
+
 def _read(path: Path) -> dict[str, object]:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")

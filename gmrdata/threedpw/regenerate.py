@@ -19,6 +19,7 @@ from gmrdata.read.threedpw_files import (
 )
 from gmrdata.stage.jobs import Job, raise_failures, try_jobs
 from gmrdata.stage.progress import console, track
+from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
@@ -76,6 +77,22 @@ class Verdicts(Record):
     format: Literal["gmrdata-verdicts/1"] = "gmrdata-verdicts/1"
     sequences: tuple[SequenceVerdict, ...]
     """In the order of their names."""
+
+
+def regenerate_threedpw(
+    threedpw_dir: str | Path,
+    out_dir: str | Path,
+    recipe: ThreedpwRecipe | str | Path = "threedpw",
+    *,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """World motions of a 3DPW folder with a verdict for each sequence; gives the manifest's path.
+
+    `recipe` names SMPL's files, as a copy of pipelines/threedpw.yaml does; all else as
+    `regenerate_set`.
+    """
+    loaded = read_recipe(recipe, ThreedpwRecipe)
+    return regenerate_set(loaded, Path(threedpw_dir), Path(out_dir), run=run)
 
 
 def regenerate_set(

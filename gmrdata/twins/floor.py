@@ -11,6 +11,7 @@ from gmrdata.people.sources import masks_seconds
 from gmrdata.read.bodies import BODY_FILE
 from gmrdata.read.body_file import read_body
 from gmrdata.stage.progress import track
+from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import stage_seconds
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
@@ -31,6 +32,24 @@ class MadeFloor(NamedTuple):
 
     path: Path
     failed: StageFailed | None
+
+
+def measure_floor(
+    twins_dir: str | Path,
+    out_dir: str | Path,
+    recipe: ThreedpwRecipe | str | Path = "threedpw",
+    *,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Regenerate rendered twins of 3DPW and measure them against their truth; gives `floor.json`.
+
+    StageFailed, once the others are measured, where some sequences failed.
+    """
+    loaded = read_recipe(recipe, ThreedpwRecipe)
+    made = floor_of_twins(Path(twins_dir), loaded, Path(out_dir), run=run)
+    if made.failed is not None:
+        raise made.failed
+    return made.path
 
 
 def sampled_floor(
