@@ -53,7 +53,7 @@ RUN = (
 
 ELSEWHERE = {
     "baseline camera_as_world --camera --cameras --out": (
-        "paper/test_camera_as_world.py::test_ignored_true_and_recovered"
+        "paper/test_baselines.py::test_ignored_true_and_recovered"
     ),
     "baseline joint_train --features --out": "paper/test_joint.py::test_it_learns",
     "baseline joint --features --out": "paper/test_joint.py::test_it_learns",
@@ -62,9 +62,9 @@ ELSEWHERE = {
     ),
     "baseline vibe_cam --poses --keypoints --out": "paper/test_vibe_cam.py::test_the_verb",
     "delta-errors --network --out": (
-        "fusion/test_network_errors.py::test_the_verb_measures_a_run_on_whom_it_held_out"
+        "fusion/test_network_evidence.py::test_the_verb_measures_a_run_on_whom_it_held_out"
     ),
-    "doctor": "cli/test_doctor.py::test_it_finds_what_the_tests_run_with",
+    "doctor": "cli/test_cli.py::test_it_finds_what_the_tests_run_with",
     "evaluate --body --floor --out": (
         "score/test_score.py::test_a_floor_is_part_of_what_was_asked"
     ),
@@ -83,8 +83,8 @@ ELSEWHERE = {
     "fuse --network --out --dry-run": (
         "cli/test_fusion.py::test_fuse_says_what_it_found_and_writes_a_page"
     ),
-    "masks --out --masks": "people/test_verb.py::test_a_video_and_a_folder_of_masks",
-    "merge": "cli/test_shards.py::test_shards_and_merge_leave_the_bytes_of_one_process",
+    "masks --out --masks": "people/test_sources.py::test_a_video_and_a_folder_of_masks",
+    "merge": "cli/test_videos.py::test_shards_and_merge_leave_the_bytes_of_one_process",
     "page --images": (
         "cli/test_page.py::"
         "test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected"
