@@ -11,7 +11,7 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
-from gmrdata.motion.library import write_motions
+from gmrdata.motion.library import motions_head, write_motions
 from gmrdata.read.bodies import keep_bodies
 from gmrdata.read.body_file import read_body
 from gmrdata.read.emdb import FPS_HZ, EmdbSequence, find_sequences, read_emdb
@@ -108,7 +108,12 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
             if is_in:
                 entries[name].append(entry)
     return tuple(
-        write_motions(out_dir, name, name, description, LICENCE, entries[name], run=run)
+        write_motions(
+            out_dir / f"{name}.yaml",
+            motions_head(name, description, LICENCE),
+            entries[name],
+            run=run,
+        )
         for name, description in DESCRIPTIONS.items()
         if entries[name]
     )

@@ -9,7 +9,7 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
-from gmrdata.motion.library import write_motions
+from gmrdata.motion.library import motions_head, write_motions
 from gmrdata.read import human36m as files
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
@@ -100,8 +100,8 @@ def make_human36m(
         ]
         if entries:
             about = f"Human3.6M's {name} subjects in the world, with one fixed camera."
-            head = (out_dir, name, f"human36m_{name}", about, LICENCE)
-            made.append(write_motions(*head, entries, {"subjects": there}, run=run))
+            head, path = motions_head(f"human36m_{name}", about, LICENCE), out_dir / f"{name}.yaml"
+            made.append(write_motions(path, head, entries, {"subjects": there}, run=run))
     return tuple(made)
 
 

@@ -232,8 +232,9 @@ def make_library(
         used = sorted({entry.body for entry in outcome.results.values()})
         licences = dict.fromkeys(_body(body_paths[name]).licence for name in used)
         licence = f"clips as stated by each; body: {'; '.join(licences)}"
-        head = ("motions", clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
-        write_motions(out_dir, *head, list(outcome.results.values()), config.recorded, run=run)
+        head = motions_head(clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
+        entries = list(outcome.results.values())
+        write_motions(out_dir / "motions.yaml", head, entries, config.recorded, run=run)
     for id in outcome.results:
         if ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).upright is False:
             remark(f"clip {id}: {LIES}")
@@ -281,27 +282,21 @@ def make_entry(
     )
 
 
+def motions_head(name: str, description: str, licence: str) -> ManifestHead:
+    """What a manifest of motions says of all of them."""
+    return ManifestHead(name, "1.0.0", description, "motions", licence)
+
+
 def write_motions(
-    out_dir: Path,
-    file_name: str,
-    name: str,
-    description: str,
-    licence: str,
+    path: Path,
+    head: ManifestHead,
     clips: Sequence[ClipEntry],
     recipe: Config | Mapping[str, Sequence[int]] | None = None,
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Write `out_dir/<file_name>.yaml`, a manifest of motions."""
-    return write_manifest(
-        out_dir / f"{file_name}.yaml",
-        ManifestHead(
-            name=name, version="1.0.0", description=description, kind="motions", licence=licence
-        ),
-        clips,
-        created_by=made_by(recipe),
-        redo=run.redo,
-    )
+    """Write a manifest of motions; gives its path."""
+    return write_manifest(path, head, clips, created_by=made_by(recipe), redo=run.redo)
 
 
 def _keep(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
