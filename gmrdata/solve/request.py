@@ -117,9 +117,9 @@ class Solved:
     request: SolveRequest
     out_dir: Path
     config: SolveConfig
+    frames: FrameSet  # with times unless bodies are given, which have theirs
     run: Run = DEFAULT_RUN
     body_path: Path | None = None  # of people whom a system sees
-    frames: FrameSet | None = None  # with times unless bodies are given, which have theirs
     followed_dir: Path | None = None  # who is in the picture, where somebody wants to know
     masks_dir: Path | None = None
     lens: Intrinsics | None = None  # None where bodies came with theirs

@@ -48,6 +48,7 @@ from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.people import (
     BODIES,
     FUSED,
@@ -79,9 +80,9 @@ def solve(
         BadRecipe: a folder without a rate, or a video with one.
         BadFrames, MissingInput, BadMotionFile and what else the stages raise.
     """
-    solved = _body(Solved(request, out_dir, config, run))
-    solved = _frames(solved)
-    solved = _followed(solved)
+    body_path = _body(request, out_dir, run)
+    frames = _frames(request, out_dir, run)
+    solved = _followed(Solved(request, out_dir, config, frames, run, body_path))
     solved = _masks(solved)
     solved = _lens(solved)
     solved = _cameras(solved)
@@ -93,15 +94,14 @@ def solve(
     return solved
 
 
-def _body(solved: Solved) -> Solved:
+def _body(request: SolveRequest, out_dir: Path, run: Run) -> Path | None:
     """The body for people whom a system sees, kept beside the result; of a folder of bodies the
     neutral one, whose shapes theirs are."""
-    people, out_dir, run = solved.request.people, solved.out_dir, solved.run
-    if people is None:
+    if request.people is None:
         _drop_people(out_dir, run)
-    if not isinstance(people, EstimatedPeople):
-        return solved
-    return replace(solved, body_path=keep_body(chosen_body(people.body), out_dir / BODY, run=run))
+    if not isinstance(request.people, EstimatedPeople):
+        return None
+    return keep_body(chosen_body(request.people.body), out_dir / BODY, run=run)
 
 
 def chosen_body(body: str) -> str:
@@ -120,12 +120,11 @@ def _drop_people(out_dir: Path, run: Run) -> None:
         shutil.rmtree(folder)
 
 
-def _frames(solved: Solved) -> Solved:
-    request, into = solved.request, solved.out_dir / FRAMES
+def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
     given = request.people if isinstance(request.people, GivenPeople) else None
     left_out = () if given is None else given.left_out
-    frames = as_frames(request.source, into, request.part, left_out=left_out, run=solved.run)
-    return replace(solved, frames=frames.with_rate(request.fps_hz) if given is None else frames)
+    frames = as_frames(request.source, out_dir / FRAMES, request.part, left_out=left_out, run=run)
+    return frames.with_rate(request.fps_hz) if given is None else frames
 
 
 def _followed(solved: Solved) -> Solved:
@@ -136,7 +135,6 @@ def _followed(solved: Solved) -> Solved:
     own = isinstance(people, EstimatedPeople) and people.are_own
     if not own and not any(isinstance(source, PersonSource) for source in sources):
         return solved
-    assert solved.frames is not None
     into = solved.out_dir / FOLLOWED
     followed_dir = config.person_source.follow(solved.frames, into, solved.run)
     return replace(solved, followed_dir=followed_dir)
@@ -146,7 +144,6 @@ def _masks(solved: Solved) -> Solved:
     config, people = solved.config.masks, solved.request.people
     if config is None:
         return solved
-    assert solved.frames is not None
     given = people if isinstance(people, GivenPeople) else GivenPeople(())
     masks_dir = mask_sources.make_masks(
         solved.frames,
@@ -164,7 +161,6 @@ def _lens(solved: Solved) -> Solved:
     request = solved.request
     if isinstance(request.people, GivenPeople):
         return solved
-    assert solved.frames is not None
     folder = find_intrinsics(
         solved.frames,
         solved.masks_dir,
@@ -179,7 +175,6 @@ def _lens(solved: Solved) -> Solved:
 
 def _cameras(solved: Solved) -> Solved:
     people, lens = solved.request.people, solved.lens
-    assert solved.frames is not None
     if isinstance(people, GivenPeople):
         given = camera_of(load_clip(people.files[0].clip_path)).lens
     else:
@@ -203,7 +198,7 @@ def _cameras_again(solved: Solved) -> Solved:
     """Other solutions of the same frames, where they are asked for."""
     if not solved.config.check_again:
         return solved
-    assert solved.sfm_dir is not None and solved.frames is not None
+    assert solved.sfm_dir is not None
     again_dir = solve_again(
         solved.sfm_dir,
         solved.frames,
@@ -226,12 +221,12 @@ def _people(solved: Solved) -> Solved:
     poses_path = _own_poses(solved, lens) if people.are_own else people.results_path
     if poses_path is None:
         return replace(solved, remarks=(NOBODY_SEEN,))
-    assert solved.frames is not None and solved.body_path is not None
-    bodies_dir = solved.out_dir / BODIES
-    into = bodies_dir, solved.config.bodies
+    assert solved.body_path is not None
+    bodies_dir, config = solved.out_dir / BODIES, solved.config.bodies
+    frames, body_path = solved.frames, solved.body_path
     try:
         bodies = make_bodies(
-            poses_path, solved.frames, lens, solved.body_path, *into, run=solved.run
+            poses_path, frames, lens, body_path, bodies_dir, config, run=solved.run
         )
     except BadMotionFile as error:
         if people.asked:
@@ -253,8 +248,7 @@ def _lens_of_frames(solved: Solved) -> Lens:
 
 def _own_poses(solved: Solved, lens: Lens) -> Path | None:
     """Poses by the built-in estimator, for `read_system`; None where it sees nobody."""
-    assert solved.frames is not None and solved.body_path is not None
-    assert solved.followed_dir is not None
+    assert solved.body_path is not None and solved.followed_dir is not None
     poses_dir = local_poses(
         solved.followed_dir,
         solved.frames,
@@ -271,7 +265,7 @@ def _world(solved: Solved) -> Solved:
     """The people in a metric, level world."""
     if not solved.bodies:
         return solved
-    assert solved.sfm_dir is not None and solved.frames is not None
+    assert solved.sfm_dir is not None
     people, lens, config = solved.request.people, solved.lens, solved.config
     given = people if isinstance(people, GivenPeople) else GivenPeople(())
     doubts_path = given.doubts_path

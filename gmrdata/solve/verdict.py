@@ -148,7 +148,7 @@ class VideoVerdict(Record):
 def judge_video(solved: Solved) -> VideoVerdict:
     """The verdict on a video that was solved: its cameras, and each person by these."""
     request, frames, lens = solved.request, solved.frames, solved.lens
-    assert frames is not None and lens is not None
+    assert lens is not None
     notes = list(lens.notes)
     if solved.sfm_dir is None:
         camera = unsolved(_why(solved), len(frames.numbers))
@@ -178,7 +178,7 @@ def judge_video(solved: Solved) -> VideoVerdict:
 
 def _why(solved: Solved) -> str:
     """Why there are no cameras, by a path that holds where the folder is moved."""
-    assert solved.unsolved is not None and solved.lens is not None and solved.frames is not None
+    assert solved.unsolved is not None and solved.lens is not None
     images_dir = solved.frames.folder
     if images_dir.is_relative_to(solved.out_dir):
         images_dir = images_dir.relative_to(solved.out_dir)
