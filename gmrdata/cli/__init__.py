@@ -30,7 +30,7 @@ RENAMED: Mapping[str, Mapping[str, str]] = {
     "masks": _NETWORKS | {"--sources": "--masks"},
     "sfm": _NETWORKS | {"--frames": "the folder or file alone, without a flag"},
     "video": _NETWORKS | {"--fps": "--fps-hz"},
-    "baseline": _NETWORKS,
+    "baseline": {flag: _NETWORKS[flag] for flag in ("--model", "--landmarks")},
     "threedpw": _ROOT,
     "run": _ROOT,
     "floor": {"--frames": "--clip-frames"},
@@ -53,6 +53,9 @@ def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
 
 
 def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:
+    if verb == "infer" and len(rest) > 1 and not any(word.startswith("-") for word in rest[:2]):
+        run, poses = rest[:2]
+        yield f"infer takes the network with a flag now: gmrdata infer {poses} --network {run}"
     for word in rest:
         flag = word.split("=")[0].replace("_", "-")
         if flag in RENAMED.get(verb, {}):

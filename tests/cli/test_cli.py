@@ -225,6 +225,12 @@ def test_an_old_flag_names_the_new_one(gmrdata: Gmrdata) -> None:
                 assert " ".join(said.stderr.split()) == told
 
 
+def test_a_network_before_the_poses_is_told_its_flag(gmrdata: Gmrdata) -> None:
+    said = gmrdata("infer", "out/gmr", "vibe_output.pkl", "--out", "x")
+    assert said.returncode == 2
+    assert "gmrdata infer vibe_output.pkl --network out/gmr" in " ".join(said.stderr.split())
+
+
 doctor = import_module("gmrdata.cli.doctor")  # beside the verb of that name
 REPOSITORY = Path(__file__).resolve().parents[2]
 
