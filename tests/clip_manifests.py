@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gmrdata.manifest.current import Quality, Source
+from gmrdata.manifest.current import CameraMotion, Quality, Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -18,7 +18,7 @@ def a_head(name: str, kind: str = "synthetic", **more: str) -> ManifestHead:
     return ManifestHead(name=name, kind=kind, **said | more)
 
 
-def a_walk(camera_motion: str = "circular", **more: Any) -> ClipAbout:
+def a_walk(camera_motion: CameraMotion = "circular", **more: Any) -> ClipAbout:
     """What is said of a clip of this package's own walk."""
     source = Source(dataset="gmrdata", sequence="walk")
     return ClipAbout(camera_motion=camera_motion, licence="CC0-1.0", source=source, **more)
@@ -30,7 +30,7 @@ def write_clips(
     clips: Sequence[Clip],
     qualities: Mapping[str, Quality] | None = None,
     *,
-    camera_motions: Sequence[str] | None = None,
+    camera_motions: Sequence[CameraMotion] | None = None,
     kind: str = "motions",
     dataset: str = "gmrdata",
 ) -> Path:
@@ -49,7 +49,7 @@ def write_clips(
     for number, clip in enumerate(clips):
         path = folder / f"{clip.id}.npz"
         save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
-        camera_motion = "none" if camera_motions is None else camera_motions[number]
+        camera_motion: CameraMotion = "none" if camera_motions is None else camera_motions[number]
         entries.append(
             clip_entry(
                 folder,

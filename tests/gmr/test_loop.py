@@ -15,6 +15,7 @@ from gmrdata.gmr.checkpoint import BestScore, latest_checkpoint, read_best, read
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.loop import fit, held_out_runs, held_out_scores, learning_rate_at
 from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.windows import make_batch
 from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
 from gmrdata.values.files import write_json
 from tests.gmr.conftest import Training
@@ -78,7 +79,7 @@ def test_the_best_weights_are_those_of_the_lowest_score(training: Training, best
     assert folder is not None
     best = read_best(folder)
     assert best is not None
-    assert best.score == BestScore(step=step, score=best_by, value=scores[step])
+    assert best.score == BestScore(step=int(step), score=best_by, value=scores[step])
     fps_hz = config.windows.fps_hz
     runs = held_out_runs(held_out, [training.body], fps_hz)
     found = held_out_scores(read_model(folder, "best"), runs, fps_hz)
@@ -152,7 +153,6 @@ def test_k_steps_resumed_are_n_steps_bit_for_bit(
     fit(clips, [training.body], training.path / "whole", config, held_out=held_out)
     expected = bytes_of(training.path / "whole")
     assert "checkpoints/step_00000012/best.safetensors" in expected
-    make_batch = loop.make_batch
     for stop in (0, 3, 5, 9, 11) if precision == "fp32" else (9,):
 
         def stopping(*args: object, stop: int = stop, **more: object) -> object:
@@ -196,7 +196,6 @@ def test_divergence_keeps_the_last_good_checkpoint(
     training: Training, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From step 8 on a true motion is infinite, as in a broken clip."""
-    make_batch = loop.make_batch
 
     def bursting(*args: object, **more: object) -> object:
         batch = make_batch(*args, **more)  # type: ignore[arg-type]

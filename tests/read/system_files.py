@@ -342,7 +342,7 @@ def gvhmr_params(
 
 
 def gvhmr_content(
-    world: dict[str, torch.Tensor], seen: dict[str, torch.Tensor], size_px: tuple[int, int]
+    world: dict[str, Any], seen: dict[str, torch.Tensor], size_px: tuple[int, int]
 ) -> dict[str, Any]:
     """`hmr4d_results.pt` with the camera that the demo takes for pictures of a size."""
     n, matrix = len(world["body_pose"]), torch.eye(3)
