@@ -12,6 +12,7 @@ weights at all times.  The first process alone writes.  All must see the same ru
 """
 
 import atexit
+import importlib
 import json
 import math
 import os
@@ -80,6 +81,9 @@ def join_processes(device: str) -> Processes:
     if not dist.is_initialized():
         if device == "cuda":
             torch.cuda.set_device(int(os.environ["LOCAL_RANK"]))
+        # Imported later, as optimisers do, it would hold the group, whose threads then outlive it:
+        # one that frees a tensor while Python ends aborts the process.
+        importlib.import_module("torch._dynamo")
         dist.init_process_group("nccl" if device == "cuda" else "gloo", timeout=PATIENCE)
         atexit.register(dist.destroy_process_group)
     return Processes(dist.get_rank(), dist.get_world_size())
