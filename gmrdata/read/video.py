@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gmrdata.read.frames import read_frames, write_image
+from gmrdata.read.video_rate import rated
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
@@ -160,12 +161,19 @@ class _Reading:
 
     packet_times_s: list[float | None] = field(default_factory=list)
     n_discarded: int = 0  # frames that an edit list leaves out
-    n_frames: int = 0
+    times_s: list[float] = field(default_factory=list)  # of all frames, from the first on
     n_deinterlaced: int = 0
     is_turned: bool = False
     first_time_s: float | None = None
-    last_time_s: float = -1.0
     stopped_at_s: float | None = None  # from the first frame on; None if read to the end
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.times_s)
+
+    @property
+    def last_time_s(self) -> float:
+        return self.times_s[-1] if self.times_s else -1.0
 
 
 def _opened(path: Path) -> "InputContainer":
@@ -186,22 +194,21 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         stream = _video_stream(path, container)
         reading = _Reading()
         numbers: list[int] = []
-        times_s: list[float] = []
         size_px = (0, 0)
-        for number, time_s, image in _pictures(path, container, stream, config, reading):
-            if times_s and size_px != image.shape[1::-1]:
+        for number, image in _pictures(path, container, stream, config, reading):
+            if numbers and size_px != image.shape[1::-1]:
                 sizes = "{}x{} px, the frames before it {}x{} px".format(
                     *image.shape[1::-1], *size_px
                 )
                 raise BadFrames(f"{path}: frame {number} is {sizes}; cut the video there")
             size_px = (image.shape[1], image.shape[0])
-            _require_in_budget(path, len(times_s) + 1, size_px)
+            _require_in_budget(path, len(numbers) + 1, size_px)
             _write_image(out_dir / f"{number // config.every:05d}.jpg", image, config.jpeg_quality)
             numbers.append(number)
-            times_s.append(round(time_s, 6))
         n_expected = _count_expected(container, stream, reading)
         _require_whole(path, n_expected, reading, config)
-        _require_motion(path, times_s, reading)
+        _require_several(path, len(numbers), reading)
+        rate_hz, times_s = _rated(path, stream, reading)
         return VideoRecord(
             container=container.format.name,
             codec=stream.codec_context.name,
@@ -213,8 +220,9 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
             n_expected=n_expected,
             n_decoded=reading.n_frames,
             every=config.every,
+            rate_hz=rate_hz / config.every,
             numbers=tuple(numbers),
-            times_s=tuple(times_s),
+            times_s=tuple(times_s[numbers].round(6).tolist()),
         )
 
 
@@ -236,8 +244,8 @@ def _video_stream(path: Path, container: "InputContainer") -> Any:
 
 def _pictures(
     path: Path, container: "InputContainer", stream: Any, config: VideoConfig, reading: _Reading
-) -> Iterator[tuple[int, float, np.ndarray]]:
-    """Number, time [s] and picture (H, W, 3) BGR of each frame that is asked for."""
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Number and picture (H, W, 3) BGR of each frame that is asked for."""
     stretch = _pixel_aspect(stream)
     in_order = _in_order(_decoded(container, stream, reading))
     for frame in _progressive(in_order, reading):
@@ -250,10 +258,10 @@ def _pictures(
         if config.to_s is not None and time_s > config.to_s:
             reading.stopped_at_s = time_s
             return
-        reading.n_frames, reading.last_time_s = number + 1, time_s
+        reading.times_s.append(time_s)
         if time_s >= config.from_s and number % config.every == 0:
             _require_in_budget(path, 1, (frame.width, frame.height))
-            yield number, time_s, _upright(path, frame, stretch, reading)
+            yield number, _upright(path, frame, stretch, reading)
 
 
 def _decoded(
@@ -449,14 +457,20 @@ def _require_whole(path: Path, n_expected: int, reading: _Reading, config: Video
         raise BadFrames(f"{path}: {what}; {remedy}")
 
 
-def _require_motion(path: Path, times_s: list[float], reading: _Reading) -> None:
-    """Refuse fewer than two frames, and a rate that no camera has."""
-    if len(times_s) < 2:
-        what = f"{len(times_s)} frames could be read, but a motion needs at least 2"
-        if reading.n_frames > len(times_s):
+def _require_several(path: Path, n_images: int, reading: _Reading) -> None:
+    if n_images < 2:
+        what = f"{n_images} frames could be read, but a motion needs at least 2"
+        if reading.n_frames > n_images:
             what += f"; the video has {reading.n_frames}, up to {reading.last_time_s:g} s"
         raise BadFrames(f"{path}: {what}. Give a longer video, or other times of it")
-    rate_hz = 1.0 / float(np.median(np.diff(times_s)))
+
+
+def _rated(path: Path, stream: Any, reading: _Reading) -> tuple[float, np.ndarray]:
+    """The frames' rate and times; BadFrames for a rate that no camera has."""
+    said = (stream.average_rate, stream.base_rate, stream.guessed_rate)
+    stated_hz = [float(rate) for rate in said if rate]
+    rate_hz, times_s = rated(np.array(reading.times_s), float(stream.time_base or 0), stated_hz)
     if not LOWEST_FPS_HZ <= rate_hz <= HIGHEST_FPS_HZ:
         what = f"{rate_hz:g} frames per second, not {LOWEST_FPS_HZ:g} to {HIGHEST_FPS_HZ:g}"
         raise BadFrames(f"{path}: {what}; {REMEDY}")
+    return rate_hz, times_s

@@ -15,7 +15,7 @@ VIDEO_FILE = "video.json"
 class VideoRecord(Record):
     """`video.json` beside the frames: what the video is, and which frames were taken when."""
 
-    format: Literal["gmrdata-video/1"] = "gmrdata-video/1"
+    format: Literal["gmrdata-video/2"] = "gmrdata-video/2"
     container: str
     codec: str
     pixel_format: str
@@ -33,6 +33,8 @@ class VideoRecord(Record):
     """Those of them that could be decoded."""
     every: int
     """An image's number is its frame's divided by this."""
+    rate_hz: float
+    """Images per second: the container's rate where all times are on its grid, else a fit."""
     numbers: tuple[int, ...]
     """By image: the frame's number among the decoded ones, from 0."""
     times_s: tuple[float, ...]
@@ -41,11 +43,6 @@ class VideoRecord(Record):
     @property
     def n_lost(self) -> int:
         return self.n_expected - self.n_decoded
-
-    @property
-    def rate_hz(self) -> float:
-        """Images per second: one over the median time between two."""
-        return 1.0 / float(np.median(np.diff(self.times_s)))
 
     def times_of(self, image_numbers: np.ndarray) -> np.ndarray:
         """(T,) times of images by number [s]; NaN of a number that no image has."""
