@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs release clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-open bench-odd bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs release clean
 
 setup: $(READY)
 
@@ -51,6 +51,10 @@ bench-poses: $(READY)
 # Other people's files in and out.  ARGS='--bvh FOLDER' reads their BVH files.
 bench-open: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_open.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# Files of public reports, by their READMEs.  ARGS='-k mkv' picks some.
+bench-odd: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_odd.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # Many clips and many processes.  ARGS=--small only tries every part.
 bench-scale: $(READY)
