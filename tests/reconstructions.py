@@ -10,6 +10,7 @@ from gmrdata.cameras.files import NOT_SMOOTHED, CamerasQuality, Evidence
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionFigures
 from gmrdata.world.judge import PseudoGtQuality
+from gmrdata.world.level import LevelEstimate
 from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.recipe import CueEstimate, verdict_of
 
@@ -69,6 +70,7 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
         scale_matters=scale is not None,
         scale_disagreement=None,
         scale_cues=(cue,),
+        level=LevelEstimate(sigma_deg=1.0, cues=()),
         camera_motion="circular",
         camera_motion_figures=MotionFigures(9.0, 10.0, 37.0, 0.6, 0.001, 93.0, True, 5.0),
         people=(verdict_of("walk", True, (), [""] * cameras.frames),),

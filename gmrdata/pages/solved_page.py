@@ -340,12 +340,31 @@ def _paths(found: Solved) -> dict[str, object]:
     }
 
 
+def _level_cues(record: PseudoGtQuality | None) -> Table | None:
+    """What says which way is up, and how level the world is."""
+    if record is None or record.level is None:
+        return None
+    rows = [
+        (
+            one.name,
+            f"{one.apart_deg:.1f}",
+            f"{one.sigma_deg:.1f}",
+            "yes" if one.used else "no: steep",
+        )
+        for one in record.level.cues
+    ]
+    headings = ("cue", "from the up that was taken [deg]", "standard error [deg]", "used")
+    foot = ("together", "", f"{record.level.sigma_deg:.1f}", "")
+    return Table(headings, rows, "Which way is up, cue by cue.", foot)
+
+
 def _scale_cues(record: PseudoGtQuality | None) -> dict[str, object]:
+    level = _level_cues(record)
     if record is None:
-        return {"plot": None}
+        return {"plot": None, "level": level}
     scale, sigma, cues = record.scale, record.scale_sigma, record.scale_cues
     if scale is None or sigma is None or not cues:
-        return {"plot": None}
+        return {"plot": None, "level": level}
     rows = [
         (solved_plots.cue_words(cue), f"{cue.scale:.5g}", f"{100 * cue.sigma / cue.scale:.2f}",
          f"{100 * (cue.scale / scale - 1):+.2f}", str(cue.support), f"{1000 * cue.residual_m:.1f}")
@@ -363,6 +382,7 @@ def _scale_cues(record: PseudoGtQuality | None) -> dict[str, object]:
     return {
         "plot": svg(draw, 7.4, 1.0 + 0.32 * (len(cues) + 1), "scale"),
         "table": Table(headings, rows, "The metric scale, cue by cue.", foot),
+        "level": level,
     }
 
 

@@ -6,7 +6,7 @@ Every check compares one figure with one threshold of the recipe, and what fails
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import model_validator
@@ -26,6 +26,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionClass, MotionFigures, classify
 from gmrdata.values.clip import Clip, camera_of, first_reasons, text_runs
 from gmrdata.values.records import Figure, Record, figure
+from gmrdata.world.level import LevelEstimate
 from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.recipe import (
     CueEstimate,
@@ -42,7 +43,7 @@ from gmrdata.world.scale import NO_SCALE, ScaleEstimate
 class PseudoGtQuality(Record):
     """The reconstruction's figures, those of the scale, the camera's class, and each verdict."""
 
-    format: Literal["gmrdata-pseudo-gt-quality/1"] = "gmrdata-pseudo-gt-quality/1"
+    format: Literal["gmrdata-pseudo-gt-quality/2"] = "gmrdata-pseudo-gt-quality/2"
     cameras: CamerasQuality | None
     """Figures of the reconstruction; null where there is none."""
     scale: Figure | None
@@ -52,6 +53,8 @@ class PseudoGtQuality(Record):
     scale_disagreement: Figure | None
     """In standard errors; null for fewer than two cues."""
     scale_cues: tuple[CueEstimate, ...]
+    level: LevelEstimate | None
+    """How level the world is; null where there is none."""
     camera_motion: MotionClass | Literal["none"]
     """Class of the camera's motion; "none" without a reconstruction."""
     camera_motion_figures: MotionFigures | None
@@ -75,8 +78,7 @@ class PseudoGtQuality(Record):
 def quality_of(
     clips: Sequence[Clip],
     verdicts: Sequence[Verdict],
-    estimate: ScaleEstimate,
-    cameras: CamerasQuality,
+    cameras: "SolvedCameras",
     config: PseudoGtConfig,
     fits: Sequence[PictureFit | None] | None = None,
 ) -> PseudoGtQuality:
@@ -88,34 +90,39 @@ def quality_of(
     valid, motion = clip.valid, clip.motion
     cameras_m, pelvis_m = camera_of(clip).world_from_cam[valid], motion.pelvis_m[valid]
     camera_motion, figures = classify(cameras_m, pelvis_m, motion.fps_hz, config.motion_class)
-    return _record(cameras, estimate, camera_motion, _rounded(figures), verdicts, fits or unchecked)
+    return PseudoGtQuality(
+        cameras=cameras.quality,
+        **_scale_figures(cameras.scale),
+        level=cameras.level,
+        camera_motion=camera_motion,
+        camera_motion_figures=_rounded(figures),
+        people=tuple(verdicts),
+        picture_fits=tuple(None if fit is None else _rounded(fit) for fit in fits or unchecked),
+    )
 
 
 def unsolved_quality(verdicts: Sequence[Verdict]) -> PseudoGtQuality:
     """The record of a sequence without a reconstruction."""
-    return _record(None, NO_SCALE, "none", None, verdicts, [None] * len(verdicts))
-
-
-def _record(
-    cameras: CamerasQuality | None,
-    estimate: ScaleEstimate,
-    camera_motion: MotionClass | Literal["none"],
-    figures: MotionFigures | None,
-    verdicts: Sequence[Verdict],
-    fits: Sequence[PictureFit | None],
-) -> PseudoGtQuality:
     return PseudoGtQuality(
-        cameras=cameras,
-        scale=estimate.scale,
-        scale_sigma=estimate.sigma,
-        scale_matters=estimate.matters,
-        scale_disagreement=estimate.disagreement,
-        scale_cues=tuple(_rounded(cue) for cue in estimate.cues),
-        camera_motion=camera_motion,
-        camera_motion_figures=figures,
+        cameras=None,
+        **_scale_figures(NO_SCALE),
+        level=None,
+        camera_motion="none",
+        camera_motion_figures=None,
         people=tuple(verdicts),
-        picture_fits=tuple(None if fit is None else _rounded(fit) for fit in fits),
+        picture_fits=len(verdicts) * (None,),
     )
+
+
+def _scale_figures(estimate: ScaleEstimate) -> dict[str, Any]:
+    """What the record says of the scale, by key."""
+    return {
+        "scale": estimate.scale,
+        "scale_sigma": estimate.sigma,
+        "scale_matters": estimate.matters,
+        "scale_disagreement": estimate.disagreement,
+        "scale_cues": tuple(_rounded(cue) for cue in estimate.cues),
+    }
 
 
 Part = TypeVar("Part", CueEstimate, MotionFigures, PictureFit)
@@ -163,6 +170,8 @@ def _figures(
         yield "interpolated_frames", float(len(record.cameras.interpolated))
     if record.scale_disagreement is not None:
         yield "scale_disagreement_sigma", record.scale_disagreement
+    if record.level is not None:
+        yield "level_sigma_deg", record.level.sigma_deg
     for cue in record.scale_cues:
         name = cue.name if cue.person is None else f"{cue.name}_p{cue.person}"
         yield f"scale_{name}", cue.scale
@@ -181,6 +190,7 @@ class SolvedCameras:
     scale: ScaleEstimate = NO_SCALE
     dataset_camera: np.ndarray | None = None
     """(T, 4, 4) metric world_from_cam of the data set; NaN where unknown."""
+    level: LevelEstimate | None = None  # None before it is known
 
 
 def judge_people(
@@ -205,7 +215,7 @@ def judge_people(
         if config.override is not None:
             verdict = overridden(verdict, config.override, ~clip.valid)
         verdicts.append(verdict)
-    return quality_of(clips, verdicts, cameras.scale, cameras.quality, config, fits)
+    return quality_of(clips, verdicts, cameras, config, fits)
 
 
 def judge(

@@ -204,17 +204,12 @@ def ground_contact_scale(
     if not len(frames):
         return None
     feet = centres[frames] + soles_m[frames, foot].mean(axis=1) / rough_scale
-    # The person may lean, and then the plane that was found tells up better.
-    tolerance = config.ground_inlier_m / rough_scale
-    for _ in range(2):
-        near = _near_feet(points, feet, up, rough_scale, config)
-        plane = _fit_plane(near, up, tolerance)
-        if plane is None or plane[2] < config.min_ground_points:
-            return None
-        normal, offset, n_points, residual = plane
-        up = normal
+    plane = ground_plane(points, feet, up, rough_scale, config)
+    if plane is None:
+        return None
+    normal, n_points, residual = plane.normal, len(plane.points), plane.rms
     frames, height_m, away_m = _lowest(soles_m, still, normal)
-    height = centres[frames] @ normal - offset
+    height = centres[frames] @ normal - plane.offset
     if np.median(height_m) < LOWEST_CAMERA * np.median(away_m):
         return None
     scales = height_m / height
@@ -262,6 +257,32 @@ def _lowest(
     return frames, depths_m[frames, lowest[frames]], away_m[frames, lowest[frames]]
 
 
+@dataclass(frozen=True, eq=False)
+class GroundPlane:
+    """The ground about planted feet."""
+
+    normal: np.ndarray  # (3,) unit
+    offset: float  # its height along the normal
+    points: np.ndarray  # (N, 3) that lie on it
+    rms: float  # of their distance from it
+
+
+def ground_plane(
+    points: np.ndarray, feet: np.ndarray, up: np.ndarray, scale: float, config: ScaleConfig
+) -> GroundPlane | None:
+    """The plane under feet (M, 3) that reconstructed points (N, 3) show, in a unit of so many
+    metres, about a rough up (3,); None where too few of them do."""
+    # The person may lean, and then the plane that was found tells up better.
+    plane = None
+    for _ in range(2):
+        near = _near_feet(points, feet, up, scale, config)
+        plane = _fit_plane(near, up, config.ground_inlier_m / scale)
+        if plane is None or len(plane.points) < config.min_ground_points:
+            return None
+        up = plane.normal
+    return plane
+
+
 def _near_feet(
     points: np.ndarray, feet: np.ndarray, up: np.ndarray, scale: float, config: ScaleConfig
 ) -> np.ndarray:
@@ -274,10 +295,8 @@ def _near_feet(
     return np.asarray(points[near])
 
 
-def _fit_plane(
-    points: np.ndarray, up: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, float, int, float] | None:
-    """Normal (3,), offset, number and RMS of the points on the best nearly level plane."""
+def _fit_plane(points: np.ndarray, up: np.ndarray, tolerance: float) -> GroundPlane | None:
+    """The best nearly level plane."""
     if len(points) < 3:
         return None
     # Samples of three points, then least squares with Cauchy weights.
@@ -308,4 +327,4 @@ def _fit_plane(
     if normal @ up < np.cos(LARGEST_TILT_RAD) or not on.any():
         return None
     rms = float(np.sqrt(np.mean((points[on] @ normal - offset) ** 2)))
-    return normal, offset, int(on.sum()), rms
+    return GroundPlane(normal, offset, points[on], rms)

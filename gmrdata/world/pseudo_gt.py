@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from gmrdata.cameras import files
 from gmrdata.cameras.frames import cuts_in_words
+from gmrdata.motion.resample import valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
@@ -19,12 +20,29 @@ from gmrdata.values.errors import BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
 from gmrdata.values.records import MAKE_AGAIN, Config
-from gmrdata.world.compose import level_from_world, metric_cameras, motion_in_world
+from gmrdata.world.compose import metric_cameras, motion_in_world
 from gmrdata.world.judge import SolvedCameras, judge_people
+from gmrdata.world.level import (
+    LevelEstimate,
+    body_cue,
+    contact_cue,
+    ground_cue,
+    level_from_world,
+    up_of,
+)
 from gmrdata.world.picture_fit import PeopleMasks, picture_fits
-from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
-from gmrdata.world.recipe import Doubts, PseudoGtConfig, load_dataset_camera
+from gmrdata.world.planted_feet import (
+    SOLE_POINTS,
+    GroundPlane,
+    foot_points_m,
+    ground_plane,
+    standing,
+)
+from gmrdata.world.recipe import Doubts, PseudoGtConfig, ScaleConfig, load_dataset_camera
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, with_focal_error
+
+ONE_FLOOR_M = 0.15  # soles further from the ground about them stand on something else
+GROUND_HEIGHT_SIGMA_M = 0.01  # of the plane of reconstructed points
 
 
 @dataclass(frozen=True)
@@ -82,11 +100,12 @@ def make_pseudo_gt(
         clips = list(map(clip_on_body, _camera_clips(evidence.people), bodies))
         cameras = _solved_cameras(evidence, clips)
         try:
-            world_clips, scale = compose_clips(clips, bodies, cameras, config)
+            world_clips, scale, level = compose_clips(clips, bodies, cameras, config)
         except NoReconstruction as error:
             cuts = cuts_in_words(cameras.quality.cuts_after_frames)
             raise NoReconstruction(f"{error}{cuts}") from None
-        cameras = replace(cameras, scale=with_focal_error(scale, evidence.focal_sigma))
+        scale = with_focal_error(scale, evidence.focal_sigma)
+        cameras = replace(cameras, scale=scale, level=level)
         doubts = _doubts(evidence.doubts_path, len(clips), len(cameras.rows))
         seen = evidence.seen
         fits = (
@@ -157,8 +176,8 @@ def compose_clips(
     bodies: Sequence[BodyModel],
     cameras: SolvedCameras,
     config: PseudoGtConfig,
-) -> tuple[list[Clip], ScaleEstimate]:
-    """The clips of the same T frames in one metric, level world, and the scale that made it so."""
+) -> tuple[list[Clip], ScaleEstimate, LevelEstimate]:
+    """The clips of the same T frames in one metric, level world, with its scale and its level."""
     path = cameras.path
     usable = [path.has_camera & clip.valid for clip in camera_clips]
     if max(rows.sum() for rows in usable) < 2:
@@ -179,13 +198,15 @@ def compose_clips(
     scale = 0.0 if estimate.scale is None else estimate.scale
     metric = metric_cameras(path.world_from_cam, scale)
     filled = fill_gaps(metric, path.has_camera, np.arange(path.n_frames))
-    levelled = _level(camera_clips, filled, usable, bodies, config) @ filled
+    points_m = scale * cameras.points if scale > 0 else np.zeros((0, 3))
+    level_from_metric, level = _level(camera_clips, filled, usable, bodies, points_m, config.scale)
+    levelled = level_from_metric @ filled
     camera = _blanked(replace(path, world_from_cam=levelled))
     clips = [
         Clip(clip.id, motion_in_world(clip.motion, levelled), rows, clip.image_numbers, camera)
         for clip, rows in zip(camera_clips, usable, strict=True)
     ]
-    return clips, estimate
+    return clips, estimate, level
 
 
 def _camera_clips(people: Sequence[PersonFiles]) -> list[Clip]:
@@ -209,17 +230,46 @@ def _level(
     world_from_cam: np.ndarray,
     usable: Sequence[np.ndarray],
     bodies: Sequence[BodyModel],
-    config: PseudoGtConfig,
-) -> np.ndarray:
-    """level_from_world (4, 4), from everybody's bodies and planted feet."""
-    root_rotmats, pelvis_m, planted_m = [], [], []
-    for clip, rows, body in zip(camera_clips, usable, bodies, strict=True):
-        motion = motion_in_world(clip.motion, world_from_cam)
+    points_m: np.ndarray,
+    config: ScaleConfig,
+) -> tuple[np.ndarray, LevelEstimate]:
+    """level_from_world (4, 4), from everybody's bodies, planted feet, and the ground about them in
+    reconstructed points (N, 3); and how level that is."""
+    motions = [motion_in_world(clip.motion, world_from_cam) for clip in camera_clips]
+    planted_m, stances = [], 0
+    for motion, rows, body in zip(motions, usable, bodies, strict=True):
         soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
         soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
-        planted_m.append(soles_m[standing(soles_m, config.scale.slip_m(motion.fps_hz))])
-        root_rotmats.append(motion.root_rotmats[rows])
-        pelvis_m.append(motion.pelvis_m[rows])
-    forward = world_from_cam[np.any(usable, axis=0).argmax(), :3, 2]
-    rotmats, pelvises_m = np.concatenate(root_rotmats), np.concatenate(pelvis_m)
-    return level_from_world(rotmats, pelvises_m, np.concatenate(planted_m), forward)
+        still = standing(soles_m, config.slip_m(motion.fps_hz))
+        planted_m.append(soles_m[still])
+        stances += sum(len(valid_runs(still[:, foot].any(axis=-1))) for foot in (0, 1))
+    feet_m = np.concatenate(planted_m)
+    roots = [motion.root_rotmats[rows] for motion, rows in zip(motions, usable, strict=True)]
+    upright = body_cue(roots, motions[0].fps_hz)
+    plane = ground_plane(points_m, feet_m, upright.up, 1.0, config) if len(feet_m) else None
+    cues = [contact_cue(feet_m, stances, upright.up)]
+    cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]
+    up, level = up_of(upright, [cue for cue in cues if cue is not None])
+    first = np.any(usable, axis=0).argmax()
+    pelvises_m = np.concatenate(
+        [one.pelvis_m[rows] for one, rows in zip(motions, usable, strict=True)]
+    )
+    lowest_m = feet_m if len(feet_m) else pelvises_m
+    floor_m = _floor_m(lowest_m, up, plane, config)
+    return level_from_world(up, floor_m, pelvises_m[0], world_from_cam[first, :3, 2]), level
+
+
+def _floor_m(
+    lowest_m: np.ndarray, up: np.ndarray, plane: GroundPlane | None, config: ScaleConfig
+) -> float:
+    """Height of the floor along up: of soles, and of the ground about them where both are one."""
+    soles_m = float(np.median(lowest_m @ up))
+    if plane is None:
+        return soles_m
+    # Below the soles' middle, so that a plane which is not quite level is right there.
+    middle_m = np.median(lowest_m, axis=0)
+    ground_m = soles_m + (plane.offset - float(middle_m @ plane.normal))
+    if abs(ground_m - soles_m) > ONE_FLOOR_M:
+        return soles_m
+    weights = np.array([config.contact_sigma_m, GROUND_HEIGHT_SIGMA_M]) ** -2.0
+    return float(weights @ [soles_m, ground_m] / weights.sum())

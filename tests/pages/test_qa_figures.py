@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gmrdata.cameras.files import Agreement, WeakestStep
+from gmrdata.cameras.files import Agreement, CamerasQuality, WeakestStep
 from gmrdata.pages.solved import Solved
 from gmrdata.pages.thresholds import Row, camera_rows, verdict_rows
-from gmrdata.world.judge import quality_of
+from gmrdata.values.clip import camera_of
+from gmrdata.world.judge import SolvedCameras, quality_of
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig, verdict_of
 from gmrdata.world.scale import ScaleEstimate, fuse
 from tests.reconstructions import good_quality
@@ -20,6 +21,12 @@ APART = (
     CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),
     CueEstimate("ground_contact", 2.15, 0.02, 99, 0.01, 0),
 )
+
+
+def solved(quality: CamerasQuality, scale: ScaleEstimate) -> SolvedCameras:
+    path = camera_of(clip_of(circling()))
+    rows = np.arange(path.n_frames)
+    return SolvedCameras(path, "full", np.zeros((0, 3)), quality, rows, scale)
 
 
 def scale_rows(found: Solved) -> list[Row]:
@@ -34,7 +41,7 @@ def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limi
     clip = clip_of(circling())
     vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),)), matters=matters)
     verdict = judged(clip, scale=vague)
-    record = quality_of([clip], [verdict], vague, GOOD, PseudoGtConfig())
+    record = quality_of([clip], [verdict], solved(GOOD, vague), PseudoGtConfig())
     sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
     assert (sigma.value, sigma.threshold) == ("10", limit)
     assert sigma.met == verdict.accepted == (not matters)
@@ -48,7 +55,7 @@ def test_a_scale_that_no_camera_has_is_missed(scale: float, matters: bool) -> No
     estimate = replace(estimate, scale=scale, matters=matters)
     verdict = judged(clip, scale=estimate)
     assert not verdict.accepted
-    record = quality_of([clip], [verdict], estimate, GOOD, PseudoGtConfig())
+    record = quality_of([clip], [verdict], solved(GOOD, estimate), PseudoGtConfig())
     first, sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
     assert (first.value, first.threshold, first.met) == (f"{scale:g} ± 0.02", "> 0", False)
     assert sigma.value == ("1" if scale else "inf")
@@ -58,7 +65,7 @@ def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict = verdict_of("c", True, (), [""] * 90)
     no_scale = ScaleEstimate(None, None, fuse(APART).cues, matters=False)
-    record = quality_of([still], [verdict], no_scale, GOOD, PseudoGtConfig())
+    record = quality_of([still], [verdict], solved(GOOD, no_scale), PseudoGtConfig())
     assert record.scale_disagreement is not None and record.scale_disagreement > 5
     found = replace(NOTHING, record=record, clips={0: still})
     assert [row.met for row in scale_rows(found)] == [None, None]
@@ -77,7 +84,7 @@ def test_the_weakest_step_stands_beside_its_thresholds() -> None:
     cameras = good_quality(90, weakest_step=WeakestStep(40, 52, 0.005, 0.3, 1.2))
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict, no_scale = verdict_of("c", True, (), [""] * 90), ScaleEstimate(None, None, (), False)
-    record = quality_of([still], [verdict], no_scale, cameras, PseudoGtConfig())
+    record = quality_of([still], [verdict], solved(cameras, no_scale), PseudoGtConfig())
     rows = verdict_rows(replace(NOTHING, record=record))
     open_, moving = [row for row in rows if "weakest step" in row.name or "moves" in row.name]
     assert (open_.value, open_.threshold, open_.met) == ("0.5", "≤ 0.6", True)

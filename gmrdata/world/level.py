@@ -1,0 +1,182 @@
+"""Which way is up, and how high the ground is, from all that tells, each by its own error.
+
+Bodies stand upright on average.  The ground that was reconstructed about a person's feet, and the
+soles that stand on it, are one plane, which is level nearly everywhere.  So bodies say whether that
+plane may be level: if it may, it tells up far better than they do; if not, as on a slope, a ramp or
+stairs, up is the bodies' and the ground stays as steep as it is (a mixture of two normal
+distributions, of which the likelier one is taken).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic.dataclasses import dataclass as part
+
+from gmrdata.values import transforms
+from gmrdata.values.records import PART, Config, Figure
+
+CueName = Literal["bodies", "contacts", "ground"]
+BODY_SIGMA_RAD = np.deg2rad(4.0)
+"""Of a person's mean up direction, along each of two axes: how people bear themselves, and how a
+system sees them (docs/figures.md)."""
+BODY_TIME_S = 2.0  # over which a person keeps leaning the same way
+CONTACT_SIGMA_M = 0.02  # of planted soles from one plane, the same over a stance
+ON_A_PLANE_M = 0.05  # soles further from one plane (RMS) are not on flat ground
+GROUND_SIGMA_RAD = np.deg2rad(0.7)
+"""Of the plane of reconstructed points: floors, and a reconstruction that bends."""
+POINTS_ALIKE = 10  # neighbouring points err together: so many of them tell as much as one
+STEEP_SHARE, STEEP_SIGMA_RAD = 0.1, np.deg2rad(8.0)
+"""Share of grounds that are not level, and how steep those are along each axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class UpCue:
+    """A direction that is up, as far as it tells: along some tilts it may tell nothing."""
+
+    name: CueName
+    up: np.ndarray  # (3,) unit
+    precision: np.ndarray  # (3, 3) of its tilts, inverse variances [1/rad2]
+
+    def near(self, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Its tilt (2,) away from a direction, along `across(up)`, and the precision (2, 2)."""
+        axes = across(up)
+        return axes @ self.up / max(0.1, float(self.up @ up)), axes @ self.precision @ axes.T
+
+
+@part(frozen=True, config=PART)
+class LevelCue:
+    """What one source of evidence says about up."""
+
+    name: CueName
+    apart_deg: Figure
+    """Between its direction and the one that was taken."""
+    sigma_deg: Figure
+    """Standard error of its angle, both axes together."""
+    used: bool
+    """False for a ground that is not level."""
+
+
+class LevelEstimate(Config):
+    """How level a world is."""
+
+    sigma_deg: Figure
+    """Standard error of the angle between z and up, both axes together."""
+    cues: tuple[LevelCue, ...]
+
+
+def across(up: np.ndarray) -> np.ndarray:
+    """Two unit axes (2, 3) across a direction (3,)."""
+    return np.asarray(np.linalg.svd(up[None])[2][1:])
+
+
+def body_cue(root_rotmats: Sequence[np.ndarray], fps_hz: float) -> UpCue:
+    """The mean up of people's trunks (y of the root), from rotations (T, 3, 3) of each.
+
+    How far they lean while they move averages out over time; how they bear themselves, and how a
+    system sees them, does not, nor over people whom one system sees.
+    """
+    ups = np.concatenate([rotmats[:, :, 1] for rotmats in root_rotmats])
+    up = middle_direction(ups)
+    spread_rad2 = float(np.mean((ups @ across(up).T) ** 2))
+    seconds = len(ups) / fps_hz
+    sigma_rad2 = BODY_SIGMA_RAD**2 + spread_rad2 / max(1.0, seconds / BODY_TIME_S)
+    return UpCue("bodies", up, np.eye(3) / sigma_rad2)
+
+
+def middle_direction(directions: np.ndarray) -> np.ndarray:
+    """Unit vector (3,) in the middle of directions (N, 3), not led by the few that lie far off:
+    their geometric median (Weiszfeld 1937)."""
+    middle = directions.mean(axis=0)
+    for _ in range(50):
+        weights = 1.0 / np.maximum(np.linalg.norm(directions - middle, axis=1), 0.05)
+        middle = weights @ directions / weights.sum()
+    return np.asarray(middle / max(1e-12, float(np.linalg.norm(middle))))
+
+
+def contact_cue(planted_m: np.ndarray, stances: int, up: np.ndarray) -> UpCue | None:
+    """The plane of soles (M, 3) [m] that stand in so many stances, about a rough up; None where
+    they lie on no plane, or are too few.  Soles along a line tell of the tilt along it alone."""
+    if len(planted_m) < 3:
+        return None
+    axes, centred_m = across(up), planted_m - planted_m.mean(axis=0)
+    places_m, heights_m = centred_m @ axes.T, centred_m @ up
+    weight = min(1.0, max(1, stances) / len(planted_m)) / CONTACT_SIGMA_M**2
+    precision = weight * places_m.T @ places_m
+    # Hardly anything is asked of tilts of which the soles tell nothing.
+    tilt = np.linalg.solve(precision + np.eye(2), weight * places_m.T @ heights_m)
+    if np.sqrt(np.mean((heights_m - places_m @ tilt) ** 2)) > ON_A_PLANE_M:
+        return None
+    normal = up - tilt @ axes
+    return UpCue("contacts", normal / np.linalg.norm(normal), axes.T @ precision @ axes)
+
+
+def ground_cue(normal: np.ndarray, on_plane_m: np.ndarray, rms_m: float) -> UpCue:
+    """The plane with a unit normal (3,) through reconstructed points (N, 3) on it [m]."""
+    axes = across(normal)
+    places_m = (on_plane_m - on_plane_m.mean(axis=0)) @ axes.T
+    told = places_m.T @ places_m / POINTS_ALIKE / max(rms_m, 1e-6) ** 2
+    precision = np.linalg.inv(np.linalg.inv(told + np.eye(2)) + GROUND_SIGMA_RAD**2 * np.eye(2))
+    return UpCue("ground", normal, axes.T @ precision @ axes)
+
+
+def up_of(bodies: UpCue, ground: Sequence[UpCue]) -> tuple[np.ndarray, LevelEstimate]:
+    """Up (3,), of bodies and of cues of the ground, and how sure that is."""
+    tilts, precisions = zip(*(cue.near(bodies.up) for cue in (bodies, *ground)), strict=True)
+    own, of_ground = precisions[0], sum(precisions[1:], np.zeros((2, 2)))
+    pull = sum((p @ t for p, t in zip(precisions, tilts, strict=True)), np.zeros(2))
+    level = not ground or _may_be_level(of_ground, pull, own)
+    precision = own + of_ground if level else own
+    covariance = np.linalg.inv(precision)
+    up = bodies.up + (covariance @ pull if level else np.zeros(2)) @ across(bodies.up)
+    up /= np.linalg.norm(up)
+    cues = tuple(
+        LevelCue(
+            name=cue.name,
+            apart_deg=float(np.rad2deg(np.arccos(np.clip(cue.up @ up, -1.0, 1.0)))),
+            sigma_deg=_angle_deg(np.linalg.inv(p + 1e-6 * np.eye(2))),
+            used=level or cue is bodies,
+        )
+        for cue, p in zip((bodies, *ground), precisions, strict=True)
+    )
+    return up, LevelEstimate(sigma_deg=_angle_deg(covariance), cues=cues)
+
+
+def _may_be_level(of_ground: np.ndarray, pull: np.ndarray, bodies: np.ndarray) -> bool:
+    """Whether a ground that tilts from the bodies' up by (of_ground)^-1 pull is likelier level."""
+    ground = np.linalg.inv(of_ground + 1e-3 * np.eye(2))
+    tilt, spread = ground @ pull, ground + np.linalg.inv(bodies)
+    chances = []
+    for share, more_rad in ((1 - STEEP_SHARE, 0.0), (STEEP_SHARE, STEEP_SIGMA_RAD)):
+        whole = spread + more_rad**2 * np.eye(2)
+        chances.append(
+            np.log(share)
+            - 0.5 * (np.linalg.slogdet(whole)[1] + tilt @ np.linalg.solve(whole, tilt))
+        )
+    return bool(chances[0] >= chances[1])
+
+
+def _angle_deg(covariance: np.ndarray) -> float:
+    """Standard error of an angle of two tilts (2, 2) [rad2]; at most that of any direction."""
+    return float(min(90.0, np.rad2deg(np.sqrt(np.trace(covariance)))))
+
+
+def level_from_world(
+    up: np.ndarray, floor_m: float, first_pelvis_m: np.ndarray, forward: np.ndarray
+) -> np.ndarray:
+    """Transform (4, 4) to a world with z up from one in which `up` (3,) is, and the floor so high
+    along it [m].  The first pelvis is above the origin, and `forward` (3,) looks along +y."""
+    rotation = _upright(up, forward)
+    origin_m = rotation @ first_pelvis_m
+    origin_m[2] = floor_m
+    return transforms.rigid(rotation, -origin_m)
+
+
+def _upright(up: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) that takes `up` to +z and the horizontal part of `forward` to +y."""
+    level_forward = forward - up * (up @ forward)
+    if np.linalg.norm(level_forward) < 1e-6:  # looking straight up or down: any heading will do
+        level_forward = np.linalg.svd(up[None])[2][1]
+    y = level_forward / np.linalg.norm(level_forward)
+    return np.stack([np.cross(y, up), y, up])

@@ -1,0 +1,127 @@
+"""Up and the floor, of bodies, soles and reconstructed ground."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gmrdata.world.level import (
+    BODY_SIGMA_RAD,
+    UpCue,
+    body_cue,
+    contact_cue,
+    ground_cue,
+    level_from_world,
+    middle_direction,
+    up_of,
+)
+
+UP = np.array([0.0, 0.0, 1.0])
+BODIES = UpCue("bodies", UP, np.eye(3) / BODY_SIGMA_RAD**2)
+
+
+def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+
+def leaning(degrees: float) -> np.ndarray:
+    return np.asarray(Rotation.from_euler("x", degrees, degrees=True).apply(UP))
+
+
+def bodies_that_lean(degrees: float) -> UpCue:
+    return UpCue("bodies", leaning(degrees), BODIES.precision)
+
+
+def square_m(n: int = 60) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    return np.column_stack([rng.uniform(-2, 2, (n, 2)), rng.normal(0, 0.005, n)])
+
+
+def upright_roots(n: int) -> np.ndarray:
+    turns = Rotation.from_rotvec(np.linspace(0, 6, n)[:, None] * UP).as_matrix()
+    return np.asarray(turns @ Rotation.from_euler("x", 90, degrees=True).as_matrix())
+
+
+def test_without_ground_the_bodies_say_where_up_is() -> None:
+    cue = body_cue([upright_roots(300), upright_roots(300)], 30.0)
+    up, level = up_of(cue, [])
+    assert angle_deg(up, UP) < 1e-6
+    assert level.sigma_deg == pytest.approx(4 * np.sqrt(2), rel=1e-3)
+    assert [(one.name, one.used) for one in level.cues] == [("bodies", True)]
+
+
+def test_a_few_frames_on_the_floor_do_not_tilt_the_bodies() -> None:
+    roots = upright_roots(100)
+    roots[:12] = Rotation.from_euler("x", 80, degrees=True).as_matrix() @ roots[:12]
+    assert angle_deg(body_cue([roots], 30.0).up, UP) < 1.0
+    assert angle_deg(roots[:, :, 1].mean(axis=0), UP) > 6.0
+
+
+def test_soles_all_round_correct_leaning_bodies() -> None:
+    cue = contact_cue(square_m(), 60, leaning(6.0))
+    assert cue is not None
+    up, level = up_of(bodies_that_lean(6.0), [cue])
+    assert angle_deg(up, UP) < 0.3 and level.sigma_deg < 0.5
+
+
+def test_soles_of_one_stance_tell_as_much_as_one_point() -> None:
+    many, few = (contact_cue(square_m(), n, UP) for n in (60, 6))
+    assert many is not None and few is not None
+    assert np.trace(many.precision) == pytest.approx(10 * np.trace(few.precision))
+
+
+def test_soles_along_a_line_correct_the_tilt_along_it_only() -> None:
+    line_m = np.column_stack([np.zeros(30), np.linspace(0, 4, 30), np.zeros(30)])
+    for soles_m, left_deg in ((line_m, 0.0), (line_m[:, [1, 0, 2]], 6.0)):
+        cue = contact_cue(soles_m, 30, leaning(6.0))
+        assert cue is not None
+        up, _ = up_of(bodies_that_lean(6.0), [cue])
+        assert angle_deg(up, leaning(left_deg)) < 0.2
+
+
+def test_soles_on_steps_and_too_few_are_no_plane() -> None:
+    rng = np.random.default_rng(0)
+    jumps_m = np.column_stack([rng.uniform(-1, 1, (40, 2)), rng.choice([0.0, 0.5], 40)])
+    assert contact_cue(jumps_m, 40, UP) is None
+    assert contact_cue(np.zeros((0, 3)), 0, UP) is None
+
+
+@pytest.mark.parametrize(("slope_deg", "level"), [(0, True), (5, True), (18, False), (30, False)])
+def test_a_ground_that_is_steep_stays_as_it_is(slope_deg: float, level: bool) -> None:
+    """What bodies may lean by is taken for level; a slope and stairs are not made so."""
+    ground = ground_cue(leaning(slope_deg), square_m(400) @ _turn(slope_deg).T, 0.01)
+    up, found = up_of(BODIES, [ground])
+    assert angle_deg(up, leaning(slope_deg) if level else UP) < 0.5
+    assert found.cues[1].used == level
+    assert found.sigma_deg == pytest.approx(0.98 if level else 4 * np.sqrt(2), rel=0.05)
+
+
+def _turn(degrees: float) -> np.ndarray:
+    return np.asarray(Rotation.from_euler("x", degrees, degrees=True).as_matrix())
+
+
+def test_the_middle_of_directions_is_one() -> None:
+    assert np.allclose(middle_direction(np.tile(leaning(5.0), (3, 1))), leaning(5.0))
+
+
+@given(st.integers(0, 10**6))
+def test_any_world_becomes_level(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    world = Rotation.random(random_state=rng.integers(1 << 30)).as_matrix()
+    shift_m = rng.normal(0, 10, 3)
+    pelvis_m = np.column_stack([rng.uniform(-2, 2, (20, 2)), np.full(20, 0.9)])
+    there_m, forward = pelvis_m @ world.T + shift_m, np.array([0.6, -0.7, -0.2])
+    up = world @ UP
+    level = level_from_world(up, float(there_m[0] @ up) - 0.9, there_m[0], world @ forward)
+    pelvis_level_m = there_m @ level[:3, :3].T + level[:3, 3]
+    assert pelvis_level_m[0] == pytest.approx([0, 0, 0.9], abs=1e-9)
+    assert pelvis_level_m[:, 2] == pytest.approx(0.9, abs=1e-9)
+    seen = level[:3, :3] @ world @ forward
+    assert seen[0] == pytest.approx(0, abs=1e-9) and seen[1] > 0
+    assert np.linalg.det(level[:3, :3]) == pytest.approx(1.0)
+
+
+def test_a_camera_that_looks_straight_down_is_no_problem() -> None:
+    level = level_from_world(UP, 0.0, UP, -UP)
+    assert np.allclose(level[:3, :3] @ level[:3, :3].T, np.eye(3), atol=1e-12)
