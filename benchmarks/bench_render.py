@@ -22,8 +22,9 @@ from render.overhead import CONFIG, measure_overhead, measure_script
 from render.pool import measure_workers
 from render.scale import FULL, SMALL
 from render.tables import show
-from render.timing import run_python
+from render.timing import run_in_blender
 
+from gmrdata.film.blender_environment import versions_said
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
 from gmrdata.values.files import write_json
@@ -118,7 +119,7 @@ def _cmu_dir(request: pytest.FixtureRequest) -> Path | None:
 
 
 def _devices() -> list[str]:
-    said = run_python(Path(__file__).parent / "render" / "devices.py").said
+    said = run_in_blender(Path(__file__).parent / "render" / "devices.py").said
     line = next(line for line in said.splitlines() if line.startswith("DEVICES "))
     found: list[str] = json.loads(line.removeprefix("DEVICES "))
     return found
@@ -129,7 +130,7 @@ def _settings() -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "load_at_the_end": round(os.getloadavg()[0], 1),
         "python": platform.python_version(),
-        "bpy": metadata.version("bpy"),
+        "blender": versions_said(run_in_blender(Path("blender.probe")).said.splitlines()),
         "pycolmap": metadata.version("pycolmap"),
         "samples": CONFIG.samples,
         "fps_hz": FPS_HZ,

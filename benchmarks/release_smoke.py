@@ -47,6 +47,7 @@ twin:
 _SEEN = "demo/regenerated/panning/sequence/clip.npz"
 _FRAMES = "demo/render/panning/frames"
 COMMANDS = (
+    "blender setup",
     "doctor",
     "fetch models --dry-run",
     "demo --recipe demo.yaml --out demo",

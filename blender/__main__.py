@@ -5,7 +5,9 @@ End with the process that started this one, however that one ends.
 """
 
 import ctypes
+import json
 import os
+import platform
 import signal
 import sys
 from collections.abc import Callable
@@ -15,8 +17,10 @@ from typing import NoReturn, TypeVar
 
 from pydantic import ValidationError
 
+from gmrdata.film.blender_environment import VERSIONS_LINE
 from gmrdata.film.render import RenderJob
 from gmrdata.read.body_file import read_body
+from gmrdata.stage.store import package_versions
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip
@@ -47,7 +51,14 @@ def main(arguments: list[str]) -> None:
     import_bpy(job.threads)
     from blender.render import render
 
+    say_versions()
     render(job, clip, body, camera)
+
+
+def say_versions() -> None:
+    """Tell the parent what this environment is made of."""
+    versions = {"python": platform.python_version(), **package_versions()}
+    sys.stdout.write(f"{VERSIONS_LINE} {json.dumps(versions)}\n")
 
 
 def run(work: Callable[[], None]) -> int:

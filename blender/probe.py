@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`python -m blender.probe ENGINE DEVICE`: render eight pixels, and say on what.
+"""`python -m blender.probe`: load all, and say the versions; with ENGINE DEVICE: render eight
+pixels, and say on what.
 
 A process of its own, because Blender ends the process that asks for OpenGL where there is none.
 """
@@ -8,13 +9,18 @@ import sys
 
 import bpy
 
+import blender.render  # noqa: F401 - whether all of it loads
+from blender.__main__ import say_versions
 from blender.engine import ENGINES, use_gpus
 from gmrdata.film.render import RENDERER_LINE
 from gmrdata.values.errors import EngineMissing
 
 
-def main(engine: str, device: str) -> int:
-    """Exit code 0 with the renderer's name on stdout, or 1 with a message on stderr."""
+def main(engine: str = "", device: str = "") -> int:
+    """Exit code 0 with what was asked on stdout, or 1 with a message on stderr."""
+    if not engine:
+        say_versions()
+        return 0
     try:
         name = probe(engine, device)
     except EngineMissing as error:

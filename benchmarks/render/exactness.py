@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from render.clips import PROGRAMMES, walk_clip
 from render.scale import Scale
-from render.timing import run_python
+from render.timing import run_in_blender
 
 from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.render_set import render_clips
@@ -70,7 +70,7 @@ def _largest_distance_px(clip: Clip, body: BodyModel, folder: Path, root: Path) 
     joints_m, camera = motion_joints_m(body, clip.motion), camera_of(clip)
     np.save(root / "points.npy", joints_m)
     blend, points, answer = folder / "scene/scene.blend", root / "points.npy", root / "answer.npy"
-    run_python(HERE / "views.py", blend, points, answer)
+    run_in_blender(HERE / "views.py", blend, points, answer)
     ours_px = project(camera.world_from_cam, joints_m, camera.intrinsics_px)
     return float(np.linalg.norm(np.load(answer) - ours_px, axis=-1).max())
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from render.clips import PROGRAMMES, walk_clip
 from render.scale import Scale
-from render.timing import Spent, run_python
+from render.timing import Spent, run_in_blender, run_python
 
 from gmrdata.film.render import RenderConfig, RenderJob, render_clip
 from gmrdata.film.scene import SceneConfig
@@ -68,7 +68,7 @@ def _ours(clip_path: Path, body_path: Path, out_dir: Path) -> Spent:
 
 
 def _bare(blend: Path, out_dir: Path, scale: Scale) -> Spent:
-    spent = run_python(HERE / "bare.py", blend, out_dir, str(CONFIG.jpeg_quality))
+    spent = run_in_blender(HERE / "bare.py", blend, out_dir, str(CONFIG.jpeg_quality))
     for kind in ("frames/*.jpg", "masks/*.png"):
         assert len(list(out_dir.glob(kind))) == scale.overhead_frames, f"no {kind} in {out_dir}"
     return spent
@@ -87,7 +87,7 @@ def measure_script(root: Path, body_path: Path, clip_wall_s: float, scale: Scale
         layout_paths=(clip_path,),
     )
     write_text(root / "job.json", job.model_dump_json())
-    spent = run_python(HERE / "anew.py", root / "job.json", str(scale.script_frames))
+    spent = run_in_blender(HERE / "anew.py", root / "job.json", str(scale.script_frames))
     assert len(list((root / "out").glob("*.jpg"))) == scale.script_frames
     frame_s = spent.wall_s / scale.script_frames
     return {

@@ -8,6 +8,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from gmrdata.film.blender_environment import blender_command, blender_variables
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
@@ -21,17 +23,25 @@ class Spent:
     """Its standard output."""
 
 
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # of numpy
+
+
 def run_python(*words: str | Path) -> Spent:
     """Run a Python process with the repository's packages, and numpy with one thread."""
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(REPOSITORY), str(REPOSITORY / "benchmarks")]),
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-    }
+    packages = os.pathsep.join([str(REPOSITORY), str(REPOSITORY / "benchmarks")])
+    return _run([sys.executable, *map(str, words)], os.environ | {"PYTHONPATH": packages})
+
+
+def run_in_blender(script: Path, *words: str | Path) -> Spent:
+    """Run a script in Blender's environment, and numpy with one thread."""
+    return _run(blender_command(script, *words), blender_variables())
+
+
+def _run(words: list[str], environment: dict[str, str]) -> Spent:
     before, start_s = _children_cpu_s(), time.perf_counter()
     done = subprocess.run(
-        [sys.executable, *map(str, words)],
-        env=environment,
+        words,
+        env=environment | ONE_THREAD,
         cwd=REPOSITORY,
         capture_output=True,
         text=True,

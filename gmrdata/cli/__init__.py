@@ -8,6 +8,7 @@ import tyro
 from gmrdata import __version__
 from gmrdata.cli.answers import answer, explain, fail
 from gmrdata.cli.baselines import baseline
+from gmrdata.cli.blender_environment import blender
 from gmrdata.cli.doctor import doctor
 from gmrdata.cli.export import export
 from gmrdata.cli.fusion import delta_errors, fuse
@@ -63,8 +64,9 @@ def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:
 
 
 _VERBS: tuple[Callable[..., None], ...] = (
-    demo, doctor, fetch, motions, render, masks, sfm, video, page, manifest, threedpw, floor, train,
-    infer, delta_errors, fuse, evaluate, compare, export, baseline, tables, merge, report, run,
+    demo, doctor, blender, fetch, motions, render, masks, sfm, video, page, manifest, threedpw,
+    floor, train, infer, delta_errors, fuse, evaluate, compare, export, baseline, tables, merge,
+    report, run,
 )  # fmt: skip
 VERBS = {verb.__name__.replace("_", "-"): verb for verb in _VERBS}
 

@@ -16,6 +16,8 @@ from tyro.conf import arg
 
 from gmrdata import __version__
 from gmrdata.cli.answers import answer, fail, print_table
+from gmrdata.film import blender_environment as environment
+from gmrdata.values.errors import BlenderMissing
 
 State = Literal["there", "missing", "broken"]
 
@@ -66,7 +68,6 @@ if said.get("torch", "not asked for") is None:
         gpus = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
 print(json.dumps([said, gpus]))
 """
-BLENDER = "import bpy; print(bpy.app.version_string)"
 LOAD_S = 600  # a busy machine takes long to load them
 Loaded = tuple[dict[str, str | None], list[str]]
 _LOADED = TypeAdapter(Loaded)
@@ -96,7 +97,7 @@ def doctor(
 
 def find_parts() -> list[Part]:
     """All parts, in the order of the table.  What takes long to load does so side by side."""
-    blender = _start("-c", BLENDER)
+    blender = _start_blender()
     names = (*LOADED, *_installed_extras())
     halves = [[name for name in names if (name in ON_TORCH) == on_torch] for on_torch in (1, 0)]
     libraries = [_start("-c", LIBRARIES, *half) for half in halves]
@@ -117,9 +118,22 @@ def find_parts() -> list[Part]:
 
 def _start(*arguments: str) -> subprocess.Popen[str]:
     # -P: a file in the current folder is no module of ours.
-    command = [sys.executable, "-P", *arguments]
+    return _popen([sys.executable, "-P", *arguments])
+
+
+def _popen(command: list[str], variables: dict[str, str] | None = None) -> subprocess.Popen[str]:
     pipe = subprocess.PIPE
-    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, errors="replace")
+    return subprocess.Popen(
+        command, env=variables, stdout=pipe, stderr=pipe, text=True, errors="replace"
+    )
+
+
+def _start_blender() -> subprocess.Popen[str] | BlenderMissing:
+    try:
+        command = environment.blender_command("blender.probe")
+        return _popen(command, environment.blender_variables())
+    except BlenderMissing as error:
+        return error
 
 
 def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
@@ -190,12 +204,29 @@ def _unloadable(loaded: Loaded) -> list[tuple[str, str]]:
     return [(name, why) for name in LOADED if (why := loaded[0].get(name))]
 
 
-def _blender(process: subprocess.Popen[str]) -> Part:
+def blender_part() -> Part:
+    """Blender's environment: its versions, or what is missing and the command that gets it."""
+    return _blender(_start_blender())
+
+
+def _blender(process: subprocess.Popen[str] | BlenderMissing) -> Part:
+    what = "render, threedpw twin, floor and demo"
+    if isinstance(process, BlenderMissing):
+        return Part("blender", "Blender", "missing", "", f"{what}. {process}", required=True)
     said, why_not = _end(process)
     if why_not:
-        note = "render, threedpw twin, floor and demo. pip install bpy"
-        return Part("packages", "Blender", "broken", why_not, note, required=True)
-    return Part("packages", "Blender", "there", said, required=True)
+        missing = environment.missing_system_libraries()
+        remedy = f"{environment.PYTHON_NAME} names that Python: name another one, or unset it"
+        if environment.PYTHON_NAME not in os.environ:
+            remedy = "gmrdata blender setup --redo"
+        if missing:
+            packages = " ".join(missing.values())
+            remedy = f"apt-get install --no-install-recommends {packages}"
+        return Part("blender", "Blender", "broken", why_not, f"{what}. {remedy}", required=True)
+    versions = environment.versions_said([said])
+    names = [f"{name} {found}" for name, found in versions.items() if name != "bpy"]
+    note = f"{', '.join(names)} in {environment.blender_python()}"
+    return Part("blender", "Blender", "there", versions["bpy"], note, required=True)
 
 
 def _models() -> Iterator[Part]:

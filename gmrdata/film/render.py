@@ -6,7 +6,6 @@ Which of Blender's renderers can run on this machine is found out before any fra
 import json
 import os
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Sequence
 from functools import cache, partial
@@ -15,6 +14,11 @@ from typing import Any, Literal, TextIO
 
 from pydantic import Field, model_validator
 
+from gmrdata.film.blender_environment import (
+    blender_command,
+    blender_variables,
+    versions_said,
+)
 from gmrdata.film.character import Character, PersonConfig
 from gmrdata.film.scene import SceneConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -28,8 +32,6 @@ from gmrdata.write.video import write_video_of
 
 RENDERER_LINE = "gmrdata-renderer"  # what the probe prints, with the name of what rendered
 PROBE_S = 600
-PACKAGES_DIR = Path(__file__).resolve().parents[2]
-"""Where the packages `gmrdata` and `blender` are, side by side in a checkout and in a wheel."""
 NAMES = {"cycles": "Cycles", "eevee": "EEVEE", "workbench": "Workbench"}
 FRAME_LINE = "gmrdata-frame"
 """What the Blender process prints, with the frame's number, when a frame and its mask are there."""
@@ -56,11 +58,10 @@ def find_renderer(engine: str, device: str) -> str:
     """
     if (engine, device) == ("cycles", "cpu"):
         return "Cycles on the CPU"
-    command = [sys.executable, "-m", "blender.probe", engine, device]
     try:
         answer = subprocess.run(
-            command,
-            cwd=PACKAGES_DIR,
+            blender_command("blender.probe", engine, device),
+            env=blender_variables(),
             capture_output=True,
             errors="replace",
             timeout=PROBE_S,
@@ -223,6 +224,7 @@ def render_clip(
     Raises:
         MissingInput: the clip or the body is not there.
         BadCharacter: the character's file is broken, or names files outside its folder.
+        BlenderMissing: Blender's environment is not there.
         EngineMissing: the engine or device of the recipe can't run here.
         RenderFailed: Blender ended without its result, or can't use the character.
         RenderOverLimit: it took more time or memory than `values.limits` grants.
@@ -242,7 +244,7 @@ def render_clip(
 
 def _render(
     job: RenderJob, on_frame: Callable[[int], None] | None, partial_dir: Path
-) -> dict[str, str]:
+) -> dict[str, Any]:
     from gmrdata.stage.progress import progress_bar
 
     config, motion = job.config, load_clip(job.clip_path).motion
@@ -250,11 +252,12 @@ def _render(
     with progress_bar(shown=on_frame is None) as bar:
         task = bar.add_task(f"rendering {job.out_dir.name}", total=motion.n_frames)
         tell = on_frame or (lambda _: bar.advance(task))
-        run_blender(job.model_copy(update={"out_dir": partial_dir}), partial_dir, tell)
+        job = job.model_copy(update={"out_dir": partial_dir})
+        versions = run_blender(job, partial_dir, tell)
     if config.video:
         frames = sorted((partial_dir / "frames").glob(f"*.{config.image_format}"))
         write_video_of(frames, partial_dir / "video.mp4", motion.fps_hz)
-    return {"renderer": renderer}
+    return {"renderer": renderer, "blender": versions}
 
 
 def full_json(recipe: Config) -> str:
@@ -268,11 +271,14 @@ def run_blender(
     on_frame: Callable[[int], None],
     *,
     module: str = "blender",
-) -> None:
-    """Run a module of Blender's side on a job; its log in `partial_dir` stays when it fails."""
+) -> dict[str, str]:
+    """Run a module of Blender's side on a job; its log in `partial_dir` stays when it fails.
+
+    Returns the versions of Blender's environment, as that says them.
+    """
     job_path, log_path = partial_dir / "job.json", partial_dir / "blender.log"
     write_text(job_path, full_json(job))
-    command = [sys.executable, "-m", module, str(job_path), "--parent", str(os.getpid())]
+    command = blender_command(module, job_path, "--parent", os.getpid())
     frame_s = _frame_s(job.render if isinstance(job, PreviewJob) else job)
     with log_path.open("w", encoding="utf-8") as log:
         exit_code = _run_and_listen(command, log, on_frame, frame_s)
@@ -291,6 +297,7 @@ def run_blender(
         )
     job_path.unlink()
     log_path.unlink()
+    return versions_said(lines)
 
 
 def _frame_s(job: RenderJob) -> float:
@@ -330,9 +337,9 @@ def _run_and_listen(
     command: list[str], log: TextIO, on_frame: Callable[[int], None], frame_s: float
 ) -> int:
     """Run the process to its end, or end it with this one; its chatter goes to the log."""
-    env, pipe = os.environ | KEEP_MEMORY, subprocess.PIPE
+    env, pipe = blender_variables() | KEEP_MEMORY, subprocess.PIPE
     process = subprocess.Popen(
-        command, env=env, cwd=PACKAGES_DIR, stdout=pipe, stderr=subprocess.STDOUT, errors="replace"
+        command, env=env, stdout=pipe, stderr=subprocess.STDOUT, errors="replace"
     )
     clock = _FrameClock(process, frame_s)
     try:

@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from gmrdata.stage.progress import console
-
 SAID_AFTER_S = 1.0
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
@@ -25,6 +23,8 @@ def locked(path: Path) -> Iterator[bool]:
     try:
         lock.acquire(timeout=SAID_AFTER_S)
     except Timeout:
+        from gmrdata.stage.progress import console  # which Blender's environment lacks
+
         what = f"waiting for another process, which works on {path}"
         console.print(what, markup=False, soft_wrap=True)
         lock.acquire()

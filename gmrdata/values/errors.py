@@ -105,6 +105,10 @@ class BadBackdrop(GmrdataError):
     """A .blend file can't be the place of a clip."""
 
 
+class BlenderMissing(GmrdataError):
+    """Blender's environment is not there, or could not be made."""
+
+
 class EngineMissing(GmrdataError):
     """A renderer or a device that was asked for can't run on this machine."""
 

@@ -1,7 +1,5 @@
 """Places that cost little to paint, for tests that are about something else."""
 
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +9,7 @@ import pytest
 from blender.textures.base import ellipses
 from blender.textures.ground import sky
 from gmrdata.film.scene import BackdropConfig, SceneConfig
+from tests.blender.jobs import in_blender
 from tests.sharing import made_once
 
 
@@ -22,7 +21,7 @@ def box_place(tmp_path_factory: pytest.TempPathFactory) -> SceneConfig:
         folder.mkdir()
         maker = Path(__file__).with_name("make_backdrop.py")
         words = [str(folder / "place.blend"), str(folder / "victim")]
-        subprocess.run([sys.executable, str(maker), *words], check=True, capture_output=True)
+        in_blender(maker, *words)
         (folder / "victim").unlink(missing_ok=True)  # who makes such a file runs it
 
     path = made_once(tmp_path_factory, "box_place", make) / "place.blend"

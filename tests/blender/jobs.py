@@ -2,13 +2,13 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
+from gmrdata.film.blender_environment import blender_command, blender_variables
 from gmrdata.film.camera_moves import look_at
 from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.film.render import RenderConfig, render_clip
@@ -21,7 +21,6 @@ from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, rigid
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 FACING_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Root rotation of someone upright who faces +x."""
 
@@ -127,11 +126,17 @@ def coverage(camera: CameraPath, body: BodyModel, vertices_m: np.ndarray, row: i
     return np.asarray(cv2.resize(canvas, size_px, interpolation=cv2.INTER_AREA) / 255)
 
 
+def in_blender(
+    what: str | Path, *words: object, check: bool = True, **options: Any
+) -> subprocess.CompletedProcess[str]:
+    """Run a script, or a module, in Blender's environment."""
+    command, variables = blender_command(what, *words), blender_variables()
+    return subprocess.run(
+        command, env=variables, capture_output=True, text=True, check=check, **options
+    )
+
+
 def ask_blender(script: str, *words: object) -> Any:
     """What one of the scripts beside this file prints behind ANSWER, run in its own process."""
-    command = [sys.executable, str(Path(__file__).with_name(script)), *map(str, words)]
-    said = subprocess.run(
-        command, capture_output=True, text=True, check=True,
-        cwd=REPOSITORY, env={"PYTHONPATH": str(REPOSITORY)},
-    )  # fmt: skip
+    said = in_blender(Path(__file__).with_name(script), *words)
     return json.loads(said.stdout.split("\nANSWER ")[1])

@@ -1,6 +1,6 @@
 """Runs in its own process: tries odd .blend files as the place, and prints what is said of each.
 
-Usage: odd_backdrops_by_blender.py folder.
+Usage: odd_backdrops_by_blender.py folder font.
 """
 
 import json
@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from matplotlib import font_manager
 
 from blender.places.backdrop import add_backdrop
 from gmrdata.film.scene import BackdropConfig
@@ -70,7 +69,7 @@ def device_as_picture() -> None:
 
 def font() -> None:
     letters = bpy.data.curves.new("letters", "FONT")
-    letters.font = bpy.data.fonts.load(font_manager.findfont("DejaVu Sans"))
+    letters.font = bpy.data.fonts.load(sys.argv[2])
     add("Letters", letters)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from matplotlib.font_manager import findfont
 from pydantic import ValidationError
 
 from gmrdata.film.render import RenderConfig
@@ -141,7 +142,7 @@ def test_recipes_that_do_not_fit_together(said: dict[str, Any]) -> None:
 
 
 def test_what_a_file_would_take_from_elsewhere_is_refused_by_name(tmp_path: Path) -> None:
-    found = ask_blender("odd_backdrops_by_blender.py", tmp_path)
+    found = ask_blender("odd_backdrops_by_blender.py", tmp_path, findfont("DejaVu Sans"))
     assert found.pop("plain") == found.pop("small_generated_picture") == ""
     endless = found.pop("generated_picture")
     assert "its picture 'endless' has 3600000000 pixels" in endless

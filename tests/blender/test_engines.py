@@ -18,7 +18,17 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import EngineMissing
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.skinning import motion_vertices_m
-from tests.blender.jobs import Job, camera_at, coverage, facing_x, grown, mask_of, overlap, save_job
+from tests.blender.jobs import (
+    Job,
+    camera_at,
+    coverage,
+    facing_x,
+    grown,
+    in_blender,
+    mask_of,
+    overlap,
+    save_job,
+)
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 160, 90
 SHARP = RenderConfig(samples=8, image_format="png", depth=True, normals=True, flow=True)
@@ -204,7 +214,8 @@ def test_a_rolling_shutter_shows_each_row_at_its_own_time(
 def test_a_saved_scene_renders_the_same_pixels_elsewhere(sharp: Path, tmp_path: Path) -> None:
     (sharp / "scene").rename(tmp_path / "moved")
     try:
-        code = (
+        script = tmp_path / "again.py"
+        script.write_text(
             "import bpy, sys\n"
             "bpy.ops.wm.open_mainfile(filepath=sys.argv[1])\n"
             "scene = bpy.context.scene\n"
@@ -215,8 +226,7 @@ def test_a_saved_scene_renders_the_same_pixels_elsewhere(sharp: Path, tmp_path: 
             "bpy.ops.render.render(write_still=True)\n"
         )
         picture = tmp_path / "again.bmp"
-        command = [sys.executable, "-c", code, str(tmp_path / "moved/scene.blend"), str(picture)]
-        subprocess.run(command, check=True, capture_output=True)
+        in_blender(script, tmp_path / "moved/scene.blend", picture)
     finally:
         (tmp_path / "moved").rename(sharp / "scene")
     np.testing.assert_array_equal(read(picture), read(sharp / "frames/00001.png"))

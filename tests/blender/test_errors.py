@@ -1,7 +1,6 @@
 """Bad input: exit code 1 and one clear line, no traceback, and no Blender started for it."""
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,7 +16,7 @@ from gmrdata.film.render import RenderConfig
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import MissingInput, RenderFailed
-from tests.blender.jobs import Job, camera_at, facing_x, save_job
+from tests.blender.jobs import Job, camera_at, facing_x, in_blender, save_job
 
 
 def one_frame(folder: Path, body: BodyModel, change: Callable[[Clip], Clip] = lambda c: c) -> Job:
@@ -37,8 +36,7 @@ def job_file(tmp_path: Path, job: Job, **changes: object) -> Path:
 
 
 def run_blender(*arguments: str, **options: Any) -> tuple[int, str]:
-    command = [sys.executable, "-m", "blender", *arguments]
-    said = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    said = in_blender("blender", *arguments, check=False, **options)
     assert "Traceback" not in said.stderr
     return said.returncode, said.stderr
 
@@ -117,6 +115,5 @@ def test_bpy_is_imported_in_the_blender_folder_only() -> None:
 
 
 def test_blender_is_found_from_any_folder(tmp_path: Path) -> None:
-    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    code, said = run_blender(cwd=tmp_path, env=environment)
+    code, said = run_blender(cwd=tmp_path)
     assert code == 1 and "usage:" in said

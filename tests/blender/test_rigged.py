@@ -2,8 +2,6 @@
 
 import json
 import struct
-import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -44,6 +42,7 @@ from tests.blender.jobs import (
     contents,
     facing_x,
     grown,
+    in_blender,
     mask_of,
     overlap,
     save_job,
@@ -145,8 +144,7 @@ def characters(small_body: BodyModel, folder: Path) -> Files:
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path.with_suffix(".npz"), **case)
     script = Path(__file__).with_name("character_by_blender.py")
-    command = [sys.executable, script, *paths.values()]
-    subprocess.run(command, capture_output=True, check=True)
+    in_blender(script, *paths.values())
     return paths
 
 

@@ -1,6 +1,7 @@
 """The command line as a person meets it: exit codes, messages, nothing half-written."""
 
 import json
+import re
 import resource
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 from gmrdata import __version__
 from gmrdata.cli import RENAMED, VERBS
+from gmrdata.film.blender_environment import PYTHON_NAME, blender_python
 from gmrdata.pages.report_data import ClipSummary, GmrSummary, Summary
 from gmrdata.read.models import MODELS, models_dir
 from gmrdata.score.records import PaperMetrics
@@ -249,10 +251,10 @@ def test_it_finds_what_the_tests_run_with(
     found = json.loads(said.stdout)
     assert found["good"]
     parts = {part["name"]: part for part in found["parts"]}
-    for package in ("numpy", "torch", "pycolmap", "bpy"):
+    for package in ("numpy", "torch", "pycolmap"):
         assert parts[package]["found"] == metadata.version(package)
-    blender, *_ = parts["Blender"]["found"].split()  # "5.2.3 LTS"
-    assert parts["bpy"]["found"].startswith(blender)
+    assert re.fullmatch(r"5\.\d\.\d", parts["Blender"]["found"])
+    assert parts["Blender"]["note"].endswith(f" in {blender_python()}")
     assert [parts[name]["state"] for name in ("export", "view", "tensorboard")] == ["there"] * 3
     assert parts["SMPL"]["state"] == "missing"
     assert f"free in {empty_cache}" in parts["cache"]["found"]
@@ -291,9 +293,27 @@ def test_a_library_that_does_not_load_is_said() -> None:
     assert loaded == ({"json": None, "no_such_module": "No module named 'no_such_module'"}, [])
     died = doctor._loaded(doctor._start("-c", "raise SystemExit(3)"), names)
     assert died == (dict.fromkeys(names, "ended with exit code 3"), [])
-    ended = doctor._blender(doctor._start("-c", "raise ImportError('libX.so: not there')"))
+
+
+def test_blender_that_does_not_start_is_said_with_its_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def part() -> Any:
+        return doctor._blender(doctor._start("-c", "raise ImportError('libX.so: not there')"))
+
+    lacking = {"libSM.so.6": "libsm6", "libGL.so.1": "libgl1"}
+    monkeypatch.setattr(doctor.environment, "missing_system_libraries", lambda: lacking)
+    ended = part()
     assert ended.state == "broken" and ended.required
     assert ended.found == "ImportError: libX.so: not there"
+    assert ended.note.endswith("apt-get install --no-install-recommends libsm6 libgl1")
+    monkeypatch.setattr(doctor.environment, "missing_system_libraries", dict)
+    monkeypatch.delenv(PYTHON_NAME, raising=False)
+    assert part().note.endswith("gmrdata blender setup --redo")
+    monkeypatch.setenv(PYTHON_NAME, "/no/python")
+    assert part().note.endswith("name another one, or unset it")
+    gone = doctor.blender_part()
+    assert gone.state == "missing" and gone.required and "/no/python: no such program" in gone.note
 
 
 def test_models_and_bodies_are_looked_into(empty_cache: Path, small_body: BodyModel) -> None:

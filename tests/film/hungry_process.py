@@ -1,4 +1,4 @@
-"""A stand-in for Blender that wants 2 GiB, or never ends: `python -m tests.film.hungry_process`."""
+"""A stand-in for Blender that wants 2 GiB, or never ends."""
 
 import sys
 import time

@@ -28,7 +28,7 @@ def job(small_body: BodyModel, tmp_path: Path) -> RenderJob:
 def start(job: RenderJob) -> None:
     with (job.out_dir / "started").open("a") as file:
         file.write("x")
-    run_blender(job, job.out_dir, print, module="tests.film.hungry_process")
+    run_blender(job, job.out_dir, print, module=str(Path(__file__).with_name("hungry_process.py")))
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """Blender's own importers play the written GLB, BVH and USD files: an independent reader."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +14,7 @@ from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
 from gmrdata.write.usd import write_usd
+from tests.blender.jobs import in_blender
 from tests.write.takes import SIZE_PX, make_take
 
 SCRIPT = Path(__file__).with_name("import_by_blender.py")
@@ -36,8 +35,7 @@ def test_blender_plays_what_was_written(
     write_bvh(paths[1], motion, small_body)
     write_usd(paths[2], replace(take, people=(person,)))
     write_glb(paths[3], person.motion, person.body, camera=camera)
-    command = [sys.executable, SCRIPT, *paths, 25, out, *ROWS]
-    subprocess.run(list(map(str, command)), capture_output=True, check=True)
+    in_blender(SCRIPT, *paths, 25, out, *ROWS)
     found = np.load(out)
     vertices_m = motion_vertices_m(small_body, motion, rows=np.array(ROWS))
     np.testing.assert_allclose(found["glb_vertices_m"], vertices_m, atol=1e-4)
