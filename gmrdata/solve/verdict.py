@@ -33,6 +33,7 @@ from gmrdata.world.recipe import Doubts, Verdict, verdict_of
 DOUBTS_FILE = "doubts.json"
 MAX_RATE_ERROR = 0.05
 """Share by which the rate of a body may differ from that of the video."""
+RATE_OVER_S = 0.5  # over which the same holds of a video whose rate varies [s]
 MAX_STEP_ERROR = 0.25
 """Share by which the time between two images may differ from that between the body's rows."""
 MOST_OFF = 0.99  # of a deviation, as a share
@@ -97,17 +98,26 @@ def video_doubts(video: VideoRecord | None, clips: Sequence[Clip]) -> Doubts:
             sequence.append(f"the body has {fps_hz:g} frames per second, the video {shown_hz:g}")
             return Doubts(frames=nothing, sequence=tuple(sequence))
     frames = tuple(
-        tuple(_odd_step(step_s, clip.motion.fps_hz) for step_s in of_clip.tolist())
+        tuple(_odd_steps(of_clip, clip.motion.fps_hz))
         for clip, of_clip in zip(clips, steps_s, strict=True)
     )
     return Doubts(frames=frames, sequence=tuple(sequence))
 
 
-def _odd_step(step_s: float, fps_hz: float) -> str:
-    """Why a frame must not be used that is shown so long after the one before; else empty."""
-    if not abs(step_s * fps_hz - 1.0) > MAX_STEP_ERROR:  # NaN where it is not known
-        return ""
-    return f"shown {step_s:.3f} s after the image before, not {1 / fps_hz:.3f} s"
+def _odd_steps(steps_s: np.ndarray, fps_hz: float) -> Iterator[str]:
+    """Why frames (T,) must not be used that are shown so long after the ones before; else empty."""
+    off = steps_s * fps_hz - 1.0  # NaN where it is not known
+    is_odd = np.abs(off) > MAX_STEP_ERROR
+    reach = max(1, round(RATE_OVER_S * fps_hz / 2))
+    for row, step_s in enumerate(steps_s.tolist()):
+        around = slice(max(0, row - reach), row + reach + 1)
+        regular = off[around][np.abs(off[around]) <= MAX_STEP_ERROR]
+        if is_odd[row]:
+            yield f"shown {step_s:.3f} s after the image before, not {1 / fps_hz:.3f} s"
+        elif len(regular) and abs(mean := float(regular.mean())) > MAX_RATE_ERROR:
+            yield f"among images at {fps_hz / (1 + mean):.3g} per second, not {fps_hz:.3g}"
+        else:
+            yield ""
 
 
 VERDICT_FILE = "verdict.json"

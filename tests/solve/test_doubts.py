@@ -60,6 +60,16 @@ def test_a_frame_that_came_late_is_not_used(anny: BodyModel) -> None:
         assert frames[4] == "shown 0.200 s after the image before, not 0.100 s"
 
 
+def test_a_stretch_at_another_rate_is_not_used(anny: BodyModel) -> None:
+    """A phone in the dark takes fewer images: each step is within reason, but not their speed."""
+    clip = walk(anny, 40)
+    steps_s = np.where(np.arange(clip.motion.n_frames - 1) < 25, 0.1, 0.1 / 0.88)
+    doubts = video_doubts(video([0.0, *np.cumsum(steps_s).tolist()]), [clip])
+    assert doubts.sequence == ()
+    assert {row for row, text in enumerate(doubts.frames[0]) if text} == set(range(25, 40))
+    assert doubts.frames[0][30] == "among images at 8.8 per second, not 10"
+
+
 def test_another_rate_is_named(anny: BodyModel) -> None:
     clip = walk(anny)
     times_s = (0.04 * np.arange(clip.motion.n_frames)).tolist()
