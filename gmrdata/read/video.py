@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gmrdata.read.frames import read_frames, write_image
+from gmrdata.read.video_faults import why_no_video
 from gmrdata.read.video_rate import rated
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -38,6 +39,7 @@ CONTAINERS = (
     "mov,mp4,3gp,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,mxf,ogg,dv,ivf,gif,yuv4mpegpipe"
 )
 """FFmpeg's names of formats that are read: none of them is a list of other files."""
+BROADCAST = ("mpegts", "mpeg", "mpegvideo")  # a recording of it begins anywhere
 REMEDY = "convert it again (H.264 in .mp4)"
 LONGEST_PIXEL = 4.0  # the most that a pixel may be longer than wide, or wider than long
 MOST_REORDERED = 16  # frames that a decoder may hold back, as H.264 and HEVC have it
@@ -77,7 +79,7 @@ def video_record(frames_dir: Path) -> VideoRecord | None:
 
 def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]:
     """About how many images `extract_video` would write, and their (width, height), by the file's
-    own word: nothing is decoded.  Errors as there."""
+    own word, or by its packets where it has none: nothing is decoded.  Errors as there."""
     import av
 
     if not path.is_file():
@@ -87,6 +89,11 @@ def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]
         codec = stream.codec_context
         length_s = float(container.duration or 0) / av.time_base
         n_frames = stream.frames or round(length_s * float(stream.average_rate or 0))
+        if not n_frames:  # as of what a browser records
+            at_s = [_packet_time_s(packet) for packet in container.demux(stream) if packet.size]
+            known_s = [time_s for time_s in at_s if time_s is not None]
+            n_frames, apart_s = len(at_s), float(np.ptp(known_s)) if known_s else 0.0
+            length_s = apart_s * n_frames / max(1, n_frames - 1)
         rate_hz = n_frames / length_s if length_s else 0.0
         to_s = length_s if config.to_s is None else min(config.to_s, length_s)
         n_taken = round(max(0.0, to_s - config.from_s) * rate_hz) if rate_hz else n_frames
@@ -150,9 +157,8 @@ def _explained(path: Path) -> Iterator[None]:
     try:
         yield
     except av.FFmpegError as error:
-        said = error.strerror or type(error).__name__
-        why = "empty file (0 bytes)" if not path.stat().st_size else f"no video ({said})"
-        raise BadFrames(f"{path}: {why}; {REMEDY}") from None
+        said = f"no video ({error.strerror or type(error).__name__}); {REMEDY}"
+        raise BadFrames(f"{path}: {why_no_video(path) or said}") from None
 
 
 @dataclass(eq=False)
@@ -160,6 +166,8 @@ class _Reading:
     """What was met while a video was decoded."""
 
     packet_times_s: list[float | None] = field(default_factory=list)
+    key_time_s: float | None = None  # of the first picture that needs no other
+    cut_times_s: list[float] = field(default_factory=list)  # of pictures cut from what they need
     n_discarded: int = 0  # frames that an edit list leaves out
     times_s: list[float] = field(default_factory=list)  # of all frames, from the first on
     n_deinterlaced: int = 0
@@ -231,7 +239,8 @@ def _video_stream(path: Path, container: "InputContainer") -> Any:
 
     moving = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if not moving:
-        raise BadFrames(f"{path}: has no video stream; give a file with a picture")
+        said = "has no video stream; give a file with a picture"
+        raise BadFrames(f"{path}: {why_no_video(path) or said}")
     best = container.streams.best("video")
     stream = best if best in moving else moving[0]
     if stream.codec_context is None:
@@ -271,6 +280,7 @@ def _decoded(
     import av
 
     packets = container.demux(stream)
+    begins_anywhere = container.format.name in BROADCAST
     while True:
         try:
             packet = next(packets)
@@ -279,14 +289,32 @@ def _decoded(
         if packet.size:
             reading.n_discarded += packet.is_discard
             if not packet.is_discard:
-                known = packet.pts is not None and packet.time_base is not None
-                time_s = float(packet.pts * packet.time_base) if known else None
+                time_s = _packet_time_s(packet)
                 reading.packet_times_s.append(time_s)
+                if time_s is not None:
+                    _look_for_cut(time_s, packet.is_keyframe, begins_anywhere, reading)
         try:
             frames = packet.decode()
         except av.FFmpegError:
             continue
         yield from (frame for frame in frames if not frame.is_corrupt)
+
+
+def _packet_time_s(packet: Any) -> float | None:
+    known = packet.pts is not None and packet.time_base is not None
+    return float(packet.pts * packet.time_base) if known else None
+
+
+def _look_for_cut(time_s: float, is_key: bool, begins_anywhere: bool, reading: _Reading) -> None:
+    """Note a picture that no player shows, since a cut took away what it needs.
+
+    It is shown before the first key frame but stands behind it (an open group of pictures), or
+    before it in what was broadcast.
+    """
+    if reading.key_time_s is None and is_key:
+        reading.key_time_s = time_s
+    elif begins_anywhere if reading.key_time_s is None else time_s < reading.key_time_s:
+        reading.cut_times_s.append(time_s)
 
 
 def _in_order(frames: Iterator["av.VideoFrame"]) -> Iterator["av.VideoFrame"]:
@@ -427,18 +455,23 @@ def _require_in_budget(path: Path, n_frames: int, size_px: tuple[int, int]) -> N
 
 def _count_expected(container: "InputContainer", stream: Any, reading: _Reading) -> int:
     """Frames that the file holds by its own count, as far as it was read."""
-    times_s, stopped_at_s = reading.packet_times_s, reading.stopped_at_s
+    times_s, first_s = reading.packet_times_s, reading.first_time_s or 0.0
+    stopped_at_s = reading.stopped_at_s
+    n_cut = sum(time_s < first_s - 1e-6 for time_s in reading.cut_times_s)
     if stopped_at_s is not None:
-        end_s = stopped_at_s + (reading.first_time_s or 0.0) - 1e-6
+        end_s = stopped_at_s + first_s - 1e-6
         before = sum(time_s is not None and time_s < end_s for time_s in times_s)
-        return max(before, reading.n_frames)
-    expected = max(len(times_s), stream.frames - reading.n_discarded, reading.n_frames)
+        return max(before - n_cut, reading.n_frames)
+    n_counted = max(len(times_s), stream.frames - reading.n_discarded)
+    expected = max(n_counted - n_cut, reading.n_frames)
     if stream.frames or len(container.streams) > 1 or not container.duration:
         return int(expected)
     length_s = container.duration / 1e6
     if "matroska" in container.format.name:
         # Its length counts from 0, also where the first frame comes later.
-        length_s -= max(0.0, reading.first_time_s or 0.0)
+        length_s -= max(0.0, first_s)
+    elif n_cut:
+        length_s -= first_s - min(reading.cut_times_s)
     return max(int(expected), _count_by_length(length_s, reading))
 
 

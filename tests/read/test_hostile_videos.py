@@ -123,6 +123,31 @@ def test_a_stream_without_its_first_key_frame(tmp_path: Path) -> None:
         read(rest)
 
 
+@pytest.mark.parametrize("name", ["b.mkv", "b.mp4", "b.ts"])
+def test_pictures_that_a_cut_took_the_others_from_are_not_lost(tmp_path: Path, name: str) -> None:
+    """An open group of pictures begins with some that no player shows once it is the first."""
+    how = {"bf": "3", "x264-params": "open-gop=1:scenecut=0:b-pyramid=none:keyint=24"}
+    pictures = [textured(i) for i in range(72)]
+    whole = make_video(tmp_path / f"a{Path(name).suffix}", pictures, options=how)
+    with av.open(str(whole)) as file:
+        packets = [packet for packet in file.demux(video=0) if packet.size]
+    second = [place for place, packet in enumerate(packets) if packet.is_keyframe][1]
+    shown = [p for p in packets[second:] if (p.pts or 0) >= (packets[second].pts or 0)]
+    assert len(shown) == len(packets) - second - 3
+    cut = remuxed(whole, tmp_path / name, lambda place, _: place >= second)
+    images, record = read(cut)
+    assert (len(images), record.n_expected, record.rate_hz) == (len(shown), len(shown), 25)
+    early = cut.rename(tmp_path / f"early{cut.suffix}")
+    _, part = read(early, to_s=0.5)
+    assert (part.n_expected, part.n_lost) == (13, 0)
+
+
+def test_a_broadcast_begins_anywhere(tmp_path: Path) -> None:
+    whole = make_video(tmp_path / "a.ts", [textured(i) for i in range(60)], options={"g": "20"})
+    images, record = read(remuxed(whole, tmp_path / "b.ts", lambda place, _: place > 2))
+    assert (len(images), record.n_expected) == (40, 40)
+
+
 def test_times_below_zero_and_a_late_start(tmp_path: Path) -> None:
     for first in (-50, 9000):
         ticks = [first + i for i in range(8)]

@@ -1,7 +1,9 @@
 """Videos as frames a person would see, and videos that aren't, or not wholly."""
 
+import re
 from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import av
@@ -11,7 +13,15 @@ import pytest
 
 from gmrdata.read import video as video_module
 from gmrdata.read.frames import write_gray
-from gmrdata.read.video import VideoConfig, as_frames, extract_video, is_video, turned, video_record
+from gmrdata.read.video import (
+    VideoConfig,
+    as_frames,
+    count_images,
+    extract_video,
+    is_video,
+    turned,
+    video_record,
+)
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
 from tests.read.videos import make_video, picture, textured, with_hole
@@ -230,10 +240,8 @@ def test_a_hole_in_the_middle_is_counted(tmp_path: Path) -> None:
 def test_a_file_that_was_cut_off(tmp_path: Path, name: str) -> None:
     """Matroska has no count of frames but says how long it is."""
     images = [textured(i) for i in range(48)]
-    faststart = "faststart" if name == "a.mp4" else ""
-    video = make_video(
-        tmp_path / name, images, options={"g": "12", "crf": "10"}, movflags=faststart
-    )
+    faststart = {"movflags": "faststart"} if name == "a.mp4" else {}
+    video = make_video(tmp_path / name, images, options={"g": "12", "crf": "10"}, muxer=faststart)
     video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
     with pytest.raises(BadFrames, match="48 frames by the file's own count, but 2[0-9] can be"):
         extracted(video)
@@ -271,12 +279,51 @@ def test_what_is_no_video_is_named(tmp_path: Path) -> None:
         "playlist.mp4": (playlist.encode(), "no video"),
         "concat.mp4": (f"ffconcat version 1.0\nfile {tmp_path}/b.ts\n".encode(), "no video"),
         "image.png": (cv2.imencode(".png", picture(0))[1].tobytes(), "no video"),
-        "head.mp4": (make_video(tmp_path / "c.mp4").read_bytes()[:900], "no video"),
+        "head.mp4": (make_video(tmp_path / "c.mp4").read_bytes()[:900], "was cut off before"),
     }
     for name, (content, said) in contents.items():
         (tmp_path / name).write_bytes(content)
         with pytest.raises(BadFrames, match=f"{name}: {said}"):
             extract_video(tmp_path / name, tmp_path / "frames")
+
+
+def test_what_is_no_whole_video_says_what_to_do(tmp_path: Path) -> None:
+    whole = make_video(tmp_path / "whole.mp4").read_bytes()
+    at_index, at_data = whole.index(b"moov") - 4, whole.index(b"mdat") - 4
+    still_open = whole[:at_data] + bytes(4) + whole[at_data + 4 : at_index]
+    contents = {
+        "half.mp4": (whole[: at_index - 99], "was cut off before its index (moov); get the whole"),
+        "open.mp4": (still_open, "was cut off before its index (moov); get the whole"),
+        "crashed.mp4": (whole[:at_index] + bytes(99), "no video (without an index, moov"),
+        "index.mp4": (whole[: at_index + 200], "no video (cut off in its index, moov); get the"),
+        "zeros.mp4": (bytes(9999), "begins with zeros"),
+        "page.mp4": (b"\n<!DOCTYPE html><html>", "a web page"),
+        "pointer.mp4": (b"version https://git-lfs.github.com/spec/v1\n", "a Git LFS pointer"),
+        "bare.h264": (b"\0\0\0\1\x67" + bytes(99), "a bare stream, which has no times; put it"),
+    }
+    for name, (content, said) in contents.items():
+        (tmp_path / name).write_bytes(content)
+        for read in (extracted, partial(count_images, config=VideoConfig())):
+            with pytest.raises(BadFrames, match=re.escape(f"{name}: {said}")):
+                read(tmp_path / name)
+
+
+def test_a_recording_that_says_no_length_is_counted(tmp_path: Path) -> None:
+    """As browsers write them."""
+    video = make_video(tmp_path / "a.webm", codec="libvpx", muxer={"live": "1"})
+    assert count_images(video, VideoConfig()) == (8, (64, 48))
+    assert count_images(video, VideoConfig(to_s=0.16, every=2))[0] == 2
+    assert extracted(video)[1].rate_hz == 25
+
+
+@pytest.mark.parametrize("place", ["mkv_frame_rate/obs60.mkv", "mkv_frame_rate/base.mkv"])
+def test_milliseconds_of_a_real_recorder(
+    shared_path: Callable[[str], Path], tmp_path: Path, place: str
+) -> None:
+    rate_hz = 60.0 if "60" in place else 30.0
+    frames = as_frames(shared_path(f"odd/{place}"), tmp_path / "frames", VideoConfig(every=2))
+    assert (frames.rate_hz, frames.video_hz) == (rate_hz / 2, rate_hz)
+    assert frames.times_s[-1] == pytest.approx(88 / rate_hz, abs=1e-6)
 
 
 def test_a_file_of_sound_has_no_video(tmp_path: Path) -> None:

@@ -33,13 +33,12 @@ def make_video(
     ticks: Sequence[int] | None = None,
     rotation_deg: float | None = None,
     pixel_aspect: Fraction | None = None,
-    movflags: str = "",
+    muxer: dict[str, str] | None = None,
     options: dict[str, str] | None = None,
 ) -> Path:
     """Write RGB images; `ticks` are their times in units of one over the rate."""
     images = [picture(i) for i in range(8)] if images is None else images
-    muxer = {"movflags": movflags} if movflags else {}
-    with av.open(str(path), "w", container_options=muxer) as container:
+    with av.open(str(path), "w", container_options=muxer or {}) as container:
         stream: Any = container.add_stream(codec, rate=rate_hz, options=options or {})
         stream.height, stream.width = images[0].shape[:2]
         stream.pix_fmt = pixel_format
