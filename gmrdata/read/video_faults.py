@@ -36,7 +36,8 @@ def why_no_video(path: Path) -> str:
 
 def _boxes(path: Path) -> list[tuple[str, bool]]:
     """Name of each outer box of an MP4 file (ISO 14496-12, 4.2), and whether it is cut off."""
-    found, at, size = [], 0, path.stat().st_size
+    found: list[tuple[str, bool]] = []
+    at, size = 0, path.stat().st_size
     with path.open("rb") as file:
         while at + 8 <= size and len(found) < MOST_BOXES:
             file.seek(at)
