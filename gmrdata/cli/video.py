@@ -160,7 +160,22 @@ def _solve_config(
         sfm=QUICK_SFM.model_copy(update={"seed": solving.seed}),
         check_again=solving.check_again,
         bodies=BodiesConfig(frames_per_row=solving.poses_every),
-    )
+    ).with_heights(_heights(solving.height_m))
+
+
+def _heights(said: tuple[str, ...]) -> dict[str, float] | None:
+    """Heights by name, as `solve_video` takes them; BadRecipe for what is no height."""
+    from gmrdata.world.size import EVERYBODY
+
+    heights: dict[str, float] = {}
+    for text in said:
+        name, _, number = text.rpartition("=")
+        try:
+            heights[name or EVERYBODY] = float(number)
+        except ValueError:
+            what = f"--height-m {text}: no height. Give metres, as 1.78 or person_0=1.78"
+            raise BadRecipe(what) from None
+    return heights or None
 
 
 def _are_one(sources: Sequence[Path], run: Run) -> bool:

@@ -1,8 +1,9 @@
 """What is asked of one sequence: its frames, what is known of them, and its stages' recipe."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, Intrinsics, IntrinsicsConfig
 from gmrdata.cameras.recipe import SfmConfig
@@ -18,6 +19,7 @@ from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.size import heights_of
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
 FOLLOWED, AGAIN, OWN_POSES, BODY = "followed", "again", "own_poses", "body"
@@ -50,6 +52,13 @@ class SolveConfig(SequenceConfig):
     own_poses: LocalPosesConfig = LocalPosesConfig()
     """Of people whom the built-in estimator sees."""
     bodies: BodiesConfig = BodiesConfig()
+
+    def with_heights(self, height_m: float | Mapping[str, float] | None) -> Self:
+        """The same, with how tall people are; BadRecipe for heights that nobody has."""
+        if height_m is None:
+            return self
+        bodies = self.bodies.model_copy(update={"heights": heights_of(height_m)})
+        return self.model_copy(update={"bodies": bodies})
 
     @property
     def person_source(self) -> PersonSource:

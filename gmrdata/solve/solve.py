@@ -8,6 +8,8 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from gmrdata.cameras.again import solve_again
 from gmrdata.cameras.files import load_quality
 from gmrdata.cameras.lens.intrinsics import find_intrinsics, load_intrinsics
@@ -60,6 +62,7 @@ from gmrdata.values.people import (
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
+from gmrdata.world.recipe import PseudoGtConfig
 
 NOBODY_SEEN = "The built-in estimator sees nobody: these are cameras alone"
 
@@ -279,16 +282,34 @@ def _world(solved: Solved) -> Solved:
         doubts_path=doubts_path,
         seen=None if config.masks is None else people_masks(solved.out_dir / MASKS, config.masks),
         focal_sigma=0.0 if lens is None else lens.focal_sigma,
+        size_sigmas=_size_sigmas(solved),
     )
-    pseudo_gt = config.pseudo_gt
-    if isinstance(people, EstimatedPeople) and people.are_own:
-        scale = pseudo_gt.scale.model_copy(update=OWN_FEET)
-        pseudo_gt = pseudo_gt.model_copy(update={"scale": scale})
+    own = isinstance(people, EstimatedPeople) and people.are_own
+    pseudo_gt = _with_size_errors(config.pseudo_gt, evidence.size_sigmas, own_feet=own)
     try:
         made = make_pseudo_gt(evidence, solved.out_dir / PSEUDO_GT, pseudo_gt, run=solved.run)
     except NoReconstruction as error:
         return replace(solved, unsolved=error)
     return replace(solved, world_dir=made)
+
+
+def _size_sigmas(solved: Solved) -> tuple[float, ...]:
+    """By person, of whom a system sees; of bodies that are given sizes are known."""
+    if not isinstance(solved.request.people, EstimatedPeople):
+        return ()
+    record = BodiesRecord.read(solved.out_dir / BODIES / BODIES_FILE)
+    return tuple(person.size_sigma for person in record.people)
+
+
+def _with_size_errors(
+    config: PseudoGtConfig, size_sigmas: tuple[float, ...], *, own_feet: bool
+) -> PseudoGtConfig:
+    """The recipe with the errors of the built-in estimator's feet; and with a threshold of the
+    scale that people of unknown size can meet."""
+    scale = config.scale.model_copy(update=OWN_FEET if own_feet else {})
+    most = float(np.hypot(config.verdict.max_scale_sigma_share, min(size_sigmas, default=0.0)))
+    verdict = config.verdict.model_copy(update={"max_scale_sigma_share": most})
+    return config.model_copy(update={"scale": scale, "verdict": verdict})
 
 
 def people_masks(masks_dir: Path, config: MasksConfig) -> PeopleMasks | None:

@@ -197,6 +197,7 @@ def solve_video(
     body: str = "anny",
     lens: GivenIntrinsics | None = None,
     fps_hz: float | None = None,
+    height_m: float | Mapping[str, float] | None = None,
     part: VideoConfig | None = None,
     config: SolveConfig = DEFAULT_CONFIG,
     run: Run = DEFAULT_RUN,
@@ -214,11 +215,14 @@ def solve_video(
         body: "anny", or the path of a body model, or a folder of them.
         lens: What is known of the images' lens; None for nothing.
         fps_hz: Images per second of a folder; None for a video, which has times.
+        height_m: How tall people are without shoes: all of them, or by name ("person_0").  Scale
+            and distances hang on it; None for the mean body, with an error of 7 %.
 
     Raises:
         BadRecipe: a folder without a rate, or a video with one.
         BadFrames, MissingInput, BadMotionFile and what else the stages raise.
     """
+    config = config.with_heights(height_m)
     people, results_path = people_of(poses, body, config)
     request = SolveRequest(Path(source), people, lens, fps_hz, part)
     video = NamedVideo("", Path(source), results_path)
@@ -234,6 +238,7 @@ def solve_videos(
     body: str = "anny",
     lens: GivenIntrinsics | None = None,
     fps_hz: float | None = None,
+    height_m: float | Mapping[str, float] | None = None,
     part: VideoConfig | None = None,
     config: SolveConfig = DEFAULT_CONFIG,
     after: After | None = None,
@@ -245,6 +250,7 @@ def solve_videos(
     Args:
         sources: Video files and folders of numbered images, or one folder with video files.
         out_dir: Gets `videos/<name>/` of each.
+        height_m: As of `solve_video`, in every video.
         poses: As of `solve_video`; files of systems are in a folder, as `<name>.pkl`, `<name>.pt`
             or `<name>/` for each video that has people.
         after: What is made of each solved video's folder besides; a module-level function.
@@ -257,6 +263,7 @@ def solve_videos(
     found = find_videos([Path(source) for source in sources])
     if found is None:
         raise BadRecipe(f"{sources[0]}: is one video. Use solve_video")
+    config = config.with_heights(height_m)
     people, results_dir = people_of(poses, body, config)
     request = SolveRequest(Path(), people, lens, fps_hz, part)
     batch = Batch(Path(out_dir), request, config, body, after, leaves)

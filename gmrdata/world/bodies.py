@@ -23,6 +23,16 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, PersonFiles, System, person_file
 from gmrdata.values.records import PART, Config, Figure, Record
 from gmrdata.world.placement import PlacedBody, place_body
+from gmrdata.world.size import (
+    ESTIMATED_SIGMA,
+    EVERYBODY,
+    TOLD_SIGMA,
+    UNKNOWN_SIGMA,
+    HeightConfig,
+    height_m,
+    height_of,
+    of_height,
+)
 
 BODIES_FILE = "bodies.json"
 NOT_SEEN = "the file of bodies has nobody there"
@@ -42,6 +52,8 @@ class BodiesConfig(Config):
     """The file was made from every n-th frame of the video; poses between are interpolated."""
     min_images: int = Field(default=10, ge=2)
     """Who is seen in fewer images is left out; the one seen in most of them never is."""
+    heights: tuple[HeightConfig, ...] = ()
+    """Who is how tall, where it is known."""
 
 
 @part(frozen=True, config=PART)
@@ -58,12 +70,16 @@ class BodyFacts:
     """Distance of the pelvis along the camera's axis."""
     median_depth_in_file_m: Figure
     """The same before the camera that the file assumes."""
+    height_m: Figure
+    """Of the body that stands for the person."""
+    size_sigma: Figure
+    """Standard error of its size, as a share; distances and the scale hang on it."""
 
 
 class BodiesRecord(Record):
     """`bodies.json`: who was read from which file, and on what body."""
 
-    format: Literal["gmrdata-bodies/1"] = "gmrdata-bodies/1"
+    format: Literal["gmrdata-bodies/2"] = "gmrdata-bodies/2"
     estimator: System
     file: str
     body: str
@@ -133,16 +149,19 @@ def _write(
     config: BodiesConfig,
     folder: Path,
 ) -> None:
-    notes = [*_check_frames(found, poses_path, frames, config), *_size_notes(found, body)]
+    notes = [*_check_frames(found, poses_path, frames, config), *_size_notes(found, body, config)]
     people, left_out = _seen_enough(found, poses_path, frames, config)
     facts = []
     for number, (person, rows) in enumerate(people):
         placed = place_body(person, body, lens, frames.size_px, poses_path)
         source = f"{poses_path.name} ({found.system}), {person.name}"
         motion, known = _on_rows(person, placed, rows, body, frames, source)
+        told_m = height_of(person.name, config.heights)
+        motion = motion if told_m is None else of_height(motion, body, told_m)
         clip = _clip(person.name, motion, known, frames, lens, config.frames_per_row)
         save_clip(folder / person_file(number), clip, body.rest_pelvis_m(clip.motion.shape))
-        facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]]))
+        sigma = _own_size_sigma(found, body) if told_m is None else TOLD_SIGMA
+        facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]], body, sigma))
     BodiesRecord(
         estimator=found.system,
         file=poses_path.name,
@@ -176,14 +195,28 @@ def _check_frames(
     return []
 
 
-def _size_notes(found: EstimatedPeople, body: BodyModel) -> list[str]:
-    """Whose size people have, where it is not their own."""
+def _own_size_sigma(found: EstimatedPeople, body: BodyModel) -> float:
+    """Standard error of people's sizes, as a share, where nobody told them."""
     has_sizes = any(one.betas is not None for one in found.people)
-    if has_sizes and body.name == f"{SMPL}neutral":
-        return []
+    return ESTIMATED_SIGMA if has_sizes and body.name == f"{SMPL}neutral" else UNKNOWN_SIGMA
+
+
+def _size_notes(found: EstimatedPeople, body: BodyModel, config: BodiesConfig) -> list[str]:
+    """Whose size people have, where it is not their own; and heights of nobody."""
+    names = [one.name for one in found.people]
+    notes = [
+        f"a height of {one.height_m:g} m was told of {one.person}, and nobody has that name"
+        for one in config.heights
+        if one.person not in (EVERYBODY, *names)
+    ]
+    told = all(height_of(name, config.heights) is not None for name in names)
+    if told or (sigma := _own_size_sigma(found, body)) < UNKNOWN_SIGMA:
+        return notes
     size = f"people have the size of the mean {body.name} body, not their own"
-    remedy = " (give SMPL's neutral model with --body)" if has_sizes else ""
-    return [f"{size}: scale and places carry that error{remedy}"]
+    has_sizes = any(one.betas is not None for one in found.people)
+    remedy = ", or SMPL's neutral model with --body" if has_sizes else ""
+    carry = f"scale and places carry that error, {100 * sigma:.0f} %"
+    return [*notes, f"{size}: {carry} (give a height with --height-m{remedy})"]
 
 
 def _seen_enough(
@@ -266,7 +299,9 @@ def _within(frames: np.ndarray, known: np.ndarray, step: int) -> np.ndarray:
     return np.asarray(between & (gaps <= step))
 
 
-def _facts(clip: Clip, depths_in_file_m: np.ndarray) -> BodyFacts:
+def _facts(
+    clip: Clip, depths_in_file_m: np.ndarray, body: BodyModel, size_sigma: float
+) -> BodyFacts:
     seen = clip.image_numbers[clip.valid]
     return BodyFacts(
         name=clip.id,
@@ -275,6 +310,8 @@ def _facts(clip: Clip, depths_in_file_m: np.ndarray) -> BodyFacts:
         last_image=int(seen[-1]),
         median_depth_m=float(np.median(clip.motion.pelvis_m[clip.valid, 2])),
         median_depth_in_file_m=float(np.median(depths_in_file_m)),
+        height_m=height_m(body, clip.motion.shape),
+        size_sigma=size_sigma,
     )
 
 

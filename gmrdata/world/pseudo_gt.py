@@ -40,7 +40,9 @@ from gmrdata.world.planted_feet import (
 )
 from gmrdata.world.recipe import Doubts, PseudoGtConfig, ScaleConfig, load_dataset_camera
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, with_focal_error
+from gmrdata.world.size import of_size
 
+LEAST_GROWTH = 1e-3  # change of size, as a share, that is worth another body
 ONE_FLOOR_M = 0.15  # soles further from the ground about them stand on something else
 GROUND_HEIGHT_SIGMA_M = 0.01  # of the plane of reconstructed points
 
@@ -60,6 +62,8 @@ class WorldEvidence:
     there are none, and nothing is said of it."""
     focal_sigma: float = 0.0
     """Standard error of the focal length, as a share of it; part of the scale's."""
+    size_sigmas: tuple[float, ...] = ()
+    """By person: standard error of the body's size, as a share; none where sizes are known."""
 
     @property
     def files(self) -> dict[str, Path]:
@@ -73,11 +77,12 @@ class WorldEvidence:
         return {"sfm": self.sfm_dir} | stage_inputs(self.people) | there
 
 
-class _WithFocal(Config):
-    """What the stage's record holds where the focal length is uncertain."""
+class _WithErrors(Config):
+    """What the stage's record holds where the focal length or people's sizes are uncertain."""
 
     pseudo_gt: PseudoGtConfig
     focal_sigma: float
+    size_sigmas: tuple[float, ...] = ()
 
 
 def make_pseudo_gt(
@@ -100,7 +105,8 @@ def make_pseudo_gt(
         clips = list(map(clip_on_body, _camera_clips(evidence.people), bodies))
         cameras = _solved_cameras(evidence, clips)
         try:
-            world_clips, scale, level = compose_clips(clips, bodies, cameras, config)
+            sizes = evidence.size_sigmas or len(clips) * (0.0,)
+            world_clips, scale, level = compose_clips(clips, bodies, cameras, config, sizes)
         except NoReconstruction as error:
             cuts = cuts_in_words(cameras.quality.cuts_after_frames)
             raise NoReconstruction(f"{error}{cuts}") from None
@@ -120,8 +126,12 @@ def make_pseudo_gt(
         record.write(partial / files.QUALITY_FILE)
 
     recipe: Config = config
-    if evidence.focal_sigma:
-        recipe = _WithFocal(pseudo_gt=config, focal_sigma=evidence.focal_sigma)
+    if evidence.focal_sigma or evidence.size_sigmas:
+        recipe = _WithErrors(
+            pseudo_gt=config,
+            focal_sigma=evidence.focal_sigma,
+            size_sigmas=evidence.size_sigmas,
+        )
     return run_stage("pseudo_gt", out_dir, recipe, evidence.files, work, run=run)
 
 
@@ -130,7 +140,7 @@ def config_of(pseudo_gt_dir: Path) -> PseudoGtConfig:
     said = StageRecord.of(pseudo_gt_dir).config
     try:
         if "focal_sigma" in said:
-            return _WithFocal.model_validate(said).pseudo_gt
+            return _WithErrors.model_validate(said).pseudo_gt
         return PseudoGtConfig.model_validate(said)
     except ValidationError:
         what = "its recipe is none of a pseudo ground truth"
@@ -176,15 +186,18 @@ def compose_clips(
     bodies: Sequence[BodyModel],
     cameras: SolvedCameras,
     config: PseudoGtConfig,
+    size_sigmas: Sequence[float],
 ) -> tuple[list[Clip], ScaleEstimate, LevelEstimate]:
-    """The clips of the same T frames in one metric, level world, with its scale and its level."""
+    """The clips of the same T frames in one metric, level world, with its scale and its level.
+
+    Who is likely larger or smaller than its body, by the scale that all share, gets another."""
     path = cameras.path
     usable = [path.has_camera & clip.valid for clip in camera_clips]
     if max(rows.sum() for rows in usable) < 2:
         raise NoReconstruction(f"{camera_clips[0].id}: no two frames have both pose and camera")
     seen = [
-        SeenPerson(clip.motion, body, _blanked(replace(path, has_camera=rows)))
-        for clip, body, rows in zip(camera_clips, bodies, usable, strict=True)
+        SeenPerson(clip.motion, body, _blanked(replace(path, has_camera=rows)), sigma)
+        for clip, body, rows, sigma in zip(camera_clips, bodies, usable, size_sigmas, strict=True)
         if rows.any()
     ]
     estimate = estimate_scale(
@@ -194,6 +207,11 @@ def compose_clips(
         points=cameras.points,
         dataset_camera=cameras.dataset_camera,
     )
+    numbers = np.cumsum([rows.any() for rows in usable]) - 1
+    camera_clips = [
+        _of_likely_size(clip, body, estimate.size_factor(int(number)) if rows.any() else 1.0)
+        for clip, body, rows, number in zip(camera_clips, bodies, usable, numbers, strict=True)
+    ]
     # Without a scale the camera stays in place, also one that was seen to travel a little.
     scale = 0.0 if estimate.scale is None else estimate.scale
     metric = metric_cameras(path.world_from_cam, scale)
@@ -207,6 +225,13 @@ def compose_clips(
         for clip, rows in zip(camera_clips, usable, strict=True)
     ]
     return clips, estimate, level
+
+
+def _of_likely_size(clip: Clip, body: BodyModel, factor: float) -> Clip:
+    """The clip on a body that is larger, as much further away."""
+    if abs(factor - 1) < LEAST_GROWTH:
+        return clip
+    return replace(clip, motion=of_size(clip.motion, body, factor))
 
 
 def _camera_clips(people: Sequence[PersonFiles]) -> list[Clip]:

@@ -75,15 +75,35 @@ class ScaleEstimate:
     sigma: float | None  # Standard error of `scale`; widened where the cues disagree
     cues: tuple[CueEstimate, ...]
     matters: bool = True  # Whether `sigma` makes the camera's speed wrong by over `slow_m_per_s`
+    size_sigmas: tuple[float, ...] = ()  # By person: standard error of the body's size, as a share
 
     @property
     def disagreement(self) -> float | None:
         """Largest difference of two cues, in its standard errors; None for one cue."""
+        if not self.cues:
+            return None
+        scales, covariance = _of_cues(self.cues, self.size_sigmas)
+        pairs = list(combinations(range(len(scales)), 2))
+        spread = covariance.diagonal()
         apart = [
-            abs(a.scale - b.scale) / float(np.hypot(a.sigma, b.sigma))
-            for a, b in combinations(self.cues, 2)
+            float(
+                abs(scales[i] - scales[j]) / np.sqrt(spread[i] + spread[j] - 2 * covariance[i, j])
+            )
+            for i, j in pairs
         ]
         return max(apart, default=None)
+
+    def size_factor(self, person: int) -> float:
+        """By how much larger a person is likely to be than the body that stands for it, by the
+        scale that all people share: 1 of who is alone, or is of a size that is known."""
+        mine = [cue for cue in self.cues if cue.person == person]
+        if self.scale is None or not mine or person >= len(self.size_sigmas):
+            return 1.0
+        alone, size = fuse(tuple(mine)), self.size_sigmas[person]
+        if not (alone.scale and alone.scale > 0 and alone.sigma and self.scale > 0):
+            return 1.0
+        gain = size**2 / (size**2 + (alone.sigma / alone.scale) ** 2)
+        return 1 + gain * (self.scale / alone.scale - 1)
 
 
 NO_SCALE = ScaleEstimate(None, None, (), matters=False)
@@ -96,6 +116,7 @@ class SeenPerson:
     motion: Motion  # T frames, camera frame
     body: BodyModel
     camera_path: CameraPath
+    size_sigma: float = 0.0  # standard error of the body's size, as a share
 
 
 def estimate_scale(
@@ -130,7 +151,8 @@ def estimate_scale(
         cues += [] if windows is None else [windows]
     if not cues:
         raise NoReconstruction("; ".join(reasons))
-    estimate = fuse(tuple(cues), config.body_share)
+    size_sigmas = tuple(person.size_sigma for person in people)
+    estimate = fuse(tuple(cues), config.body_share, size_sigmas)
     scale, sigma = estimate.scale or 0.0, estimate.sigma or 0.0
     steps = np.linalg.norm(np.diff(path.centres_world_m, axis=0), axis=1)
     known = steps[np.isfinite(steps)]
@@ -194,17 +216,36 @@ def _known_to_any(people: Sequence[SeenPerson]) -> CameraPath:
     return replace(people[0].camera_path, world_from_cam=known)
 
 
-def fuse(cues: tuple[CueEstimate, ...], common_share: float = 0.0) -> ScaleEstimate:
-    """Mean of the cues, weighted by their inverse variances.
+def fuse(
+    cues: tuple[CueEstimate, ...],
+    common_share: float = 0.0,
+    size_sigmas: tuple[float, ...] = (),
+) -> ScaleEstimate:
+    """Mean of the cues, weighted by the inverse of their covariance: those of one person have the
+    error of its size in common.
 
     Where they scatter more than their errors allow, the error of the mean is widened by the square
     root of chi-square per degree of freedom (Birge 1932).  An error that they share, as a share of
     the scale, is not lowered by their number.
     """
+    scales, covariance = _of_cues(cues, size_sigmas)
+    own = np.array([cue.sigma for cue in cues]) ** 2
+    precision = np.linalg.inv(covariance)
+    weights = precision.sum(axis=0) / precision.sum()
+    scale = float(weights @ scales)
+    chi_square = float((scales - scale) @ precision @ (scales - scale))
+    widened = max(1.0, chi_square / max(1, len(cues) - 1))
+    of_sizes = float(weights @ (covariance - np.diag(own)) @ weights)
+    variance = float(weights**2 @ own) * widened + of_sizes + (common_share * scale) ** 2
+    return ScaleEstimate(scale, float(np.sqrt(variance)), cues, size_sigmas=size_sigmas)
+
+
+def _of_cues(
+    cues: tuple[CueEstimate, ...], size_sigmas: tuple[float, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The cues' scales (N,), and their covariance (N, N)."""
     scales = np.array([cue.scale for cue in cues])
-    weights = np.array([cue.sigma**-2 for cue in cues])
-    scale = float(weights @ scales / weights.sum())
-    chi_square = float(weights @ (scales - scale) ** 2)
-    widened = max(1.0, chi_square / max(1, len(cues) - 1)) ** 0.5
-    own = float(weights.sum() ** -0.5) * widened
-    return ScaleEstimate(scale, float(np.hypot(own, common_share * scale)), cues)
+    people = np.array([-1 if cue.person is None else cue.person for cue in cues])
+    shares = np.array([size_sigmas[one] if 0 <= one < len(size_sigmas) else 0.0 for one in people])
+    common = np.where(people[:, None] == people, np.outer(shares * scales, shares * scales), 0.0)
+    return scales, common + np.diag([cue.sigma**2 for cue in cues])

@@ -234,6 +234,8 @@ def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
         (("--focal", "0"), "--focal 0.0: Input should be greater than 0"),
         (("--fov", "60"), "give one of --focal, --fov and --intrinsics"),
         (("--masks", "silhouette"), "Use person"),
+        (("--height-m", "tall"), "Give metres, as 1.78 or person_0=1.78"),
+        (("--height-m", "person_0=178"), "it is in metres, from 0.5 to 2.5"),
         (("--every", "2", "--fps-hz", "30"), "are for a video file"),
         ((), "has no frame rate. Give it with --fps-hz"),
         (("--masks", "person", "--detector", "gone.onnx"), "--masks none goes without"),

@@ -15,6 +15,7 @@ from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.world.bodies import BodiesConfig, BodiesRecord, make_bodies
+from gmrdata.world.size import heights_of
 from tests.frame_sets import frame_set
 from tests.read import system_files
 from tests.read.system_files import Seen
@@ -131,6 +132,21 @@ def test_another_body_stands_in_and_says_so(
 ) -> None:
     record = made(tmp_path, [seen], video(np.arange(N_FRAMES)), small_body)
     assert "size of the mean" in record.notes[0] and "--body" in record.notes[0]
+
+
+def test_a_height_that_is_told_moves_who_has_it(
+    seen: Seen, neutral: BodyModel, tmp_path: Path
+) -> None:
+    frames, heights = video(np.arange(N_FRAMES)), heights_of({"person_0": 1.5, "anna": 1.7})
+    plain, told = tmp_path / "plain", tmp_path / "told"
+    (before,) = made(plain, [seen], frames, neutral).people
+    record = made(told, [seen], frames, neutral, BodiesConfig(heights=heights))
+    (after,) = record.people
+    assert after.height_m == pytest.approx(1.5, abs=1e-3)
+    assert (before.size_sigma, after.size_sigma) == (0.05, 0.015)
+    closer = after.median_depth_m / before.median_depth_m
+    assert closer == pytest.approx(1.5 / before.height_m, rel=0.03)
+    assert record.notes == ("a height of 1.7 m was told of anna, and nobody has that name",)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,83 @@
+"""People of a size that was told, or that the scale of all tells."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m
+from gmrdata.world.recipe import CueEstimate
+from gmrdata.world.scale import fuse
+from gmrdata.world.size import height_m, height_of, heights_of, of_height, of_size
+
+
+@pytest.fixture
+def standing_person(anny: BodyModel) -> Motion:
+    local, root = np.tile(np.eye(3), (2, 23, 1, 1)), np.tile(np.diag([1.0, -1, -1]), (2, 1, 1))
+    pelvis_m, person = np.array([[0.3, 0.2, 4.0], [0.5, 0.2, 4.0]]), ("anny", "neutral")
+    shape = np.zeros(anny.n_shape)
+    return Motion(local, root, pelvis_m, shape, 30.0, *person, frame="camera", source="rest")
+
+
+@pytest.mark.parametrize("told_m", [1.5, 1.64, 1.95])
+def test_a_body_of_a_height_lies_where_it_did_in_the_picture(
+    anny: BodyModel, standing_person: Motion, told_m: float
+) -> None:
+    told = of_height(standing_person, anny, told_m)
+    assert height_m(anny, told.shape) == pytest.approx(told_m, abs=1e-3)
+    before, after = (motion_joints_m(anny, one) for one in (standing_person, told))
+    seen, now = (joints[..., :2] / joints[..., 2:] for joints in (before, after))
+    # Proportions change a little with the height: by 3 % of a body 0.42 high in the picture.
+    assert np.abs(seen - now).max() < 0.012
+
+
+def test_the_dancer_of_whom_the_pelvis_height_is_known(
+    anny: BodyModel, standing_person: Motion
+) -> None:
+    """Its pelvis stands at 0.897 m, as that of a default body of 1.64 m."""
+    shape = of_height(standing_person, anny, 1.64).shape
+    pelvis_m = anny.rest_joints_m(shape)[0, 1] - anny.rest_vertices_m(shape)[:, 1].min()
+    assert pelvis_m == pytest.approx(0.897, abs=1e-3)
+
+
+def test_a_factor_moves_a_person_by_it(anny: BodyModel, standing_person: Motion) -> None:
+    larger = of_size(standing_person, anny, 1.05)
+    np.testing.assert_allclose(larger.pelvis_m, 1.05 * standing_person.pelvis_m, rtol=1e-3)
+
+
+def test_a_height_is_of_one_or_of_everybody() -> None:
+    heights = heights_of({"everybody": 1.7, "person_1": 1.8})
+    assert [height_of(name, heights) for name in ("person_0", "person_1")] == [1.7, 1.8]
+    assert height_of("person_0", heights_of(None)) is None
+    with pytest.raises(BadRecipe, match=r"height 178 m of person_0: it is in metres"):
+        heights_of({"person_0": 178.0})
+
+
+def cue(scale: float, person: int) -> CueEstimate:
+    return CueEstimate("ground_contact", scale, 0.02, 9, 0.01, person)
+
+
+def test_one_person_carries_the_whole_spread_of_sizes() -> None:
+    feet = replace(cue(2.0, 0), name="planted_feet")
+    fused = fuse((feet, cue(2.0, 0)), 0.0, (0.07,))
+    assert fused.sigma == pytest.approx(np.hypot(0.14, 0.02 / np.sqrt(2)))
+    assert fused.size_factor(0) == pytest.approx(1.0)
+
+
+def test_two_people_share_the_scale_and_get_their_sizes_from_it() -> None:
+    """One is of 0.95 of its body's size, the other of 1.05: neither cue is wrong."""
+    fused = fuse((cue(1.9, 0), cue(2.1, 1)), 0.0, (0.07, 0.07))
+    assert fused.scale == pytest.approx(2.0, rel=0.01) and fused.sigma is not None
+    assert fused.sigma < 0.07 * 2 and (fused.disagreement or 9) < 1.5
+    assert fused.size_factor(0) == pytest.approx(1.05, abs=0.006)
+    assert fused.size_factor(1) == pytest.approx(0.95, abs=0.006)
+
+
+def test_a_height_that_was_told_holds_the_scale_for_all() -> None:
+    fused = fuse((cue(1.9, 0), cue(2.1, 1)), 0.0, (0.015, 0.07))
+    assert fused.scale == pytest.approx(1.92, abs=0.01)
+    assert fused.size_factor(0) == pytest.approx(1.0, abs=0.01)
+    assert fused.size_factor(1) == pytest.approx(0.92, abs=0.01)
