@@ -201,7 +201,8 @@ def infer(
 
     Args:
         source: Local poses: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, PHALP's and 4D-Humans'
-            results, GVHMR's hmr4d_results.pt, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC.
+            results, GVHMR's hmr4d_results.pt, GEM-X's hpe_results.pt, rows of SAM 3D Body, TRAM's
+            folder, SLAHMR's world results, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC.
         out: Output folder: infer.json, and for each unbroken run of each person a folder with
             clip.npz, amass.npz, motion.bvh, body.glb, path.png and body.mp4. A run that was stopped
             goes on where it was.

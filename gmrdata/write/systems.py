@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.entries import N_SMPLX_BODY, SMPLX_REST_PELVIS_M
-from gmrdata.read.systems.gvhmr import CAMERA, WORLD
+from gmrdata.read.systems.gvhmr import GVHMR
 from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
@@ -80,7 +80,7 @@ def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) ->
     require_finite(motion, np.arange(motion.n_frames))
     y_up = y_up_from_world(motion.n_frames)
     valid = person.rows
-    content: dict[str, object] = {WORLD: _smplx_params(motion, y_up)}
+    content: dict[str, object] = {GVHMR.world: _smplx_params(motion, y_up)}
     if camera is not None:
         known = camera.has_camera
         cam_from_world = np.tile(np.eye(4), (motion.n_frames, 1, 1))
@@ -89,7 +89,7 @@ def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) ->
         for key in ("global_orient", "transl"):
             in_camera[key][~torch.as_tensor(known)] = torch.nan
         intrinsics_px = torch.as_tensor(camera.intrinsics_px, dtype=torch.float32)
-        content[CAMERA] = in_camera
+        content[GVHMR.camera] = in_camera
         content["K_fullimg"] = intrinsics_px.repeat(motion.n_frames, 1, 1)
         valid = valid & known
     content["valid"] = torch.as_tensor(valid)

@@ -15,7 +15,8 @@ gmrdata's own export (`gmrdata.write.systems`) has `valid` (T,) bool besides, th
 may be used; it is of the video's own camera.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,41 +33,66 @@ from gmrdata.read.systems.entries import (
     turned,
 )
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, InWorld, Pinhole
+from gmrdata.values.people import (
+    EstimatedPeople,
+    EstimatedPerson,
+    InCamera,
+    InWorld,
+    Pinhole,
+    System,
+)
 
-WORLD, CAMERA = "smpl_params_global", "smpl_params_incam"
 NAME = "person_0"
 MOTION_KEYS = ("global_orient", "transl")
 
 
-def read_gvhmr(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
+@dataclass(frozen=True)
+class Layout:
+    """How a system of GVHMR's kin writes its one person."""
+
+    system: System
+    world: str  # key of the person in the world, y up
+    camera: str  # and before the camera
+    n_joints: int  # of `body_pose`
+    local_from_pose: Callable[[np.ndarray], np.ndarray]  # (T, 3 n_joints) to SMPL's (T, 23, 3, 3)
+    rest_pelvis_m: np.ndarray  # (3,) J0: pelvis = transl + J0
+    file: str  # as its program names it
+
+
+GVHMR = Layout(
+    "gvhmr", "smpl_params_global", "smpl_params_incam", N_SMPLX_BODY, smplx_local,
+    SMPLX_REST_PELVIS_M, "GVHMR's hmr4d_results.pt",
+)  # fmt: skip
+
+
+def read_gvhmr(content: Mapping[Any, Any], path: Path, layout: Layout = GVHMR) -> EstimatedPeople:
     whole = Entry(content, NAME, path)
-    world, seen = Entry(content.get(WORLD), NAME, path), Entry(content.get(CAMERA), NAME, path)
+    world, seen = (Entry(content.get(key), NAME, path) for key in (layout.world, layout.camera))
     posed = next((one for one in (world, seen) if one.has("body_pose")), None)
     if posed is None:
         has = ", ".join(map(str, content))[:200]
-        what = f"has no body_pose in {WORLD} or {CAMERA} (it has {has})"
-        raise BadMotionFile(f"{path}: {what}. Give GVHMR's hmr4d_results.pt")
-    poses = posed.array("body_pose", None, 3 * N_SMPLX_BODY)
+        what = f"has no body_pose in {layout.world} or {layout.camera} (it has {has})"
+        raise BadMotionFile(f"{path}: {what}. Give {layout.file}")
+    poses = posed.array("body_pose", None, 3 * layout.n_joints)
     rows, in_camera, in_world = _rows(whole, len(poses)), None, None
-    camera_lacks = whole.lacking(CAMERA, "K_fullimg") or seen.lacking(*MOTION_KEYS)
+    camera_lacks = whole.lacking(layout.camera, "K_fullimg") or seen.lacking(*MOTION_KEYS)
     if seen.has("body_pose"):
         seen.array("body_pose", *poses.shape)
     if not camera_lacks:
         in_camera = InCamera(*_placed(seen, len(poses), rows), *_camera(whole, len(poses), rows))
-    world_lacks = whole.lacking(WORLD) or world.lacking(*MOTION_KEYS)
+    world_lacks = whole.lacking(layout.world) or world.lacking(*MOTION_KEYS)
     if not world_lacks:
         in_world = _in_world(world, seen, len(poses), rows)
     person = EstimatedPerson(
         name=NAME,
         frame_numbers=rows,
-        local_rotmats=smplx_local(poses[rows]),
+        local_rotmats=layout.local_from_pose(poses[rows]),
         in_camera=in_camera,
         in_world=in_world,
-        rest_pelvis_m=SMPLX_REST_PELVIS_M,
+        rest_pelvis_m=layout.rest_pelvis_m,
         lacks={"camera": camera_lacks, "world": world_lacks},
     )
-    return EstimatedPeople("gvhmr", (path,), (person,), len(poses))
+    return EstimatedPeople(layout.system, (path,), (person,), len(poses))
 
 
 def _rows(whole: Entry, n_rows: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.read.safe_pickle import load_plain
-from gmrdata.read.systems import gvhmr, phalp, slahmr, tram, vibe, wham
+from gmrdata.read.systems import gem, gvhmr, phalp, sam3d, slahmr, tram, vibe, wham
 from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
 from gmrdata.read.torch_files import load_tensors
 from gmrdata.values.body import HANDS
@@ -24,7 +24,10 @@ from gmrdata.values.people import (
     person_file,
 )
 
-KNOWN = "Known are results of VIBE, WHAM, GVHMR, TRAM, SLAHMR and PHALP (4D-Humans)"
+KNOWN = (
+    "Known are results of VIBE, WHAM, GVHMR, GEM-X, TRAM, SLAHMR, PHALP (4D-Humans) and SAM 3D Body"
+)
+_PARAMS = {key for one in (gvhmr.GVHMR, gem.GEM) for key in (one.world, one.camera)}
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
 OLD_TORCH = b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."  # and how before version 1.6
 MISSED: dict[Part, str] = {
@@ -35,8 +38,8 @@ MISSED: dict[Part, str] = {
 
 
 def read_system(path: Path, need: Part = "poses") -> EstimatedPeople:
-    """Read a result of VIBE, WHAM, GVHMR, PHALP or SLAHMR, a folder or `.npz` of TRAM, a motion
-    with AMASS's keys, or a folder of the built-in estimator; nothing of it is run.
+    """Read a result of VIBE, WHAM, GVHMR, GEM-X, PHALP, SLAHMR or SAM 3D Body, a folder or `.npz`
+    of TRAM, a motion with AMASS's keys, or the built-in estimator's folder; nothing of it is run.
 
     `need` is what each person must have; what a file has besides is read and checked too.
 
@@ -65,22 +68,30 @@ def _read(path: Path) -> EstimatedPeople:
     with path.open("rb") as stream:
         first = stream.read(len(OLD_TORCH))
     if first.startswith(ZIP):
-        return gvhmr.read_gvhmr(load_tensors(path), path)
+        return _of_gvhmrs_kin(load_tensors(path), path)
     if first == OLD_TORCH:
         what = "is in torch's form from before version 1.6, which is not read"
         raise BadMotionFile(f"{path}: {what}. Load it with torch and save it again with torch.save")
     return _pickled(load_plain(path), path)
 
 
+def _of_gvhmrs_kin(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
+    is_gem = bool(content.keys() & {gem.GEM.world, gem.GEM.camera})
+    return gem.read_gem(content, path) if is_gem else gvhmr.read_gvhmr(content, path)
+
+
 def is_system_npz(arrays: Mapping[str, np.ndarray]) -> bool:
-    """Whether arrays are TRAM's or SLAHMR's, and not a motion with AMASS's keys."""
-    return "pred_rotmat" in arrays or (arrays.keys() >= slahmr.KEYS and arrays["trans"].ndim == 3)
+    """Whether arrays are a system's own, and not a motion with AMASS's keys."""
+    own = "pred_rotmat" in arrays or arrays.keys() >= sam3d.KEYS
+    return own or (arrays.keys() >= slahmr.KEYS and arrays["trans"].ndim == 3)
 
 
 def _npz(path: Path) -> EstimatedPeople:
     arrays = dict(read_npz(path))
     if "pred_rotmat" in arrays:
         return tram.read_tram_npz(arrays, path)
+    if arrays.keys() >= sam3d.KEYS:
+        return sam3d.read_sam3d(arrays, path)
     if arrays.keys() >= slahmr.KEYS and not arrays.keys() >= AMASS_KEYS:
         return slahmr.read_slahmr(arrays, path)
     if arrays.keys() >= AMASS_KEYS:
@@ -93,10 +104,12 @@ def _npz(path: Path) -> EstimatedPeople:
 def _pickled(content: Any, path: Path) -> EstimatedPeople:
     if isinstance(content, dict) and not content:
         return EstimatedPeople("vibe", (path,), ())
+    if sam3d.are_rows(content):
+        return sam3d.read_sam3d(content, path)
     first = next(iter(content.values())) if isinstance(content, dict) else None
     keys: set[Any] = set(first) if isinstance(first, Mapping) else set()
-    if isinstance(content, dict) and content.keys() & {gvhmr.WORLD, gvhmr.CAMERA}:
-        return gvhmr.read_gvhmr(content, path)
+    if isinstance(content, dict) and content.keys() & _PARAMS:
+        return _of_gvhmrs_kin(content, path)
     if keys >= phalp.FRAME_KEYS:
         return phalp.read_phalp(content, path)
     if keys & set(wham.WORLD_KEYS) or keys >= set(wham.CAMERA_KEYS):

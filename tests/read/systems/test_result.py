@@ -7,9 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.result import read_system
+from gmrdata.read.systems.sam3d import _JOINTS
+from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.people import Part, Pinhole
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files
 
@@ -28,6 +32,41 @@ def gvhmr(path: Path, **change: Any) -> Path:
     tensors = {key: torch.from_numpy(np.asarray(value)) for key, value in person.items()}
     content = {"smpl_params_global": tensors}
     return system_files.write_torch(path / "hmr4d_results.pt", content)
+
+
+def gem(path: Path, **change: Any) -> Path:
+    person = {"body_pose": np.zeros((T, 228)), "global_orient": np.zeros((T, 3))}
+    person = _changed(person | {"transl": np.ones((T, 3))}, change)
+    content = {"body_params_global": person, "body_params_incam": dict(person)}
+    both = {
+        key: {name: torch.from_numpy(value) for name, value in one.items()}
+        for key, one in content.items()
+    }
+    return system_files.write_torch(path / "hpe_results.pt", both)
+
+
+def sam3d(path: Path, **change: Any) -> Path:
+    np.savez(path / "rows.npz", **_changed(sam3d_rows(), change))
+    return path / "rows.npz"
+
+
+def sam3d_rows() -> dict[str, Any]:
+    """T pictures of 640x480 px of people who stand as in MHR's axes, 3 m before 500 px."""
+    places_m = np.zeros((T, 127, 3))
+    places_m[:, [2, 3, 18, 19]] = [[0.1, 0, 0], [0.1, 0.4, 0], [-0.1, 0, 0], [-0.1, 0.4, 0]]
+    joint_from_smpl = Rotation.from_rotvec([row[1:] for row in _JOINTS]).as_matrix()
+    rotmats = np.tile(np.eye(3), (T, 127, 1, 1))
+    rotmats[:, [row[0] for row in _JOINTS]] = np.swapaxes(joint_from_smpl, 1, 2)
+    points_m = np.random.default_rng(0).normal(0.0, 0.4, (T, 70, 3))
+    shift_m = np.tile([0.2, 0.1, 3.0], (T, 1))
+    seen_m = points_m + shift_m[:, None]
+    return {
+        "pred_global_rots": rotmats,
+        "pred_joint_coords": places_m,
+        "pred_cam_t": shift_m,
+        "pred_keypoints_3d": points_m,
+        "pred_keypoints_2d": 500.0 * seen_m[..., :2] / seen_m[..., 2:] + [320.0, 240.0],
+    }
 
 
 def tram(path: Path, **change: Any) -> Path:
@@ -94,9 +133,96 @@ def test_vibe_saw_a_tenth_more_than_its_box(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.in_picture, wider)
 
 
+def test_gem_x_is_off_somas_t_pose_and_has_two_necks(tmp_path: Path) -> None:
+    """LeftArm is SOMA's joint 12, Neck1 and Neck2 are 4 and 5, RightToeBase is 75."""
+    pose = np.zeros((T, 77, 3))
+    pose[:, 12], pose[:, 4], pose[:, 5], pose[:, 75] = (
+        [0, 0, 1],
+        [0.2, 0, 0],
+        [0.3, 0, 0],
+        [0, 1, 0],
+    )
+    params = {"body_pose": pose[:, 1:].reshape(T, -1), "global_orient": pose[:, 0]}
+    params["transl"] = np.tile([1.0, 2.0, 3.0], (T, 1))
+    tensors = {key: torch.from_numpy(value) for key, value in params.items()}
+    content = {"body_params_global": tensors, "net_outputs": {"static_conf_logits": None}}
+    path = system_files.write_torch(tmp_path / "hpe_results.pt", content)
+    (person,) = read_system(path, "world").people
+    turns = Rotation.from_matrix(person.local_rotmats[0]).as_rotvec()
+    expected = np.zeros((24, 3))
+    expected[JOINT["left_shoulder"]], expected[JOINT["neck"]] = [0, 0, 1], [0.5, 0, 0]
+    expected[JOINT["right_foot"]] = [0, 1, 0]
+    np.testing.assert_allclose(turns, expected[1:], atol=1e-6)
+    assert person.in_world is not None and person.lacks["camera"]
+    # transl is where the hips are, y up.
+    assert person.rest_pelvis_m == pytest.approx(0)
+    z_up = person.in_world.z_up_from_file[0, :3, :3]
+    assert z_up @ person.in_world.transl_m[0] == pytest.approx([1, -3, 2])
+
+
+def test_the_joints_of_mhr_lie_along_the_limbs() -> None:
+    """MHR's limbs lie along their joints' own x axis; a T-pose's are down, or to the sides."""
+    sides = {"left": 1.0, "right": -1.0}
+    for side, sign in sides.items():
+        bones = {"hip": [0, -1, 0], "knee": [0, -1, 0], "shoulder": [sign, 0, 0]}
+        for part, bone in (bones | {"elbow": [sign, 0, 0]}).items():
+            turn = Rotation.from_rotvec(_JOINTS[JOINT[f"{side}_{part}"]][1:])
+            assert turn.apply(bone) == pytest.approx([sign, 0, 0], abs=0.04), (side, part)
+
+
+def test_sam_3d_body_shows_the_camera_and_stands(tmp_path: Path) -> None:
+    rows = sam3d_rows()
+    (person,) = read_system(sam3d(tmp_path), "camera").people
+    assert person.in_camera is not None and isinstance(person.in_camera.camera, Pinhole)
+    np.testing.assert_allclose(person.in_camera.camera.focal_px, 500.0)
+    assert person.in_camera.size_px == (640, 480)
+    np.testing.assert_allclose(person.local_rotmats, np.tile(np.eye(3), (T, 23, 1, 1)), atol=1e-9)
+    assert person.in_camera.root_rotmats[0] == pytest.approx(np.diag([1.0, -1.0, -1.0]))
+    assert person.in_camera.transl_m is not None
+    assert person.in_camera.transl_m[0] == pytest.approx([0.2, 0.1 - 0.045, 3.0 - 0.008])
+    # The same as dicts by picture, one of them without anybody.
+    pictures: list[Any] = [[{key: value[t] for key, value in rows.items()}] for t in range(T)]
+    path = system_files.write_joblib(tmp_path / "rows.pkl", [*pictures[:2], [], *pictures[2:]])
+    (again,) = read_system(path, "camera").people
+    assert again.frame_numbers.tolist() == [0, 1, 3, 4]
+    np.testing.assert_array_equal(again.local_rotmats, person.local_rotmats)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda rows: [[rows, rows]], "picture 0 has 2 people, and nothing tells who is who"),
+        (
+            lambda rows: [[rows | {"person_id": 1}, rows | {"person_id": 1}]],
+            "person_1 is twice in picture 0",
+        ),
+        (
+            lambda rows: [
+                rows | {"pred_global_rots": np.diag([1, -1, -1]) @ rows["pred_global_rots"]}
+            ],
+            "pred_global_rots and pred_joint_coords of person_0 are not of the same axes",
+        ),
+        (
+            lambda rows: [rows | {"pred_keypoints_2d": rows["pred_keypoints_2d"][::-1]}],
+            "are not of one camera|the focal length in the keypoints",
+        ),
+    ],
+)
+def test_rows_of_sam_3d_body_that_are_unclear(
+    change: Callable[[dict[str, Any]], Any], said: str, tmp_path: Path
+) -> None:
+    """facebookresearch/sam-3d-body#32, #68, MHR#38: somebody turned one of two that go together."""
+    rows = {key: value[0] for key, value in sam3d_rows().items()}
+    path = system_files.write_joblib(tmp_path / "rows.pkl", change(rows))
+    with pytest.raises(BadMotionFile, match=said):
+        read_system(path, "camera")
+
+
 WRITERS: dict[str, tuple[Callable[..., Path], tuple[str, ...]]] = {
     "vibe": (vibe, ("pose", "betas", "orig_cam", "frame_ids")),
     "gvhmr": (gvhmr, ("body_pose", "global_orient", "transl")),
+    "gem-x": (gem, ("body_pose", "global_orient", "transl")),
+    "sam-3d-body": (sam3d, tuple(sam3d_rows())),
     "tram": (
         tram,
         ("pred_rotmat", "pred_shape", "pred_trans", "frame", "world_cam_R", "world_cam_T"),
@@ -122,9 +248,13 @@ def _changed(arrays: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
     return arrays
 
 
+def _part(system: str) -> Part:
+    return "camera" if system == "sam-3d-body" else "world"
+
+
 @pytest.mark.parametrize("system", WRITERS)
 def test_whole_results_are_read(system: str, tmp_path: Path) -> None:
-    found = read_system(WRITERS[system][0](tmp_path), "world")
+    found = read_system(WRITERS[system][0](tmp_path), _part(system))
     assert found.system == system
     assert [len(one.frame_numbers) for one in found.people] == [T] * len(found.people)
 
@@ -134,10 +264,10 @@ def test_whole_results_are_read(system: str, tmp_path: Path) -> None:
 def test_a_broken_part_is_refused(system: str, key: str, how: str, tmp_path: Path) -> None:
     path = WRITERS[system][0](tmp_path, **{key: how})
     if how == "gone" and key in OPTIONAL:
-        assert read_system(path, "world").people
+        assert read_system(path, _part(system)).people
         return
     with pytest.raises(GmrdataError, match=str(tmp_path)) as refused:
-        read_system(path, "world")
+        read_system(path, _part(system))
     assert type(refused.value) in (BadMotionFile, MissingInput)
 
 
