@@ -1,12 +1,10 @@
 """Calibrations that others wrote, and the focal length that a camera notes in its pictures.
 
-Read are COLMAP's cameras.txt and cameras.bin, OpenCV's and ROS's YAML, a matrix of 3x3 numbers,
-record3d's `metadata` and transforms.json of NeRF programs; of pictures EXIF, of videos what a phone
-says of its lens.
+Calibrations are read by `gmrdata.read.lens_files`; of pictures EXIF, of videos what a phone says of
+its lens.
 """
 
 import struct
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
@@ -16,14 +14,12 @@ from typing import Any
 import numpy as np
 
 from gmrdata.read.frames import read_exif
-from gmrdata.values import plain_yaml
+from gmrdata.read.lens_files import OtherModel, parse_lens
 from gmrdata.values.camera import Lens, Origin
 from gmrdata.values.errors import BadIntrinsics, MissingInput
-from gmrdata.values.files import parse_json
 
-MOST_BYTES = 1 << 20  # a calibration is a few lines
+MOST_BYTES = 1 << 24  # a calibration is a few lines, or those of each frame
 FILM_DIAGONAL_MM = 43.267  # of 24 x 36 mm
-OPENCV_CENTRE_PX = 0.5  # OpenCV counts from the middle of the first pixel
 MOST_SHIFT_PX = 1.0  # at the corner, by what one radial term can't say
 SHAPE_TOLERANCE = 0.01  # of the sides' ratio, between a calibration's picture and the frames
 
@@ -31,9 +27,6 @@ SHAPE_TOLERANCE = 0.01  # of the sides' ratio, between a calibration's picture a
 GIVEN_SIGMA, EXIF_SIGMA, VIDEO_SIGMA = 0.01, 0.05, 0.12
 """Standard errors, as shares: of a calibration, of whole millimetres of 35 mm film, and of those
 for a video, which a phone crops to steady it."""
-
-InFile = tuple[Lens, tuple[float, ...]]
-"""What a file says: a pinhole in its own pixels, and k1, k2, p1, p2, k3 as OpenCV has them."""
 
 
 def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Lens:
@@ -52,9 +45,20 @@ def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Lens:
     if path.stat().st_size > MOST_BYTES:
         raise BadIntrinsics(f"{path}: larger than a calibration can be; give another file")
     try:
-        pinhole, terms = _parse(path, size_px)
-    except (ValueError, KeyError, TypeError, IndexError, struct.error, OverflowError) as error:
-        formats = "COLMAP's cameras.txt or .bin, OpenCV's YAML, 3x3 numbers, record3d's metadata"
+        pinhole, terms = parse_lens(path, size_px)
+    except OtherModel as error:
+        remedy = "undistort the frames to a pinhole, and give that one's"
+        raise BadIntrinsics(f"{path}: can't be read as intrinsics ({error}); {remedy}") from None
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+        IndexError,
+        struct.error,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
+        formats = "COLMAP's cameras.txt or .bin, OpenCV's or ROS's YAML, or 3x3 numbers"
         what = f"can't be read as intrinsics ({error})"
         raise BadIntrinsics(f"{path}: {what}; give {formats}") from None
     _require_of_frames(path, pinhole, terms, size_px)
@@ -91,133 +95,6 @@ def _require_one_term(path: Path, pinhole: Lens, terms: tuple[float, ...]) -> No
         what = f"terms of distortion beyond k1 move the corner by {shift_px:.1f} px"
         remedy = "calibrate with one radial term (COLMAP: SIMPLE_RADIAL), or undistort the frames"
         raise BadIntrinsics(f"{path}: {what}; {remedy}")
-
-
-def _parse(path: Path, frames_px: tuple[int, int]) -> InFile:
-    """What a file says; of a picture as large as the frames where it says no size."""
-    content = path.read_bytes()
-    if path.suffix == ".bin":
-        return _colmap_binary(content)
-    text = content.decode("utf-8")
-    if text.startswith("%YAML") or "opencv-matrix" in text:
-        return _opencv(text, frames_px)
-    if text.lstrip().startswith("{"):
-        return _json(parse_json(text))
-    if path.suffix in (".yaml", ".yml"):
-        return _ros(plain_yaml.parse(text)[0], frames_px)
-    lines = [line.split() for line in text.splitlines() if line.strip()[:1] not in ("", "#")]
-    if any(len(words) > 4 and words[1] in COLMAP_TERMS for words in lines):
-        return _one_of([_colmap_line(words) for words in lines])
-    matrix = np.array([line for words in lines for line in words], dtype=np.float64).reshape(3, 3)
-    return Lens.of_matrix(matrix, frames_px), ()
-
-
-COLMAP_TERMS = {
-    "SIMPLE_PINHOLE": (0, "f"), "PINHOLE": (1, "ff"), "SIMPLE_RADIAL": (2, "f"),
-    "RADIAL": (3, "f"), "OPENCV": (4, "ff"),
-}  # fmt: skip
-"""Number of each camera model that is a pinhole with distortion, and its focal lengths.
-https://colmap.github.io/cameras.html"""
-COLMAP_PARAMETERS = {0: 3, 1: 4, 2: 4, 3: 5, 4: 8}
-
-
-def _colmap_camera(model: str, size_px: tuple[float, float], params: tuple[float, ...]) -> InFile:
-    number, focals = COLMAP_TERMS[model]
-    if len(params) != COLMAP_PARAMETERS[number]:
-        raise ValueError(f"{model} with {len(params)} parameters")
-    n = len(focals)
-    focal_px, centre_px = (params[0], params[n - 1]), (params[n], params[n + 1])
-    return Lens(focal_px, centre_px, _whole(size_px)), params[n + 2 :]
-
-
-def _whole(size_px: tuple[float, float]) -> tuple[int, int]:
-    return round(size_px[0]), round(size_px[1])
-
-
-def _colmap_line(words: list[str]) -> InFile:
-    """CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]."""
-    if words[1] not in COLMAP_TERMS:
-        raise ValueError(f"camera model {words[1]}; known are {', '.join(COLMAP_TERMS)}")
-    width, height, *params = map(float, words[2:])
-    return _colmap_camera(words[1], (width, height), tuple(params))
-
-
-def _colmap_binary(content: bytes) -> InFile:
-    """uint64 count; of each camera uint32 id, int32 model, uint64 width, height, doubles."""
-    names = {number: name for name, (number, _) in COLMAP_TERMS.items()}
-    (count,), at, found = struct.unpack_from("<Q", content), 8, []
-    for _ in range(min(count, len(content))):
-        _, model, width, height = struct.unpack_from("<IiQQ", content, at)
-        if model not in names:
-            raise ValueError(f"camera model {model}; known are {', '.join(COLMAP_TERMS)}")
-        params = struct.unpack_from(f"<{COLMAP_PARAMETERS[model]}d", content, at + 24)
-        at += 24 + 8 * len(params)
-        found.append(_colmap_camera(names[model], (width, height), params))
-    return _one_of(found)
-
-
-def _one_of(cameras: list[InFile]) -> InFile:
-    if len(set(cameras)) != 1:
-        raise ValueError(f"{len(cameras)} cameras; keep the one of these frames")
-    return cameras[0]
-
-
-def _opencv(text: str, frames_px: tuple[int, int]) -> InFile:
-    """cv2.FileStorage, as OpenCV's and Kalibr's calibration programs write it."""
-    import cv2
-
-    try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        nodes = {name: storage.getNode(name) for name in (*MATRIX_KEYS, *TERMS_KEYS)}
-        matrices = {k: node.mat() for k, node in nodes.items() if node.isMap()}
-        sizes = [storage.getNode(name).real() for name in ("image_width", "image_height")]
-        storage.release()
-    except (cv2.error, SystemError) as error:
-        raise ValueError(f"OpenCV: {error}") from None
-    return _of_named(matrices, _whole((sizes[0], sizes[1])) if min(sizes) > 0 else frames_px)
-
-
-MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "intrinsic_matrix", "K", "M1")
-TERMS_KEYS = ("distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "dist", "D", "D1")
-
-
-def _of_named(matrices: Mapping[str, np.ndarray | None], size_px: tuple[int, int]) -> InFile:
-    """K and k1, k2, p1, p2, k3 under one of their usual names, by OpenCV's count of pixels."""
-    found = next((matrices[key] for key in MATRIX_KEYS if matrices.get(key) is not None), None)
-    if found is None:
-        raise KeyError(f"none of {', '.join(MATRIX_KEYS)}")
-    terms = next((matrices[key] for key in TERMS_KEYS if matrices.get(key) is not None), None)
-    flat = () if terms is None else tuple(np.asarray(terms, dtype=np.float64).ravel().tolist())
-    if len(flat) > 5 and any(flat[5:]):
-        raise ValueError(f"{len(flat)} terms of distortion")
-    pinhole = Lens.of_matrix(np.asarray(found, dtype=np.float64).reshape(3, 3), size_px)
-    cx, cy = pinhole.centre_px
-    return replace(pinhole, centre_px=(cx + OPENCV_CENTRE_PX, cy + OPENCV_CENTRE_PX)), flat[:5]
-
-
-def _ros(value: Mapping[str, Any], frames_px: tuple[int, int]) -> InFile:
-    """ROS's camera_info: matrices with rows, cols and data."""
-    matrices = {
-        key: np.array(entry["data"], dtype=np.float64)
-        for key, entry in value.items()
-        if isinstance(entry, dict) and "data" in entry
-    }
-    sizes = value.get("image_width"), value.get("image_height")
-    said = frames_px if None in sizes else _whole((float(sizes[0] or 0), float(sizes[1] or 0)))
-    return _of_named(matrices, said)
-
-
-def _json(value: Mapping[str, Any]) -> InFile:
-    """record3d's metadata (K by columns, w, h) or transforms.json (fl_x, cx, w, k1, ...)."""
-    size_px = _whole((float(value["w"]), float(value["h"])))
-    if "K" in value:
-        matrix = np.array(value["K"], dtype=np.float64).reshape(3, 3).T
-        return Lens.of_matrix(matrix, size_px), ()
-    fx = float(value["fl_x"])
-    names = ("k1", "k2", "p1", "p2", "k3")
-    terms = tuple(float(value.get(name, 0.0)) for name in names)
-    focal_px = (fx, float(value.get("fl_y", fx)))
-    return Lens(focal_px, (float(value["cx"]), float(value["cy"])), size_px), terms
 
 
 def exif_lens(image: Path, size_px: tuple[int, int]) -> Lens | None:

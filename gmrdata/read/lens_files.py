@@ -1,0 +1,489 @@
+"""Lens files of other programs: a pinhole, and its terms of distortion.
+
+A file becomes plain values, whatever wrote it, and these are read by the words that programs have
+for the same things.  What names another model, or has numbers of a distortion that are not known
+here, is refused by that name: k1 of a fisheye is none of a pinhole.
+"""
+
+import ast
+import io
+import re
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from gmrdata.read.safe_pickle import load_plain
+from gmrdata.values import plain_yaml
+from gmrdata.values.camera import Lens
+from gmrdata.values.errors import GmrdataError
+from gmrdata.values.files import parse_json, read_npz
+
+OPENCV_CENTRE_PX = 0.5  # OpenCV counts from the middle of the first pixel
+SAME_FOCAL = 0.01  # as a share: pictures of one camera that focuses again
+
+InFile = tuple[Lens, tuple[float, ...]]
+"""What a file says: a pinhole in its own pixels, and k1, k2, p1, p2, k3 as OpenCV has them."""
+Values = Mapping[str, Any]  # by names of letters and digits alone, in lower case
+
+
+class OtherModel(ValueError):
+    """A camera model that is no pinhole with the terms that are known here."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"camera model {name}, which is no pinhole with radial distortion")
+
+
+def parse_lens(path: Path, frames_px: tuple[int, int]) -> InFile:
+    """What a file says; of a picture as large as the frames where it says no size.
+
+    ValueError, KeyError, TypeError, IndexError and struct.error of what can't be read.
+    """
+    content = path.read_bytes()
+    if path.suffix == ".bin":
+        return _colmap_binary(content)
+    if content.startswith(BINARY) or path.suffix in (".p", ".pkl", ".pickle"):
+        return _of_values(_binary_values(path, content), frames_px, from_middle=True)
+    text = content.decode("utf-8-sig")
+    if text.lstrip().startswith("<"):
+        return _of_values(_xml_values(text), frames_px, from_middle=True)
+    if text.lstrip().startswith("{"):
+        return _of_values(_braced_values(text), frames_px, from_middle=False)
+    lines = [line.split() for line in text.splitlines() if line.strip()[:1] not in ("", "#")]
+    if lines and len(lines[0]) > 4 and lines[0][1].isupper():
+        return _one_of([_colmap_line(words) for words in lines])
+    if lines and lines[0][0].lower() in PLAIN_FIRST:
+        raise ValueError(f"DSO's calibration ({lines[0][0]})")
+    if (numbers := _listed_numbers(text)) is not None:
+        return _of_numbers(numbers, frames_px)
+    return _of_values(_yaml_values(text), frames_px, from_middle=True)
+
+
+BINARY = (b"PK", b"\x93NUMPY", b"\x80", b"MATLAB")  # of numpy, Python's pickles and MATLAB
+PLAIN_FIRST = ("fov", "kannalabrandt", "equidistant", "radtan", "pinhole")
+"""Words with which DSO's calibrations begin."""
+
+COLMAP_TERMS = {
+    "SIMPLE_PINHOLE": (0, "f"), "PINHOLE": (1, "ff"), "SIMPLE_RADIAL": (2, "f"),
+    "RADIAL": (3, "f"), "OPENCV": (4, "ff"), "FULL_OPENCV": (6, "ff"),
+}  # fmt: skip
+"""Number of each camera model that is a pinhole with distortion, and its focal lengths.
+https://colmap.github.io/cameras.html"""
+COLMAP_PARAMETERS = {0: 3, 1: 4, 2: 4, 3: 5, 4: 8, 6: 12}
+COLMAP_OTHERS = {
+    5: "OPENCV_FISHEYE", 7: "FOV", 8: "SIMPLE_RADIAL_FISHEYE", 9: "RADIAL_FISHEYE",
+    10: "THIN_PRISM_FISHEYE", 11: "RAD_TAN_THIN_PRISM_FISHEYE", 12: "SIMPLE_DIVISION",
+    13: "DIVISION", 14: "SIMPLE_FISHEYE", 15: "FISHEYE",
+}  # fmt: skip
+
+
+def _colmap_camera(model: str, size_px: tuple[float, float], params: tuple[float, ...]) -> InFile:
+    number, focals = COLMAP_TERMS[model]
+    if len(params) != COLMAP_PARAMETERS[number]:
+        raise ValueError(f"{model} with {len(params)} parameters")
+    n = len(focals)
+    focal_px, centre_px = (params[0], params[n - 1]), (params[n], params[n + 1])
+    return Lens(focal_px, centre_px, _whole(size_px)), _known_terms(params[n + 2 :])
+
+
+def _whole(size_px: tuple[float, float]) -> tuple[int, int]:
+    return round(size_px[0]), round(size_px[1])
+
+
+def _colmap_line(words: list[str]) -> InFile:
+    """CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]."""
+    if words[1] not in COLMAP_TERMS:
+        raise OtherModel(words[1])
+    width, height, *params = map(float, words[2:])
+    return _colmap_camera(words[1], (width, height), tuple(params))
+
+
+def _colmap_binary(content: bytes) -> InFile:
+    """uint64 count; of each camera uint32 id, int32 model, uint64 width, height, doubles."""
+    names = {number: name for name, (number, _) in COLMAP_TERMS.items()}
+    (count,), at, found = struct.unpack_from("<Q", content), 8, []
+    for _ in range(min(count, len(content))):
+        _, model, width, height = struct.unpack_from("<IiQQ", content, at)
+        if model not in names:
+            raise OtherModel(COLMAP_OTHERS.get(model, f"number {model}"))
+        params = struct.unpack_from(f"<{COLMAP_PARAMETERS[model]}d", content, at + 24)
+        at += 24 + 8 * len(params)
+        found.append(_colmap_camera(names[model], (width, height), params))
+    return _one_of(found)
+
+
+def _one_of(cameras: list[InFile]) -> InFile:
+    """The one camera of a file, also where each picture has its own that hardly differs."""
+    if len(set(cameras)) == 1:
+        return cameras[0]
+    sizes = {lens.size_px for lens, _ in cameras}
+    if len(sizes) == 1 and len({terms for _, terms in cameras}) == 1:
+        numbers = np.array([(*lens.focal_px, *lens.centre_px) for lens, _ in cameras])
+        middle = np.median(numbers, axis=0)
+        if (np.abs(numbers - middle) <= SAME_FOCAL * middle[:2].max()).all():
+            fx, fy, cx, cy = middle.tolist()
+            return replace(cameras[0][0], focal_px=(fx, fy), centre_px=(cx, cy)), cameras[0][1]
+    raise ValueError(f"{len(set(cameras))} cameras that differ; keep the one of these frames")
+
+
+def _binary_values(path: Path, content: bytes) -> Any:
+    """What Python saved."""
+    if content.startswith(b"MATLAB"):
+        raise ValueError("a file of MATLAB's; write its matrix as 3x3 numbers, for pixels from 0")
+    try:
+        if content.startswith(b"\x93NUMPY"):
+            return np.load(io.BytesIO(content), allow_pickle=False)
+        return read_npz(path) if content.startswith(b"PK") else load_plain(path)
+    except GmrdataError as error:
+        raise ValueError(str(error).removeprefix(f"{path}: ")) from None
+
+
+def _braced_values(text: str) -> Any:
+    """JSON, or what Python prints of a dict."""
+    try:
+        return parse_json(text)
+    except ValueError as error:
+        with suppress(ValueError, SyntaxError, MemoryError, RecursionError):
+            return ast.literal_eval(
+                re.sub(r"\b(?:np\.|numpy\.)?array\(|\)|,\s*dtype=\w+", "", text)
+            )
+        raise error from None
+
+
+def _yaml_values(text: str) -> Any:
+    """YAML, as OpenCV writes it too, or lines `name = value`."""
+    if "!!python" in text:
+        raise ValueError("Python's own YAML of arrays; write them with .tolist()")
+    if "[image]" in text:
+        raise ValueError("ROS's .ini; give the .yaml that stands beside it")
+    plain = re.sub(r"^%YAML.*$|!!opencv-\S+", "", text.replace("\t", "  "), flags=re.MULTILINE)
+    plain = re.sub(r"^(\s*[\w.]+)\s*=\s*", r"\1: ", plain, flags=re.MULTILINE)
+    return plain_yaml.parse(plain)[0]
+
+
+def _xml_values(text: str) -> Any:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("XML with a DOCTYPE")
+    try:
+        return _of_element(ElementTree.fromstring(text.strip()))
+    except ElementTree.ParseError as error:
+        raise ValueError(f"no XML: {error}") from None
+
+
+def _of_element(element: ElementTree.Element) -> Any:
+    """A text, or a mapping of children and attributes; the names without their spaces."""
+    inside: dict[str, Any] = {_local(name): value for name, value in element.attrib.items()}
+    for child in element:
+        name, value = _local(child.tag), _of_element(child)
+        # Several of a name are kept apart.
+        inside[name if name not in inside else f"{name} {len(inside)}"] = value
+    has_parts = len(element) > 0 or (inside and "type_id" not in inside)
+    return inside if has_parts else element.text or ""
+
+
+def _local(name: str) -> str:
+    return name.rpartition("}")[2]
+
+
+def _listed_numbers(text: str) -> list[float] | None:
+    """The numbers of a text that has nothing else, but for brackets and one name."""
+    if text.count("=") > 1:
+        return None
+    bare = re.sub(r"^\s*#.*$|^\s*\w+\s*=|[\[\](),;]", " ", text, flags=re.MULTILINE)
+    with suppress(ValueError):
+        return [float(word) for word in bare.split()]
+    return None
+
+
+def _of_numbers(numbers: list[float], frames_px: tuple[int, int]) -> InFile:
+    """A matrix alone, of 3x3, 3x4 or 4x4; or fx, fy, cx, cy, and the terms if any."""
+    if len(numbers) in (4, 8) or (len(numbers) == 9 and numbers[1] and numbers[3]):
+        fx, fy, cx, cy, *terms = numbers
+        return Lens((fx, fy), (cx, cy), frames_px), _known_terms(tuple(terms))
+    return Lens.of_matrix(_matrix(numbers), frames_px), ()
+
+
+def _matrix(numbers: Any) -> np.ndarray:
+    """(3, 3), of what may be by columns, or a part of a projection."""
+    flat = np.asarray(numbers, dtype=np.float64).ravel()
+    if flat.size in (12, 16):
+        wide = flat.reshape(-1, 4)
+        if wide[:3, 3].any() or not np.array_equal(wide[3:], [[0, 0, 0, 1]] * (len(wide) - 3)):
+            raise ValueError("a projection that also moves")
+        flat = wide[:3, :3].ravel()
+    matrix = flat.reshape(3, 3)
+    return matrix.T if matrix[2, :2].any() and not matrix[:2, 2].any() else matrix
+
+
+MATRICES = (
+    "cameramatrix", "intrinsicmatrix", "k", "m1", "mtx", "matrix", "cameramtx", "kmatrix",
+    "intrinsicsmatrix", "calibrationmatrix", "intrinsics", "intrinsic",
+    "cameraintrinsics", "cameraintrinsic", "intrinsicparameters",
+)  # fmt: skip
+FOCALS_X = ("fx", "flx", "fu", "focallengthx", "focalx")
+FOCALS_Y = ("fy", "fly", "fv", "focallengthy", "focaly")
+FOCALS = ("focallength", "f", "focal", "focallengthpx")
+CENTRES_X, CENTRES_Y = ("cx", "ppx", "u0", "pu", "cu"), ("cy", "ppy", "v0", "pv", "cv")
+CENTRES = ("principalpoint", "c", "cc", "center", "centre")
+WIDTHS, HEIGHTS = (
+    ("w", "width", "imagewidth", "imgwidth"),
+    ("h", "height", "imageheight", "imgheight"),
+)
+SIZES = ("resolution", "imagesize", "imgsize", "imageresolution", "size")
+TERMS = (
+    "distortioncoefficients", "distortioncoeffs", "distortioncoefs", "distcoeffs", "distcoeff",
+    "distcoefs", "distcoef", "dist", "distortion", "d", "d1", "distortionparameters", "coeffs",
+    "distortionparams", "distortionvector", "distortioncoefficient", "distparams", "coefficients",
+)  # fmt: skip
+TERM_NAMES = (
+    "k1",
+    "k2",
+    "p1",
+    "p2",
+    "k3",
+    "k4",
+    "k5",
+    "k6",
+    "s1",
+    "s2",
+    "s3",
+    "s4",
+    "taux",
+    "tauy",
+)
+MODELS = (
+    "cameramodel", "distortionmodel", "modeltype", "cameratype", "projectiontype", "lensmodel",
+    "lenstype", "distortiontype", "projectionmodel", "intrinsicsmodel", "cammodel",
+)  # fmt: skip
+LOOSE_MODELS = ("model", "type", "projection", "camera", "lens")  # or the maker's name, or what not
+FISHEYES = ("fisheye", "isfisheye", "fisheyemodel", "usefisheye", "isomnidirectional", "omnidir")
+PINHOLES = (
+    "", "none", "null", "pinhole", "simplepinhole", "simpleradial", "radial", "opencv",
+    "fullopencv",
+    "perspective", "brown", "brownconrady", "plumbbob", "rationalpolynomial", "rational", "radtan",
+    "radialtangential", "frame", "standard", "rectified", "pinholeradtan", "pinholecamera",
+    "pinholeradialtangential", "perspectivecamera", "nodistortion", "undistorted", "radial1",
+    "radial3", "radialk1", "radialk3", "brown3", "brown3t2", "pinholeradialk1", "pinholeradialk3",
+    "opencv4", "opencv5", "opencv8", "pinholeradtan8", "pinholecameramodel",
+)  # fmt: skip
+ALL_RADIAL = ("simpleradial", "radial", "radial1", "radial3", "radialk1", "radialk3", "brown3")
+BACKWARD = ("inversebrownconrady", "modifiedbrownconrady")  # RealSense's: only without terms
+OTHER = re.compile(
+    "fish|equi|kannala|^kb[0-9]|^mei$|omni|unified|ucm|^ds$|doublesphere|^fov$|atan|prism|division|"
+    "spheric|panoram|cylind|ocam|scaramuzza|ftheta|stereographic|orthographic|mirror|catadiop|"
+    "generic|equirect|3de|anamorphic|ptlens"
+)
+BEYOND = ("xi", "omega", "skew", "alphac", "p3", "p4", "b2", "tau", "polyparameters")
+"""Numbers that no pinhole with those terms has, unless they are 0."""
+PARTS = (
+    "intrinsics", "intrinsic", "distortion", "distortionparameters", "projectionparameters",
+    "mirrorparameters", "resolution", "calibration", "parameters", "params", "sensor",
+    "cameraparams", "cameraparameters", "distortioncoefficients", "imagesize", "opencvstorage",
+    "principalpoint", "focallength", "value",
+)  # fmt: skip
+"""Mappings that are parts of the camera in which they stand."""
+DEEPEST = 8
+
+
+def _name(key: object) -> str:
+    """A key's letters and digits, without what OpenCV's programs put before a dot."""
+    return re.sub(r"[^a-z0-9]", "", str(key).rpartition(".")[2].lower())
+
+
+def _of_values(value: Any, frames_px: tuple[int, int], *, from_middle: bool) -> InFile:
+    if isinstance(value, Mapping):
+        cameras = list(_cameras(value, {}, 0))
+        if not cameras:
+            names = ", ".join(map(str, list(value)[:8]))
+            raise KeyError(f"no matrix and no focal length under a usual name, but {names}")
+        return _one_of([_camera(one, frames_px, from_middle) for one in cameras])
+    return _of_numbers(np.asarray(value, dtype=np.float64).ravel().tolist(), frames_px)
+
+
+def _cameras(value: Mapping[Any, Any], around: Values, depth: int) -> Iterator[Values]:
+    """The values of each camera that a mapping holds, with those that stand around it."""
+    if depth > DEEPEST:
+        raise ValueError("nested too deeply")
+    own = dict(around)
+    inside = list(_split(value, own))
+    has_focal = _has_focal({name: one for name, one in own.items() if name not in around})
+    within = [list(_cameras(one, own, depth + 1)) for one in inside]
+    if has_focal and not (within and all(within)):
+        yield own  # also for the frames that say nothing of their own
+    for cameras in within:
+        yield from cameras
+
+
+def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[Any, Any]]:
+    """Put a mapping's own values into `own`; give the mappings in it that may be cameras."""
+    for key, one in value.items():
+        name = _name(key)
+        if isinstance(one, Mapping) and "data" in one:
+            _put(own, name, one["data"])
+        elif isinstance(one, Mapping) and name in PARTS:
+            yield from _split(one, own)
+        elif isinstance(one, Mapping):
+            yield one
+        elif isinstance(one, list) and one and all(isinstance(item, Mapping) for item in one):
+            yield from one
+        else:
+            _put(own, name, one)
+
+
+def _put(own: dict[str, Any], name: str, value: Any) -> None:
+    if name in own and name in (*MATRICES, *FOCALS_X) and str(own[name]) != str(value):
+        raise ValueError(f"2 cameras: {name} stands twice; keep the one of these frames")
+    own[name] = value
+
+
+def _has_focal(values: Values) -> bool:
+    names = (*MATRICES, *FOCALS_X, *FOCALS, "cameraanglex", "focallength35mm")
+    return any(_numbers(values[name]) is not None for name in names if name in values)
+
+
+def _numbers(value: Any) -> list[float] | None:
+    """A number, a list of them, or a text of them; None of anything else."""
+    if value is None:
+        return None
+    if isinstance(value, str):
+        value = value.replace(",", " ").split()
+    with suppress(ValueError, TypeError):
+        flat = np.asarray(value, dtype=np.float64).ravel().tolist()
+        return flat or None
+    return None
+
+
+def _first(values: Values, names: tuple[str, ...], n: tuple[int, ...] = (1,)) -> list[float] | None:
+    """The numbers under the first of several names that has so many."""
+    for name in names:
+        numbers = _numbers(values[name]) if name in values else None
+        if numbers is not None and len(numbers) in n:
+            return numbers
+    return None
+
+
+def _camera(values: Values, frames_px: tuple[int, int], from_middle: bool) -> InFile:
+    """A camera by its values."""
+    _require_pinhole(values)
+    if "m2" in values and str(values["m2"]) != str(values.get("m1")):
+        raise ValueError("2 cameras: M1 and M2; keep the one of these frames")
+    for name, what in (("focallength35mm", "RealityCapture's"), ("sensorwidth", "Meshroom's")):
+        if name in values:
+            raise ValueError(f"{what} lens in millimetres; export COLMAP's cameras.txt")
+    is_matlab = "radialdistortion" in values
+    size_px = _size(values, frames_px, by_rows=is_matlab)
+    if "projection" in values and "f" in values:
+        lens = _metashape(values, size_px)
+    elif "projectiontype" in values and (_first(values, FOCALS) or [9.0])[0] < MOST_SHARE:
+        lens = _opensfm(values, size_px)
+    else:
+        lens = _pinhole(values, size_px)
+        from_middle |= any(name in values for name in ("cameramatrix", "mtx"))
+        shift_px = -OPENCV_CENTRE_PX if is_matlab else OPENCV_CENTRE_PX if from_middle else 0.0
+        cx, cy = lens.centre_px
+        lens = replace(lens, centre_px=(cx + shift_px, cy + shift_px))
+    return lens, _terms(values)
+
+
+def _require_pinhole(values: Values) -> None:
+    """OtherModel for what names another one, or has a number of another one."""
+    for name in (*MODELS, *LOOSE_MODELS):
+        word = values.get(name)
+        if not isinstance(word, str) or _name(word) in PINHOLES:
+            continue
+        if _name(word) in BACKWARD:
+            is_other = any(_terms(values))
+        else:
+            is_other = name in MODELS or OTHER.search(_name(word)) is not None
+        if is_other:
+            raise OtherModel(word)
+    for name in FISHEYES:
+        if str(values.get(name, 0)).lower() not in ("0", "0.0", "false", "none", "no", ""):
+            raise OtherModel(f"fisheye ({name})")
+    for name in BEYOND:
+        if any(_numbers(values.get(name)) or ()):
+            raise OtherModel(f"with {name} of {values[name]}")
+
+
+def _size(values: Values, frames_px: tuple[int, int], *, by_rows: bool) -> tuple[int, int]:
+    width, height = _first(values, WIDTHS), _first(values, HEIGHTS)
+    if width is not None and height is not None:
+        return _whole((width[0], height[0]))
+    if (both := _first(values, SIZES, (2, 3))) is None:
+        return frames_px
+    return _whole((both[1], both[0]) if by_rows else (both[0], both[1]))
+
+
+def _pinhole(values: Values, size_px: tuple[int, int]) -> Lens:
+    """By a matrix, else by numbers, else by how wide it sees; in the file's own count of pixels."""
+    if (matrix := _first(values, MATRICES, (9, 12, 16))) is not None:
+        return Lens.of_matrix(_matrix(matrix), size_px)
+    if (four := _first(values, MATRICES, (4,))) is not None:
+        fx, fy, cx, cy = four
+        return Lens((fx, fy), (cx, cy), size_px)
+    focal = _first(values, FOCALS_X) or _first(values, FOCALS, (1, 2))
+    if focal is None:
+        if (wide_rad := _first(values, ("cameraanglex",))) is None:
+            raise ValueError("no focal length")
+        return Lens.centred(0.5 * size_px[0] / float(np.tan(wide_rad[0] / 2)), size_px)
+    focal_y = _first(values, FOCALS_Y) or focal
+    centre = _first(values, CENTRES, (2,))
+    if centre is None:
+        centre = [*(_first(values, CENTRES_X) or ()), *(_first(values, CENTRES_Y) or ())]
+    if len(centre) != 2:
+        raise ValueError("no principal point")
+    return Lens((focal[0], focal_y[-1]), (centre[0], centre[1]), size_px)
+
+
+def _metashape(values: Values, size_px: tuple[int, int]) -> Lens:
+    """Its principal point is counted from the picture's middle, and b1 is of the pixels' shape."""
+    f, b1, cx, cy = ((_first(values, (name,)) or [0.0])[0] for name in ("f", "b1", "cx", "cy"))
+    return Lens((f + b1, f), (size_px[0] / 2 + cx, size_px[1] / 2 + cy), size_px)
+
+
+def _opensfm(values: Values, size_px: tuple[int, int]) -> Lens:
+    """Its lengths are shares of the longer side."""
+    side_px = max(size_px)
+    focal_x = _first(values, ("focalx", *FOCALS)) or [0.0]
+    focal_y = _first(values, ("focaly",)) or focal_x
+    cx, cy = ((_first(values, (name,)) or [0.0])[0] for name in ("cx", "cy"))
+    centre_px = size_px[0] / 2 + cx * side_px, size_px[1] / 2 + cy * side_px
+    return Lens((focal_x[0] * side_px, focal_y[0] * side_px), centre_px, size_px)
+
+
+def _terms(values: Values) -> tuple[float, ...]:
+    """k1, k2, p1, p2, k3; ValueError for others that are not 0."""
+    numbers = {name: _numbers(values[name]) for name in values if OF_DISTORTION.match(name)}
+    said = {name: one for name, one in numbers.items() if one is not None and any(one)}
+    listed = _first(values, TERMS, tuple(range(1, 15)))
+    if "radialdistortion" in said:
+        k1, k2, k3 = (*said.pop("radialdistortion"), 0.0, 0.0)[:3]
+        p1, p2 = (*said.pop("tangentialdistortion", [0.0, 0.0]), 0.0)[:2]
+        listed = [k1, k2, p1, p2, k3]
+    elif listed is None:
+        listed = [said.pop(name, [0.0])[0] for name in TERM_NAMES]
+    elif any(_name(values.get(name, "")) in ALL_RADIAL for name in MODELS):
+        k1, k2, k3 = (*listed, 0.0, 0.0)[:3]
+        listed = [k1, k2, 0.0, 0.0, k3]
+    unknown = [name for name in said if name not in (*TERMS, *TERM_NAMES) or len(said[name]) > 14]
+    if unknown:
+        raise ValueError(f"a distortion {unknown[0]} that is not known here")
+    return _known_terms(tuple(listed))
+
+
+OF_DISTORTION = re.compile(
+    r"dist(?!ance)|radial|tangential|lensdist|[kps][0-9]+$|tau[xy]$|d1?$|coeff"
+)
+MOST_SHARE = 10.0  # that a focal length is of the longer side, where it is a share of it
+
+
+def _known_terms(terms: tuple[float, ...]) -> tuple[float, ...]:
+    if any(terms[5:]):
+        names = [name for name, term in zip(TERM_NAMES[5:], terms[5:], strict=False) if term]
+        raise OtherModel(f"with {', '.join(names) or 'more terms'} of a rational or prism model")
+    return terms[:5]
