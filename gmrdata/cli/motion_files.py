@@ -71,6 +71,7 @@ def motions(
     unit_m: flags.UnitM = None,
     joint_map: flags.JointMap = None,
     rest_pose: flags.RestPoseOrFile = None,
+    up: flags.Up = None,
     *,
     run: flags.RunFlags,
 ) -> None:
@@ -90,7 +91,7 @@ def motions(
     from gmrdata.motion.human36m import make_human36m
     from gmrdata.motion.library import make_library, motion_table
 
-    config = flags.reading(fps_hz, unit_m, joint_map, rest_pose)
+    config = flags.reading(fps_hz, unit_m, joint_map, rest_pose, up)
     if run.shard and (out is None or layout != "files"):
         raise BadRecipe("--shard: only motion files with --out are shared. Leave it out")
     if layout != "files":

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
@@ -77,6 +77,13 @@ RestPoseOrFile = Annotated[
         metavar="t|a|arms_down|arms_up|along_axes|first_frame|FILE",
         help="What the pose without rotations of a BVH or ASF is, or a BVH of the same skeleton "
         "that begins with the standing person; looked for when left out.",
+    ),
+]
+Up = Annotated[
+    Literal["y", "z", "x", "-y", "-z", "-x"] | None,
+    arg(
+        help="Axis of the files' world that is up; told from the zero pose and the motion when "
+        "left out. Of a negative one: --up=-y."
     ),
 ]
 Frames = Positional[Annotated[Path, arg(help="Folder of numbered images, or a video file.")]]
@@ -225,12 +232,17 @@ def flags_named() -> Iterator[None]:
 
 
 def reading(
-    fps_hz: float | None, unit_m: float | None, joint_map: Path | None, rest_pose: str | None
+    fps_hz: float | None,
+    unit_m: float | None,
+    joint_map: Path | None,
+    rest_pose: str | None,
+    up: str | None,
 ) -> "ReadConfig":
     """What a person said of motion files; raises BadRecipe for what is none of the choices."""
     from gmrdata.read.source_motion import ReadConfig
 
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
+    said["up"] = up
     with flags_named():
         return ReadConfig.model_validate(said)
 

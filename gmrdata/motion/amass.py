@@ -20,8 +20,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import levelled, motion_of
+from gmrdata.motion.up_axis import turn_upright, turned
 from gmrdata.read.numbers import finite_numbers
-from gmrdata.read.source_motion import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
+from gmrdata.read.source_motion import (
+    CMU_60_HZ_SUBJECTS,
+    DEFAULT_READING,
+    ReadConfig,
+    check_rate_hz,
+    cmu_subject,
+)
 from gmrdata.values.body import (
     HANDS,
     N_JOINTS,
@@ -76,16 +83,17 @@ def chosen_body(path: Path, names: Collection[str]) -> str:
 def read_amass(
     path: Path,
     body: BodyModel,
+    config: ReadConfig = DEFAULT_READING,
     *,
-    fps_hz: float | None = None,
     shape: np.ndarray | None = None,
     source_body: BodyModel | None = None,
     ground: bool | None = None,
 ) -> Motion:
     """Read an AMASS motion (156 or 165 pose values), SMPL poses (72) or a clip, onto a body.
 
-    The arguments are those of `read_motion`.  Without `fps_hz` CMU's index decides for CMU's 60 Hz
-    subjects (AMASS's releases disagree on them), the file otherwise.  Without `shape` the file's
+    The arguments are those of `read_motion`, and of `config` the rate and what is up.  Without a
+    rate CMU's index settles CMU's 60 Hz subjects where the file says 60 or 120 (AMASS's releases
+    disagree on them), else the file's counts.  Without `shape` the file's
     betas are kept if they are of this body (its name, or SMPL of the file's gender; SMPL-X's betas
     mean something else); any other body gets its mean shape.
     """
@@ -96,7 +104,7 @@ def read_amass(
     if str(arrays.get("frame", "world")) != "world":
         raise BadMotionFile(f"{path}: a clip in camera frames; make its pseudo ground truth first")
     poses, trans = _pose_arrays(arrays, path)
-    rate_hz, rate_note = _choose_rate(arrays, fps_hz, path)
+    rate_hz, rate_note = amass_rate(arrays, config.fps_hz, path)
     kept = _holds_shape_of(arrays, body, poses.shape[1])
     betas = _betas(arrays, path)
     source_leg_m, source_pelvis_m = _subject(arrays, betas, body, kept, source_body, path)
@@ -109,6 +117,9 @@ def read_amass(
     betas_note = _betas_note(arrays, betas, body, kept)
     source = f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {betas_note}, path x {scale:.4f}"
     motion = motion_of(body, shape, _rotmats(poses), pelvis_m, rate_hz, source)
+    up = config.up or ("z" if "frame" in arrays else None)  # a clip of gmrdata's is z-up
+    if found := turn_upright(body, motion, np.eye(3), up, str(path)):
+        motion = turned(motion, *found)
     return levelled(body, motion, not is_own if ground is None else ground)
 
 
@@ -129,14 +140,12 @@ def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray,
     return poses, trans
 
 
-def _choose_rate(
+def amass_rate(
     arrays: dict[str, np.ndarray], fps_hz: float | None, path: Path
 ) -> tuple[float, str]:
     """The frame rate [Hz] and why it is that."""
     if fps_hz is not None:
         return check_rate_hz(fps_hz, path), "given"
-    if "CMU" in path.parts and cmu_subject(path) in CMU_60_HZ_SUBJECTS:
-        return 60.0, "CMU's index"
     key = next((key for key in RATE_KEYS if key in arrays), None)
     if key is None:
         keys = " or ".join(RATE_KEYS)
@@ -144,7 +153,9 @@ def _choose_rate(
     values = finite_numbers(arrays[key], key, path).ravel()
     if values.size != 1:
         raise BadMotionFile(f"{path}: {key} is not one number; give the rate with fps_hz")
-    return check_rate_hz(float(values[0]), path), "file"
+    rate_hz = check_rate_hz(float(values[0]), path)
+    is_60_hz = "CMU" in path.parts and cmu_subject(path) in CMU_60_HZ_SUBJECTS
+    return (60.0, "CMU's index") if is_60_hz and rate_hz == 120.0 else (rate_hz, "file")
 
 
 def _gender(arrays: dict[str, np.ndarray]) -> str:

@@ -8,21 +8,22 @@ from typing import get_args
 
 import numpy as np
 
-from gmrdata.motion.amass import is_amass_extra, read_amass
+from gmrdata.motion.amass import amass_rate, is_amass_extra, read_amass
 from gmrdata.motion.rest_pose import in_metres
 from gmrdata.motion.retarget import Residual, Retargeting, retarget
+from gmrdata.motion.up_axis import is_upright, person_of
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import (
-    CMU_60_HZ_SUBJECTS,
     CMU_TRIAL,
     ReadConfig,
     RestPose,
     SourceMotion,
-    cmu_subject,
+    UpAxis,
 )
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+from gmrdata.values.files import read_npz
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
 
@@ -34,6 +35,7 @@ class FileReading:
     """A motion that was read, and how far it can be trusted."""
 
     motion: Motion
+    upright: bool  # False for one who lies or leans in most frames
     rate_from: str  # where its frame rate is from: "header", "file", "CMU's index" or "given"
     residual: Residual | None  # of a BVH or AMC; other files hold poses of this tree
 
@@ -46,6 +48,7 @@ def read_motion(
     joint_map: Mapping[str, str] | Path | str | None = None,
     unit_m: float | None = None,
     rest_pose: RestPose | Path | None = None,
+    up: UpAxis | None = None,
     asf_path: Path | None = None,
     drop_rest_frame: bool | None = None,
     shape: np.ndarray | None = None,
@@ -66,6 +69,8 @@ def read_motion(
             person's length with it, else what makes them so.
         rest_pose: What the pose of a BVH or AMC without rotations is (`RestPose`), or a BVH of the
             same skeleton in whose first frame the person stands; None looks for itself.
+        up: Axis of the file's world that is up; without it the convention's, unless what the person
+            does shows another (see `up_axis`).
         asf_path: Skeleton of an AMC, where it does not lie beside it.
         drop_rest_frame: Whether a BVH's frame 0 is an added rest pose; None looks for itself.
         shape: (S,) shape of `body`; without it that of the file if it is of this body, else the
@@ -76,13 +81,12 @@ def read_motion(
     """
     path = Path(path)
     _check_options(path, body, unit_m, shape)
-    if path.suffix.lower() == ".npz":
-        return read_amass(
-            path, body, fps_hz=fps_hz, shape=shape, source_body=source_body, ground=ground
-        )
     joint_map = Path(joint_map) if isinstance(joint_map, str) else joint_map
     names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
-    config = ReadConfig(fps_hz=fps_hz, unit_m=unit_m, joint_map=names, rest_pose=rest_pose)
+    said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": names, "rest_pose": rest_pose}
+    config = ReadConfig.model_validate(said | {"up": up})
+    if path.suffix.lower() == ".npz":
+        return read_amass(path, body, config, shape=shape, source_body=source_body, ground=ground)
     source = _read_source(path, config, asf_path, drop_rest_frame)
     return _on_body(source, path, body, config, Retargeting(shape=shape, ground=ground))[0]
 
@@ -93,13 +97,21 @@ def read_file(
     """`read_motion` as a recipe says, with where the rate is from and the residual."""
     _check_options(path, body, config.unit_m, shape)
     if path.suffix.lower() == ".npz":
-        motion = read_amass(path, body, fps_hz=config.fps_hz, shape=shape)
-        in_index = "CMU" in path.parts and cmu_subject(path) in CMU_60_HZ_SUBJECTS
-        rate_from = "given" if config.fps_hz is not None else "CMU's index" if in_index else "file"
-        return FileReading(motion, rate_from, None)
-    source = _read_source(path, config)
-    motion, residual = _on_body(source, path, body, config, Retargeting(shape=shape))
-    return FileReading(motion, source.rate_from, residual)
+        motion, residual = read_amass(path, body, config, shape=shape), None
+        rate_from = amass_rate(read_npz(path), config.fps_hz, path)[1]
+    else:
+        source = _read_source(path, config)
+        motion, residual = _on_body(source, path, body, config, Retargeting(shape=shape))
+        rate_from = source.rate_from
+    return FileReading(motion, is_upright(person_of(body, motion)), rate_from, residual)
+
+
+def read_poses(path: Path, body: BodyModel, config: ReadConfig) -> Motion:
+    """The same for its local poses: not on the floor, and whichever axis is up."""
+    if path.suffix.lower() == ".npz":
+        return read_amass(path, body, config.model_copy(update={"up": "z"}), ground=False)
+    said = Retargeting(ground=False, any_up=True)
+    return _on_body(_read_source(path, config), path, body, config, said)[0]
 
 
 def _read_source(
@@ -124,7 +136,7 @@ def _on_body(
     """The same on the body, as the recipe says."""
     joints = find_joints(source.names, source.parents, config.joint_map, path)
     pitch_deg = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else {}
-    said = replace(said, upright_pitch_deg=pitch_deg, rest=_rest(config.rest_pose))
+    said = replace(said, upright_pitch_deg=pitch_deg, rest=_rest(config.rest_pose), up=config.up)
     source = source if config.unit_m is not None else in_metres(source, joints)
     return retarget(source, joints, body, said, str(path))
 

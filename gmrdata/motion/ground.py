@@ -102,19 +102,26 @@ def floor_height_m(heights_m: np.ndarray) -> float:
 
 
 def sole_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
-    """Some points of the soles over time, (T, P, 3) [m]: they follow the ankle and toe joints
-    rigidly, as skin hardly bends there."""
+    """Some points of the soles over time, (T, P, 3) [m]."""
+    return np.concatenate(soles_of_feet_m(body, motion), axis=1)
+
+
+def soles_of_feet_m(body: BodyModel, motion: Motion) -> list[np.ndarray]:
+    """The same of the left and of the right foot: they follow the ankle and toe joints rigidly, as
+    skin hardly bends there."""
     rest_joints_m = body.rest_joints_m(motion.shape)
     legs, parents = with_ancestors(PARENTS, FOOT_JOINTS)
     joints_m, frame_from_joint = posed_joints_m(
         rest_joints_m[legs], motion.rotmats[:, legs], motion.pelvis_m, parents
     )
-    soles_m = [
-        joints_m[:, None, n] + (points - rest_joints_m[j]) @ frame_from_joint[:, n].swapaxes(-1, -2)
+    soles_m = {
+        j: joints_m[:, None, n]
+        + (points - rest_joints_m[j]) @ frame_from_joint[:, n].swapaxes(-1, -2)
         for j, points in _sole_vertices_m(body, motion.shape).items()
         for n in [legs.index(j)]
-    ]
-    return np.concatenate(soles_m, axis=1)
+    }
+    feet = [[JOINT[f"{side}_{part}"] for part in ("ankle", "foot")] for side in SIDES]
+    return [np.concatenate([soles_m[j] for j in foot], axis=1) for foot in feet]
 
 
 def _level_rotation(points_m: np.ndarray) -> np.ndarray:

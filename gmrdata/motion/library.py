@@ -27,9 +27,10 @@ from gmrdata.manifest.write import (
 )
 from gmrdata.motion.amass import chosen_body
 from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
-from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG, LIES
+from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG
+from gmrdata.motion.up_axis import LIES
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
-from gmrdata.read.source_motion import ReadConfig, RestPose, is_trial
+from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, UpAxis, is_trial
 from gmrdata.stage.jobs import Job, Outcome, try_here, try_jobs
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -46,7 +47,6 @@ LICENCES = {
     "mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
     "AMASS": "AMASS's licence (amass.is.tue.mpg.de): non-commercial; not to be passed on",
 }
-DEFAULT_READING = ReadConfig()
 LINES = ("limbs", "hips", "shoulders", "trunk")
 """The file's own lines against the body's, mean (worst) [deg]; the keys of LARGEST_RESIDUAL_DEG."""
 HEADINGS = ("file", "frames", "rate [Hz]", "from", "length [s]", "path [m]", "speed [m/s]",
@@ -143,15 +143,14 @@ class ReadingRecord(Record):
     residual_deg: dict[str, float]
     """Mean and worst angles between the file's own lines and the body's (`Residual.figures`); empty
     for a file that holds poses of this tree."""
-    upright: bool | None
-    """False for one who lies or leans in most frames; None where it was not looked at."""
+    upright: bool
+    """False for one who lies or leans in most frames."""
 
     @classmethod
     def of(cls, read: FileReading) -> Self:
         residual = read.residual
         figures = {} if residual is None else residual.figures
-        upright = None if residual is None else residual.upright
-        return cls(rate_from=read.rate_from, residual_deg=figures, upright=upright)
+        return cls(rate_from=read.rate_from, residual_deg=figures, upright=read.upright)
 
 
 @dataclass(frozen=True)
@@ -181,7 +180,7 @@ def motion_table(
             continue
         inside = str(file.path.absolute().relative_to(root))
         rows.append((inside, *_cells(read)))
-        if read.residual is not None and not read.residual.upright:
+        if not read.upright:
             warnings.append(f"{inside}: {LIES}")
     bad = _bad_files(reasons, len(files), "the others are listed") if reasons else ""
     return MotionTable(HEADINGS, rows, warnings, bad)
@@ -211,6 +210,7 @@ def make_library(
     unit_m: float | None = None,
     joint_map: Path | None = None,
     rest_pose: RestPose | Path | None = None,
+    up: UpAxis | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Write one clip per motion file, and `motions.yaml` that lists them; gives its path.
@@ -218,13 +218,14 @@ def make_library(
     Each file is a stage of its own, done by one of several worker processes, and is not done again.
 
     `body` is as `load_body` takes it, or a folder of bodies: then each motion is put on the one
-    that its shape is of, see `chosen_body`.  `fps_hz` to `rest_pose` as in `read_motion`.  A
+    that its shape is of, see `chosen_body`.  `fps_hz` to `up` as in `read_motion`.  A
     BadMotionFile lists the files that could not be read, once the others' manifest is written.
     """
     out_dir = out_dir.resolve()
     files = library_files(sources)
     body_paths = _keep(body, out_dir / "body", run)
-    config = ReadConfig(fps_hz=fps_hz, unit_m=unit_m, joint_map=joint_map, rest_pose=rest_pose)
+    said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
+    config = ReadConfig.model_validate(said | {"up": up})
     shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config, "run": run}
     jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
     outcome = _run(jobs, out_dir / FAILED, run)
@@ -236,7 +237,7 @@ def make_library(
         entries = list(outcome.results.values())
         write_motions(out_dir / "motions.yaml", head, entries, config.recorded, run=run)
     for id in outcome.results:
-        if ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).upright is False:
+        if not ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).upright:
             remark(f"clip {id}: {LIES}")
     if outcome.reasons:
         others = "there is no manifest"

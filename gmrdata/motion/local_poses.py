@@ -26,10 +26,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.motion.files import SUFFIXES, read_motion
+from gmrdata.motion.files import SUFFIXES, read_poses
 from gmrdata.motion.resample import between_known, slice_motion, valid_runs
 from gmrdata.read.bodies import load_body
-from gmrdata.read.source_motion import check_rate_hz
+from gmrdata.read.source_motion import ReadConfig, check_rate_hz
 from gmrdata.read.systems.result import is_system_npz, read_system
 from gmrdata.values.body import SMPL, BodyModel, gender_of, shape_on
 from gmrdata.values.clip import Clip, load_clip
@@ -73,7 +73,8 @@ def read_local_poses(
     if {"valid", "image_numbers"} <= arrays.keys():
         return _of_clip(path, fps_hz, body)
     if path.is_file() and path.suffix.lower() in SUFFIXES and not is_system_npz(arrays):
-        motion = read_motion(path, body, fps_hz=fps_hz, joint_map=joint_map, ground=False)
+        names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
+        motion = read_poses(path, body, ReadConfig(fps_hz=fps_hz, joint_map=names))
         n = motion.n_frames
         return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
     people = read_system(path).people

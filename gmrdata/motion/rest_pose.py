@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmrdata.read.source_motion import RestPose, SourceMotion
+from gmrdata.read.source_motion import RestPose, SourceMotion, UpAxis, axis_of
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS, BodyModel, leg_length_m
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
@@ -157,6 +157,7 @@ def from_standing(
     body_rest_m: np.ndarray,
     name: str,
     rest: RestPose | SourceMotion | None = None,
+    said_up: UpAxis | None = None,
 ) -> SourceMotion:
     """The same motion, told from a zero pose in which the person stands along the axes.
 
@@ -165,7 +166,7 @@ def from_standing(
     beside the pelvis's joint (deep-motion-editing): then it is frame 0 if that is a T-pose, else
     the mean of the motion's poses, in which arms hang as they mostly do and the trunk is held as
     that of the body at rest, (24, 3).  `rest` says which it is: what the zero pose is, or a motion
-    of the same skeleton whose first frame stands.
+    of the same skeleton whose first frame stands.  `said_up` is the axis that a person says is up.
 
     Raises:
         BadMotionFile: the person stands in none of these, or not as `rest` says.
@@ -181,7 +182,7 @@ def from_standing(
     pose, said = source.local_rotmats[0], "frame 0" if given else "frame 0, a T-pose"
     if isinstance(rest, SourceMotion):
         pose, said = _pose_of(rest, source, name), "the first frame of rest_pose's file"
-    up = _up_axis(source, joints)
+    up = _up_axis(source, joints) if said_up is None else axis_of(said_up)
     aside = np.eye(3)[1 if up[0] else 0]
     axes = np.stack([aside, up, np.cross(aside, up)], axis=1)
     standing = _told_from(source, joints, pose, up, axes)

@@ -57,7 +57,8 @@ from gmrdata.motion.rest_pose import (
     source_joints_m,
     zero_pose_m,
 )
-from gmrdata.read.source_motion import RestPose, SourceMotion
+from gmrdata.motion.up_axis import turn_upright
+from gmrdata.read.source_motion import RestPose, SourceMotion, UpAxis
 from gmrdata.values.body import (
     JOINT,
     N_JOINTS,
@@ -85,7 +86,6 @@ class Residual:
 
     mean_deg: Mapping[str, float]  # over frames, of "limbs", "hip line", "shoulder line", "trunk"
     worst_deg: Mapping[str, float]  # of the same
-    upright: bool  # False for one who lies or leans in most frames
 
     @property
     def figures(self) -> dict[str, float]:
@@ -113,6 +113,11 @@ class Retargeting:
     without it that is looked for."""
     ground: bool | None = None
     """Whether the floor is levelled and moved to z = 0; None for all but a body's own motion."""
+    up: UpAxis | None = None
+    """The axis of the file's world that is up; without it that of the zero pose, unless what the
+    person does shows another."""
+    any_up: bool = False
+    """Whether a motion of which that can't be told is read as it is, and not refused."""
 
 
 def retarget(
@@ -127,13 +132,37 @@ def retarget(
     `joints` is `{SMPL joint: source joint}`, as `joint_names.find_joints` gives it.  `name` is the
     file's path in messages; the motion's `source` has its last part.
     """
+    motion, residual, axes, is_own = _put_on(source, joints, body, said, name)
+    world_from_file = WORLD_FROM_REST @ axes.T
+    found = turn_upright(body, motion, world_from_file, said.up, name, refused=not said.any_up)
+    if found is not None:  # once more, as the feet are told from how they stand
+        turn, note = found
+        source = _turned(source, world_from_file.T @ turn @ world_from_file, note)
+        motion, residual, _, is_own = _put_on(source, joints, body, replace(said, up=None), name)
+    return levelled(body, motion, not is_own if said.ground is None else said.ground), residual
+
+
+def _turned(source: SourceMotion, turn: np.ndarray, note: str) -> SourceMotion:
+    """The same motion in a world turned by (3, 3)."""
+    rotmats, translations_m = source.local_rotmats.copy(), source.translations_m.copy()
+    rotmats[:, 0] = turn @ rotmats[:, 0]
+    translations_m[:, 0] = translations_m[:, 0] @ turn.T
+    notes = (*source.notes, note)
+    return replace(source, local_rotmats=rotmats, translations_m=translations_m, notes=notes)
+
+
+def _put_on(
+    source: SourceMotion, joints: Mapping[int, int], body: BodyModel, said: Retargeting, name: str
+) -> tuple[Motion, Residual, np.ndarray, bool]:
+    """`retarget` as the zero pose has the world, not on the floor; also source_from_rest (3, 3),
+    and whether the skeleton is the body's own."""
     own = own_shape(source, joints, body, said.shape) if said.rest is None else None
     shape = next((one for one in (own, said.shape) if one is not None), np.zeros(body.n_shape))
     shape = np.asarray(shape, dtype=np.float64)
     body_rest_m = body.rest_joints_m(shape)
     rest_pose.check_size(zero_pose_m(source, joints), name)
     if own is None:
-        source = from_standing(source, joints, body_rest_m, name, said.rest)
+        source = from_standing(source, joints, body_rest_m, name, said.rest, said.up)
     source_rest_m = zero_pose_m(source, joints)
     axes = rest_pose.source_from_rest_axes(source_rest_m)
     source_rest_m = source_rest_m @ axes
@@ -161,7 +190,7 @@ def retarget(
     residual = _residual(source, joints, axes, body, motion)
     notes = [*source.notes, f"path x {scale:.4f}", feet_note, _in_words(residual)]
     motion = replace(motion, source=f"{PurePath(name).name}: {', '.join(notes)}")
-    return levelled(body, motion, own is None if said.ground is None else said.ground), residual
+    return motion, residual, axes, own is not None
 
 
 def _upright(pitch_deg: Mapping[str, float]) -> dict[int, np.ndarray]:
@@ -248,7 +277,6 @@ def _local_rotmats(
 
 LARGEST_RESIDUAL_DEG = {"limbs": 1.0, "hip line": 20.0, "shoulder line": 30.0, "trunk": 30.0}
 """Mean angle between the file's own lines and the body's, above which the file is misread."""
-UPRIGHT = 0.75  # cosine of the trunk's tilt, below which it is not held upright
 
 
 def _residual(
@@ -275,9 +303,7 @@ def _residual(
         worst_deg[line] = round(float(off_deg.max()), 3)
         if not mean_deg[line] <= most_deg:
             _refuse(motion.source, line, mean_deg[line])
-    trunk_m = np.median(got["trunk"][:, 0], axis=0)
-    upright = bool(trunk_m[2] >= UPRIGHT * np.linalg.norm(trunk_m))
-    return Residual(mean_deg, worst_deg, upright)
+    return Residual(mean_deg, worst_deg)
 
 
 def _refuse(name: str, line: str, off_deg: float) -> NoReturn:
@@ -286,16 +312,12 @@ def _refuse(name: str, line: str, off_deg: float) -> NoReturn:
     raise BadMotionFile(f"{name}: {what}; {why}: give a joint_map, or a rest_pose")
 
 
-LIES = "the person lies or leans throughout: is up another axis?"
-
-
 def _in_words(residual: Residual) -> str:
     said = [
         f"{line} {residual.mean_deg[line]:.1f} ({residual.worst_deg[line]:.1f})"
         for line in LARGEST_RESIDUAL_DEG
     ]
-    lies = () if residual.upright else (LIES,)
-    return f"residual mean (worst) in deg: {', '.join([*said, *lies])}"
+    return f"residual mean (worst) in deg: {', '.join(said)}"
 
 
 def _lines(joints_m: np.ndarray) -> dict[str, np.ndarray]:

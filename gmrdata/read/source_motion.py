@@ -22,6 +22,15 @@ RestPose = Literal["t", "a", "arms_down", "arms_up", "along_axes", "first_frame"
 axes it is no pose at all; `first_frame` says that the person stands in frame 0."""
 
 
+UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
+"""An axis of a file's world."""
+
+
+def axis_of(name: UpAxis) -> np.ndarray:
+    """(3,) the axis."""
+    return np.eye(3)["xyz".index(name[-1])] * (-1.0 if name[0] == "-" else 1.0)
+
+
 class ReadConfig(Config):
     """What a person says of motion files; None: each file is looked at for it."""
 
@@ -34,6 +43,8 @@ class ReadConfig(Config):
     rest_pose: RestPose | Path | None = None
     """What the pose without rotations of a BVH or ASF is; or a BVH of the same skeleton, in whose
     first frame the person stands."""
+    up: UpAxis | None = None
+    """Which axis of the file's world is up."""
 
     @property
     def inputs(self) -> dict[str, Path]:
@@ -45,6 +56,9 @@ class ReadConfig(Config):
     def recorded(self) -> "ReadConfig":
         """The same without its files, which count in a stage's record by their content."""
         return self.model_copy(update=dict.fromkeys(self.inputs))
+
+
+DEFAULT_READING = ReadConfig()
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,160 @@
+"""Which way is up: files in other worlds than their convention's, and people who truly lie."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.motion.files import read_file, read_motion
+from gmrdata.motion.gait import make_gait
+from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library
+from gmrdata.read.body_file import save_body
+from gmrdata.read.source_motion import ReadConfig, UpAxis, axis_of
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.clip import load_clip
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import smallest_rotation
+from gmrdata.write.amass import write_amass
+from gmrdata.write.bvh import write_bvh
+
+AXES: tuple[UpAxis, ...] = ("x", "y", "-x", "-y", "-z")
+SUPINE = Rotation.from_euler("x", -90, degrees=True).as_matrix()
+HEADSTAND = Rotation.from_euler("x", 180, degrees=True).as_matrix()
+
+
+def _moved(motion: Motion, rotmats: np.ndarray, pelvis_m: np.ndarray) -> Motion:
+    """The same limbs, with roots turned by (3, 3) or (T, 3, 3) and another path."""
+    return replace(motion, root_rotmats=rotmats @ motion.root_rotmats, pelvis_m=pelvis_m)
+
+
+def _in_world(motion: Motion, up: UpAxis) -> Motion:
+    turn = smallest_rotation(np.eye(3)[2], axis_of(up))
+    return _moved(motion, turn, motion.pelvis_m @ turn.T)
+
+
+def _save(path: Path, motion: Motion, body: BodyModel) -> Path:
+    """As BVH of the body's own skeleton, or as AMASS."""
+    if path.suffix == ".bvh":
+        write_bvh(path, motion, body)
+        return path
+    write_amass(path, motion, body)
+    return path
+
+
+def _pointed(motion: Motion) -> Motion:
+    """The same with toes pointed, as they are of feet that carry nobody."""
+    local = motion.local_rotmats.copy()
+    ankles = [JOINT["left_ankle"] - 1, JOINT["right_ankle"] - 1]
+    local[:, ankles] = local[:, ankles] @ Rotation.from_euler("x", 45, degrees=True).as_matrix()
+    return replace(motion, local_rotmats=local)
+
+
+@pytest.mark.parametrize("suffix", [".bvh", ".npz"])
+@pytest.mark.parametrize("up", AXES)
+@pytest.mark.parametrize("kind", ["walk", "run"])
+def test_a_person_who_goes_is_set_upright(
+    tmp_path: Path, small_body: BodyModel, suffix: str, up: UpAxis, kind: str
+) -> None:
+    gait = make_gait(kind, 3.0, 30.0, small_body, np.random.default_rng(0))
+    path = _save(tmp_path / f"a{suffix}", _in_world(gait, up), small_body)
+    read = read_file(path, small_body, ReadConfig())
+    assert read.upright and "is up (the feet show it)" in read.motion.source
+    # What is up, as the body sees it, and how high the pelvis is.
+    np.testing.assert_allclose(read.motion.root_rotmats[:, 2], gait.root_rotmats[:, 2], atol=1e-3)
+    rises_m = np.diff(read.motion.pelvis_m[:, 2])
+    scale = rises_m.max() / np.diff(gait.pelvis_m[:, 2]).max()
+    np.testing.assert_allclose(rises_m, scale * np.diff(gait.pelvis_m[:, 2]), atol=1e-3)
+    said = read_motion(path, small_body, up="y" if suffix == ".bvh" else "z")
+    assert not np.allclose(said.root_rotmats[:, 2], gait.root_rotmats[:, 2], atol=0.1)
+
+
+@pytest.mark.parametrize("suffix", [".bvh", ".npz"])
+def test_one_who_stands_still_is_refused_until_it_is_said(
+    tmp_path: Path, small_body: BodyModel, suffix: str
+) -> None:
+    walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
+    still = replace(walk.take(np.zeros(60, dtype=int)), pelvis_m=np.tile([0.1, 0.2, 0.0], (60, 1)))
+    still = replace(still, local_rotmats=np.broadcast_to(np.eye(3), (60, 23, 3, 3)))
+    fallen = _in_world(still, "y")
+    path = _save(tmp_path / f"a{suffix}", fallen, small_body)
+    here, other = ("-z", "y") if suffix == ".bvh" else ("y", "z")
+    with pytest.raises(BadMotionFile, match=f"up: --up {here} or --up {other}$"):
+        read_motion(path, small_body)
+    assert read_file(path, small_body, ReadConfig(up=here)).upright
+    assert not read_file(path, small_body, ReadConfig(up=other)).upright
+
+
+def _lying(walk: Motion, t_s: np.ndarray) -> Motion:
+    return _moved(_pointed(walk), SUPINE, np.tile([0.0, 0.0, 0.12], (len(t_s), 1)))
+
+
+def _swimming(walk: Motion, t_s: np.ndarray) -> Motion:
+    return _moved(_pointed(walk), SUPINE, np.c_[0 * t_s, 1.2 * t_s, 0 * t_s])
+
+
+def _rolling(walk: Motion, t_s: np.ndarray) -> Motion:
+    rolls = Rotation.from_euler("z", 3.0 * t_s[:, None]).as_matrix()
+    return _moved(_pointed(walk), SUPINE @ rolls, np.c_[0.6 * t_s, 0 * t_s, 0 * t_s + 0.12])
+
+
+def _cartwheeling(walk: Motion, t_s: np.ndarray) -> Motion:
+    turns = Rotation.from_euler("y", 4.0 * t_s[:, None]).as_matrix()
+    return _moved(walk, turns, np.c_[1.2 * t_s, 0 * t_s, 0 * t_s + 0.8])
+
+
+def _hanging_by_the_feet(walk: Motion, t_s: np.ndarray) -> Motion:
+    return _moved(_pointed(walk), HEADSTAND, np.tile([0.0, 0.0, 1.2], (len(t_s), 1)))
+
+
+@pytest.mark.parametrize("suffix", [".bvh", ".npz"])
+@pytest.mark.parametrize("made", [_lying, _swimming, _rolling, _cartwheeling, _hanging_by_the_feet])
+def test_who_does_not_stand_is_left_as_he_is(
+    tmp_path: Path,
+    small_body: BodyModel,
+    suffix: str,
+    made: Callable[[Motion, np.ndarray], Motion],
+) -> None:
+    walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(1))
+    walk = replace(walk, root_rotmats=walk.root_rotmats[0].T @ walk.root_rotmats)
+    walk = _moved(walk, Rotation.from_euler("x", 90, degrees=True).as_matrix(), walk.pelvis_m)
+    motion = made(walk, np.arange(walk.n_frames) / walk.fps_hz)
+    read = read_file(_save(tmp_path / f"a{suffix}", motion, small_body), small_body, ReadConfig())
+    assert not read.upright and "is up" not in read.motion.source
+    np.testing.assert_allclose(read.motion.root_rotmats, motion.root_rotmats, atol=1e-5)
+
+
+def test_up_stands_in_the_record(tmp_path: Path, small_body: BodyModel) -> None:
+    save_body(tmp_path / "small.npz", small_body)
+    walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
+    path = _save(tmp_path / "walk.npz", _in_world(walk, "y"), small_body)
+    for up, upright in ((None, True), ("z", False)):
+        out = tmp_path / f"out_{up}"
+        make_library((path,), str(tmp_path / "small.npz"), out, up=up)
+        record = ReadingRecord.read(out / "clips" / "walk" / READING_FILE)
+        assert (record.upright, record.residual_deg) == (upright, {})
+
+
+def _odd(shared_path: Callable[[str], Path], name: str, out: Path) -> dict[str, Motion]:
+    make_library((shared_path(f"odd/{name}"),), "anny", out)
+    return {path.parent.name: load_clip(path).motion for path in out.rglob("clip.npz")}
+
+
+def test_a_zero_pose_with_y_up_in_a_world_with_z_up(
+    shared_path: Callable[[str], Path], tmp_path: Path
+) -> None:
+    read = _odd(shared_path, "bvh_rest_y_up_motion_z_up", tmp_path)
+    for name in ("b01_rest_yup_motion_zup", "c06_reference_turned"):
+        np.testing.assert_allclose(read[name].rotmats, read["plain"].rotmats, atol=1e-5)
+        np.testing.assert_allclose(read[name].pelvis_m, read["plain"].pelvis_m, atol=1e-5)
+
+
+def test_amass_with_y_up(shared_path: Callable[[str], Path], tmp_path: Path) -> None:
+    read = _odd(shared_path, "amass_y_up", tmp_path)
+    turned, plain = read["n01_yup_poses"], read["m00_plain_poses"]
+    np.testing.assert_allclose(turned.rotmats, plain.rotmats, atol=1e-6)
+    shift_m = turned.pelvis_m - plain.pelvis_m  # the file's path is that of `trans`, not the pelvis
+    np.testing.assert_allclose(shift_m, shift_m[[0]].repeat(len(shift_m), axis=0), atol=1e-6)
