@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-open bench-odd bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs release clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-people bench-open bench-odd bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs release clean
 
 setup: $(READY)
 
@@ -47,6 +47,10 @@ bench-video: $(READY)
 # The built-in local poses, on rendered people of CMU's subjects 02 and 08.  ARGS=--small only tries every part.
 bench-poses: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_poses.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# People before the camera, on real people whose truth something else measured.  ARGS=--small takes one view.
+bench-people: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_people.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # Other people's files in and out.  ARGS='--bvh FOLDER' reads their BVH files.
 bench-open: $(READY)

@@ -2,7 +2,7 @@
 
 `make bench-tables` runs this file alone; `--small` only tries every part.  The clips are Table 8's
 trials that are at hand, rendered with the camera's motion on and off.  GMR is the network of the
-package, or that of `--gmr RUN`; neither it nor the lifter was trained on subjects 02 and 08.  The
+package, or that of `--gmr RUN`; it was not trained on subjects 02 and 08.  The
 non-sequential model is trained on videos that the command renders, or on twins of `--twins`.  What
 is there is made again only where it hangs on a network that has changed, so the same command
 measures a new network in minutes.  Prints tables and writes out/bench/tables.json.

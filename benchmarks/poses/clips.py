@@ -1,4 +1,4 @@
-"""Twelve rendered clips of CMU's subjects 02 and 08, on which no lifter was trained.
+"""Twelve rendered clips of CMU's subjects 02 and 08, on which nothing was trained.
 
     FOLDER/<clip>/clip.json, frames/, masks/, clip.npz      as benchmarks/video/clips.py has them
 

@@ -5,18 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from training.calibration import TrueTrack, seen_truth, true_track
+from training.calibration import TrueTrack, true_track
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
-from gmrdata.people.landmark_network import LANDMARKS, landmark_offsets_m
-from gmrdata.people.local_poses import (
-    LocalPosesConfig,
-    Method,
-    poses_of,
-    seen_landmarks,
-)
+from gmrdata.people.landmark_body import LEG_M, landmark_offsets_m, landmarks_on
+from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.local_poses import LocalPosesConfig, poses_of, seen_landmarks
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
 from gmrdata.solve.request import FOLLOWED, INTRINSICS
@@ -30,8 +26,7 @@ TWELVE = [
     for side in ("left", "right")
     for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 ]
-DETECTOR, NETWORK = "yolox_nano.onnx", "pose_landmark_lite.tflite"
-METHODS: tuple[Method, ...] = ("lifter", "fit", "lifter_fit")
+DETECTOR, NETWORK = "yolox_nano.onnx", "pose_landmark_heavy.tflite"
 LARGEST_SHIFT = 0.5
 """Distance of the hips' landmarks from the true hips up to which a track is the person's, in the
 true person's size."""
@@ -48,24 +43,18 @@ class PoseRow:
     """The focal length that was taken, over the true one."""
     raw_mm: float
     """PA-MPJPE of the landmark network's metres, over its 12 landmarks of limbs."""
-    lifter_mm: float
-    """PA-MPJPE over 24 joints."""
     fit_mm: float
-    lifter_fit_mm: float
-    """The same of the default, a fit from the lifter's poses."""
+    """PA-MPJPE over 24 joints."""
     root_deg: float
-    """Median angle of that one's root in the camera."""
+    """Median angle of the root in the camera."""
     depth_ratio: float
     """Median distance over the true one, for a person of mean size."""
     leg_ratio: float
     """Mean legs over the person's own: what the distance is short of for the size alone."""
 
 
-def pose_row(
-    clip_dir: Path, work_dir: Path, models_dir: Path, methods: tuple[Method, ...]
-) -> PoseRow:
-    """Poses of a clip whose lens is not told, each method on the same landmarks; `work_dir` is a
-    solved video's."""
+def pose_row(clip_dir: Path, work_dir: Path, models_dir: Path) -> PoseRow:
+    """Poses of a clip whose lens is not told; `work_dir` is a solved video's."""
     facts = VideoFacts.read(clip_dir / FACTS_FILE)
     images_dir, clip = clip_dir / FRAMES_FOLDER, load_clip(clip_dir / CLIP_FILE)
     body, intrinsics = load_body("anny"), load_intrinsics(work_dir / INTRINSICS)
@@ -77,21 +66,19 @@ def pose_row(
         seen = seen_landmarks(track, frames.numbers, frames, intrinsics.lens)
         found.append(true_track(track, seen, clip, body))
     truth = max(found, key=_frames_on_the_person)
-    shown = {method: _errors(truth, body, method) for method in methods}
-    raw = seen_truth([truth], landmark_offsets_m(), facts.fps_hz)
-    nothing = {"mm": float("nan"), "root_deg": float("nan"), "depth_ratio": float("nan")}
-    of = {method: shown.get(method, nothing) for method in METHODS}
+    errors = _errors(truth, body)
+    true_m = landmarks_on(
+        truth.joints_m, truth.turned, landmark_offsets_m() * (truth.leg_m / LEG_M)
+    )
     return PoseRow(
         clip=facts.name,
         frames=len(truth.rows),
         of_frames=clip.motion.n_frames,
         focal_ratio=float(intrinsics.focal_px / facts.focal_px),
-        raw_mm=aligned_mm(raw.world_m[:, TWELVE], raw.true_m[:, TWELVE]),
-        lifter_mm=of["lifter"]["mm"],
-        fit_mm=of["fit"]["mm"],
-        lifter_fit_mm=of["lifter_fit"]["mm"],
-        root_deg=of["lifter_fit"]["root_deg"],
-        depth_ratio=of["lifter_fit"]["depth_ratio"],
+        raw_mm=aligned_mm(truth.seen.world_m[:, TWELVE], true_m[:, TWELVE]),
+        fit_mm=errors["mm"],
+        root_deg=errors["root_deg"],
+        depth_ratio=errors["depth_ratio"],
         leg_ratio=leg_length_m(body.rest_joints_m(np.zeros(body.n_shape))) / truth.leg_m,
     )
 
@@ -103,9 +90,9 @@ def _frames_on_the_person(truth: TrueTrack) -> int:
     return int((apart_m < LARGEST_SHIFT).sum())
 
 
-def _errors(truth: TrueTrack, body: BodyModel, method: Method) -> dict[str, float]:
+def _errors(truth: TrueTrack, body: BodyModel) -> dict[str, float]:
     numbers = np.arange(len(truth.rows))
-    found = poses_of(truth.seen, numbers, body, LocalPosesConfig(method=method))
+    found = poses_of(truth.seen, numbers, body, LocalPosesConfig())
     rotmats = np.concatenate([found.root_rotmats[:, None], found.local_rotmats], axis=1)
     rest_joints_m = body.rest_joints_m(np.zeros(body.n_shape))
     joints_m, _ = posed_joints_m(rest_joints_m, rotmats, found.pelvis_m)

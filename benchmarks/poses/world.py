@@ -6,7 +6,7 @@ in which the person has a pose and the camera a place, whatever the verdict says
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +15,8 @@ from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.people.following import load_tracks
-from gmrdata.people.lifter import SeenLandmarks
-from gmrdata.people.local_poses import (
-    POSES_FOLDER,
-    place,
-    seen_landmarks,
-)
+from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
+from gmrdata.people.local_poses import POSES_FOLDER, seen_landmarks
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
@@ -187,13 +183,25 @@ def _placed_alone(work_dir: Path, clip: Clip, body: BodyModel, frames: FrameSet)
     )
     poses = people[number]
     rotmats = np.concatenate([poses.root_rotmats[:, None], poses.local_rotmats], axis=1)
-    rest_joints_m = body.rest_joints_m(motion.shape)
     pelvis_m = motion.pelvis_m.copy()
-    for n, row in enumerate(poses.frame_numbers):
-        one = SeenLandmarks(*(getattr(seen, f.name)[n : n + 1] for f in fields(seen)))
-        alone_m = place(one, rotmats[n : n + 1], rest_joints_m)
-        pelvis_m[row] = apply(camera.world_from_cam[row], alone_m)[0]
+    alone_m = _places(seen, landmarks_about(rotmats, body.rest_joints_m(motion.shape)))
+    rows = poses.frame_numbers
+    pelvis_m[rows] = apply(camera.world_from_cam[rows], alone_m[:, None])[:, 0]
     return replace(motion, pelvis_m=pelvis_m)
+
+
+def _places(seen: SeenLandmarks, about_m: np.ndarray) -> np.ndarray:
+    """The pelvis (T, 3) that lays each frame's landmarks (T, 33, 3) nearest to their rays."""
+    ones, zeros = np.ones(seen.weights.shape), np.zeros(seen.weights.shape)
+    by_x = np.stack([ones, zeros, -seen.rays[..., 0]], axis=-1)
+    by_y = np.stack([zeros, ones, -seen.rays[..., 1]], axis=-1)
+    design = np.concatenate([by_x, by_y], axis=1)
+    off_m = seen.rays * about_m[..., 2:] - about_m[..., :2]
+    target_m = np.concatenate([off_m[..., 0], off_m[..., 1]], axis=1)
+    weights = np.concatenate([seen.weights, seen.weights], axis=1)
+    normal = np.einsum("tn,tni,tnj->tij", weights, design, design)
+    right = np.einsum("tn,tni,tn->ti", weights, design, target_m)
+    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])
 
 
 def _errors(found: Motion, truth: Clip, rows: np.ndarray, body: BodyModel) -> tuple[float, float]:

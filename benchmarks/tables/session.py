@@ -100,7 +100,7 @@ class TablesSession:
             manifest,
             self.work_dir / f"own_{name}",
             detector_path=models / "yolox_nano.onnx",
-            landmarks_path=models / "pose_landmark_lite.tflite",
+            landmarks_path=models / "pose_landmark_heavy.tflite",
             run=ANEW,
         )
 

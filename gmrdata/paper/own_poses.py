@@ -33,7 +33,6 @@ from gmrdata.people.landmark_network import (
     Crop,
     open_landmark_features,
 )
-from gmrdata.people.lifter import WEIGHTS_FILE
 from gmrdata.people.local_poses import (
     LocalPosesConfig,
     local_poses,
@@ -60,7 +59,7 @@ POSES_FOLDER, KEYPOINTS_FOLDER, FEATURES_FOLDER, FOLLOWED_FOLDER, SEEN_FOLDER = 
     "poses", "keypoints", "features", "followed", "seen",
 )  # fmt: skip
 RECORD = "own_poses.json"
-ESTIMATOR = "Lifter"
+ESTIMATOR = "Fit"
 """What the tables call it."""
 OPENPOSE_LANDMARKS: dict[int, tuple[str, ...]] = {
     0: ("nose",), 1: ("left_shoulder", "right_shoulder"),
@@ -79,8 +78,7 @@ class OwnPosesConfig(Config):
     """How people are seen, and when a clip counts as seen."""
 
     follow: FollowConfig = FollowConfig()
-    poses: LocalPosesConfig = LocalPosesConfig(method="lifter")
-    """The lifter alone; the fit that `gmrdata video` lays over it takes several times as long."""
+    poses: LocalPosesConfig = LocalPosesConfig()
     near: float = Field(default=0.15, gt=0, le=1)
     """Distance of a track's hips from the clip's pelvis up to which it is the clip's person, in
     sides of the track's crop."""
@@ -118,7 +116,7 @@ class _Sources:
 
     def inputs(self) -> dict[str, Path]:
         """Their files, by role."""
-        return {"body": self.body_path, "lifter": WEIGHTS_FILE} | self.networks._asdict()
+        return {"body": self.body_path} | self.networks._asdict()
 
 
 def own_poses(

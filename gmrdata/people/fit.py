@@ -1,51 +1,53 @@
-"""The fit: a body laid onto a track's landmarks, all frames at once.
+"""The fit: a body laid onto a track's landmarks, all frames at once, until it stands still.
 
-Least squares with few outliers (Geman and McClure 1987): landmarks in the picture, the network's
-metres from the hips, second differences over time, and how far joints may turn.  It needs no
-learned prior, so it is the fallback and the oracle of the lifter; with the lifter's poses to start
-from, it stays near them and mends where they lie in the picture.
+Least squares with few outliers (Geman and McClure 1987): landmarks in the picture, how far the
+network has them before or behind the hips, second differences over time, and how far joints turn.
+Levenberg and Marquardt's steps; a frame hangs on the two after it alone, so that the equations of
+all frames are a narrow band (Cholesky).  All is in metres and seconds and each frame adds to every
+term alike, so a video at 15 and at 60 Hz gets the same motion.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import torch
 from pydantic import Field
-from torch import Tensor
+from scipy.spatial.transform import Rotation
 
-from gmrdata.people.landmark_network import (
-    LANDMARKS,
-    LEG_M,
+from gmrdata.people.landmark_body import (
+    HANGS_ON,
+    HIPS,
+    TURNS_WITH,
+    SeenLandmarks,
     from_hips,
-    landmark_offsets_m,
     landmarks_on,
-    tree_joints,
+    offsets_of,
 )
-from gmrdata.people.lifter import LiftedPose, SeenLandmarks, landmark_weights, views_of
-from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS, leg_length_m
+from gmrdata.people.landmark_network import LANDMARKS, N_LANDMARKS
+from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
 from gmrdata.values.records import Config
+from gmrdata.values.skinning import posed_joints_m
 
 
 class FitConfig(Config):
     """What each term of the fit is weighed by: its usual size."""
 
-    steps: int = Field(default=120, ge=1)
-    steps_from_start: int = Field(default=60, ge=1)
-    """Steps where there are poses to start from, which are nearly right."""
     image: float = Field(default=0.08, gt=0)
     """Landmarks in the picture, in the person's size."""
-    world_m: float = Field(default=0.10, gt=0)
-    """The network's metres [m]."""
+    depth_m: float = Field(default=0.15, gt=0)
+    """Depths from the hips, by the network [m]; 0.12 on real people, and wrong for long."""
+    depth_share: float = Field(default=0.75, gt=0, le=1)
+    """What is believed of them: errors make depths larger than they are, and a body that is as deep
+    stands too near."""
     acceleration: float = Field(default=12.0, gt=0)
     """Of landmarks about the hips [m/s2]."""
     pelvis_acceleration: float = Field(default=8.0, gt=0)
     """Of the pelvis before the camera [m/s2]."""
-    rest: float = Field(default=1.0, gt=0)
+    rest: float = Field(default=0.7, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
-    start: float = Field(default=0.5, gt=0)
-    """How far joints turn from the poses to start from, where there are any."""
-    leg: float = Field(default=0.07, gt=0)
-    """Logarithm of the legs' length."""
+    stop_share: float = Field(default=1e-4, gt=0)
+    """Gain of a step that ends the fit, as a share of what is left: joints move by 1 mm after."""
+    most_steps: int = Field(default=80, ge=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,46 +56,52 @@ class FittedPose:
 
     rotmats: np.ndarray  # (T, 24, 3, 3), the root's in the camera's axes
     pelvis_m: np.ndarray  # (T, 3) before the camera
-    leg_m: float
+    energies: np.ndarray  # (T,) what is left of landmarks and joints' limits; motion is not in it
+    converged: bool
 
 
 _REST_WEIGHTS = {
     "spine1": 1.5, "spine2": 1.5, "spine3": 1.5, "neck": 1.0, "head": 1.0,
     "left_collar": 3.0, "right_collar": 3.0, "left_wrist": 0.5, "right_wrist": 0.5,
-    "left_ankle": 0.5, "right_ankle": 0.5, "left_foot": 3.0, "right_foot": 3.0,
-    "left_hand": 3.0, "right_hand": 3.0, "pelvis": 0.0,
+    "left_ankle": 0.5, "right_ankle": 0.5, "pelvis": 0.0,
 }  # fmt: skip
 """How much a joint is drawn to its rest pose; hips, knees, shoulders and elbows little."""
-_WEIGHTS = tuple(_REST_WEIGHTS.get(name, 0.04) for name in JOINT_NAMES)
+_WEIGHTS = np.array([_REST_WEIGHTS.get(name, 0.15) for name in JOINT_NAMES])
+SAME_TIME = 4.0  # landmarks of a frame err together: so many of them tell as much as one
+OUTLIER = 9.0  # the most that a landmark costs
+HINGE_SIDE, HINGE_BACK = 2.0, 40.0
+"""Weights of a knee that turns aside, and of a knee or elbow that bends the wrong way."""
+WINDOW, OVERLAP = 600, 60  # frames at a time, which is half a gigabyte
+NEAREST_M = 0.1
+
+TURNED = tuple(n for n, name in enumerate(JOINT_NAMES) if not name.endswith(("foot", "hand")))
+"""Joints that landmarks tell of."""
+N_TURNS = 3 * len(TURNED)
+N_UNKNOWNS = N_TURNS + 3
 
 
-def fit(
-    seen: SeenLandmarks,
-    rest_joints_m: np.ndarray,
-    config: FitConfig,
-    start: LiftedPose | None = None,
-) -> FittedPose:
-    """Lay a body whose rest joints (24, 3) grow with its legs onto a track of two frames or more.
+def fit(seen: SeenLandmarks, rest_joints_m: np.ndarray, config: FitConfig) -> FittedPose:
+    """Lay a body with rest joints (24, 3) onto a track; metres are along each frame's ray.
 
-    Metres are compared along each frame's ray.
+    Long tracks are fitted in windows that overlap.
     """
-    problem = _Problem(seen, rest_joints_m, config, start)
-    steps = config.steps if start is None else config.steps_from_start
-    optimiser = torch.optim.LBFGS(
-        problem.unknowns, max_iter=steps, history_size=20, line_search_fn="strong_wolfe"
+    parts: list[FittedPose] = []
+    starts = range(0, max(1, len(seen.times_s) - OVERLAP), WINDOW - OVERLAP)
+    for start in starts:
+        part = seen.take(slice(start, start + WINDOW))
+        parts.append(_Problem(part, rest_joints_m, config).solved())
+    # Each window is good from the middle of its overlap on.
+    kept = [
+        slice(OVERLAP // 2 if n else 0, None if n == len(parts) - 1 else WINDOW - OVERLAP // 2)
+        for n in range(len(parts))
+    ]
+    pairs = list(zip(parts, kept, strict=True))
+    return FittedPose(
+        np.concatenate([one.rotmats[rows] for one, rows in pairs]),
+        np.concatenate([one.pelvis_m[rows] for one, rows in pairs]),
+        np.concatenate([one.energies[rows] for one, rows in pairs]),
+        all(one.converged for one in parts),
     )
-
-    def closure() -> Tensor:
-        optimiser.zero_grad()
-        energy = problem.energy()
-        energy.backward()
-        return energy
-
-    optimiser.step(closure)
-    with torch.no_grad():
-        rotmats = problem.rotmats().double().numpy()
-        pelvis_m = problem.pelvis_m().double().numpy()
-    return FittedPose(rotmats, pelvis_m, float(LEG_M * torch.exp(problem.log_leg.detach())))
 
 
 _BONES = {
@@ -110,124 +118,299 @@ _BONES = {
 """By joint: landmarks between which its bone lies, and the joint at its end."""
 
 
-def _turn_between(start: Tensor, ends: Tensor) -> Tensor:
+def first_rotmats(seen: SeenLandmarks, rest_joints_m: np.ndarray) -> np.ndarray:
+    """(T, 24, 3, 3) trunk and limbs as the network's metres have them, without a twist."""
+    world_m = seen.world_m @ seen.cam_from_ray.swapaxes(-1, -2)
+    left = world_m[:, [11, 23]].sum(1) - world_m[:, [12, 24]].sum(1)
+    up = world_m[:, [11, 12]].sum(1) - world_m[:, [23, 24]].sum(1)
+    x = _unit(left)
+    z = _unit(np.cross(x, up))
+    local = np.tile(np.eye(3), (len(x), N_JOINTS, 1, 1))
+    local[:, 0] = np.stack([x, np.cross(z, x), z], axis=-1)
+    turned = [local[:, 0]]
+    for joint in range(1, N_JOINTS):
+        before = turned[PARENTS[joint]]
+        if joint in _BONES:
+            start, end, child = _BONES[joint]
+            wanted = ((world_m[:, end] - world_m[:, start])[:, None] @ before)[:, 0]
+            local[:, joint] = _turn_between(rest_joints_m[child] - rest_joints_m[joint], wanted)
+        turned.append(before @ local[:, joint])
+    return local
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.maximum(length, 1e-9))
+
+
+def _turn_between(start: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """The smallest turns (T, 3, 3) from a direction (3,) to others (T, 3)."""
-    a = torch.nn.functional.normalize(start, dim=-1).expand_as(ends)
-    b = torch.nn.functional.normalize(ends, dim=-1)
-    half = torch.nn.functional.normalize(a + b + 1e-4 * b.roll(1, -1), dim=-1)
+    a = np.broadcast_to(_unit(start), ends.shape)
+    b = _unit(ends)
+    half = _unit(a + b + 1e-4 * np.roll(b, 1, axis=-1))
     # Two reflections: at a's own plane, then at the one half way.
-    reflected = torch.eye(3) - 2 * a[..., None] * a[..., None, :]
-    return (torch.eye(3) - 2 * half[..., None] * half[..., None, :]) @ reflected
+    reflected = np.eye(3) - 2 * a[..., :, None] * a[..., None, :]
+    return np.asarray((np.eye(3) - 2 * half[..., :, None] * half[..., None, :]) @ reflected)
+
+
+def _above(joint: int) -> list[int]:
+    return [joint, *(_above(PARENTS[joint]) if joint else [])]
+
+
+_MOVES = np.zeros((N_LANDMARKS, N_JOINTS), dtype=bool)
+for _n in range(N_LANDMARKS):
+    _MOVES[_n, _above(HANGS_ON[_n])[1:] + _above(TURNS_WITH[_n])] = True
+
+
+class _Placed(NamedTuple):
+    """A body that lies somewhere, and how far it is off."""
+
+    joints_m: np.ndarray  # (T, 24, 3) from the pelvis
+    turned: np.ndarray  # (T, 24, 3, 3)
+    about_m: np.ndarray  # (T, 33, 3) landmarks from the pelvis
+    image: np.ndarray  # (T, 33, 2) off in the picture, in usual errors
+    depth: np.ndarray  # (T, 33) off in depth
 
 
 class _Problem:
-    """The unknowns and their energy."""
+    """The unknowns of one window, and the equations of a step."""
 
-    def __init__(
-        self,
-        seen: SeenLandmarks,
-        rest_joints_m: np.ndarray,
-        config: FitConfig,
-        start: LiftedPose | None,
-    ) -> None:
-        def tensor(array: np.ndarray) -> Tensor:
-            return torch.as_tensor(array, dtype=torch.float32)
+    def __init__(self, seen: SeenLandmarks, rest_joints_m: np.ndarray, config: FitConfig) -> None:
+        self.config, self.seen, self.rest_m = config, seen, rest_joints_m
+        self.offsets_m = offsets_of(rest_joints_m)
+        self.rays_out = seen.cam_from_ray[..., 2]
+        self.per_ray = 1 / (seen.sizes * config.image)
+        self.depth_m = config.depth_share * seen.world_m[..., 2]
+        self.weights = seen.weights / SAME_TIME
+        self.rest_weights = _WEIGHTS / config.rest**2
+        self.over_time = _second_differences(seen.times_s)
+        self.rotmats = first_rotmats(seen, rest_joints_m)
+        depth_m = 0.5 / seen.sizes[:, None]
+        self.pelvis_m = np.c_[seen.rays[:, HIPS].mean(axis=1) * depth_m, depth_m]
 
-        self.config = config
-        self.rays, self.world_m = tensor(seen.rays), tensor(seen.world_m)
-        self.view = views_of(self.rays)
-        self.weights = landmark_weights(tensor(seen.visibility))
-        self.steps_s = tensor(np.diff(seen.times_s))
-        self.rest_m = tensor(rest_joints_m * (LEG_M / leg_length_m(rest_joints_m)))
-        self.offsets_m = tensor(landmark_offsets_m())
-        self.start = None if start is None else tensor(start.rotmats)
-        leg_m = LEG_M if start is None else float(np.median(start.leg_m))
-        first = self._first_rotmats() if self.start is None else self.start
-        self.columns = first[..., :2].clone().requires_grad_()
-        self.log_leg = torch.tensor(float(np.log(leg_m / LEG_M)), requires_grad=True)
-        self.log_depth = torch.log(0.5 / self.view.sizes).requires_grad_()
-        self.aside = self.rays[:, [23, 24]].mean(1).clone().requires_grad_()
-        self.unknowns = [self.columns, self.log_leg, self.log_depth, self.aside]
+    def solved(self) -> FittedPose:
+        config, damping = self.config, 1e-2
+        energy, gain = self._energy(self.rotmats, self.pelvis_m), np.inf
+        for _ in range(config.most_steps):
+            blocks, slope = self._equations()
+            while damping < 1e7:
+                step = _banded_solution(blocks, slope, damping)
+                rotmats, pelvis_m = self._after(step)
+                there = self._energy(rotmats, pelvis_m)
+                if there < energy:
+                    break
+                damping *= 6
+            else:
+                gain = 0.0
+                break
+            gain = energy - there
+            self.rotmats, self.pelvis_m, energy = rotmats, pelvis_m, there
+            damping = max(damping / 4, 1e-7)
+            if gain < config.stop_share * energy:
+                break
+        placed = self._placed(self.rotmats, self.pelvis_m)
+        energies = self._of_landmarks(placed) + self._of_joints(self.rotmats)
+        is_still = bool(gain < config.stop_share * energy)
+        return FittedPose(self.rotmats, self.pelvis_m, energies, is_still)
 
-    def _first_rotmats(self) -> Tensor:
-        """Trunk and limbs as the network's metres have them, without a twist."""
-        world_m = self.world_m @ self.view.cam_from_ray.transpose(-1, -2)
-        left = world_m[:, [11, 23]].sum(1) - world_m[:, [12, 24]].sum(1)
-        up = world_m[:, [11, 12]].sum(1) - world_m[:, [23, 24]].sum(1)
-        x = torch.nn.functional.normalize(left, dim=-1)
-        z = torch.nn.functional.normalize(torch.cross(x, up, dim=-1), dim=-1)
-        root = torch.stack([x, torch.cross(z, x, dim=-1), z], dim=-1)
-        local = [torch.eye(3).expand(len(x), 3, 3)] * N_JOINTS
-        local[0], turned = root, [root]
-        for joint in range(1, N_JOINTS):
-            before = turned[PARENTS[joint]]
-            if joint in _BONES:
-                start, end, child = _BONES[joint]
-                wanted = (world_m[:, end] - world_m[:, start])[:, None] @ before
-                local[joint] = _turn_between(self.rest_m[child] - self.rest_m[joint], wanted[:, 0])
-            turned.append(before @ local[joint])
-        return torch.stack(local, dim=1)
+    def _after(self, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rotmats = self.rotmats.copy()
+        turns = Rotation.from_rotvec(step[:, :N_TURNS].reshape(-1, 3)).as_matrix()
+        rotmats[:, TURNED] = rotmats[:, TURNED] @ turns.reshape(len(step), -1, 3, 3)
+        pelvis_m = self.pelvis_m + step[:, N_TURNS:]
+        pelvis_m[:, 2] = pelvis_m[:, 2].clip(2 * NEAREST_M)
+        return rotmats, pelvis_m
 
-    def rotmats(self) -> Tensor:
-        import roma
-
-        return roma.special_gramschmidt(self.columns, epsilon=1e-6)
-
-    def pelvis_m(self) -> Tensor:
-        depth_m = torch.exp(self.log_depth)[:, None]
-        return torch.cat([self.aside * depth_m, depth_m], dim=-1)
-
-    def energy(self) -> Tensor:
-        config, rotmats = self.config, self.rotmats()
-        pelvis_m, leg = self.pelvis_m(), torch.exp(self.log_leg)
-        joints_m, turned = tree_joints(self.rest_m * leg, rotmats)
-        legs_m = (LEG_M * leg).expand(len(rotmats))
-        about_m = landmarks_on(joints_m, turned, legs_m, self.offsets_m)
+    def _placed(self, rotmats: np.ndarray, pelvis_m: np.ndarray) -> _Placed:
+        joints_m, turned = posed_joints_m(self.rest_m, rotmats, np.zeros_like(pelvis_m))
+        about_m = landmarks_on(joints_m, turned, self.offsets_m)
         placed_m = about_m + pelvis_m[:, None]
-        rays = placed_m[..., :2] / placed_m[..., 2:].clamp(min=0.1)
-        image = (rays - self.rays) / self.view.sizes[:, None, None] / config.image
-        # The network's metres are of one size for all people.
-        hips_m = from_hips(about_m / leg) @ self.view.cam_from_ray
-        world = (hips_m - self.world_m) / config.world_m
-        terms = (self.weights * (_robust(image) + _robust(world))).sum() / SAME_TIME
-        terms = terms + self._over_time(from_hips(about_m), pelvis_m)
-        return terms + self._turns(rotmats) + len(rotmats) * (self.log_leg / config.leg) ** 2
+        rays = placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M)
+        image = (rays - self.seen.rays) * self.per_ray[:, None, None]
+        depth_m = (from_hips(about_m) @ self.rays_out[..., None])[..., 0]
+        depth = (depth_m - self.depth_m) / self.config.depth_m
+        return _Placed(joints_m, turned, about_m, image, depth)
 
-    def _over_time(self, about_m: Tensor, pelvis_m: Tensor) -> Tensor:
-        """Second differences of landmarks and of the pelvis."""
-        if len(self.steps_s) < 2:
-            return torch.zeros(())
+    def _energy(self, rotmats: np.ndarray, pelvis_m: np.ndarray) -> float:
+        placed = self._placed(rotmats, pelvis_m)
+        energy = self._of_landmarks(placed).sum() + self._of_joints(rotmats).sum()
+        if self.over_time is not None:
+            about, pelvis = self._in_time(placed.about_m, pelvis_m)
+            for values in (about, pelvis):
+                energy += (self.over_time.of(values) ** 2).sum()
+        return float(energy)
+
+    def _of_landmarks(self, placed: _Placed) -> np.ndarray:
+        """(T,) of Geman and McClure's errors: the square, at most `OUTLIER`."""
+        squares = (placed.image**2).sum(-1), placed.depth**2
+        costs = sum(OUTLIER * square / (OUTLIER + square) for square in squares)
+        return np.asarray((self.weights * costs).sum(axis=1))
+
+    def _in_time(self, about_m: np.ndarray, pelvis_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(T, 99) and (T, 3) whose second differences are in usual ones."""
         config = self.config
-        about = _accelerations(about_m.flatten(1), self.steps_s) / config.acceleration
-        pelvis = _accelerations(pelvis_m, self.steps_s) / config.pelvis_acceleration
-        return about.pow(2).sum() / 33 + pelvis.pow(2).sum()
+        about = from_hips(about_m).reshape(len(about_m), -1)
+        usual = config.acceleration * np.sqrt(N_LANDMARKS)
+        return about / usual, pelvis_m / config.pelvis_acceleration
 
-    def _turns(self, rotmats: Tensor) -> Tensor:
-        config = self.config
-        knees = rotmats[:, [JOINT["left_knee"], JOINT["right_knee"]]]
-        elbows = rotmats[:, [JOINT["left_elbow"], JOINT["right_elbow"]]]
-        # A knee turns about x and only backward, an elbow only forward.
-        forward = elbows[..., 2, 0] * torch.tensor([1.0, -1.0])
-        hinges = (1 - knees[..., 0, 0]).sum() * 4 + torch.relu(-knees[..., 2, 1]).pow(2).sum() * 40
-        hinges = hinges + torch.relu(-forward).pow(2).sum() * 40
-        if self.start is not None:
-            off = (rotmats - self.start).pow(2).sum((-1, -2))
-            return hinges + off.sum() / config.start**2 / N_JOINTS
-        off = (rotmats - torch.eye(3)).pow(2).sum((-1, -2))
-        return hinges + (off * torch.tensor(_WEIGHTS)).sum() / config.rest**2
+    def _of_joints(self, rotmats: np.ndarray) -> np.ndarray:
+        """(T,) joints that turn, and hinges that bend aside or back."""
+        off = ((rotmats - np.eye(3)) ** 2).sum((-1, -2)) @ self.rest_weights
+        for joint, row, column, weight, sign in _LIMITS:
+            value = rotmats[:, joint, row, column]
+            off = off + weight * (value if sign == 0 else np.minimum(sign * value, 0)) ** 2
+        return np.asarray(off)
+
+    def _equations(self) -> tuple[np.ndarray, np.ndarray]:
+        """Blocks (3, T, n, n) of frames with themselves and the two after, and the slope (T, n)."""
+        n = len(self.pelvis_m)
+        placed = self._placed(self.rotmats, self.pelvis_m)
+        blocks, slope = np.zeros((3, n, N_UNKNOWNS, N_UNKNOWNS)), np.zeros((n, N_UNKNOWNS))
+        by_turn = self._by_turn(placed)
+        self._add_landmarks(placed, by_turn, blocks[0], slope)
+        self._add_joints(blocks[0], slope)
+        if self.over_time is not None:
+            config = self.config
+            about, pelvis = self._in_time(placed.about_m, self.pelvis_m)
+            usual = config.acceleration * np.sqrt(N_LANDMARKS)
+            by_turn = (by_turn - by_turn[:, HIPS].mean(1, keepdims=True)) / usual
+            turns, places = slice(0, N_TURNS), slice(N_TURNS, None)
+            by_place = np.tile(np.eye(3) / config.pelvis_acceleration, (n, 1, 1))
+            by_turn = by_turn.reshape(n, -1, N_TURNS)
+            self.over_time.add(about, by_turn, blocks[:, :, turns, turns], slope[:, turns])
+            self.over_time.add(pelvis, by_place, blocks[:, :, places, places], slope[:, places])
+        return blocks, slope
+
+    def _by_turn(self, placed: _Placed) -> np.ndarray:
+        """(T, 33, 3, turns) how landmarks move as joints turn about their own axes."""
+        axes = placed.turned[:, TURNED].swapaxes(-1, -2)  # (T, joints, axis, 3)
+        levers_m = placed.about_m[:, :, None] - placed.joints_m[:, None, TURNED]
+        levers_m = levers_m * _MOVES[:, TURNED, None]
+        moved = np.cross(axes[:, None], levers_m[..., None, :])  # (T, 33, joints, axis, 3)
+        return np.asarray(moved.reshape(*moved.shape[:2], N_TURNS, 3).swapaxes(-1, -2))
+
+    def _add_landmarks(
+        self, placed: _Placed, by_turn: np.ndarray, blocks: np.ndarray, slope: np.ndarray
+    ) -> None:
+        n = len(slope)
+        placed_m = placed.about_m + self.pelvis_m[:, None]
+        z = placed_m[..., 2].clip(NEAREST_M)
+        pixels = np.zeros((n, N_LANDMARKS, 2, 3))
+        pixels[..., 0, 0] = pixels[..., 1, 1] = 1 / z
+        pixels[..., 2] = -placed_m[..., :2] / z[..., None] ** 2
+        pixels *= self.per_ray[:, None, None, None]
+        by_all = np.concatenate([pixels @ by_turn, pixels], axis=-1)
+        believed = np.sqrt(self.weights) * _belief((placed.image**2).sum(-1))
+        _add_squares(by_all * believed[..., None, None], placed.image * believed[..., None],
+                     blocks, slope)  # fmt: skip
+        about_hips = by_turn - by_turn[:, HIPS].mean(1, keepdims=True)
+        by_depth = (self.rays_out[:, None, None] @ about_hips)[:, :, 0] / self.config.depth_m
+        believed = np.sqrt(self.weights) * _belief(placed.depth**2)
+        turns = slice(0, N_TURNS)
+        _add_squares(by_depth * believed[..., None], placed.depth * believed,
+                     blocks[:, turns, turns], slope[:, turns])  # fmt: skip
+
+    def _add_joints(self, blocks: np.ndarray, slope: np.ndarray) -> None:
+        for place, joint in enumerate(TURNED):
+            own = slice(3 * place, 3 * place + 3)
+            rotmats = self.rotmats[:, joint]
+            # Of |R - 1|^2: twice its axis by the sine, and less than 4 times the turn's square.
+            twice = _vee(rotmats - rotmats.swapaxes(-1, -2))
+            slope[:, own] += self.rest_weights[joint] * twice
+            blocks[:, own, own] += 2 * self.rest_weights[joint] * np.eye(3)
+        for joint, row, column, weight, sign in _LIMITS:
+            own = slice(3 * TURNED.index(joint), 3 * TURNED.index(joint) + 3)
+            value = self.rotmats[:, joint, row, column]
+            counts = np.sqrt(weight) * (np.ones_like(value) if sign == 0 else sign * value < 0)
+            by_own = np.cross(self.rotmats[:, joint, row], np.eye(3)[column]) * -counts[:, None]
+            _add_squares(by_own[:, None], (value * counts)[:, None],
+                         blocks[:, own, own], slope[:, own])  # fmt: skip
 
 
-SAME_TIME = 4.0  # landmarks of a frame err together: so many of them tell as much as one
+_LIMITS = [
+    *((JOINT[f"{side}_knee"], 0, column, HINGE_SIDE, 0) for side in ("left", "right")
+      for column in (1, 2)),
+    *((JOINT[f"{side}_knee"], 2, 1, HINGE_BACK, 1) for side in ("left", "right")),
+    (JOINT["left_elbow"], 2, 0, HINGE_BACK, 1), (JOINT["right_elbow"], 2, 0, HINGE_BACK, -1),
+]  # fmt: skip
+"""Joint, row and column of its rotation, weight, and the sign that the number may have (0: none).
+A knee turns about x and only backward, an elbow only forward."""
 
 
-def _robust(residuals: Tensor) -> Tensor:
-    """Geman and McClure's (..., 33) of residuals (..., 33, n): their square, at most 9."""
-    squared = residuals.pow(2).sum(-1)
-    return 9 * squared / (9 + squared)
+def _vee(skew: np.ndarray) -> np.ndarray:
+    return np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
 
 
-def _accelerations(values: Tensor, steps_s: Tensor) -> Tensor:
-    """Second differences (T - 2, n) per second squared of values (T, n)."""
-    speeds = (values[1:] - values[:-1]) / steps_s[:, None]
-    between_s = (steps_s[1:] + steps_s[:-1]) / 2
-    return (speeds[1:] - speeds[:-1]) / between_s[:, None]
+def _belief(squares: np.ndarray) -> np.ndarray:
+    """Root of the weight of an error in the robust sum."""
+    return np.asarray(OUTLIER / (OUTLIER + squares))
+
+
+def _add_squares(by: np.ndarray, off: np.ndarray, blocks: np.ndarray, slope: np.ndarray) -> None:
+    """Add sums of squares: derivatives (T, ..., n) of errors (T, ...)."""
+    by = by.reshape(len(by), -1, by.shape[-1])
+    across = by.swapaxes(-1, -2)
+    blocks += across @ by
+    slope += (across @ off.reshape(len(off), -1, 1))[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class _OverTime:
+    """Second differences per second squared over T frames."""
+
+    shares: np.ndarray  # (T - 2, 3) of three frames in a row
+    coupled: np.ndarray  # (3, T) of each frame with itself and the two after, in their squares
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """(T - 2, n) of (T, n)."""
+        a, b, c = (self.shares[:, n, None] for n in range(3))
+        return np.asarray(a * values[:-2] + b * values[1:-1] + c * values[2:])
+
+    def add(
+        self, values: np.ndarray, by: np.ndarray, blocks: np.ndarray, slope: np.ndarray
+    ) -> None:
+        """Add the squares of values (T, m) with derivatives (T, m, n) to the equations."""
+        across, n = by.swapaxes(-1, -2), len(values)
+        pulled = self.coupled[0][:, None] * values
+        for later in (1, 2):
+            shares = self.coupled[later][: n - later, None]
+            pulled[: n - later] += shares * values[later:]
+            pulled[later:] += shares * values[: n - later]
+        slope += (across @ pulled[..., None])[..., 0]
+        for later in range(3):
+            shares = self.coupled[later][: n - later, None, None]
+            blocks[later, : n - later] += shares * (across[later:] @ by[: n - later])
+
+
+def _second_differences(times_s: np.ndarray) -> _OverTime | None:
+    """None where there are fewer than three frames."""
+    n = len(times_s)
+    if n < 3:
+        return None
+    before, after = 1 / np.diff(times_s)[:-1], 1 / np.diff(times_s)[1:]
+    between_s = (times_s[2:] - times_s[:-2]) / 2
+    shares = np.stack([before, -(before + after), after], axis=-1) / between_s[:, None]
+    coupled = np.zeros((3, n))
+    for first in range(3):
+        for later in range(3 - first):
+            coupled[later, first : first + n - 2] += shares[:, first] * shares[:, first + later]
+    return _OverTime(shares, coupled)
+
+
+def _banded_solution(blocks: np.ndarray, slope: np.ndarray, damping: float) -> np.ndarray:
+    """The step (T, n) that the equations ask for, shortened by a damping."""
+    from scipy.linalg import solveh_banded
+
+    frames, n = slope.shape
+    band = np.zeros((3 * n, frames * n))
+    row, column = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    for later in range(min(3, frames)):
+        own = blocks[later, : frames - later]
+        if later == 0:
+            own = own + (damping * np.einsum("tii->ti", own) + 1e-9)[:, :, None] * np.eye(n)
+        below = later * n + row - column
+        kept = below >= 0
+        columns = np.arange(frames - later)[:, None] * n + column[kept]
+        band[np.broadcast_to(below[kept], columns.shape), columns] = own[:, kept]
+    step = solveh_banded(band, -slope.ravel(), overwrite_ab=True, lower=True, check_finite=False)
+    return np.asarray(step.reshape(frames, n))

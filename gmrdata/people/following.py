@@ -82,7 +82,7 @@ class Networks(NamedTuple):
     detector: Path
     """YOLOX on COCO's 80 classes (ONNX)."""
     landmarks: Path
-    """BlazePose GHUM lite (TFLite)."""
+    """BlazePose GHUM heavy (TFLite); lite and full are of the same form."""
 
 
 Seen = dict[str, Any]

@@ -1,4 +1,4 @@
-"""BlazePose GHUM lite: a person's outline and landmarks from a square crop of a picture, by OpenCV.
+"""BlazePose GHUM: a person's outline and landmarks from a square crop of a picture, by OpenCV.
 
 Bazarevsky et al., "BlazePose" (2020), and Grishchenko et al., "BlazePose GHUM Holistic" (2022).
 The network wants a crop of 256 x 256 pixels in which the person stands upright.  Two of its
@@ -9,19 +9,13 @@ turned back here with it.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from gmrdata.read.models import REMEDY, require_model
-from gmrdata.values.body import JOINT, N_JOINTS, PARENTS
 from gmrdata.values.errors import BadDetector
-from gmrdata.values.records import Record
-from gmrdata.values.shapes import Float
 
 CROP_PX = 256
 LANDMARKS = (
@@ -99,13 +93,14 @@ def open_landmark_network(model_path: Path) -> LandmarkNetwork:
 
 
 LandmarkFeatures = Callable[[np.ndarray, Crop], np.ndarray]
-FEATURE_LAYER, N_FEATURES = "/re_lu_55/", 192 * 2 * 2
-"""The last layer before landmarks and score part, by a piece of its name, and its numbers."""
+FEATURE_LAYER, FEATURE_SIZES = "/re_lu_", (192 * 2 * 2, 288 * 2 * 2)
+"""The last layer before landmarks and score part, by a piece of its name, and its numbers: of lite,
+and of full and heavy."""
 
 
 def open_landmark_features(model_path: Path) -> LandmarkFeatures:
     """A function from a BGR picture (H, W, 3) and a crop of it to what the network has seen before
-    it answers: (768,) numbers, 192 channels at 2 x 2 places.  Errors as in
+    it answers: (1152,) numbers of heavy, 288 channels at 2 x 2 places.  Errors as in
     `open_landmark_network`."""
     import cv2
 
@@ -115,8 +110,8 @@ def open_landmark_features(model_path: Path) -> LandmarkFeatures:
     def look(image: np.ndarray, crop: Crop) -> np.ndarray:
         square = cv2.warpAffine(image, crop.crop_from_image, (CROP_PX, CROP_PX))
         found = _forward(net, square, names[-1:])
-        if [output.size for output in found] != [N_FEATURES]:
-            raise BadDetector(f"{model_path}: not BlazePose GHUM lite: no such layer; {REMEDY}")
+        if len(found) != 1 or found[0].size not in FEATURE_SIZES:
+            raise BadDetector(f"{model_path}: not BlazePose GHUM: no such layer; {REMEDY}")
         return np.asarray(found[0].ravel(), dtype=np.float32)
 
     look(np.zeros((CROP_PX, CROP_PX, 3), np.uint8), Crop(np.full(2, CROP_PX / 2), CROP_PX))
@@ -196,91 +191,3 @@ def _turned(points_m: np.ndarray, turn_rad: float) -> np.ndarray:
     cos, sin = np.cos(turn_rad), np.sin(turn_rad)
     image_from_crop = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(points_m @ image_from_crop.T, dtype=np.float64)
-
-
-BODY_FILE = Path(__file__).with_name("landmark_body.json")
-LEG_M = 0.80
-"""Leg, hip to ankle, for which the offsets are written [m]."""
-
-MIRRORED_LANDMARKS = tuple(
-    LANDMARKS.index(
-        name.replace("left", "*").replace("right", "left").replace("*", "right")
-        if "left" in name or "right" in name
-        else name
-    )
-    for name in LANDMARKS
-)
-"""Index of each landmark's counterpart on the other side of the body."""
-
-HIPS = (LANDMARKS.index("left_hip"), LANDMARKS.index("right_hip"))
-
-
-def _hung(name: str) -> tuple[str, str]:
-    """The joint at which a landmark hangs, and the one with which it turns."""
-    side, _, part = name.partition("_")
-    if part not in _PARTS:
-        return "head", "head"
-    at, turns = _PARTS[part]
-    return f"{side}_{at}", turns if turns == "pelvis" else f"{side}_{turns}"
-
-
-_PARTS = {
-    "shoulder": ("shoulder", "collar"), "elbow": ("elbow", "shoulder"),
-    "wrist": ("wrist", "elbow"), "pinky": ("wrist", "wrist"), "index": ("wrist", "wrist"),
-    "thumb": ("wrist", "wrist"), "hip": ("hip", "pelvis"), "knee": ("knee", "hip"),
-    "ankle": ("ankle", "knee"), "heel": ("ankle", "ankle"), "foot_index": ("foot", "ankle"),
-}  # fmt: skip
-
-HANGS_ON = tuple(JOINT[_hung(name)[0]] for name in LANDMARKS)
-TURNS_WITH = tuple(JOINT[_hung(name)[1]] for name in LANDMARKS)
-
-
-class LandmarkBodyRecord(Record):
-    """`landmark_body.json`."""
-
-    format: Literal["gmrdata-landmark-body/1"] = "gmrdata-landmark-body/1"
-    made_from: str
-    offsets_m: dict[str, tuple[float, float, float]]
-    """By landmark: from its joint, in the rest axes of SMPL's tree, on a leg of 0.80 m [m]."""
-
-
-@cache
-def landmark_offsets_m() -> Float[np.ndarray, "33 3"]:
-    """Where the landmarks lie on a body of the 24-joint tree [m], as it travels with the package.
-
-    Each hangs on one joint, by an offset in the axes of one joint's rest pose, which grows with the
-    legs; fitted to what the network saw of rendered people.
-    """
-    found = LandmarkBodyRecord.read(BODY_FILE).offsets_m
-    return np.array([found[name] for name in LANDMARKS])
-
-
-def tree_joints(
-    rest_joints_m: Float[Tensor, "*batch 24 3"], rotmats: Float[Tensor, "*batch 24 3 3"]
-) -> tuple[Float[Tensor, "*batch 24 3"], Float[Tensor, "*batch 24 3 3"]]:
-    """Joints from the pelvis [m] and frame_from_joint of local rotations, the root's first."""
-    bones_m = rest_joints_m - rest_joints_m[..., [0, *PARENTS[1:]], :]
-    turned, places_m = [rotmats[..., 0, :, :]], [torch.zeros_like(rotmats[..., 0, :, 0])]
-    for joint in range(1, N_JOINTS):
-        parent = PARENTS[joint]
-        step_m = (turned[parent] @ bones_m[..., joint, :, None])[..., 0]
-        places_m.append(places_m[parent] + step_m)
-        turned.append(turned[parent] @ rotmats[..., joint, :, :])
-    return torch.stack(places_m, dim=-2), torch.stack(turned, dim=-3)
-
-
-def landmarks_on(
-    joints_m: Float[Tensor, "*batch 24 3"],
-    frame_from_joint: Float[Tensor, "*batch 24 3 3"],
-    leg_m: Tensor,
-    offsets_m: Float[Tensor, "33 3"],
-) -> Float[Tensor, "*batch 33 3"]:
-    """Landmarks of a posed body in the frame of its joints [m]; `leg_m` (*batch)."""
-    grown_m = offsets_m * (leg_m / LEG_M)[..., None, None]
-    turned = frame_from_joint[..., TURNS_WITH, :, :]
-    return joints_m[..., HANGS_ON, :] + (turned @ grown_m[..., None])[..., 0]
-
-
-def from_hips(points_m: Float[Tensor, "*batch 33 3"]) -> Float[Tensor, "*batch 33 3"]:
-    """Landmarks from the middle of the hips, as the network has its metres."""
-    return points_m - points_m[..., HIPS, :].mean(-2, keepdim=True)

@@ -42,11 +42,11 @@ YOLOX_NANO = Model(
 )
 """A detector on COCO's 80 classes (Apache-2.0)."""
 POSE_LANDMARKS = Model(
-    "pose_landmark_lite.tflite",
-    "https://storage.googleapis.com/mediapipe-assets/modules/pose_landmark/pose_landmark_lite.tflite",
-    "f17bfbecadb61c3be1baa8b8d851cc6619c870a87167b32848ad20db306b9d61",
+    "pose_landmark_heavy.tflite",
+    "https://storage.googleapis.com/mediapipe-assets/pose_landmark_heavy.tflite?generation=1661875897944151",
+    "59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe",
 )
-"""BlazePose GHUM lite, a person's landmarks and outline (Apache-2.0)."""
+"""BlazePose GHUM heavy, a person's landmarks and outline (Apache-2.0)."""
 MODELS = (YOLOX_NANO, POSE_LANDMARKS)
 
 

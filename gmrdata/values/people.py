@@ -161,7 +161,7 @@ class LocalPoses:
 class LocalPosesRecord(Record):
     """`local_poses.json`: who is in a folder of poses, and of what video."""
 
-    format: Literal["gmrdata-local-poses/1"] = "gmrdata-local-poses/1"
+    format: Literal["gmrdata-local-poses/2"] = "gmrdata-local-poses/2"
     people: int = Field(ge=0)
     images: PositiveInt
     frames: PositiveInt
@@ -169,7 +169,6 @@ class LocalPosesRecord(Record):
     size_px: tuple[int, int]
     body: str
     """Of whose mean shape the places are."""
-    method: str
 
 
 def load_local_poses(folder: Path) -> tuple[LocalPosesRecord, list[LocalPoses]]:

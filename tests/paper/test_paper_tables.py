@@ -200,8 +200,8 @@ def test_a_network_stands_for_the_trainings_of_a_table_that_compares_none() -> N
 
 def test_rows_have_the_name_of_who_estimated() -> None:
     table5 = load_table("5")
-    plan = plan_table(table5, "small", Given((), Path("set.yaml"), estimator="Lifter"))
-    named = ["Lifter-CAM", "Ours(Lifter)", "Ours(GT input)", table5.rows[-1].name]
+    plan = plan_table(table5, "small", Given((), Path("set.yaml"), estimator="Fit"))
+    named = ["Fit-CAM", "Ours(Fit)", "Ours(GT input)", table5.rows[-1].name]
     assert [plan.shown_name(row) for row in table5.rows] == named
     paper = plan_table(table5, "small", Given((), Path("set.yaml")))
     assert [paper.shown_name(row) for row in table5.rows] == [row.name for row in table5.rows]

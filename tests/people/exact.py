@@ -1,16 +1,11 @@
 """Landmarks of motions that are known, as a network without errors would see them."""
 
-import numpy as np
-import torch
+from dataclasses import replace
 
-from gmrdata.people.landmark_network import (
-    from_hips,
-    landmark_offsets_m,
-    landmarks_on,
-    tree_joints,
-)
-from gmrdata.people.lifter import SeenLandmarks, views_of
-from gmrdata.values.body import BodyModel, leg_length_m
+import numpy as np
+
+from gmrdata.people.landmark_body import SeenLandmarks, from_hips, landmarks_about
+from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import fit_similarities
@@ -18,26 +13,17 @@ from gmrdata.values.transforms import fit_similarities
 
 def landmarks_of(motion: Motion, body: BodyModel) -> np.ndarray:
     """True landmarks (T, 33, 3) of a motion before the camera [m]."""
-    rest_joints_m = body.rest_joints_m(motion.shape)
-    joints_m, turned = tree_joints(torch.as_tensor(rest_joints_m), torch.as_tensor(motion.rotmats))
-    leg_m = torch.full((motion.n_frames,), leg_length_m(rest_joints_m), dtype=torch.float64)
-    about_m = landmarks_on(joints_m, turned, leg_m, torch.as_tensor(landmark_offsets_m()))
-    return about_m.numpy() + motion.pelvis_m[:, None]
+    about_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
+    return np.asarray(about_m + motion.pelvis_m[:, None])
 
 
 def seen_exactly(motion: Motion, body: BodyModel) -> SeenLandmarks:
     """What a network without errors would see."""
-    true_m = torch.as_tensor(landmarks_of(motion, body))
+    true_m = landmarks_of(motion, body)
     rays = true_m[..., :2] / true_m[..., 2:]
-    along = from_hips(true_m @ views_of(rays).cam_from_ray)
     times_s = np.arange(motion.n_frames) / motion.fps_hz
-    return SeenLandmarks(times_s, rays.numpy(), along.numpy(), np.ones(rays.shape[:2]))
-
-
-def some_of(seen: SeenLandmarks, rows: slice | np.ndarray) -> SeenLandmarks:
-    """Some frames of a track."""
-    arrays = (seen.times_s, seen.rays, seen.world_m, seen.visibility)
-    return SeenLandmarks(*(array[rows] for array in arrays))
+    seen = SeenLandmarks(times_s, rays, true_m, np.ones(rays.shape[:2]))
+    return replace(seen, world_m=from_hips(true_m @ seen.cam_from_ray))
 
 
 def aligned_mm(motion: Motion, body: BodyModel, rotmats: np.ndarray) -> float:

@@ -1,6 +1,5 @@
 """From real frames to people whom the stage of bodies can read, and where a body stands."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
-from gmrdata.people.local_poses import LocalPosesConfig, local_poses, place
+from gmrdata.people.local_poses import LocalPosesConfig, local_poses
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import read_frames
 from gmrdata.read.systems.result import read_system
@@ -16,12 +15,10 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.motion import Motion
 from gmrdata.values.people import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.world.placement import assumed_place
 from tests.frame_sets import frame_set
-from tests.people.exact import seen_exactly, some_of
 
 LENS = Lens((820.0, 820.0), (150.0, 270.0), (300, 540))
 TIMES = frame_set(np.array([4, 6, 8]), LENS.size_px, 15.0)
@@ -91,30 +88,3 @@ def test_a_video_without_people_has_no_bodies(
     assert LocalPosesRecord.read(made / POSES_FILE).people == 0
     with pytest.raises(BadMotionFile, match="nobody is seen"):
         read_system(made)
-
-
-def test_a_known_body_stands_on_its_landmarks(walk: Motion, anny: BodyModel) -> None:
-    found = place(seen_exactly(walk, anny), walk.rotmats, anny.rest_joints_m(walk.shape))
-    np.testing.assert_allclose(found, walk.pelvis_m, atol=0.02)  # it is smooth
-
-
-def test_a_body_that_is_a_tenth_too_large_stands_a_tenth_too_far(
-    walk: Motion, anny: BodyModel
-) -> None:
-    larger_m = 1.1 * anny.rest_joints_m(walk.shape)
-    found = place(seen_exactly(walk, anny), walk.rotmats, larger_m)
-    np.testing.assert_allclose(found[:, 2] / walk.pelvis_m[:, 2], 1.1, atol=0.01)
-
-
-def test_noise_of_one_frame_is_no_leap(walk: Motion, anny: BodyModel) -> None:
-    seen = seen_exactly(walk, anny)
-    rays = seen.rays.copy()
-    rays[10] = rays[10].mean(0) + 1.3 * (rays[10] - rays[10].mean(0))  # as if it were much nearer
-    found = place(replace(seen, rays=rays), walk.rotmats, anny.rest_joints_m(walk.shape))
-    assert np.abs(found[10, 2] - walk.pelvis_m[10, 2]) < 0.45  # 0.92 m nearer by itself
-
-
-def test_one_frame_has_a_place(walk: Motion, anny: BodyModel) -> None:
-    seen = some_of(seen_exactly(walk, anny), slice(3, 4))
-    found = place(seen, walk.rotmats[3:4], anny.rest_joints_m(walk.shape))
-    np.testing.assert_allclose(found[0], walk.pelvis_m[3], atol=0.01)

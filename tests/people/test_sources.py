@@ -157,7 +157,7 @@ def test_left_out_images_get_no_mask_and_make_no_error(noise_dir: Path, tmp_path
     [
         (OnnxSource(), "yolox_nano.onnx"),
         (PersonSource(), "yolox_nano.onnx"),
-        (PersonSource(model=Path(__file__)), "pose_landmark_lite.tflite"),
+        (PersonSource(model=Path(__file__)), "pose_landmark_heavy.tflite"),
     ],
 )
 def test_a_network_that_was_not_fetched_is_named_with_the_command(

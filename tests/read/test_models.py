@@ -13,7 +13,7 @@ from gmrdata.read.models import MODELS, POSE_LANDMARKS, YOLOX_NANO, fetch_models
 from gmrdata.values.errors import BadDetector, BadRecipe, FetchFailed, MissingInput
 from tests.fixtures.file_server import Server, drop_half, status
 
-NAMES = ["pose_landmark_lite.tflite", "yolox_nano.onnx"]
+NAMES = ["pose_landmark_heavy.tflite", "yolox_nano.onnx"]
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def test_the_command_fetches_once_and_says_where_they_are(
     for _ in range(2):
         cli.main(["fetch", "models", "--base-url", server.url])
         told = capsys.readouterr().out.split()
-        assert told == [str(cache / "yolox_nano.onnx"), str(cache / "pose_landmark_lite.tflite")]
+        assert told == [str(cache / "yolox_nano.onnx"), str(cache / "pose_landmark_heavy.tflite")]
     assert len(server.seen) == 2
     assert names(cache) == NAMES
     for model in MODELS:
@@ -69,7 +69,7 @@ def test_a_dry_run_tells_the_published_addresses_and_what_is_there(
     states = [row[2] for row in models.plan_models(cache, FetchConfig())[1]]
     assert states == ["unfinished", "done"]
     cli.main(["fetch", "models", "--dry-run"])
-    assert "pose_landmark_lite.tflite" in capsys.readouterr().out
+    assert "pose_landmark_heavy.tflite" in capsys.readouterr().out
 
 
 def test_a_stopped_run_leaves_no_half_file_and_a_later_one_goes_on(
@@ -93,7 +93,7 @@ def test_another_content_is_refused_and_the_other_file_comes(server: Server, cac
         FetchFailed, match=r"/yolox_nano\.onnx: not the published file: its SHA-256"
     ):
         fetch(server, cache)
-    assert names(cache) == ["pose_landmark_lite.tflite"]
+    assert names(cache) == ["pose_landmark_heavy.tflite"]
 
 
 def test_a_file_of_another_content_is_kept_without_redo(server: Server, cache: Path) -> None:

@@ -1,0 +1,88 @@
+"""The fit of a body to landmarks: exact ones, wild ones, at any frame rate."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gmrdata.motion.resample import resample
+from gmrdata.people import fit as fitting
+from gmrdata.people.fit import FitConfig, FittedPose, fit
+from gmrdata.people.landmark_body import SeenLandmarks
+from gmrdata.values.body import BodyModel
+from gmrdata.values.motion import Motion
+from tests.people.exact import aligned_mm, seen_exactly
+
+TRUE_DEPTHS = FitConfig(depth_share=1.0)
+"""For landmarks without errors."""
+
+
+def laid(seen: SeenLandmarks, walk: Motion, body: BodyModel) -> FittedPose:
+    found = fit(seen, body.rest_joints_m(walk.shape), TRUE_DEPTHS)
+    assert found.converged
+    np.testing.assert_allclose(np.linalg.det(found.rotmats), 1, atol=1e-5)
+    return found
+
+
+def test_exact_landmarks_give_the_pose_and_the_place(walk: Motion, anny: BodyModel) -> None:
+    found = laid(seen_exactly(walk, anny), walk, anny)
+    assert aligned_mm(walk, anny, found.rotmats) < 25
+    np.testing.assert_allclose(found.pelvis_m, walk.pelvis_m, atol=0.06)
+    cosines = np.einsum("tij,tij->t", found.rotmats[:, 0], walk.root_rotmats)
+    assert np.rad2deg(np.arccos(((cosines - 1) / 2).clip(-1, 1))).max() < 15
+
+
+def test_a_body_that_is_a_tenth_too_large_stands_a_tenth_too_far(
+    walk: Motion, anny: BodyModel
+) -> None:
+    seen = seen_exactly(walk, anny)
+    rest_joints_m = anny.rest_joints_m(walk.shape)
+    one = fit(seen, rest_joints_m, TRUE_DEPTHS)
+    larger = fit(replace(seen, world_m=1.1 * seen.world_m), 1.1 * rest_joints_m, TRUE_DEPTHS)
+    np.testing.assert_allclose(larger.pelvis_m, 1.1 * one.pelvis_m, atol=0.02)
+
+
+def test_frame_rates_give_the_same_motion(walk: Motion, anny: BodyModel) -> None:
+    """Before, joints moved by a tenth of a metre at 15 Hz and by millimetres at 60."""
+    fast = resample(walk, 60.0)
+    seen = seen_exactly(fast, anny)
+    jitter = np.random.default_rng(0).normal(0, 0.004, seen.rays.shape)
+    seen = replace(seen, rays=seen.rays + jitter)
+    whole = laid(seen, fast, anny)
+    quarter = laid(seen.take(slice(None, None, 4)), fast, anny)
+    assert aligned_mm(fast, anny, whole.rotmats) < 30
+    assert aligned_mm(fast.take(slice(None, None, 4)), anny, quarter.rotmats) < 35
+    np.testing.assert_allclose(whole.pelvis_m[::4], quarter.pelvis_m, atol=0.05)
+
+
+def test_a_frame_of_wild_landmarks_is_bridged(walk: Motion, anny: BodyModel) -> None:
+    seen = seen_exactly(walk, anny)
+    world_m, rays = seen.world_m.copy(), seen.rays.copy()
+    rng = np.random.default_rng(0)
+    world_m[5, :23] += rng.normal(0, 0.5, (23, 3))
+    rays[5] = rays[5].mean(0) + 1.3 * (rays[5] - rays[5].mean(0))  # as if it were much nearer
+    found = laid(replace(seen, world_m=world_m, rays=rays), walk, anny)
+    one = walk.take(slice(5, 6))
+    assert aligned_mm(one, anny, found.rotmats[5:6]) < 40
+    assert np.abs(found.pelvis_m[5, 2] - walk.pelvis_m[5, 2]) < 0.45  # 0.92 m nearer by itself
+    assert found.energies.argmax() == 5
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_a_few_frames_are_enough(n: int, walk: Motion, anny: BodyModel) -> None:
+    found = laid(seen_exactly(walk, anny).take(slice(4, 4 + n)), walk, anny)
+    assert found.rotmats.shape == (n, 24, 3, 3)
+    np.testing.assert_allclose(found.pelvis_m, walk.pelvis_m[4 : 4 + n], atol=0.1)
+
+
+def test_windows_of_a_long_track_meet(
+    walk: Motion, anny: BodyModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = seen_exactly(walk, anny)
+    whole = laid(seen, walk, anny)
+    monkeypatch.setattr(fitting, "WINDOW", 16)
+    monkeypatch.setattr(fitting, "OVERLAP", 10)
+    parts = laid(seen, walk, anny)
+    assert parts.pelvis_m.shape == whole.pelvis_m.shape == (walk.n_frames, 3)
+    np.testing.assert_allclose(parts.pelvis_m, whole.pelvis_m, atol=0.02)
+    np.testing.assert_allclose(parts.rotmats[:, 0], whole.rotmats[:, 0], atol=0.05)
