@@ -1,6 +1,5 @@
 """Stage: the same frames solved again, backward, every second one and by other seeds."""
 
-import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from pydantic.dataclasses import dataclass as part
 from gmrdata.cameras.check.agreement import agreement, least_extent
 from gmrdata.cameras.check.verdict import agreement_reasons
 from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
+from gmrdata.cameras.frames import linked
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import known_radial_k1, reconstruct
 from gmrdata.people.folder import find_mask
@@ -114,10 +114,12 @@ def _solved(
     first, points = load_cameras(sfm_dir).path, load_points(sfm_dir)
     images = frames.paths
     rows = way.rows(len(images))
-    given = _linked(folder / "frames", [images[row] for row in rows])
+    chosen = {f"{number:05d}": images[row] for number, row in enumerate(rows)}
+    given = linked(folder / "frames", {f"{n}{one.suffix}": one for n, one in chosen.items()})
     masks = None
     if masks_dir is not None:
-        masks = _linked(folder / "masks", [find_mask(masks_dir, images[row]) for row in rows])
+        names = {f"{n}.png": find_mask(masks_dir, one) for n, one in chosen.items()}
+        masks = linked(folder / "masks", names)
     seeded = config.reseeded(way.seed)
     lens = replace(first.lens, radial=(known_radial_k1(sfm_dir), 0.0))
     try:
@@ -135,15 +137,3 @@ def _solved(
         least = least_extent(other, load_points(solved), share)
         agree = agreement(other, first.world_from_cam, least)
     return SolvedAgain(way.name, found.geometry, agree, "")
-
-
-def _linked(folder: Path, files: list[Path]) -> Path:
-    """A folder of files under new numbers, without copying them where the disk allows it."""
-    folder.mkdir(parents=True)
-    for number, path in enumerate(files):
-        to = folder / f"{number:05d}{path.suffix}"
-        try:
-            os.link(path, to)
-        except OSError:
-            shutil.copyfile(path, to)
-    return folder

@@ -4,7 +4,9 @@ Large frames are made smaller first.  A camera is held by hundreds of points, so
 from more pixels than about a million, while everything takes as many times longer.
 """
 
-from collections.abc import Iterator, Sequence
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import image_bytes, image_number, is_turned, read_gray
 from gmrdata.stage.jobs import in_threads
 from gmrdata.values.camera import bent
+from gmrdata.values.limits import MOST_DIGITS
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
 FAST_PNG = 1  # zlib's level of compression
@@ -82,13 +85,15 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
     """The frames if none is longer than that; else smaller grey ones and masks, in `out_dir`.
 
     Those that EXIF turns are written too, since COLMAP reads them as they are stored, and those of
-    a lens with distortion, as a pinhole would show them.
+    a lens with distortion, as a pinhole would show them.  Names that stand in another order as
+    texts get new ones, since COLMAP goes by that order.
     """
     import cv2
 
     share = min(1.0, longest_px / max(frames.size_px))
+    stem_of = _stems(frames)
     if share == 1 and not radial_k1 and not any(map(is_turned, frames.images)):
-        return frames
+        return _renamed(frames, stem_of, out_dir)
     width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
     size_px = width_px, height_px
     masks_dir = None if frames.masks_dir is None else out_dir / "masks"
@@ -102,7 +107,7 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
 
     def reduce_one(image: Path) -> Path:
         # As PNG it would take 40 times as long to write, and 14 times to read.
-        path = out_dir / "frames" / f"{image.stem}.bmp"
+        path = out_dir / "frames" / f"{stem_of[image]}.bmp"
         gray = read_gray(image, frames.size_px)
         small = cv2.resize(gray, size_px, interpolation=cv2.INTER_AREA)
         if seen_at is not None:
@@ -111,11 +116,44 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
         if masks_dir is not None:
             mask = _reduced_mask(frames.mask(image), size_px, seen_at)
             fast = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
-            (masks_dir / f"{image.stem}.png").write_bytes(image_bytes(".png", mask, fast))
+            (masks_dir / f"{stem_of[image]}.png").write_bytes(image_bytes(".png", mask, fast))
         return path
 
     images = in_threads(reduce_one, frames.images)
     return Frames(images, masks_dir, intrinsics_px, size_px)
+
+
+def _stems(frames: Frames) -> dict[Path, str]:
+    """Names without suffix whose order as texts is that of the frames: their own, if it is."""
+    names, stems = [image.name for image in frames.images], [image.stem for image in frames.images]
+    if names != sorted(names) or stems != sorted(stems):
+        stems = [f"{number:0{MOST_DIGITS}d}" for number in frames.numbers.tolist()]
+    return dict(zip(frames.images, stems, strict=True))
+
+
+def _renamed(frames: Frames, stem_of: Mapping[Path, str], out_dir: Path) -> Frames:
+    """The frames, linked under other names where they have such."""
+    if all(stem == image.stem for image, stem in stem_of.items()):
+        return frames
+    named = {f"{stem}{image.suffix}": image for image, stem in stem_of.items()}
+    folder, masks_dir = linked(out_dir / "frames", named), None
+    if frames.masks_dir is not None:
+        masks = {f"{stem}.png": find_mask(frames.masks_dir, i) for i, stem in stem_of.items()}
+        masks_dir = linked(out_dir / "masks", masks)
+    return Frames(
+        [folder / name for name in named], masks_dir, frames.intrinsics_px, frames.size_px
+    )
+
+
+def linked(folder: Path, files: Mapping[str, Path]) -> Path:
+    """A folder of files under new names, without copying them where the disk allows it."""
+    folder.mkdir(parents=True)
+    for name, path in files.items():
+        try:
+            os.link(path, folder / name)
+        except OSError:
+            shutil.copyfile(path, folder / name)
+    return folder
 
 
 def _reduced_mask(

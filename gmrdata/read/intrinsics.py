@@ -15,7 +15,7 @@ import numpy as np
 
 from gmrdata.read.frames import read_exif
 from gmrdata.read.lens_files import OtherModel, parse_lens
-from gmrdata.values.camera import Lens, Origin
+from gmrdata.values.camera import ASSUMED, Lens, Origin
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 
 MOST_BYTES = 1 << 24  # a calibration is a few lines, or those of each frame
@@ -63,8 +63,9 @@ def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Lens:
         raise BadIntrinsics(f"{path}: {what}; give {formats}") from None
     _require_of_frames(path, pinhole, terms, size_px)
     _require_one_term(path, pinhole, terms)
-    lens = replace(pinhole.at_size(size_px), radial=(terms[0] if terms else 0.0, 0.0))
-    return replace(lens, focal_from=Origin("given", GIVEN_SIGMA))
+    lens = replace(pinhole.at_size(size_px), focal_from=Origin("given", GIVEN_SIGMA))
+    # A matrix alone says nothing of distortion.
+    return replace(lens, radial=(terms[0], 0.0)) if terms else replace(lens, radial_from=ASSUMED)
 
 
 def _require_of_frames(

@@ -457,7 +457,7 @@ def _opensfm(values: Values, size_px: tuple[int, int]) -> Lens:
 
 
 def _terms(values: Values) -> tuple[float, ...]:
-    """k1, k2, p1, p2, k3; ValueError for others that are not 0."""
+    """k1, k2, p1, p2, k3, or nothing; ValueError for others that are not 0."""
     numbers = {name: _numbers(values[name]) for name in values if OF_DISTORTION.match(name)}
     said = {name: one for name, one in numbers.items() if one is not None and any(one)}
     listed = _first(values, TERMS, tuple(range(1, 15)))
@@ -466,7 +466,8 @@ def _terms(values: Values) -> tuple[float, ...]:
         p1, p2 = (*said.pop("tangentialdistortion", [0.0, 0.0]), 0.0)[:2]
         listed = [k1, k2, p1, p2, k3]
     elif listed is None:
-        listed = [said.pop(name, [0.0])[0] for name in TERM_NAMES]
+        is_said = any(numbers.get(name) for name in TERM_NAMES)
+        listed = [said.pop(name, [0.0])[0] for name in TERM_NAMES] if is_said else []
     elif any(_name(values.get(name, "")) in ALL_RADIAL for name in MODELS):
         k1, k2, k3 = (*listed, 0.0, 0.0)[:3]
         listed = [k1, k2, 0.0, 0.0, k3]

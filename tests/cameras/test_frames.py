@@ -1,5 +1,6 @@
 """Frames are decoded once; large ones are worked on at a smaller size, as a pinhole shows them."""
 
+import shutil
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -97,6 +98,36 @@ def test_small_frames_are_taken_as_they_are(tmp_path: Path) -> None:
     frames = a_frame(tmp_path)
     assert reduced(frames, 200, tmp_path / "small") is frames
     assert not (tmp_path / "small").exists()
+
+
+def test_no_result_depends_on_how_names_sort_as_texts(dolly: Any, tmp_path: Path) -> None:
+    """COLMAP goes by that order, in which 10.png comes before 2.png."""
+    (plain := tmp_path / "plain").mkdir()
+    for number, image in enumerate(list_images(dolly.images_dir), start=1):
+        shutil.copyfile(image, plain / f"{number}{image.suffix}")
+    solved = [
+        reconstruct(taken, None, dolly.lens, tmp_path / name, SfmConfig())
+        for name, taken in {"own": dolly.taken(), "other": read_frames(plain)}.items()
+    ]
+    padded, other = (load_cameras(folder).path.world_from_cam for folder in solved)
+    np.testing.assert_array_equal(padded, other)
+    assert load_tracks(solved[1]).image_names[1] == "2.jpg"
+
+
+def test_names_in_another_order_are_linked_with_their_masks(tmp_path: Path) -> None:
+    for name, values in {"frames": 10, "masks": 0}.items():
+        (tmp_path / name).mkdir()
+        for number in (9, 10):
+            flat = np.full((30, 40), values + number, np.uint8)
+            cv2.imwrite(str(tmp_path / name / f"a{number}.png"), flat)
+    given = read_frames(tmp_path / "frames")
+    for longest_px, size_px in ((50, (40, 30)), (20, (20, 15))):
+        frames = Frames(list(given.paths), tmp_path / "masks", K_PX, (40, 30))
+        same = reduced(frames, longest_px, tmp_path / f"{longest_px}")
+        assert [image.stem for image in same.images] == ["000000009", "000000010"]
+        assert [int(read_gray(image).mean()) for image in same.images] == [19, 20]
+        assert same.size_px == size_px and same.numbers.tolist() == [9, 10]
+        assert same.mask(same.images[1]).all()
 
 
 def test_turned_frames_are_written_upright_for_colmap(tmp_path: Path) -> None:

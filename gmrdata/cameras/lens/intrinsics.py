@@ -223,7 +223,8 @@ def _lens_of_file(path: Path, size_px: tuple[int, int]) -> Lens:
     if own.size_px != size_px:
         sizes = "for {}x{} px, the frames have {}x{}".format(*own.size_px, *size_px)
         raise BadIntrinsics(f"{path}: {sizes}; give the intrinsics of these frames")
-    return replace(own, focal_from=Origin("given", GIVEN_SIGMA), radial_from=GIVEN)
+    radial_from = GIVEN if own.radial[0] else ASSUMED
+    return replace(own, focal_from=Origin("given", GIVEN_SIGMA), radial_from=radial_from)
 
 
 def _require_possible(lens: Lens, words: str) -> None:
@@ -253,8 +254,10 @@ def _decided(
         apart = float(np.log(asked.focal_px / one.focal_px[0]))
         both_sigma = float(np.hypot(asked.focal_sigma, one.focal_from.sigma or 0.0))
         words = _compared(one, asked)
+        if other_bend := _other_bend(one, asked, config):
+            objections.append(other_bend)
         if abs(apart) <= max(config.object_sigmas * both_sigma, config.object_share):
-            notes.append(f"{words}, which agrees.")
+            notes.append(f"{words}, which agrees." if not other_bend else f"{words}.")
         elif one.focal_from.source == "given":
             objections.append(f"{words}: the lens that is given is not that of these frames.")
         else:
@@ -278,6 +281,19 @@ def _decided(
         objections=tuple(objections),
         notes=tuple(notes),
     )
+
+
+def _other_bend(known: Lens, asked: AskedLens, config: IntrinsicsConfig) -> str:
+    """Why a distortion that is given is not that of the frames; empty where none is, or it is."""
+    if known.radial_from.source != "given":
+        return ""
+    given_k1, asked_k1, sigma = known.radial[0], asked.radial_k1, asked.radial_k1_sigma
+    apart = abs(given_k1 - asked_k1)
+    # At the corner a point moves by k1 r^2 of its distance from the middle.
+    if apart <= max(config.object_sigmas * sigma, config.object_share / known.corner_radius**2):
+        return ""
+    what = f"a distortion k1 of {asked_k1:.3f} ± {sigma:.3f}, and {given_k1:g} is given"
+    return f"The frames ask for {what}: the lens that is given is not that of these frames."
 
 
 def _taken(

@@ -134,6 +134,30 @@ def test_a_guess_takes_the_little_that_the_frames_show(tmp_path: Path, shown: An
     assert lens.focal_px == pytest.approx(0.85 * 640) and "Nothing shows" in lens.notes[0]
 
 
+@pytest.mark.parametrize(
+    ("line", "asked", "is_other"),
+    [
+        ("SIMPLE_RADIAL 640 480 448 320 240 0.3", (-0.1, 0.01), True),
+        ("SIMPLE_RADIAL 640 480 448 320 240 -0.11", (-0.1, 0.01), False),
+        ("SIMPLE_RADIAL 640 480 448 320 240 0.3", (-0.1, 0.3), False),
+        ("SIMPLE_RADIAL 640 480 448 320 240 -0.15", (0.0, 0.01), True),
+        ("SIMPLE_RADIAL 640 480 448 320 240 0.0", (-0.1, 0.01), True),
+        ("PINHOLE 640 480 448 448 320 240", (-0.1, 0.01), False),
+    ],
+)
+def test_a_given_distortion_is_held_against_the_frames(
+    tmp_path: Path, shown: Any, line: str, asked: tuple[float, float], is_other: bool
+) -> None:
+    """A matrix alone says nothing of it."""
+    shown(replace(FOUND, radial_k1=asked[0], radial_k1_sigma=asked[1]))
+    (path := tmp_path / "cameras.txt").write_text(f"1 {line}\n")
+    lens = made(tmp_path, given=GivenIntrinsics(file=path), config=IntrinsicsConfig())
+    assert bool(lens.objections) == is_other and lens.focal_px == 448
+    if is_other:
+        assert f"{line.split()[-1]} is given" in lens.objections[0].replace("0 is", "0.0 is")
+        assert "agrees" not in lens.notes[-1]
+
+
 @pytest.mark.parametrize("focal_px", [980.0, 635.0, 435.0 / 1.06])
 def test_a_wrong_given_focal_length_is_objected_to(
     tmp_path: Path, shown: Any, focal_px: float
