@@ -1,10 +1,10 @@
 """Which way is up, and how high the ground is, from all that tells, each by its own error.
 
-Bodies stand upright on average.  The ground that was reconstructed about a person's feet, and the
-soles that stand on it, are one plane, which is level nearly everywhere.  So bodies say whether that
-plane may be level: if it may, it tells up far better than they do; if not, as on a slope, a ramp or
-stairs, up is the bodies' and the ground stays as steep as it is (a mixture of two normal
-distributions, of which the likelier one is taken).
+People keep their mass above their feet.  The ground that was reconstructed about a person's feet,
+and the soles that stand on it, are one plane, which is level nearly everywhere.  So bodies say
+whether that plane may be level: if it may, it tells up far better than they do; if not, as on a
+slope, a ramp or stairs, up is the bodies' and the ground stays as steep as it is (a mixture of two
+normal distributions, of which the likelier one is taken).
 """
 
 from collections.abc import Sequence
@@ -15,17 +15,37 @@ import numpy as np
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.values import transforms
+from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
+from gmrdata.values.motion import Motion
 from gmrdata.values.records import PART, Config, Figure
+from gmrdata.values.skinning import motion_joints_m
+from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
 CueName = Literal["bodies", "contacts", "ground"]
-BODY_SIGMA_RAD = np.deg2rad(4.0)
-"""Of a person's mean up direction, along each of two axes: how people bear themselves, and how a
-system sees them (docs/figures.md)."""
+BALANCE_SIGMA_RAD = np.deg2rad(4.0)
+"""Of the direction in which a person's mass is above its feet, along each of two axes: mostly how a
+system sees the body (docs/figures.md).  Where a trunk is upright tells much less."""
+TRUNK_SIGMA_RAD = np.deg2rad(12.0)
+SHARED = 0.5  # share of that variance which people of one system have in common
 BODY_TIME_S = 2.0  # over which a person keeps leaning the same way
-CONTACT_SIGMA_M = 0.02  # of planted soles from one plane, the same over a stance
+STANDS = 0.75  # a mass that is lower over the feet, as a share of that at rest, sits or lies
+FEWEST_S = 0.1  # of standing that is believed
+STILL_M_PER_S = 0.25  # speed of a foot at which it carries a third of what one at rest does
+SPEED_TIME_S = 0.1
 ON_A_PLANE_M = 0.05  # soles further from one plane (RMS) are not on flat ground
 GROUND_SIGMA_RAD = np.deg2rad(0.7)
 """Of the plane of reconstructed points: floors, and a reconstruction that bends."""
+MASSES = np.zeros(N_JOINTS)
+"""Shares of a body's mass at its joints: each segment's lies between its ends (de Leva 1996)."""
+for _start, _end, _mass, _at in (
+    ("pelvis", "neck", 0.435, 0.5), ("head", "head", 0.069, 0.0),
+    *((f"{side}_{a}", f"{side}_{b}", mass, at) for side in ("left", "right") for a, b, mass, at in (
+        ("hip", "knee", 0.142, 0.41), ("knee", "ankle", 0.043, 0.44), ("ankle", "foot", 0.014, 0.5),
+        ("shoulder", "elbow", 0.027, 0.58), ("elbow", "wrist", 0.022, 0.7),
+    )),
+):  # fmt: skip
+    MASSES[JOINT[_start]] += _mass * (1 - _at)
+    MASSES[JOINT[_end]] += _mass * _at
 POINTS_ALIKE = 10  # neighbouring points err together: so many of them tell as much as one
 STEEP_SHARE, STEEP_SIGMA_RAD = 0.1, np.deg2rad(8.0)
 """Share of grounds that are not level, and how steep those are along each axis."""
@@ -71,38 +91,66 @@ def across(up: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.svd(up[None])[2][1:])
 
 
-def body_cue(root_rotmats: Sequence[np.ndarray], fps_hz: float) -> UpCue:
-    """The mean up of people's trunks (y of the root), from rotations (T, 3, 3) of each.
+def body_cue(bodies: Sequence[BodyModel], motions: Sequence[Motion]) -> UpCue:
+    """Where people's masses are above their feet, on average over time; of a person who never
+    stands, along the trunk.
 
-    How far they lean while they move averages out over time; how they bear themselves, and how a
-    system sees them, does not, nor over people whom one system sees.
+    Who keeps standing has the mass over the feet, also in a bow, on one leg or on a walk: what it
+    is off by in a moment averages out.  How a system sees people does not, only in part over them.
     """
-    ups = np.concatenate([rotmats[:, :, 1] for rotmats in root_rotmats])
-    up = middle_direction(ups)
-    spread_rad2 = float(np.mean((ups @ across(up).T) ** 2))
-    seconds = len(ups) / fps_hz
-    sigma_rad2 = BODY_SIGMA_RAD**2 + spread_rad2 / max(1.0, seconds / BODY_TIME_S)
-    return UpCue("bodies", up, np.eye(3) / sigma_rad2)
+    ups, variances = zip(*map(_upright_of, bodies, motions), strict=True)
+    weights = 1 / np.array(variances)
+    shares = weights / weights.sum()
+    up = shares @ np.array(ups)
+    own_rad2, common_rad2 = (1 - SHARED) * shares**2, SHARED * shares
+    sigma_rad2 = float((own_rad2 + common_rad2) @ np.array(variances))
+    return UpCue("bodies", up / np.linalg.norm(up), np.eye(3) / sigma_rad2)
 
 
-def middle_direction(directions: np.ndarray) -> np.ndarray:
-    """Unit vector (3,) in the middle of directions (N, 3), not led by the few that lie far off:
-    their geometric median (Weiszfeld 1937)."""
-    middle = directions.mean(axis=0)
-    for _ in range(50):
-        weights = 1.0 / np.maximum(np.linalg.norm(directions - middle, axis=1), 0.05)
-        middle = weights @ directions / weights.sum()
-    return np.asarray(middle / max(1e-12, float(np.linalg.norm(middle))))
+def _upright_of(body: BodyModel, motion: Motion) -> tuple[np.ndarray, float]:
+    """A person's mean direction (3,), and its variance along each axis [rad2]."""
+    joints_m, feet_m = motion_joints_m(body, motion), _feet_m(body, motion)
+    reach = max(1, round(SPEED_TIME_S * motion.fps_hz / 2))
+    before, after = (np.clip(np.arange(len(feet_m)) + way, 0, len(feet_m) - 1)
+                     for way in (-reach, reach))  # fmt: skip
+    seconds = np.maximum(after - before, 1)[:, None] / motion.fps_hz
+    speeds = np.linalg.norm(feet_m[after] - feet_m[before], axis=-1) / seconds
+    carried = np.exp(-speeds / STILL_M_PER_S)
+    weights = carried.max(axis=1)  # little of a moment in which no foot stands, as in a run
+    support_m = np.einsum("tf,tfk->tk", carried / carried.sum(axis=1, keepdims=True), feet_m)
+    above_m = np.einsum("j,tjk->tk", MASSES, joints_m) - support_m
+    rest_m = body.rest_joints_m(motion.shape)
+    usual_m = float((MASSES @ rest_m - rest_m[[JOINT["left_foot"], JOINT["right_foot"]]].min(0))[1])
+    weights = weights * (np.linalg.norm(above_m, axis=1) > STANDS * usual_m)
+    sigma_rad = BALANCE_SIGMA_RAD
+    if weights.sum() < FEWEST_S * motion.fps_hz:
+        above_m, weights = joints_m[:, JOINT["neck"]] - joints_m[:, 0], np.ones(len(feet_m))
+        sigma_rad = TRUNK_SIGMA_RAD
+    up = weights @ above_m
+    up /= np.linalg.norm(up)
+    directions = above_m / np.linalg.norm(above_m, axis=1, keepdims=True)
+    off_rad2 = ((directions @ across(up).T) ** 2).mean(axis=1)
+    spread_rad2 = float(weights @ off_rad2 / weights.sum())
+    seconds = weights.sum() / motion.fps_hz
+    return up, sigma_rad**2 + spread_rad2 / max(1.0, seconds / BODY_TIME_S)
 
 
-def contact_cue(planted_m: np.ndarray, stances: int, up: np.ndarray) -> UpCue | None:
-    """The plane of soles (M, 3) [m] that stand in so many stances, about a rough up; None where
-    they lie on no plane, or are too few.  Soles along a line tell of the tilt along it alone."""
+def _feet_m(body: BodyModel, motion: Motion) -> np.ndarray:
+    """The middle of each sole (T, 2, 3) [m]."""
+    return np.asarray(foot_points_m(body, motion)[:, :, SOLE_POINTS].mean(axis=2))
+
+
+def contact_cue(
+    planted_m: np.ndarray, stances: int, up: np.ndarray, sigma_m: float
+) -> UpCue | None:
+    """The plane of soles (M, 3) [m] that stand in so many stances, each off it by a standard error,
+    about a rough up; None where they lie on no plane, or are too few.  Soles along a line tell of
+    the tilt along it alone."""
     if len(planted_m) < 3:
         return None
     axes, centred_m = across(up), planted_m - planted_m.mean(axis=0)
     places_m, heights_m = centred_m @ axes.T, centred_m @ up
-    weight = min(1.0, max(1, stances) / len(planted_m)) / CONTACT_SIGMA_M**2
+    weight = min(1.0, max(1, stances) / len(planted_m)) / sigma_m**2
     precision = weight * places_m.T @ places_m
     # Hardly anything is asked of tilts of which the soles tell nothing.
     tilt = np.linalg.solve(precision + np.eye(2), weight * places_m.T @ heights_m)

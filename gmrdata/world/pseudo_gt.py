@@ -269,10 +269,14 @@ def _level(
         planted_m.append(soles_m[still])
         stances += sum(len(valid_runs(still[:, foot].any(axis=-1))) for foot in (0, 1))
     feet_m = np.concatenate(planted_m)
-    roots = [motion.root_rotmats[rows] for motion, rows in zip(motions, usable, strict=True)]
-    upright = body_cue(roots, motions[0].fps_hz)
+    known = [
+        (body, motion.take(rows))
+        for body, motion, rows in zip(bodies, motions, usable, strict=True)
+        if rows.any()
+    ]
+    upright = body_cue(*zip(*known, strict=True))
     plane = ground_plane(points_m, feet_m, upright.up, 1.0, config) if len(feet_m) else None
-    cues = [contact_cue(feet_m, stances, upright.up)]
+    cues = [contact_cue(feet_m, stances, upright.up, config.stance_sigma_m)]
     cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]
     up, level = up_of(upright, [cue for cue in cues if cue is not None])
     first = np.any(usable, axis=0).argmax()

@@ -196,6 +196,8 @@ class ScaleConfig(Config):
     """Points on the ground that its plane needs at least."""
     contact_sigma_m: float = Field(default=0.012, gt=0)
     """Standard error of the body's soles above the ground, the same in all frames [m]."""
+    stance_sigma_m: float = Field(default=0.02, gt=0)
+    """Standard error of a planted sole from one plane, the same over a stance [m]."""
     body_share: float = Field(default=0.01, ge=0)
     """What all cues of bodies have in common, such as a wrong size, as a share; part of the error
     bar.  Scales under simulated faults are off by 0.5 % (RMS, benchmarks/bench_scale_cues.py),

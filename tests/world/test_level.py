@@ -1,24 +1,28 @@
 """Up and the floor, of bodies, soles and reconstructed ground."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from gmrdata.motion.gait import make_gait
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.motion import Motion
 from gmrdata.world.level import (
-    BODY_SIGMA_RAD,
+    BALANCE_SIGMA_RAD,
     UpCue,
     body_cue,
     contact_cue,
     ground_cue,
     level_from_world,
-    middle_direction,
     up_of,
 )
 
 UP = np.array([0.0, 0.0, 1.0])
-BODIES = UpCue("bodies", UP, np.eye(3) / BODY_SIGMA_RAD**2)
+BODIES = UpCue("bodies", UP, np.eye(3) / BALANCE_SIGMA_RAD**2)
 
 
 def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
@@ -38,35 +42,64 @@ def square_m(n: int = 60) -> np.ndarray:
     return np.column_stack([rng.uniform(-2, 2, (n, 2)), rng.normal(0, 0.005, n)])
 
 
-def upright_roots(n: int) -> np.ndarray:
-    turns = Rotation.from_rotvec(np.linspace(0, 6, n)[:, None] * UP).as_matrix()
-    return np.asarray(turns @ Rotation.from_euler("x", 90, degrees=True).as_matrix())
+def turned(motion: Motion, degrees: float) -> Motion:
+    """The motion in a world that leans."""
+    turn = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
+    root_rotmats, pelvis_m = turn @ motion.root_rotmats, motion.pelvis_m @ turn.T
+    return replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
 
 
-def test_without_ground_the_bodies_say_where_up_is() -> None:
-    cue = body_cue([upright_roots(300), upright_roots(300)], 30.0)
-    up, level = up_of(cue, [])
-    assert angle_deg(up, UP) < 1e-6
-    assert level.sigma_deg == pytest.approx(4 * np.sqrt(2), rel=1e-3)
+@pytest.mark.parametrize("kind", ["walk", "side_step", "stand"])
+def test_without_ground_up_is_where_a_persons_mass_is_above_its_feet(
+    small_body: BodyModel, kind: str
+) -> None:
+    motion = standing_still(small_body, 240)
+    if kind != "stand":
+        motion = make_gait(kind, 8.0, 30.0, small_body, np.random.default_rng(0))
+    up, level = up_of(body_cue([small_body], [motion]), [])
+    assert angle_deg(up, UP) < 2 * level.sigma_deg  # the rest pose stands on its heels
+    leant, _ = up_of(body_cue([small_body], [turned(motion, 7.0)]), [])
+    assert np.allclose(leant, Rotation.from_euler("x", 7, degrees=True).apply(up))
+    assert 5.6 < level.sigma_deg < 7.5
     assert [(one.name, one.used) for one in level.cues] == [("bodies", True)]
 
 
-def test_a_few_frames_on_the_floor_do_not_tilt_the_bodies() -> None:
-    roots = upright_roots(100)
-    roots[:12] = Rotation.from_euler("x", 80, degrees=True).as_matrix() @ roots[:12]
-    assert angle_deg(body_cue([roots], 30.0).up, UP) < 1.0
-    assert angle_deg(roots[:, :, 1].mean(axis=0), UP) > 6.0
+def standing_still(body: BodyModel, n: int) -> Motion:
+    root = np.tile(Rotation.from_euler("x", 90, degrees=True).as_matrix(), (n, 1, 1))
+    local, pelvis_m = np.tile(np.eye(3), (n, 23, 1, 1)), np.tile([0.0, 0.0, 0.95], (n, 1))
+    person = body.name, "neutral"
+    shape = np.zeros(body.n_shape)
+    return Motion(local, root, pelvis_m, shape, 30.0, *person, frame="world", source="rest")
+
+
+def test_who_sits_tells_up_by_the_trunk(small_body: BodyModel) -> None:
+    motion = standing_still(small_body, 60)
+    local = motion.local_rotmats.copy()
+    for side in ("left", "right"):
+        for joint, degrees in (("hip", -100), ("knee", 130)):
+            turn = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
+            local[:, JOINT[f"{side}_{joint}"] - 1] = turn
+    up, level = up_of(body_cue([small_body], [replace(motion, local_rotmats=local)]), [])
+    assert angle_deg(up, UP) < 10.0 and level.sigma_deg == pytest.approx(12 * np.sqrt(2), rel=1e-2)
+
+
+def test_two_people_tell_more_than_one_and_share_what_their_system_errs(
+    small_body: BodyModel,
+) -> None:
+    motion = standing_still(small_body, 300)
+    one, two = (up_of(body_cue([small_body] * n, [motion] * n), [])[1] for n in (1, 2))
+    assert two.sigma_deg == pytest.approx(np.sqrt(0.75) * one.sigma_deg, rel=1e-3)
 
 
 def test_soles_all_round_correct_leaning_bodies() -> None:
-    cue = contact_cue(square_m(), 60, leaning(6.0))
+    cue = contact_cue(square_m(), 60, leaning(6.0), 0.02)
     assert cue is not None
     up, level = up_of(bodies_that_lean(6.0), [cue])
     assert angle_deg(up, UP) < 0.3 and level.sigma_deg < 0.5
 
 
 def test_soles_of_one_stance_tell_as_much_as_one_point() -> None:
-    many, few = (contact_cue(square_m(), n, UP) for n in (60, 6))
+    many, few = (contact_cue(square_m(), n, UP, 0.02) for n in (60, 6))
     assert many is not None and few is not None
     assert np.trace(many.precision) == pytest.approx(10 * np.trace(few.precision))
 
@@ -74,7 +107,7 @@ def test_soles_of_one_stance_tell_as_much_as_one_point() -> None:
 def test_soles_along_a_line_correct_the_tilt_along_it_only() -> None:
     line_m = np.column_stack([np.zeros(30), np.linspace(0, 4, 30), np.zeros(30)])
     for soles_m, left_deg in ((line_m, 0.0), (line_m[:, [1, 0, 2]], 6.0)):
-        cue = contact_cue(soles_m, 30, leaning(6.0))
+        cue = contact_cue(soles_m, 30, leaning(6.0), 0.02)
         assert cue is not None
         up, _ = up_of(bodies_that_lean(6.0), [cue])
         assert angle_deg(up, leaning(left_deg)) < 0.2
@@ -83,8 +116,8 @@ def test_soles_along_a_line_correct_the_tilt_along_it_only() -> None:
 def test_soles_on_steps_and_too_few_are_no_plane() -> None:
     rng = np.random.default_rng(0)
     jumps_m = np.column_stack([rng.uniform(-1, 1, (40, 2)), rng.choice([0.0, 0.5], 40)])
-    assert contact_cue(jumps_m, 40, UP) is None
-    assert contact_cue(np.zeros((0, 3)), 0, UP) is None
+    assert contact_cue(jumps_m, 40, UP, 0.02) is None
+    assert contact_cue(np.zeros((0, 3)), 0, UP, 0.02) is None
 
 
 @pytest.mark.parametrize(("slope_deg", "level"), [(0, True), (5, True), (18, False), (30, False)])
@@ -99,10 +132,6 @@ def test_a_ground_that_is_steep_stays_as_it_is(slope_deg: float, level: bool) ->
 
 def _turn(degrees: float) -> np.ndarray:
     return np.asarray(Rotation.from_euler("x", degrees, degrees=True).as_matrix())
-
-
-def test_the_middle_of_directions_is_one() -> None:
-    assert np.allclose(middle_direction(np.tile(leaning(5.0), (3, 1))), leaning(5.0))
 
 
 @given(st.integers(0, 10**6))
