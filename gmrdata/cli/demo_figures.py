@@ -10,6 +10,7 @@ from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.pages import report_data
 from gmrdata.pages.report import summary_table, write_overview, write_report
 from gmrdata.pages.report_data import ClipReport
+from gmrdata.pages.view3d import view_of_clip, write_view
 from gmrdata.people.sources import masks_seconds
 from gmrdata.read.body_file import read_body
 from gmrdata.score.records import Scores
@@ -36,7 +37,8 @@ def _curve(path: Path) -> tuple[tuple[int, float], ...]:
 
 
 def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
-    """Write summary.json, overview.png and report.html, whose path it gives; print the figures."""
+    """Write summary.json, overview.png, view3d/ and report.html, whose path it gives; print the
+    figures."""
     body, gmr = read_body(paths.body), load_gmr(paths.gmr_dir)
     rows = _curve(paths.gmr_dir / "metrics.jsonl")
     record = StageRecord.of(paths.gmr_dir)
@@ -56,8 +58,10 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     figures.write(paths.summary)
     write_overview(paths.overview, report)
     write_report(paths.report, report)
+    for clip in report.clips:
+        write_view(paths.views_dir / f"{clip.id}.html", view_of_clip(clip))
     answers.print(summary_table(figures))
-    answers.print(f"\n[bold]{paths.report}[/bold]", soft_wrap=True)
+    answers.print(f"\n[bold]{paths.report}[/bold], and in 3D {paths.views_dir}", soft_wrap=True)
     return paths.report
 
 

@@ -94,6 +94,7 @@ class DemoPaths:
         """The recipe that made what is here; written when all stages are done."""
         self.summary = root / "summary.json"
         self.report = root / "report.html"
+        self.views_dir = root / "view3d"
         self.overview = root / "overview.png"
 
     def clip(self, clip_id: str) -> "ClipPaths":

@@ -204,8 +204,8 @@ def infer(
             results, GVHMR's hmr4d_results.pt, GEM-X's hpe_results.pt, rows of SAM 3D Body, TRAM's
             folder, SLAHMR's world results, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC.
         out: Output folder: infer.json, and for each unbroken run of each person a folder with
-            clip.npz, amass.npz, motion.bvh, body.glb, path.png and body.mp4. A run that was stopped
-            goes on where it was.
+            clip.npz, amass.npz, motion.bvh, body.glb, path.png, view3d.html and body.mp4. A run
+            that was stopped goes on where it was.
         bridge_frames: Longest gap of a person's track that is filled [frames]; at longer ones a new
             motion begins, in a world of its own.
         level: Take up and the floor from feet that stand, or begin as the paper does, with the

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from gmrdata.film.camera_moves import look_at, smooth_path
 from gmrdata.gmr.infer import InferConfig
 from gmrdata.pages.plots import RECOVERED_WIDTH, finish_view, mark_start, picture, plot_path
+from gmrdata.pages.view3d import VIEW_FILE, View, ViewedPerson, write_view
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
@@ -185,10 +186,14 @@ POSED_AT_ONCE = 32
 
 
 def draw_motion(folder: Path, clip: Clip, body: BodyModel, config: InferConfig) -> None:
-    """Add `path.png` and, if wanted, `body.mp4` to a folder; what is there is whole and kept."""
-    path, video = folder / "path.png", folder / "body.mp4"
+    """Add `path.png`, `view3d.html` and, if wanted, `body.mp4` to a folder; what is there is whole
+    and kept."""
+    path, view, video = folder / "path.png", folder / VIEW_FILE, folder / "body.mp4"
     if not path.exists():
         write_top_view(path, clip.motion)
+    if not view.exists():
+        times_s = np.arange(clip.motion.n_frames) / clip.motion.fps_hz
+        write_view(view, View(times_s, [ViewedPerson(clip, "gmr", body)]))
     if config.video and not video.exists():
         size_px = (config.width_px, config.height_px)
         write_body_video(video, clip.motion, body, size_px, folder.name)

@@ -30,6 +30,7 @@ from gmrdata.pages.html import Cell, Table, render, text_of, write_page
 from gmrdata.pages.plots import svg
 from gmrdata.pages.report import GEOMETRY_WORDS
 from gmrdata.pages.solved import Solved, align_dataset_camera, counts_of
+from gmrdata.pages.view3d import MOST_BODIES, VIEW_FILE, view_of, write_view
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
@@ -176,6 +177,7 @@ def _makers(found: Solved, left_out: Sequence[tuple[str, str]]) -> dict[str, Cal
     makers: dict[str, tuple[object, Callable[[], object]]] = {
         "verdict": (True, lambda: _judged_by(found)),
         "overlay": (by_video, lambda: _overlay(found)),
+        "view3d": (by_video and _has_paths(found), lambda: _view(found)),
         "paths": (_has_paths(found), lambda: _paths(found)),
         "fused": (found.is_fused, lambda: _fused(found)),
         "over_time": (found.reasons, lambda: _over_time(found)),
@@ -242,6 +244,19 @@ def _overlay(found: Solved) -> dict[str, object]:
         "people": [one.id for one in found.people],
         "marks": found.is_alone and _marks_words(found, footage),
         "n_pictures": len(rows),
+    }
+
+
+def _view(found: Solved) -> dict[str, object]:
+    """Write the world to turn round, and say what stands beside it."""
+    view = view_of(found)
+    written = write_view(_folder(found) / VIEW_FILE, view)
+    return {
+        "href": VIEW_FILE,
+        "size_mb": written.stat().st_size / 1e6,
+        "bodies": sum(one.body is not None for one in view.people[:MOST_BODIES]),
+        "people": len(view.people),
+        "has_sigma": any(one.sigma_m is not None for one in view.people),
     }
 
 

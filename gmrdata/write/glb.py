@@ -37,7 +37,18 @@ def write_glb(
     shown: np.ndarray | None = None,
     camera: CameraPath | None = None,
 ) -> None:
-    """Write the body with its motion in a z-up world, and the camera that films it.
+    """Write what `glb_bytes` makes."""
+    write_bytes(path, glb_bytes(motion, body, shown=shown, camera=camera))
+
+
+def glb_bytes(
+    motion: Motion,
+    body: BodyModel,
+    *,
+    shown: np.ndarray | None = None,
+    camera: CameraPath | None = None,
+) -> bytes:
+    """The body with its motion in a z-up world, and the camera that films it.
 
     Frames that are not `shown` (T,), and those without a camera, have no sample: what plays the
     file moves straight on over them.
@@ -72,7 +83,7 @@ def write_glb(
         tracks += _film(document, camera)
     document.animations = [_animation(document, tracks, motion.fps_hz)]
     document.buffers[0].byteLength = len(document.binary_blob())
-    write_bytes(path, b"".join(document.save_to_bytes()))
+    return b"".join(document.save_to_bytes())
 
 
 def _film(document: gltf.GLTF2, camera: CameraPath) -> list[Track]:

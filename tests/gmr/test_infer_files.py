@@ -48,7 +48,7 @@ from tests.read.system_files import (
 )
 from tests.record_keys import assert_each_key_is_needed
 
-FILES = ["amass.npz", "body.glb", "clip.npz", "motion.bvh", "path.png"]
+FILES = ["amass.npz", "body.glb", "clip.npz", "motion.bvh", "path.png", "view3d.html"]
 QUICK = InferConfig(fps_hz=30.0, video=False)
 infer = partial(stage.infer, draw=draw_motion)
 

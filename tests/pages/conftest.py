@@ -19,6 +19,7 @@ from gmrdata.pages.report_data import (
     ReportData,
     RunReport,
 )
+from gmrdata.pages.solved_page import make_video_page
 from gmrdata.score.records import PaperMetrics
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
@@ -26,6 +27,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
+from tests.sharing import made_once
 
 PROGRAMMES = {"circular": Circular(), "linear": Linear(), "panning": Panning()}
 TRUE_FROM_PSEUDO = transforms.rigid(
@@ -175,3 +177,16 @@ def report(make_clip: Callable[[str], ClipReport]) -> ReportData:
         },
         learning_curve=tuple((step, 2.0 * 0.99**step + 0.01 * (step % 3)) for step in steps),
     )
+
+
+@pytest.fixture(scope="session")
+def finished(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A solved video with its page; nobody changes it."""
+
+    from tests.pages.solved_video import solved_video  # which imports this file
+
+    def make(folder: Path) -> None:
+        solved_video(folder, small_body)
+        make_video_page(folder)
+
+    return made_once(tmp_path_factory, "finished_video", make)

@@ -23,20 +23,8 @@ from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig, verdict_of
 from tests.browser import Visit
 from tests.pages.html_pages import Page
 from tests.pages.solved_video import N_ROWS, OFF_PX, fuse_video, solved_video
-from tests.sharing import made_once
 
 HOSTILE = "<img src=x onerror='alert(1)'> \"#?%20&amp; caf\udce9"
-
-
-@pytest.fixture(scope="session")
-def finished(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A solved video with its page; nobody changes it."""
-
-    def make(folder: Path) -> None:
-        solved_video(folder, small_body)
-        make_video_page(folder)
-
-    return made_once(tmp_path_factory, "finished_video", make)
 
 
 @pytest.fixture
