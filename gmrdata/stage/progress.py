@@ -2,8 +2,10 @@
 
 import os
 import sys
+import time
 from collections.abc import Iterable, Iterator
-from typing import TypeVar
+from datetime import timedelta
+from typing import Any, TypeVar
 
 from rich import progress
 from rich.console import Console
@@ -15,6 +17,7 @@ _KNOWN_WIDTH = sys.stdout.isatty() or "COLUMNS" in os.environ
 answers = Console(highlight=False, emoji=False, width=None if _KNOWN_WIDTH else 160)
 """What was asked for, on standard output; wide where it is piped, so that no cell is cut."""
 
+LINE_EVERY_S = 30.0  # in a log file, where a bar can't be drawn over
 Item = TypeVar("Item")
 
 
@@ -23,9 +26,44 @@ def remark(text: str, style: str | None = None) -> None:
     console.print(text, style=style, markup=False, soft_wrap=True)
 
 
+class _Bar(progress.Progress):
+    """A bar; without a terminal a line now and then, and the finished bar."""
+
+    def __init__(self, *columns: progress.ProgressColumn, **options: Any) -> None:
+        self._said_s = time.monotonic()
+        super().__init__(*columns, **options)
+
+    def update(self, task_id: progress.TaskID, **changes: Any) -> None:
+        super().update(task_id, **changes)
+        self._say(task_id)
+
+    def advance(self, task_id: progress.TaskID, advance: float = 1) -> None:
+        super().advance(task_id, advance)
+        self._say(task_id)
+
+    def _say(self, task_id: progress.TaskID) -> None:
+        now_s = time.monotonic()
+        if self.disable or self.console.is_terminal or now_s - self._said_s < LINE_EVERY_S:
+            return
+        self._said_s = now_s
+        task = self._tasks[task_id]
+        done = f"{task.completed:g}" + ("" if task.total is None else f" of {task.total:g}")
+        parts = [done, f"{_clock(task.elapsed)} gone"]
+        if task.time_remaining is not None:
+            parts.append(f"{_clock(task.time_remaining)} left")
+        remark(f"{task.description}: {', '.join(parts)}")
+
+
+def _clock(seconds: float | None) -> str:
+    return str(timedelta(seconds=int(seconds or 0)))
+
+
 def progress_bar(*, shown: bool = True) -> progress.Progress:
-    """A bar with counts, elapsed and remaining time; use it as a context manager."""
-    return progress.Progress(
+    """A bar with counts, elapsed and remaining time; use it as a context manager.
+
+    Where standard error is no terminal, a line says the same every `LINE_EVERY_S`.
+    """
+    return _Bar(
         progress.TextColumn("{task.description}", markup=False),
         progress.BarColumn(),
         progress.MofNCompleteColumn(),
