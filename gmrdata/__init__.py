@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from gmrdata.values.people import PersonFiles as PersonFiles
     from gmrdata.world.compose import motion_in_camera as motion_in_camera
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _NAMES = {
     "export.export": ("export",),
