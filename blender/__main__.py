@@ -35,6 +35,8 @@ def die_with_parent(parent_pid: int) -> None:
     """Ask the kernel for SIGKILL when the parent's thread that waits for this process is gone."""
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if sys.platform == "win32":  # a program of the environment stands between it and its parent
+        return
     if os.getppid() != parent_pid:  # it ended before the kernel was asked
         os.kill(os.getpid(), signal.SIGKILL)
 

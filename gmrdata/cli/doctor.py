@@ -18,6 +18,7 @@ from gmrdata import __version__
 from gmrdata.cli.answers import answer, fail, print_table
 from gmrdata.film import blender_environment as environment
 from gmrdata.values.errors import BlenderMissing
+from gmrdata.values.limits import machine_bytes
 
 State = Literal["there", "missing", "broken"]
 
@@ -260,9 +261,13 @@ def _gpu(loaded: Loaded) -> Part:
 def _machine() -> Iterator[Part]:
     from gmrdata.read.models import cache_dir
 
-    yield Part("machine", "cores", "there", str(len(os.sched_getaffinity(0))))
-    memory_bytes = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    yield Part("machine", "memory", "there", f"{memory_bytes / 2**30:.1f} GiB")
+    own = hasattr(os, "sched_getaffinity")  # Linux says how many this process may use
+    yield Part(
+        "machine", "cores", "there", str(len(os.sched_getaffinity(0)) if own else os.cpu_count())
+    )
+    memory_bytes = machine_bytes()
+    size = "the system does not say" if memory_bytes is None else f"{memory_bytes / 2**30:.1f} GiB"
+    yield Part("machine", "memory", "there", size)
     yield _disk("cache", cache_dir())
     yield _disk("current folder", Path.cwd())
 

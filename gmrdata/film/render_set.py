@@ -1,6 +1,8 @@
 """Render a set of clips to a manifest, or say what it would be and cost."""
 
-import resource
+import math
+import os
+import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -45,6 +47,7 @@ from gmrdata.values.clip import (
 )
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import remove_orphans, write_text
+from gmrdata.values.limits import MIB
 
 DESCRIPTION = "rendering frames"
 RETRIES = 1  # how often a crashed Blender process is started again
@@ -224,7 +227,7 @@ class Probe:
     frame_cpu_s: float
     clip_cpu_s: float  # before its first frame: Blender's start, the scene [s]
     frame_bytes: float  # of all files of a frame
-    memory_mib: float  # of this process and Blender's, at their largest [MiB]
+    memory_mib: float  # of this process and Blender's, at their largest [MiB]; NaN: not known
 
 
 @dataclass(frozen=True)
@@ -297,6 +300,7 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
     before_cpu_s, start_s = _children_cpu_s(), time.monotonic()
     made = render_clip(*files, config, on_frame=lambda _: told_s.append(time.monotonic()))
     wall_s, cpu_s = time.monotonic() - start_s, _children_cpu_s() - before_cpu_s
+    cpu_s = cpu_s or wall_s  # Windows does not say
     # Blender's time is known as a whole; the clock says which share of it the last frame took.
     frame_s = (told_s[-1] - told_s[0]) / (len(told_s) - 1) if len(told_s) > 1 else wall_s
     frame_cpu_s = cpu_s * frame_s / wall_s
@@ -310,26 +314,33 @@ def summary_lines(plan: DryRun) -> list[str]:
     to_do = f"to do: {plan.clips_to_do} clips, {plan.frames_to_do} frames"
     lines = [f"{plan.clips} clips, {plan.frames} frames; {to_do}"]
     if probe := plan.probe:
+        known = math.isfinite(probe.memory_mib)
+        memory = f", {probe.memory_mib:.0f} MiB of memory for each worker" if known else ""
         lines.append(
             f"about {_duration(plan.seconds or 0.0)} with {plan.workers} workers on as many cores, "
             f"{(plan.size_bytes or 0.0) / 1e6:,.1f} MB (measured on {PROBE_FRAMES} "
             f"frames: {probe.frame_cpu_s:.2f} s a frame and {probe.clip_cpu_s:.1f} s a clip of "
-            f"processor time, {probe.frame_bytes / 1e3:.0f} kB a frame, {probe.memory_mib:.0f} MiB "
-            "of memory for each worker)"
+            f"processor time, {probe.frame_bytes / 1e3:.0f} kB a frame{memory})"
         )
     return lines
 
 
 def _memory_mib() -> float:
-    """The largest memory of this process and of its largest ended child, together [MiB]."""
+    """The largest memory of this process and of its largest ended child, together [MiB]; NaN where
+    the system does not say (Windows)."""
+    try:
+        import resource
+    except ImportError:
+        return math.nan
     whose = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
-    return sum(resource.getrusage(who).ru_maxrss for who in whose) / 1024.0
+    unit = float(MIB) if sys.platform == "darwin" else 1024.0
+    return sum(resource.getrusage(who).ru_maxrss for who in whose) / unit
 
 
 def _children_cpu_s() -> float:
     """Processor time of all ended child processes so far [s]."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
+    usage = os.times()
+    return usage.children_user + usage.children_system
 
 
 def _duration(seconds: float) -> str:

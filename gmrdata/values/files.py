@@ -65,7 +65,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     temporary = path.with_name(temporary_name(path) + path.suffix)
     try:
         yield temporary
-        with temporary.open("rb") as stream:
+        with temporary.open("r+b") as stream:  # Windows forces only what may be written to
             os.fsync(stream.fileno())
         temporary.replace(path)
     finally:
@@ -102,6 +102,10 @@ def _is_orphan(path: Path, host: str, pid: str) -> bool:
 
 
 def _is_running(pid: int) -> bool:
+    if sys.platform == "win32":  # there the signal 0 would end it
+        import psutil  # which distributed brings
+
+        return bool(psutil.pid_exists(pid))
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

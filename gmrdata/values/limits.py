@@ -72,7 +72,15 @@ class OverBudget(ValueError):
 def blender_bytes() -> int:
     """Memory that Blender's process may have, no more than this machine has."""
     asked = int(_from_environment(BLENDER_GIB_NAME, BLENDER_GIB) * 1024 * MIB)
-    return min(asked, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    return min(asked, machine_bytes() or asked)
+
+
+def machine_bytes() -> int | None:
+    """Memory of this machine; None where the system has no such call (Windows)."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return None
 
 
 def blender_frame_s(n_rays: int) -> float:

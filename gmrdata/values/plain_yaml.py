@@ -21,6 +21,7 @@ _REAL = re.compile(
     r"|\.(inf|Inf|INF))|\.(nan|NaN|NAN)"
 )
 _TRUTH = {word: word[0] in "tT" for word in ["true", "True", "TRUE", "false", "False", "FALSE"]}
+_TOO_DEEP = f"nested more than {limits.DEEPEST_YAML} levels deep"
 _NOTHING = ("", "~", "null", "Null", "NULL")
 
 
@@ -51,6 +52,8 @@ def parse(text: str) -> tuple[Any, dict[FieldPath, int]]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else None
+        if "nesting depth" in str(error.problem):  # PyYAML looks ahead, and has a limit of its own
+            raise NotPlain(line, _TOO_DEEP) from None
         raise NotPlain(line, f"not plain YAML: {error.problem}") from None
     except yaml.YAMLError as error:
         raise NotPlain(None, f"not plain YAML: {error}") from None
@@ -153,7 +156,7 @@ def _refuse_aliases_and_depth(text: str) -> None:
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
         if depth > limits.DEEPEST_YAML:
-            raise NotPlain(line, f"nested more than {limits.DEEPEST_YAML} levels deep")
+            raise NotPlain(line, _TOO_DEEP)
 
 
 def _record_lines(node: yaml.Node, at: FieldPath, lines: dict[FieldPath, int]) -> None:

@@ -197,6 +197,7 @@ def _animation(document: _Document, tracks: list[Track], fps_hz: float) -> dict[
         if rows.tobytes() not in times:
             times[rows.tobytes()] = _add(document, rows / fps_hz, FLOAT, bounds=True)
         output = _add(document, values, FLOAT)
-        samplers.append({"input": times[rows.tobytes()], "output": output})
+        at = times[rows.tobytes()]
+        samplers.append({"input": at, "interpolation": "LINEAR", "output": output})
         channels.append({"sampler": n, "target": {"node": node, "path": path}})
     return {"name": "motion", "samplers": samplers, "channels": channels}

@@ -114,7 +114,7 @@ def film_swaying(reach_m: float, folder: Path) -> tuple[Filmed, Frames, Matches]
     return filmed, frames, match_frames(frames, folder, SWAYING)
 
 
-@pytest.mark.parametrize("reach_m", [0.085, 0.07, 0.0])
+@pytest.mark.parametrize("reach_m", [0.08, 0.07, 0.0])
 def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
     reach_m: float, tmp_path: Path
 ) -> None:

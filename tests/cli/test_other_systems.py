@@ -1,0 +1,106 @@
+"""What runs where Linux's own calls are absent: they are taken away, and the same comes out."""
+
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from unittest.mock import Mock
+
+import pytest
+
+from gmrdata.film import render_set
+from gmrdata.values import files, limits
+
+checkpoint = import_module("gmrdata.gmr.checkpoint")
+doctor = import_module("gmrdata.cli.doctor")
+AWAY = """
+import asyncio, builtins, multiprocessing.util, os, pathlib, socket, subprocess, sys, tempfile
+for name in ("resource", "fcntl", "termios", "pwd", "grp"):
+    sys.modules[name] = None
+for name in "sched_getaffinity sched_setaffinity sysconf getloadavg O_TMPFILE link".split():
+    vars(os).pop(name)
+opened = builtins.open
+def guarded(file, *more, **named):
+    if str(file).startswith("/proc"):
+        raise FileNotFoundError(file)
+    return opened(file, *more, **named)
+builtins.open = guarded
+pathlib.Path.read_text = lambda self, *a, **n: guarded(self).read()
+from gmrdata.cli import main
+main(sys.argv[1:])
+"""
+
+
+def test_verbs_run_without_linuxs_own_calls(
+    walks_command: Callable[[int], tuple[object, ...]], tmp_path: Path
+) -> None:
+    def run(*words: object) -> str:
+        command = [sys.executable, "-c", AWAY, *map(str, words)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert "World-frame human motion data" in run("--help")
+    assert "the system does not say" in run("doctor", "--json")
+    run(*walks_command(2), "--out", "motions_out")
+    manifest = tmp_path / "motions_out/motions.yaml"
+    assert "good" in run("manifest", "check", manifest)
+    run("baseline", "zero", manifest, "--out", "zero")
+    run("evaluate", "zero/predictions", manifest, "--body", "body.npz", "--out", "scores")
+    assert (tmp_path / "scores/scores.json").is_file()
+
+
+def test_memory_is_known_or_said_not_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    most = limits.machine_bytes()
+    assert most is not None and most > 2**29
+    monkeypatch.delattr(os, "sysconf")
+    assert limits.machine_bytes() is None
+    assert limits.blender_bytes() == limits.BLENDER_GIB * 2**30
+    rows = {part.name: part.found for part in doctor._machine()}
+    assert rows["memory"] == "the system does not say"
+
+
+def test_cores_are_counted_without_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(os, "sched_getaffinity")
+    rows = {part.name: part.found for part in doctor._machine()}
+    assert rows["cores"] == str(os.cpu_count())
+
+
+def test_a_dry_run_goes_without_resource(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert 20 < render_set._memory_mib() < 100_000
+    monkeypatch.setitem(sys.modules, "resource", None)
+    assert math.isnan(render_set._memory_mib())
+    probe = render_set.Probe(0.5, 2.0, 1e5, math.nan)
+    plan = render_set.DryRun([], 1, 1, 2, 2, 1, probe)
+    assert "nan" not in " ".join(render_set.summary_lines(plan))
+
+
+def test_windows_asks_for_a_process_without_ending_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    kill = Mock(side_effect=AssertionError("there it ends the process"))
+    monkeypatch.setitem(sys.modules, "psutil", Mock(pid_exists={os.getpid(): True}.get))
+    monkeypatch.setattr(files.sys, "platform", "win32")
+    monkeypatch.setattr(files.os, "kill", kill)
+    assert files._is_running(os.getpid()) and not files._is_running(dead.pid)
+
+
+def test_windows_opens_no_folder_to_force_it_to_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checkpoint._fsync(tmp_path)
+    monkeypatch.setattr(checkpoint.os, "open", Mock(side_effect=PermissionError))
+    with pytest.raises(PermissionError):
+        checkpoint._fsync(tmp_path)
+    monkeypatch.setattr(checkpoint.sys, "platform", "win32")
+    checkpoint._fsync(tmp_path)
+
+
+def test_the_host_has_a_name_without_proc(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Path, "read_text", Mock(side_effect=FileNotFoundError))
+    files.host_word.cache_clear()
+    assert len(files.host_word()) == 12
+    files.host_word.cache_clear()
