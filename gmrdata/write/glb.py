@@ -142,8 +142,8 @@ def _add(document: _Document, array: np.ndarray, component: int, *, bounds: bool
     """Append an array to the file's data; gives its accessor's number."""
     values = np.ascontiguousarray(array, dtype=_DTYPES[component])
     views, accessors = document.json["bufferViews"], document.json["accessors"]
-    accessor = {"bufferView": len(views), "componentType": component, "count": len(values)}
-    accessor["type"] = _TYPES[values.shape[1:]]
+    accessor: dict[str, Any] = {"bufferView": len(views), "componentType": component}
+    accessor |= {"count": len(values), "type": _TYPES[values.shape[1:]]}
     if bounds:
         columns = values.reshape(len(values), -1)
         accessor |= {"min": columns.min(0).tolist(), "max": columns.max(0).tolist()}
