@@ -71,6 +71,7 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
         scale_disagreement=None,
         scale_cues=(cue,),
         level=LevelEstimate(sigma_deg=1.0, cues=()),
+        distance_sigmas=(0.02,),
         camera_motion="circular",
         camera_motion_figures=MotionFigures(9.0, 10.0, 37.0, 0.6, 0.001, 93.0, True, 5.0),
         people=(verdict_of("walk", True, (), [""] * cameras.frames),),

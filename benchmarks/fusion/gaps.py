@@ -67,8 +67,7 @@ def cut_out(
 
 def put_together(session: FusionSession, person: Person, clip: Clip) -> FusedClip:
     errors = session.errors_without(person.trial)
-    share = person.scale_share
-    shown = WorldPerson(clip, seen_frames(clip), scale_share=share)
+    shown = WorldPerson(clip, seen_frames(clip), errors=person.errors)
     return fuse_person(shown, WeighedGmr(session.gmr, errors), session.body, CONFIG)
 
 

@@ -16,7 +16,8 @@ from sfm.ours import Regenerated, regenerate
 from sfm.score import true_clips
 from sfm.twins import Twins, make_twins
 
-from gmrdata.fusion.fuse import scale_error
+from gmrdata.fusion.camera_evidence import WorldErrors
+from gmrdata.fusion.fuse import world_errors
 from gmrdata.fusion.network_errors import (
     HeldOut,
     MeasureConfig,
@@ -47,7 +48,7 @@ class Person:
     name: str
     pseudo: Clip  # in the recovered world
     true: Clip  # the truth, where it lies best on that world
-    scale_share: float  # stated standard error of the recovered scale, as a share
+    errors: WorldErrors  # as the pseudo ground truth states them
     trial: str
     """CMU's trial that the person moves by; empty for the embedded gait."""
 
@@ -115,7 +116,7 @@ class FusionSession:
                 if not path.is_file():
                     continue
                 clip = clip_on_body(load_clip(path), self.body)
-                share = scale_error(folder / "quality.json")
+                share = world_errors(folder / "quality.json", number)
                 trial = re.match(r"(\d\d_\d\d)", true.motion.source)
                 moved = in_world_of(clip, true)
                 found.append(Person(true.id, clip, moved, share, trial[1] if trial else ""))

@@ -35,6 +35,8 @@ class FusionConfig(Config):
     slow_place_m: float = Field(default=0.01, ge=0)
     """Error of camera and body that lasts for seconds, which no mean over frames lowers; part of
     the error bar alone [m]."""
+    slow_along_share: float = Field(default=0.0, ge=0)
+    """The same along the camera's ray, as a share of the distance."""
     slow_turn_deg: float = Field(default=0.5, ge=0)
     unseen_widening: float = Field(default=3.0, ge=1)
     """Factor on the network's error where the person was not seen though the camera is known: the
@@ -60,10 +62,17 @@ class FusionConfig(Config):
 
 
 OWN_FUSION = FusionConfig(
-    place_sigma_m=0.01, along_sigma_m=0.15, turn_sigma_deg=2.0, pace_share=0.35
+    place_sigma_m=0.01,
+    along_sigma_m=0.15,
+    turn_sigma_deg=2.0,
+    pace_share=0.35,
+    slow_place_m=0.02,
+    slow_along_share=0.02,
+    slow_turn_deg=8.0,
 )
-"""For poses of the built-in estimator: on rendered clips its distance is off by 5 to 10 cm for a
-second at a time, and a network sees a third less of a walker's pace in its poses."""
+"""For poses of the built-in estimator: its distance is off by 2 to 3 % for half a second at a time
+on real people (docs/figures.md), and a network sees a third less of a walker's pace in its
+poses."""
 
 
 def fusion_config_of(source: Path) -> FusionConfig:
@@ -110,27 +119,78 @@ def unseen_frames(clip: Clip) -> np.ndarray:
     return ~clip.valid & clip.camera.has_camera
 
 
-def error_bars(
-    poses: FusedPoses, clip: Clip, config: FusionConfig, scale_share: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations (T, 3) of place [m], world axes, and turn [degrees], root axes.
+@dataclass(frozen=True)
+class WorldErrors:
+    """What is wrong with a whole world, by one standard error."""
 
-    Those of the graph, and of cameras what lasts for seconds: a world of a wrong scale is wrong by
-    so much at each camera's distance from the middle of the path.
+    scale_share: float = 0.0  # of the cameras' path, as a share
+    distance_share: float = 0.0  # of the person's distance from the camera: size and lens
+    level_deg: float = 0.0  # of the angle between z and up, both axes together
+
+
+EXACT = WorldErrors()
+
+
+def error_bars(
+    poses: FusedPoses, clip: Clip, config: FusionConfig, errors: WorldErrors
+) -> dict[str, np.ndarray]:
+    """Standard deviations (T, 3): `place_sigma_m` in world axes, `camera_sigma_m` of the place seen
+    from the camera, in its axes, and `turn_sigma_deg` about the root's axes.
+
+    Those of the graph, and what no mean over frames lowers.  A world of a wrong scale is wrong by
+    that share of the person's distance from the middle of its path, and of the height over the
+    floor; before the camera, of the distance from it.
     """
-    place_m2, turn_rad2 = (
-        np.diagonal(blocks, axis1=1, axis2=2)
-        for blocks in (poses.place_covariance_m2, poses.turn_covariance_rad2)
-    )
-    rows = np.flatnonzero(known_frames(clip))
-    if clip.camera is not None and len(rows):
-        centres_m = clip.camera.centres_world_m[rows]
-        off_m = np.linalg.norm(centres_m - centres_m.mean(axis=0), axis=1)
-        off_m = np.interp(np.arange(len(place_m2)), rows, off_m)
-        slow_m2 = config.slow_place_m**2 + (scale_share * off_m) ** 2
-        place_m2 = place_m2 + slow_m2[:, None]
-        turn_rad2 = turn_rad2 + np.deg2rad(config.slow_turn_deg) ** 2
-    return np.sqrt(place_m2), np.rad2deg(np.sqrt(turn_rad2))
+    blocks_m2 = poses.place_covariance_m2
+    turn_rad2 = np.diagonal(poses.turn_covariance_rad2, axis1=1, axis2=2)
+    nowhere = np.full((len(blocks_m2), 3), np.nan)
+    known = known_frames(clip)
+    if clip.camera is None or not known.any():
+        place_m = np.sqrt(np.diagonal(blocks_m2, axis1=1, axis2=2))
+        turn_deg = np.rad2deg(np.sqrt(turn_rad2))
+        return {"place_sigma_m": place_m, "camera_sigma_m": nowhere, "turn_sigma_deg": turn_deg}
+    blocks_m2 = blocks_m2 + _slow_m2(clip, known, config)
+    middle_m = np.append(poses.pelvis_m[known, :2].mean(axis=0), 0.0)
+    apart_m = poses.pelvis_m - middle_m
+    tilt_rad = np.deg2rad(errors.level_deg) / np.sqrt(2)
+    across_m = np.linalg.norm(apart_m[:, :2], axis=1)
+    whole_m2 = np.diagonal(blocks_m2, axis1=1, axis2=2) + (errors.scale_share * apart_m) ** 2
+    whole_m2[:, 2] += (tilt_rad * across_m) ** 2
+    lasting_rad2 = np.deg2rad(config.slow_turn_deg) ** 2 + tilt_rad**2
+    return {
+        "place_sigma_m": np.sqrt(whole_m2),
+        "camera_sigma_m": _before_camera_m(blocks_m2, poses, clip, errors.distance_share),
+        "turn_sigma_deg": np.rad2deg(np.sqrt(turn_rad2 + lasting_rad2)),
+    }
+
+
+def _before_camera_m(
+    blocks_m2: np.ndarray, poses: FusedPoses, clip: Clip, share: float
+) -> np.ndarray:
+    """Standard deviations (T, 3) of the pelvis seen from the camera; NaN without one."""
+    assert clip.camera is not None
+    cameras, seen = clip.camera.world_from_cam, clip.camera.has_camera
+    found_m = np.full((len(seen), 3), np.nan)
+    cam_from_world = cameras[seen, :3, :3].swapaxes(1, 2)
+    away_m = poses.pelvis_m[seen] - cameras[seen, :3, 3]
+    away_m = (cam_from_world @ away_m[..., None])[..., 0]
+    turned_m2 = cam_from_world @ blocks_m2[seen] @ cam_from_world.swapaxes(1, 2)
+    own_m2 = np.diagonal(turned_m2, axis1=1, axis2=2)
+    found_m[seen] = np.sqrt(own_m2 + (share * away_m) ** 2)
+    return found_m
+
+
+def _slow_m2(clip: Clip, known: np.ndarray, config: FusionConfig) -> np.ndarray:
+    """Covariances (T, 3, 3) of what lasts for seconds; between known frames that of the nearest."""
+    rows = np.flatnonzero(known)
+    assert clip.camera is not None
+    rays = _rays(clip)[rows]
+    away_m = np.linalg.norm((clip.motion.pelvis_m - clip.camera.centres_world_m)[rows], axis=1)
+    along_m2 = (config.slow_along_share * away_m) ** 2
+    slow_m2 = along_m2[:, None, None] * rays[:, :, None] * rays[:, None]
+    slow_m2 = slow_m2 + config.slow_place_m**2 * np.eye(3)
+    nearest = np.abs(np.arange(len(known))[:, None] - rows).argmin(axis=1)
+    return np.asarray(slow_m2[nearest])
 
 
 def _rays(clip: Clip) -> np.ndarray:

@@ -9,8 +9,10 @@ from pydantic import Field
 
 from gmrdata.cameras.files import QUALITY_FILE
 from gmrdata.fusion.camera_evidence import (
+    EXACT,
     FusionConfig,
     Noise,
+    WorldErrors,
     error_bars,
     fusion_config_of,
     known_frames,
@@ -212,15 +214,17 @@ def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAU
         shutil.rmtree(fused_dir)
 
 
-def scale_error(quality_path: Path | None) -> float:
-    """Standard error of a pseudo ground truth's scale, as a share of it; 0 where none enters, or
-    the clip is no pseudo ground truth's."""
+def world_errors(quality_path: Path | None, number: int = 0) -> WorldErrors:
+    """What a pseudo ground truth says of its scale, its level and a person's distance; nothing of a
+    clip that is no pseudo ground truth's.  A camera at rest has the error of the distance."""
     if quality_path is None or not quality_path.is_file():
-        return 0.0
+        return EXACT
     quality = PseudoGtQuality.read(quality_path)
-    if quality.scale is None or quality.scale_sigma is None:
-        return 0.0
-    return quality.scale_sigma / quality.scale
+    away = quality.distance_sigmas[number]
+    level_deg = 0.0 if quality.level is None else quality.level.sigma_deg
+    if not quality.scale or quality.scale_sigma is None:
+        return WorldErrors(away, away, level_deg)
+    return WorldErrors(abs(quality.scale_sigma / quality.scale), away, level_deg)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +234,7 @@ class WorldPerson:
     clip: Clip
     seen: np.ndarray  # (T,) bool: frames in which somebody saw the person
     loops: tuple[SamePlace, ...] = ()
-    scale_share: float = 0.0  # standard error of the cameras' scale, as a share of it
+    errors: WorldErrors = EXACT
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +256,7 @@ def _person(given: FusedInputs, number: int, config: FuseConfig) -> WorldPerson:
         raise BadMotionFile(f"{seen_path}: is of other frames than clip {clip.id}; make both again")
     seen = seen_frames(clip) if before is None else before | clip.valid
     loops = tuple(_loop_rows(clip, config))
-    return WorldPerson(clip, seen, loops, scale_error(given.quality_path))
+    return WorldPerson(clip, seen, loops, world_errors(given.quality_path, number))
 
 
 def seen_frames(clip: Clip) -> np.ndarray:
@@ -326,12 +330,12 @@ def fuse_person(
     poses = smooth(motion.fps_hz, seen, motions, feet=feet, loops=person.loops)
     first = int(known.argmax())
     alone = _placed(motion, *found, poses.rotmats[first], poses.pelvis_m[first], first)
-    place_m, turn_deg = error_bars(poses, clip, config, person.scale_share)
+    sigmas = error_bars(poses, clip, config, person.errors)
     source = f"{motion.source}; put together with GMR {gmr.name} (step {gmr.step})"
     motion = replace(motion, root_rotmats=poses.rotmats, pelvis_m=poses.pelvis_m, source=source)
     return FusedClip(
         replace(clip, motion=motion, valid=person.seen),
-        {"place_sigma_m": place_m, "turn_sigma_deg": turn_deg, "has_camera": known},
+        {**sigmas, "has_camera": known},
         noise,
         alone.pelvis_m,
     )

@@ -8,9 +8,10 @@ import numpy as np
 from gmrdata.values.records import ArrayShapes, Config, Figure, Record, read_arrays
 
 RECORD_FILE = "fusion.json"
-SIGMA_FORMAT = "gmrdata-fusion-sigma/1"
+SIGMA_FORMAT = "gmrdata-fusion-sigma/2"
 _SIGMA_SHAPES: ArrayShapes = {
     "place_sigma_m": ("f", ("T", 3)),  # standard deviation of the pelvis, world axes [m]
+    "camera_sigma_m": ("f", ("T", 3)),  # and seen from the camera, its axes; NaN without one [m]
     "turn_sigma_deg": ("f", ("T", 3)),  # and of the root about its own axes [degrees]
     "has_camera": ("b", ("T",)),  # frames whose pose a camera gave, too
 }

@@ -55,6 +55,8 @@ class PseudoGtQuality(Record):
     scale_cues: tuple[CueEstimate, ...]
     level: LevelEstimate | None
     """How level the world is; null where there is none."""
+    distance_sigmas: tuple[Figure, ...]
+    """By person: standard error of the distance from the camera, as a share: of size and lens."""
     camera_motion: MotionClass | Literal["none"]
     """Class of the camera's motion; "none" without a reconstruction."""
     camera_motion_figures: MotionFigures | None
@@ -68,8 +70,8 @@ class PseudoGtQuality(Record):
         if (self.scale is None) != (self.scale_sigma is None):
             raise ValueError("of scale and scale_sigma only one is null")
         class_unknown = self.camera_motion == "none", self.camera_motion_figures is None
-        if len(self.picture_fits) != len(self.people):
-            raise ValueError("picture_fits and people are not of the same people")
+        if not len(self.picture_fits) == len(self.distance_sigmas) == len(self.people):
+            raise ValueError("picture_fits, distance_sigmas and people are not of the same people")
         if set(class_unknown) != {self.cameras is None}:
             raise ValueError("cameras and camera_motion do not say alike whether there is a camera")
         return self
@@ -94,6 +96,7 @@ def quality_of(
         cameras=cameras.quality,
         **_scale_figures(cameras.scale),
         level=cameras.level,
+        distance_sigmas=cameras.distance_sigmas or len(verdicts) * (0.0,),
         camera_motion=camera_motion,
         camera_motion_figures=_rounded(figures),
         people=tuple(verdicts),
@@ -107,6 +110,7 @@ def unsolved_quality(verdicts: Sequence[Verdict]) -> PseudoGtQuality:
         cameras=None,
         **_scale_figures(NO_SCALE),
         level=None,
+        distance_sigmas=len(verdicts) * (0.0,),
         camera_motion="none",
         camera_motion_figures=None,
         people=tuple(verdicts),
@@ -191,6 +195,7 @@ class SolvedCameras:
     dataset_camera: np.ndarray | None = None
     """(T, 4, 4) metric world_from_cam of the data set; NaN where unknown."""
     level: LevelEstimate | None = None  # None before it is known
+    distance_sigmas: tuple[float, ...] = ()  # by person, as a share; none for exact ones
 
 
 def judge_people(

@@ -106,12 +106,14 @@ def make_pseudo_gt(
         cameras = _solved_cameras(evidence, clips)
         try:
             sizes = evidence.size_sigmas or len(clips) * (0.0,)
-            world_clips, scale, level = compose_clips(clips, bodies, cameras, config, sizes)
+            world = compose_clips(clips, bodies, cameras, config, sizes)
         except NoReconstruction as error:
             cuts = cuts_in_words(cameras.quality.cuts_after_frames)
             raise NoReconstruction(f"{error}{cuts}") from None
-        scale = with_focal_error(scale, evidence.focal_sigma)
-        cameras = replace(cameras, scale=scale, level=level)
+        scale = with_focal_error(world.scale, evidence.focal_sigma)
+        common = float(np.hypot(evidence.focal_sigma, config.scale.body_share))
+        away = tuple(float(np.hypot(sigma, common)) for sigma in world.size_sigmas)
+        cameras = replace(cameras, scale=scale, level=world.level, distance_sigmas=away)
         doubts = _doubts(evidence.doubts_path, len(clips), len(cameras.rows))
         seen = evidence.seen
         fits = (
@@ -119,8 +121,8 @@ def make_pseudo_gt(
             if seen is None
             else picture_fits(clips, bodies, seen, config.verdict.off_overlap)
         )
-        record = judge_people(world_clips, cameras, config, doubts, fits)
-        for number, (clip, body) in enumerate(zip(world_clips, bodies, strict=True)):
+        record = judge_people(world.clips, cameras, config, doubts, fits)
+        for number, (clip, body) in enumerate(zip(world.clips, bodies, strict=True)):
             kept = replace(clip, valid=clip.valid & record.people[number].kept)
             save_clip(partial / person_file(number), kept, body.rest_pelvis_m(clip.motion.shape))
         record.write(partial / files.QUALITY_FILE)
@@ -181,13 +183,23 @@ def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:
     return doubts
 
 
+@dataclass(frozen=True, eq=False)
+class ComposedWorld:
+    """People of T frames in one metric, level world."""
+
+    clips: list[Clip]
+    scale: ScaleEstimate
+    level: LevelEstimate
+    size_sigmas: tuple[float, ...]  # by person: standard error of the size, as a share
+
+
 def compose_clips(
     camera_clips: Sequence[Clip],
     bodies: Sequence[BodyModel],
     cameras: SolvedCameras,
     config: PseudoGtConfig,
     size_sigmas: Sequence[float],
-) -> tuple[list[Clip], ScaleEstimate, LevelEstimate]:
+) -> ComposedWorld:
     """The clips of the same T frames in one metric, level world, with its scale and its level.
 
     Who is likely larger or smaller than its body, by the scale that all share, gets another."""
@@ -207,10 +219,14 @@ def compose_clips(
         points=cameras.points,
         dataset_camera=cameras.dataset_camera,
     )
-    numbers = np.cumsum([rows.any() for rows in usable]) - 1
+    found = iter(estimate.sizes)
+    sizes = [
+        next(found, (1.0, sigma)) if rows.any() else (1.0, sigma)
+        for rows, sigma in zip(usable, size_sigmas, strict=True)
+    ]
     camera_clips = [
-        _of_likely_size(clip, body, estimate.size_factor(int(number)) if rows.any() else 1.0)
-        for clip, body, rows, number in zip(camera_clips, bodies, usable, numbers, strict=True)
+        _of_likely_size(clip, body, factor)
+        for clip, body, (factor, _) in zip(camera_clips, bodies, sizes, strict=True)
     ]
     # Without a scale the camera stays in place, also one that was seen to travel a little.
     scale = 0.0 if estimate.scale is None else estimate.scale
@@ -224,7 +240,7 @@ def compose_clips(
         Clip(clip.id, motion_in_world(clip.motion, levelled), rows, clip.image_numbers, camera)
         for clip, rows in zip(camera_clips, usable, strict=True)
     ]
-    return clips, estimate, level
+    return ComposedWorld(clips, estimate, level, tuple(sigma for _, sigma in sizes))
 
 
 def _of_likely_size(clip: Clip, body: BodyModel, factor: float) -> Clip:

@@ -93,19 +93,38 @@ class ScaleEstimate:
         ]
         return max(apart, default=None)
 
-    def size_factor(self, person: int) -> float:
-        """By how much larger a person is likely to be than the body that stands for it, by the
-        scale that all people share: 1 of who is alone, or is of a size that is known."""
-        mine = [cue for cue in self.cues if cue.person == person]
-        if self.scale is None or not mine or person >= len(self.size_sigmas):
-            return 1.0
-        alone, size = fuse(tuple(mine)), self.size_sigmas[person]
-        if not (alone.scale and alone.scale > 0 and alone.sigma and self.scale > 0):
-            return 1.0
-        gain = size**2 / (size**2 + (alone.sigma / alone.scale) ** 2)
-        return 1 + gain * (self.scale / alone.scale - 1)
+    @property
+    def sizes(self) -> tuple[tuple[float, float], ...]:
+        """By person: by how much larger it is likely to be than the body that stands for it, by the
+        scale that all share, and the standard error of that, as a share.  Who is alone, or of a
+        known size, keeps the body's.
+
+        Least squares in logarithms: a cue is the scale less the size of its person, which is 1 but
+        for its error.
+        """
+        n = len(self.size_sigmas)
+        precision, pull = (
+            np.diag([1e-9, *(max(s, LEAST_SIZE) ** -2.0 for s in self.size_sigmas)]),
+            np.zeros(n + 1),
+        )
+        for cue in self.cues:
+            if self.scale is None or cue.scale <= 0 or cue.sigma <= 0:
+                continue
+            row = np.zeros(n + 1)
+            row[0] = 1.0
+            if cue.person is not None and cue.person < n:
+                row[1 + cue.person] = -1.0
+            weight = (cue.scale / cue.sigma) ** 2
+            precision += weight * np.outer(row, row)
+            pull += weight * row * np.log(cue.scale / self.scale) if self.scale > 0 else 0.0
+        covariance = np.linalg.inv(precision)
+        logs = (covariance @ pull)[1:]
+        return tuple(
+            zip(np.exp(logs).tolist(), np.sqrt(covariance.diagonal()[1:]).tolist(), strict=True)
+        )
 
 
+LEAST_SIZE = 1e-4  # standard error of a size that is known, as a share
 NO_SCALE = ScaleEstimate(None, None, (), matters=False)
 
 

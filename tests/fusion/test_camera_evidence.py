@@ -12,6 +12,7 @@ from gmrdata.fusion.camera_evidence import (
     OWN_FUSION,
     FusionConfig,
     Noise,
+    WorldErrors,
     error_bars,
     fusion_config_of,
     known_frames,
@@ -136,7 +137,7 @@ def test_known_and_unseen_frames(motion: Motion) -> None:
     assert not known_frames(replace(clip, camera=None)).any()
 
 
-def test_a_wrong_scale_is_part_of_the_error_bar(motion: Motion) -> None:
+def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion: Motion) -> None:
     clip, n = clip_of(motion), motion.n_frames
     assert clip.camera is not None
     cameras = clip.camera.world_from_cam.copy()
@@ -144,12 +145,18 @@ def test_a_wrong_scale_is_part_of_the_error_bar(motion: Motion) -> None:
     moving = replace(clip, camera=replace(clip.camera, world_from_cam=cameras))
     zero = np.zeros((n, 3, 3))
     poses = FusedPoses(motion.root_rotmats, motion.pelvis_m, zero, zero, 1)
-    place_m, turn_deg = error_bars(poses, moving, CONFIG, scale_share=0.02)
-    assert place_m[0, 0] == pytest.approx(np.hypot(0.2, CONFIG.slow_place_m), rel=1e-3)
-    assert place_m[n // 2].max() < 0.012
-    np.testing.assert_allclose(turn_deg, CONFIG.slow_turn_deg)
-    none_m, _ = error_bars(poses, replace(moving, camera=None), CONFIG, scale_share=0.02)
-    assert none_m.max() == 0
+    bars = error_bars(poses, moving, CONFIG, WorldErrors(0.02, 0.07, 2.0))
+    apart_m = motion.pelvis_m - np.append(motion.pelvis_m[:, :2].mean(axis=0), 0.0)
+    lean_m = np.deg2rad(2.0) / np.sqrt(2) * np.linalg.norm(apart_m[:, :2], axis=1)
+    expected_m2 = (0.02 * apart_m) ** 2 + CONFIG.slow_place_m**2
+    expected_m2[:, 2] += lean_m**2
+    np.testing.assert_allclose(bars["place_sigma_m"] ** 2, expected_m2)
+    away_m = np.linalg.norm(motion.pelvis_m - cameras[:, :3, 3], axis=1)
+    seen_m = np.linalg.norm(bars["camera_sigma_m"], axis=1)
+    np.testing.assert_allclose(seen_m, np.hypot(0.07 * away_m, np.sqrt(3) * CONFIG.slow_place_m))
+    np.testing.assert_allclose(bars["turn_sigma_deg"], np.hypot(CONFIG.slow_turn_deg, np.sqrt(2)))
+    none = error_bars(poses, replace(moving, camera=None), CONFIG, WorldErrors(0.02, 0.07, 2.0))
+    assert none["place_sigma_m"].max() == 0 and np.isnan(none["camera_sigma_m"]).all()
 
 
 def test_a_walking_persons_feet_stand_in_turn(motion: Motion, small_body: BodyModel) -> None:

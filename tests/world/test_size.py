@@ -64,7 +64,7 @@ def test_one_person_carries_the_whole_spread_of_sizes() -> None:
     feet = replace(cue(2.0, 0), name="planted_feet")
     fused = fuse((feet, cue(2.0, 0)), 0.0, (0.07,))
     assert fused.sigma == pytest.approx(np.hypot(0.14, 0.02 / np.sqrt(2)))
-    assert fused.size_factor(0) == pytest.approx(1.0)
+    assert fused.sizes[0] == pytest.approx((1.0, 0.07), rel=1e-3)
 
 
 def test_two_people_share_the_scale_and_get_their_sizes_from_it() -> None:
@@ -72,12 +72,13 @@ def test_two_people_share_the_scale_and_get_their_sizes_from_it() -> None:
     fused = fuse((cue(1.9, 0), cue(2.1, 1)), 0.0, (0.07, 0.07))
     assert fused.scale == pytest.approx(2.0, rel=0.01) and fused.sigma is not None
     assert fused.sigma < 0.07 * 2 and (fused.disagreement or 9) < 1.5
-    assert fused.size_factor(0) == pytest.approx(1.05, abs=0.006)
-    assert fused.size_factor(1) == pytest.approx(0.95, abs=0.006)
+    assert fused.sizes[0][0] == pytest.approx(1.05, abs=0.006)
+    assert fused.sizes[1][0] == pytest.approx(0.95, abs=0.006)
 
 
 def test_a_height_that_was_told_holds_the_scale_for_all() -> None:
     fused = fuse((cue(1.9, 0), cue(2.1, 1)), 0.0, (0.015, 0.07))
     assert fused.scale == pytest.approx(1.92, abs=0.01)
-    assert fused.size_factor(0) == pytest.approx(1.0, abs=0.01)
-    assert fused.size_factor(1) == pytest.approx(0.92, abs=0.01)
+    assert fused.sizes[0][0] == pytest.approx(1.0, abs=0.01)
+    assert fused.sizes[1][0] == pytest.approx(0.92, abs=0.01)
+    assert fused.sizes[1][1] == pytest.approx(np.hypot(0.015, np.sqrt(2) * 0.01), abs=0.002)
