@@ -24,7 +24,7 @@ from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput
-from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside
+from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside, visible
 from gmrdata.values.people import FUSED, PSEUDO_GT
 
 MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
@@ -93,7 +93,7 @@ class ExportedClip(ClipFiles):
 
     def _by_number(self, folder: Path, suffixes: Collection[str]) -> list[Path | None]:
         """The file of each row, by the number in its name."""
-        paths = (path for path in folder.iterdir() if path.suffix.lower() in suffixes)
+        paths = (path for path in visible(folder.iterdir()) if path.suffix.lower() in suffixes)
         by_number = {number_in_name(path.name): path for path in paths}
         return [by_number.get(int(number)) for number in self.clip.image_numbers]
 
@@ -207,7 +207,7 @@ def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
         yield from people
     elif (folder / "clip.npz").is_file():
         yield _rendered_clip(folder / "clip.npz")
-    elif alone := [path for path in sorted(folder.glob("*.npz")) if _is_clip(path)]:
+    elif alone := [path for path in sorted(visible(folder.glob("*.npz"))) if _is_clip(path)]:
         yield from map(_clip_file, alone)
     else:
         what = "no manifest, and no folder that a stage of gmrdata left with clips"
@@ -219,7 +219,7 @@ def _manifest_in(folder: Path) -> Path | None:
     for name in MANIFESTS:
         if (folder / name).is_file():
             return folder / name
-    others = [path for path in sorted(folder.glob("*.yaml")) if _is_manifest(path)]
+    others = [path for path in sorted(visible(folder.glob("*.yaml"))) if _is_manifest(path)]
     if len(others) > 1:
         names = ", ".join(path.name for path in others)
         raise MissingInput(f"{folder}: holds several manifests. Name one of {names}")

@@ -23,7 +23,7 @@ from gmrdata.read.source_motion import (
 )
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
-from gmrdata.values.files import read_npz
+from gmrdata.values.files import read_npz, require_text, visible
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
 
@@ -95,6 +95,7 @@ def read_file(
     path: Path, body: BodyModel, config: ReadConfig, *, shape: np.ndarray | None = None
 ) -> FileReading:
     """`read_motion` as a recipe says, with where the rate is from and the residual."""
+    require_text(path, BadMotionFile)
     _check_options(path, body, config.unit_m, shape)
     if path.suffix.lower() == ".npz":
         motion, residual = read_amass(path, body, config, shape=shape), None
@@ -108,6 +109,7 @@ def read_file(
 
 def read_poses(path: Path, body: BodyModel, config: ReadConfig) -> Motion:
     """The same for its local poses: not on the floor, and whichever axis is up."""
+    require_text(path, BadMotionFile)
     if path.suffix.lower() == ".npz":
         return read_amass(path, body, config.model_copy(update={"up": "z"}), ground=False)
     said = Retargeting(ground=False, any_up=True)
@@ -168,7 +170,7 @@ def find_motions(folder: Path) -> list[Path]:
     folder = Path(folder)
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
-    paths = (path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
+    paths = (path for path in visible(folder.rglob("*")) if path.suffix.lower() in SUFFIXES)
     inside = (path for path in paths if path.resolve().is_relative_to(folder.resolve()))
     found = [path for path in inside if path.is_file() and _is_motion(path)]
     as_amc = {_trial(file) for file in found if file.suffix.lower() == ".amc"}

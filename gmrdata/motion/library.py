@@ -39,6 +39,7 @@ from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
+from gmrdata.values.files import as_text
 from gmrdata.values.records import Config, Record
 
 LICENCES = {
@@ -66,7 +67,7 @@ def gait_source(name: str) -> Source:
 
 def file_source(stem: str) -> Source:
     """A motion file, known as CMU's by a name like 02_03."""
-    return Source(dataset="CMU" if is_trial(stem) else "file", sequence=stem)
+    return Source(dataset="CMU" if is_trial(stem) else "file", sequence=as_text(stem))
 
 
 def _source(path: Path, inside: Path) -> Source:
@@ -80,7 +81,7 @@ def _source(path: Path, inside: Path) -> Source:
     tail = PurePosixPath(*(*given, *inside.parts)[-3:])
     in_amass = path.suffix.lower() == ".npz" and path.stem.endswith(("_poses", "_stageii"))
     if in_amass and len(tail.parts) == 3:
-        return Source(dataset="AMASS", sequence=tail.with_suffix("").as_posix())
+        return Source(dataset="AMASS", sequence=as_text(tail.with_suffix("").as_posix()))
     return file_source(path.stem)
 
 

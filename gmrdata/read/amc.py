@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.numbers import LARGEST_IN_TEXT, bad_line, parse_floats, plain_rows, read_text
 from gmrdata.read.source_motion import SourceMotion, check_rate_hz, cmu_rate_hz, recorded_rows
 from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.files import visible
 from gmrdata.values.joint_names import is_cmu
 from gmrdata.values.transforms import between, euler_rotmats
 
@@ -249,7 +250,7 @@ def read_amc(
 def find_asf(amc_path: Path) -> Path:
     """The skeleton that lies beside an AMC file."""
     subject = amc_path.stem.rpartition("_")[0]
-    found = sorted(p for p in amc_path.parent.glob("*") if p.suffix.lower() == ".asf")
+    found = sorted(p for p in visible(amc_path.parent.glob("*")) if p.suffix.lower() == ".asf")
     there = [path for path in found if path.is_file()]
     named = [p for stem in (amc_path.stem, subject) for p in there if p.stem == stem]
     if named or len(there) == 1:

@@ -12,6 +12,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import HANDS, N_JOINTS, PARENTS, BodyModel, of_equal_size
 from gmrdata.values.errors import BadBodyFile, BrokenPickle, MissingInput
+from gmrdata.values.files import visible
 from gmrdata.values.records import Config
 
 N_SHAPE = 16
@@ -174,7 +175,7 @@ _IN_FOLDER = ("*", "*/*", "*/*/*")
 def body_files(folder: Path) -> list[Path]:
     """The bodies' files in a folder and the two levels below: all that is gmrdata's own body, or
     says a gender in its name or its folder's.  Links that lead out of the folder are left out."""
-    found = {path for pattern in _IN_FOLDER for path in folder.glob(pattern)}
+    found = {path for pattern in _IN_FOLDER for path in visible(folder.glob(pattern))}
     inside = (path for path in found if path.resolve().is_relative_to(folder.resolve()))
     files = (path for path in inside if path.suffix in (".npz", ".pkl") and path.is_file())
     return sorted(path for path in files if says_gender(path) or is_own_body(path))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmrdata.values.errors import BadFrames, MissingInput
-from gmrdata.values.files import write_bytes
+from gmrdata.values.files import require_text, visible, write_bytes
 from gmrdata.values.frame_set import VIDEO_FILE, FrameSet, VideoRecord
 from gmrdata.values.limits import MOST_DIGITS, MOST_PIXELS
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
+OF_NO_FRAME = re.compile(r"[0-9]+x[0-9]+|@[0-9]+x|[0-9]+(px|p|fps|hz)(?![a-z])", re.IGNORECASE)
+"""Of a name like `frame0012_180x240.jpg`, `0012@2x.png` or `0012_1080p.png`."""
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 ORIENTATION = 0x112  # EXIF 2.32, 4.6.4 A
 # Pillow warns of EXIF that is cut off, which is common and no fault of the picture.
@@ -34,7 +36,8 @@ warnings.filterwarnings("ignore", module=r"PIL\.TiffImagePlugin")
 
 
 def image_number(path: Path) -> int:
-    """Number of a frame: the last run of digits in the file's stem (`image_00012.jpg` -> 12)."""
+    """Number of a frame: the last run of digits in the file's stem (`image_00012.jpg` -> 12), but
+    for a size, `frame0012_180x240.jpg`."""
     number = number_in_name(path.name)
     if number is None:
         what = f"no number in the name, or one of more than {MOST_DIGITS} digits"
@@ -43,8 +46,10 @@ def image_number(path: Path) -> int:
 
 
 def number_in_name(name: str) -> int | None:
-    """The last run of digits in a file name without its suffix; None without, or if too long."""
-    runs = re.findall(r"[0-9]+", PurePosixPath(name).stem)
+    """The last run of digits in a file name without its suffix, which is part of no size or rate
+    if there is another; None without, or if too long."""
+    stem = PurePosixPath(name).stem
+    runs = re.findall(r"[0-9]+", OF_NO_FRAME.sub(" ", stem)) or re.findall(r"[0-9]+", stem)
     digits = runs[-1].lstrip("0") if runs else ""
     return int(digits or 0) if runs and len(digits) <= MOST_DIGITS else None
 
@@ -96,13 +101,15 @@ def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of images")
     paths = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
-    numbered = sorted((image_number(path), path) for path in paths)
+    numbered = sorted((image_number(path), path) for path in visible(paths))
     numbered = [(number, path) for number, path in numbered if number not in left_out]
+    for _, path in numbered:
+        require_text(path, BadFrames)
     if len(numbered) < 2:
         but = f" but {len(left_out)} left out" if left_out else ""
         what = f"{len(numbered)} image(s){but}; at least 2 frames (.jpg or .png) needed"
         raise BadFrames(f"{folder}: {what}")
-    _require_one_each(folder, [number for number, _ in numbered], left_out)
+    _require_one_each(folder, numbered, left_out)
     return [path for _, path in numbered]
 
 
@@ -190,10 +197,14 @@ def image_bytes(suffix: str, image: np.ndarray, params: Sequence[int] = ()) -> b
     return encoded.tobytes()
 
 
-def _require_one_each(folder: Path, numbers: list[int], left_out: Collection[int]) -> None:
-    for before, after in pairwise(numbers):
+def _require_one_each(
+    folder: Path, numbered: list[tuple[int, Path]], left_out: Collection[int]
+) -> None:
+    for (before, one), (after, other) in pairwise(numbered):
         if before == after:
-            raise BadFrames(f"{folder}: two images have the number {after}; keep one of them")
+            what = f"two images have the number {after}, {one.name} and {other.name}"
+            remedy = "name frames like 00012.jpg, and keep other pictures in another folder"
+            raise BadFrames(f"{folder}: {what}; {remedy}")
         # A gap may be of a billion numbers, so those that may lack are counted, not listed.
         n_missing = after - before - 1 - sum(before < number < after for number in set(left_out))
         if n_missing:

@@ -16,7 +16,7 @@ import numpy as np
 from gmrdata.read.frames import number_in_name
 from gmrdata.values.body import JOINT, N_JOINTS
 from gmrdata.values.errors import BadKeypoints, MissingInput
-from gmrdata.values.files import read_json
+from gmrdata.values.files import read_json, visible
 
 OPENPOSE_JOINTS = {
     1: JOINT["neck"],
@@ -60,7 +60,7 @@ def keypoint_files(folder: Path) -> dict[int, Path]:
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of keypoints, one JSON file per frame")
     files: dict[int, Path] = {}
-    for path in sorted(folder.glob("*.json")):
+    for path in sorted(visible(folder.glob("*.json"))):
         number = number_in_name(path.name)
         if number is None:
             raise BadKeypoints(f"{path}: no number in the name; name it 00012_keypoints.json")

@@ -11,7 +11,7 @@ import threading
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecord, GmrdataError, MissingInput
 from gmrdata.values.limits import Budget, OverBudget
 
 STAGE_FILE, RECIPE_FILE = "stage.json", "recipe.json"
@@ -29,6 +29,25 @@ _BESIDE_A_STAGE = re.compile(r"\..+\.(lock|inputs)(\..+)?")
 _TEMPORARY_NAME = re.compile(r"\..+\.(?P<host>[0-9a-f]{12})-(?P<pid>\d+)-\d+\.tmp(\..*)?")
 """`temporary_name`: what the file is called that a process writes."""
 ORPHAN_AGE_S = 86400.0  # after which another machine's unfinished file has lost its process
+
+
+def visible(paths: Iterable[Path]) -> Iterator[Path]:
+    """Those that a person put there: macOS leaves `._name`, `.DS_Store` and `__MACOSX` beside them,
+    and other systems what begins with a dot too."""
+    for path in paths:
+        if not path.name.startswith(".") and "__MACOSX" not in path.parts:
+            yield path
+
+
+def as_text(name: object) -> str:
+    """A name as records and pages can hold it: bytes that are no UTF-8 as `\\xfc`."""
+    return str(name).encode(errors="surrogateescape").decode(errors="backslashreplace")
+
+
+def require_text(path: Path, error: type[GmrdataError]) -> None:
+    """Raise an error for a name whose bytes are no UTF-8, as zip files of Windows unpack them."""
+    if as_text(path.name) != path.name:
+        raise error(f"{as_text(path)}: the bytes of its name are no UTF-8. Rename it")
 
 
 def sha256_of_file(path: Path) -> str:
@@ -145,7 +164,12 @@ def write_json(path: Path, value: Any) -> None:
 
 def json_text(value: Any) -> str:
     """What `write_json` writes."""
-    return json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n"
+    text = json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n"
+    # Names whose bytes are no UTF-8 stand in it as halves of surrogate pairs, which nobody reads.
+    return _LONE_HALF.sub(r"\\\\x\1", text) if "\\udc" in text else text
+
+
+_LONE_HALF = re.compile(r"(?<!\\)(?<!\\ud[89ab][0-9a-f]{2})\\udc([89a-f][0-9a-f])")
 
 
 def read_json(path: Path) -> Any:

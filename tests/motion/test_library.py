@@ -113,6 +113,24 @@ def test_bad_files_are_listed_at_the_end(tmp_path: Path, body_path: Path, worker
     assert not list((out / "failed").glob("*.txt"))
 
 
+def test_a_name_that_is_no_text_loses_no_other_file(tmp_path: Path, body_path: Path) -> None:
+    """As zip files of Windows unpack it; what macOS puts beside files is no motion."""
+    root = tmp_path / "AMASS"
+    write_amass(root, NAMES[:2])
+    named = root / f"{NAMES[0]}.npz"
+    for other in (named.with_name(f"._{named.name}"), root / "__MACOSX" / named.name):
+        other.parent.mkdir(exist_ok=True)
+        other.write_bytes(b"\0\5\x16\7")
+    named.rename(named.with_name("aufschw\udcfcnge_poses.npz"))
+    with pytest.raises(BadMotionFile) as refused:
+        make_library((root,), str(body_path), tmp_path / "out", run=Run(workers=1))
+    said = str(refused.value).splitlines()
+    assert said[0].startswith("1 of 2 files could not be read; motions.yaml lists the others")
+    assert r"aufschw\xfcnge_poses.npz: the bytes of its name are no UTF-8. Rename it" in said[1]
+    assert len(clips_of(tmp_path / "out" / "motions.yaml")) == 1
+    assert motion_table((root,), str(body_path)).bad.encode()
+
+
 def test_nothing_readable_leaves_no_manifest(tmp_path: Path, body_path: Path) -> None:
     (tmp_path / "walk.bvh").write_text("HIERARCHY")
     with pytest.raises(BadMotionFile, match=r"1 of 1 files could not be read; there is no manif"):

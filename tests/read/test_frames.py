@@ -117,6 +117,39 @@ def test_exif_that_is_nonsense_is_upright_or_turned(tail: bytes) -> None:
         assert 1 <= exif_orientation(jpeg[: len(jpeg) // 2]) <= 8
 
 
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("frame0001_180x240.jpg", 1),
+        ("0012@2x.png", 12),
+        ("0012_1080p.png", 12),
+        ("00012_640px_30fps.jpg", 12),
+        ("1920x1080_00012.jpg", 12),
+        ("frame-000012.color.png", 12),
+        ("cam2x10.jpg", 10),
+        ("shot720p.png", 720),
+        ("IMG_20240101_0003.jpg", 3),
+    ],
+)
+def test_a_size_in_the_name_is_no_number_of_a_frame(name: str, number: int) -> None:
+    """It is where the name has no other number."""
+    assert image_number(Path(name)) == number
+
+
+def test_what_macos_puts_beside_files_is_left_out(tmp_path: Path) -> None:
+    put(tmp_path, "frame0001_18x24.jpg", "frame0002_18x24.jpg")
+    for name in ("._frame0001_18x24.jpg", "._frame0003_18x24.jpg", ".DS_Store"):
+        (tmp_path / name).write_bytes(b"\0\5\x16\7")
+    assert [path.name[:9] for path in list_images(tmp_path)] == ["frame0001", "frame0002"]
+
+
+def test_an_image_whose_name_is_no_text_is_named(tmp_path: Path) -> None:
+    put(tmp_path, "1.jpg", "2.jpg")
+    (tmp_path / "2.jpg").rename(tmp_path / "caf\udce9_2.jpg")
+    with pytest.raises(BadFrames, match=r"caf\\xe9_2\.jpg: .*Rename it"):
+        list_images(tmp_path)
+
+
 def test_a_missing_folder_and_no_images(tmp_path: Path) -> None:
     with pytest.raises(MissingInput, match="no such folder of images"):
         list_images(tmp_path / "nothing")
@@ -132,7 +165,7 @@ def test_a_missing_folder_and_no_images(tmp_path: Path) -> None:
         (["1.png", f"{'9' * 200}.png"], "more than 9 digits; name frames like"),
         (["0.jpg", "1.jpg", "3.jpg"], "frame 2 missing between 1 and 3"),
         (["00.jpg", "09.jpg"], "frame 1 to 8 missing between 0 and 9"),
-        (["1.jpg", "1.png", "2.jpg"], "two images have the number 1"),
+        (["1.jpg", "1.png", "2.jpg"], r"two images have the number 1, 1\.jpg and 1\.png; name fr"),
         (["a.jpg", "1.jpg"], "a.jpg: no number in the name"),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmrdata.values.errors import BadRecord, MissingInput
-from gmrdata.values.files import write_npz
+from gmrdata.values.files import read_json, write_json, write_npz
 from gmrdata.values.records import ArrayShapes, Record, read_arrays
 
 ROWS: ArrayShapes = {"rows": ("i", ("N",))}
@@ -71,6 +71,15 @@ def test_another_format_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(BadRecord, match="gmrdata-measured/1"):
         Measured.read(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "read"),
+    [("H\udcfcft", r"H\xfcft"), ("\U0001f4fc", "\U0001f4fc"), (r"\udcfc", r"\udcfc")],
+)
+def test_a_name_that_is_no_text_stays_readable(tmp_path: Path, text: str, read: str) -> None:
+    write_json(tmp_path / "a.json", {"file": text})
+    assert read_json(tmp_path / "a.json") == {"file": read}
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

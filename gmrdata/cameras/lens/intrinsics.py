@@ -21,6 +21,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import ASSUMED, GIVEN, Lens, Origin, Source
 from gmrdata.values.errors import BadIntrinsics
+from gmrdata.values.files import as_text
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import PART, Config, Figure, Record
 
@@ -203,7 +204,9 @@ def _known(given: GivenIntrinsics | None, frames: FrameSet) -> tuple[Lens, str] 
 
 def _given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Lens, str]:
     if given.file is not None:
-        return _lens_of_file(given.file, size_px), f"The lens is that of {given.file.name}."
+        return _lens_of_file(
+            given.file, size_px
+        ), f"The lens is that of {as_text(given.file.name)}."
     origin = Origin("given", GIVEN_SIGMA)
     if given.fov_deg is not None:
         focal_px = 0.5 * size_px[0] / float(np.tan(np.deg2rad(given.fov_deg) / 2))

@@ -12,7 +12,7 @@ from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
 from gmrdata.read.torch_files import load_tensors
 from gmrdata.values.body import HANDS
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.files import read_npz
+from gmrdata.values.files import read_npz, require_text
 from gmrdata.values.people import (
     POSES_FILE,
     EstimatedPeople,
@@ -46,6 +46,7 @@ def read_system(path: Path, need: Part = "poses") -> EstimatedPeople:
     Raises:
         MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: name the file and the remedy.
     """
+    require_text(path, BadMotionFile)
     found = _read(path)
     if not found.people:
         what = "has no person in it: nobody is seen in any frame"
