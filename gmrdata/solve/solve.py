@@ -240,7 +240,8 @@ def _people(solved: Solved) -> Solved:
     remarks = (*record.notes, *record.left_out)
     if people.are_own and solved.followed_dir is not None:
         followed = FollowedRecord.read(solved.followed_dir / FOLLOWED_FILE)
-        remarks = (*remarks, *followed.doubts())
+        own = (f"{name}: {doubt}" for name, doubt in _own_doubts(solved).items())
+        remarks = (*remarks, *followed.doubts(), *own)
     return replace(solved, bodies=bodies, remarks=remarks)
 
 
@@ -265,6 +266,15 @@ def _own_poses(solved: Solved, lens: Lens) -> Path | None:
     return poses_dir if LocalPosesRecord.read(poses_dir / POSES_FILE).people else None
 
 
+def _own_doubts(solved: Solved) -> dict[str, str]:
+    """Why people of the built-in estimator may be wrong as a whole, by their clips' names."""
+    people = solved.request.people
+    if not isinstance(people, EstimatedPeople) or not people.are_own:
+        return {}
+    record = LocalPosesRecord.read(solved.out_dir / OWN_POSES / POSES_FOLDER / POSES_FILE)
+    return {f"person_{n}": doubt for n, doubt in enumerate(record.doubts) if doubt}
+
+
 def _world(solved: Solved) -> Solved:
     """The people in a metric, level world."""
     if not solved.bodies:
@@ -275,7 +285,8 @@ def _world(solved: Solved) -> Solved:
     doubts_path = given.doubts_path
     if doubts_path is None:
         clips = [load_clip(person.clip_path) for person in solved.bodies]
-        doubts_path = write_doubts(solved.out_dir, clips, solved.frames.video, lens)
+        of_people = _own_doubts(solved)
+        doubts_path = write_doubts(solved.out_dir, clips, solved.frames.video, lens, of_people)
     evidence = WorldEvidence(
         sfm_dir=solved.sfm_dir,
         people=solved.bodies,

@@ -3,7 +3,7 @@
 Besides the cameras its times, its lost frames, its lens and people not seen speak against it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, Self
 
@@ -31,6 +31,7 @@ from gmrdata.world.judge import load_record
 from gmrdata.world.recipe import Doubts, Verdict, verdict_of
 
 DOUBTS_FILE = "doubts.json"
+NO_DOUBTS: Mapping[str, str] = {}
 MAX_RATE_ERROR = 0.05
 """Share by which the rate of a body may differ from that of the video."""
 RATE_OVER_S = 0.5  # over which the same holds of a video whose rate varies [s]
@@ -58,12 +59,17 @@ def lost_frames(video: VideoRecord | None) -> Iterator[str]:
 
 
 def write_doubts(
-    out_dir: Path, clips: Sequence[Clip], video: VideoRecord | None, lens: Intrinsics | None
+    out_dir: Path,
+    clips: Sequence[Clip],
+    video: VideoRecord | None,
+    lens: Intrinsics | None,
+    of_people: Mapping[str, str] = NO_DOUBTS,
 ) -> Path | None:
     """`doubts.json` on people before the camera: what the video's times and losses say.
 
     Of a system's people, whose lens is found beside them, also frames without a pose and what the
-    lens says.  None without a record where bodies are given with their lens, and nothing is said.
+    lens says; `of_people` says by a clip's id what speaks against all of its frames.  None without
+    a record where bodies are given with their lens, and nothing is said.
     """
     path, doubts = out_dir / DOUBTS_FILE, video_doubts(video, clips)
     if lens is not None:
@@ -71,6 +77,8 @@ def write_doubts(
             tuple(one or other for one, other in zip(mine, its, strict=True))
             for mine, its in zip(unseen_reasons(clips), doubts.frames, strict=True)
         )
+        wrong = (of_people.get(clip.id, "") for clip in clips)
+        frames = tuple(len(of) * (w,) if w else of for w, of in zip(wrong, frames, strict=True))
         doubts = Doubts(frames=frames, sequence=(*doubts.sequence, *lens.objections))
     elif not (doubts.sequence or any(map(any, doubts.frames))):
         path.unlink(missing_ok=True)

@@ -169,6 +169,8 @@ class LocalPosesRecord(Record):
     size_px: tuple[int, int]
     body: str
     """Of whose mean shape the places are."""
+    doubts: tuple[str, ...]
+    """Of each person why the poses may be wrong as a whole; empty where nothing says so."""
 
 
 def load_local_poses(folder: Path) -> tuple[LocalPosesRecord, list[LocalPoses]]:

@@ -118,3 +118,10 @@ def test_and_so_of_every_lens_by_its_error_but_one_that_is_given() -> None:
     assert most("self_calibrated", 0.03) == pytest.approx(0.06)
     assert most("metadata", 0.12) == pytest.approx(0.24)
     assert most("self_calibrated", 0.002) == most("given", 0.094) == 0.01
+
+
+def test_a_person_who_is_doubted_has_no_frame(anny: BodyModel, tmp_path: Path) -> None:
+    clips = [replace(walk(anny), id=f"person_{n}") for n in range(2)]
+    path = write_doubts(tmp_path, clips, None, lens("given", 0.01), {"person_1": "front and back"})
+    assert path is not None
+    assert [set(of) for of in Doubts.read(path).frames] == [{""}, {"front and back"}]

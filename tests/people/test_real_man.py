@@ -1,0 +1,103 @@
+"""A real man before a camera: a second of landmarks and of his true joints, as numbers.
+
+Camera 2 of perfanalytics/pose2sim's Demo_SinglePerson (BSD-3): frames 0 to 59 at 60 Hz, as
+BlazePose GHUM heavy and lite see them, and shoulders, elbows, wrists, hips, knees and ankles
+by four cameras, left first, before this one [m].  Lite takes his front for his back at times.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.people.facing import looks_reversed, mirrored, unsure_frames
+from gmrdata.people.fit import FitConfig, fit
+from gmrdata.people.landmark_body import SeenLandmarks
+from gmrdata.people.local_poses import LocalPosesConfig, sure_frames
+from gmrdata.values.body import BodyModel
+from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.transforms import fit_similarities
+
+TWELVE = [16, 17, 18, 19, 20, 21, 1, 2, 4, 5, 7, 8]
+
+
+@pytest.fixture(scope="module")
+def numbers() -> dict[str, np.ndarray]:
+    with np.load(Path(__file__).with_name("man_camera_2.npz")) as file:
+        return {key: file[key].astype(np.float64) for key in file.files}
+
+
+def seen_by(network: str, numbers: dict[str, np.ndarray], every: int = 1) -> SeenLandmarks:
+    rays, world_m, visibility = (
+        numbers[f"{network}_{key}"][::every] for key in ("rays", "world_m", "visibility")
+    )
+    return SeenLandmarks(np.arange(60)[::every] / 60, rays, world_m, visibility)
+
+
+def mean_rest_m(body: BodyModel) -> np.ndarray:
+    return body.rest_joints_m(np.zeros(body.n_shape))
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_the_body_lies_on_the_man_at_any_frame_rate(
+    every: int, numbers: dict[str, np.ndarray], anny: BodyModel
+) -> None:
+    """A fit of 60 steps moved joints by 2 mm at 60 Hz and by 90 at 15."""
+    found = fit(seen_by("heavy", numbers, every), mean_rest_m(anny), FitConfig())
+    assert found.converged
+    joints_m, _ = posed_joints_m(mean_rest_m(anny), found.rotmats, found.pelvis_m)
+    joints_m, true_m = joints_m[:, TWELVE], numbers["true_m"][::every]
+    off_m = fit_similarities(true_m, joints_m).apply(joints_m) - true_m
+    assert 1000 * np.linalg.norm(off_m, axis=-1).mean() < 62
+    ratio = joints_m[:, 6:8, 2].mean(axis=1) / true_m[:, 6:8, 2].mean(axis=1)
+    assert 0.94 < np.median(ratio) < 1.03
+
+
+def test_a_view_that_was_seen_right_has_no_doubts(
+    numbers: dict[str, np.ndarray], anny: BodyModel
+) -> None:
+    seen = seen_by("heavy", numbers)
+    sure, doubt = sure_frames(seen, anny, LocalPosesConfig())
+    assert sure.all() and not doubt
+    assert not looks_reversed(seen, mean_rest_m(anny), FitConfig())
+
+
+def test_a_view_that_is_partly_reversed_is_doubted(
+    numbers: dict[str, np.ndarray], anny: BodyModel
+) -> None:
+    sure, doubt = sure_frames(seen_by("lite", numbers), anny, LocalPosesConfig())
+    assert sure.all() and doubt == "front and back may be exchanged in 60 of 60 frames"
+
+
+def spoiled(seen: SeenLandmarks, frames: slice) -> SeenLandmarks:
+    """The same with some frames seen from the wrong side."""
+    other = mirrored(seen)
+    rays, world_m = seen.rays.copy(), seen.world_m.copy()
+    rays[frames], world_m[frames] = other.rays[frames], other.world_m[frames]
+    return SeenLandmarks(seen.times_s, rays, world_m, seen.visibility)
+
+
+def test_a_few_reversed_frames_are_left_out(
+    numbers: dict[str, np.ndarray], anny: BodyModel
+) -> None:
+    seen = spoiled(seen_by("heavy", numbers), slice(34, 40))
+    sure, doubt = sure_frames(seen, anny, LocalPosesConfig())
+    assert np.flatnonzero(~sure).tolist() == [*range(34, 40)] and not doubt
+
+
+@pytest.mark.parametrize("at", [slice(0, 36), slice(24, 60)])
+def test_a_long_run_that_looks_the_other_way_is_told(
+    at: slice, numbers: dict[str, np.ndarray]
+) -> None:
+    """Six tenths of a second each way: the fewer frames are unsure, and too many to go on."""
+    seen = seen_by("heavy", numbers)
+    late = SeenLandmarks(seen.times_s * 2, seen.rays, seen.world_m, seen.visibility)
+    unsure = unsure_frames(spoiled(late, at))
+    assert unsure.sum() == 24 and len(set(unsure[at])) == 1
+
+
+def test_a_view_that_is_reversed_throughout_is_doubted(
+    numbers: dict[str, np.ndarray], anny: BodyModel
+) -> None:
+    seen = mirrored(seen_by("heavy", numbers))
+    assert sure_frames(seen, anny, LocalPosesConfig())[1].startswith("a body that looks the other")
