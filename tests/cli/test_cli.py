@@ -10,6 +10,7 @@ from collections.abc import Callable
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -314,6 +315,25 @@ def test_blender_that_does_not_start_is_said_with_its_remedy(
     assert part().note.endswith("name another one, or unset it")
     gone = doctor.blender_part()
     assert gone.state == "missing" and gone.required and "/no/python: no such program" in gone.note
+
+
+def test_blender_setup_says_what_it_made_or_why_that_does_not_start(
+    gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = Mock(return_value=tmp_path)
+    monkeypatch.setattr(doctor.environment, "set_up", asked)
+    part = doctor.Part("blender", "Blender", "there", "5.0.1", "python 3.11.7 in /there")
+    monkeypatch.setattr(doctor, "blender_part", lambda: part)
+    said = gmrdata("blender", "setup", "--python", "3.13", "--redo")
+    assert said.returncode == 0 and said.stdout == "Blender 5.0.1: python 3.11.7 in /there\n"
+    asked.assert_called_once_with(Path("3.13"), redo=True)
+    part = part._replace(
+        state="broken", found="libSM.so.6: no such file", note="render. apt-get it"
+    )
+    said = gmrdata("blender", "setup")
+    assert said.returncode == 1
+    told = f"{tmp_path}: Blender does not start: libSM.so.6: no such file. It is needed for render"
+    assert told in said.stderr and "apt-get it" in said.stderr
 
 
 def test_models_and_bodies_are_looked_into(empty_cache: Path, small_body: BodyModel) -> None:

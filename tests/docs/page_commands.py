@@ -9,7 +9,7 @@ from pathlib import Path
 
 import tyro
 
-from gmrdata.cli import VERBS, baselines, blender_environment, motion_files, pseudo_gt
+from gmrdata.cli import VERBS, baselines, motion_files, pseudo_gt
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES = ("README.md", "CONTRIBUTING.md", "manifests/FORMAT.md")
@@ -19,7 +19,6 @@ COMMENT = re.compile(r"(?:^|\s)#\s.*$")
 NEEDS = re.compile(r"\bneeds\b")
 """The word by which a page says that a command takes more than the repository has."""
 SUBVERBS: dict[str, Callable[..., None]] = {
-    "blender setup": blender_environment.blender_setup,
     "manifest check": motion_files.manifest_check,
     "manifest show": motion_files.manifest_show,
     "manifest diff": motion_files.manifest_diff,
