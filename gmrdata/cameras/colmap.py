@@ -8,6 +8,7 @@ import numpy as np
 import pycolmap as pycolmap
 
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.stage.workers import give_sigterm_back
 from gmrdata.values import transforms
 from gmrdata.values.camera import project_cam
 
@@ -21,6 +22,7 @@ LEAST_NOISE_PX = 0.05  # image points are never taken to be better
 
 # Only fatal messages: what goes wrong is told by our own errors, with the file and the remedy.
 pycolmap.logging.minloglevel = 3
+give_sigterm_back()
 
 
 def matrix_of(rigid: Any) -> np.ndarray:

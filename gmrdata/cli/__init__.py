@@ -1,7 +1,15 @@
 """The command line: one verb per capability.  Each verb imports its stage only when it runs."""
 
+import signal
 import sys
+import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from functools import wraps
+from inspect import signature
+from pathlib import Path
+from typing import Any
 
 import tyro
 
@@ -19,7 +27,7 @@ from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.shards import merge, share
 from gmrdata.cli.video import masks, page, sfm, video
-from gmrdata.values.errors import GmrdataError, nearest
+from gmrdata.values.errors import GmrdataError, MissingInput, nearest
 
 _NETWORKS = {
     "--model": "--detector",
@@ -68,7 +76,61 @@ _VERBS: tuple[Callable[..., None], ...] = (
     floor, train, infer, delta_errors, fuse, evaluate, compare, export, baseline, tables, merge,
     report, run,
 )  # fmt: skip
-VERBS = {verb.__name__.replace("_", "-"): verb for verb in _VERBS}
+OUTPUTS = ("out", "redo", "run", "demo_out")
+"""Arguments of verbs that name no file to read."""
+WORDS = ("own", "none", "bundled")
+"""What may stand for a path where a verb says so."""
+
+
+def _looked_at(verb: Callable[..., None]) -> Callable[..., None]:
+    """The verb, that says first which of its files are not there."""
+
+    @wraps(verb)
+    def looks(*args: Any, **given: Any) -> None:
+        for path in _paths(signature(verb).bind(*args, **given).arguments):
+            if str(path) not in WORDS and not path.exists():
+                raise MissingInput(f"{path}: no such file or folder")
+        verb(*args, **given)
+
+    return looks
+
+
+def _paths(arguments: Mapping[str, Any]) -> Iterator[Path]:
+    """The files that a verb is given, those in groups of flags too."""
+    for name, value in arguments.items():
+        if name in OUTPUTS:
+            continue
+        if isinstance(value, Path):
+            yield value
+        elif isinstance(value, tuple):
+            yield from (one for one in value if isinstance(one, Path))
+        elif is_dataclass(value) and not isinstance(value, type):
+            yield from _paths({one.name: getattr(value, one.name) for one in fields(value)})
+
+
+VERBS = {verb.__name__.replace("_", "-"): _looked_at(verb) for verb in _VERBS}
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, as a cluster sends it at the end of a job's time."""
+
+
+@contextmanager
+def _terms() -> Iterator[None]:
+    """SIGTERM ends what is inside as Ctrl-C does."""
+
+    def end(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # what is under way is put away in peace
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -80,7 +142,7 @@ def main(arguments: list[str] | None = None) -> None:
     if wrong := misspelled(arguments, VERBS):
         fail(wrong, code=2)
     try:
-        with share(arguments):
+        with _terms(), share(arguments):
             tyro.extras.subcommand_cli_from_dict(
                 VERBS,
                 prog="gmrdata",
@@ -91,5 +153,6 @@ def main(arguments: list[str] | None = None) -> None:
         fail(str(error))
     except OSError as error:
         fail(explain(error))
-    except KeyboardInterrupt:
-        fail("stopped. The same command goes on where it was", code=130)
+    except KeyboardInterrupt as error:
+        code = 143 if isinstance(error, Terminated) else 130
+        fail("stopped. The same command goes on where it was", code=code)

@@ -99,6 +99,7 @@ def baseline_joint_train(
     out: Path,
     recipe: Path | None = None,
     body: flags.Body = "anny",
+    device: flags.Device = None,
     redo: flags.Redo = False,
 ) -> None:
     """Train the non-sequential model: local pose and world motion together from image features.
@@ -113,6 +114,7 @@ def baseline_joint_train(
 
     flags.need(manifests, "a manifest file")
     config = JointConfig() if recipe is None else load_recipe(recipe, JointConfig)
+    config = flags.on_device(config, device)
     path, run = flags.body_path(body), Run(redo=redo)
     answer(train_joint(manifests, features, out, config, body_path=path, run=run))
 

@@ -28,6 +28,7 @@ def train(
     recipe: flags.RecipeName = "gmr",
     body: flags.Body = "anny",
     held_out: tuple[Path, ...] = (),
+    device: flags.Device = None,
     redo: flags.Redo = False,
 ) -> None:
     """Train GMR on the clips of manifests.  A run that was stopped goes on where it was.
@@ -40,7 +41,7 @@ def train(
     from gmrdata.gmr.train import train as train_gmr
 
     flags.need(manifests, "a manifest file")
-    config = flags.read_recipe(recipe, GmrRecipe).train
+    config = flags.on_device(flags.read_recipe(recipe, GmrRecipe).train, device)
     path, run = flags.body_path(body), Run(redo=redo)
     answer(train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run))
 

@@ -98,6 +98,10 @@ Masks = Annotated[
 Network = Annotated[
     str, arg(help="Run folder of `gmrdata train`, or the word bundled for the package's network.")
 ]
+Device = Annotated[
+    Literal["cpu", "cuda"] | None,
+    arg(help="What a network is trained on; the recipe's when left out."),
+]
 Page = Annotated[
     bool, arg(help="Write index.html: verdict, overlay, paths, figures, files to take along.")
 ]
@@ -215,6 +219,11 @@ def read_recipe(name: str, model: type[AnyRecipe]) -> AnyRecipe:
     from gmrdata.stage import recipes
 
     return recipes.read_recipe(name, model)
+
+
+def on_device(config: AnyRecipe, device: str | None) -> AnyRecipe:
+    """The settings of a training with --device, if it was given."""
+    return config if device is None else config.model_copy(update={"device": device})
 
 
 @contextmanager

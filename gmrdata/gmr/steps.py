@@ -69,7 +69,9 @@ ALONE = Processes()
 
 def check_device(device: str) -> None:
     if device == "cuda" and not torch.cuda.is_available():
-        raise StageFailed("no GPU here that torch can use. Train with device: cpu")
+        raise StageFailed(
+            "no GPU here that torch can use. Give --device cpu, or device: cpu in the recipe"
+        )
 
 
 def join_processes(device: str) -> Processes:

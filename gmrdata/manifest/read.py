@@ -22,7 +22,7 @@ from gmrdata.stage.progress import console
 from gmrdata.stage.recipes import schema_v1
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadManifest
-from gmrdata.values.files import resolve_inside, write_json
+from gmrdata.values.files import resolve_inside, taken_for, write_json
 
 ADAPTER: TypeAdapter[Manifest | ListManifest] = TypeAdapter(AnyManifest)
 MAX_PROBLEMS = 50
@@ -106,7 +106,8 @@ def join_problems(path: Path, problems: list[str]) -> str:
 def _refuse_other_formats(path: Path, data: Any) -> None:
     reads = f"gmrdata {__version__} reads {' and '.join(READS)}"
     if not isinstance(data, dict) or "format" not in data:
-        raise BadManifest(f"{path}: not a manifest, it has no top key 'format'; {reads}")
+        what = f"not a manifest, it has no top key 'format'{taken_for(path)}"
+        raise BadManifest(f"{path}: {what}. {reads}")
     if data["format"] not in READS:
         remedy = "install the gmrdata that wrote it, or correct the key"
         raise BadManifest(f"{path}: format is {data['format']!r}, but {reads}; {remedy}")

@@ -13,6 +13,7 @@ from typing import Any
 
 from gmrdata.values import limits, plain_yaml
 from gmrdata.values.errors import BadManifest, MissingInput
+from gmrdata.values.files import taken_for
 from gmrdata.values.plain_yaml import NotPlain
 
 FieldPath = plain_yaml.FieldPath
@@ -37,6 +38,8 @@ def load(path: Path) -> tuple[Any, dict[FieldPath, int]]:
 def require_size(path: Path, max_bytes: int) -> None:
     """MissingInput where there is no file, BadManifest where it is larger."""
     if not path.is_file():
+        if path.is_dir():
+            raise BadManifest(f"{path}: not a manifest; it is a folder. Name the .yaml file in it")
         raise MissingInput(f"{path}: no such manifest")
     size_bytes = path.stat().st_size
     if size_bytes > max_bytes:
@@ -51,7 +54,9 @@ def parse(path: Path, content: bytes) -> tuple[Any, dict[FieldPath, int]]:
         return plain_yaml.parse(content.decode("utf-8"))
     except UnicodeDecodeError as error:
         where = f"{error.reason} at byte {error.start}"
-        raise BadManifest(f"{path}: not UTF-8 text ({where})") from None
+        raise BadManifest(
+            f"{path}: not a manifest: not UTF-8 text ({where}){taken_for(path)}"
+        ) from None
     except NotPlain as error:
         where = str(path) if error.line is None else f"{path}:{error.line}"
         raise BadManifest(f"{where}: {error.problem}") from None

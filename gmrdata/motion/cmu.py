@@ -13,7 +13,7 @@ import numpy as np
 from gmrdata.manifest.current import ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.amc import read_amc, read_asf
-from gmrdata.read.download import FetchConfig, download, drop_part, part_of, web_folder
+from gmrdata.read.download import FetchConfig, download, drop_part, folder_address, part_of
 from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import recipes
 from gmrdata.stage.locks import locked
@@ -54,7 +54,7 @@ def skeleton_of(trial: str) -> str:
 def file_url(base_url: str | None, name: str) -> str:
     """Address of `02.asf` or `02_03.amc` on CMU's site or below a mirror's `base_url`."""
     subject = Path(name).stem.partition("_")[0]
-    return f"{web_folder(base_url or CMU_URL)}/{subject}/{name}"
+    return f"{folder_address(base_url or CMU_URL)}/{subject}/{name}"
 
 
 def fetch_command(trials: Sequence[str], folder: Path | None) -> str | None:

@@ -6,6 +6,7 @@ No library does this part: pooch starts anew, pypdl appends what comes to a rang
 
 import os
 import re
+import shutil
 import socket
 import ssl
 import threading
@@ -32,7 +33,7 @@ class FetchConfig(Config):
     """Where from, and how patiently."""
 
     base_url: str | None = None
-    """A mirror's folder, http or https; the files' own address when left out."""
+    """A mirror's folder, http, https or of this machine; the files' own address when left out."""
     timeout_s: float = Field(default=30.0, gt=0)
     """Longest silence of the server [s]."""
     file_limit_s: float = Field(default=900.0, gt=0)
@@ -76,11 +77,15 @@ class PartNote(Record):
     """Length of the whole file, if the server said it [bytes]."""
 
 
-def web_folder(base_url: str) -> str:
-    """The address of a folder without the slash at its end; BadRecipe if it is not on the web."""
+def folder_address(base_url: str) -> str:
+    """The address of a folder without the slash at its end; BadRecipe if it is none of the web, and
+    none of this machine."""
+    if "://" not in base_url and Path(base_url).is_dir():
+        return str(Path(base_url).absolute())
     wrong = BadRecipe(
         f"--base-url {base_url!r}: must be an http:// or https:// folder in ASCII: a host of "
-        "other letters as xn--..., a path's as %XX, an IPv6 address in brackets"
+        "other letters as xn--..., a path's as %XX, an IPv6 address in brackets; or a folder that "
+        "is there"
     )
     try:
         parts = urlsplit(base_url)
@@ -116,6 +121,8 @@ def download(
     Gives the `.part` file beside the final `path`, as long as the server said; what is in it was
     not looked at.  `rng` spreads the waits, so that many clients don't come back at the same time.
     """
+    if "://" not in url:
+        return _copied(Path(url), part_of(path), config)
     wait_s, end_s = config.first_wait_s, time.monotonic() + config.total_limit_s
     for attempt in range(1, config.attempts + 1):
         try:
@@ -131,6 +138,16 @@ def download(
             sleep(pause_s)
             wait_s *= 2
     return part_of(path)
+
+
+def _copied(source: Path, part: Path, config: FetchConfig) -> Path:
+    """A file of a folder of this machine, as a download of it would be."""
+    if not source.is_file():
+        raise FetchFailed(f"{source}: no such file")
+    if (n_bytes := source.stat().st_size) > config.largest_bytes:
+        raise FetchFailed(f"{source}: {n_bytes} bytes are more than {config.largest_bytes}")
+    shutil.copyfile(source, part)
+    return part
 
 
 def _attempt(url: str, path: Path, config: FetchConfig) -> None:

@@ -73,7 +73,7 @@ def _sequence(content: Any) -> EmdbSequence:
     if gender not in GENDERS:
         raise numbers.WrongContent(f"gender is {gender[:20]!r}, expected {', '.join(GENDERS)}")
     flags = [_typed(content, f"emdb{n}", (bool, np.bool_), "True or False") for n in (1, 2)]
-    good = np.asarray(numbers.value_of(content, "good_frames_mask"))
+    good = numbers.any_array_of(numbers.value_of(content, "good_frames_mask"), "good_frames_mask")
     if good.shape != (n_frames,) or good.dtype.kind not in "biu":
         what = f"{numbers.kind_of(good)}, expected {n_frames} of True, False"
         raise numbers.WrongContent(f"good_frames_mask is {what}")

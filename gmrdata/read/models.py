@@ -14,8 +14,8 @@ from gmrdata.read.download import (
     FetchConfig,
     download,
     drop_part,
+    folder_address,
     part_of,
-    web_folder,
 )
 from gmrdata.stage.locks import locked
 from gmrdata.stage.progress import track as with_bar
@@ -120,7 +120,9 @@ def plan_models(
 
 
 def _url(model: Model, config: FetchConfig) -> str:
-    return model.url if config.base_url is None else f"{web_folder(config.base_url)}/{model.name}"
+    return (
+        model.url if config.base_url is None else f"{folder_address(config.base_url)}/{model.name}"
+    )
 
 
 def _state(model: Model, path: Path) -> str:

@@ -155,16 +155,20 @@ def array_of(value: Any, what: str, shape: tuple[int | None, ...], kinds: str) -
     return value
 
 
+def any_array_of(value: Any, what: str) -> np.ndarray:
+    """An array, or what nested lists are one of; lists nested deeper than numpy takes are none."""
+    try:
+        return np.asarray(value)
+    except (ValueError, TypeError, OverflowError):
+        raise WrongContent(f"{what} is {kind_of(value)}, expected an array of numbers") from None
+
+
 def floats_of(value: Any, what: str, shape: tuple[int | None, ...]) -> np.ndarray:
     """Numbers of nested lists or of an array as float64; NaN and infinities are kept."""
-    try:
-        array = np.asarray(value)
-        floats = array.astype(np.float64) if array.dtype.kind in "fiu" else None
-    except (ValueError, TypeError, OverflowError):
-        floats = None
-    if floats is None:
+    array = any_array_of(value, what)
+    if array.dtype.kind not in "fiu":
         raise WrongContent(f"{what} is {kind_of(value)}, expected an array of numbers")
-    return array_of(floats, what, shape, "f")
+    return array_of(array.astype(np.float64), what, shape, "f")
 
 
 def text_of(value: Any, what: str) -> str:

@@ -11,6 +11,7 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from gmrdata.values.errors import BadRecipe, MissingInput, nearest
+from gmrdata.values.files import taken_for
 from gmrdata.values.limits import MOST_RECIPE_BYTES
 from gmrdata.values.plain_yaml import NotPlain, parse
 from gmrdata.values.records import Config
@@ -67,10 +68,12 @@ def _read(path: Path) -> dict[str, object]:
     except NotPlain as error:
         where = str(path) if error.line is None else f"{path}:{error.line}"
         raise BadRecipe(f"{where}: {error.problem}") from None
-    except UnicodeDecodeError as error:
-        raise BadRecipe(f"{path}: not plain YAML: not UTF-8 text ({error.reason})") from None
+    except UnicodeDecodeError:
+        raise BadRecipe(f"{path}: not plain YAML: not UTF-8 text{taken_for(path)}") from None
     if not isinstance(data, dict):
         raise BadRecipe(f"{path}: a recipe is a mapping of keys to values")
+    if "format" in data and (kind := taken_for(path)):
+        raise BadRecipe(f"{path}: not a recipe{kind}")
     return data
 
 

@@ -130,7 +130,7 @@ def run_stage(
         shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
         if not out_dir.exists() or _is_stale(out_dir, recipe, run):
             partial = _partial_dir(out_dir, recipe, isinstance(work, Resumable), alone)
-            _make(out_dir, recipe, work.work if isinstance(work, Resumable) else work, partial)
+            _make(out_dir, recipe, work, partial)
         hashes.remember()
     return out_dir
 
@@ -177,17 +177,20 @@ def _recipe(name: str, config: Config, hashes: dict[str, str]) -> RecipeRecord:
     return RecipeRecord(stage=name, config=config.model_dump(mode="json"), inputs=hashes)
 
 
-def _make(out_dir: Path, recipe: RecipeRecord, work: Work, partial: Path) -> None:
+def _make(out_dir: Path, recipe: RecipeRecord, work: Work | Resumable, partial: Path) -> None:
+    resumes = isinstance(work, Resumable)
     try:
-        _fill(partial, recipe, work)
+        _fill(partial, recipe, work.work if isinstance(work, Resumable) else work)
         _publish(partial, out_dir, recipe)
     except Exception as error:
         # Where no lock reaches, another process may have been first, or taken the folder away.
         if isinstance(error, FileNotFoundError):
             time.sleep(MOMENT_S)
-        if not _is_made(out_dir, recipe):
+        made = _is_made(out_dir, recipe)
+        if made or not resumes or {path.name for path in partial.glob("*")} <= {RECIPE_FILE}:
+            shutil.rmtree(partial, ignore_errors=True)  # nothing goes on from it
+        if not made:
             raise
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumes: bool, alone: bool) -> Path:

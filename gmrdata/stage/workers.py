@@ -1,8 +1,11 @@
 """Dask's workers: local processes by default, or those of a cluster, which are looked at first."""
 
+import ctypes
 import logging
 import os
 import platform
+import signal
+import threading
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -21,6 +24,16 @@ CONNECT_S = 5.0  # how long a scheduler may take to answer
 FIRST_WORKER_S = 60.0  # and the first of its workers to come
 IDLE = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"}
 """Dask's processes look at themselves 50 to 100 times a second, which takes a tenth of a core."""
+
+
+def give_sigterm_back() -> None:
+    """After an import of pycolmap, whose log would answer SIGTERM with a stack of 30 lines: whoever
+    had the signal in this process has it again."""
+    handler = signal.getsignal(signal.SIGTERM)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, handler)
+    elif handler is signal.SIG_DFL:  # in a worker, whose jobs are threads
+        ctypes.CDLL(None).signal(int(signal.SIGTERM), 0)
 
 
 def own_cores() -> int:

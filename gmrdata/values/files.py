@@ -257,6 +257,31 @@ _NPZ_ERRORS = (
 """What numpy and zipfile raise for files that are not what they say."""
 
 
+_KINDS = (
+    (re.compile(r"^format: *['\"]?gmrdata/\d", re.M), "a manifest"),
+    (re.compile(r"^recipe: *['\"]?\w", re.M), "a recipe"),
+    (re.compile(r"^\{.*\"format\": *\"gmrdata-", re.S), "a record that a stage left"),
+    (re.compile(r"^HIERARCHY"), "a BVH motion"),
+)
+_BEGIN_CHARS = 1 << 16
+
+
+def taken_for(path: Path) -> str:
+    """What a file or folder is that stands where another belongs, to end a message: ", it is a clip
+    ..."; empty where nothing tells."""
+    if path.is_dir():
+        return "; it is a folder"
+    with path.open("rb") as stream:
+        begin = stream.read(_BEGIN_CHARS).decode("utf-8", "replace")
+    if begin.startswith("PK"):
+        return "; it is an archive: a clip or other arrays (.npz), or a file of torch"
+    kind = next((kind for pattern, kind in _KINDS if pattern.search(begin)), "")
+    return kind and f"; it is {kind}"
+
+
+LONGEST_NAME_BYTES = 255  # of one part of a path, on the disks of all systems
+
+
 def safe_relative(text: str) -> str:
     """`text` if it is a plain relative path with forward slashes, else ValueError.
 
@@ -268,8 +293,12 @@ def safe_relative(text: str) -> str:
         raise ValueError(f"path {text!r} is absolute; write it relative to the manifest's folder")
     if "\\" in text or any(ord(letter) < 32 or ord(letter) == 127 for letter in text):
         raise ValueError(f"path {text!r} has a backslash or control character; use forward slashes")
-    if ".." in text.split("/"):
+    if ".." in (parts := text.split("/")):
         raise ValueError(f"path {text!r} climbs out with '..'; keep files below the manifest")
+    if any(len(part.encode(errors="surrogatepass")) > LONGEST_NAME_BYTES for part in parts):
+        raise ValueError(
+            f"path {text[:40]!r}... has a name of more than {LONGEST_NAME_BYTES} bytes"
+        )
     if text == ".":
         raise ValueError("path '.' is the manifest's folder itself; name a file or folder below it")
     if PurePosixPath(text).as_posix() != text:

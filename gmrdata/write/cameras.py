@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.stage.workers import give_sigterm_back
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
@@ -90,6 +91,7 @@ def _with_cameras(camera: CameraPath, radial: tuple[float, float] | None) -> Any
     import cv2  # noqa: F401
     import pycolmap
 
+    give_sigterm_back()
     pycolmap.logging.minloglevel = 3  # only what is fatal
     matrix = camera.intrinsics_px
     params = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.read.download import FetchConfig, download, web_folder
+from gmrdata.read.download import FetchConfig, download, folder_address
 from gmrdata.values.errors import BadRecipe, FetchFailed
 from tests.fixtures.file_server import Server, redirect
 
@@ -96,12 +96,12 @@ def test_an_answer_without_end_is_refused(file_server: Server, tmp_path: Path) -
 )  # fmt: skip
 def test_addresses_that_are_none(url: str) -> None:
     with pytest.raises(BadRecipe, match=r"--base-url .*must be an http"):
-        web_folder(url)
+        folder_address(url)
 
 
 def test_addresses_that_are_some() -> None:
     for url in ("http://[::1]:8080/a", "https://xn--bcher-kva.example/%C3%A4"):
-        assert web_folder(f"{url}/") == url
+        assert folder_address(f"{url}/") == url
 
 
 @pytest.mark.parametrize("place", ["http://[::1", "http://h:99999999/", "http://b\xfccher./"])

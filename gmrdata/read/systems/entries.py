@@ -65,6 +65,10 @@ class Entry:
             raise self.fault(f"{what} is {found.shape}, not ({wanted})")
         return found
 
+    def shape(self, key: str) -> tuple[int, ...]:
+        """Of the numbers of a key, however they are kept."""
+        return finite_numbers(self.values[key], f"{key} of {self.name}", self.path).shape
+
     def flat(self, key: str, size: int | None) -> np.ndarray:
         """So many numbers, however they are nested; None for any count but 0."""
         if lacking := self.lacking(key):

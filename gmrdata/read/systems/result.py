@@ -12,7 +12,7 @@ from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
 from gmrdata.read.torch_files import load_tensors
 from gmrdata.values.body import HANDS
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.files import read_npz, require_text
+from gmrdata.values.files import read_npz, require_text, taken_for
 from gmrdata.values.people import (
     POSES_FILE,
     EstimatedPeople,
@@ -73,6 +73,8 @@ def _read(path: Path) -> EstimatedPeople:
     if first == OLD_TORCH:
         what = "is in torch's form from before version 1.6, which is not read"
         raise BadMotionFile(f"{path}: {what}. Load it with torch and save it again with torch.save")
+    if first[:1] != b"\x80" and (kind := taken_for(path)):
+        raise BadMotionFile(f"{path}: holds no poses{kind}. {KNOWN}, .npz, .bvh and .amc")
     return _pickled(load_plain(path), path)
 
 

@@ -116,8 +116,8 @@ _SHAPES: Mapping[str, tuple[int, ...]] = {
 
 def _person(entry: Entry, numbers: list[int] | None = None) -> EstimatedPerson:
     values = {key: entry.values[key] for key in _SHAPES if entry.has(key)}
-    if np.ndim(values.get("pred_joint_coords", ())) == len(_SHAPES["pred_joint_coords"]):
-        values = {key: np.asarray(value)[None] for key, value in values.items()}
+    if len(entry.shape("pred_joint_coords")) == len(_SHAPES["pred_joint_coords"]):
+        values = {key: entry.array(key, *_SHAPES[key])[None] for key in values}
     entry = Entry(values, entry.name, entry.path)
     places_m = entry.array("pred_joint_coords", None, N_MHR, 3)
     n_rows = len(places_m)
