@@ -75,7 +75,7 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
         camera_motion="circular",
         camera_motion_figures=MotionFigures(9.0, 10.0, 37.0, 0.6, 0.001, 93.0, True, 5.0),
         people=(verdict_of("walk", True, (), [""] * cameras.frames),),
-        picture_fits=(PictureFit(40, 1, 0.82, 0, 0.82),),
+        picture_fits=(PictureFit(40, 1, 0.82, 0, 0.82, 0, ()),),
     )
 
 

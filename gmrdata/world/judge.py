@@ -233,7 +233,7 @@ def judge(
     """Judge one person of a pseudo ground truth, a clip of T frames in the world, by its figures;
     `doubts` are of this person alone."""
     own, quality = doubts.frames[0], cameras.quality
-    reasons = frame_reasons(clip, cameras, config, own)
+    reasons = frame_reasons(clip, cameras, config, own, fit)
     reasons = without_short_runs(reasons, round(config.min_run_s * clip.motion.fps_hz))
     kept_share = sum(not reason for reason in reasons) / max(1, own.count(""))
     jump_share = float(np.mean(jumps(clip, config))) if len(reasons) > 1 else 0.0
@@ -295,6 +295,11 @@ def _fit_reasons(fit: PictureFit, config: VerdictConfig) -> Iterator[str]:
             "the body does not lie on the person in the picture in "
             f"{fit.off_frames} of {fit.frames} frames"
         )
+    if fit.doubled_frames > config.max_doubled_share * fit.frames:
+        yield (
+            "another body lies on the same person in the picture in "
+            f"{fit.doubled_frames} of {fit.frames} frames"
+        )
 
 
 def _stiff_reasons(clip: Clip, config: VerdictConfig) -> Iterator[str]:
@@ -317,7 +322,11 @@ def _stiff_reasons(clip: Clip, config: VerdictConfig) -> Iterator[str]:
 
 
 def frame_reasons(
-    clip: Clip, cameras: SolvedCameras, config: VerdictConfig, unusable: Sequence[str]
+    clip: Clip,
+    cameras: SolvedCameras,
+    config: VerdictConfig,
+    unusable: Sequence[str],
+    fit: PictureFit | None = None,
 ) -> list[str]:
     """Why each of the T frames must not be used; empty where it may.  `unusable` are T texts: why
     the data set itself doesn't vouch for a frame."""
@@ -330,7 +339,12 @@ def frame_reasons(
         (clip.valid, "the body is not known"),
         enough,
         (~_both_sides(jumps(clip, config), 1, n), "the camera jumps"),
+        (~_both_sides(body_jumps(clip, config), 1, n), "the body jumps"),
     ]
+    if fit is not None:
+        lies = np.ones(n, dtype=bool)
+        lies[list(fit.off_rows)] = False
+        tests.append((lies, "the body does not lie on the person in the picture"))
     if dataset_camera is not None:
         step = max(1, round(config.window_s * clip.motion.fps_hz))
         apart_deg, apart_m = window_differences(camera.world_from_cam, dataset_camera, step)
@@ -347,6 +361,18 @@ def jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
     # A comparison with NaN is False: an unknown step is no jump.
     too_far = steps_m * fps_hz > config.max_speed_m_per_s
     return np.asarray(too_far | turns_too_fast(world_from_cam, fps_hz, config))
+
+
+def body_jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
+    """(T - 1,) bool: steps between known frames that are too far, or too much of a turn, for a
+    person."""
+    motion, known = clip.motion, clip.valid[1:] & clip.valid[:-1]
+    far = np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1) * motion.fps_hz
+    turns = motion.root_rotmats[:-1].swapaxes(1, 2) @ motion.root_rotmats[1:]
+    cosines = np.clip((np.trace(turns, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0)
+    turned = np.rad2deg(np.arccos(cosines)) * motion.fps_hz
+    beyond = (far > config.max_body_speed_m_per_s) | (turned > config.max_body_turn_deg_per_s)
+    return np.asarray(known & beyond)
 
 
 def _both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:

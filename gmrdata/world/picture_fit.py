@@ -23,7 +23,9 @@ from gmrdata.values.records import PART, Figure
 from gmrdata.values.skinning import motion_vertices_m
 
 LONGEST_PX = 320  # longer side of the small pictures in which outlines are compared
-MOST_FRAMES = 40  # frames of a person that are compared, evenly spread
+MOST_FRAMES = 40  # frames in which bodies are compared with people of other times, evenly spread
+AT_ONCE = 64  # frames whose bodies are posed together
+SAME_PLACE = 0.6  # overlap of two bodies' outlines from which they are on one person
 FEWEST_FRAMES = 5  # with fewer that show both nothing is said
 LAGS = np.arange(-30, 31)
 """Frames by which a body may be late."""
@@ -44,7 +46,7 @@ class PictureFit:
     """How a body lies on the people in the pictures."""
 
     frames: NonNegativeInt
-    """Compared ones: those with a body that show somebody."""
+    """Those with a body that show somebody; all are compared."""
     off_frames: NonNegativeInt
     """Those of them in which it does not lie on anybody."""
     overlap: Figure
@@ -54,6 +56,10 @@ class PictureFit:
     early where this is negative."""
     late_overlap: Figure
     """Median overlap then."""
+    doubled_frames: NonNegativeInt
+    """Compared ones in which the body of somebody before lies on the same place."""
+    off_rows: tuple[int, ...]
+    """Rows of the frames in which it does not lie on anybody."""
 
 
 def picture_fits(
@@ -62,15 +68,69 @@ def picture_fits(
     """By person, with bodies in the camera frame; None where too few frames show both.  A body lies
     on nobody where their overlap is less than `off_overlap`."""
     masks = _Masks(people, camera_of(clips[0]))
-    rows = _compared_rows(clips, masks)
-    outlines = [
-        _outlines(clip, body, rows, masks) for clip, body in zip(clips, bodies, strict=True)
-    ]
-    fits: list[PictureFit | None] = []
-    for person, (clip, own) in enumerate(zip(clips, outlines, strict=True)):
-        others = [of for other, of in enumerate(outlines) if other != person]
-        fits.append(_fit(clip, own, others, masks, off_overlap))
-    return fits
+    found = [_Overlaps.empty(clip.valid) for clip in clips]
+    known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
+    shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
+    both = known[shown] if len(known) else known
+    some = np.linspace(0, len(both) - 1, min(len(both), MOST_FRAMES)).round().astype(int)
+    compared_late = set(both[some].tolist())
+    for start in range(0, len(both), AT_ONCE):
+        rows = both[start : start + AT_ONCE]
+        outlines = [
+            _outlines(clip, body, rows, masks) for clip, body in zip(clips, bodies, strict=True)
+        ]
+        for person, (clip, own) in enumerate(zip(clips, outlines, strict=True)):
+            others = [of for other, of in enumerate(outlines) if other != person]
+            for row, outline in own.items():
+                elsewhere = _elsewhere(row, outline, others)
+                found[person].now[row] = _at(clip, row, outline, elsewhere, masks)
+                found[person].doubled[row] = _doubled(row, outline, outlines[:person])
+                if row in compared_late:
+                    late = [
+                        _at(clip, row + lag, outline, elsewhere, masks) for lag in LAGS.tolist()
+                    ]
+                    found[person].late.append(late)
+    return [_fit(one, off_overlap) for one in found]
+
+
+@dataclass(frozen=True, eq=False)
+class _Overlaps:
+    """Of one person's outline with the masks; NaN where nothing was compared."""
+
+    now: np.ndarray  # (T,)
+    doubled: np.ndarray  # (T,) bool: another body lies on the same place
+    late: list[list[float]]  # of some frames, by lag
+
+    @classmethod
+    def empty(cls, valid: np.ndarray) -> "_Overlaps":
+        return cls(np.full(len(valid), np.nan), np.zeros(len(valid), dtype=bool), [])
+
+
+def _elsewhere(
+    row: int, outline: np.ndarray, others: Sequence[dict[int, np.ndarray]]
+) -> np.ndarray:
+    """(h, w) bool: what only others cover."""
+    covered = np.zeros_like(outline)
+    for other in others:
+        covered |= other.get(row, covered) & ~outline
+    return covered
+
+
+def _doubled(row: int, outline: np.ndarray, before: Sequence[dict[int, np.ndarray]]) -> bool:
+    """Whether the body of somebody before, who is seen in as many frames, lies where this does."""
+    there = [of[row] for of in before if row in of]
+    return any(
+        np.count_nonzero(its & outline) > SAME_PLACE * np.count_nonzero(its | outline)
+        for its in there
+    )
+
+
+def _at(clip: Clip, row: int, outline: np.ndarray, elsewhere: np.ndarray, masks: "_Masks") -> float:
+    """Overlap of an outline with the people of a row's picture; NaN where it shows none."""
+    if not 0 <= row < len(clip.image_numbers):
+        return np.nan
+    mask = masks.of(int(clip.image_numbers[row]))
+    return np.nan if mask is None else _overlap(outline, mask & ~elsewhere)
 
 
 class _Masks:
@@ -131,15 +191,6 @@ def _box(shown: np.ndarray, margin: float = 0.0) -> tuple[slice, slice]:
     return box[0], box[1]
 
 
-def _compared_rows(clips: Sequence[Clip], masks: _Masks) -> np.ndarray:
-    """Some rows, evenly spread, in which a body is known and somebody is seen."""
-    known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
-    numbers = clips[0].image_numbers
-    both = [row for row in known.tolist() if masks.of(int(numbers[row])) is not None]
-    spread = np.linspace(0, len(both) - 1, min(len(both), MOST_FRAMES)).round().astype(int)
-    return np.array(both, dtype=int)[spread]
-
-
 def _outlines(
     clip: Clip, body: BodyModel, rows: np.ndarray, masks: _Masks
 ) -> dict[int, np.ndarray]:
@@ -153,25 +204,11 @@ def _outlines(
     }
 
 
-def _fit(
-    clip: Clip,
-    own: dict[int, np.ndarray],
-    others: Sequence[dict[int, np.ndarray]],
-    masks: _Masks,
-    off_overlap: float,
-) -> PictureFit | None:
-    if len(own) < FEWEST_FRAMES:
+def _fit(found: _Overlaps, off_overlap: float) -> PictureFit | None:
+    compared = np.isfinite(found.now)
+    if compared.sum() < FEWEST_FRAMES or len(found.late) < FEWEST_FRAMES:
         return None
-    overlaps = np.full((len(LAGS), len(own)), np.nan)
-    for frame, (row, outline) in enumerate(own.items()):
-        elsewhere = np.zeros_like(outline)
-        for other in others:
-            elsewhere |= other.get(row, elsewhere) & ~outline
-        for number, lag in enumerate(LAGS.tolist()):
-            if 0 <= row + lag < len(clip.image_numbers):
-                mask = masks.of(int(clip.image_numbers[row + lag]))
-                if mask is not None:
-                    overlaps[number, frame] = _overlap(outline, mask & ~elsewhere)
+    overlaps = np.array(found.late).T
     now = overlaps[LAGS == 0][0]
     shown = np.isfinite(overlaps).sum(axis=1)
     # Only frames that are compared at both times tell which is better.
@@ -184,12 +221,15 @@ def _fit(
     best = max(range(len(LAGS)), key=lambda number: medians[number][0] - medians[number][1])
     if medians[best][0] <= medians[best][1]:
         best = int(np.flatnonzero(LAGS == 0)[0])
+    off = np.flatnonzero(compared & (np.nan_to_num(found.now, nan=1.0) < off_overlap))
     return PictureFit(
-        frames=len(own),
-        off_frames=int((now < off_overlap).sum()),
-        overlap=float(np.median(now)),
+        frames=int(compared.sum()),
+        off_frames=len(off),
+        overlap=float(np.median(found.now[compared])),
         late_frames=int(-LAGS[best]),
-        late_overlap=medians[best][0],
+        late_overlap=float(np.median(found.now[compared])) + medians[best][0] - medians[best][1],
+        doubled_frames=int(found.doubled.sum()),
+        off_rows=tuple(off.tolist()),
     )
 
 

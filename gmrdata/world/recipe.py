@@ -250,8 +250,16 @@ class VerdictConfig(CamerasVerdictConfig):
     """Difference between two cues of the scale, in its standard errors."""
     min_kept_share: float = Field(default=0.5, ge=0, le=1)
     """Share of the frames for which the data set vouches that must be left."""
-    max_off_share: float = Field(default=0.5, gt=0)
-    """Share of the frames in which the body does not lie on a person in the picture."""
+    max_off_share: float = Field(default=0.25, gt=0)
+    """Share of the frames in which the body does not lie on a person in the picture; such a frame
+    is not kept."""
+    max_doubled_share: float = Field(default=0.5, gt=0)
+    """Share of the frames in which another body lies on the same person in the picture."""
+    max_body_speed_m_per_s: float = Field(default=15.0, gt=0)
+    """Speed of the pelvis from one frame to the next, beyond that of any runner [m/s]."""
+    max_body_turn_deg_per_s: float = Field(default=2000.0, gt=0)
+    """Turn of the root from one frame to the next: front and back are exchanged at 5,400 at 30
+    frames per second, a somersault is below 1,000 [degrees/s]."""
     off_overlap: float = Field(default=0.5, gt=0, le=1)
     """Overlap, as intersection over union, below which a body does not lie on a person: 0.71 and
     more for right bodies with errors, 0.45 and less for others' (docs/video.md)."""

@@ -172,10 +172,18 @@ def test_a_scale_that_no_camera_has_rejects(clip: Clip, scale: float) -> None:
 @pytest.mark.parametrize(
     ("fit", "reason"),
     [
-        (PictureFit(40, 37, 0.18, 24, 0.2), "not lie on the person in the picture in 37 of 40"),
-        (PictureFit(40, 1, 0.57, -20, 0.93), "the body is 20 frames early: it lies on the person "
-         "in the picture by 93% then, and by 57% now"),
-        (PictureFit(40, 20, 0.5, 4, 0.6), "the body is 4 frames late"),
+        (
+            PictureFit(40, 37, 0.18, 24, 0.2, 0, ()),
+            "not lie on the person in the picture in 37 of 40",
+        ),
+        (PictureFit(40, 18, 0.6, 0, 0.6, 0, ()), "in 18 of 40 frames"),
+        (PictureFit(40, 0, 0.8, 0, 0.8, 37, ()), "another body lies on the same person"),
+        (
+            PictureFit(40, 1, 0.57, -20, 0.93, 0, ()),
+            "the body is 20 frames early: it lies on the person "
+            "in the picture by 93% then, and by 57% now",
+        ),
+        (PictureFit(40, 20, 0.5, 4, 0.6, 0, ()), "the body is 4 frames late"),
     ],
 )  # fmt: skip
 def test_a_body_that_lies_on_nobody_or_on_people_of_other_frames_rejects(
@@ -185,8 +193,33 @@ def test_a_body_that_lies_on_nobody_or_on_people_of_other_frames_rejects(
     assert len(verdict.reasons) == 1 and reason in verdict.reasons[0]
 
 
+def test_a_frame_in_which_the_body_is_beside_the_person_is_not_kept(clip: Clip) -> None:
+    verdict = judged(clip, fit=PictureFit(40, 3, 0.8, 0, 0.8, 0, (27, 28, 50)))
+    assert verdict.accepted and np.flatnonzero(~verdict.kept).tolist() == [27, 28, 50]
+    assert "does not lie on the person" in verdict.frame_reasons[50]
+
+
+@pytest.mark.parametrize("what", ["place", "turn"])
+def test_a_frame_to_which_the_body_jumps_is_not_kept(clip: Clip, what: str) -> None:
+    """Front and back are exchanged from frame 30 on, or the person is 2 m away."""
+    motion = clip.motion
+    root_rotmats, pelvis_m = motion.root_rotmats.copy(), motion.pelvis_m.copy()
+    if what == "turn":
+        root_rotmats[30:] = root_rotmats[30:] @ np.diag([-1.0, 1.0, -1.0])
+    else:
+        pelvis_m[30:] += [2.0, 0.0, 0.0]
+    moved = replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
+    verdict = judged(replace(clip, motion=moved))
+    assert np.flatnonzero(~verdict.kept).tolist() == [29, 30]
+    assert verdict.frame_reasons[30] == "the body jumps"
+
+
 def test_a_body_that_lies_on_the_person_is_accepted(clip: Clip) -> None:
-    for fit in (PictureFit(40, 2, 0.71, 0, 0.71), PictureFit(9, 4, 0.55, 1, 0.58), None):
+    for fit in (
+        PictureFit(40, 2, 0.71, 0, 0.71, 0, ()),
+        PictureFit(9, 2, 0.55, 1, 0.58, 0, ()),
+        None,
+    ):
         assert judged(clip, fit=fit).accepted
 
 
