@@ -1,5 +1,6 @@
 """The command line: one verb per capability.  Each verb imports its stage only when it runs."""
 
+import re
 import signal
 import sys
 import threading
@@ -133,6 +134,22 @@ def _terms() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
+READERS = {
+    "render": "", "floor": "", "demo": "", "run": "", "infer": "--fps-hz --joint-map",
+}  # fmt: skip
+"""Verbs that read motion files without all flags of `motions`, and those that they have."""
+
+
+def _elsewhere(verb: str, message: str) -> str:
+    """Where a flag is that a message of a reader of motions names, if the verb lacks it."""
+    flags = re.findall(r"--(?:fps-hz|unit-m|joint-map|rest-pose|up)\b", message)
+    if verb not in READERS or not (lacks := [flag for flag in flags if flag not in READERS[verb]]):
+        return ""
+    give = f"`gmrdata motions FILE {lacks[0]} ... --out DIR` has it; give {verb} DIR/clips"
+    recipe = ", or say it under `read` in the recipe" if verb in ("render", "run") else ""
+    return f" ({give}{recipe})"
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -150,7 +167,7 @@ def main(arguments: list[str] | None = None) -> None:
                 args=arguments,
             )
     except GmrdataError as error:
-        fail(str(error))
+        fail(f"{error}{_elsewhere(arguments[0] if arguments else '', str(error))}")
     except OSError as error:
         fail(explain(error))
     except KeyboardInterrupt as error:

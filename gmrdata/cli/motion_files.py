@@ -102,7 +102,8 @@ def motions(
             answer(path)
     elif out is None:
         table = motion_table(sources, body, config)
-        print_table(table.headings, table.rows)
+        if table.rows:
+            print_table(table.headings, table.rows)
         for warning in table.warnings:
             answer(warning)
         if table.bad:

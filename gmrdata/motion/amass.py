@@ -45,6 +45,15 @@ from gmrdata.values.motion import Motion
 
 RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 """SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
+SPLIT_KEYS = {
+    "root": ("root_orient", "global_orient"),
+    "body": ("pose_body", "body_pose"),
+    "hands": ("pose_hand",),
+    "left hand": ("left_hand_pose",),
+    "right hand": ("right_hand_pose",),
+    "path": ("trans", "transl"),
+}
+"""Names of the parts of `poses`, and of `trans`, in files that have these: AMASS's and smplx's."""
 _EXTRA = re.compile(r"(^shape|_stagei|^neutral_stagei)$")
 
 
@@ -56,7 +65,7 @@ def is_amass_extra(path: Path) -> bool:
 def named_body(path: Path) -> str | None:
     """The body whose shape a file's betas are, "smpl-female"; None where it has none of a known
     body: SMPL-X's betas mean something else."""
-    arrays = read_npz(path)
+    arrays = joined_poses(read_npz(path))
     if "betas" not in arrays or "poses" not in arrays or arrays["poses"].shape[-1:] == (165,):
         return None
     return str(arrays["body"]) if "body" in arrays else f"{SMPL}{_gender(arrays)}"
@@ -100,13 +109,13 @@ def read_amass(
     if is_amass_extra(path):
         motions = "motions are *_poses.npz and *_stageii.npz"
         raise BadMotionFile(f"{path}: holds a subject's shape and no motion; {motions}")
-    arrays = read_npz(path)
+    arrays = joined_poses(read_npz(path))
     if str(arrays.get("frame", "world")) != "world":
         raise BadMotionFile(f"{path}: a clip in camera frames; make its pseudo ground truth first")
     poses, trans = _pose_arrays(arrays, path)
     rate_hz, rate_note = amass_rate(arrays, config.fps_hz, path)
     kept = _holds_shape_of(arrays, body, poses.shape[1])
-    betas = _betas(arrays, path)
+    betas = _betas(arrays, len(poses), path)
     source_leg_m, source_pelvis_m = _subject(arrays, betas, body, kept, source_body, path)
     is_own = kept and shape is None
     if shape is None:
@@ -121,6 +130,33 @@ def read_amass(
     if found := turn_upright(body, motion, np.eye(3), up, str(path)):
         motion = turned(motion, *found)
     return levelled(body, motion, not is_own if ground is None else ground)
+
+
+def joined_poses(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The same with `poses` (T, n), of one array or of the parts that SMPL-X's files split it into.
+
+    Hands that are not there are straight.  21 joints of a body are SMPL-X's, 23 are SMPL's.
+    """
+    if "poses" in arrays:
+        poses = arrays["poses"]  # some have (T, J, 3)
+        is_rows = poses.ndim == 3 and poses.shape[2] == 3
+        return arrays | {"poses": poses.reshape(len(poses), -1)} if is_rows else arrays
+    found = {part: next((k for k in keys if k in arrays), "") for part, keys in SPLIT_KEYS.items()}
+    parts = {part: arrays[key] for part, key in found.items() if key}
+    parts = {part: array for part, array in parts.items() if array.dtype.kind in "fiu"}
+    if not {"root", "body", "path"} <= parts.keys() or parts["path"].ndim != 2:
+        return arrays
+    n = max(1, len(parts["path"]))
+    parts = {part: array.reshape(n, -1) for part, array in parts.items() if not array.size % n}
+    body = parts.get("body", np.empty((n, 0)))
+    hands = [parts.get(f"{side} hand", np.empty((n, 0))) for side in ("left", "right")]
+    hands_rad = parts.get("hands", np.concatenate(hands, axis=1))
+    if hands_rad.shape[1] != 90:  # none, or coefficients of SMPL-X's own
+        hands_rad = np.zeros((n, 90))
+    face = [] if "smplh" in str(arrays.get("surface_model_type", "")) else [np.zeros((n, 9))]
+    more = [*face, hands_rad] if body.shape[1] == 63 else []
+    poses = np.concatenate([parts.get("root", body), body, *more], axis=1)
+    return arrays | {"poses": poses, "trans": parts["path"]}
 
 
 def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -149,10 +185,10 @@ def amass_rate(
     key = next((key for key in RATE_KEYS if key in arrays), None)
     if key is None:
         keys = " or ".join(RATE_KEYS)
-        raise BadMotionFile(f"{path}: no frame rate ({keys}); give it with fps_hz")
+        raise BadMotionFile(f"{path}: no frame rate ({keys}); give it with --fps-hz")
     values = finite_numbers(arrays[key], key, path).ravel()
     if values.size != 1:
-        raise BadMotionFile(f"{path}: {key} is not one number; give the rate with fps_hz")
+        raise BadMotionFile(f"{path}: {key} is not one number; give the rate with --fps-hz")
     rate_hz = check_rate_hz(float(values[0]), path)
     is_60_hz = "CMU" in path.parts and cmu_subject(path) in CMU_60_HZ_SUBJECTS
     return (60.0, "CMU's index") if is_60_hz and rate_hz == 120.0 else (rate_hz, "file")
@@ -162,7 +198,9 @@ def _gender(arrays: dict[str, np.ndarray]) -> str:
     """The file's gender, which releases write as str, bytes, or a 0-d array of either."""
     value = np.asarray(arrays.get("gender", "neutral")).ravel()
     word = value[0] if value.size else "neutral"
-    return (word.decode("ascii", "replace") if isinstance(word, bytes) else str(word)).lower()
+    text = (word.decode("ascii", "replace") if isinstance(word, bytes) else str(word)).lower()
+    text = re.sub(r"^b(['\"])(.*)\1$", r"\2", text).strip()  # as str() writes bytes
+    return {"f": "female", "m": "male", "n": "neutral"}.get(text, text)
 
 
 def _holds_shape_of(arrays: dict[str, np.ndarray], body: BodyModel, n_values: int) -> bool:
@@ -172,8 +210,15 @@ def _holds_shape_of(arrays: dict[str, np.ndarray], body: BodyModel, n_values: in
     return n_values != 165 and body.name == f"smpl-{_gender(arrays)}"
 
 
-def _betas(arrays: dict[str, np.ndarray], path: Path) -> np.ndarray:
-    return finite_numbers(arrays.get("betas", ()), "betas", path).ravel()
+def _betas(arrays: dict[str, np.ndarray], n_frames: int, path: Path) -> np.ndarray:
+    """(S,) the file's, or the mean of one row for each frame."""
+    betas = finite_numbers(arrays.get("betas", ()), "betas", path).squeeze()
+    if betas.ndim == 2 and len(betas) == n_frames:
+        return np.asarray(betas.mean(axis=0))
+    if betas.ndim > 1:
+        what = f"betas are {betas.shape} for {n_frames} frames, known are (S,) and a row a frame"
+        raise BadMotionFile(f"{path}: {what}; keep the subject's one row")
+    return betas.reshape(-1)
 
 
 def _betas_note(

@@ -8,10 +8,11 @@ from typing import get_args
 
 import numpy as np
 
-from gmrdata.motion.amass import amass_rate, is_amass_extra, read_amass
+from gmrdata.motion.amass import SPLIT_KEYS, amass_rate, is_amass_extra, read_amass
+from gmrdata.motion.pelvis import on_pelvis
 from gmrdata.motion.rest_pose import in_metres
 from gmrdata.motion.retarget import Residual, Retargeting, retarget
-from gmrdata.motion.up_axis import is_upright, person_of
+from gmrdata.motion.up_axis import LIES, person_of, remarks_on
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import (
@@ -28,6 +29,8 @@ from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cm
 from gmrdata.values.motion import Motion
 
 SUFFIXES = (".amc", ".bvh", ".npz")
+POSE_ARRAYS = frozenset({"poses.npy", *(f"{key}.npy" for key in SPLIT_KEYS["body"])})
+"""Of which a motion's .npz has one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +39,7 @@ class FileReading:
 
     motion: Motion
     upright: bool  # False for one who lies or leans in most frames
+    remarks: tuple[str, ...]  # what may be wrong: one who lies, or walks faster than people do
     rate_from: str  # where its frame rate is from: "header", "file", "CMU's index" or "given"
     residual: Residual | None  # of a BVH or AMC; other files hold poses of this tree
 
@@ -104,7 +108,9 @@ def read_file(
         source = _read_source(path, config)
         motion, residual = _on_body(source, path, body, config, Retargeting(shape=shape))
         rate_from = source.rate_from
-    return FileReading(motion, is_upright(person_of(body, motion)), rate_from, residual)
+    person = person_of(body, motion)
+    remarks = remarks_on(person, motion.fps_hz)
+    return FileReading(motion, LIES not in remarks, remarks, rate_from, residual)
 
 
 def read_poses(path: Path, body: BodyModel, config: ReadConfig) -> Motion:
@@ -136,7 +142,11 @@ def _on_body(
     source: SourceMotion, path: Path, body: BodyModel, config: ReadConfig, said: Retargeting
 ) -> tuple[Motion, Residual]:
     """The same on the body, as the recipe says."""
-    joints = find_joints(source.names, source.parents, config.joint_map, path)
+
+    def find(one: SourceMotion) -> dict[int, int]:
+        return find_joints(one.names, one.parents, config.joint_map, path)
+
+    source, joints = on_pelvis(source, find(source), find)
     pitch_deg = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else {}
     said = replace(said, upright_pitch_deg=pitch_deg, rest=_rest(config.rest_pose), up=config.up)
     source = source if config.unit_m is not None else in_metres(source, joints)
@@ -149,7 +159,7 @@ def _rest(rest_pose: RestPose | Path | None) -> RestPose | SourceMotion | None:
         return rest_pose
     if not rest_pose.is_file():
         known = ", ".join(get_args(RestPose))
-        raise MissingInput(f"{rest_pose}: no such file. A rest_pose is a BVH file, or {known}")
+        raise MissingInput(f"{rest_pose}: no such file. --rest-pose takes a BVH file, or {known}")
     return read_bvh(rest_pose, drop_rest_frame=False, fewest_frames=1)
 
 
@@ -200,6 +210,6 @@ def _is_motion(file: Path) -> bool:
         return False
     try:
         with zipfile.ZipFile(file) as archive:
-            return "poses.npy" in archive.namelist()
+            return not POSE_ARRAYS.isdisjoint(archive.namelist())
     except (zipfile.BadZipFile, OSError):
         return True

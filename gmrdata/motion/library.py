@@ -28,7 +28,6 @@ from gmrdata.manifest.write import (
 from gmrdata.motion.amass import chosen_body
 from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG
-from gmrdata.motion.up_axis import LIES
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, UpAxis, is_trial
 from gmrdata.stage.jobs import Job, Outcome, try_here, try_jobs
@@ -108,6 +107,8 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
     """
     if not sources:
         raise MissingInput("nothing given. Name motion files or folders of them")
+    if missing := [str(source) for source in sources if not source.exists()]:
+        raise MissingInput(f"{', '.join(missing)}: no such file or folder")
     found = []
     for source in sources:
         folder = source if source.is_dir() else source.parent
@@ -146,12 +147,16 @@ class ReadingRecord(Record):
     for a file that holds poses of this tree."""
     upright: bool
     """False for one who lies or leans in most frames."""
+    remarks: list[str]
+    """What may be wrong."""
 
     @classmethod
     def of(cls, read: FileReading) -> Self:
         residual = read.residual
         figures = {} if residual is None else residual.figures
-        return cls(rate_from=read.rate_from, residual_deg=figures, upright=read.upright)
+        upright, remarks = read.upright, list(read.remarks)
+        rate_from = read.rate_from
+        return cls(rate_from=rate_from, residual_deg=figures, upright=upright, remarks=remarks)
 
 
 @dataclass(frozen=True)
@@ -168,8 +173,8 @@ def motion_table(
     sources: tuple[Path, ...], body: str, config: ReadConfig = DEFAULT_READING
 ) -> MotionTable:
     """Read motion files and say what is in them, with paths from the folder that holds them all."""
-    bodies = {one.name: one for one in load_bodies(body)}
     files = library_files(sources)
+    bodies = {one.name: one for one in load_bodies(body)}
     root = os.path.commonpath([file.path.absolute().parent for file in files])
     rows, warnings, reasons = [], [], {}
     for file in track(files, READING):
@@ -181,9 +186,9 @@ def motion_table(
             continue
         inside = str(file.path.absolute().relative_to(root))
         rows.append((inside, *_cells(read)))
-        if not read.upright:
-            warnings.append(f"{inside}: {LIES}")
-    bad = _bad_files(reasons, len(files), "the others are listed") if reasons else ""
+        warnings += [f"{inside}: {what}" for what in read.remarks]
+    others = "the others are listed" if rows else ""
+    bad = _bad_files(reasons, len(files), others) if reasons else ""
     return MotionTable(HEADINGS, rows, warnings, bad)
 
 
@@ -238,8 +243,8 @@ def make_library(
         entries = list(outcome.results.values())
         write_motions(out_dir / "motions.yaml", head, entries, config.recorded, run=run)
     for id in outcome.results:
-        if not ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).upright:
-            remark(f"clip {id}: {LIES}")
+        for what in ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).remarks:
+            remark(f"clip {id}: {what}")
     if outcome.reasons:
         others = "there is no manifest"
         if outcome.results:
@@ -331,4 +336,5 @@ def _bad_files(
     if folder is not None and len(listed) > MAX_LISTED:
         rest = f"  ... and {len(listed) - MAX_LISTED} more, see {folder}"
         listed = [*listed[:MAX_LISTED], rest]
-    return f"{len(reasons)} of {n_files} files could not be read; {others}:\n" + "\n".join(listed)
+    count = f"{len(reasons)} of {n_files} files could not be read"
+    return "\n".join([f"{'; '.join(filter(None, (count, others)))}:", *listed])

@@ -79,7 +79,7 @@ def read_local_poses(
         return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
     people = read_system(path).people
     if fps_hz is None:
-        remedy = "Give the video's with --fps-hz (fps_hz)"
+        remedy = "Give the video's with --fps-hz"
         raise BadMotionFile(f"{path}: does not say its frame rate. {remedy}")
     rate_hz = check_rate_hz(fps_hz, path)
     runs = tuple(

@@ -40,13 +40,13 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
     if not SHORTEST_LEG_M <= leg_m <= LONGEST_LEG_M:
         raise BadMotionFile(
             f"{name}: in the present unit the legs are {leg_m:.4g} m long, so the unit is wrong; "
-            "leave unit_m out, or give the file's metres per unit (0.01 centimetres, 1 metres, "
+            "leave --unit-m out, or give the file's metres per unit (0.01 centimetres, 1 metres, "
             "0.0254 inches, 0.056444 CMU)"
         )
     for start, end in LIMBS:
         if np.linalg.norm(rest_joints_m[end] - rest_joints_m[start]) < SHORTEST_LIMB_M:
             what = f"{JOINT_NAMES[start]} and {JOINT_NAMES[end]} coincide in the zero pose"
-            raise BadMotionFile(f"{name}: {what}; give a joint_map that names other joints")
+            raise BadMotionFile(f"{name}: {what}; give a --joint-map that names other joints")
 
 
 def middles(joints_m: np.ndarray, *parts: str) -> list[np.ndarray]:
@@ -190,8 +190,8 @@ def from_standing(
     if stands(rest_m) and (given or np.abs(arms_deg(rest_m)).max() < SPREAD_DEG):
         return replace(standing, notes=(*source.notes, f"turns told from {said}"))
     if given:
-        what = "the person does not stand upright in the first frame that was given as rest_pose"
-        raise BadMotionFile(f"{name}: {what}; leave rest_pose out, or give another")
+        what = "the person does not stand upright in the first frame that --rest-pose names"
+        raise BadMotionFile(f"{name}: {what}; leave --rest-pose out, or give another")
     standing = _told_from(
         source, joints, _mean_pose(source), None, axes @ _frame(body_rest_m, None)
     )
@@ -203,7 +203,7 @@ def from_standing(
 NOWHERE_STANDING = (
     "the person stands (hips sideways, legs below, trunk above) neither with all rotations zero, "
     "nor in frame 0, nor in the mean of all frames, so it can't be told what the rotations mean; "
-    "export the motion with a T-pose as its rest pose or its first frame, or give a rest_pose: a "
+    "export the motion with a T-pose as its rest pose or its first frame, or give --rest-pose: a "
     "file of the same skeleton that begins with one"
 )
 
@@ -218,18 +218,18 @@ def _check_arms(rest_m: np.ndarray, said: RestPose, name: str) -> None:
     """See that a zero pose (24, 3) is the one that a person says it is."""
     if not stands(rest_m):
         what = f"with all rotations zero the person does not stand, so that is no pose {said!r}"
-        raise BadMotionFile(f"{name}: {what}; give along_axes, or leave rest_pose out")
+        raise BadMotionFile(f"{name}: {what}; give along_axes, or leave --rest-pose out")
     arms, (least, most) = float(arms_deg(rest_m).mean()), ARMS_DEG[said]
     if not least <= arms <= most:
         what = f"the arms of the zero pose point {arms:+.0f} degrees above the level"
-        raise BadMotionFile(f"{name}: {what}, so it is no pose {said!r}; give another rest_pose")
+        raise BadMotionFile(f"{name}: {what}, so it is no pose {said!r}; give another --rest-pose")
 
 
 def _pose_of(rest: SourceMotion, source: SourceMotion, name: str) -> np.ndarray:
     """(J, 3, 3) first pose of another file, for the joints of this one."""
     known = set(rest.names)
     if missing := [joint for joint in source.names if joint not in known]:
-        what = f"the file of rest_pose has no joint {missing[0]}"
+        what = f"the file of --rest-pose has no joint {missing[0]}"
         raise BadMotionFile(f"{name}: {what}; give one of the same skeleton")
     rows = [rest.names.index(joint) for joint in source.names]
     both = rest.offsets_m[rows[1:]], source.offsets_m[1:]
@@ -237,7 +237,7 @@ def _pose_of(rest: SourceMotion, source: SourceMotion, name: str) -> np.ndarray:
     apart = np.linalg.norm(a - b, axis=1)
     if apart.max(initial=0.0) > MOST_APART:
         worst = source.names[int(apart.argmax()) + 1]
-        what = f"the offset of {worst} is another in the file of rest_pose"
+        what = f"the offset of {worst} is another in the file of --rest-pose"
         raise BadMotionFile(f"{name}: {what}; give one of the same skeleton")
     return rest.local_rotmats[0][rows]
 

@@ -309,7 +309,7 @@ def _residual(
 def _refuse(name: str, line: str, off_deg: float) -> NoReturn:
     what = f"the {line} would be {off_deg:.1f} degrees off the file's own"
     why = "its joints turn in another way than their names say"
-    raise BadMotionFile(f"{name}: {what}; {why}: give a joint_map, or a rest_pose")
+    raise BadMotionFile(f"{name}: {what}; {why}: give --joint-map or --rest-pose")
 
 
 def _in_words(residual: Residual) -> str:

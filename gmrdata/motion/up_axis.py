@@ -37,6 +37,8 @@ STEPS, BY_TURNS = 0.1, 0.02  # shares of frames with a sole in stance, and with 
 LONG, FLAT_FEET = 0.9, 0.5
 """Shares of frames in which one stands along an axis with flat feet, still or lying: who knows."""
 FLOOR_M, OFF_FLOOR_M = 0.08, 0.25  # what lies on the floor z = 0 of most files, and what doesn't
+MOSTLY, ALWAYS = 0.5, 0.95  # of somebody who walks; runners of CMU have a foot down in 0.92 at most
+FASTEST_WALK_M_PER_S = 2.3  # CMU's fastest of 95 walks has 1.9
 LARGEST_RISE_M = 0.5  # along the axis; a swimmer goes further
 _MIDDLES = {part: [JOINT[f"{side}_{part}"] for side in ("left", "right")]
             for part in ("hip", "ankle", "shoulder", "wrist")}  # fmt: skip
@@ -180,6 +182,26 @@ def is_upright(person: Person) -> bool:
 def _holds_trunk_up(person: Person) -> bool:
     trunk_m = np.median(person.middle_m("shoulder") - person.middle_m("hip"), axis=0)
     return bool(trunk_m[2] >= UPRIGHT * np.linalg.norm(trunk_m))
+
+
+def walking_m_per_s(person: Person) -> float:
+    """The speed of somebody who walks, with a foot always down, in a z-up world; else 0 [m/s]."""
+    going = person.speeds(_level(person.joints_m[:, JOINT["pelvis"]], np.eye(3)[2]))
+    rows = going > GOING_M_PER_S
+    stops = np.min([person.speeds(points_m).min(axis=1) for points_m in person.soles_m], axis=0)
+    if rows.mean() < MOSTLY or (stops < STOPS * going)[rows].mean() < ALWAYS:
+        return 0.0
+    return float(np.median(going[rows]))
+
+
+def remarks_on(person: Person, fps_hz: float) -> tuple[str, ...]:
+    """What may be wrong with a motion, for who gave the file."""
+    remarks: tuple[str, ...] = () if is_upright(person) else (LIES,)
+    speed_m_per_s = walking_m_per_s(person)
+    if speed_m_per_s > FASTEST_WALK_M_PER_S:
+        what = f"walks at {speed_m_per_s:.1f} m/s at {fps_hz:g} Hz, which nobody does"
+        remarks += (f"{what}. Give the true frame rate with --fps-hz",)
+    return remarks
 
 
 def turn_upright(

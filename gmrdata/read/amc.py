@@ -16,7 +16,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.read.numbers import LARGEST_IN_TEXT, bad_line, parse_floats, plain_rows, read_text
-from gmrdata.read.source_motion import SourceMotion, check_rate_hz, cmu_rate_hz, recorded_rows
+from gmrdata.read.source_motion import (
+    SourceMotion,
+    check_rate_hz,
+    cmu_rate_hz,
+    cmu_subject,
+    recorded_rows,
+)
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import visible
 from gmrdata.values.joint_names import is_cmu
@@ -103,7 +109,7 @@ def _read_units(units: Entries, unit_m: float | None, path: Path) -> tuple[bool,
         line, lengths = units.get("length", (0, []))
         values = parse_floats(lengths, path, line)
         if len(values) != 1 or values[0] * LARGEST_IN_TEXT < 1.0:
-            raise bad_line(path, line, ":units must give one positive 'length'; or pass unit_m")
+            raise bad_line(path, line, ":units must give one positive 'length'; or give --unit-m")
         unit_m = INCH_M / values[0]
     return words[0].lower() == "deg", unit_m
 
@@ -211,16 +217,17 @@ def read_amc(
 ) -> SourceMotion:
     """Read an AMC motion with its ASF skeleton.
 
-    Without `asf_path`, the skeleton has the file's own name or its subject's (`02_03.amc`:
-    `02_03.asf`, then `02.asf`) beside it, or is the only .asf there.  The format does not hold the
-    frame rate; without `fps_hz` CMU's index decides.
+    Without `asf_path`, the skeleton beside it has the longest name with which the file's begins
+    (`02_03.amc`: `02_03.asf`, then `02.asf`), or is the only .asf there.  The format does not hold
+    the frame rate; without `fps_hz` CMU's index decides, and others of its skeleton have 120 Hz.
     """
     text = read_text(path)
     asf_path = asf_path if asf_path is not None else find_asf(path)
     asf = read_asf(asf_path, unit_m=unit_m)
     if fps_hz is None and not is_cmu(asf.names):
-        raise BadMotionFile(f"{path}: an AMC file holds no frame rate; give it with fps_hz")
-    rate_note = "CMU's index" if fps_hz is None else "given"
+        raise BadMotionFile(f"{path}: an AMC file holds no frame rate; give it with --fps-hz")
+    rate_note = "CMU's skeleton" if cmu_subject(path) is None else "CMU's index"
+    rate_note = rate_note if fps_hz is None else "given"
     fps_hz = cmu_rate_hz(path) if fps_hz is None else check_rate_hz(fps_hz, path)
     notes = (f"skeleton {asf_path.name}", f"{fps_hz:.7g} Hz ({rate_note})")
     first_line, body, degrees = _body(text, asf, path)
@@ -249,14 +256,18 @@ def read_amc(
 
 def find_asf(amc_path: Path) -> Path:
     """The skeleton that lies beside an AMC file."""
-    subject = amc_path.stem.rpartition("_")[0]
+    stem = amc_path.stem.lower()
     found = sorted(p for p in visible(amc_path.parent.glob("*")) if p.suffix.lower() == ".asf")
     there = [path for path in found if path.is_file()]
-    named = [p for stem in (amc_path.stem, subject) for p in there if p.stem == stem]
+    named = [
+        path for path in there if re.match(f"{re.escape(path.stem.lower())}(?![a-z0-9])", stem)
+    ]
     if named or len(there) == 1:
-        return (named or there)[0]
-    what = f"its skeleton {subject or amc_path.stem}.asf is not beside it"
-    raise MissingInput(f"{amc_path}: {what}; put it there or give asf_path")
+        return max(named or there, key=lambda path: len(path.stem))
+    what = f"its skeleton {amc_path.stem.rpartition('_')[0] or amc_path.stem}.asf is not beside it"
+    others = f" ({', '.join(path.name for path in there)})" if there else ""
+    remedy = "put it there, under a name with which the AMC's begins"
+    raise MissingInput(f"{amc_path}: {what}{others}; {remedy}")
 
 
 def _body(text: str, asf: Asf, path: Path) -> tuple[int, list[str], bool]:
@@ -286,17 +297,23 @@ def _bone_columns(
             break
         if name not in asf.names or name in columns:
             what = f"bone {name[:40]} is not in {asf_path.name}, or comes twice; the AMC belongs to"
-            raise bad_line(path, line_number, f"{what} another skeleton: give its asf_path")
+            raise bad_line(
+                path, line_number, f"{what} another skeleton: put {path.stem}.asf beside it"
+            )
         due = 6 if name == "root" else len(asf.channels[asf.names.index(name)])
         if len(words) - 1 != due:
             what = f"{len(words) - 1} values for {name}, where {asf_path.name} has {due} degrees of"
-            raise bad_line(path, line_number, f"{what} freedom; give this AMC's own asf_path")
+            raise bad_line(
+                path, line_number, f"{what} freedom; put this AMC's own {path.stem}.asf beside it"
+            )
         columns[name] = slice(column, column + due)
         column += due
     lost = [n for n, dof in zip(asf.names, asf.channels, strict=True) if dof and n not in columns]
     if lost:
         what = f"its frames have no {', '.join(lost)}, which {asf_path.name} has; the file is"
-        raise BadMotionFile(f"{path}: {what} truncated, or has another skeleton: give asf_path")
+        raise BadMotionFile(
+            f"{path}: {what} truncated, or has another skeleton: put {path.stem}.asf beside it"
+        )
     return columns
 
 

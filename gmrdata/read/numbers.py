@@ -1,5 +1,6 @@
 """Numbers out of files that others wrote: texts of motion data, and arrays of pickles and JSON."""
 
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +18,8 @@ from gmrdata.values.limits import BYTES_PER_LINE, FREE_LINES, MOST_TEXT_BYTES
 LARGEST_IN_TEXT = 1e7  # larger magnitudes are no positions or angles of a person in any unit
 DIGITS = b"0123456789+-.eE"
 _COMMAS = bytes.maketrans(b" \n", b",,")
+_GLUED = re.compile(r"(?<=[\d.])-")
+"""A minus without the space before it, as SlimeVR once wrote; that of an exponent follows its e."""
 LARGEST_NUMBER = 1e6  # no angle [rad], position [m] or shape coefficient of a person is larger
 RIGID_TOLERANCE = 1e-3  # largest entry of R^T R - 1 of a rotation as files round it
 
@@ -41,7 +44,22 @@ def read_text(path: Path) -> str:
     if n_lines > max(FREE_LINES, len(data) // BYTES_PER_LINE):
         raise BadMotionFile(f"{path}: {n_lines} lines, nearly all of them empty; fetch it again")
     text = data.decode("utf-8-sig", errors="replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return _plain_separators(text.replace("\r\n", "\n").replace("\r", "\n"))
+
+
+def _plain_separators(text: str) -> str:
+    """The text with points in its numbers, and spaces between them.
+
+    A comma is a decimal one where no number has a point and none has two commas; else it stands
+    between numbers, as a semicolon does.
+    """
+    if ";" in text:
+        text = re.sub(r"(?<=[\d.]);|;(?=[ \t]*[-+.\d]|[ \t]*$)", " ", text, flags=re.MULTILINE)
+    if "," not in text:
+        return text
+    if not re.search(r"\d\.\d|\d,[-+]?\d*,\d", text):
+        return re.sub(r"(?<=\d),(?=\d)", ".", text)
+    return re.sub(r"(?<=[\d.]),|,(?=[ \t]*[-+.\d])", " ", text)
 
 
 def bad_line(path: Path, line_number: int, what: str) -> BadMotionFile:
@@ -99,6 +117,10 @@ def parse_table(
     values = plain_rows(filled_lines, n_columns)
     if values is not None and len(values) == n_rows:
         return values
+    if values is None and any(_GLUED.search(line) for line in filled_lines):
+        return parse_table(
+            [_GLUED.sub(" -", x) for x in lines], n_columns, n_rows, path, first_line
+        )
     values = parse_block("\n".join(lines))
     if values is not None and values.size == n_rows * n_columns:
         return values.reshape(n_rows, n_columns)

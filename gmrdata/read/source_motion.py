@@ -181,7 +181,7 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
     if not 1 / HIGHEST_HZ <= frame_time_s <= 1 / LOWEST_HEADER_HZ:
         rates = f"{LOWEST_HEADER_HZ:g} to {HIGHEST_HZ:g} Hz"
         what = f"a frame time of {text[:40]} s is no rate from {rates}"
-        raise bad_line(path, line_number, f"{what}; give the true rate with fps_hz")
+        raise bad_line(path, line_number, f"{what}; give the true rate with --fps-hz")
     mantissa, _, exponent = text.strip().lower().partition("e")
     decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
     # 1/256 lies exactly in the middle of two numbers of 7 digits; what is computed, beside it.
@@ -196,5 +196,5 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
 def check_rate_hz(fps_hz: float, path: Path) -> float:
     if not LOWEST_HZ <= fps_hz <= HIGHEST_HZ:
         what = f"a frame rate of {fps_hz:g} Hz is not from {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
-        raise BadMotionFile(f"{path}: {what}; give the true rate with fps_hz")
+        raise BadMotionFile(f"{path}: {what}; give the true rate with --fps-hz")
     return float(fps_hz)

@@ -6,6 +6,7 @@ beyond doubt, and there is room for everyone.
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -74,12 +75,13 @@ def twin_recipe(
     body = load_body(base.body)
     rng = np.random.default_rng([seed, 0])
     taken = {clip.trial for clip in load_recipe(find_recipe(TUNED_ON), TwinRecipe).set.clips}
-    files = [path for path in find_motions(motions_dir) if path.stem not in taken]
+    there = find_motions(motions_dir)
+    files = [path for path in there if path.stem not in taken]
     waiting = [files[i] for i in rng.permutation(len(files))]
     classes = [CLASSES[i] for i in rng.permutation(len(CLASSES))]
     places = [PLACES[i] for i in rng.permutation(len(PLACES))]
     clips: list[SyntheticClip] = []
-    too_short: set[Path] = set()
+    unfit: dict[Path, str] = {}
     for number in range(n_sequences):
         kind = classes[number % len(classes)]
         # The round of places is shifted by one each time, so that no class keeps its place.
@@ -87,17 +89,36 @@ def twin_recipe(
         company = int(number % COMPANY_EVERY == 1)
         wanted = _Wanted(f"{kind}_{number:02d}", kind, place, company)
         own = np.random.default_rng([seed, 1, number])
+        reasons: dict[Path, str] = {}
         for path in waiting:
-            clip = _sample_clip(wanted, path, base, body, own, too_short)
-            if clip is not None:
+            clip = _sample_clip(wanted, path, base, body, own, unfit)
+            if not isinstance(clip, str):
                 clips.append(clip)
                 waiting.remove(path)
                 break
+            reasons[path] = clip
         else:
             lacking = f"no motion is left for sequence {number} with a {kind} camera"
-            needed = f"motions of {film.duration_s:g} s are needed. Give more, or ask for fewer"
-            raise BadRecipe(f"{motions_dir}: {lacking}; {needed}")
+            filmed = {clip.trial for clip in clips}
+            reasons |= {path: "taken by others" for path in files if path.stem in filmed}
+            reasons |= {path: f"of the recipe {TUNED_ON}" for path in there if path.stem in taken}
+            needed = f"Motions of {film.duration_s:g} s are needed. Give more, or ask for fewer"
+            raise BadRecipe(f"{motions_dir}: {lacking}. {_in_words(reasons)}. {needed}")
     return TwinRecipe(recipe="threedpw_twin", set=base.model_copy(update={"clips": tuple(clips)}))
+
+
+NAMED = 3  # files of each reason
+NO_CAMERA = "without such a camera near by"
+
+
+def _in_words(reasons: Mapping[Path, str]) -> str:
+    """How many motions were left out for each reason, and some of them."""
+    said = []
+    for reason in dict.fromkeys(reasons.values()):
+        names = [path.name for path, why in reasons.items() if why == reason]
+        more = ", ..." if len(names) > NAMED else ""
+        said.append(f"{len(names)} {reason} ({', '.join(names[:NAMED])}{more})")
+    return "; ".join(said) or "There are none"
 
 
 @dataclass(frozen=True)
@@ -120,33 +141,35 @@ def _sample_clip(
     base: SyntheticRecipe,
     body: BodyModel,
     rng: np.random.Generator,
-    too_short: set[Path],
-) -> SyntheticClip | None:
-    """A sequence with this motion and class of camera, or None if they don't fit each other.
+    unfit: dict[Path, str],
+) -> SyntheticClip | str:
+    """A sequence with this motion and class of camera, or why they don't fit each other.
 
-    A motion that fits no sequence is put into `too_short`, and not read again.
+    A motion that fits no sequence is put into `unfit`, and not read again.
     """
     programme = _sample_programme(wanted.kind, rng)
     roomy, scene_seeds = rng.uniform(*ROOMY), rng.integers(2**31, size=PLACE_TRIES)
     scene = _sample_scene(wanted, rng)
     given: Settings = {"id": wanted.id, "trial": path.stem, "programme": programme, "scene": scene}
-    if path in too_short:  # only now: what is sampled for the next motion hangs on the above
-        return None
+    if path in unfit:  # only now: what is sampled for the next motion hangs on the above
+        return unfit[path]
     try:
         planned = _planned(wanted, given, roomy, path, base, body)
-    except BadMotionFile:
-        too_short.add(path)
-        return None
+    except BadMotionFile as error:
+        unfit[path] = str(error).removeprefix(f"{path}: ")
+        return unfit[path]
     except BadRecipe:
-        return None
-    if planned is None or not _in_view(planned, 1.0) or not is_beyond_doubt(planned, wanted.kind):
-        return None
+        return NO_CAMERA
+    if isinstance(planned, str):
+        return planned
+    if not _in_view(planned, 1.0) or not is_beyond_doubt(planned, wanted.kind):
+        return NO_CAMERA
     for scene_seed in scene_seeds:
         given["scene"] = scene | {"seed": int(scene_seed)}
         clip = SyntheticClip.model_validate(given)
         if clip.scene is not None and _has_room(clip.scene, planned, body):
             return clip
-    return None
+    return "without room for those beside them"
 
 
 def _sample_scene(wanted: _Wanted, rng: np.random.Generator) -> Settings:
@@ -168,19 +191,21 @@ def _planned(
     path: Path,
     base: SyntheticRecipe,
     body: BodyModel,
-) -> Clip | None:
+) -> Clip | str:
     """The clip from so many times the nearest distance that frames the person, which `given` gets.
 
-    None where somebody climbs, or the camera would be too far away; BadMotionFile where the motion
-    is too short.
+    Why not where nobody stands on the floor, or the camera would be too far away; BadMotionFile
+    where the motion is too short.
     """
     nearest = planned_clip(SyntheticClip.model_validate(given), base, path, body)
     motion, film = nearest.motion, base.film
     if motion.n_frames != round(film.duration_s * motion.fps_hz):
         raise BadMotionFile(f"{path}: shorter than {film.duration_s:g} s")
     distance_m = round(roomy * _distance_m(nearest) + FOR_COMPANY_M * wanted.company, 2)
-    if not _has_feet_on_the_floor(nearest, body) or distance_m > wanted.farthest_m:
-        return None
+    if not _has_feet_on_the_floor(nearest, body):
+        return "lying, climbing or jumping"
+    if distance_m > wanted.farthest_m:
+        return NO_CAMERA
     given["programme"] = given["programme"] | {"distance_m": distance_m}
     moved = SyntheticClip.model_validate(given).programme
     return plan_clip(wanted.id, motion, moved, film, clip_rng(base.seed, wanted.id, "motion"))

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, MissingInput
@@ -109,7 +110,8 @@ def find_joints(
     """Which source joint drives each SMPL joint: `{index of the SMPL joint: of the source joint}`.
 
     `joint_map` is `{name in the file: SMPL joint}`, or a YAML or JSON file of it, or None for the
-    names that are known (see `joints_by_name`).
+    names that are known (see `joints_by_name`).  One that names less than all of `REQUIRED` counts
+    before the names that are known; else it alone counts.
     """
     if joint_map is None:
         found = joints_by_name(names, parents)
@@ -119,35 +121,48 @@ def find_joints(
             what = f"the joint map names {', '.join(unknown)}, which the file does not have"
             raise BadMotionFile(f"{path}: {what}. It has: {', '.join(names)}")
         found = {joint: names.index(name) for name, joint in chosen.items()}
+        if not set(REQUIRED) <= set(found):
+            found = joints_by_name(names, parents, found)
     if missing := [joint for joint in REQUIRED if joint not in found]:
         what = f"no joint is known to be {', '.join(missing)}. The file has: {', '.join(names)}"
-        remedy = "Give a joint_map {name in the file: SMPL joint} with the names"
+        remedy = "Name these in a file `name in the file: SMPL joint` with --joint-map; joints are"
         raise BadMotionFile(f"{path}: {what}. {remedy} {', '.join(JOINT)}")
     return {JOINT[joint]: i for joint, i in found.items()}
 
 
-def joints_by_name(names: Sequence[str], parents: Sequence[int]) -> dict[str, int]:
+def joints_by_name(
+    names: Sequence[str], parents: Sequence[int], said: Mapping[str, int] = MappingProxyType({})
+) -> dict[str, int]:
     """`{SMPL joint: number of the bone}` for bones by their names and by what hangs on what.
 
-    CMU's two forms have maps of their own.  All others go by `_WORDS`; the pelvis is what carries
-    both legs, and the spine leads from there to what carries both arms.
+    Those that a person `said` are so, and their bones are no others.  CMU's two forms have maps of
+    their own.  All others go by `_WORDS`; the pelvis is what carries both legs, and the spine leads
+    from there to what carries both arms.
     """
     if is_cmu(names):
         cmu = CMU_BVH if "LHipJoint" in names else CMU_ASF
-        return {joint: names.index(name) for name, joint in cmu.items() if name in names}
-    lines = [_line(bone, parents) for bone in range(len(names))]
-    said = [_side_and_word(name) for name in names]
-    found: dict[str, int] = {}
+        found = {joint: names.index(name) for name, joint in cmu.items() if name in names}
+        return {j: bone for j, bone in found.items() if bone not in said.values()} | dict(said)
+    lines = [line_to(bone, parents) for bone in range(len(names))]
+    words_of = [_side_and_word(name) for name in names]
+    found = dict(said)
     # Of bones with one word the nearest to the root counts, then the first by name: sides agree.
     order = sorted(range(len(names)), key=lambda bone: (len(lines[bone]), names[bone]))
     for side in ("left", "right"):
-        free = {said[bone][1]: bone for bone in reversed(order) if said[bone][0] == side}
+        free = {
+            words_of[bone][1]: bone
+            for bone in reversed(order)
+            if words_of[bone][0] == side and bone not in said.values()
+        }
         for joint, words in _WORDS.items():
+            if f"{side}_{joint}" in said:
+                continue
             if word := next((word for word in words if word in free), None):
                 found[f"{side}_{joint}"] = free.pop(word)
     if {"left_hip", "right_hip", "left_shoulder", "right_shoulder"} <= set(found):
-        middle = {bone: word for bone in order for side, word in [said[bone]] if not side}
-        found |= _middle(found, lines, middle)
+        middle = {bone: word for bone in order for side, word in [words_of[bone]] if not side}
+        trunk = _middle(found, lines, middle).items()
+        found |= {j: bone for j, bone in trunk if j not in said and bone not in said.values()}
     return found
 
 
@@ -162,7 +177,7 @@ def _side_and_word(name: str) -> tuple[str, str]:
     return side, re.sub("[^a-z]", "", word.lower())
 
 
-def _line(bone: int, parents: Sequence[int]) -> list[int]:
+def line_to(bone: int, parents: Sequence[int]) -> list[int]:
     """The bones from the root down to this one."""
     line = [bone]
     while parents[line[-1]] >= 0:

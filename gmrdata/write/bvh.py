@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read.source_motion import rate_of_frame_time_hz
 from gmrdata.values.body import JOINT_NAMES, PARENTS, WORLD_FROM_REST, BodyModel
 from gmrdata.values.files import write_text
 from gmrdata.values.joint_names import MIXAMO
@@ -36,10 +37,17 @@ def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
         *_joint_lines(0, 0, rest_joints_m, tips_m),
         "MOTION",
         f"Frames: {motion.n_frames}",
-        f"Frame Time: {1 / motion.fps_hz:.20f}",
+        f"Frame Time: {frame_time(motion.fps_hz)}",
         *(" ".join(f"{value:.6f}" for value in row) for row in rows),
     ]
     write_text(path, "\n".join(lines) + "\n")
+
+
+def frame_time(fps_hz: float) -> str:
+    """The shortest decimal number of seconds, of 7 digits or more, that is read as this rate."""
+    texts = (f"{1 / fps_hz:.{digits}f}" for digits in range(7, 20))
+    rates = ((text, rate_of_frame_time_hz(text, Path(), 0)) for text in texts)
+    return next((text for text, hz in rates if hz == fps_hz), f"{1 / fps_hz:.20f}")
 
 
 def _joint_lines(

@@ -132,10 +132,10 @@ def test_cmus_index_wins_over_amass(tmp_path: Path, small_body: BodyModel) -> No
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"mocap_framerate": None}, "no frame rate .*give it with fps_hz"),
-        ({"mocap_framerate": 0.0}, "0 Hz.*fps_hz"),
-        ({"mocap_framerate": -30.0}, "fps_hz"),
-        ({"mocap_framerate": 10000.0}, "10000 Hz.*fps_hz"),
+        ({"mocap_framerate": None}, "no frame rate .*give it with --fps-hz"),
+        ({"mocap_framerate": 0.0}, "0 Hz.*fps-hz"),
+        ({"mocap_framerate": -30.0}, "fps-hz"),
+        ({"mocap_framerate": 10000.0}, "10000 Hz.*fps-hz"),
         ({"mocap_framerate": np.nan}, "mocap_framerate is not finite"),
         ({"mocap_framerate": [1.0, 2.0]}, "not one number"),
         ({"marker_labels": np.array([{"a": 1}], dtype=object)}, "plain arrays"),

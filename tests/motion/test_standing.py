@@ -169,7 +169,7 @@ def test_the_zero_pose_may_be_given(write: Callable[..., Path], small_body: Body
     assert np.delete(_apart_deg(motion, told), [7, 8, 10, 11]).max() < 0.01
     for wrong, words in (
         ("t", r"up.bvh: the arms of the zero pose point \+\d\d degrees above the level, so"),
-        (write("other", t_pose), "up.bvh: the offset of .* is another in the file of rest_pose"),
+        (write("other", t_pose), "up.bvh: the offset of .* is another in the file of --rest-pose"),
         (Path("tpose"), "tpose: no such file. A rest_pose is a BVH file, or t, a, arms_down"),
     ):
         with pytest.raises((BadMotionFile, MissingInput), match=words):
@@ -296,7 +296,7 @@ def test_hips_that_turn_beside_their_joint(
     assert _apart_deg(motion, other)[JOINT["pelvis"]] < 6
     swinging = _with_pivots(source, np.where(np.arange(source.n_frames) % 2, 90.0, -90.0))
     with pytest.raises(
-        BadMotionFile, match=r"the hip line would be \d+\.\d degrees off.*joint_map"
+        BadMotionFile, match=r"the hip line would be \d+\.\d degrees off.*--joint-map"
     ):
         retarget(swinging, joints, small_body)
 

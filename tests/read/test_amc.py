@@ -124,7 +124,7 @@ def test_frames_that_need_a_closer_look_are_read_as_the_plain_ones(
 
 
 BROKEN_AMC = [
-    ("thigh 90 0\n2", "foot 90 0\n2", ":6: bone foot is not in 07.asf.*asf_path"),
+    ("thigh 90 0\n2", "foot 90 0\n2", ":6: bone foot is not in 07.asf.*put 07_01.asf beside it"),
     ("thigh 90 0\n2", "thigh 90\n2", ":6: 1 values for thigh, where 07.asf has 2"),
     ("thigh 90 0\n2", "2", "have no thigh, which 07.asf has"),
     ("thigh 0 90\n", "", ":9: '3' where thigh with 2 values is due"),
@@ -134,7 +134,7 @@ BROKEN_AMC = [
     ("thigh 0 90\n", "thigh 0 y\n", ":9: 'y' is not a number"),
     ("thigh 0 90\n", "thigh 0 9_0\n", ":9: '9_0' is not a number"),
     ("thigh 0 90\n", "thigh 0 true\n", ":9: 'true' is not a number"),
-    ("thigh 0 90\n", "thigh 0,90\n", ":9: 'thigh 0,90' where thigh with 2 values"),
+    ("thigh 0 90\n", "thigh 0,90\n", ":9: 'thigh 0.90' where thigh with 2 values"),
     ("2 4 0 0 0\nthigh 0 90\n", "2 4 0 0\n0 thigh 0 90\n", ":8: 'root 1 2 4 0 0' where root"),
     ("\n3\n", "\n4\n", "frame 4 follows frame 2"),
     ("\n2\n", "\nx 2\n", "bone x is not in 07.asf"),
@@ -179,9 +179,9 @@ def test_broken_files(tmp_path: Path, name: str, old: str, new: str, words: str)
 
 
 def test_the_rate_of_a_skeleton_that_is_not_cmus_must_be_given(tmp_path: Path) -> None:
-    with pytest.raises(BadMotionFile, match="holds no frame rate; give it with fps_hz"):
+    with pytest.raises(BadMotionFile, match="holds no frame rate; give it with --fps-hz"):
         read_amc(_write(tmp_path))
-    with pytest.raises(BadMotionFile, match="fps_hz"):
+    with pytest.raises(BadMotionFile, match="fps-hz"):
         read_amc(_write(tmp_path), fps_hz=-1)
 
 
@@ -193,7 +193,7 @@ def test_the_skeleton_beside_it(tmp_path: Path) -> None:
     for name in ("07.asf", "07_01.asf"):
         (tmp_path / name).unlink()
     with pytest.raises(
-        MissingInput, match=r"07\.asf is not beside it; put it there or give asf_path"
+        MissingInput, match=r"07\.asf is not beside it.*; put it there, under a name with which"
     ):
         read_amc(path, fps_hz=50)
     (tmp_path / "anyone.asf").write_text(ASF)

@@ -49,13 +49,13 @@ def test_cmus_index(name: str, subject: int | None, fps_hz: float) -> None:
 
 @pytest.mark.parametrize("fps_hz", [0.0, -30.0, 10000.0, float("nan"), float("inf")])
 def test_absurd_rates(fps_hz: float) -> None:
-    with pytest.raises(BadMotionFile, match=r"a\.bvh.*fps_hz"):
+    with pytest.raises(BadMotionFile, match=r"a\.bvh.*fps-hz"):
         check_rate_hz(fps_hz, Path("a.bvh"))
 
 
 @pytest.mark.parametrize("text", ["1.0", "0.5", "0.0001", "-0.03", "nan"])
 def test_a_header_that_nobody_set_is_no_rate(text: str) -> None:
-    with pytest.raises(BadMotionFile, match=r"a\.bvh:8: .*is no rate.*with fps_hz"):
+    with pytest.raises(BadMotionFile, match=r"a\.bvh:8: .*is no rate.*with --fps-hz"):
         rate_of_frame_time_hz(text, Path("a.bvh"), 8)
 
 

@@ -1,0 +1,256 @@
+"""Files as other programs write them: hung on another joint, with other separators, in parts."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.cli import main
+from gmrdata.motion.files import find_motions, read_file, read_motion
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.bvh import read_bvh
+from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, SourceMotion
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.joint_names import line_to
+from gmrdata.values.skinning import global_rotmats, joint_positions_m
+from gmrdata.write.bvh import frame_time, write_bvh
+
+SIX = ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation")
+
+
+@pytest.fixture
+def walk_path(tmp_path: Path, small_body: BodyModel) -> Path:
+    walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0), shape=np.zeros(10))
+    write_bvh(tmp_path / "walk.bvh", walk, small_body)
+    return tmp_path / "walk.bvh"
+
+
+def _save(
+    write: Callable[..., Path], path: Path, source: SourceMotion, parents: Sequence[int]
+) -> Path:
+    """The same places and global rotations on another tree, each joint with six channels."""
+    order: list[int] = []
+
+    def add(joint: int) -> None:
+        order.append(joint)
+        for child in (n for n, parent in enumerate(parents) if parent == joint):
+            add(child)
+
+    add(parents.index(-1))
+    frames = global_rotmats(source.parents, source.local_rotmats)
+    places_m = joint_positions_m(source.parents, frames, source.translations_m)
+    rest_m = source.rest_joints_m()
+    offsets, rows = [], []
+    for joint in order:
+        above = parents[joint]
+        over = frames[:, above] if above >= 0 else np.eye(3)[None]
+        start_m, rest_start_m = (
+            x[..., above, :] if above >= 0 else 0.0 for x in (places_m, rest_m)
+        )
+        moved_m = np.einsum("tlk,tl->tk", np.broadcast_to(over, frames[:, joint].shape),
+                            places_m[:, joint] - start_m)  # fmt: skip
+        local = Rotation.from_matrix(over.swapaxes(-1, -2) @ frames[:, joint])
+        rows.append(np.c_[100 * moved_m, local.as_euler("ZXY", degrees=True)])
+        offsets.append(100 * (rest_m[joint] - rest_start_m))
+    new = [order.index(parents[joint]) if parents[joint] >= 0 else -1 for joint in order]
+    names = [source.names[joint] for joint in order]
+    table, channels = np.concatenate(rows, axis=1), [SIX] * len(order)
+    return write(path, names, new, np.array(offsets), channels, table, frame_time="0.0333333")
+
+
+@pytest.mark.parametrize(
+    "root", ["Head", "Neck", "Spine2", "Spine", "LeftHand", "RightFoot", "LeftUpLeg", "Reference"]
+)
+def test_the_pelvis_is_where_legs_and_trunk_meet(
+    write_bvh: Callable[..., Path], walk_path: Path, small_body: BodyModel, root: str
+) -> None:
+    plain = read_bvh(walk_path)
+    plain = replace(plain, offsets_m=plain.offsets_m * 1.01)  # no body's own skeleton
+    parents = list(plain.parents)
+    if root == "Reference":  # a joint on the floor that carries pelvis and spine
+        n, still = len(parents), np.tile(np.eye(3), (plain.n_frames, 1, 1, 1))
+        parents = [-1, *(parent + 1 for parent in parents)]
+        zeros_m = np.zeros((plain.n_frames, 1, 3))
+        hung = replace(
+            plain,
+            names=("Reference", *plain.names),
+            parents=tuple(parents),
+            offsets_m=np.concatenate([np.zeros((1, 3)), plain.offsets_m]),
+            tips_m=np.concatenate([np.full((1, 3), np.nan), plain.tips_m]),
+            local_rotmats=np.concatenate([still, plain.local_rotmats], axis=1),
+            translations_m=np.concatenate([zeros_m, plain.translations_m], axis=1),
+        )
+        assert len(parents) == n + 1
+        parents[1 + plain.names.index("Spine")] = 0
+    else:
+        hung = plain
+        line = line_to(plain.names.index(root), parents)
+        for above, below in pairwise(line):
+            parents[above] = below
+        parents[line[-1]] = -1
+    here = walk_path.parent
+    wanted = read_motion(_save(write_bvh, here / "a.bvh", plain, plain.parents), small_body)
+    found = read_motion(_save(write_bvh, here / "b.bvh", hung, parents), small_body)
+    np.testing.assert_allclose(found.root_rotmats, wanted.root_rotmats, atol=1e-6)
+    np.testing.assert_allclose(found.pelvis_m, wanted.pelvis_m, atol=1e-5)
+    np.testing.assert_allclose(found.local_rotmats, wanted.local_rotmats, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [(".", ","), (" ", ","), (" ", ", "), (" ", ";"), (" ", "; "), (" ", "\t"), (" -", "-")],
+    ids=["decimal comma", "comma", "comma and space", "semicolon", "and space", "tab", "glued"],
+)
+def test_separators_of_numbers(walk_path: Path, old: str, new: str) -> None:
+    plain = read_bvh(walk_path)
+    head, motion, table = walk_path.read_text().partition("Frame Time: ")
+    rate, _, rows = table.partition("\n")
+    if new == ",":
+        rate = rate.replace(old, new)
+    if old == ".":
+        head = head.replace(old, new)
+    walk_path.write_text(f"{head}{motion}{rate}\n{rows.replace(old, new)}")
+    again = read_bvh(walk_path)
+    np.testing.assert_array_equal(again.local_rotmats, plain.local_rotmats)
+    np.testing.assert_array_equal(again.translations_m, plain.translations_m)
+    assert again.fps_hz == plain.fps_hz == 30.0
+
+
+@pytest.mark.parametrize(
+    ("fps_hz", "text"),
+    [(30.0, "0.0333333"), (120.0, "0.0083333"), (24.0, "0.0416667"), (29.97, "0.0333667"),
+     (30000 / 1001, "0.03336667"), (12.3456789, None), (100 / 3, "0.0300000")],
+)  # fmt: skip
+def test_a_written_frame_time_is_readable(
+    tmp_path: Path, small_body: BodyModel, fps_hz: float, text: str | None
+) -> None:
+    walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
+    write_bvh(tmp_path / "a.bvh", replace(walk, fps_hz=fps_hz), small_body)
+    assert read_bvh(tmp_path / "a.bvh").fps_hz == pytest.approx(fps_hz, rel=1e-15)
+    assert text is None or len(frame_time(fps_hz)) <= len(text) + 12
+
+
+def test_the_skeletons_of_hdm05(shared_path: Callable[[str], Path], small_body: BodyModel) -> None:
+    path = shared_path("odd/hdm05_skeleton_name") / "HDM_bd_01-01_01_120.amc"
+    read = read_file(path, small_body, DEFAULT_READING)
+    assert "skeleton HDM_bd.asf" in read.motion.source
+    assert (read.motion.n_frames, read.motion.fps_hz, read.rate_from) == (
+        40,
+        120.0,
+        "CMU's skeleton",
+    )
+
+
+def test_a_decimal_comma(shared_path: Callable[[str], Path], small_body: BodyModel) -> None:
+    path = shared_path("odd/decimal_comma/a01_comma.bvh")
+    plain = shared_path("odd/bvh_rest_y_up_motion_z_up/plain.bvh")
+    read = [read_motion(one, small_body) for one in (path, plain)]
+    np.testing.assert_array_equal(read[0].rotmats, read[1].rotmats)
+
+
+def test_betas_of_each_frame(shared_path: Callable[[str], Path], tmp_path: Path) -> None:
+    folder = shared_path("odd/amass_betas_per_frame")
+    main(["motions", str(folder / "m06_betas_per_frame.npz"), "--body", str(folder / "body"),
+          "--out", str(tmp_path / "out")])  # fmt: skip
+    betas = np.load(tmp_path / "out/clips/m06_betas_per_frame/clip.npz")["betas"]
+    np.testing.assert_allclose(betas, [*np.linspace(1, -1, 10), *[0.0] * 6], atol=1e-12)
+
+
+PARTS = {
+    "root_orient": ("global_orient", 3), "pose_body": ("body_pose", 63),
+    "pose_hand": ("hand_pose", 90), "pose_jaw": ("jaw_pose", 3), "pose_eye": ("eye_pose", 6),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["amass", "smplx", "without hands", "joints", "smpl"])
+def test_poses_in_parts(tmp_path: Path, small_body: BodyModel, form: str) -> None:
+    rng = np.random.default_rng(0)
+    parts = {key: rng.normal(scale=0.3, size=(6, n)) for key, (_, n) in PARTS.items()}
+    hands = parts["pose_hand"] if form in ("amass", "smplx") else np.zeros((6, 90))
+    face = np.zeros((6, 9))
+    whole = {"poses": np.c_[parts["root_orient"], parts["pose_body"], face, hands],
+             "trans": rng.normal(size=(6, 3)), "mocap_frame_rate": 30.0}  # fmt: skip
+    split = {"trans": whole["trans"], "mocap_frame_rate": 30.0}
+    if form == "amass":
+        split |= parts
+    elif form == "smplx":
+        split |= {PARTS[key][0]: parts[key] for key in ("root_orient", "pose_body")}
+        split |= {"left_hand_pose": hands[:, :45], "right_hand_pose": hands[:, 45:]}
+        split["transl"] = split.pop("trans")
+    elif form == "smpl":
+        whole["poses"] = np.c_[parts["root_orient"], parts["pose_body"], hands[:, :6]]
+        split |= {"global_orient": parts["root_orient"].reshape(6, 1, 3)}
+        split |= {"body_pose": whole["poses"][:, 3:].reshape(6, 23, 3)}
+    elif form == "joints":
+        split |= {"poses": whole["poses"].reshape(6, 55, 3)}
+    else:
+        split |= {key: parts[key] for key in ("root_orient", "pose_body")}
+    np.savez(tmp_path / "whole.npz", **whole)
+    np.savez(tmp_path / "split.npz", **split)
+    assert len(find_motions(tmp_path)) == 2
+    read = [read_motion(tmp_path / f"{name}.npz", small_body) for name in ("split", "whole")]
+    np.testing.assert_array_equal(read[0].rotmats, read[1].rotmats)
+    np.testing.assert_array_equal(read[0].pelvis_m, read[1].pelvis_m)
+
+
+@pytest.mark.parametrize("gender", ["b'female'", 'b"FEMALE"', "f", " Female ", b"female"])
+def test_genders(tmp_path: Path, small_body: BodyModel, gender: str | bytes) -> None:
+    arrays = {"poses": np.zeros((6, 72)), "trans": np.zeros((6, 3)), "mocap_framerate": 30.0}
+    np.savez(tmp_path / "a.npz", betas=np.ones(10), gender=np.array(gender), **arrays)
+    female = replace(small_body, name="smpl-female")
+    assert read_motion(tmp_path / "a.npz", female, up="z").shape[0] == 1.0
+    np.savez(tmp_path / "b.npz", betas=np.ones((5, 10)), gender=np.array(gender), **arrays)
+    with pytest.raises(BadMotionFile, match=r"betas are \(5, 10\) for 6 frames"):
+        read_motion(tmp_path / "b.npz", female)
+
+
+@pytest.mark.parametrize(("rate", "fps_hz"), [(120.0, 60.0), (60.0, 60.0), (30.0, 30.0)])
+def test_cmus_index_settles_60_against_120_alone(
+    tmp_path: Path, small_body: BodyModel, rate: float, fps_hz: float
+) -> None:
+    path = tmp_path / "CMU" / "62" / "62_11_poses.npz"
+    path.parent.mkdir(parents=True)
+    np.savez(path, poses=np.zeros((6, 72)), trans=np.zeros((6, 3)), mocap_framerate=rate)
+    read = read_file(path, small_body, ReadConfig(up="y"))
+    assert (read.motion.fps_hz, read.rate_from) == (fps_hz, "CMU's index" if rate > 60 else "file")
+
+
+def test_a_walk_that_is_too_fast_gets_a_remark(walk_path: Path, small_body: BodyModel) -> None:
+    assert read_file(walk_path, small_body, DEFAULT_READING).remarks == ()
+    (remark,) = read_file(walk_path, small_body, ReadConfig(fps_hz=90)).remarks
+    assert "walks at 4." in remark and remark.endswith("Give the true frame rate with --fps-hz")
+
+
+def test_a_joint_map_may_have_the_missing_names_alone(
+    walk_path: Path, small_body: BodyModel
+) -> None:
+    wanted = read_motion(walk_path, small_body)
+    text = walk_path.read_text().replace("LeftLeg\n", "Bone7\n").replace("RightFoot\n", "Bone9\n")
+    walk_path.write_text(text)
+    with pytest.raises(BadMotionFile, match="known to be left_knee.*--joint-map"):
+        read_motion(walk_path, small_body)
+    names = {"Bone7": "left_knee", "Bone9": "right_ankle"}
+    np.testing.assert_array_equal(
+        read_motion(walk_path, small_body, joint_map=names).rotmats, wanted.rotmats
+    )
+
+
+def test_a_missing_path_is_told_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.bvh").write_text("HIERARCHY\n")
+    for words, said in (
+        (["nothere", "--body", "nobody.npz"], "gmrdata: nothere: no such file or folder\n"),
+        (["bad.bvh"], "gmrdata: 1 of 1 files could not be read:\n  bad.bvh: no BVH file"),
+    ):
+        with pytest.raises(SystemExit):
+            main(["motions", *words])
+        assert said in capsys.readouterr().err
+    with pytest.raises(MissingInput, match="no such file"):
+        read_motion(tmp_path / "a.npz", None)  # type: ignore[arg-type]
