@@ -170,7 +170,7 @@ def test_the_zero_pose_may_be_given(write: Callable[..., Path], small_body: Body
     for wrong, words in (
         ("t", r"up.bvh: the arms of the zero pose point \+\d\d degrees above the level, so"),
         (write("other", t_pose), "up.bvh: the offset of .* is another in the file of --rest-pose"),
-        (Path("tpose"), "tpose: no such file. A rest_pose is a BVH file, or t, a, arms_down"),
+        (Path("tpose"), "tpose: no such file. --rest-pose takes a BVH file, or t, a, arms_down"),
     ):
         with pytest.raises((BadMotionFile, MissingInput), match=words):
             read_motion(path, small_body, rest_pose=wrong)
@@ -232,8 +232,9 @@ def test_what_was_read_stands_in_table_and_manifest(
         ("walk.bvh", "60", "50", "given"),
     ]
     assert table.rows[1][-4:] == ("0.0 (0.0)",) * 4
-    (warning,) = table.warnings
+    warning, fast = table.warnings
     assert warning.startswith("fallen.bvh: the person lies or leans throughout")
+    assert fast.startswith("walk.bvh: walks at")  # at 50 Hz, not at its 30
     made = make_library((fallen,), str(tmp_path / "small.npz"), tmp_path / "out")
     (clip,) = read_manifest(made).clips
     assert isinstance(clip, ClipEntry) and clip.quality is not None
