@@ -208,6 +208,10 @@ REFUSED = {
         READ["vins.yaml"].replace("PINHOLE", "MEI") + "mirror_parameters:\n   xi: 1.36\n",
         "camera model MEI",
     ),
+    "vins_gamma.yaml": (
+        READ["vins.yaml"].replace("PINHOLE", "MEI").replace("fx", "gamma1"), "camera model MEI"
+    ),
+    "generic.yaml": ("type : CentralGenericModel\nwidth : 640\ngrid : [0.1]\n", "CentralGeneric"),
     "mirror.yaml": (READ["vins.yaml"] + "mirror_parameters:\n   xi: 1.36\n", "with xi of 1.36"),
     "vins_kb.yaml": (READ["vins.yaml"].replace("PINHOLE", "KANNALA_BRANDT"), "KANNALA_BRANDT"),
     "opencv_fisheye.yaml": (
