@@ -299,7 +299,8 @@ def _of_values(value: Any, frames_px: tuple[int, int], *, from_middle: bool) -> 
     if isinstance(value, Mapping):
         cameras = list(_cameras(value, {}, 0))
         if not cameras:
-            for one in (own := {}, *_split(value, own)):
+            own: dict[str, Any] = {}
+            for one in (own, *_split(value, own)):
                 _require_pinhole({_name(key): part for key, part in one.items()})
             names = ", ".join(map(str, list(value)[:8]))
             raise KeyError(f"no matrix and no focal length under a usual name, but {names}")

@@ -295,8 +295,8 @@ def _other_bend(known: Lens, asked: AskedLens, config: IntrinsicsConfig) -> str:
     # At the corner a point moves by k1 r^2 of its distance from the middle.
     if apart <= max(config.object_sigmas * sigma, config.object_share / known.corner_radius**2):
         return ""
-    what = f"a distortion k1 of {asked_k1:.3f} ± {sigma:.3f}, and {given_k1:g} is given"
-    return f"The frames ask for {what}: the lens that is given is not that of these frames."
+    given = f"The distortion k1 of {given_k1:g} that is given is not that of these frames"
+    return f"{given}, which ask for {asked_k1:.3f} ± {sigma:.3f}."
 
 
 def _taken(
