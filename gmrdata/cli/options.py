@@ -69,7 +69,11 @@ JointMap = Annotated[
     Path | None, arg(help="YAML or JSON file: joint name in a BVH or ASF -> joint of SMPL's tree.")
 ]
 UnitM = Annotated[
-    float | None, arg(help="Metres per unit of a BVH or ASF; found by the legs when left out.")
+    float | None,
+    arg(
+        help="Metres per unit of a BVH or ASF, found by the legs when left out; or of the path of "
+        "an npz."
+    ),
 ]
 RestPoseOrFile = Annotated[
     str | None,

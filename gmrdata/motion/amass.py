@@ -113,6 +113,7 @@ def read_amass(
     if str(arrays.get("frame", "world")) != "world":
         raise BadMotionFile(f"{path}: a clip in camera frames; make its pseudo ground truth first")
     poses, trans = _pose_arrays(arrays, path)
+    trans = trans * (1.0 if config.unit_m is None else config.unit_m)
     rate_hz, rate_note = amass_rate(arrays, config.fps_hz, path)
     kept = _holds_shape_of(arrays, body, poses.shape[1])
     betas = _betas(arrays, len(poses), path)
@@ -140,13 +141,15 @@ def joined_poses(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     if "poses" in arrays:
         poses = arrays["poses"]  # some have (T, J, 3)
         is_rows = poses.ndim == 3 and poses.shape[2] == 3
-        return arrays | {"poses": poses.reshape(len(poses), -1)} if is_rows else arrays
+        return (
+            arrays | {"poses": poses.reshape(len(poses), 3 * poses.shape[1])} if is_rows else arrays
+        )
     found = {part: next((k for k in keys if k in arrays), "") for part, keys in SPLIT_KEYS.items()}
     parts = {part: arrays[key] for part, key in found.items() if key}
     parts = {part: array for part, array in parts.items() if array.dtype.kind in "fiu"}
-    if not {"root", "body", "path"} <= parts.keys() or parts["path"].ndim != 2:
+    if not {"root", "body"} <= parts.keys() or parts.get("path", np.empty((0, 3))).ndim != 2:
         return arrays
-    n = max(1, len(parts["path"]))
+    n = max([1, *parts["root"].shape[:1]])
     parts = {part: array.reshape(n, -1) for part, array in parts.items() if not array.size % n}
     body = parts.get("body", np.empty((n, 0)))
     hands = [parts.get(f"{side} hand", np.empty((n, 0))) for side in ("left", "right")]
@@ -156,7 +159,7 @@ def joined_poses(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     face = [] if "smplh" in str(arrays.get("surface_model_type", "")) else [np.zeros((n, 9))]
     more = [*face, hands_rad] if body.shape[1] == 63 else []
     poses = np.concatenate([parts.get("root", body), body, *more], axis=1)
-    return arrays | {"poses": poses, "trans": parts["path"]}
+    return arrays | {"poses": poses} | ({"trans": parts["path"]} if "path" in parts else {})
 
 
 def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -70,7 +70,7 @@ def read_motion(
         joint_map: `{name in the file: SMPL joint}`, or a YAML or JSON file of it, for a BVH or ASF
             whose names are not known.
         unit_m: Metres per unit of a BVH or ASF; without it the convention's, if the legs are of a
-            person's length with it, else what makes them so.
+            person's length with it, else what makes them so.  Of an .npz that of `trans`, else 1.
         rest_pose: What the pose of a BVH or AMC without rotations is (`RestPose`), or a BVH of the
             same skeleton in whose first frame the person stands; None looks for itself.
         up: Axis of the file's world that is up; without it the convention's, unless what the person

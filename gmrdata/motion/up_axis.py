@@ -38,6 +38,7 @@ LONG, FLAT_FEET = 0.9, 0.5
 """Shares of frames in which one stands along an axis with flat feet, still or lying: who knows."""
 FLOOR_M, OFF_FLOOR_M = 0.08, 0.25  # what lies on the floor z = 0 of most files, and what doesn't
 MOSTLY, ALWAYS = 0.5, 0.95  # of somebody who walks; runners of CMU have a foot down in 0.92 at most
+FASTEST_M_PER_S = 13.0  # of anybody who runs
 FASTEST_WALK_M_PER_S = 2.3  # CMU's fastest of 95 walks has 1.9
 LARGEST_RISE_M = 0.5  # along the axis; a swimmer goes further
 _MIDDLES = {part: [JOINT[f"{side}_{part}"] for side in ("left", "right")]
@@ -197,6 +198,10 @@ def walking_m_per_s(person: Person) -> float:
 def remarks_on(person: Person, fps_hz: float) -> tuple[str, ...]:
     """What may be wrong with a motion, for who gave the file."""
     remarks: tuple[str, ...] = () if is_upright(person) else (LIES,)
+    speeds = person.speeds(person.joints_m[:, JOINT["pelvis"]])
+    if (often := float(np.percentile(speeds, 90))) > FASTEST_M_PER_S:
+        what = f"goes at {often:.3g} m/s: its path is in another unit, or the frame rate is wrong"
+        return (*remarks, f"{what}. Give --unit-m (0.01 for centimetres), or --fps-hz")
     speed_m_per_s = walking_m_per_s(person)
     if speed_m_per_s > FASTEST_WALK_M_PER_S:
         what = f"walks at {speed_m_per_s:.1f} m/s at {fps_hz:g} Hz, which nobody does"

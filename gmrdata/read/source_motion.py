@@ -37,7 +37,7 @@ class ReadConfig(Config):
     fps_hz: float | None = None
     """True frame rate [Hz]."""
     unit_m: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    """Metres per unit of a BVH or ASF."""
+    """Metres per unit of a BVH or ASF, or of `trans` of an .npz."""
     joint_map: dict[str, str] | Path | None = None
     """`{name in a BVH or ASF: SMPL joint}`, or a YAML or JSON file of it."""
     rest_pose: RestPose | Path | None = None

@@ -226,6 +226,21 @@ def test_a_walk_that_is_too_fast_gets_a_remark(walk_path: Path, small_body: Body
     assert "walks at 4." in remark and remark.endswith("Give the true frame rate with --fps-hz")
 
 
+def test_a_path_in_centimetres_or_without_one(tmp_path: Path, small_body: BodyModel) -> None:
+    trans_m = np.c_[np.arange(60) * 1.3 / 30, np.zeros((60, 2))]
+    arrays = {"poses": np.zeros((60, 72)), "mocap_framerate": 30.0}
+    np.savez(tmp_path / "m.npz", trans=trans_m, **arrays)
+    np.savez(tmp_path / "cm.npz", trans=100 * trans_m, **arrays)
+    (remark,) = read_file(tmp_path / "cm.npz", small_body, ReadConfig(up="y")).remarks
+    assert remark.startswith("goes at") and "another unit" in remark and "--unit-m" in remark
+    read = [read_motion(tmp_path / f"{name}.npz", small_body, up="y", unit_m=unit_m)
+            for name, unit_m in (("m", None), ("cm", 0.01))]  # fmt: skip
+    np.testing.assert_allclose(read[0].pelvis_m, read[1].pelvis_m, atol=1e-12)
+    np.savez(tmp_path / "romp.npz", global_orient=np.zeros((6, 3)), body_pose=np.zeros((6, 69)))
+    with pytest.raises(BadMotionFile, match="no AMASS motion, it has no array 'trans'"):
+        read_motion(tmp_path / "romp.npz", small_body)
+
+
 def test_a_joint_map_may_have_the_missing_names_alone(
     walk_path: Path, small_body: BodyModel
 ) -> None:
