@@ -34,6 +34,7 @@ def test_fuzz(
     small = request.config.getoption("--small")
     minutes = 0.2 if small else float(request.config.getoption("--minutes"))
     seed = int(os.environ.get("GMRDATA_SEED", secrets.randbits(32)))
+    answers.print(f"seed {seed}: GMRDATA_SEED={seed} repeats these inputs")
     made = targets.targets(tmp_path, small_body, walkers, walk_arrays, write_person)
     for target in made:
         runs.without_changes(target, tmp_path / "unchanged" / target.name)

@@ -52,6 +52,7 @@ from tests import reconstructions
 from tests.clip_manifests import write_clips
 from tests.motion.test_emdb import content as emdb_content
 from tests.read import system_files
+from tests.read.systems import test_result
 from tests.read.test_amc import AMC, ASF
 from tests.score.score_records import clip_score, metrics, scores
 from tests.smpl_models import smpl_arrays
@@ -259,6 +260,11 @@ def _systems(made: _Made, body: BodyModel, walkers: Sequence[Clip]) -> list[Targ
     rest_m, frames = np.zeros(3), np.arange(motion.n_frames)
     system_files.write_torch(made.place("gvhmr.pt"), system_files.some_gvhmr(5))
     gvhmr = made.place("gvhmr.pt").read_bytes()
+    gem = test_result.gem(made.place("gem/x").parent).read_bytes()
+    rows = test_result.sam3d_rows()
+    np.savez(made.place("rows.npz"), **rows)
+    pictures = [{key: value[t] for key, value in rows.items()} for t in range(test_result.T)]
+    sam3d = pickle.dumps([[{**one, "person_id": 1}] for one in pictures])
     system_files.write_tram(made.place("tram/x").parent, motion, camera, frames, rest_m)
     system_files.write_slahmr(made.place("slahmr/x").parent, {0: motion}, camera, rest_m)
     tram, slahmr = made.all_in("tram"), made.all_in("slahmr")
@@ -277,6 +283,9 @@ def _systems(made: _Made, body: BodyModel, walkers: Sequence[Clip]) -> list[Targ
     return [
         _one("gvhmr", "a.pt", gvhmr, tensors, poses),
         _one("gvhmr_world", "a.pt", gvhmr, tensors, read_system),
+        _one("gem", "a.pt", gem, tensors, read_system),
+        _one("sam3d", "a.pkl", sam3d, change.PICKLE, read_system),
+        _one("sam3d_npz", "a.npz", made.place("rows.npz").read_bytes(), change.NPZ, read_system),
         Target("tram", tram, dict.fromkeys(tram, change.OBJECT), read_system),
         Target(
             "slahmr", slahmr, {result: change.NPZ, "track_info.json": change.JSON},

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from gmrdata import __version__
@@ -122,8 +123,73 @@ def test_missing_things_are_named(gmrdata: Gmrdata, tmp_path: Path) -> None:
     drawn = gmrdata("floor", "--out", tmp_path / "o", "--motions", tmp_path, "--size", "big")
     fails_cleanly(drawn, "--size big: give small, full")
     given = gmrdata("floor", "--out", tmp_path / "o", "--twins", tmp_path / "no")
-    fails_cleanly(given, "twins.json: no such file")
+    fails_cleanly(given, f"{tmp_path / 'no'}: no such file or folder")
     assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "video nofile.mp4 --out o",
+        "masks nofile.mp4 --out o",
+        "motions nofile --layout emdb --out o",
+        "infer nofile.npz --out o",
+        "evaluate bundled nofile.yaml --out o",
+        "train nofile.yaml --out o",
+        "run gmr --manifest nofile.yaml --out o",
+        "fuse nofile --out o",
+        "compare nofile.json --out o",
+        "page nofile",
+    ],
+)
+def test_a_file_that_is_not_there_is_named_before_anything_else(
+    words: str, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    answer = gmrdata(*words.split())
+    fails_cleanly(answer, "no such file or folder")
+    assert answer.stderr.startswith("gmrdata: nofile")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("manifest check rows.npz", "not a manifest: not UTF-8 text"),
+        ("manifest check .", "not a manifest; it is a folder"),
+        ("manifest check recipe.yaml", "no top key 'format'; it is a recipe"),
+        ("train manifest.yaml --recipe manifest.yaml --out o", "not a recipe; it is a manifest"),
+        ("infer manifest.yaml --out o", "holds no poses; it is a manifest"),
+    ],
+)
+def test_a_file_of_another_kind_is_named(
+    words: str, said: str, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.savez(tmp_path / "rows.npz", poses=np.zeros((2, 72)))
+    (tmp_path / "recipe.yaml").write_text("recipe: gmr\ntrain: {}\n")
+    (tmp_path / "manifest.yaml").write_text("format: gmrdata/1\nname: a\n")
+    fails_cleanly(gmrdata(*words.split()), said)
+
+
+TERMINATED = """
+import os, signal, time
+from gmrdata import cli
+def waits() -> None:
+    import gmrdata.cameras.colmap
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(60)
+def other() -> None: ...
+cli.VERBS = {"waits": waits, "other": other}
+cli.main(["waits"])
+"""
+
+
+def test_sigterm_ends_as_ctrl_c_does() -> None:
+    """A cluster's time limit; pycolmap's log would print a stack."""
+    call = [sys.executable, "-c", TERMINATED]
+    ended = subprocess.run(call, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 143
+    assert ended.stderr == "gmrdata: stopped. The same command goes on where it was\n"
 
 
 def test_a_dry_run_of_the_demo_does_nothing(gmrdata: Gmrdata, tmp_path: Path) -> None:

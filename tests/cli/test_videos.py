@@ -95,7 +95,7 @@ def test_a_dry_run_lists_the_videos_and_does_nothing(
         ((".",), ("--masks", "."), "a folder of masks is of one video"),
         ((".",), ("--poses", "walk.mp4"), "Give that, or one video alone"),
         (("walk.mp4", "../clips/walk.mp4"), (), "would both be video walk"),
-        (("walk.mp4", "gone.mp4"), (), "gone.mp4: no such video"),
+        (("walk.mp4", "gone.mp4"), (), "gone.mp4: no such file or folder"),
     ],
 )
 def test_wrong_flags_name_the_remedy(

@@ -172,6 +172,11 @@ def test_bodies_are_those_of_the_genders(tmp_path: Path, small_body: BodyModel) 
         make_emdb(tmp_path / "smpl", str(tmp_path / "smpl"), tmp_path / "out")
 
 
+def _nested(depth: int) -> list[Any]:
+    """Deeper than numpy's arrays go."""
+    return [_nested(depth - 1)] if depth else []
+
+
 def _changed(key: str, value: Any) -> Content:
     values = content()
     *above, last = key.split(".")
@@ -205,6 +210,7 @@ def _changed(key: str, value: Any) -> Content:
         (_changed("gender", "x"), "gender is 'x', expected female, male, neutral"),
         (_changed("emdb2", 1), "emdb2 is a int, expected True or False"),
         (_changed("good_frames_mask", np.ones(3, bool)), "expected 12 of True, False"),
+        (_changed("good_frames_mask", _nested(70)), "good_frames_mask is a list of 1, expected"),
         (_changed("name", 7), "name is a int, expected a string"),
     ],
 )

@@ -54,6 +54,18 @@ def test_the_command_fetches_once_and_says_where_they_are(
         assert find_model(model).read_bytes() == server.files[f"/{model.name}"]
 
 
+def test_a_folder_of_this_machine_is_a_mirror(server: Server, tmp_path: Path) -> None:
+    folder = tmp_path / "mirror"
+    folder.mkdir()
+    for name, content in server.files.items():
+        (folder / name[1:]).write_bytes(content)
+    made = fetch_models(tmp_path / "models", FetchConfig(base_url=str(folder)))
+    assert [path.read_bytes() for path in made] == [server.files[f"/{m.name}"] for m in MODELS]
+    assert not server.seen
+    with pytest.raises(BadRecipe, match="--base-url .*or a folder that is there"):
+        fetch_models(tmp_path / "models", FetchConfig(base_url=str(tmp_path / "gone")))
+
+
 def test_a_dry_run_tells_the_published_addresses_and_what_is_there(
     server: Server, cache: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,7 +28,21 @@ def test_plain_paths_pass(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", ".", "/a", "a/..", "..", "a/./b", "a/", "a//b", "C:a", "a\0b"]
+    "text",
+    [
+        "",
+        ".",
+        "/a",
+        "a/..",
+        "..",
+        "a/./b",
+        "a/",
+        "a//b",
+        "C:a",
+        "a\0b",
+        "x" * 256,
+        "a/" + "é" * 128,
+    ],
 )
 def test_others_do_not(text: str) -> None:
     with pytest.raises(ValueError, match="path"):

@@ -67,6 +67,8 @@ class Entry:
 
     def shape(self, key: str) -> tuple[int, ...]:
         """Of the numbers of a key, however they are kept."""
+        if lacking := self.lacking(key):
+            raise self.fault(f"{self.name} has {lacking}")
         return finite_numbers(self.values[key], f"{key} of {self.name}", self.path).shape
 
     def flat(self, key: str, size: int | None) -> np.ndarray:

@@ -62,6 +62,8 @@ def read_sam3d(content: Any, path: Path) -> EstimatedPeople:
     pictures = list(content.values()) if isinstance(content, Mapping) else list(content)
     rows: dict[str, dict[int, Mapping[str, Any]]] = defaultdict(dict)
     for number, picture in enumerate(pictures):
+        if not isinstance(picture, Mapping | list | tuple):
+            raise BadMotionFile(f"{path}: picture {number} holds no dicts. Save what it returned")
         seen = [picture] if isinstance(picture, Mapping) else list(picture)
         for name, row in _named(seen, number, path):
             if number in rows[name]:

@@ -280,3 +280,15 @@ def test_a_folder_that_is_no_result_is_named(tmp_path: Path) -> None:
     (tmp_path / "x.pkl").write_bytes(joblib_bytes({1: {"pose": np.zeros((T, 72))}}))
     with pytest.raises(BadMotionFile, match=r"x\.pkl: person_1 has no 'frame_ids\'"):
         read_system(tmp_path / "x.pkl")
+
+
+@pytest.mark.parametrize("content", [0, 1.5, "x", None, [], [[1]], {"pred_joint_coords": 1}])
+def test_pictures_that_are_none(content: Any, tmp_path: Path) -> None:
+    """Found by changed files: a picture that is a number, or a row that lacks its places."""
+    rows = {key: value[0] for key, value in sam3d_rows().items()}
+    path = system_files.write_joblib(tmp_path / "rows.pkl", [rows, content])
+    if content == []:
+        assert len(read_system(path).people[0].frame_numbers) == 1
+        return
+    with pytest.raises(BadMotionFile, match=r"rows\.pkl: "):
+        read_system(path)
