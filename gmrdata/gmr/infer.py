@@ -6,11 +6,14 @@ Its last moment may lie up to one of its steps before the last pose.  For what i
 the poses a second time, in the phase that ends with the last one, and that last predicted step is
 laid on the end: the first and the last frame are there, and nothing is extrapolated.
 
-GMR knows no gravity.  But a foot that stands still stands flat, nearly always: in the frames in
-which its ankle and its toe joint hardly move, the direction that points out of the foot's upper
-side in the rest pose points up.  The geometric median of those directions (Weiszfeld 1937) is taken
-as up, so a few feet on their toes do not matter.  A motion in which no foot stands (swimming,
-lying) keeps the world in which the pelvis is upright in the first frame.  Last, standing soles are
+GMR knows no gravity.  Where the person's mass is above the feet that stand, on average over time,
+is up (`gmrdata.world.level`).  A foot that stands still stands flat, nearly always: in the frames
+in which its ankle and its toe joint hardly move, the direction that points out of the foot's upper
+side in the rest pose points up, too; the geometric median of those directions (Weiszfeld 1937) is
+taken, so a few feet on their toes do not matter.  And standing soles are on one plane, unless that
+is steep.  Each counts by its error, and `infer.json` says how level the world is.  A motion in
+which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the first
+frame.  Last, standing soles are
 put on z = 0 (`gmrdata.motion.ground`).  The paper does none of this: its first pose is the identity
 (section 3.6), which is what `level: first_pose` gives, in a world with z up.
 """
@@ -19,7 +22,7 @@ import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -30,7 +33,7 @@ from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
-from gmrdata.motion.resample import ON_A_SAMPLE, resample
+from gmrdata.motion.resample import ON_A_SAMPLE, resample, valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -43,6 +46,8 @@ from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.records import Config, Record
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import smallest_rotation
+from gmrdata.world.level import UpCue, body_cue, contact_cue, up_of
+from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
@@ -96,17 +101,51 @@ SHORTEST_UP = 0.5  # feet that point everywhere have a median near zero, which i
 _UP_IN_REST = np.array([0.0, 1.0, 0.0])
 
 
+FEET_SIGMA_RAD = np.deg2rad(4.0)
+"""Of the direction that standing feet show, along each axis: 5.9 degrees in all on 13 of CMU's
+motions, whose balance shows it to 3.5."""
+STANCE_SIGMA_M = 0.1  # of a standing sole from the plane of all of them: a network's path drifts
+LEAST_PRECISION = np.deg2rad(10.0) ** -2.0  # of a balance that is believed; of one who stands
+
+
 def stand(motion: Motion, body: BodyModel) -> Motion:
     """A motion in a z-up world with the floor of its feet at z = 0, from above the origin on."""
-    up = up_of_standing_feet(motion, body)
-    level_from_world, how = np.eye(3), "no foot stands still; up from the first pelvis"
-    if up is not None:
-        level_from_world, how = smallest_rotation(up, np.eye(3)[2]), "up from standing feet"
+    return stand_and_say(motion, body)[0]
+
+
+def stand_and_say(motion: Motion, body: BodyModel) -> tuple[Motion, float | None]:
+    """The same, and the standard error of its up [degrees]; None where nothing shows it."""
+    found = _up_of(motion, body)
+    level_from_world, how, sigma_deg = np.eye(3), NO_FOOT_STANDS, None
+    if found is not None:
+        up, sigma_deg = found
+        level_from_world = smallest_rotation(up, np.eye(3)[2])
+        how = f"up from feet that stand and the mass above them, to {sigma_deg:.1f} deg"
     root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = motion.pelvis_m @ level_from_world.T
     motion, _ = put_on_floor(body, replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m))
     start_m = [*motion.pelvis_m[0, :2], 0.0]
-    return replace(motion, pelvis_m=motion.pelvis_m - start_m, source=f"{motion.source}; {how}")
+    motion = replace(motion, pelvis_m=motion.pelvis_m - start_m, source=f"{motion.source}; {how}")
+    return motion, sigma_deg
+
+
+NO_FOOT_STANDS = "no foot stands still; up from the first pelvis"
+
+
+def _up_of(motion: Motion, body: BodyModel) -> tuple[np.ndarray, float] | None:
+    """Up (3,) by balance, feet and the soles' plane, and its standard error [degrees]."""
+    balance, feet_up = body_cue([body], [motion]), up_of_standing_feet(motion, body)
+    if balance.precision[0, 0] < LEAST_PRECISION and feet_up is None:
+        return None
+    soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
+    still = standing(soles_m, PLANTED_M_PER_S / motion.fps_hz)
+    stances = sum(len(valid_runs(still[:, foot].any(axis=-1))) for foot in (0, 1))
+    plane = contact_cue(soles_m[still], stances, balance.up, STANCE_SIGMA_M)
+    ground = [] if plane is None else [plane]
+    if feet_up is not None:
+        ground.append(UpCue("feet", feet_up, np.eye(3) / FEET_SIGMA_RAD**2))
+    up, level = up_of(balance, ground)
+    return up, level.sigma_deg
 
 
 def up_of_standing_feet(motion: Motion, body: BodyModel) -> np.ndarray | None:
@@ -158,13 +197,15 @@ class InferredMotion(Config):
     last_frame: int
     filled_frames: int  # of gaps
     path_m: float  # length of the pelvis's path over the ground [m]
+    level_sigma_deg: float | None
+    """Standard error of the angle between z and up; null where nothing shows it."""
     source: str
 
 
 class InferRecord(Record):
     """`infer.json`."""
 
-    format: Literal["gmrdata-infer/2"] = "gmrdata-infer/2"
+    format: Literal["gmrdata-infer/3"] = "gmrdata-infer/3"
     poses: str  # name of the file of poses
     body: str
     model: NetworkUsed
@@ -239,12 +280,19 @@ def infer(
         record = _record(gmr, source, body, config.level, worlds, left_out)
         record.write(partial_dir / RECORD_FILE)
         for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
-            _write_files(partial_dir / name, world, body)
+            _write_files(partial_dir / name, world.clip, body)
         if draw is not None:
             for name, world in worlds.items():
-                draw(partial_dir / name, world, body, config)
+                draw(partial_dir / name, world.clip, body, config)
 
     return run_stage("infer", out_dir, config, inputs, Resumable(work), run=run)
+
+
+class _World(NamedTuple):
+    """One unbroken run of a person."""
+
+    clip: Clip
+    level_sigma_deg: float | None  # of the angle between z and up; None where nothing shows it
 
 
 def _record(
@@ -252,7 +300,7 @@ def _record(
     source: Path,
     body: BodyModel,
     level: Level,
-    worlds: Mapping[str, Clip],
+    worlds: Mapping[str, _World],
     left_out: dict[str, str],
 ) -> InferRecord:
     return InferRecord(
@@ -261,19 +309,19 @@ def _record(
         model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
         level=level,
         translation="pelvis",
-        motions={name: _described(clip) for name, clip in worlds.items()},
+        motions={name: _described(world) for name, world in worlds.items()},
         left_out=left_out,
     )
 
 
 def _predict(
     gmr: TrainedGmr, source: Path, body: BodyModel, config: InferConfig, joint_map: Path | None
-) -> tuple[dict[str, Clip], dict[str, str]]:
+) -> tuple[dict[str, _World], dict[str, str]]:
     """World motions by folder, and why runs of frames were left out."""
     runs = read_local_poses(
         source, config.fps_hz, body=body, joint_map=joint_map, bridge_frames=config.bridge_frames
     )
-    worlds: dict[str, Clip] = {}
+    worlds: dict[str, _World] = {}
     left_out: dict[str, str] = {}
     for run in track(runs, "predicting", total=len(runs)):
         name = _folder_name(run.id, worlds.keys() | left_out.keys())
@@ -281,8 +329,11 @@ def _predict(
             left_out[name] = reason
             continue
         world = predict_at_source_rate(gmr, run.motion)
-        world = stand(world, body) if config.level == "standing_feet" else world
-        worlds[name] = Clip(name, world, run.valid, run.image_numbers, None)
+        sigma_deg = None
+        if config.level == "standing_feet":
+            world, sigma_deg = stand_and_say(world, body)
+        clip = Clip(name, world, run.valid, run.image_numbers, None)
+        worlds[name] = _World(clip, sigma_deg)
     if not worlds:
         name, reason = next(iter(left_out.items()))
         raise BadMotionFile(
@@ -313,7 +364,8 @@ def _write_files(folder: Path, clip: Clip, body: BodyModel) -> None:
             write(folder / file_name, clip.motion, body)
 
 
-def _described(clip: Clip) -> InferredMotion:
+def _described(world: _World) -> InferredMotion:
+    clip = world.clip
     steps_m = np.linalg.norm(np.diff(clip.motion.pelvis_m[:, :2], axis=0), axis=1)
     return InferredMotion(
         frames=clip.motion.n_frames,
@@ -322,6 +374,7 @@ def _described(clip: Clip) -> InferredMotion:
         last_frame=int(clip.image_numbers[-1]),
         filled_frames=int((~clip.valid).sum()),
         path_m=round(float(steps_m.sum()), 4),
+        level_sigma_deg=world.level_sigma_deg,
         source=clip.motion.source,
     )
 

@@ -21,7 +21,7 @@ from gmrdata.values.records import PART, Config, Figure
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
-CueName = Literal["bodies", "contacts", "ground"]
+CueName = Literal["bodies", "contacts", "feet", "ground"]
 BALANCE_SIGMA_RAD = np.deg2rad(4.0)
 """Of the direction in which a person's mass is above its feet, along each of two axes: mostly how a
 system sees the body (docs/figures.md).  Where a trunk is upright tells much less."""

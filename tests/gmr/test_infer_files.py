@@ -350,7 +350,14 @@ def test_a_body_that_the_file_is_not_of_gets_its_mean_shape(
 
 def test_each_key_of_the_record_is_needed(tmp_path: Path) -> None:
     one = stage.InferredMotion(
-        frames=3, fps_hz=30.0, first_frame=1, last_frame=3, filled_frames=0, path_m=0.5, source="s"
+        frames=3,
+        fps_hz=30.0,
+        first_frame=1,
+        last_frame=3,
+        filled_frames=0,
+        path_m=0.5,
+        level_sigma_deg=4.2,
+        source="s",
     )
     record = stage.InferRecord(
         poses="a.pkl",
