@@ -235,6 +235,15 @@ def test_place_size_and_time_count_with_the_colours() -> None:
     assert unsure_pairs([before, elsewhere], LINKS) == [(0, 1)]
 
 
+def test_the_dancer_whose_colours_change_at_frame_357_is_one_person() -> None:
+    """Numbers of the real dancer about that frame: the track is cut there, and joined again."""
+    with np.load(Path(__file__).with_name("dancer_colours.npz")) as file:
+        dancer = Piece(file["image_numbers"], file["crops"], file["colours"])
+    assert [int(dancer.rows[at]) for at in cuts_in(dancer, LINKS)] == [357]
+    at = int(np.flatnonzero(dancer.rows == 357)[0])
+    assert join_pieces([dancer.part(0, at), dancer.part(at)], LINKS) == [[0, 1]]
+
+
 def test_who_is_seen_together_or_in_other_colours_is_surely_two() -> None:
     assert unsure_pairs([piece(0, 20, 0.0), piece(19, 20, 400.0)], LINKS) == []
     assert unsure_pairs([piece(0, 20, 0.0), piece(30, 20, 60.0, BLUE)], LINKS) == []
