@@ -10,9 +10,9 @@ import numpy as np
 
 from gmrdata.motion.amass import SPLIT_KEYS, amass_rate, is_amass_extra, read_amass
 from gmrdata.motion.pelvis import on_pelvis
-from gmrdata.motion.rest_pose import in_metres
+from gmrdata.motion.rest_pose import TOLD_FROM, in_metres
 from gmrdata.motion.retarget import Residual, Retargeting, retarget
-from gmrdata.motion.up_axis import LIES, person_of, remarks_on
+from gmrdata.motion.up_axis import BY_TRUNK, LIES, person_of, remarks_on, shows_z_up
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import (
@@ -110,6 +110,8 @@ def read_file(
         rate_from = source.rate_from
     person = person_of(body, motion)
     remarks = remarks_on(person, motion.fps_hz)
+    if config.up is None and TOLD_FROM in motion.source and not shows_z_up(person):
+        remarks = (*remarks, BY_TRUNK)
     return FileReading(motion, LIES not in remarks, remarks, rate_from, residual)
 
 

@@ -120,6 +120,7 @@ RAISED_DEG = 30.0  # above the level, from which arms are no pose to stand in bu
 LARGEST_HIPS_OFF_DEG = 20.0
 MOST_APART = 0.02  # offset of one skeleton from that of another, over the length of all offsets
 MANY_FRAMES = 200
+TOLD_FROM = "turns told from"  # begins the note on a motion whose zero pose is none to stand in
 USUAL_LEG_M, LIKELY_LEGS_M = 0.82, (0.5, 1.2)
 """Hip-knee-ankle of an adult, and of nearly all people whom somebody records."""
 
@@ -188,7 +189,7 @@ def from_standing(
     standing = _told_from(source, joints, pose, up, axes)
     rest_m = zero_pose_m(standing, joints)
     if stands(rest_m) and (given or np.abs(arms_deg(rest_m)).max() < SPREAD_DEG):
-        return replace(standing, notes=(*source.notes, f"turns told from {said}"))
+        return replace(standing, notes=(*source.notes, f"{TOLD_FROM} {said}"))
     if given:
         what = "the person does not stand upright in the first frame that --rest-pose names"
         raise BadMotionFile(f"{name}: {what}; leave --rest-pose out, or give another")
@@ -196,7 +197,7 @@ def from_standing(
         source, joints, _mean_pose(source), None, axes @ _frame(body_rest_m, None)
     )
     if stands(zero_pose_m(standing, joints)):
-        return replace(standing, notes=(*source.notes, "turns told from the mean pose"))
+        return replace(standing, notes=(*source.notes, f"{TOLD_FROM} the mean pose"))
     raise BadMotionFile(f"{name}: {NOWHERE_STANDING}")
 
 

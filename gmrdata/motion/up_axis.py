@@ -49,6 +49,11 @@ LIES = (
     "is up: y, z, x, -y, -z or -x"
 )
 
+BY_TRUNK = (
+    "the zero pose shows no up, nor do the feet: up is the axis along which the trunk is held. If "
+    "the person lies or hangs, say with --up which axis of the file is up"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Person:
@@ -177,7 +182,12 @@ def person_of(body: BodyModel, motion: Motion) -> Person:
 
 def is_upright(person: Person) -> bool:
     """Whether somebody is upright: the trunk mostly is, or else the feet show that z is up."""
-    return _holds_trunk_up(person) or standing_along(person, np.eye(3)[2]).is_evident
+    return _holds_trunk_up(person) or shows_z_up(person)
+
+
+def shows_z_up(person: Person) -> bool:
+    """Whether what the feet do shows that z is up."""
+    return standing_along(person, np.eye(3)[2]).is_evident
 
 
 def _holds_trunk_up(person: Person) -> bool:

@@ -127,6 +127,20 @@ def test_who_does_not_stand_is_left_as_he_is(
     np.testing.assert_allclose(read.motion.root_rotmats, motion.root_rotmats, atol=1e-5)
 
 
+def test_one_who_lies_in_a_rig_that_shows_no_up(
+    tmp_path: Path, small_body: BodyModel, write_person: Callable[..., Path]
+) -> None:
+    """Bones along one axis in the zero pose: the trunk alone would say that this person stands."""
+    shoulders = np.zeros((30, 24, 3))
+    shoulders[:, [JOINT["left_shoulder"], JOINT["right_shoulder"]]] = [[60, 0, 0], [-60, 0, 0]]
+    shoulders[:, 0] = [0, -90, 0]
+    path = write_person(tmp_path / "a.bvh", small_body, shoulders, np.zeros((30, 3)))
+    turned = read_file(path, small_body, ReadConfig(rest_pose="first_frame"))
+    assert [what for what in turned.remarks if "no up" in what]
+    said = read_file(path, small_body, ReadConfig(rest_pose="first_frame", up="z"))
+    assert not [what for what in said.remarks if "no up" in what]
+
+
 def test_up_stands_in_the_record(tmp_path: Path, small_body: BodyModel) -> None:
     save_body(tmp_path / "small.npz", small_body)
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
