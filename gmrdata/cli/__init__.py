@@ -14,10 +14,10 @@ from typing import Any
 
 import tyro
 
+import gmrdata.cli.blender_environment as _blender
 from gmrdata import __version__
 from gmrdata.cli.answers import answer, explain, fail
 from gmrdata.cli.baselines import baseline
-from gmrdata.cli.blender_environment import blender
 from gmrdata.cli.doctor import doctor
 from gmrdata.cli.export import export
 from gmrdata.cli.fusion import delta_errors, fuse
@@ -73,9 +73,9 @@ def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:
 
 
 _VERBS: tuple[Callable[..., None], ...] = (
-    demo, doctor, blender, fetch, motions, render, masks, sfm, video, page, manifest, threedpw,
-    floor, train, infer, delta_errors, fuse, evaluate, compare, export, baseline, tables, merge,
-    report, run,
+    demo, doctor, _blender.blender, fetch, motions, render, masks, sfm, video, page, manifest,
+    threedpw, floor, train, infer, delta_errors, fuse, evaluate, compare, export, baseline, tables,
+    merge, report, run,
 )  # fmt: skip
 OUTPUTS = ("out", "redo", "run", "demo_out")
 """Arguments of verbs that name no file to read."""

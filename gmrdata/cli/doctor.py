@@ -180,7 +180,7 @@ def _extras() -> Iterator[Part]:
     for name, extra in EXTRAS.items():
         found = _version(extra.package)
         if found is None:
-            note = f"{extra.enables}. pip install 'gmrdata[{name}]'"
+            note = f"{extra.enables}. pip install {extra.package}"
             yield Part("extras", name, "missing", "", note)
         else:
             yield Part("extras", name, "there", f"{extra.package} {found}")

@@ -134,8 +134,8 @@ def _make_by_uv(uv: str, environment: Path, base: Path | None) -> None:
 
 def _make_by_venv(environment: Path, base: Path | None) -> None:
     _run(base or _find_base(), "-m", "venv", environment)
-    install = "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", REQUIREMENTS
-    _run(python_of(environment), *install)
+    install = "-m", "pip", "install", "--quiet", "--no-compile", "--disable-pip-version-check"
+    _run(python_of(environment), *install, "-r", REQUIREMENTS)
 
 
 def _run(*command: object) -> None:

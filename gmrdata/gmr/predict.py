@@ -229,8 +229,7 @@ def onnx_network(gmr: TrainedGmr) -> bytes:
     try:
         import onnx
     except ImportError as error:
-        what = "Install gmrdata with its extra: pip install 'gmrdata[export]'"
-        raise MissingExtra(f"an ONNX model needs onnx ({error}). {what}") from None
+        raise MissingExtra(f"an ONNX model needs onnx ({error}): pip install onnx") from None
     example = torch.eye(3).expand(2, 5, N_LOCAL, 3, 3).contiguous()
     stream = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():

@@ -337,7 +337,7 @@ def _event_writer(run_dir: Path, done: int) -> Any:
     except ImportError as error:
         raise MissingExtra(
             f"{run_dir}: tensorboard: true, but tensorboard can't be imported ({error})."
-            " Install gmrdata[tensorboard], or set it to false: metrics.jsonl has the same numbers"
+            " pip install tensorboard, or set it to false: metrics.jsonl has the same numbers"
         ) from None
     # The viewer drops what a killed process wrote of steps that are now done again.
     return SummaryWriter(str(run_dir / "tensorboard"), purge_step=done + 1)

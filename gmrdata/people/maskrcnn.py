@@ -130,8 +130,8 @@ def _import_detection() -> Any:
         from torchvision.models import detection
     except ImportError as error:
         raise MissingExtra(
-            f"Mask R-CNN needs torchvision ({error}). Install the extra: "
-            "pip install 'gmrdata[maskrcnn]'; or mask with --masks onnx, or with a folder of masks"
+            f"Mask R-CNN needs torchvision ({error}): "
+            "pip install torchvision; or mask with --masks onnx, or with a folder of masks"
         ) from None
     except (RuntimeError, OSError) as error:
         import torch

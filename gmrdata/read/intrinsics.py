@@ -131,8 +131,10 @@ def video_lens(video: Path, size_px: tuple[int, int]) -> Lens | None:
     """The lens that a phone notes in a video, for frames of this size; None without."""
     import av
 
+    from gmrdata.read.video import opened
+
     said: dict[str, str] = {}
-    with suppress(av.FFmpegError, OSError), av.open(str(video), metadata_errors="replace") as file:
+    with suppress(av.FFmpegError, OSError), opened(video) as file:
         for metadata in (file.metadata, *(stream.metadata for stream in file.streams)):
             said |= dict(metadata)
     for key in FILM_KEYS:

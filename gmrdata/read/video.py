@@ -184,7 +184,8 @@ class _Reading:
         return self.times_s[-1] if self.times_s else -1.0
 
 
-def _opened(path: Path) -> "InputContainer":
+def opened(path: Path) -> "InputContainer":
+    """A video's container, that opens no other file; errors as PyAV has them."""
     import av
 
     # `file:` and the lists keep a file from having others opened.
@@ -198,7 +199,7 @@ def _opened(path: Path) -> "InputContainer":
 
 
 def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
-    with _opened(path) as container:
+    with opened(path) as container:
         stream = _video_stream(path, container)
         reading = _Reading()
         numbers: list[int] = []

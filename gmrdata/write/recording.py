@@ -91,8 +91,8 @@ def _start(temporary: Path) -> Any:
     try:
         import rerun
     except ImportError as error:
-        what = "Install the extra: pip install 'gmrdata[view]'"
-        raise MissingExtra(f"recordings need rerun-sdk ({error}). {what}") from None
+        what = "pip install rerun-sdk"
+        raise MissingExtra(f"recordings need rerun-sdk ({error}): {what}") from None
     recording = rerun.RecordingStream(APPLICATION)
     recording.save(str(temporary))
     return recording

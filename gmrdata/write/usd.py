@@ -39,8 +39,7 @@ def write_usd(path: Path, take: Take) -> None:
     try:
         from pxr import Tf, Usd, UsdGeom
     except ImportError as error:
-        what = "Install the extra: pip install 'gmrdata[export]'"
-        raise MissingExtra(f"USD files need usd-core ({error}). {what}") from None
+        raise MissingExtra(f"USD files need usd-core ({error}): pip install usd-core") from None
 
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)

@@ -52,6 +52,9 @@ RUN = (
 """Arguments of `gmrdata` in a folder of small files, in an order in which each finds its input."""
 
 ELSEWHERE = {
+    "blender setup": (
+        "cli/test_cli.py::test_blender_setup_says_what_it_made_or_why_that_does_not_start"
+    ),
     "baseline camera_as_world --camera --cameras --out": (
         "paper/test_baselines.py::test_ignored_true_and_recovered"
     ),

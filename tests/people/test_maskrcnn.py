@@ -179,7 +179,7 @@ def test_without_torchvision_the_remedy_is_told(
 ) -> None:
     monkeypatch.setitem(sys.modules, "torchvision", None)
     monkeypatch.delitem(sys.modules, "torchvision.models", raising=False)
-    with pytest.raises(MissingExtra, match=r"pip install 'gmrdata\[maskrcnn\]'; or mask with"):
+    with pytest.raises(MissingExtra, match="pip install torchvision; or mask with"):
         maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "out", MaskRcnnConfig())
     assert not (tmp_path / "out").exists()
 
