@@ -84,7 +84,7 @@ def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]
 
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    with _explained(path), _opened(path) as container:
+    with _explained(path), opened(path) as container:
         stream = _video_stream(path, container)
         codec = stream.codec_context
         length_s = float(container.duration or 0) / av.time_base
