@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from people.real import TWELVE, Dance
+from people.real import TWELVE, VIEW_HZ, Dance, View
 
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
@@ -11,6 +11,8 @@ from gmrdata.values.people import LocalPoses
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import fit_similarities
 
+ALONG_SIGMA = 0.04
+"""Error of a place along the ray, as a share of the distance, for which `within` is told."""
 LIDAR_PX = 3.75
 """Pixels of the picture in one of LiDAR's."""
 FEWEST_PX = 30
@@ -30,9 +32,16 @@ class ViewRow:
     """Median of the hips' depth over the true one."""
     reversed_share: float
     """Share of frames whose left and right, by hips and shoulders, are exchanged."""
-    along_mm: float
-    """Mean error of the hips along the ray, of the body's size."""
-    along_sd_mm: float
+    along_share: float
+    """Mean error of the hips along the ray, as a share of the distance, and its deviation."""
+    along_share_sd: float
+    memory_s: float
+    """Time after which 1 / e of that error is left."""
+    within: tuple[float, float]
+    """Shares of frames within one and two of `ALONG_SIGMA`."""
+    unsure_frames: int
+    """Left out, since front and back may be exchanged."""
+    doubt: str
 
 
 def motion_of(poses: LocalPoses, body: BodyModel, fps_hz: float) -> Motion:
@@ -50,24 +59,39 @@ def motion_of(poses: LocalPoses, body: BodyModel, fps_hz: float) -> Motion:
     )
 
 
-def view_row(name: str, poses: LocalPoses, true_m: np.ndarray, body: BodyModel) -> ViewRow:
-    """A person's poses against the true joints (T, 12, 3) of all frames."""
-    true_m = true_m[poses.frame_numbers]
-    found_m = motion_joints_m(body, motion_of(poses, body, 60.0))[:, TWELVE]
+def view_row(view: View, poses: LocalPoses, body: BodyModel, doubt: str) -> ViewRow:
+    """The man's poses against his true joints."""
+    fps_hz, true_m = VIEW_HZ, view.true_m[poses.frame_numbers]
+    found_m = motion_joints_m(body, motion_of(poses, body, fps_hz))[:, TWELVE]
     off = fit_similarities(true_m, found_m).apply(found_m) - true_m
     hips_m, true_hips_m = found_m[:, 6:8].mean(1), true_m[:, 6:8].mean(1)
     centred = (found_m - hips_m[:, None]) - (true_m - true_hips_m[:, None])
-    along_m = _along(hips_m, true_hips_m)
+    along = _along(hips_m, true_hips_m) / np.linalg.norm(true_hips_m, axis=1)
     return ViewRow(
-        view=name,
+        view=view.name,
         frames=len(found_m),
         pa_mm=float(1000 * np.linalg.norm(off, axis=-1).mean()),
         mpjpe_mm=float(1000 * np.linalg.norm(centred, axis=-1).mean()),
         distance_ratio=float(np.median(hips_m[:, 2] / true_hips_m[:, 2])),
         reversed_share=float((_facing(found_m, true_m) < 0).mean()),
-        along_mm=float(1000 * along_m.mean()),
-        along_sd_mm=float(1000 * along_m.std()),
+        along_share=float(along.mean()),
+        along_share_sd=float(along.std()),
+        memory_s=_memory_s(along, fps_hz),
+        within=_within(along),
+        unsure_frames=len(view.true_m) - len(found_m),
+        doubt=doubt,
     )
+
+
+def _within(errors: np.ndarray) -> tuple[float, float]:
+    sizes = np.abs(errors) / ALONG_SIGMA
+    return float((sizes < 1).mean()), float((sizes < 2).mean())
+
+
+def _memory_s(errors: np.ndarray, fps_hz: float) -> float:
+    off = errors - errors.mean()
+    like = [(off[n:] * off[: len(off) - n]).mean() for n in range(len(off) // 2)]
+    return float(np.argmax(np.array(like) < like[0] / np.e) / fps_hz)
 
 
 def _along(found_m: np.ndarray, true_m: np.ndarray) -> np.ndarray:
@@ -95,6 +119,8 @@ class ShirtRow:
     depth_ratio_16: float
     """What 16 % of the frames are below, and 84 %."""
     depth_ratio_84: float
+    within: tuple[float, float]
+    """Shares of frames within one and two of `ALONG_SIGMA`."""
 
 
 def shirt_row(poses: LocalPoses, dance: Dance, body: BodyModel) -> ShirtRow:
@@ -102,7 +128,7 @@ def shirt_row(poses: LocalPoses, dance: Dance, body: BodyModel) -> ShirtRow:
     ratios = shirt_ratios(poses, dance, body)
     known = ratios[np.isfinite(ratios)]
     low, middle, high = np.percentile(known, [16, 50, 84]).tolist()
-    return ShirtRow(len(known), middle, low, high)
+    return ShirtRow(len(known), middle, low, high, _within(known - 1))
 
 
 def shirt_ratios(poses: LocalPoses, dance: Dance, body: BodyModel) -> np.ndarray:

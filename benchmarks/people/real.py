@@ -25,7 +25,7 @@ TWELVE_25B = list(range(5, 17))
 """Shoulders, elbows, wrists, hips, knees, ankles of OpenPose's BODY_25B."""
 TWELVE = [16, 17, 18, 19, 20, 21, 1, 2, 4, 5, 7, 8]
 """The same joints of SMPL's tree."""
-DANCE_HZ = 30.0
+VIEW_HZ, DANCE_HZ = 60.0, 30.0
 OFF_PERSON_M = 0.5
 """Distance of the hips' landmarks from the true hips up to which a track is the man's."""
 
