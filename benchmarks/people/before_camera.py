@@ -11,7 +11,7 @@ from gmrdata.values.people import LocalPoses
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import fit_similarities
 
-ALONG_SIGMA = 0.04
+ALONG_SIGMA = 0.042
 """Error of a place along the ray, as a share of the distance, for which `within` is told."""
 LIDAR_PX = 3.75
 """Pixels of the picture in one of LiDAR's."""

@@ -60,7 +60,7 @@ def solved(
     command = ["video", images_dir, "--out", out, "--fps-hz", "15"]
     command += [] if poses is None else ["--poses", poses]
     command += ["--detector", models / "yolox_nano.onnx", "--focal", "500", "--no-check-lens"]
-    command += ["--landmark-network", models / "pose_landmark_lite.tflite", "--no-page"]
+    command += ["--landmark-network", models / "pose_landmark_heavy.tflite", "--no-page"]
     main(list(map(str, command)))
     return VideoVerdict.read(out / "verdict.json")
 
