@@ -177,11 +177,12 @@ def _placed_alone(work_dir: Path, clip: Clip, body: BodyModel, frames: FrameSet)
     camera, motion = camera_of(clip), clip.motion
     _, people = load_local_poses(work_dir / OWN_POSES / POSES_FOLDER)
     number = int(clip.id.removeprefix("person_"))
+    poses = people[number]
     track = load_tracks(work_dir / FOLLOWED)[number]
+    track = track.take(np.isin(track.image_numbers, poses.frame_numbers))
     seen = seen_landmarks(
         track, clip.image_numbers, frames, replace(camera.lens, radial=(lens.radial_k1, 0.0))
     )
-    poses = people[number]
     rotmats = np.concatenate([poses.root_rotmats[:, None], poses.local_rotmats], axis=1)
     pelvis_m = motion.pelvis_m.copy()
     alone_m = _places(seen, landmarks_about(rotmats, body.rest_joints_m(motion.shape)))

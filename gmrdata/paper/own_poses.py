@@ -190,15 +190,18 @@ class _Viewer:
         person = the_person(tracks, clip, self._config.near)
         if person is None:
             return "its person is not seen"
-        rows = rows_of_numbers(clip.image_numbers, tracks[person].image_numbers)
+        # Frames that may be seen from the wrong side have no pose.
+        track, poses = tracks[person], people[person]
+        track = track.take(np.isin(track.image_numbers, poses.frame_numbers))
+        rows = rows_of_numbers(clip.image_numbers, track.image_numbers)
         n_frames, n_seen = clip.motion.n_frames, int((rows >= 0).sum())
         if n_seen < self._config.min_seen_share * n_frames:
             return f"its person is seen in {n_seen} of {n_frames} frames"
         between = rows_between(rows, n_frames)
-        posed = posed_clip(clip, people[person], between, self._body)
+        posed = posed_clip(clip, poses, between, self._body)
         path = self._out_dir / POSES_FOLDER / f"{clip.id}.npz"
         save_clip(path, posed, self._body.rest_pelvis_m(posed.motion.shape))
-        track, keypoints_dir = tracks[person], self._out_dir / KEYPOINTS_FOLDER / clip.id
+        keypoints_dir = self._out_dir / KEYPOINTS_FOLDER / clip.id
         write_keypoints(keypoints_dir, clip, track, between)
         crops = between.placed(track.crops)
         features = [
