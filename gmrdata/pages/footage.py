@@ -29,7 +29,10 @@ MOST_PICTURES = 900
 CRF = 23
 MARK_PX = 3
 BAR_PX = 6
-BAR_BGR = {"kept": (75, 196, 95), "dropped": (130, 130, 140), "now": (255, 255, 255)}
+BAR_BGR = {
+    "kept": (75, 196, 95), "dropped": (130, 130, 140), "off": (46, 34, 196),
+    "now": (255, 255, 255),
+}  # fmt: skip
 GRID_DEG = 10.0
 MARKS_PER_FRAME = 150
 
@@ -63,6 +66,7 @@ class Footage:
     people: tuple[Performer, ...]
     marks: Marks
     dropped: np.ndarray  # (T,) bool
+    off: np.ndarray  # (T,) bool: somebody's body does not lie on the person
 
     @property
     def fps_hz(self) -> float:
@@ -105,7 +109,7 @@ def footage_picture(footage: Footage, row: int) -> np.ndarray:
         drawn = draw_mask_outline(drawn, cv2.resize(mask, size_px, interpolation=cv2.INTER_NEAREST))
     if camera.has_camera[row]:
         drawn = _with_world(drawn, footage, camera, row)
-    return np.concatenate([drawn, _bar(footage.dropped, row, camera.width_px)])
+    return np.concatenate([drawn, _bar(footage, row, camera.width_px)])
 
 
 def reduced_camera(camera: CameraPath) -> CameraPath:
@@ -155,11 +159,12 @@ def _draw_marks(image: np.ndarray, marks_px: np.ndarray) -> np.ndarray:
     return out
 
 
-def _bar(dropped: np.ndarray, row: int, width_px: int) -> np.ndarray:
+def _bar(footage: Footage, row: int, width_px: int) -> np.ndarray:
     """(BAR_PX, width, 3) BGR: all frames in a row, and a light stroke at this one."""
-    n = len(dropped)
+    n = len(footage.dropped)
     rows = np.minimum((np.arange(width_px) + 0.5) / width_px * n, n - 1).astype(int)
-    colours = np.where(dropped[rows, None], BAR_BGR["dropped"], BAR_BGR["kept"])
+    colours = np.where(footage.dropped[rows, None], BAR_BGR["dropped"], BAR_BGR["kept"])
+    colours = np.where(footage.off[rows, None], BAR_BGR["off"], colours)
     bar = np.broadcast_to(colours.astype(np.uint8), (BAR_PX, width_px, 3)).copy()
     at = int((row + 0.5) / n * width_px)
     bar[:, max(0, at - 1) : at + 2] = BAR_BGR["now"]
@@ -187,6 +192,9 @@ def footage_of(found: Solved) -> Footage:
         Performer(one.id, one.clip.motion, one.body, one.clip.valid) for one in found.people
     )
     dropped = np.ones(found.n_frames, dtype=bool) if not found.reasons else ~found.kept
+    off = np.zeros(found.n_frames, dtype=bool)
+    for fit in () if found.record is None else found.record.picture_fits:
+        off[[] if fit is None else list(fit.off_rows)] = True
     return Footage(
         images=found.images,
         masks=found.masks,
@@ -196,6 +204,7 @@ def footage_of(found: Solved) -> Footage:
         people=people,
         marks=_marks(found) if found.is_alone else NO_MARKS,
         dropped=dropped,
+        off=off,
     )
 
 

@@ -244,7 +244,23 @@ def _overlay(found: Solved) -> dict[str, object]:
         "people": [one.id for one in found.people],
         "marks": found.is_alone and _marks_words(found, footage),
         "n_pictures": len(rows),
+        "fits": list(_fits_in_words(found)),
+        "is_off": bool(footage.off.any()),
     }
+
+
+def _fits_in_words(found: Solved) -> Iterator[str]:
+    """How well each body lies on the person, in the frames that show both."""
+    if found.record is None:
+        return
+    for one, fit in zip(found.record.people, found.record.picture_fits, strict=True):
+        if fit is None:
+            yield f"{one.id}: not checked against the picture"
+        else:
+            yield (
+                f"{one.id} lies on the person by {fit.overlap:.0%} (overlap of outlines, median of "
+                f"{fit.frames} frames), beside it in {fit.off_frames}"
+            )
 
 
 def _view(found: Solved) -> dict[str, object]:

@@ -75,7 +75,15 @@ def footage(walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path) 
     person = Performer("walk", take.people[0].motion, small_body, np.arange(n) != ROW)
     times_s = np.arange(n) / take.fps_hz
     return Footage(
-        (image,) * n, (None,) * n, times_s, view, None, (person,), NO_MARKS, np.arange(n) == 2
+        (image,) * n,
+        (None,) * n,
+        times_s,
+        view,
+        None,
+        (person,),
+        NO_MARKS,
+        np.arange(n) == 2,
+        np.zeros(n, bool),
     )
 
 
