@@ -250,7 +250,7 @@ def _subject(
         return _leg_and_pelvis(betas_body, shape_on(betas_body, betas))
     if not str(arrays.get("body", SMPL)).startswith(SMPL):
         what = f"a clip on the body {str(arrays['body'])!r}"
-        raise BadMotionFile(f"{path}: {what}; give that body as source_body")
+        raise BadMotionFile(f"{path}: {what}; give that body with --body")
     if body.name.startswith(SMPL):
         leg_m, rest_pelvis_m = _leg_and_pelvis(body, np.zeros(body.n_shape))
     else:

@@ -110,7 +110,7 @@ def test_a_clip_of_the_same_body_comes_back(tmp_path: Path, small_body: BodyMode
     np.testing.assert_allclose(again.local_rotmats, motion.local_rotmats, atol=1e-12)
     np.testing.assert_allclose(again.pelvis_m, motion.pelvis_m, atol=1e-12)
     other = replace(small_body, name="other")
-    with pytest.raises(BadMotionFile, match="'small'; give that body as source_body"):
+    with pytest.raises(BadMotionFile, match="'small'; give that body with --body"):
         read_motion(tmp_path / "clip.npz", other)
     camera = Clip("c", replace(motion, frame="camera"), clip.valid, clip.image_numbers, None)
     save_clip(tmp_path / "camera.npz", camera, small_body.rest_pelvis_m(motion.shape))
