@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.safe_pickle import load_plain
+from gmrdata.read.safe_pickle import load_object_npy, load_plain
 from gmrdata.read.systems import gem, gvhmr, phalp, sam3d, slahmr, tram, vibe, wham
 from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
 from gmrdata.read.torch_files import load_tensors
@@ -29,6 +29,7 @@ KNOWN = (
 )
 _PARAMS = {key for one in (gvhmr.GVHMR, gem.GEM) for key in (one.world, one.camera)}
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
+NUMPY = b"\x93NUMPY"
 OLD_TORCH = b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."  # and how before version 1.6
 MISSED: dict[Part, str] = {
     "poses": "no local poses",
@@ -73,6 +74,8 @@ def _read(path: Path) -> EstimatedPeople:
     if first == OLD_TORCH:
         what = "is in torch's form from before version 1.6, which is not read"
         raise BadMotionFile(f"{path}: {what}. Load it with torch and save it again with torch.save")
+    if first.startswith(NUMPY):
+        return _pickled(load_object_npy(path), path)
     if first[:1] != b"\x80" and (kind := taken_for(path)):
         raise BadMotionFile(f"{path}: holds no poses{kind}. {KNOWN}, .npz, .bvh and .amc")
     return _pickled(load_plain(path), path)

@@ -292,3 +292,11 @@ def test_pictures_that_are_none(content: Any, tmp_path: Path) -> None:
         return
     with pytest.raises(BadMotionFile, match=r"rows\.pkl: "):
         read_system(path)
+
+
+def test_a_dict_that_numpy_saved_is_the_same(tmp_path: Path) -> None:
+    """`np.save(path, result)`, as people keep any system's result."""
+    rows = {key: value[0] for key, value in sam3d_rows().items()}
+    np.save(tmp_path / "rows.npy", {"0.jpg": [rows]})  # type: ignore[arg-type]
+    (person,) = read_system(tmp_path / "rows.npy", "camera").people
+    assert person.frame_numbers.tolist() == [0]
