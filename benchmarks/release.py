@@ -110,8 +110,11 @@ def smoke(gmrdata: Path, empty: Path, cache: Path) -> None:
     """Run every verb in a folder that has only tiny recipes; the first that fails ends it."""
     for name, text in RECIPES.items():
         (empty / name).write_text(text)
-    outside = {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
-    environment = outside | {"XDG_CACHE_HOME": str(cache), "COLUMNS": "120"}
+    away = ("PYTHON", "GMRDATA")
+    outside = {name: text for name, text in os.environ.items() if not name.startswith(away)}
+    # Blender's environment is made once, by the first of the two.
+    folders = {"XDG_CACHE_HOME": str(cache), "XDG_DATA_HOME": str(cache.with_name("data"))}
+    environment = outside | folders | {"COLUMNS": "120"}
     start_s = time.monotonic()
     for command in COMMANDS:
         begun_s = time.monotonic()
