@@ -14,6 +14,7 @@ hand, or on other bodies that of SMPL's neutral one; `gmrdata.write.amass` takes
 
 import re
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -129,7 +130,10 @@ def read_amass(
     motion = motion_of(body, shape, _rotmats(poses), pelvis_m, rate_hz, source)
     up = config.up or ("z" if "frame" in arrays else None)  # a clip of gmrdata's is z-up
     if found := turn_upright(body, motion, np.eye(3), up, str(path)):
+        # AMASS is z-up: somebody turned this file, its roots and `trans`, not J0 between them.
+        rest_m = scale * source_pelvis_m
         motion = turned(motion, *found)
+        motion = replace(motion, pelvis_m=motion.pelvis_m + rest_m - found[0] @ rest_m)
     return levelled(body, motion, not is_own if ground is None else ground)
 
 
