@@ -1,6 +1,5 @@
 """The verb that makes Blender's environment."""
 
-from pathlib import Path
 from typing import Literal
 
 from tyro.conf import Positional
@@ -9,7 +8,7 @@ from gmrdata.cli.answers import answer, fail
 
 
 def blender(
-    job: Positional[Literal["setup"]], python: Path | None = None, redo: bool = False
+    job: Positional[Literal["setup"]], python: str | None = None, redo: bool = False
 ) -> None:
     """Make the environment that Blender runs in, 1.3 GB: bpy and what gmrdata's side of it imports.
 

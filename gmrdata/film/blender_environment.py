@@ -102,7 +102,7 @@ def is_set_up() -> bool:
     return made_of.is_file() and made_of.read_bytes() == REQUIREMENTS.read_bytes()
 
 
-def set_up(base: Path | None = None, *, redo: bool = False) -> Path:
+def set_up(base: str | None = None, *, redo: bool = False) -> Path:
     """Make Blender's environment unless it is there; by uv where that is installed, else by venv.
 
     Args:
@@ -126,13 +126,13 @@ def set_up(base: Path | None = None, *, redo: bool = False) -> Path:
     return place
 
 
-def _make_by_uv(uv: str, environment: Path, base: Path | None) -> None:
+def _make_by_uv(uv: str, environment: Path, base: str | None) -> None:
     _run(uv, "venv", "--quiet", "--python", base or PYTHONS[0], environment)
     python = python_of(environment)
     _run(uv, "pip", "install", "--quiet", "--python", python, "-r", REQUIREMENTS)
 
 
-def _make_by_venv(environment: Path, base: Path | None) -> None:
+def _make_by_venv(environment: Path, base: str | None) -> None:
     _run(base or _find_base(), "-m", "venv", environment)
     install = "-m", "pip", "install", "--quiet", "--no-compile", "--disable-pip-version-check"
     _run(python_of(environment), *install, "-r", REQUIREMENTS)
@@ -150,12 +150,12 @@ def _run(*command: object) -> None:
         raise BlenderMissing(f"Blender's environment: `{' '.join(words)}` failed:\n{said}")
 
 
-def _find_base() -> Path:
+def _find_base() -> str:
     """A Python that has a pinned bpy: of this process, or by its name."""
     for version in PYTHONS:
         for name in (sys.executable, f"python{version}"):
             if _version_of(name) == version:
-                return Path(name)
+                return name
     remedy = "install one of them (with its venv), or uv, which fetches one"
     raise BlenderMissing(
         f"Blender's environment needs Python {' or '.join(PYTHONS)}, and none is here: {remedy}; "

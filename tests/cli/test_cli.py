@@ -392,7 +392,7 @@ def test_blender_setup_says_what_it_made_or_why_that_does_not_start(
     monkeypatch.setattr(doctor, "blender_part", lambda: part)
     said = gmrdata("blender", "setup", "--python", "3.13", "--redo")
     assert said.returncode == 0 and said.stdout == "Blender 5.0.1: python 3.11.7 in /there\n"
-    asked.assert_called_once_with(Path("3.13"), redo=True)
+    asked.assert_called_once_with("3.13", redo=True)
     part = part._replace(
         state="broken", found="libSM.so.6: no such file", note="render. apt-get it"
     )

@@ -82,7 +82,7 @@ def made(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Path]:
     requirements.write_text("# none\n")
     monkeypatch.setattr(environment, "REQUIREMENTS", requirements)
     monkeypatch.setattr(environment.shutil, "which", {"uv": None}.get)
-    return lambda: environment.set_up(Path(sys.executable))
+    return lambda: environment.set_up(sys.executable)
 
 
 def test_setup_makes_it_once_and_again_for_other_requirements(made: Callable[[], Path]) -> None:

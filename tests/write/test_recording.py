@@ -161,5 +161,5 @@ def test_what_cannot_be_written_is_said(
     refused(BadFrames, "64x48 px, but the camera has 160x96", [take], images=smaller)
     refused(BadFrames, "64x48 px, its frame is 160x96", [take], masks=smaller)
     monkeypatch.setitem(sys.modules, "rerun", None)
-    refused(MissingExtra, r"gmrdata\[view\]", [take], images=images, masks=masks)
+    refused(MissingExtra, "pip install rerun-sdk", [take], images=images, masks=masks)
     assert [file.name for file in tmp_path.iterdir()] == ["small"]
