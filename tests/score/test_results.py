@@ -400,7 +400,9 @@ def test_what_is_not_there_is_said(tmp_path: Path, data: Path, body: BodyModel, 
 def test_flags_that_say_nothing(
     flags: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = ("evaluate", "x", "manifest.yaml", "--out", str(tmp_path / "out"))
+    manifest_path = tmp_path / "manifest.yaml"
+    manifest_path.touch()
+    asked = ("evaluate", str(tmp_path), str(manifest_path), "--out", str(tmp_path / "out"))
     with pytest.raises(SystemExit):
         main([*asked, *flags])
     assert said in " ".join(capsys.readouterr().err.split())

@@ -456,15 +456,18 @@ def test_the_network_in_the_package_by_its_word(
             "has another name now: gmrdata evaluate PREDICTIONS MANIFEST",
             2,
         ),
-        (("folder", "manifest.yaml", "--fps-hz", "0"), "must be more than 0", 1),
-        (("folder", "manifest.yaml"), "manifest.yaml: no such manifest", 1),
+        (("folder", "there.yaml", "--fps-hz", "0"), "must be more than 0", 1),
+        (("folder", "manifest.yaml"), "manifest.yaml: no such file", 1),
         (("bundled", "manifest.yaml"), "manifest.yaml: no such file", 1),
     ],
 )
 def test_the_verb_says_what_it_needs(
     given: tuple[str, ...], said: str, code: int, tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("there.yaml").touch()
     with pytest.raises(SystemExit) as ended:
         main(["evaluate", *given, "--out", str(tmp_path / "out")])
     assert ended.value.code == code
