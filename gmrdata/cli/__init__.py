@@ -79,6 +79,8 @@ _VERBS: tuple[Callable[..., None], ...] = (
 )  # fmt: skip
 OUTPUTS = ("out", "redo", "run", "demo_out")
 """Arguments of verbs that name no file to read."""
+WITH_REMEDIES = ("detector", "landmark_network", "maskrcnn", "errors")
+"""Files whose own messages say, too, what makes or fetches them."""
 WORDS = ("own", "none", "bundled")
 """What may stand for a path where a verb says so."""
 
@@ -99,7 +101,7 @@ def _looked_at(verb: Callable[..., None]) -> Callable[..., None]:
 def _paths(arguments: Mapping[str, Any]) -> Iterator[Path]:
     """The files that a verb is given, those in groups of flags too."""
     for name, value in arguments.items():
-        if name in OUTPUTS:
+        if name in (*OUTPUTS, *WITH_REMEDIES):
             continue
         if isinstance(value, Path):
             yield value

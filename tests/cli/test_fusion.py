@@ -69,7 +69,9 @@ def test_bad_flags_are_said(
 def test_errors_of_a_run_that_held_nobody_out_are_refused(
     run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    (manifest := tmp_path / "none.yaml").touch()
+    asked = ["delta-errors", str(manifest), "--network", str(run_dir)]
     with pytest.raises(SystemExit):
-        main(["delta-errors", "none.yaml", "--network", str(run_dir), "--out", str(tmp_path / "e")])
+        main([*asked, "--out", str(tmp_path / "e")])
     assert "stage.json" in capsys.readouterr().err.replace("\n", "")
     assert not (tmp_path / "e").exists()
