@@ -89,7 +89,7 @@ def lay_out(archive: Path, n_frames: int, images_dir: Path) -> np.ndarray:
         metadata = json.load(tar.extractfile("dance/metadata"))  # type: ignore[arg-type]
         for i in range(n_frames):
             data = tar.extractfile(f"dance/rgbd/{i}.jpg").read()  # type: ignore[union-attr]
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+            image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
             large = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
             left = (large.shape[1] - SIZE_PX[0]) // 2
             middle = np.ascontiguousarray(large[: SIZE_PX[1], left : left + SIZE_PX[0]])

@@ -125,6 +125,8 @@ def _render_frame(
     if picture is None or len(coverages) != 1:
         raise RenderFailed(f"frame {row}: Blender wrote no picture or no mask to {work_dir}")
     coverage = cv2.imread(str(coverages[0]), cv2.IMREAD_GRAYSCALE)
+    if coverage is None:
+        raise RenderFailed(f"frame {row}: Blender wrote a mask that is no picture")
     coverages[0].unlink()
     _write_image(mask, np.where(coverage >= 128, 255, 0).astype(np.uint8), [])
     options = [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality] if frame.suffix == ".jpg" else []

@@ -31,7 +31,7 @@ def write_smpl_folder(folder: Path, small_body: BodyModel, n_shape: int = 16) ->
     for gender, name in FILES.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(path, **smpl_arrays(small_body, SIZES[gender], n_shape))
+        np.savez(path, **smpl_arrays(small_body, SIZES[gender], n_shape))  # type: ignore[arg-type]
 
 
 def smpl_arrays(small_body: BodyModel, size: float, n_shape: int) -> dict[str, np.ndarray]:

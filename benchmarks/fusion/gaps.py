@@ -79,7 +79,8 @@ def _step(session: FusionSession, clip: Clip) -> int:
 
 def _touched(hidden: np.ndarray, step: int) -> np.ndarray:
     """(T - step,) bool: motions over `step` frames of which any frame is hidden."""
-    return np.lib.stride_tricks.sliding_window_view(hidden, step + 1).any(axis=1)
+    windows = np.lib.stride_tricks.sliding_window_view(hidden, step + 1)
+    return np.asarray(windows.any(axis=1))
 
 
 def fused_errors(session: FusionSession, case: Case) -> Errors:

@@ -177,7 +177,8 @@ def changed_npz(data: bytes, rng: np.random.Generator) -> bytes:
     if not isinstance(changed, dict):
         np.savez(stream, np.asarray(changed, dtype=object), allow_pickle=True)
     else:
-        np.savez(stream, **{str(k).replace("\0", ""): _plain(v) for k, v in changed.items()})
+        named = {str(k).replace("\0", ""): _plain(v) for k, v in changed.items()}
+        np.savez(stream, **named)  # type: ignore[arg-type]
     return stream.getvalue()
 
 

@@ -212,7 +212,7 @@ def _pickles(
 ) -> list[Target]:
     files = write_sequence(made.place("3dpw/x").parent, "train", sequence)
     smpl = smpl_arrays(body, 1.0, 10)
-    np.savez(made.place("smpl.npz"), **smpl)
+    np.savez(made.place("smpl.npz"), **smpl)  # type: ignore[arg-type]
     frames = [
         system_files.phalp_frame(t, {1: p, 2: p}) for t, p in enumerate(system_files.phalp_poses(4))
     ]

@@ -176,7 +176,7 @@ def _copy(images: Sequence[Path], out_dir: Path) -> None:
 
 
 def _middle(images: Sequence[Path]) -> tuple[float, float]:
-    height_px, width_px = cv2.imread(str(images[0])).shape[:2]
+    height_px, width_px = np.asarray(cv2.imread(str(images[0]))).shape[:2]
     return width_px / 2, height_px / 2
 
 

@@ -28,7 +28,7 @@ def half_size(film: Film) -> Film:
     for image in film.images:
         small = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         _, encoded = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 30])
-        images.append(cv2.imdecode(encoded, cv2.IMREAD_COLOR))
+        images.append(np.asarray(cv2.imdecode(encoded, cv2.IMREAD_COLOR)))
     return replace(film, images=images, intrinsics_px=np.diag([0.5, 0.5, 1]) @ film.intrinsics_px)
 
 
@@ -70,8 +70,8 @@ def darkness(film: Film) -> Film:
 def watermark(film: Film) -> Film:
     """A watermark that stays where it is: a sharp logo over a fifth of the picture."""
     height, width = film.images[0].shape[:2]
-    logo = np.kron(film.rng.integers(0, 256, (height // 48, width // 24)), np.ones((10, 10)))
-    logo = logo.astype(np.uint8)[..., None]
+    squares = film.rng.integers(0, 256, (height // 48, width // 24))
+    logo = np.kron(squares, np.ones((10, 10))).astype(np.uint8)[..., None]
     images = []
     for image in film.images:
         marked = image.copy()

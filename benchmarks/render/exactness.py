@@ -84,7 +84,8 @@ def mask_ious(clip: Clip, body: BodyModel, masks_dir: Path) -> list[float]:
             camera.world_from_cam[row], vertices_m.astype(np.float64), camera.intrinsics_px
         )
         expected = coverage(points_px, body.faces, size_px) >= 0.5
-        mask = cv2.imread(str(masks_dir / f"{row:05d}.png"), cv2.IMREAD_GRAYSCALE) > 0
+        path = masks_dir / f"{row:05d}.png"
+        mask = np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)) > 0
         ious.append(float((mask & expected).sum() / (mask | expected).sum()))
     return ious
 

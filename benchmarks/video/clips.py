@@ -190,7 +190,7 @@ def _bend(source: Path, target: Path, maps: tuple[np.ndarray, np.ndarray] | None
     if maps is None:
         target.write_bytes(source.read_bytes())
         return
-    picture = cv2.imread(str(source), cv2.IMREAD_UNCHANGED)
+    picture = np.asarray(cv2.imread(str(source), cv2.IMREAD_UNCHANGED))
     seen = cv2.remap(picture, *maps, how, borderMode=cv2.BORDER_REPLICATE)
     cv2.imwrite(str(target), seen, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
 

@@ -132,6 +132,7 @@ def _paths(image: np.ndarray, px_per_m: float, rng: np.random.Generator) -> None
     middles = []
     for _ in range(2):
         bend = sum(rng.normal(0, 0.035) * np.sin(2 * np.pi * k * along + k) for k in (1, 2, 3))
+        bend = np.asarray(bend)
         middles.append(((0.5 + rng.uniform(-0.08, 0.08) + bend) * size).astype(np.float32))
     edge = noise(size, size, rng, int(0.6 * px_per_m), 5, 0.8)
     stones = np.empty((size, size), np.float32)

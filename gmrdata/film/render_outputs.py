@@ -40,7 +40,8 @@ def project_joints(clip: Clip, body: BodyModel) -> Joints2d:
     camera_m = apply(invert(camera.world_from_cam), world_m)
     image_px = project_cam(camera_m, camera.intrinsics_px)
     size_px = (camera.width_px, camera.height_px)
-    in_frame = ((image_px >= 0) & (image_px < size_px)).all(axis=-1)  # False for NaN
+    inside = (image_px >= 0) & (image_px < size_px)
+    in_frame = np.asarray(inside.all(axis=-1))  # False for NaN
     return Joints2d(world_m, camera_m, image_px, in_frame, in_frame)
 
 

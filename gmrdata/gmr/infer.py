@@ -139,7 +139,8 @@ def _up_of(motion: Motion, body: BodyModel) -> tuple[np.ndarray, float] | None:
         return None
     soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
     still = standing(soles_m, PLANTED_M_PER_S / motion.fps_hz)
-    stances = sum(len(valid_runs(still[:, foot].any(axis=-1))) for foot in (0, 1))
+    planted = np.asarray(still.any(axis=-1))
+    stances = sum(len(valid_runs(planted[:, foot])) for foot in (0, 1))
     plane = contact_cue(soles_m[still], stances, balance.up, STANCE_SIGMA_M)
     ground = [] if plane is None else [plane]
     if feet_up is not None:

@@ -322,7 +322,7 @@ def _boxes_without(
     filled = np.zeros_like(outlines)
     for box_px in boxes_px:
         box = fill_boxes(box_px[None], size_px)
-        share = np.count_nonzero(outlines & box) / max(1, np.count_nonzero(box))
+        share = np.count_nonzero(outlines & box) / max(1, int(np.count_nonzero(box)))
         if share < config.min_filled and not is_among(box_px, seen_px, config.same_iou):
             filled |= box
     return filled

@@ -115,7 +115,7 @@ def recorded_rows(
     In CMU's files rows of zeros are rows without data.  With `drop_rest_frame` None it is looked
     for whether row 0 is an added rest pose.
     """
-    empty = ~table.any(axis=1) if cmu else np.zeros(len(table), dtype=bool)
+    empty = np.asarray(~table.any(axis=1)) if cmu else np.zeros(len(table), dtype=bool)
     if drop_rest_frame is None:
         drop_rest_frame = _starts_with_rest_frame(table, rotation_columns, empty)
     filled = np.flatnonzero(~empty[1:]) + 1 if drop_rest_frame else np.flatnonzero(~empty)

@@ -239,7 +239,7 @@ def with_invalid_frames(clip: Clip, config: FaultConfig, rng: Generator) -> Clip
     """The clip with runs of frames that are not valid, and whose person is elsewhere."""
     valid, pelvis_m = clip.valid.copy(), clip.motion.pelvis_m.copy()
     for _ in range(rng.integers(config.invalid_runs[0], config.invalid_runs[1] + 1)):
-        length = rng.integers(config.invalid_frames[0], config.invalid_frames[1] + 1)
+        length = int(rng.integers(config.invalid_frames[0], config.invalid_frames[1] + 1))
         start = rng.integers(0, max(1, len(valid) - length + 1))
         run = slice(start, start + length)
         # A run that meets an earlier one leaves its frames as they are, so no error adds up.

@@ -142,7 +142,7 @@ def write_npz(path: Path, arrays: Mapping[str, ArrayLike], *, compressed: bool =
     """
     archive = io.BytesIO()
     save = np.savez_compressed if compressed else np.savez
-    save(archive, **arrays)
+    save(archive, **arrays)  # type: ignore[arg-type]
     write_bytes(path, archive.getbuffer())
 
 

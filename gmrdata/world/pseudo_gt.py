@@ -283,7 +283,8 @@ def _level(
         soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
         still = standing(soles_m, config.slip_m(motion.fps_hz))
         planted_m.append(soles_m[still])
-        stances += sum(len(valid_runs(still[:, foot].any(axis=-1))) for foot in (0, 1))
+        planted = np.asarray(still.any(axis=-1))
+        stances += sum(len(valid_runs(planted[:, foot])) for foot in (0, 1))
     feet_m = np.concatenate(planted_m)
     known = [
         (body, motion.take(rows))

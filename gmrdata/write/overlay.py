@@ -112,7 +112,8 @@ def draw_floor_path(
     """A copy of a BGR image with a path on the floor drawn in, a dot at each `every`-th point."""
     points_px = camera.project(world_from_cam, path_world_m, intrinsics_px)
     # OpenCV's pixel centres are whole numbers, and the drawing takes 4 fractional bits.
-    fixed, drawable = np.round((points_px - 0.5) * 16), (abs(points_px) < _FAR_PX).all(axis=1)
+    fixed = np.round((points_px - 0.5) * 16)
+    drawable = np.asarray((abs(points_px) < _FAR_PX).all(axis=1))
     points = [(int(x), int(y)) if ok else None for (x, y), ok in zip(fixed, drawable, strict=True)]
     out = image.copy()
     for start, stop in pairwise(points):

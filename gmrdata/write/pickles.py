@@ -8,11 +8,18 @@ do not depend on the versions of Python and numpy.
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-_ARRAY_TYPES = {"f8": "<", "f4": "<", "i8": "<", "u2": "<", "u1": "|", "b1": "|"}
+_ARRAY_TYPES: dict[str, Literal["<", "|"]] = {
+    "f8": "<",
+    "f4": "<",
+    "i8": "<",
+    "u2": "<",
+    "u1": "|",
+    "b1": "|",
+}
 """Byte order of each element type that is written."""
 _NO_FIELDS = b"NNN" + b"J\xff\xff\xff\xff" * 2 + b"K\x00"
 

@@ -34,7 +34,7 @@ SMPLX_PELVIS_M = np.array([0.0031, -0.3514, 0.0120])
 N_BETAS = 10
 
 
-def write_joblib(path: Path, content: Mapping[Any, Any]) -> Path:
+def write_joblib(path: Path, content: Mapping[Any, Any] | list[Any]) -> Path:
     """VIBE's and WHAM's files; PHALP packs its own."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(joblib_bytes(content))
@@ -574,7 +574,8 @@ def write_slahmr(
     (folder / "motion_chunks").mkdir(parents=True, exist_ok=True)
     for step, name in ((20, "world"), (40, "world"), (40, "prior")):
         shown = arrays | ({"trans": 0 * arrays["trans"]} if step == 20 else {})
-        np.savez(folder / "motion_chunks" / f"x_{step:06d}_{name}_results.npz", **shown)
+        path = folder / "motion_chunks" / f"x_{step:06d}_{name}_results.npz"
+        np.savez(path, **shown)  # type: ignore[arg-type]
     seen = [False] * before + [True] * n_frames
     info: dict[str, Any] = {
         "tracks": {str(id): {"index": n, "vis_mask": seen} for n, id in enumerate(people)},

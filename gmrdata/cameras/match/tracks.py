@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gmrdata.cameras.files import Distortion
 from gmrdata.values import records, transforms
@@ -94,7 +95,7 @@ def mean_over_points(errors: np.ndarray, points: np.ndarray) -> float:
 
 def save_tracks(path: Path, tracks: Tracks) -> None:
     """Write `tracks.npz`: 2 to 3 kB a frame."""
-    arrays = {
+    arrays: dict[str, ArrayLike] = {
         "format": TRACKS_FORMAT,
         "row": tracks.rows.astype(np.uint32),
         "point": tracks.points.astype(np.uint32),

@@ -130,6 +130,7 @@ def test_vibe_saw_a_tenth_more_than_its_box(tmp_path: Path) -> None:
     assert at_px == pytest.approx([100 + 110 * 0.8 * (0.3 + 0.1), 110 * 0.8 * (0.4 - 0.2)])
     # Without `pred_cam` people stay where they are in the picture.
     wider = person["orig_cam"] * [1.1, 1.1, 1 / 1.1, 1 / 1.1]
+    assert second.in_picture is not None
     np.testing.assert_allclose(second.in_picture, wider)
 
 
