@@ -209,8 +209,7 @@ def infer(
             that was stopped goes on where it was.
         bridge_frames: Longest gap of a person's track that is filled [frames]; at longer ones a new
             motion begins, in a world of its own.
-        level: Take up and the floor from feet that stand, or begin as the paper does, with the
-            first pelvis upright at the origin.
+        level: Take up and the floor from the body, or begin upright at the origin, as the paper.
         video: Whether to draw body.mp4, which takes longest.
     """
     from gmrdata.gmr import infer as stage

@@ -127,11 +127,10 @@ def video(
             and index.html. A run that was stopped goes on where it was.
         poses: People before the camera: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, GVHMR's
             hmr4d_results.pt, GEM-X's hpe_results.pt, rows of SAM 3D Body, TRAM's folder, or PHALP's
-            or 4D-Humans' .pkl. Of a batch a folder with
-            <name>.pkl, <name>.pt or <name>/ for each video that has people. When left out, whom the
-            built-in estimator sees, a demonstrator (docs/poses.md), if its networks were fetched;
-            cameras decide alone then whether the video is accepted. The word own for the same
-            people, one of whom must be accepted; none for cameras alone.
+            or 4D-Humans' .pkl. Of a batch a folder with <name>.pkl, <name>.pt or <name>/ for each
+            video that has people. When left out, whom the built-in estimator sees, a demonstrator
+            (docs/poses.md), if its networks were fetched; cameras decide alone then. The word own
+            for the same people, one of whom must be accepted; none for cameras alone.
         strict: End with exit code 1 for a rejected video.
     """
     flags.need(sources, "a video, or a folder of numbered images or of videos")
