@@ -5,7 +5,7 @@ from odd.run import Case, Run, is_same_motion
 
 _MOTIONS = "motions . --out OUT"
 _VIDEO = "video FILE --out OUT --fps-hz 10 --poses none --masks none --no-page"
-_LENS = "video clip.mp4 --out OUT --poses none --masks none --no-page --strict --intrinsics FILE"
+_LENS = "video clip.mp4 --out OUT --poses none --masks none --no-page --intrinsics FILE"
 _PEOPLE = (
     "video FILE --out OUT --no-page --detector MODELS/yolox_nano.onnx"
     " --landmark-network MODELS/pose_landmark_lite.tflite"
@@ -25,7 +25,9 @@ def _lens(folder: str, file: str, k1: float | None, asks_for: str) -> Case:
         found = lens["radial_k1"] or 0.0
         return k1 is not None and abs(lens["focal_px"] - 338) < 0.1 and abs(found - k1) < 1e-6
 
-    return Case(folder, file, _LENS, is_right, asks_for)
+    # Where the lens must be held against the frames, the verdict counts; else it is only read.
+    words = f"{_LENS} --strict" if folder == "given_k1_not_checked" else _LENS
+    return Case(folder, file, words, is_right, asks_for)
 
 
 def _rate(file: str, rate_hz: float, last_s: float) -> Case:
