@@ -216,11 +216,8 @@ def _marks(found: Solved) -> Marks:
         return NO_MARKS
     if solved.cameras.geometry != "full":
         return direction_marks(camera)
-    if solved.tracks is None:
+    if solved.tracks is None or (world_m := found.world_points) is None:
         return NO_MARKS
-    row = int(camera.has_camera.argmax())
-    level = camera.world_from_cam[row] @ transforms.invert(solved.cameras.path.world_from_cam[row])
-    world_m = transforms.apply(level, solved.points)
     keep = _longest_seen(solved.tracks.rows, solved.tracks.points, len(world_m))
     return Marks(world_m, solved.tracks.rows[keep], solved.tracks.points[keep])
 

@@ -181,6 +181,22 @@ class Solved:
         return rows_of_numbers(self.reconstruction.cameras.image_numbers, numbers)
 
     @property
+    def world_points(self) -> np.ndarray | None:
+        """(N, 3) points of the reconstruction in the shown world; None where they have no place."""
+        solved, camera, sfm_rows = self.reconstruction, self.camera, self.sfm_rows
+        if solved is None or camera is None or sfm_rows is None or not len(solved.points):
+            return None
+        scale = 1.0 if self.is_alone or self.record is None else self.record.scale
+        ours = np.flatnonzero(camera.has_camera & (sfm_rows >= 0))
+        sfm_from_cam = solved.cameras.path.world_from_cam[sfm_rows[ours]]
+        known = np.flatnonzero(np.isfinite(sfm_from_cam).all(axis=(1, 2)))
+        if scale is None or not len(known):
+            return None
+        first = known[0]
+        grown = camera.world_from_cam[ours[first]] @ np.diag([scale, scale, scale, 1.0])
+        return transforms.apply(grown @ transforms.invert(sfm_from_cam[first]), solved.points)
+
+    @property
     def kept(self) -> np.ndarray:
         """(T,) bool: frames that are kept for somebody."""
         return np.any([[not reason for reason in person] for person in self.reasons], axis=0)

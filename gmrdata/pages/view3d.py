@@ -20,12 +20,12 @@ from gmrdata.pages.plots import COLOURS, aligned_paths
 from gmrdata.pages.report_data import ClipReport
 from gmrdata.pages.solved import Solved
 from gmrdata.pages.solved_plots import person_role
-from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import MissingInput
 from gmrdata.write.glb import glb_bytes
+from gmrdata.write.take import finite_rows
 
 VIEW_FILE = "view3d.html"
 MOST_FRAMES = 600  # of a longer sequence every second, third, ... frame is shown
@@ -74,7 +74,7 @@ def view_of(found: Solved) -> View:
         )
         for number, clip in found.clips.items()
     )
-    return View(found.times_s, people, found.camera, _world_points(found), found.unit)
+    return View(found.times_s, people, found.camera, found.world_points, found.unit)
 
 
 def view_of_clip(clip: ClipReport) -> View:
@@ -90,22 +90,6 @@ def view_of_clip(clip: ClipReport) -> View:
         ViewedPerson(replace(clip.pseudo, motion=moved), "person", clip.body),
     )
     return View(np.arange(motion.n_frames) / motion.fps_hz, people, camera)
-
-
-def _world_points(found: Solved) -> np.ndarray | None:
-    """(N, 3) points of the reconstruction in the shown world."""
-    solved, camera, sfm_rows = found.reconstruction, found.camera, found.sfm_rows
-    if solved is None or camera is None or sfm_rows is None or not len(solved.points):
-        return None
-    ours = np.flatnonzero(camera.has_camera & (sfm_rows >= 0))
-    theirs = solved.cameras.path.world_from_cam[sfm_rows[ours]]
-    known = np.isfinite(theirs).all(axis=(1, 2))
-    if not known.any():
-        return None
-    scale = 1.0 if found.is_alone or found.record is None else found.record.scale
-    world_from_cam, sfm_from_cam = camera.world_from_cam[ours[known][0]], theirs[known][0]
-    in_camera = transforms.apply(transforms.invert(sfm_from_cam), solved.points)
-    return None if scale is None else transforms.apply(world_from_cam, scale * in_camera)
 
 
 def write_view(path: Path, view: View) -> Path:
@@ -142,9 +126,7 @@ def _camera(camera: CameraPath, rows: np.ndarray) -> dict[str, object]:
 
 def _person(person: ViewedPerson, rows: np.ndarray, *, has_body: bool) -> dict[str, object]:
     motion, glb = person.clip.motion, b""
-    known = np.isfinite(motion.pelvis_m).all(axis=1)
-    known &= np.isfinite(motion.rotmats).all(axis=(1, 2, 3))
-    shown = known & np.isin(np.arange(motion.n_frames), rows)
+    shown = finite_rows(motion) & np.isin(np.arange(motion.n_frames), rows)
     if person.body is not None and has_body and shown.any():
         glb = glb_bytes(motion, person.body, shown=shown)
     sigma_m = None if person.sigma_m is None else _packed(person.sigma_m[rows])

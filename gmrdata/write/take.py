@@ -65,7 +65,7 @@ def _check_person(person: Performer, take: Take) -> None:
         raise BadMotionFile(f"{what}: has {here}, {take.people[0].name} has {first}")
     if not person.shown.any():
         raise BadMotionFile(f"{what}: has no valid frame")
-    if not _finite(motion)[person.shown].all():
+    if not finite_rows(motion)[person.shown].all():
         raise BadMotionFile(f"{what}: NaN in a frame that is said to be valid; make it again")
 
 
@@ -80,7 +80,8 @@ def quaternions_xyzw(rotmats: np.ndarray) -> np.ndarray:
     return np.asarray(found)
 
 
-def _finite(motion: Motion) -> np.ndarray:
+def finite_rows(motion: Motion) -> np.ndarray:
+    """(T,) bool: frames whose pose and place are known."""
     values = np.concatenate([motion.rotmats.reshape(motion.n_frames, -1), motion.pelvis_m], axis=1)
     return np.asarray(np.isfinite(values).all(axis=1))
 
