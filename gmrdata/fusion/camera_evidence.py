@@ -189,7 +189,7 @@ def _slow_m2(clip: Clip, known: np.ndarray, config: FusionConfig) -> np.ndarray:
     along_m2 = (config.slow_along_share * away_m) ** 2
     slow_m2 = along_m2[:, None, None] * rays[:, :, None] * rays[:, None]
     slow_m2 = slow_m2 + config.slow_place_m**2 * np.eye(3)
-    nearest = np.abs(np.arange(len(known))[:, None] - rows).argmin(axis=1)
+    nearest = np.searchsorted((rows[1:] + rows[:-1]) / 2, np.arange(len(known)))
     return np.asarray(slow_m2[nearest])
 
 

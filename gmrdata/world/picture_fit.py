@@ -137,6 +137,7 @@ class _Masks:
     """Small masks by the number of their image."""
 
     def __init__(self, people: PeopleMasks, camera: CameraPath) -> None:
+        # Eight pixels a byte: all frames of a video are kept.
         self._people, self._cache = people, dict[int, np.ndarray | None]()
         self._size_px = (camera.width_px, camera.height_px)
         self.shrink = min(1.0, LONGEST_PX / max(self._size_px))
@@ -158,8 +159,12 @@ class _Masks:
     def of(self, number: int) -> np.ndarray | None:
         """(h, w) bool; None where there is no mask, or nobody in it."""
         if number not in self._cache:
-            self._cache[number] = self._read(number)
-        return self._cache[number]
+            mask = self._read(number)
+            self._cache[number] = None if mask is None else np.packbits(mask, axis=1)
+        packed = self._cache[number]
+        if packed is None:
+            return None
+        return np.unpackbits(packed, axis=1, count=self.small_px[0]).astype(bool)
 
     def _read(self, number: int) -> np.ndarray | None:
         import cv2
