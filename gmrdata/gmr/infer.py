@@ -13,9 +13,9 @@ side in the rest pose points up, too; the geometric median of those directions (
 taken, so a few feet on their toes do not matter.  And standing soles are on one plane, unless that
 is steep.  Each counts by its error, and `infer.json` says how level the world is.  A motion in
 which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the first
-frame.  Last, standing soles are
-put on z = 0 (`gmrdata.motion.ground`).  The paper does none of this: its first pose is the identity
-(section 3.6), which is what `level: first_pose` gives, in a world with z up.
+frame.  Last, standing soles are put on z = 0 (`gmrdata.motion.ground`).  The paper does none of
+this: its first pose is the identity (section 3.6), which is what `level: first_pose` gives, in a
+world with z up.
 """
 
 import re
@@ -33,7 +33,7 @@ from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
-from gmrdata.motion.resample import ON_A_SAMPLE, resample, valid_runs
+from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -47,7 +47,7 @@ from gmrdata.values.records import Config, Record
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import smallest_rotation
 from gmrdata.world.level import UpCue, body_cue, contact_cue, up_of
-from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
+from gmrdata.world.planted_feet import SOLE_POINTS, count_stances, foot_points_m, standing
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
@@ -99,8 +99,6 @@ def _rest_of_the_way(gmr: TrainedGmr, poses: Motion, seen: Motion, n_missing: in
 
 SHORTEST_UP = 0.5  # feet that point everywhere have a median near zero, which is no direction
 _UP_IN_REST = np.array([0.0, 1.0, 0.0])
-
-
 FEET_SIGMA_RAD = np.deg2rad(4.0)
 """Of the direction that standing feet show, along each axis: 5.9 degrees in all on 13 of CMU's
 motions, whose balance shows it to 3.5."""
@@ -139,9 +137,7 @@ def _up_of(motion: Motion, body: BodyModel) -> tuple[np.ndarray, float] | None:
         return None
     soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
     still = standing(soles_m, PLANTED_M_PER_S / motion.fps_hz)
-    planted = np.asarray(still.any(axis=-1))
-    stances = sum(len(valid_runs(planted[:, foot])) for foot in (0, 1))
-    plane = contact_cue(soles_m[still], stances, balance.up, STANCE_SIGMA_M)
+    plane = contact_cue(soles_m[still], count_stances(still), balance.up, STANCE_SIGMA_M)
     ground = [] if plane is None else [plane]
     if feet_up is not None:
         ground.append(UpCue("feet", feet_up, np.eye(3) / FEET_SIGMA_RAD**2))

@@ -124,6 +124,12 @@ def _search(turned_m: np.ndarray, centres: np.ndarray, slip_m: float, config: Sc
     return float(grid[int(np.argmin(costs))])
 
 
+def count_stances(still: np.ndarray) -> int:
+    """Unbroken runs of frames in which any point of a foot stands, of feet (T, feet, points)."""
+    down = np.asarray(still.any(axis=-1))
+    return sum(len(valid_runs(of_foot)) for of_foot in down.T)
+
+
 def _stances(
     turned_m: np.ndarray, centres: np.ndarray, scale: float, slip_m: float
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:

@@ -9,7 +9,6 @@ from pydantic import ValidationError
 
 from gmrdata.cameras import files
 from gmrdata.cameras.frames import cuts_in_words
-from gmrdata.motion.resample import valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
@@ -34,6 +33,7 @@ from gmrdata.world.picture_fit import PeopleMasks, picture_fits
 from gmrdata.world.planted_feet import (
     SOLE_POINTS,
     GroundPlane,
+    count_stances,
     foot_points_m,
     ground_plane,
     standing,
@@ -283,8 +283,7 @@ def _level(
         soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
         still = standing(soles_m, config.slip_m(motion.fps_hz))
         planted_m.append(soles_m[still])
-        planted = np.asarray(still.any(axis=-1))
-        stances += sum(len(valid_runs(planted[:, foot])) for foot in (0, 1))
+        stances += count_stances(still)
     feet_m = np.concatenate(planted_m)
     known = [
         (body, motion.take(rows))
