@@ -101,6 +101,9 @@ def test_nothing_in_the_package_imports_blender() -> None:
     for path in PACKAGE.glob("**/*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            module = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
-            assert not {"bpy", "blender"} & {name.split(".")[0] for name in (module, *names)}
+            names = [alias.name for alias in getattr(node, "names", ())]
+            module = getattr(node, "module", None) or ""
+            assert not {"bpy", "blender"} & {
+                module.split(".")[0],
+                *(n.split(".")[0] for n in names),
+            }
