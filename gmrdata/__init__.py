@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from gmrdata.score.records import Scores as Scores
     from gmrdata.score.score import Scored as Scored
     from gmrdata.score.score import score as score
+    from gmrdata.solve.plan import plan_videos as plan_videos
     from gmrdata.solve.request import SequenceConfig as SequenceConfig
     from gmrdata.solve.request import SolveConfig as SolveConfig
     from gmrdata.solve.solve import make_masks as make_masks
@@ -96,6 +97,7 @@ _NAMES = {
     "cameras.lens.intrinsics": ("GivenIntrinsics",),
     "people.sources": ("MasksConfig",),
     "read.video": ("VideoConfig",),
+    "solve.plan": ("plan_videos",),
     "solve.request": ("SequenceConfig", "SolveConfig"),
     "solve.solve": ("make_masks", "solve_sequence"),
     "solve.verdict": ("VideoVerdict",),

@@ -26,6 +26,7 @@ from gmrdata.paper.own_poses import (
     own_poses,
 )
 from gmrdata.paper.plan import Given, TableRecipe, load_table
+from gmrdata.people.following import Networks
 from gmrdata.stage.run import Run
 from gmrdata.twins.twin_set import SET_FOLDER
 
@@ -99,8 +100,7 @@ class TablesSession:
         return own_poses(
             manifest,
             self.work_dir / f"own_{name}",
-            detector_path=models / "yolox_nano.onnx",
-            landmarks_path=models / "pose_landmark_heavy.tflite",
+            networks=Networks(models / "yolox_nano.onnx", models / "pose_landmark_heavy.tflite"),
             run=ANEW,
         )
 

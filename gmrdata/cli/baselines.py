@@ -149,13 +149,13 @@ def baseline_own_poses(
     It stands where the paper has VIBE and STAF (docs/poses.md says how good it is).
     """
     from gmrdata.paper.own_poses import own_poses
+    from gmrdata.people.following import Networks
 
     made = own_poses(
         manifest,
         out,
         body_path=flags.body_path(body),
-        detector_path=detector,
-        landmarks_path=landmark_network,
+        networks=Networks.find(detector, landmark_network),
         run=Run(redo=redo),
     )
     answer(made)

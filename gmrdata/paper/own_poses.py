@@ -40,7 +40,6 @@ from gmrdata.people.local_poses import (
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.body_file import read_body
 from gmrdata.read.frames import read_color, read_frames
-from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.score.camera_as_world import seen_motion
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -50,7 +49,7 @@ from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers, save_clip
 from gmrdata.values.errors import StageFailed
 from gmrdata.values.files import resolve_inside, write_json, write_npz
-from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import LocalPoses, load_local_poses
 from gmrdata.values.records import Config, Record
@@ -125,23 +124,19 @@ def own_poses(
     config: OwnPosesConfig | None = None,
     *,
     body_path: Path | None = None,
-    detector_path: Path | None = None,
-    landmarks_path: Path | None = None,
+    networks: Networks | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """See the person of each clip that has images and a camera; the record names the others.
 
     Poses are those of a body of mean shape; `body_path` is that body, None the default one.
-    Networks that are not given are those of `gmrdata fetch models`.  A run that was stopped goes
+    The usual networks are those of `gmrdata fetch models`.  A run that was stopped goes
     on.  StageFailed where nobody is seen in any clip; other errors are those of `follow_people` and
     `local_poses`.
     """
     config = config or OwnPosesConfig()
     files, left_out, _ = usable_files(manifest_path)
-    networks = Networks(
-        find_model(YOLOX_NANO, detector_path), find_model(POSE_LANDMARKS, landmarks_path)
-    )
-    sources = _Sources(networks, ANNY_FILE if body_path is None else body_path)
+    sources = _Sources(networks or Networks.find(), ANNY_FILE if body_path is None else body_path)
     filmed = [file for file in files if file.entry.images is not None]
     left_out |= {file.entry.id: "it has no images" for file in files if file not in filmed}
 
@@ -220,10 +215,10 @@ class _Viewer:
             self._config.follow,
             self._sources.networks,
         )
+        frames = replace(frames, frame_numbers=frames.numbers, rate_hz=clip.motion.fps_hz)
         folder = local_poses(
             followed_dir,
-            replace(frames, frame_numbers=frames.numbers, rate_hz=clip.motion.fps_hz),
-            camera_of(clip).lens,
+            Filmed(frames, camera_of(clip).lens),
             self._sources.body_path,
             self._out_dir / SEEN_FOLDER / clip.id,
             self._config.poses,

@@ -41,6 +41,7 @@ from gmrdata.people.linking import (
 )
 from gmrdata.people.onnx import OnnxConfig, detect_all
 from gmrdata.read.frames import read_color, write_gray
+from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
@@ -83,6 +84,11 @@ class Networks(NamedTuple):
     """YOLOX on COCO's 80 classes (ONNX)."""
     landmarks: Path
     """BlazePose GHUM heavy (TFLite); lite and full are of the same form."""
+
+    @classmethod
+    def find(cls, detector: Path | None = None, landmarks: Path | None = None) -> Self:
+        """The given files, or those of `gmrdata fetch models`; errors as of `find_model`."""
+        return cls(find_model(YOLOX_NANO, detector), find_model(POSE_LANDMARKS, landmarks))
 
 
 Seen = dict[str, Any]

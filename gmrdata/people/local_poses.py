@@ -19,7 +19,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Lens
-from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import POSES_FILE, LocalPoses, LocalPosesRecord, person_file
 from gmrdata.values.records import Config
 
@@ -46,8 +46,7 @@ class _Recipe(Config):
 
 def local_poses(
     followed_dir: Path,
-    frames: FrameSet,
-    lens: Lens,
+    filmed: Filmed,
     body_path: Path,
     out_dir: Path,
     config: LocalPosesConfig,
@@ -56,6 +55,7 @@ def local_poses(
 ) -> Path:
     """Poses of whom `follow_people` left, which `read_system` reads.  A video in which
     nobody is seen leaves poses without people.  MissingInput and BadBodyFile name the file."""
+    frames, lens = filmed
     recipe = _Recipe(
         poses=config,
         intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),

@@ -25,7 +25,7 @@ from gmrdata.people.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.people.onnx import OnnxConfig, onnx_masks
 from gmrdata.people.silhouette import SilhouetteConfig, dilate, silhouette_masks
 from gmrdata.read.frames import read_gray, write_gray
-from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
+from gmrdata.read.models import YOLOX_NANO, find_model
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage, stage_seconds
@@ -87,8 +87,7 @@ class PersonSource(PersonMaskConfig):
     @property
     def networks(self) -> Networks:
         """Their files; MissingInput where they were not fetched."""
-        detector = find_model(YOLOX_NANO, self.model)
-        return Networks(detector, find_model(POSE_LANDMARKS, self.landmarks))
+        return Networks.find(self.model, self.landmarks)
 
     def follow(self, frames: FrameSet, out_dir: Path, run: Run) -> Path:
         """The stage from which its masks are made, and local poses."""

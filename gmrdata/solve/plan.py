@@ -8,7 +8,14 @@ from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 from gmrdata.read.frames import read_frames
 from gmrdata.read.video import VideoConfig, count_images, is_video
 from gmrdata.read.video_files import NamedVideo, find_videos
-from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest, people_of
+from gmrdata.solve.request import (
+    DEFAULT_CONFIG,
+    SEEN,
+    EstimatedPeople,
+    SolveConfig,
+    SolveRequest,
+    people_of,
+)
 from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
@@ -67,14 +74,15 @@ class Plan(NamedTuple):
 def plan_videos(
     sources: Sequence[str | Path],
     *,
-    poses: str | Path | None,
-    body: str,
-    lens: GivenIntrinsics | None,
-    fps_hz: float | None,
-    part: VideoConfig,
-    config: SolveConfig,
+    poses: str | Path | None = SEEN,
+    body: str = "anny",
+    lens: GivenIntrinsics | None = None,
+    fps_hz: float | None = None,
+    part: VideoConfig | None = None,
+    config: SolveConfig = DEFAULT_CONFIG,
 ) -> Plan:
-    """Of what `solve_video` or `solve_videos` would do; errors as there."""
+    """What `solve_video`, or for several `solve_videos`, would do with the same arguments, and
+    about how long it takes on two cores; nothing is made.  Errors as there."""
     paths = [Path(source) for source in sources]
     people, results = people_of(poses, body, config)
     request = SolveRequest(paths[0], people, lens, fps_hz, part)

@@ -50,7 +50,7 @@ from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
-from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import (
     BODIES,
     FUSED,
@@ -221,16 +221,15 @@ def _people(solved: Solved) -> Solved:
         return replace(solved, bodies=people.files)
     if people is None:
         return solved
-    lens = _lens_of_frames(solved)
-    poses_path = _own_poses(solved, lens) if people.are_own else people.results_path
+    filmed = Filmed(solved.frames, _lens_of_frames(solved))
+    poses_path = _own_poses(solved, filmed) if people.are_own else people.results_path
     if poses_path is None:
         return replace(solved, remarks=(NOBODY_SEEN,))
     assert solved.body_path is not None
     bodies_dir, config = solved.out_dir / BODIES, solved.config.bodies
-    frames, body_path = solved.frames, solved.body_path
     try:
         bodies = make_bodies(
-            poses_path, frames, lens, body_path, bodies_dir, config, run=solved.run
+            poses_path, filmed, solved.body_path, bodies_dir, config, run=solved.run
         )
     except BadMotionFile as error:
         if people.asked:
@@ -251,13 +250,12 @@ def _lens_of_frames(solved: Solved) -> Lens:
     return load_quality(solved.sfm_dir).lens_of(solved.lens.lens)
 
 
-def _own_poses(solved: Solved, lens: Lens) -> Path | None:
+def _own_poses(solved: Solved, filmed: Filmed) -> Path | None:
     """Poses by the built-in estimator, for `read_system`; None where it sees nobody."""
     assert solved.body_path is not None and solved.followed_dir is not None
     poses_dir = local_poses(
         solved.followed_dir,
-        solved.frames,
-        lens,
+        filmed,
         solved.body_path,
         solved.out_dir / OWN_POSES / POSES_FOLDER,
         solved.config.own_poses,

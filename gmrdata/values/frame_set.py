@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.records import Record
 
@@ -87,3 +88,10 @@ class FrameSet:
         """Frames of the video per second."""
         apart = np.diff(self.frame_numbers)
         return self.rate_hz * (float(np.median(apart)) if len(apart) else 1.0)
+
+
+class Filmed(NamedTuple):
+    """Frames, and the lens that took them."""
+
+    frames: FrameSet
+    lens: Lens

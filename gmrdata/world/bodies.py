@@ -15,10 +15,10 @@ from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import SMPL, BodyModel, gender_of
-from gmrdata.values.camera import CameraPath, Lens
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, PersonFiles, System, person_file
 from gmrdata.values.records import PART, Config, Figure, Record
@@ -103,8 +103,7 @@ class _BodiesRecipe(Config):
 
 def make_bodies(
     poses_path: Path,
-    frames: FrameSet,
-    lens: Lens,
+    filmed: Filmed,
     body_path: Path,
     out_dir: Path,
     config: BodiesConfig,
@@ -120,7 +119,7 @@ def make_bodies(
         MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: as `read_system`; or the file is of
             another video, by its frames or its pictures.
     """
-    found = read_system(poses_path, "camera")
+    found, (frames, lens) = read_system(poses_path, "camera"), filmed
     recipe = _BodiesRecipe(
         bodies=config,
         intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),
@@ -132,7 +131,7 @@ def make_bodies(
     )
 
     def work(partial: Path) -> None:
-        _write(found, poses_path, frames, lens, load_body(body_path), config, partial)
+        _write(found, poses_path, filmed, load_body(body_path), config, partial)
 
     inputs = {"body": body_path} | {f"poses_{n}": path for n, path in enumerate(found.files)}
     run_stage("bodies", out_dir, recipe, inputs, work, run=run)
@@ -143,12 +142,12 @@ def make_bodies(
 def _write(
     found: EstimatedPeople,
     poses_path: Path,
-    frames: FrameSet,
-    lens: Lens,
+    filmed: Filmed,
     body: BodyModel,
     config: BodiesConfig,
     folder: Path,
 ) -> None:
+    frames, lens = filmed
     notes = [*_check_frames(found, poses_path, frames, config), *_size_notes(found, body, config)]
     people, left_out = _seen_enough(found, poses_path, frames, config)
     facts = []
@@ -158,7 +157,7 @@ def _write(
         motion, known = _on_rows(person, placed, rows, body, frames, source)
         told_m = height_of(person.name, config.heights)
         motion = motion if told_m is None else of_height(motion, body, told_m)
-        clip = _clip(person.name, motion, known, frames, lens, config.frames_per_row)
+        clip = _clip(person.name, motion, known, filmed, config.frames_per_row)
         save_clip(folder / person_file(number), clip, body.rest_pelvis_m(clip.motion.shape))
         sigma = _own_size_sigma(found, body) if told_m is None else TOLD_SIGMA
         facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]], body, sigma))
@@ -278,11 +277,10 @@ def _clip(
     name: str,
     motion: Motion,
     known: np.ndarray,
-    frames: FrameSet,
-    lens: Lens,
+    filmed: Filmed,
     frames_per_row: int,
 ) -> Clip:
-    n = motion.n_frames
+    (frames, lens), n = filmed, motion.n_frames
     nowhere = np.full((n, 4, 4), np.nan)
     unknown = CameraPath(lens.matrix_px, *frames.size_px, nowhere, np.zeros(n, bool))
     step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz + 1e-6)))

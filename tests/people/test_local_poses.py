@@ -14,7 +14,7 @@ from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.world.placement import assumed_place
@@ -29,7 +29,7 @@ def posed(images_dir: Path, frames: FrameSet, out_dir: Path, networks: Networks)
     config = FollowConfig(min_frames=2)
     followed_dir = follow_people(read_frames(images_dir), out_dir / "followed", config, networks)
     poses = LocalPosesConfig()
-    return local_poses(followed_dir, frames, LENS, ANNY_FILE, out_dir / "poses", poses)
+    return local_poses(followed_dir, Filmed(frames, LENS), ANNY_FILE, out_dir / "poses", poses)
 
 
 @pytest.fixture(scope="module")

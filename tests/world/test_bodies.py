@@ -13,7 +13,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.world.bodies import BodiesConfig, BodiesRecord, make_bodies
 from gmrdata.world.size import heights_of
 from tests.frame_sets import frame_set
@@ -65,7 +65,7 @@ def made(
     save_body(body_path, body)
     lens, out = Lens.of_matrix(people[0].intrinsics_px, SIZE_PX), folder / "bodies"
     config = BodiesConfig() if config is None else config
-    files = make_bodies(path, frames, lens, body_path, out, config)
+    files = make_bodies(path, Filmed(frames, lens), body_path, out, config)
     record = BodiesRecord.read(out / "bodies.json")
     assert len(files) == len(record.people)
     return record
@@ -179,4 +179,6 @@ def test_somebody_behind_the_camera_is_refused(
     save_body(tmp_path / "body.npz", neutral)
     lens, frames = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), video(np.arange(N_FRAMES))
     with pytest.raises(BadMotionFile, match="does not stand before the camera"):
-        make_bodies(path, frames, lens, tmp_path / "body.npz", tmp_path / "out", BodiesConfig())
+        make_bodies(
+            path, Filmed(frames, lens), tmp_path / "body.npz", tmp_path / "out", BodiesConfig()
+        )
