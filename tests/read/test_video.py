@@ -1,7 +1,8 @@
 """Videos as frames a person would see, and videos that aren't, or not wholly."""
 
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -58,6 +59,15 @@ def test_every_frame_is_written_under_its_number(tmp_path: Path) -> None:
     assert record.rate_hz == pytest.approx(25)
 
 
+@pytest.fixture
+def same_priority() -> Iterator[None]:
+    """SVT-AV1's encoder gives root's thread real-time priority, which would starve all others."""
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    yield
+    os.sched_setscheduler(0, policy, parameters)
+
+
+@pytest.mark.usefixtures("same_priority")
 @pytest.mark.parametrize(
     ("name", "codec", "pixel_format", "codec_read"),
     [
