@@ -1,6 +1,6 @@
 """How far the lower foot is from the ground on level walks, as they are filmed.
 
-Prints the figures of docs/synthetic.md and writes out/bench/feet.json.
+Prints the figures of docs/figures.md and writes out/bench/feet.json.
 """
 
 import json

@@ -188,7 +188,7 @@ class Lens:
     fov: float | None = None
     """Horizontal field of view of the images [deg]."""
     intrinsics: Path | None = None
-    """Calibration of the images: a file, as docs/video.md lists them."""
+    """Calibration of the images: a file, as docs/lens.md lists them."""
     check_lens: bool = True
     """Seek the lens in the frames too. Without, a given lens is taken as it is, and one that nobody
     knows is guessed."""

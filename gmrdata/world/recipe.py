@@ -262,7 +262,7 @@ class VerdictConfig(CamerasVerdictConfig):
     frames per second, a somersault is below 1,000 [degrees/s]."""
     off_overlap: float = Field(default=0.5, gt=0, le=1)
     """Overlap, as intersection over union, below which a body does not lie on a person: 0.71 and
-    more for right bodies with errors, 0.45 and less for others' (docs/video.md)."""
+    more for right bodies with errors, 0.45 and less for others' (docs/verdict.md)."""
     max_late_gain: float = Field(default=0.08, gt=0)
     """By how much the body may lie better on the people of other frames than on those of its own.
     Measured: 0 for right bodies, also with 8 degrees of error at each joint; 0.15 and more where
