@@ -216,7 +216,7 @@ class _Seen:
     """An audit hook that tells of what is done outside of the input's folder."""
 
     def __init__(self, home: Path) -> None:
-        own = (sys.prefix, sys.base_prefix, *sysconfig.get_paths().values())
+        own = (sys.prefix, sys.base_prefix, *sysconfig.get_paths().values(), *sys.path[1:])
         package = Path(gmrdata.__file__).resolve().parents[1]
         self.inside = tuple({str(home.resolve()), str(package), "/proc", *own})
         self.found: str | None = None

@@ -46,7 +46,7 @@ from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.records import Config, Record
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import smallest_rotation
-from gmrdata.world.level import UpCue, body_cue, contact_cue, up_of
+from gmrdata.world.level import LevelEstimate, UpCue, body_cue, contact_cue, up_of
 from gmrdata.world.planted_feet import SOLE_POINTS, count_stances, foot_points_m, standing
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
@@ -111,38 +111,45 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
     return stand_and_say(motion, body)[0]
 
 
-def stand_and_say(motion: Motion, body: BodyModel) -> tuple[Motion, float | None]:
-    """The same, and the standard error of its up [degrees]; None where nothing shows it."""
+def stand_and_say(motion: Motion, body: BodyModel) -> tuple[Motion, LevelEstimate | None]:
+    """The same, and how level it is; None where nothing shows it."""
     found = _up_of(motion, body)
-    level_from_world, how, sigma_deg = np.eye(3), NO_FOOT_STANDS, None
+    level_from_world, how, level = np.eye(3), NO_FOOT_STANDS, None
     if found is not None:
-        up, sigma_deg = found
+        up, level = found
         level_from_world = smallest_rotation(up, np.eye(3)[2])
-        how = f"up from feet that stand and the mass above them, to {sigma_deg:.1f} deg"
+        how = f"up from feet that stand and the mass above them, to {level.sigma_deg:.1f} deg"
     root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = motion.pelvis_m @ level_from_world.T
     motion, _ = put_on_floor(body, replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m))
     start_m = [*motion.pelvis_m[0, :2], 0.0]
     motion = replace(motion, pelvis_m=motion.pelvis_m - start_m, source=f"{motion.source}; {how}")
-    return motion, sigma_deg
+    if level is not None:
+        soles_m, still = _standing_soles(motion, body)
+        level = level.with_soles(soles_m[still][:, 2])
+    return motion, level
+
+
+def _standing_soles(motion: Motion, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
+    """Points of soles (T, 2, 3, 3) [m], and which of them stand."""
+    soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
+    return soles_m, standing(soles_m, PLANTED_M_PER_S / motion.fps_hz)
 
 
 NO_FOOT_STANDS = "no foot stands still; up from the first pelvis"
 
 
-def _up_of(motion: Motion, body: BodyModel) -> tuple[np.ndarray, float] | None:
-    """Up (3,) by balance, feet and the soles' plane, and its standard error [degrees]."""
+def _up_of(motion: Motion, body: BodyModel) -> tuple[np.ndarray, LevelEstimate] | None:
+    """Up (3,) by balance, feet and the soles' plane, and how sure that is."""
     balance, feet_up = body_cue([body], [motion]), up_of_standing_feet(motion, body)
     if balance.precision[0, 0] < LEAST_PRECISION and feet_up is None:
         return None
-    soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
-    still = standing(soles_m, PLANTED_M_PER_S / motion.fps_hz)
+    soles_m, still = _standing_soles(motion, body)
     plane = contact_cue(soles_m[still], count_stances(still), balance.up, STANCE_SIGMA_M)
     ground = [] if plane is None else [plane]
     if feet_up is not None:
         ground.append(UpCue("feet", feet_up, np.eye(3) / FEET_SIGMA_RAD**2))
-    up, level = up_of(balance, ground)
-    return up, level.sigma_deg
+    return up_of(balance, ground)
 
 
 def up_of_standing_feet(motion: Motion, body: BodyModel) -> np.ndarray | None:
@@ -196,6 +203,8 @@ class InferredMotion(Config):
     path_m: float  # length of the pelvis's path over the ground [m]
     level_sigma_deg: float | None
     """Standard error of the angle between z and up; null where nothing shows it."""
+    soles_above_m: float | None
+    """How high above z = 0 the highest tenth of standing soles stand; null where none stands."""
     source: str
 
 
@@ -289,7 +298,7 @@ class _World(NamedTuple):
     """One unbroken run of a person."""
 
     clip: Clip
-    level_sigma_deg: float | None  # of the angle between z and up; None where nothing shows it
+    level: LevelEstimate | None  # None where nothing shows it
 
 
 def _record(
@@ -326,17 +335,20 @@ def _predict(
             left_out[name] = reason
             continue
         world = predict_at_source_rate(gmr, run.motion)
-        sigma_deg = None
+        level = None
         if config.level == "standing_feet":
-            world, sigma_deg = stand_and_say(world, body)
+            world, level = stand_and_say(world, body)
         clip = Clip(name, world, run.valid, run.image_numbers, None)
-        worlds[name] = _World(clip, sigma_deg)
+        worlds[name] = _World(clip, level)
     if not worlds:
         name, reason = next(iter(left_out.items()))
         raise BadMotionFile(
             f"{source}: no run of frames is long enough ({name}: {reason}). Give a longer sequence,"
             " or the true frame rate with --fps-hz"
         )
+    for name, world in worlds.items():
+        if world.level is not None and world.level.remark is not None:
+            console.print(f"{name}: {world.level.remark}", markup=False, soft_wrap=True)
     for name, reason in left_out.items():
         console.print(f"left out {name}: {reason}", markup=False, soft_wrap=True)
     return worlds, left_out
@@ -371,7 +383,8 @@ def _described(world: _World) -> InferredMotion:
         last_frame=int(clip.image_numbers[-1]),
         filled_frames=int((~clip.valid).sum()),
         path_m=round(float(steps_m.sum()), 4),
-        level_sigma_deg=world.level_sigma_deg,
+        level_sigma_deg=None if world.level is None else world.level.sigma_deg,
+        soles_above_m=None if world.level is None else world.level.soles_above_m,
         source=clip.motion.source,
     )
 

@@ -179,8 +179,10 @@ def judge_video(solved: Solved) -> VideoVerdict:
         notes += lens_notes(cameras, lens)
     people = _judged_people(solved)
     notes += solved.remarks
-    if solved.world_dir is not None and None in load_record(solved.world_dir).picture_fits:
-        notes.append(UNCHECKED)
+    if solved.world_dir is not None:
+        world = load_record(solved.world_dir)
+        notes += [] if world.level is None or world.level.remark is None else [world.level.remark]
+        notes += [UNCHECKED] if None in world.picture_fits else []
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
     return VideoVerdict(

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.motion.ground import LOW_PERCENTILE
 from gmrdata.values import transforms
 from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
 from gmrdata.values.motion import Motion
@@ -47,6 +48,7 @@ for _start, _end, _mass, _at in (
     MASSES[JOINT[_start]] += _mass * (1 - _at)
     MASSES[JOINT[_end]] += _mass * _at
 POINTS_ALIKE = 10  # neighbouring points err together: so many of them tell as much as one
+ONE_FLOOR_M = 0.15  # soles further from the ground, or from most others, stand on something else
 STEEP_SHARE, STEEP_SIGMA_RAD = 0.1, np.deg2rad(8.0)
 """Share of grounds that are not level, and how steep those are along each axis."""
 
@@ -84,6 +86,23 @@ class LevelEstimate(Config):
     sigma_deg: Figure
     """Standard error of the angle between z and up, both axes together."""
     cues: tuple[LevelCue, ...]
+    soles_above_m: Figure | None
+    """How high above z = 0 the highest tenth of standing soles stand; null where none stands."""
+
+    def with_soles(self, heights_m: np.ndarray) -> "LevelEstimate":
+        """The same of a world with standing soles (N,) that high above the floor."""
+        high = 100.0 - LOW_PERCENTILE
+        above_m = float(np.percentile(heights_m, high)) if len(heights_m) else None
+        return LevelEstimate(sigma_deg=self.sigma_deg, cues=self.cues, soles_above_m=above_m)
+
+    @property
+    def remark(self) -> str | None:
+        """What one should know of the floor; None where it is one."""
+        above_m = self.soles_above_m or 0.0
+        if above_m <= ONE_FLOOR_M:
+            return None
+        on = f"feet stand on up to {above_m:.1f} m: on steps or a slope, or the heights err"
+        return f"{on}. z = 0 is where they stand low"
 
 
 def across(up: np.ndarray) -> np.ndarray:
@@ -188,7 +207,7 @@ def up_of(bodies: UpCue, ground: Sequence[UpCue]) -> tuple[np.ndarray, LevelEsti
         )
         for cue, p in zip((bodies, *ground), precisions, strict=True)
     )
-    return up, LevelEstimate(sigma_deg=_angle_deg(covariance), cues=cues)
+    return up, LevelEstimate(sigma_deg=_angle_deg(covariance), cues=cues, soles_above_m=None)
 
 
 def _may_be_level(of_ground: np.ndarray, pull: np.ndarray, bodies: np.ndarray) -> bool:
@@ -208,6 +227,30 @@ def _may_be_level(of_ground: np.ndarray, pull: np.ndarray, bodies: np.ndarray) -
 def _angle_deg(covariance: np.ndarray) -> float:
     """Standard error of an angle of two tilts (2, 2) [rad2]; at most that of any direction."""
     return float(min(90.0, np.rad2deg(np.sqrt(np.trace(covariance)))))
+
+
+def soles_on_floor_m(standing_m: np.ndarray, soles_m: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Those soles (N, 3) of which the median is on the floor.
+
+    Of standing ones (M, 3) all, so that their errors make it neither too low nor too high; on steps
+    and slopes the low ones.  Where none stands, as in a run, the low ones of soles (T, ..., 3),
+    NaN where unknown: in each frame the lowest.
+    """
+    if len(standing_m):
+        low_m = _low_m(standing_m, up)
+        if np.median(standing_m @ up) - low_m <= ONE_FLOOR_M:
+            return standing_m
+    else:
+        of_frames_m = soles_m.reshape(len(soles_m), -1, 3)
+        of_frames_m = of_frames_m[np.isfinite(of_frames_m).all(axis=(1, 2))]
+        lowest = (of_frames_m @ up).argmin(axis=1)
+        standing_m = of_frames_m[np.arange(len(lowest)), lowest]
+        low_m = _low_m(standing_m, up)
+    return np.asarray(standing_m[standing_m @ up <= low_m + ON_A_PLANE_M])
+
+
+def _low_m(soles_m: np.ndarray, up: np.ndarray) -> float:
+    return float(np.percentile(soles_m @ up, LOW_PERCENTILE))
 
 
 def level_from_world(

@@ -22,11 +22,13 @@ from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.compose import metric_cameras, motion_in_world
 from gmrdata.world.judge import SolvedCameras, judge_people
 from gmrdata.world.level import (
+    ONE_FLOOR_M,
     LevelEstimate,
     body_cue,
     contact_cue,
     ground_cue,
     level_from_world,
+    soles_on_floor_m,
     up_of,
 )
 from gmrdata.world.picture_fit import PeopleMasks, picture_fits
@@ -43,7 +45,6 @@ from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, with_
 from gmrdata.world.size import of_size
 
 LEAST_GROWTH = 1e-3  # change of size, as a share, that is worth another body
-ONE_FLOOR_M = 0.15  # soles further from the ground about them stand on something else
 GROUND_HEIGHT_SIGMA_M = 0.01  # of the plane of reconstructed points
 
 
@@ -277,12 +278,13 @@ def _level(
     """level_from_world (4, 4), from everybody's bodies, planted feet, and the ground about them in
     reconstructed points (N, 3); and how level that is."""
     motions = [motion_in_world(clip.motion, world_from_cam) for clip in camera_clips]
-    planted_m, stances = [], 0
+    planted_m, of_all_m, stances = [], [], 0
     for motion, rows, body in zip(motions, usable, bodies, strict=True):
         soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
         soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
         still = standing(soles_m, config.slip_m(motion.fps_hz))
         planted_m.append(soles_m[still])
+        of_all_m.append(soles_m)
         stances += count_stances(still)
     feet_m = np.concatenate(planted_m)
     known = [
@@ -295,13 +297,13 @@ def _level(
     cues = [contact_cue(feet_m, stances, upright.up, config.stance_sigma_m)]
     cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]
     up, level = up_of(upright, [cue for cue in cues if cue is not None])
+    floor_m = _floor_m(soles_on_floor_m(feet_m, np.concatenate(of_all_m), up), up, plane, config)
     first = np.any(usable, axis=0).argmax()
-    pelvises_m = np.concatenate(
-        [one.pelvis_m[rows] for one, rows in zip(motions, usable, strict=True)]
+    pelvis_m = next(motion.pelvis_m[0] for _, motion in known)
+    return (
+        level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2]),
+        level.with_soles(feet_m @ up - floor_m),
     )
-    lowest_m = feet_m if len(feet_m) else pelvises_m
-    floor_m = _floor_m(lowest_m, up, plane, config)
-    return level_from_world(up, floor_m, pelvises_m[0], world_from_cam[first, :3, 2]), level
 
 
 def _floor_m(

@@ -357,6 +357,7 @@ def test_each_key_of_the_record_is_needed(tmp_path: Path) -> None:
         filled_frames=0,
         path_m=0.5,
         level_sigma_deg=4.2,
+        soles_above_m=0.01,
         source="s",
     )
     record = stage.InferRecord(

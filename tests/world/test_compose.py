@@ -19,6 +19,7 @@ from gmrdata.cameras.files import (
 )
 from gmrdata.film.programmes import Circular, Panning, camera_path
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.ground import sole_points_m
 from gmrdata.read.body_file import save_body
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values import transforms
@@ -34,6 +35,7 @@ from gmrdata.world.compose import (
     motion_in_camera,
     motion_in_world,
 )
+from gmrdata.world.judge import load_record
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
 from tests.reconstructions import quality_of_path
@@ -202,6 +204,26 @@ def test_a_pan_needs_no_scale(small_body: BodyModel, tmp_path: Path) -> None:
     assert quality["scale"] is None and quality["scale_sigma"] is None
     error = compare_clips(load_clip(out_dir / person_file(0)), true)
     assert error.ome_deg < 1e-4 and error.tme_mm < 1e-3
+
+
+@pytest.mark.parametrize(("rise_m", "way_m"), [(0.0, 0.0), (0.8, 0.0), (-0.8, 0.0), (0.0, 24.0)])
+def test_nobody_sinks_into_the_floor(
+    small_body: BodyModel, tmp_path: Path, rise_m: float, way_m: float
+) -> None:
+    """Up and down steps, and where no foot stands."""
+    true = true_clip(small_body, Panning())
+    shares = np.linspace(0, 1, true.motion.n_frames)[:, None]
+    steps = [way_m, 0.0, 0.0] * shares + [0.0, 0.0, rise_m] * (np.round(4 * shares) / 4)
+    pelvis_m = true.motion.pelvis_m + steps
+    true = replace(true, motion=replace(true.motion, pelvis_m=pelvis_m))
+    out_dir = made(tmp_path, true, small_body, "rotation_only", [])
+    soles_m = sole_points_m(small_body, load_clip(out_dir / person_file(0)).motion)[:, :, 2]
+    lowest_m = soles_m.min(axis=1)
+    assert np.percentile(lowest_m, 5) > -0.1 and np.percentile(lowest_m, 10) < 0.1
+    level = load_record(out_dir).level
+    assert level is not None
+    assert (level.soles_above_m is None) == bool(way_m)
+    assert ((level.soles_above_m or 0.0) > 0.5) == (level.remark is not None) == bool(rise_m)
 
 
 def test_frames_without_a_camera_are_not_valid_but_finite(

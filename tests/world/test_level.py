@@ -18,6 +18,7 @@ from gmrdata.world.level import (
     contact_cue,
     ground_cue,
     level_from_world,
+    soles_on_floor_m,
     up_of,
 )
 
@@ -118,6 +119,47 @@ def test_soles_on_steps_and_too_few_are_no_plane() -> None:
     jumps_m = np.column_stack([rng.uniform(-1, 1, (40, 2)), rng.choice([0.0, 0.5], 40)])
     assert contact_cue(jumps_m, 40, UP, 0.02) is None
     assert contact_cue(np.zeros((0, 3)), 0, UP, 0.02) is None
+
+
+def on_steps_m(*heights_m: float) -> np.ndarray:
+    """Ten soles on each step, which err by 2 cm."""
+    heights = np.repeat(heights_m, 10) + np.random.default_rng(0).normal(
+        0, 0.02, 10 * len(heights_m)
+    )
+    return np.column_stack([np.zeros((len(heights), 2)), heights])
+
+
+@pytest.mark.parametrize(
+    ("heights_m", "floor_m"),
+    [
+        ([0.0] * 8, 0.0),
+        ([0.0, 0.17, 0.34, 0.51, 0.68, 0.85], 0.0),
+        ([0.0, -0.17, -0.34, -0.51, -0.68, -0.85], -0.85),
+        ([0.0, 0.0, 0.0, 0.0, 0.5], 0.0),
+        ([-0.08, 0.0, 0.08], 0.0),  # errors, not steps: nobody shall hover
+    ],
+)
+def test_no_sole_that_stands_is_far_below_the_floor(heights_m: list[float], floor_m: float) -> None:
+    soles_m = on_steps_m(*heights_m)
+    level = up_of(BODIES, [])[1]
+    for up, unit in ((UP, soles_m), (-UP, -soles_m)):
+        found_m = float(np.median(soles_on_floor_m(unit, unit[:, None], up) @ up))
+        assert found_m == pytest.approx(floor_m, abs=0.02)
+        remark = level.with_soles(unit @ up - found_m).remark
+        assert (remark is None) == (np.percentile(heights_m, 90) - floor_m < 0.15)
+    assert level.with_soles(soles_m[:0, 2]).soles_above_m is None
+    assert level.with_soles(on_steps_m(0.0, 0.42)[:, 2]).remark == (
+        "feet stand on up to 0.4 m: on steps or a slope, or the heights err. z = 0 is where they "
+        "stand low"
+    )
+
+
+def test_where_no_foot_stands_the_floor_is_where_soles_come_lowest() -> None:
+    soles_m = np.zeros((50, 2, 3, 3))
+    soles_m[..., 2] = np.abs(np.sin(np.arange(50)))[:, None, None] + [[0.9], [0.1]]
+    soles_m[7] = np.nan
+    found_m = soles_on_floor_m(np.zeros((0, 3)), soles_m, UP)
+    assert np.median(found_m[:, 2]) == pytest.approx(0.2, abs=0.05)
 
 
 @pytest.mark.parametrize(("slope_deg", "level"), [(0, True), (5, True), (18, False), (30, False)])
