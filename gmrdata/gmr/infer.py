@@ -346,9 +346,10 @@ def _predict(
             f"{source}: no run of frames is long enough ({name}: {reason}). Give a longer sequence,"
             " or the true frame rate with --fps-hz"
         )
-    for name, world in worlds.items():
-        if world.level is not None and world.level.remark is not None:
-            console.print(f"{name}: {world.level.remark}", markup=False, soft_wrap=True)
+    remarks = {name: one.level.remark for name, one in worlds.items() if one.level is not None}
+    for name, remark in remarks.items():
+        if remark is not None:
+            console.print(f"{name}: {remark}", markup=False, soft_wrap=True)
     for name, reason in left_out.items():
         console.print(f"left out {name}: {reason}", markup=False, soft_wrap=True)
     return worlds, left_out

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import ModelConfig
-from gmrdata.gmr.infer import predict_at_source_rate, stand, up_of_standing_feet
+from gmrdata.gmr.infer import predict_at_source_rate, stand, stand_and_say, up_of_standing_feet
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas, predict_world_motion
+from gmrdata.motion.ground import sole_points_m
 from gmrdata.motion.resample import resample
 from gmrdata.values import transforms
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
@@ -166,6 +167,20 @@ def test_the_walk_stands_within_a_degree_or_two_of_its_true_world(
     assert abs(found.pelvis_m[:, 2].mean() - motion.pelvis_m[:, 2].mean()) < 0.03
     relative = turned.T @ found.root_rotmats @ np.swapaxes(motion.root_rotmats, 1, 2)
     assert angles_rad(relative).max() < 1e-6
+
+
+@pytest.mark.parametrize("rise_m", [0.0, 0.6])
+def test_a_walk_on_steps_is_said_to_be_one(
+    walk: Callable[..., Motion], small_body: BodyModel, rise_m: float
+) -> None:
+    motion = walk(30.0, 90)
+    steps_m = rise_m * np.round(4 * np.linspace(0, 1, 90)) / 4
+    pelvis_m = motion.pelvis_m + steps_m[:, None] * [0.0, 0.0, 1.0]
+    found, level = stand_and_say(replace(motion, pelvis_m=pelvis_m), small_body)
+    assert level is not None and level.soles_above_m is not None
+    assert (level.soles_above_m > 0.3) == (level.remark is not None) == bool(rise_m)
+    soles_m = sole_points_m(small_body, found)[:, :, 2].min(axis=1)
+    assert np.percentile(soles_m, 5) > -0.1 and np.percentile(soles_m, 10) < 0.1
 
 
 def test_without_standing_feet_the_world_is_kept(
