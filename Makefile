@@ -7,6 +7,7 @@ READY := $(VENV)/.ready
 # Nothing where the environment names another Python for Blender.
 BLENDER := $(if $(GMRDATA_BLENDER_PYTHON),,.venv-blender/requirements.txt)
 PYTHONS ?= 3.11 3.12 3.13
+EXTRAS ?= dev
 
 .PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-people bench-open bench-odd bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs pythons release clean
 
@@ -14,7 +15,7 @@ setup: $(READY) $(BLENDER)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS)]'
 	touch $@
 
 .venv-blender/requirements.txt: blender/requirements.txt | $(READY)
@@ -110,16 +111,14 @@ docs: $(READY)
 release: $(READY)
 	$(BIN)/python benchmarks/release.py $(ARGS)
 
-# The suite on every Python at hand, each in an environment of its own under out/pythons/, with the
+# The suite on every Python at hand, each in an environment of its own, out/pythons/3.12 and so on, with the
 # registry's torch: gigabytes.  PYTHONS='3.12 3.13' picks them, ARGS go to pytest.
-pythons: setup
-	set -e; for version in $(PYTHONS); do \
+pythons:
+	failed=; for version in $(PYTHONS); do \
 		python$$version -c '' 2>/dev/null || { echo "no python$$version here"; continue; }; \
-		python$$version -m venv out/pythons/$$version; \
-		bin=out/pythons/$$version/bin; \
-		$$bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'; \
-		$$bin/python -m pytest -n 2 --dist loadfile $(ARGS); \
-	done
+		$(MAKE) test PYTHON=python$$version VENV=out/pythons/$$version EXTRAS=dev,docs,maskrcnn || \
+			failed="$$failed $$version"; \
+	done; test -z "$$failed" || { echo "failed on$$failed"; exit 1; }
 
 clean:
 	rm -rf out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
