@@ -4,10 +4,10 @@
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecipe
+from gmrdata.values.transforms import quaternions_from_rotmats
 
 SENSOR_WIDTH_MM = 36.0
 OPENCV_FROM_BLENDER_AXES = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -79,7 +79,7 @@ def animate_camera(camera: Any, world_from_cam: np.ndarray) -> None:
 
 def _quaternions(transforms: np.ndarray) -> np.ndarray:
     """Unit quaternions (T, 4), real part first, without a jump of sign from frame to frame."""
-    quaternions = Rotation.from_matrix(transforms[:, :3, :3]).as_quat(scalar_first=True)
+    quaternions = quaternions_from_rotmats(transforms[:, :3, :3])
     turns = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0
     signs = np.where(np.r_[False, np.cumsum(turns) % 2 == 1], -1.0, 1.0)
     return signs[:, None] * quaternions

@@ -23,8 +23,8 @@ from blender.places.layout import main_colours, with_ways
 from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import street
-from gmrdata.film.render import RenderConfig, RenderJob
-from gmrdata.film.scene import Cast, make_cast
+from gmrdata.film.render import CAST_FILE, RenderConfig, RenderJob
+from gmrdata.film.scene import Cast, load_cast
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, load_clip
@@ -81,7 +81,9 @@ def build_scene(
     animate_camera(camera, wanted.world_from_cam)
     used = read_back(scene, camera, wanted)  # while nothing else has to move with it
     sharing = [load_clip(path) for path in job.layout_paths] or [clip]
-    cast = make_cast(config.scene.extras, sharing, body, config.scene.seed)
+    cast = Cast((), ())
+    if config.scene.extras.names:
+        cast = load_cast(job.out_dir / CAST_FILE)
     colours = None
     light = Light("traced", 0.0)
     if backdrop is None:

@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import foot_corrections
 from gmrdata.motion.rest_pose import (
@@ -32,6 +31,7 @@ from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel, leg_leng
 from gmrdata.values.errors import BadCharacter
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats
+from gmrdata.values.transforms import quaternions_from_rotmats
 
 HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))
@@ -150,8 +150,7 @@ def bone_rotations(
         if parent >= 0:
             relative = turns[:, joints[parent]].transpose(0, 2, 1) @ relative
         at_rest = armature_from_bone[bone, :3, :3]
-        local = Rotation.from_matrix(at_rest.T @ relative @ at_rest)
-        rotations[bone] = local.as_quat(scalar_first=True)
+        rotations[bone] = quaternions_from_rotmats(at_rest.T @ relative @ at_rest)
     return rotations
 
 

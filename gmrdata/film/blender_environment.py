@@ -129,13 +129,13 @@ def set_up(base: str | None = None, *, redo: bool = False) -> Path:
 def _make_by_uv(uv: str, environment: Path, base: str | None) -> None:
     _run(uv, "venv", "--quiet", "--python", base or PYTHONS[0], environment)
     python = python_of(environment)
-    _run(uv, "pip", "install", "--quiet", "--python", python, "-r", REQUIREMENTS)
+    _run(uv, "pip", "install", "--quiet", "--python", python, "--no-deps", "-r", REQUIREMENTS)
 
 
 def _make_by_venv(environment: Path, base: str | None) -> None:
     _run(base or _find_base(), "-m", "venv", environment)
     install = "-m", "pip", "install", "--quiet", "--no-compile", "--disable-pip-version-check"
-    _run(python_of(environment), *install, "-r", REQUIREMENTS)
+    _run(python_of(environment), *install, "--no-deps", "-r", REQUIREMENTS)
 
 
 def _run(*command: object) -> None:

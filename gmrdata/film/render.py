@@ -20,7 +20,8 @@ from gmrdata.film.blender_environment import (
     versions_said,
 )
 from gmrdata.film.character import Character, PersonConfig
-from gmrdata.film.scene import SceneConfig
+from gmrdata.film.scene import SceneConfig, make_cast, save_cast
+from gmrdata.read.body_file import read_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values import limits
@@ -38,6 +39,8 @@ FRAME_LINE = "gmrdata-frame"
 FOLDERS = ("depth", "normals", "flow", "instances")
 """Folders that a recipe can ask for, with one file for each frame."""
 EXTRAS_FOLDER = "extras"
+CAST_FILE = "cast.npz"
+"""The scene's extras, in `RenderJob.out_dir` while Blender runs."""
 LOG_LINES = 12
 OUT_OF_MEMORY = ("returns null: len=", "std::bad_alloc", "MemoryError")
 """What Blender, its C++ and its Python say then.  Blender may go on, without a picture of its."""
@@ -277,9 +280,12 @@ def run_blender(
     Returns the versions of Blender's environment, as that says them.
     """
     job_path, log_path = partial_dir / "job.json", partial_dir / "blender.log"
+    clip_job = job.render if isinstance(job, PreviewJob) else job
+    if clip_job.config.scene.extras.names:
+        _write_cast(clip_job, partial_dir / CAST_FILE)
     write_text(job_path, full_json(job))
     command = blender_command(module, job_path, "--parent", os.getpid())
-    frame_s = _frame_s(job.render if isinstance(job, PreviewJob) else job)
+    frame_s = _frame_s(clip_job)
     with log_path.open("w", encoding="utf-8") as log:
         exit_code = _run_and_listen(command, log, on_frame, frame_s)
     lines = log_path.read_text(encoding="utf-8").splitlines()
@@ -295,9 +301,16 @@ def run_blender(
         raise RenderFailed(
             error or f"Blender ended with {end}; run again to go on. The end of {log_path}:\n{tail}"
         )
-    job_path.unlink()
-    log_path.unlink()
+    for path in (job_path, log_path, partial_dir / CAST_FILE):
+        path.unlink(missing_ok=True)
     return versions_said(lines)
+
+
+def _write_cast(job: RenderJob, path: Path) -> None:
+    """Make the extras of a job: those of the place, if that is shared."""
+    scene = job.config.scene
+    clips = [load_clip(path) for path in job.layout_paths or (job.clip_path,)]
+    save_cast(path, make_cast(scene.extras, clips, read_body(job.body_path), scene.seed))
 
 
 def _frame_s(job: RenderJob) -> float:

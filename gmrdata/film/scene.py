@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -98,6 +98,28 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
     for n, own in enumerate(kinds[2].spawn(extras.cars), 1):
         cars.append(drive_past(f"car_{n}", shot, paths_m, cars, np.random.default_rng(own)))
     return Cast(tuple(walkers), tuple(cars))
+
+
+def save_cast(path: Path, cast: Cast) -> None:
+    """Write the extras for Blender's process, which makes no motions: it has no scipy."""
+    kinds = {"walker": cast.walkers, "car": cast.cars}
+    arrays = {
+        f"{kind} {number} {name}": np.asarray(value)
+        for kind, extras in kinds.items()
+        for number, extra in enumerate(extras)
+        for name, value in vars(extra).items()
+    }
+    write_npz(path, arrays)
+
+
+def load_cast(path: Path) -> Cast:
+    """The extras that `save_cast` wrote."""
+    extras: dict[str, dict[str, dict[str, Any]]] = {"walker": {}, "car": {}}
+    for key, value in read_npz(path).items():
+        kind, number, name = key.split()
+        extras[kind].setdefault(number, {})[name] = value if value.ndim else value.item()
+    walkers = tuple(Motion(**of_one) for of_one in extras["walker"].values())
+    return Cast(walkers, tuple(Drive(**of_one) for of_one in extras["car"].values()))
 
 
 def looks_of(name: str, seed: int) -> np.random.Generator:

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 from pydantic_core import from_json
-from scipy.spatial.transform import Rotation
 
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.errors import BadMotionFile, BadSequence, MissingInput
 from gmrdata.values.limits import BYTES_PER_LINE, FREE_LINES, MOST_TEXT_BYTES
+from gmrdata.values.transforms import rotmats_from_rotvecs
 
 LARGEST_IN_TEXT = 1e7  # larger magnitudes are no positions or angles of a person in any unit
 DIGITS = b"0123456789+-.eE"
@@ -248,8 +248,7 @@ def smpl_rotmats(poses_rad: np.ndarray) -> np.ndarray:
     known = usable_rows(poses_rad)
     rotmats = np.full((len(poses_rad), N_JOINTS, 3, 3), np.nan)
     if known.any():
-        turned = Rotation.from_rotvec(poses_rad[known].reshape(-1, 3)).as_matrix()
-        rotmats[known] = turned.reshape(-1, N_JOINTS, 3, 3)
+        rotmats[known] = rotmats_from_rotvecs(poses_rad[known].reshape(-1, N_JOINTS, 3))
     return rotmats
 
 

@@ -18,6 +18,7 @@ from gmrdata.values.errors import BadMotionFile, BadRecord
 from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import ArrayShapes, check_shapes, require_tag
+from gmrdata.values.transforms import rotmats_from_rotvecs, rotvecs_from_rotmats
 
 CLIP_FORMAT = "gmrdata-clip/1"
 
@@ -112,13 +113,10 @@ def save_clip(path: str | Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
 
 def load_clip(path: str | Path) -> Clip:
     """Read a clip that `save_clip` wrote; BadMotionFile where the file is not a whole such clip."""
-    from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
-
     path = Path(path)
     arrays = read_npz(path)
     _check(path, arrays)
-    rotmats = Rotation.from_rotvec(arrays["poses"].reshape(-1, 3)).as_matrix()
-    rotmats = rotmats.reshape(-1, 24, 3, 3)
+    rotmats = rotmats_from_rotvecs(arrays["poses"].reshape(-1, 24, 3))
     motion = Motion(
         local_rotmats=rotmats[:, 1:],
         root_rotmats=rotmats[:, 0],
@@ -156,13 +154,11 @@ def _check(path: Path, arrays: dict[str, np.ndarray]) -> None:
 
 def _rotvecs(rotmats: np.ndarray) -> np.ndarray:
     """Axis-angle of rotation matrices (..., 3, 3); NaN where a frame without a motion has NaN."""
-    from scipy.spatial.transform import Rotation
-
     flat = rotmats.reshape(-1, 3, 3)
     known = np.isfinite(flat).all(axis=(1, 2))
     rotvecs = np.full((len(flat), 3), np.nan)
     if known.any():
-        rotvecs[known] = Rotation.from_matrix(flat[known]).as_rotvec()
+        rotvecs[known] = rotvecs_from_rotmats(flat[known])
     return rotvecs.reshape(*rotmats.shape[:-1])
 
 

@@ -1,11 +1,13 @@
 """Rigid transforms as 4x4 arrays, `a_from_b`, which map coordinates in b to a; the best of them."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from gmrdata.values.shapes import Float
 
+_ATAN2 = np.frompyfunc(math.atan2, 2, 1)
 _TURNED = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}
 """The axes that a rotation about one turns: the first towards the second."""
 
@@ -59,6 +61,81 @@ def euler_rotmats(
     return rotmats
 
 
+def rotmats_from_rotvecs(rotvecs: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Rotations by an axis times an angle [rad].
+
+    This and the next three are scipy's to the last bit, for Blender's environment, which has none.
+    """
+    rotvecs = np.asarray(rotvecs, dtype=np.float64)
+    angles_rad = _lengths(rotvecs)
+    small, squared = angles_rad <= 1e-3, angles_rad * angles_rad
+    series = 0.5 - squared / 48 + squared * squared / 3840
+    scales = np.where(small, series, np.sin(angles_rad / 2) / np.where(small, 1.0, angles_rad))
+    return rotmats_from_quaternions(np.append(np.cos(angles_rad / 2), scales * rotvecs, axis=-1))
+
+
+def rotmats_from_quaternions(
+    quaternions: Float[np.ndarray, "*batch 4"],
+) -> Float[np.ndarray, "*batch 3 3"]:
+    """Rotations of unit quaternions, real part first."""
+    w, x, y, z = np.moveaxis(quaternions, -1, 0)
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    xy, xz, yz, xw, yw, zw = x * y, x * z, y * z, x * w, y * w, z * w
+    rows = (
+        (xx - yy - zz + ww, 2 * (xy - zw), 2 * (xz + yw)),
+        (2 * (xy + zw), -xx + yy - zz + ww, 2 * (yz - xw)),
+        (2 * (xz - yw), 2 * (yz + xw), -xx - yy + zz + ww),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quaternions_from_rotmats(
+    rotmats: Float[np.ndarray, "*batch 3 3"],
+) -> Float[np.ndarray, "*batch 4"]:
+    """Unit quaternions, real part first, of either sign, of the nearest rotations."""
+    m = np.array(rotmats, dtype=np.float64).reshape(-1, 3, 3)
+    skewed = ~np.isclose(m @ m.swapaxes(1, 2), np.eye(3), atol=1e-12).all(axis=(1, 2))
+    if skewed.any():
+        u, _, vt = np.linalg.svd(m[skewed])
+        m[skewed] = u @ vt
+    xx, yy, zz = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
+    xy, xz, yz = m[:, 0, 1] + m[:, 1, 0], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
+    x, y, z = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
+    trace = xx + yy + zz
+    by_largest = np.array(
+        [
+            (x, 1 - trace + 2 * xx, xy, xz),
+            (y, xy, 1 - trace + 2 * yy, yz),
+            (z, xz, yz, 1 - trace + 2 * zz),
+            (1 + trace, x, y, z),
+        ]
+    )
+    largest = np.argmax([xx, yy, zz, trace], axis=0)
+    quaternions = by_largest[largest, :, np.arange(len(m))]
+    w, x, y, z = quaternions.T
+    lengths = np.sqrt(x * x + y * y + z * z + w * w)
+    return np.asarray((quaternions / lengths[:, None]).reshape(*rotmats.shape[:-2], 4))
+
+
+def rotvecs_from_rotmats(rotmats: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3"]:
+    """Axis times angle, up to pi [rad], of rotations."""
+    quaternions = quaternions_from_rotmats(rotmats)
+    firsts = np.take_along_axis(quaternions, (quaternions != 0).argmax(-1)[..., None], -1)
+    quaternions = np.where(firsts < 0, -quaternions, quaternions)
+    axes = quaternions[..., 1:]
+    # The C library's, in whose last bit numpy's differs by the processor.
+    angles_rad = 2 * _ATAN2(_lengths(axes), quaternions[..., :1]).astype(np.float64)
+    small, squared = angles_rad <= 1e-3, angles_rad * angles_rad
+    series = 2 + squared / 12 + 7 * squared * squared / 2880
+    large = angles_rad / np.where(small, 1.0, np.sin(angles_rad / 2))
+    return np.where(small, series, large) * axes
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.sqrt(x * x + y * y + z * z)[..., None]
+
+
 def between(
     left: Float[np.ndarray, "3 3"],
     rotmats: Float[np.ndarray, "*batch 3 3"],
@@ -84,11 +161,8 @@ def slerp(
     share: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n joints 3 3"]:
     """Rotations at a share of the shortest way from start to end."""
-    from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
-
-    step = Rotation.from_matrix((start.swapaxes(-1, -2) @ end).reshape(-1, 3, 3)).as_rotvec()
-    turned = np.repeat(share, start.shape[1])[:, None] * step
-    return start @ Rotation.from_rotvec(turned).as_matrix().reshape(start.shape)
+    steps = rotvecs_from_rotmats(start.swapaxes(-1, -2) @ end)
+    return start @ rotmats_from_rotvecs(share[:, None, None] * steps)
 
 
 class Similarity(NamedTuple):
@@ -153,8 +227,6 @@ def smallest_rotation(
     from_vectors: Float[np.ndarray, "*n 3"], to_vectors: Float[np.ndarray, "*n 3"]
 ) -> Float[np.ndarray, "*n 3 3"]:
     """The rotations by the smallest angle that turn directions of any length into others."""
-    from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
-
     a, b = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in (from_vectors, to_vectors))
     axes, cosines = np.cross(a, b), (a * b).sum(-1, keepdims=True)
     sines = np.linalg.norm(axes, axis=-1, keepdims=True)
@@ -164,8 +236,7 @@ def smallest_rotation(
         axes = np.where(alike, across, axes)
         angles_rad = np.where(alike, np.pi * (cosines < 0.0), angles_rad)
     turns = axes / np.linalg.norm(axes, axis=-1, keepdims=True) * angles_rad
-    matrices = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix()
-    return np.asarray(matrices.reshape(*turns.shape, 3))
+    return rotmats_from_rotvecs(turns)
 
 
 def mean_rotation(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3 3"]:

@@ -104,3 +104,22 @@ def test_smallest_rotation(a: tuple, b: tuple) -> None:
     angle = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
     assert Rotation.from_matrix(rotation).magnitude() == pytest.approx(angle)
     assert np.linalg.det(rotation) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 1e-9, 1e-4, 1e-3, 0.7, 3.0, np.pi, 9.0])
+def test_rotations_are_scipys_to_the_last_bit(angle_rad: float) -> None:
+    rng = np.random.default_rng(0)
+    axes = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(994, 3))])
+    rotvecs = angle_rad * axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    expected = Rotation.from_rotvec(rotvecs)
+    found = transforms.rotmats_from_rotvecs(rotvecs.reshape(2, 500, 3)).reshape(-1, 3, 3)
+    np.testing.assert_array_equal(found, expected.as_matrix())
+    # Read from single precision, they are rotations no more.
+    for rotmats in (found, found[::-1] @ found, found.astype(np.float32)):
+        expected = Rotation.from_matrix(rotmats)
+        quaternions = transforms.quaternions_from_rotmats(rotmats)
+        np.testing.assert_array_equal(quaternions, expected.as_quat(scalar_first=True))
+        rotvecs = transforms.rotvecs_from_rotmats(rotmats)
+        np.testing.assert_array_equal(rotvecs, expected.as_rotvec())
+        again = transforms.rotmats_from_quaternions(quaternions)
+        np.testing.assert_array_equal(again, expected.as_matrix())
