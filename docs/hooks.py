@@ -5,9 +5,11 @@ site docs/ is the root, and everything else keeps its path: another page is a pa
 list of its files, and any other text is shown on a page.
 """
 
+import json
 import re
 from pathlib import Path
 from posixpath import dirname, join, normpath, relpath
+from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files, InclusionLevel
@@ -85,8 +87,17 @@ def _shown(path: str) -> str:
         names = [child.name for child in sorted(file.iterdir()) if child.is_file()]
         lines = [f"- [{name}]({file.name}/{name})" for name in names]
         return "\n".join([f"# {path}", "", *lines, ""])
+    if path.endswith(".ipynb"):
+        return _cells(json.loads(file.read_text(encoding="utf-8")))
     language = {".py": "python"}.get(file.suffix, file.suffix.removeprefix("."))
     return f"# {path}\n\n````{language}\n{file.read_text(encoding='utf-8')}````\n"
+
+
+def _cells(notebook: Any) -> str:
+    """The cells of a notebook, whose links are left out: they are of its own folder."""
+    texts = {"markdown": "{}", "code": "````python\n{}\n````"}
+    cells = [(texts[cell["cell_type"]], "".join(cell["source"])) for cell in notebook["cells"]]
+    return "\n\n".join(form.format(re.sub(r"\]\([^)]*\)", "]", text)) for form, text in cells)
 
 
 def _with_docstrings(markdown: str) -> str:

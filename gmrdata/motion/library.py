@@ -208,9 +208,9 @@ def _cells(read: FileReading) -> tuple[str, ...]:
 
 
 def make_library(
-    sources: tuple[Path, ...],
+    sources: Sequence[str | Path],
     body: str,
-    out_dir: Path,
+    out_dir: str | Path,
     *,
     fps_hz: float | None = None,
     unit_m: float | None = None,
@@ -227,8 +227,8 @@ def make_library(
     that its shape is of, see `chosen_body`.  `fps_hz` to `up` as in `read_motion`.  A
     BadMotionFile lists the files that could not be read, once the others' manifest is written.
     """
-    out_dir = out_dir.resolve()
-    files = library_files(sources)
+    out_dir = Path(out_dir).resolve()
+    files = library_files(tuple(map(Path, sources)))
     body_paths = _keep(body, out_dir / "body", run)
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
     config = ReadConfig.model_validate(said | {"up": up})

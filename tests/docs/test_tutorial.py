@@ -1,0 +1,125 @@
+"""The tutorial, word for word, on 36 small frames of a real video; then the notebook beside it."""
+
+import json
+import re
+import shlex
+import shutil
+import tarfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.cli import main
+from gmrdata.read import models
+from gmrdata.score.records import Scores
+from gmrdata.solve.verdict import VideoVerdict
+from tests.blender.jobs import in_blender
+from tests.docs.page_commands import REPOSITORY
+from tests.read.videos import make_video
+
+PAGE = REPOSITORY / "docs" / "tutorial.md"
+NOTEBOOK = REPOSITORY / "examples" / "phone_video.ipynb"
+BLOCK = re.compile(r"^```(sh|yaml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+LITE = "pose_landmark_lite.tflite"
+SEE_IN_BLENDER = """
+import sys
+import bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.import_scene.gltf(filepath=sys.argv[1])
+kinds = sorted(thing.type for thing in bpy.data.objects)
+open(sys.argv[2], "w").write(" ".join([*kinds, str(len(bpy.data.actions))]))
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(
+    shared_path: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Path]:
+    """The tutorial's folder with walk.mp4, where every command has been run."""
+    folder, cache = tmp_path_factory.mktemp("tutorial"), tmp_path_factory.mktemp("cache")
+    phone_video(shared_path("video/dance.tar"), folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("XDG_CACHE_HOME", str(cache))
+        fetched(patch, cache / "gmrdata" / "models", shared_path("models"))
+        run_page()
+        yield folder
+
+
+def phone_video(frames: Path, folder: Path) -> None:
+    """A dancer ten times a second, half as large as filmed."""
+    pictures = []
+    with tarfile.open(frames) as archive:
+        for number in range(0, 108, 3):
+            content = archive.extractfile(f"dance/rgbd/{number}.jpg")
+            assert content is not None
+            image = cv2.imdecode(np.frombuffer(content.read(), np.uint8), cv2.IMREAD_COLOR)
+            pictures.append(cv2.resize(image, (360, 480), interpolation=cv2.INTER_AREA)[..., ::-1])
+    small = [np.ascontiguousarray(picture) for picture in pictures]
+    make_video(folder / "walk.mp4", small, rate_hz=10, options={"crf": "18"})
+
+
+def fetched(patch: pytest.MonkeyPatch, there: Path, shared: Path) -> None:
+    """The networks as `gmrdata fetch models` leaves them, the light one in the heavy one's place."""
+    there.mkdir(parents=True)
+    shutil.copy(shared / models.YOLOX_NANO.name, there)
+    shutil.copy(shared / LITE, there / models.POSE_LANDMARKS.name)
+    right = {there / model.name: model.sha256 for model in models.MODELS}
+    plainly = models.sha256_of_file
+    patch.setattr(models, "sha256_of_file", lambda path: right.get(path) or plainly(path))
+
+
+def run_page() -> None:
+    """Every command of the page, and its recipe with fewer steps."""
+    for language, block in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
+        if language == "yaml":
+            Path("my_gmr.yaml").write_text(block.replace("steps: 100", "steps: 10"))
+            continue
+        for line in block.splitlines():
+            words = shlex.split(line, comments=True)
+            if words[0] == "gmrdata":
+                main(words[1:])
+
+
+def test_the_video_is_accepted_and_has_a_page(folder: Path) -> None:
+    verdict = VideoVerdict.read(folder / "out/walk/verdict.json")
+    assert verdict.accepted and [person.accepted for person in verdict.people] == [True]
+    assert verdict.people[0].kept_frames == 36
+    for page in ("index.html", "view3d.html"):
+        assert (folder / "out/walk" / page).is_file()
+    assert len((folder / "out/exported/tum/person_0.txt").read_text().splitlines()) >= 36
+
+
+def test_blender_has_the_body_and_the_moving_camera(folder: Path, tmp_path: Path) -> None:
+    script = tmp_path / "see.py"
+    script.write_text(SEE_IN_BLENDER)
+    in_blender(script, folder / "out/walk/files/glb/person_0.glb", tmp_path / "seen.txt")
+    kinds = (tmp_path / "seen.txt").read_text().split()
+    assert "ARMATURE" in kinds and "CAMERA" in kinds and int(kinds[-1]) >= 1
+
+
+def test_both_networks_have_a_score_on_the_person(folder: Path) -> None:
+    for name in ("scores", "my_scores"):
+        scores = Scores.read(folder / "out" / name / "scores.json")
+        assert [clip.id for clip in scores.clips] == ["person_0.person_0_00000-00035"]
+    assert (folder / "out/compared/comparison.html").is_file()
+
+
+def test_the_notebook_runs_over_the_public_api(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the tutorial's folder, so that the video need not be solved again."""
+    solved = (folder / "out/walk/sfm/stage.json").stat().st_mtime_ns
+    notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+    cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
+    names: dict[str, object] = {}
+    for cell in cells:
+        exec(compile(cell, str(NOTEBOOK), "exec"), names)
+    said = capsys.readouterr().out
+    assert "accepted\n" in said and "36 frames, a way of " in said
+    assert "ome_deg" in said and "person_0.glb" in said
+    assert (folder / "out/walk/sfm/stage.json").stat().st_mtime_ns == solved
+    assert all(c["outputs"] == [] for c in notebook["cells"] if c["cell_type"] == "code")
