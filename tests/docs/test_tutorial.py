@@ -63,7 +63,7 @@ def phone_video(frames: Path, folder: Path) -> None:
 
 
 def fetched(patch: pytest.MonkeyPatch, there: Path, shared: Path) -> None:
-    """The networks as `gmrdata fetch models` leaves them, the light one in the heavy one's place."""
+    """The networks as `gmrdata fetch models` leaves them; the light one is called the heavy one."""
     there.mkdir(parents=True)
     shutil.copy(shared / models.YOLOX_NANO.name, there)
     shutil.copy(shared / LITE, there / models.POSE_LANDMARKS.name)
