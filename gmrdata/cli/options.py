@@ -203,6 +203,9 @@ class Solving:
     height_m: tuple[str, ...] = ()
     """How tall people are without shoes [m]: 1.78 for all, or person_0=1.78 by name.  Scale and
     distances hang on it; the mean body's, with an error of 7 %, when left out."""
+    gravity: Path | None = None
+    """What the phone felt while it filmed: record3d's metadata, Stray Scanner's odometry.csv, or a
+    table of frame, x, y, z.  It levels the world of one video's people."""
     check_again: bool = False
     """Solve the cameras four more times, backward, by every second frame and by other seeds, and
     reject a path that these don't give."""

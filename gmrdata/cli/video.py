@@ -116,8 +116,7 @@ def video(
 ) -> None:
     """Cameras of any video, and people's motion in a metric world.
 
-    Several videos, or a folder with video files, are a batch: each is solved by itself, in worker
-    processes or shards.
+    Several videos, or a folder with video files, are a batch: each is a job of its own.
 
     Args:
         sources: A video file, or a folder of numbered images; of a batch several, or their folder.
@@ -138,10 +137,11 @@ def video(
         "poses": poses, "body": body, "lens": _lens(lens), "fps_hz": fps_hz, "part": part,
         "config": _solve_config(_masks(masks, networks), lens, solving),
     }  # fmt: skip
-    alone = _are_one(sources, run)
+    alone = _are_one(sources, solving, run)
     if dry_run:
         _show_plan(sources, asked)
     elif alone:
+        asked["gravity"] = solving.gravity
         _solve_one(sources[0], out, asked, run, page=page, strict=strict)
     else:
         _solve_many(sources, out, asked, run, page=page, strict=strict)
@@ -178,11 +178,13 @@ def _heights(said: tuple[str, ...]) -> dict[str, float] | None:
     return heights or None
 
 
-def _are_one(sources: Sequence[Path], run: Run) -> bool:
+def _are_one(sources: Sequence[Path], solving: flags.Solving, run: Run) -> bool:
     """Whether one video is meant; BadRecipe for flags that are for many."""
     from gmrdata.read.video_files import find_videos
 
     if find_videos(sources) is not None:
+        if solving.gravity is not None:
+            raise BadRecipe("--gravity is of one video. Leave it out for several")
         return False
     if run.shard or run.workers or run.scheduler:
         what = "--workers, --scheduler and --shard are for several videos"

@@ -110,6 +110,7 @@ class SolveRequest:
     lens: GivenIntrinsics | None = None  # what is known of it; None for nothing
     fps_hz: float | None = None  # of a folder of images; a video has times
     part: VideoConfig | None = None
+    gravity_path: Path | None = None  # what the phone felt, as `read_gravity` takes it
 
     def of(self, video: NamedVideo, body: str) -> "SolveRequest":
         """The same of another video, by a system's results where it has some."""
@@ -134,6 +135,7 @@ class Solved:
     lens: Intrinsics | None = None  # None where bodies came with theirs
     sfm_dir: Path | None = None
     again_dir: Path | None = None
+    gravity_path: Path | None = None  # by `save_gravity`
     bodies: tuple[PersonFiles, ...] = ()  # people before the camera
     remarks: tuple[str, ...] = ()  # what one should know of them
     world_dir: Path | None = None

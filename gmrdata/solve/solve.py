@@ -27,6 +27,7 @@ from gmrdata.people.sources import (
     sources_dir,
 )
 from gmrdata.read.bodies import body_file, keep_body
+from gmrdata.read.gravity import read_gravity
 from gmrdata.read.video import VideoConfig, as_frames
 from gmrdata.solve.request import (
     AGAIN,
@@ -48,7 +49,7 @@ from gmrdata.solve.verdict import with_lens_error, write_doubts
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
-from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import (
@@ -62,8 +63,9 @@ from gmrdata.values.people import (
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
-from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.recipe import PseudoGtConfig, save_gravity
 
+GRAVITY_FILE = "gravity.npz"
 NOBODY_SEEN = "The built-in estimator sees nobody: these are cameras alone"
 
 OWN_FEET = {"creep_m_per_s": 0.6, "contact_sigma_m": 0.03, "stance_sigma_m": 0.2}
@@ -86,7 +88,9 @@ def solve(
     """
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
-    solved = _followed(Solved(request, out_dir, config, frames, run, body_path))
+    solved = Solved(request, out_dir, config, frames, run, body_path)
+    solved = replace(solved, gravity_path=_gravity(request, out_dir, frames))
+    solved = _followed(solved)
     solved = _masks(solved)
     solved = _lens(solved)
     solved = _cameras(solved)
@@ -129,6 +133,17 @@ def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
     left_out = () if given is None else given.left_out
     frames = as_frames(request.source, out_dir / FRAMES, request.part, left_out=left_out, run=run)
     return frames.with_rate(request.fps_hz) if given is None else frames
+
+
+def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:
+    """What the phone felt in each frame; read first, so that a wrong file is said at once."""
+    if request.gravity_path is None:
+        return None
+    if request.people is None:
+        raise BadRecipe("--gravity levels people's world; leave it out for cameras alone")
+    path = out_dir / GRAVITY_FILE
+    save_gravity(path, read_gravity(request.gravity_path, frames.frame_numbers))
+    return path
 
 
 def _followed(solved: Solved) -> Solved:
@@ -290,6 +305,7 @@ def _world(solved: Solved) -> Solved:
         people=solved.bodies,
         dataset_camera_path=given.dataset_camera_path,
         doubts_path=doubts_path,
+        gravity_path=solved.gravity_path,
         seen=None if config.masks is None else people_masks(solved.out_dir / MASKS, config.masks),
         focal_sigma=0.0 if lens is None else lens.focal_sigma,
         size_sigmas=_size_sigmas(solved),

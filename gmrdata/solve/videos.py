@@ -198,6 +198,7 @@ def solve_video(
     lens: GivenIntrinsics | None = None,
     fps_hz: float | None = None,
     height_m: float | Mapping[str, float] | None = None,
+    gravity: str | Path | None = None,
     part: VideoConfig | None = None,
     config: SolveConfig = DEFAULT_CONFIG,
     run: Run = DEFAULT_RUN,
@@ -217,6 +218,8 @@ def solve_video(
         fps_hz: Images per second of a folder; None for a video, which has times.
         height_m: How tall people are without shoes: all of them, or by name ("person_0").  Scale
             and distances hang on it; None for the mean body, with an error of 7 %.
+        gravity: What the phone felt while it filmed, as `gmrdata.read.gravity` takes it: record3d's
+            `metadata`, Stray Scanner's `odometry.csv`, or a table.  It levels people's world.
 
     Raises:
         BadRecipe: a folder without a rate, or a video with one.
@@ -224,7 +227,8 @@ def solve_video(
     """
     config = config.with_heights(height_m)
     people, results_path = people_of(poses, body, config)
-    request = SolveRequest(Path(source), people, lens, fps_hz, part)
+    felt = None if gravity is None else Path(gravity)
+    request = SolveRequest(Path(source), people, lens, fps_hz, part, felt)
     video = NamedVideo("", Path(source), results_path)
     solve_alone(request.of(video, body), Path(out_dir), config, run)
     return Path(out_dir) / VERDICT_FILE

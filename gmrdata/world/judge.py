@@ -194,6 +194,7 @@ class SolvedCameras:
     scale: ScaleEstimate = NO_SCALE
     dataset_camera: np.ndarray | None = None
     """(T, 4, 4) metric world_from_cam of the data set; NaN where unknown."""
+    up_cam: np.ndarray | None = None  # (T, 3) what a phone felt, in the camera's axes; or NaN
     level: LevelEstimate | None = None  # None before it is known
     distance_sigmas: tuple[float, ...] = ()  # by person, as a share; none for exact ones
 

@@ -22,7 +22,7 @@ from gmrdata.values.records import PART, Config, Figure
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
-CueName = Literal["bodies", "contacts", "feet", "ground"]
+CueName = Literal["bodies", "gravity", "contacts", "feet", "ground"]
 BALANCE_SIGMA_RAD = np.deg2rad(4.0)
 """Of the direction in which a person's mass is above its feet, along each of two axes: mostly how a
 system sees the body (docs/figures.md).  Where a trunk is upright tells much less."""
@@ -49,6 +49,9 @@ for _start, _end, _mass, _at in (
     MASSES[JOINT[_end]] += _mass * _at
 POINTS_ALIKE = 10  # neighbouring points err together: so many of them tell as much as one
 ONE_FLOOR_M = 0.15  # soles further from the ground, or from most others, stand on something else
+GRAVITY_SIGMA_RAD = np.deg2rad(0.5)
+"""Of the direction that a phone's sensors give, along each of two axes: 0.4 degrees off a measured
+floor, in the one recording at hand that has both."""
 STEEP_SHARE, STEEP_SIGMA_RAD = 0.1, np.deg2rad(8.0)
 """Share of grounds that are not level, and how steep those are along each axis."""
 
@@ -188,32 +191,50 @@ def ground_cue(normal: np.ndarray, on_plane_m: np.ndarray, rms_m: float) -> UpCu
     return UpCue("ground", normal, axes.T @ precision @ axes)
 
 
-def up_of(bodies: UpCue, ground: Sequence[UpCue]) -> tuple[np.ndarray, LevelEstimate]:
-    """Up (3,), of bodies and of cues of the ground, and how sure that is."""
-    tilts, precisions = zip(*(cue.near(bodies.up) for cue in (bodies, *ground)), strict=True)
-    own, of_ground = precisions[0], sum(precisions[1:], np.zeros((2, 2)))
-    pull = sum((p @ t for p, t in zip(precisions, tilts, strict=True)), np.zeros(2))
-    level = not ground or _may_be_level(of_ground, pull, own)
-    precision = own + of_ground if level else own
-    covariance = np.linalg.inv(precision)
-    up = bodies.up + (covariance @ pull if level else np.zeros(2)) @ across(bodies.up)
+def gravity_cue(world_from_cam: np.ndarray, up_cam: np.ndarray) -> UpCue | None:
+    """What a phone felt as up (N, 3), in the axes of cameras (N, 4, 4), NaN where it says nothing;
+    as unsure as its directions differ in the world.  None where it says nothing at all."""
+    felt = np.einsum("nij,nj->ni", world_from_cam[:, :3, :3], up_cam)
+    felt = felt[np.isfinite(felt).all(axis=1)]
+    if not len(felt):
+        return None
+    up = felt.mean(axis=0) / np.linalg.norm(felt.mean(axis=0))
+    spread_rad2 = float(((felt @ across(up).T) ** 2).mean())
+    return UpCue("gravity", up, np.eye(3) / (GRAVITY_SIGMA_RAD**2 + spread_rad2))
+
+
+def up_of(
+    bodies: UpCue, ground: Sequence[UpCue], gravity: UpCue | None = None
+) -> tuple[np.ndarray, LevelEstimate]:
+    """Up (3,), of bodies, of what a phone felt and of cues of the ground, and how sure that is."""
+    steady = [bodies] if gravity is None else [gravity, bodies]
+    base = steady[0].up
+    tilts, precisions = zip(*(cue.near(base) for cue in (*steady, *ground)), strict=True)
+    pulls = [p @ t for p, t in zip(precisions, tilts, strict=True)]
+    n, none = len(steady), np.zeros((2, 2))
+    own, of_ground = sum(precisions[:n], none), sum(precisions[n:], none)
+    own_pull, ground_pull = sum(pulls[:n], none[0]), sum(pulls[n:], none[0])
+    beside = ground_pull - of_ground @ np.linalg.solve(own, own_pull)
+    level = not ground or _may_be_level(of_ground, beside, own)
+    covariance = np.linalg.inv(own + of_ground if level else own)
+    up = base + covariance @ (own_pull + ground_pull if level else own_pull) @ across(base)
     up /= np.linalg.norm(up)
     cues = tuple(
         LevelCue(
             name=cue.name,
             apart_deg=float(np.rad2deg(np.arccos(np.clip(cue.up @ up, -1.0, 1.0)))),
             sigma_deg=_angle_deg(np.linalg.inv(p + 1e-6 * np.eye(2))),
-            used=level or cue is bodies,
+            used=level or number < n,
         )
-        for cue, p in zip((bodies, *ground), precisions, strict=True)
+        for number, (cue, p) in enumerate(zip((*steady, *ground), precisions, strict=True))
     )
     return up, LevelEstimate(sigma_deg=_angle_deg(covariance), cues=cues, soles_above_m=None)
 
 
-def _may_be_level(of_ground: np.ndarray, pull: np.ndarray, bodies: np.ndarray) -> bool:
-    """Whether a ground that tilts from the bodies' up by (of_ground)^-1 pull is likelier level."""
+def _may_be_level(of_ground: np.ndarray, pull: np.ndarray, own: np.ndarray) -> bool:
+    """Whether a ground that tilts from the others' up by (of_ground)^-1 pull is likelier level."""
     ground = np.linalg.inv(of_ground + 1e-3 * np.eye(2))
-    tilt, spread = ground @ pull, ground + np.linalg.inv(bodies)
+    tilt, spread = ground @ pull, ground + np.linalg.inv(own)
     chances = []
     for share, more_rad in ((1 - STEEP_SHARE, 0.0), (STEEP_SHARE, STEEP_SIGMA_RAD)):
         whole = spread + more_rad**2 * np.eye(2)

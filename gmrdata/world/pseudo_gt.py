@@ -15,7 +15,7 @@ from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, clip_on_body, load_clip, rows_of_numbers, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecord, NoReconstruction
+from gmrdata.values.errors import BadIntrinsics, BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
 from gmrdata.values.records import MAKE_AGAIN, Config
@@ -24,8 +24,10 @@ from gmrdata.world.judge import SolvedCameras, judge_people
 from gmrdata.world.level import (
     ONE_FLOOR_M,
     LevelEstimate,
+    UpCue,
     body_cue,
     contact_cue,
+    gravity_cue,
     ground_cue,
     level_from_world,
     soles_on_floor_m,
@@ -40,12 +42,20 @@ from gmrdata.world.planted_feet import (
     ground_plane,
     standing,
 )
-from gmrdata.world.recipe import Doubts, PseudoGtConfig, ScaleConfig, load_dataset_camera
+from gmrdata.world.recipe import (
+    Doubts,
+    PseudoGtConfig,
+    ScaleConfig,
+    load_dataset_camera,
+    load_gravity,
+)
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, with_focal_error
 from gmrdata.world.size import of_size
 
 LEAST_GROWTH = 1e-3  # change of size, as a share, that is worth another body
 GROUND_HEIGHT_SIGMA_M = 0.01  # of the plane of reconstructed points
+OTHER_SPREAD_DEG = 10.0  # between directions that a phone felt in one world: not of this video
+OTHER_SIGMAS = 8.0  # of the people's up: 30 degrees where they stand; who lies may lie any way
 
 
 @dataclass(frozen=True)
@@ -58,6 +68,8 @@ class WorldEvidence:
     """Of the data set, by `save_dataset_camera`; right over short times."""
     doubts_path: Path | None = None
     """A `Doubts` record: why the data set itself does not vouch for frames."""
+    gravity_path: Path | None = None
+    """By `save_gravity`: what the camera's own sensors felt as up."""
     seen: PeopleMasks | None = None
     """Masks of the people that were made without the bodies, which must lie on them; None where
     there are none, and nothing is said of it."""
@@ -71,6 +83,7 @@ class WorldEvidence:
         """By role, for the stage's record."""
         optional = {
             "dataset_camera": self.dataset_camera_path,
+            "gravity": self.gravity_path,
             "doubts": self.doubts_path,
             "people_masks": None if self.seen is None else self.seen.masks_dir,
         }
@@ -165,7 +178,15 @@ def _solved_cameras(evidence: WorldEvidence, clips: Sequence[Clip]) -> SolvedCam
         quality=quality,
         rows=rows,
         dataset_camera=_dataset_camera(evidence.dataset_camera_path, len(rows)),
+        up_cam=_gravity(evidence.gravity_path, len(rows)),
     )
+
+
+def _gravity(path: Path | None, n_frames: int) -> np.ndarray | None:
+    up_cam = None if path is None else load_gravity(path)
+    if up_cam is not None and len(up_cam) != n_frames:
+        raise BadRecord(f"{path}: {len(up_cam)} directions for {n_frames} frames")
+    return up_cam
 
 
 def _dataset_camera(path: Path | None, n_frames: int) -> np.ndarray | None:
@@ -234,7 +255,8 @@ def compose_clips(
     metric = metric_cameras(path.world_from_cam, scale)
     filled = fill_gaps(metric, path.has_camera, np.arange(path.n_frames))
     points_m = scale * cameras.points if scale > 0 else np.zeros((0, 3))
-    level_from_metric, level = _level(camera_clips, filled, usable, bodies, points_m, config.scale)
+    solved = replace(cameras, path=replace(path, world_from_cam=filled), points=points_m)
+    level_from_metric, level = _level(camera_clips, solved, usable, bodies, config.scale)
     levelled = level_from_metric @ filled
     camera = _blanked(replace(path, world_from_cam=levelled))
     clips = [
@@ -269,14 +291,14 @@ def _blanked(path: CameraPath) -> CameraPath:
 
 def _level(
     camera_clips: Sequence[Clip],
-    world_from_cam: np.ndarray,
+    metric: SolvedCameras,
     usable: Sequence[np.ndarray],
     bodies: Sequence[BodyModel],
-    points_m: np.ndarray,
     config: ScaleConfig,
 ) -> tuple[np.ndarray, LevelEstimate]:
-    """level_from_world (4, 4), from everybody's bodies, planted feet, and the ground about them in
-    reconstructed points (N, 3); and how level that is."""
+    """level_from_world (4, 4) of a metric world, from everybody's bodies, planted feet, the ground
+    about them in reconstructed points, and what the camera felt; and how level that is."""
+    world_from_cam, points_m = metric.path.world_from_cam, metric.points
     motions = [motion_in_world(clip.motion, world_from_cam) for clip in camera_clips]
     planted_m, of_all_m, stances = [], [], 0
     for motion, rows, body in zip(motions, usable, bodies, strict=True):
@@ -296,7 +318,8 @@ def _level(
     plane = ground_plane(points_m, feet_m, upright.up, 1.0, config) if len(feet_m) else None
     cues = [contact_cue(feet_m, stances, upright.up, config.stance_sigma_m)]
     cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]
-    up, level = up_of(upright, [cue for cue in cues if cue is not None])
+    felt = None if metric.up_cam is None else _felt(metric, upright)
+    up, level = up_of(upright, [cue for cue in cues if cue is not None], felt)
     floor_m = _floor_m(soles_on_floor_m(feet_m, np.concatenate(of_all_m), up), up, plane, config)
     first = np.any(usable, axis=0).argmax()
     pelvis_m = next(motion.pelvis_m[0] for _, motion in known)
@@ -304,6 +327,25 @@ def _level(
         level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2]),
         level.with_soles(feet_m @ up - floor_m),
     )
+
+
+def _felt(metric: SolvedCameras, upright: UpCue) -> UpCue | None:
+    """What the camera's sensors felt as up; BadIntrinsics where that is of another recording."""
+    assert metric.up_cam is not None
+    there = metric.path.has_camera
+    felt = gravity_cue(metric.path.world_from_cam[there], metric.up_cam[there])
+    if felt is None:
+        return None
+    spread_deg, apart_deg = (
+        float(np.rad2deg(rad))
+        for rad in (felt.precision[0, 0] ** -0.5, np.arccos(np.clip(felt.up @ upright.up, -1, 1)))
+    )
+    most_deg = OTHER_SIGMAS * float(np.rad2deg(upright.precision[0, 0] ** -0.5))
+    if spread_deg < OTHER_SPREAD_DEG and apart_deg < most_deg:
+        return felt
+    what = f"its up turns by {spread_deg:.0f} degrees, and is {apart_deg:.0f} from the people's"
+    remedy = "give that of this video, whose pictures are as they were recorded, or leave it out"
+    raise BadIntrinsics(f"--gravity: {what}: it is of another video or way up; {remedy}")
 
 
 def _floor_m(

@@ -17,7 +17,9 @@ from gmrdata.values.files import write_npz
 from gmrdata.values.records import PART, ArrayShapes, Config, Figure, Record, read_arrays
 
 DATASET_CAMERA_FORMAT = "gmrdata-dataset-camera/1"
+GRAVITY_FORMAT = "gmrdata-gravity/1"
 _SHAPES: ArrayShapes = {"world_from_cam": ("f", ("T", 4, 4))}
+_GRAVITY_SHAPES: ArrayShapes = {"up_cam": ("f", ("T", 3))}
 
 
 @part(frozen=True, config=PART)
@@ -165,6 +167,16 @@ def save_dataset_camera(path: Path, world_from_cam: np.ndarray) -> None:
 def load_dataset_camera(path: Path) -> np.ndarray:
     """Read cameras (T, 4, 4) [m], NaN where unknown."""
     return read_arrays(path, DATASET_CAMERA_FORMAT, _SHAPES)["world_from_cam"]
+
+
+def save_gravity(path: Path, up_cam: np.ndarray) -> None:
+    """Write unit directions (T, 3) that a phone felt as up, in its camera's axes, or NaN."""
+    write_npz(path, {"format": GRAVITY_FORMAT, "up_cam": up_cam})
+
+
+def load_gravity(path: Path) -> np.ndarray:
+    """Read directions (T, 3) in the camera's axes, NaN where unknown."""
+    return read_arrays(path, GRAVITY_FORMAT, _GRAVITY_SHAPES)["up_cam"]
 
 
 class ScaleConfig(Config):

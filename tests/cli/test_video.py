@@ -239,6 +239,7 @@ def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
         (("--every", "2", "--fps-hz", "30"), "are for a video file"),
         ((), "has no frame rate. Give it with --fps-hz"),
         (("--masks", "person", "--detector", "gone.onnx"), "--masks none goes without"),
+        (("--fps-hz", "30", "--gravity", __file__), "leave it out for cameras alone"),
     ],
 )
 def test_wrong_flags_name_the_remedy(

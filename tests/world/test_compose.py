@@ -21,12 +21,13 @@ from gmrdata.film.programmes import Circular, Panning, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.ground import sole_points_m
 from gmrdata.read.body_file import save_body
+from gmrdata.stage.run import Run
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, NoReconstruction
+from gmrdata.values.errors import BadIntrinsics, BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles, person_file
@@ -37,7 +38,7 @@ from gmrdata.world.compose import (
 )
 from gmrdata.world.judge import load_record
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
-from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.recipe import PseudoGtConfig, save_gravity
 from tests.reconstructions import quality_of_path
 
 # About where SMPL's rest pelvis is: 0.22 m below the model's origin.
@@ -273,3 +274,31 @@ def test_clips_that_do_not_fit_are_refused(small_body: BodyModel, tmp_path: Path
         people = tuple(person_files(tmp_path, clip, small_body, n) for n, clip in clips.items())
         with pytest.raises(BadMotionFile, match=said):
             make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+
+
+def test_what_the_phone_felt_levels_the_world_and_another_videos_is_refused(
+    small_body: BodyModel, tmp_path: Path
+) -> None:
+    true = true_clip(small_body, Circular())
+    assert true.camera is not None
+    up_cam = true.camera.world_from_cam[:, 2, :3]  # the third row: the world's z in each camera
+    people = (person_files(tmp_path, as_input(true), small_body),)
+    sfm_dir, gravity_path = reconstruction(tmp_path / "sfm", true, "full", []), tmp_path / "g.npz"
+    evidence = WorldEvidence(sfm_dir, people, gravity_path=gravity_path)
+
+    def make(felt: np.ndarray) -> Path:
+        save_gravity(gravity_path, felt)
+        return make_pseudo_gt(evidence, tmp_path / "out", PseudoGtConfig(), run=Run(redo=True))
+
+    out_dir = make(up_cam)
+    error = compare_clips(load_clip(out_dir / person_file(0)), true)
+    assert error.true_from_pseudo[2, 2] > np.cos(np.deg2rad(0.2))
+    cues = read_json(out_dir / "quality.json")["level"]["cues"]
+    assert cues[0]["name"] == "gravity" and cues[0]["used"]
+    lying = np.stack([up_cam[:, 1], -up_cam[:, 0], up_cam[:, 2]], axis=1)  # pictures turned by 90
+    nods = Rotation.from_rotvec(np.linspace(0, 1, len(up_cam))[:, None] * [1.0, 0.0, 0.0])
+    wrong = [(lying, "or way up"), (nods.apply(up_cam), "turns by 1"), (up_cam[1:], "directions")]
+    for felt, said in wrong:
+        with pytest.raises((BadIntrinsics, BadRecord), match=said):
+            make(felt)
+    assert (out_dir / "quality.json").is_file()  # what was there stays

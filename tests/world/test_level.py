@@ -16,6 +16,7 @@ from gmrdata.world.level import (
     UpCue,
     body_cue,
     contact_cue,
+    gravity_cue,
     ground_cue,
     level_from_world,
     soles_on_floor_m,
@@ -196,3 +197,38 @@ def test_any_world_becomes_level(seed: int) -> None:
 def test_a_camera_that_looks_straight_down_is_no_problem() -> None:
     level = level_from_world(UP, 0.0, UP, -UP)
     assert np.allclose(level[:3, :3] @ level[:3, :3].T, np.eye(3), atol=1e-12)
+
+
+def felt(up: np.ndarray, sigma_deg: float = 0.0, n: int = 40) -> UpCue:
+    """What sensors feel of a direction in a world, before cameras that turn."""
+    rng = np.random.default_rng(1)
+    world_from_cam = np.tile(np.eye(4), (n, 1, 1))
+    world_from_cam[:, :3, :3] = Rotation.random(n, random_state=2).as_matrix()
+    noise = Rotation.from_rotvec(np.deg2rad(sigma_deg) * rng.normal(size=(n, 3)))
+    up_cam = np.einsum("nji,nj->ni", world_from_cam[:, :3, :3], noise.apply(up))
+    cue = gravity_cue(world_from_cam, up_cam)
+    assert cue is not None
+    return cue
+
+
+def test_gravity_levels_leaning_bodies_also_on_a_slope() -> None:
+    slope = ground_cue(leaning(18), square_m(400) @ _turn(18).T, 0.01)
+    for ground in ([], [slope]):
+        up, level = up_of(bodies_that_lean(6.0), ground, felt(UP))
+        assert angle_deg(up, UP) < 0.1 and level.sigma_deg == pytest.approx(0.70, abs=0.02)
+        assert [(one.name, one.used) for one in level.cues][:2] == [
+            ("gravity", True), ("bodies", True),
+        ]  # fmt: skip
+        assert not any(one.used for one in level.cues[2:])
+
+
+def test_gravity_and_a_level_ground_share_what_they_err_by() -> None:
+    ground = ground_cue(leaning(1.0), square_m(400) @ _turn(1.0).T, 0.01)
+    up, level = up_of(BODIES, [ground], felt(UP))
+    assert 0.2 < angle_deg(up, UP) < 0.5 and level.cues[2].used
+    assert level.sigma_deg < 0.6
+
+
+def test_gravity_is_as_unsure_as_it_differs() -> None:
+    assert np.trace(felt(UP, 4.0).precision) < np.trace(felt(UP).precision) / 30
+    assert gravity_cue(np.tile(np.eye(4), (3, 1, 1)), np.full((3, 3), np.nan)) is None

@@ -1,0 +1,117 @@
+"""What a phone felt as up, in each app's axes, against a measured floor; and what is refused."""
+
+import json
+import tarfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.read.gravity import read_gravity
+from gmrdata.values.errors import BadIntrinsics, MissingInput
+
+FRAMES = np.array([0, 2, 5])
+OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+
+
+@pytest.fixture(scope="module")
+def cameras() -> np.ndarray:
+    """(6, 3, 3) rotations of six cameras in OpenCV's axes to a world with y up."""
+    turns = Rotation.from_euler(
+        "yxz", [[20 * i, 5 * i, 30 - 7 * i] for i in range(6)], degrees=True
+    )
+    return np.asarray(turns.as_matrix() @ OPENGL_FROM_OPENCV)
+
+
+def record3d(cameras: np.ndarray) -> dict[str, Any]:
+    """Poses from the first frame, and its own, in OpenGL's axes."""
+    opengl = cameras @ OPENGL_FROM_OPENCV
+    from_first = opengl[0].T @ opengl
+    quaternions = Rotation.from_matrix(np.concatenate([opengl[:1], from_first])).as_quat()
+    rows = np.c_[quaternions, np.zeros((7, 3))].tolist()
+    return {"initPose": rows[0], "poses": rows[1:], "K": [1.0] * 9}
+
+
+def odometry(cameras: np.ndarray) -> str:
+    rows = [
+        f"{n / 60}, {n:06d}, 0.1, 0.2, 0.3, {', '.join(map(str, quaternion))}"
+        for n, quaternion in enumerate(Rotation.from_matrix(cameras).as_quat())
+    ]
+    return "\n".join(["timestamp, frame, x, y, z, qx, qy, qz, qw", *rows])
+
+
+def table(cameras: np.ndarray) -> str:
+    pulls = -9.81 * cameras[:, 1]
+    rows = [f"{n},{x},{y},{z}" for n, (x, y, z) in enumerate(pulls)]
+    return "\r\n".join(["\ufeffframe,x,y,z", *rows])
+
+
+@pytest.mark.parametrize("kind", ["record3d", "odometry", "table"])
+def test_up_is_in_the_cameras_axes(kind: str, cameras: np.ndarray, tmp_path: Path) -> None:
+    texts = {
+        "record3d": json.dumps(record3d(cameras)),
+        "odometry": odometry(cameras),
+        "table": table(cameras),
+    }
+    (tmp_path / "felt").write_text(texts[kind], encoding="utf-8")
+    up_cam = read_gravity(tmp_path / "felt", np.array([0, 2, 5, 6]))
+    assert np.allclose(up_cam[:3], cameras[FRAMES, 1], atol=1e-9)
+    assert np.isnan(up_cam[3]).all()  # the file ends before
+
+
+def test_an_upright_camera_has_up_at_minus_y(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("frame,x,y,z\n0,0,9.8,0\n1,0,1,0\n")
+    assert read_gravity(tmp_path / "a.csv", np.arange(2)).tolist() == [[0, -1, 0]] * 2
+
+
+def test_a_phone_feels_the_floor_that_its_lidar_measured(
+    shared_path: Callable[[str], Path], tmp_path: Path
+) -> None:
+    with tarfile.open(shared_path("video/dance.tar")) as tar:
+        content = tar.extractfile("dance/metadata")
+        assert content is not None
+        (tmp_path / "metadata").write_bytes(content.read())
+    up_cam = read_gravity(tmp_path / "metadata", np.arange(626))
+    with np.load(shared_path("real/dance_lidar.npz")) as measured:
+        up_world, cameras = measured["up"], measured["world_from_cam"][:, :3, :3]
+    felt = np.einsum("nij,nj->ni", cameras, up_cam)
+    off_deg = np.rad2deg(np.arccos(felt @ up_world))
+    assert off_deg == pytest.approx(0.381, abs=0.001)  # the world of its poses is off by 10.4
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "columns"),
+        ("frame,x,y\n0,1,2\n", "columns frame, x, y"),
+        ("frame,x,y,z\n", "no rows"),
+        ("frame,x,y,z\n0,1,2,nan\n", "finite"),
+        ("frame,x,y,z\n0,1,2\n", "float"),
+        ("frame,x,y,z\n0,0,0,0\n", "zeros"),
+        ("frame,x,y,z\n0,0,1,0\n0,0,1,0\n", "each once"),
+        ("frame,x,y,z\n0.5,0,1,0\n", "whole numbers"),
+        ("frame,x,y,z\n90,0,1,0\n91,0,1,0\n", "hardly any of the video's frames 0-5"),
+        ('{"poses": [[0, 0, 0, 1, 0, 0, 0]]}', "no initPose"),
+        ('{"initPose": [0, 0, 0, 1, 0, 0, 0], "poses": [[0, 0, 0, 1]]}', "seven numbers"),
+        ('{"initPose": [0, 0, 0, 0, 0, 0, 0], "poses": [[0, 0, 0, 1, 0, 0, 0]]}', "zero norm"),
+        ('{"initPose": [0, 0, 0, 1, 0, 0, 0], "poses": []}', "seven numbers"),
+        ('{"initPose"', "delimiter"),
+    ],
+)
+def test_what_is_no_gravity_is_refused(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "felt.csv"
+    path.write_text(text)
+    with pytest.raises(BadIntrinsics) as caught:
+        read_gravity(path, FRAMES)
+    assert said in str(caught.value) and str(path) in str(caught.value)
+
+
+def test_other_bytes_and_no_file_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.mp4").write_bytes(b"\x00\x00\x00\x18ftyp\xff\xfe")
+    with pytest.raises(BadIntrinsics, match="record3d's metadata"):
+        read_gravity(tmp_path / "a.mp4", FRAMES)
+    with pytest.raises(MissingInput, match="no such file"):
+        read_gravity(tmp_path / "gone", FRAMES)
