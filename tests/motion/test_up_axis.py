@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.files import read_file, read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library
+from gmrdata.motion.up_axis import person_of, standing_along
 from gmrdata.read.body_file import save_body
 from gmrdata.read.source_motion import ReadConfig, UpAxis, axis_of
 from gmrdata.values.body import JOINT, BodyModel
@@ -125,6 +126,25 @@ def test_who_does_not_stand_is_left_as_he_is(
     read = read_file(_save(tmp_path / f"a{suffix}", motion, small_body), small_body, ReadConfig())
     assert not read.upright and "is up" not in read.motion.source
     np.testing.assert_allclose(read.motion.root_rotmats, motion.root_rotmats, atol=1e-5)
+
+
+def test_one_who_lies_with_feet_at_right_angles_is_not_turned(
+    tmp_path: Path, small_body: BodyModel
+) -> None:
+    """On a couch: the feet seem to stand, but it is they that move, not the pelvis over them."""
+    walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(1))
+    t_s = np.arange(walk.n_frames) / walk.fps_hz
+    turns = np.zeros((len(t_s), 23, 3))
+    for joint, about in ((1, 0), (2, 0), (3, 2), (6, 2)):  # hips bend slowly, the trunk to the side
+        turns[:, joint - 1, about] = 0.15 * np.sin(2.0 * t_s)
+    turns[:, [6, 7], 0] = -turns[:, [0, 1], 0]  # feet stay as they are
+    local = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(-1, 23, 3, 3)
+    lying = replace(walk, local_rotmats=local, root_rotmats=np.tile(np.eye(3), (len(t_s), 1, 1)))
+    lying = replace(lying, pelvis_m=np.tile([0.0, 0.0, 0.45], (len(t_s), 1)))
+    said = standing_along(person_of(small_body, lying), axis_of("y"))
+    assert said.sway_m > 0.1 and said.planted > 0.2 and said.carried_m < 0.0
+    with pytest.raises(BadMotionFile, match="stands still along y, or lies"):
+        read_motion(_save(tmp_path / "a.npz", lying, small_body), small_body)
 
 
 def test_one_who_lies_in_a_rig_that_shows_no_up(
