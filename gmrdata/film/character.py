@@ -277,5 +277,5 @@ def _check_tree(
             raise BadCharacter(
                 f"{path}: the bone {names[bone]} of {JOINT_NAMES[joint]} hangs on "
                 f"{names[above] if above >= 0 else 'no bone'}, not on {upper}; "
-                "give a joint_map that names other bones, or export the deforming skeleton"
+                "name other bones in the recipe's joint_map, or export the deforming skeleton"
             )

@@ -107,7 +107,9 @@ def open_segmenter(weights_path: Path | None, config: MaskRcnnConfig) -> Segment
 
     detection = _import_detection()
     if config.device == "cuda" and not torch.cuda.is_available():
-        raise StageFailed("no GPU here that torch can use. Segment with device: cpu")
+        raise StageFailed(
+            "no GPU here that torch can use. Say device: cpu in the recipe of the masks"
+        )
     make = getattr(detection, config.network)
     if weights_path is None:
         network = _with_own_weights(make)

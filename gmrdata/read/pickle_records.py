@@ -54,12 +54,11 @@ STORAGE_DTYPES = {
 }
 """numpy's type of the numbers of each of torch's storages."""
 _BFLOAT16 = "torch.BFloat16Storage"  # the upper half of a float32, which numpy doesn't have
-TORCH_IMPORTS = frozenset(_TORCH_CALLS) | frozenset(STORAGE_DTYPES) | {_BFLOAT16}
-"""What a pickle that may hold torch's tensors may import besides."""
+_TORCH_IMPORTS = frozenset(_TORCH_CALLS) | frozenset(STORAGE_DTYPES) | {_BFLOAT16}
 _ONLY_NAMED = frozenset({"numpy.ndarray"}) | {
     f"{module}.{name}" for module in ("__builtin__", "builtins") for name in ("object", "dict")
 }
-ADMITTED_IMPORTS = frozenset(_CALLS) | _ONLY_NAMED
+ADMITTED_IMPORTS = frozenset(_CALLS) | _ONLY_NAMED | _TORCH_IMPORTS
 """Every name that a pickle may import; some only as an argument of a call."""
 _MOST_AXES = 32  # numpy's
 _DTYPE_CODE = re.compile(r"b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?")

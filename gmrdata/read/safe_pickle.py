@@ -7,7 +7,7 @@ So whatever a file holds, none of its imports is made and none of its calls is r
 joblib.dump's files are read as well: pickles, compressed or not, in which the bytes of each array
 stand outside of the program (`pickle_records.array_that_follows`).  joblib itself is not needed.
 
-numpy.save's files of objects are a pickle behind numpy's header.  Torch's tensors in such a pickle
+numpy.save's files of objects are a pickle behind numpy's header.  Torch's tensors in any pickle
 are a call on a storage, whose bytes are a file of torch.save's older form; both become arrays.
 
 Memory and time are bounded by the file's `Budget`: what it unpacks to, the steps of its program,
@@ -100,7 +100,7 @@ def load_plain(path: Path) -> Any:
 
     Gives nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Python
     2's strings are read as Latin-1, sparse matrices as `scipy.sparse.csc_matrix` or `csr_matrix`,
-    chumpy's arrays as numpy's.  Anything else is an UnsafePickle that names it.
+    chumpy's arrays and torch's tensors as numpy's.  Anything else is an UnsafePickle that names it.
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
@@ -127,7 +127,7 @@ def load_object_npy(path: Path) -> Any:
         shape, _, dtype = read_header(stream)
         if shape != () or dtype != np.dtype(object):
             raise ValueError(f"holds an array of dtype {dtype} and shape {shape}")
-        found = Interpreter(stream, budget, tensors=True).load()
+        found = Interpreter(stream, budget).load()
         return pickle_records.plain(found, budget).item()
 
 
@@ -179,8 +179,8 @@ class Interpreter(pickle._Unpickler):
     read: Callable[[int], bytes]
     readline: Callable[[], bytes]
 
-    def __init__(self, stream: io.BytesIO, budget: Budget, *, tensors: bool = False) -> None:
-        self._stream, self.budget, self._tensors = stream, budget, tensors
+    def __init__(self, stream: io.BytesIO, budget: Budget) -> None:
+        self._stream, self.budget = stream, budget
         super().__init__(stream, encoding="latin1")
 
     def load(self) -> Any:
@@ -205,8 +205,7 @@ class Interpreter(pickle._Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         full_name = f"{module}.{name}"
-        of_torch = self._tensors and full_name in pickle_records.TORCH_IMPORTS
-        if full_name not in pickle_records.ADMITTED_IMPORTS and not of_torch:
+        if full_name not in pickle_records.ADMITTED_IMPORTS:
             raise UnsafePickle(f"wants to import {full_name!r}")
         return Import(full_name)
 
@@ -359,7 +358,7 @@ def _storage(data: bytes, budget: Budget) -> np.ndarray:
     known = (magic, protocol) == (_TORCH_MAGIC, _TORCH_PROTOCOL) and isinstance(machine, dict)
     if not known or machine.get("little_endian") is not True:
         raise ValueError("a tensor is not in the form that torch writes")
-    dtype, n_numbers = _StorageInterpreter(stream, budget, tensors=True).load()
+    dtype, n_numbers = _StorageInterpreter(stream, budget).load()
     Interpreter(stream, budget).load()
     (n_said,) = struct.unpack("<q", stream.read(8))
     raw = stream.read()

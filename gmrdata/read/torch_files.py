@@ -47,7 +47,7 @@ class _Reader(Interpreter):
     """Python's pickle interpreter on an archive's program, with storages from its other files."""
 
     def __init__(self, archive: zipfile.ZipFile, folder: str, budget: Budget) -> None:
-        super().__init__(BytesIO(archive.read(f"{folder}{PROGRAM}")), budget, tensors=True)
+        super().__init__(BytesIO(archive.read(f"{folder}{PROGRAM}")), budget)
         self._archive, self._folder = archive, folder
         self._storages: dict[str, np.ndarray] = {}
 
