@@ -55,6 +55,7 @@ COMMANDS = (
     f"masks {_FRAMES} --masks silhouette --camera-body {_SEEN} --out masks",
     f"sfm {_FRAMES} --camera-body {_SEEN} --out sequence",
     f"video {_FRAMES} --masks none --fov 60 --fps-hz 10 --out video",
+    "page video",
     "render set.yaml --out set",
     "manifest check set/synthetic.yaml",
     "manifest show set/synthetic.yaml",
