@@ -11,7 +11,6 @@ DOCS = sorted((REPOSITORY / "docs").glob("*.md"))
 README, CHANGELOG = REPOSITORY / "README.md", REPOSITORY / "CHANGELOG.md"
 REFERENCE = ("api", "figures", "formats", "metrics")
 """Pages that may be longer than 1,200 words."""
-NOT_YET = ("install",)
 
 
 def read(page: Path) -> str:
@@ -20,13 +19,12 @@ def read(page: Path) -> str:
 
 @pytest.mark.parametrize("page", [README, *DOCS, CHANGELOG], ids=lambda page: page.stem)
 def test_a_page_is_plain_english(page: Path) -> None:
-    if page.stem not in NOT_YET:
-        assert faults(read(page)) == []
+    assert faults(read(page)) == []
 
 
 @pytest.mark.parametrize("page", DOCS, ids=lambda page: page.stem)
 def test_a_page_is_short(page: Path) -> None:
-    if page.stem not in (*REFERENCE, *NOT_YET):
+    if page.stem not in REFERENCE:
         assert page_words(read(page)) <= 1200
 
 
