@@ -48,6 +48,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     source = here if page.file.generated_by else f"docs/{here}"
     if source == "docs/api.md":
         markdown = _with_docstrings(markdown)
+    if source == "docs/command_line.md":
+        markdown += _all_flags()
     if not _has_links(source.removesuffix(".md")) and not _has_links(source):
         return markdown
     return LINK.sub(
@@ -98,6 +100,19 @@ def _cells(notebook: Any) -> str:
     texts = {"markdown": "{}", "code": "````python\n{}\n````"}
     cells = [(texts[cell["cell_type"]], "".join(cell["source"])) for cell in notebook["cells"]]
     return "\n\n".join(form.format(re.sub(r"\]\([^)]*\)", "]", text)) for form, text in cells)
+
+
+def _all_flags() -> str:
+    """What `--help` says of each verb, from the code."""
+    from gmrdata.cli import VERBS, help_of
+
+    text, verbs = "\n## All flags\n", list(VERBS)
+    for verb in verbs:
+        said = help_of(verb.split())
+        text += f"\n### {verb}\n\n````text\n{said.strip()}\n````\n"
+        if below := re.match(r"usage: gmrdata \w+ \[-h\] \{([\w,-]+)\}", said):
+            verbs += [f"{verb} {name}" for name in below[1].split(",")]
+    return text
 
 
 def _with_docstrings(markdown: str) -> str:

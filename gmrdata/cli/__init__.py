@@ -1,11 +1,13 @@
 """The command line: one verb per capability.  Each verb imports its stage only when it runs."""
 
+import io
 import re
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import fields, is_dataclass
 from functools import wraps
 from inspect import signature
@@ -16,7 +18,7 @@ import tyro
 
 import gmrdata.cli.blender_environment as _blender
 from gmrdata import __version__
-from gmrdata.cli.answers import answer, explain, fail
+from gmrdata.cli.answers import answer, as_loud, explain, fail
 from gmrdata.cli.baselines import baseline
 from gmrdata.cli.doctor import doctor
 from gmrdata.cli.export import export
@@ -28,6 +30,7 @@ from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.shards import merge, share
 from gmrdata.cli.video import masks, page, sfm, video
+from gmrdata.stage.progress import remark
 from gmrdata.values.errors import GmrdataError, MissingInput, nearest
 
 _NETWORKS = {
@@ -152,23 +155,61 @@ def _elsewhere(verb: str, message: str) -> str:
     return f" ({give}{recipe})"
 
 
+QUIET, VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
+ALL_HELP = "--help-all"
+ABOUT = """World-frame human motion data.
+
+With any verb: -q says only answers and errors; -v says each stage, and where an error is from."""
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+    given = sys.argv[1:] if arguments is None else arguments
+    arguments = [word for word in given if word not in QUIET + VERBOSE]
+    verbose = any(word in VERBOSE for word in given)
+    with as_loud(quiet=any(word in QUIET for word in given), verbose=verbose):
+        _main(arguments, verbose)
+
+
+def _parse(arguments: list[str]) -> None:
+    """Run the verb that is named; SystemExit after a help or for wrong flags."""
+    tyro.extras.subcommand_cli_from_dict(VERBS, prog="gmrdata", description=ABOUT, args=arguments)
+
+
+def help_of(words: list[str]) -> str:
+    """What a verb says with `--help`, in boxes or, where standard output is so, in ASCII."""
+    said = io.TextIOWrapper(io.BytesIO(), encoding=sys.stdout.encoding)
+    with redirect_stdout(said), suppress(SystemExit):
+        _parse([*words, "--help"])
+    said.seek(0)
+    return said.read()
+
+
+def _usual_help(verb: str) -> str:
+    """A verb's help without the groups of flags that are rarely needed, which it names."""
+    panels = re.split(r"^(?=(?:╭─)? (?:\w+ )?options )", help_of([verb]), flags=re.MULTILINE)
+    groups = [re.match(r"(?:╭─)? (\w+) options ", panel) for panel in panels]
+    usual = [panel for panel, group in zip(panels, groups, strict=True) if group is None]
+    more = f"Flags of {', '.join(group[1] for group in groups if group)}: gmrdata {verb} {ALL_HELP}"
+    return f"{''.join(usual).rstrip()}\n{more}"
+
+
+def _main(arguments: list[str], verbose: bool) -> None:
     if arguments == ["--version"]:
         answer(f"gmrdata {__version__}")
         return
     if wrong := misspelled(arguments, VERBS):
         fail(wrong, code=2)
+    if arguments in (["video", "--help"], ["video", "-h"]):
+        answer(_usual_help("video"))
+        return
+    arguments = ["--help" if word == ALL_HELP else word for word in arguments]
     try:
         with _terms(), share(arguments):
-            tyro.extras.subcommand_cli_from_dict(
-                VERBS,
-                prog="gmrdata",
-                description="World-frame human motion data.",
-                args=arguments,
-            )
+            _parse(arguments)
     except GmrdataError as error:
+        if verbose:
+            remark(traceback.format_exc())
         fail(f"{error}{_elsewhere(arguments[0] if arguments else '', str(error))}")
     except OSError as error:
         fail(explain(error))

@@ -1,17 +1,47 @@
 """What the command line says: answers, tables, and what went wrong."""
 
 import errno
+import json
+import logging
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from gmrdata.stage.progress import answers, console
+from gmrdata.stage.progress import answers, console, remark
 from gmrdata.values.errors import StageFailed
 
 
 def answer(value: object) -> None:
     """Print a result to standard output, as it is."""
     answers.print(str(value), markup=False, soft_wrap=True)
+
+
+def answer_json(value: object) -> None:
+    """Print one JSON object to standard output, for a script."""
+    answer(json.dumps(value, ensure_ascii=False))
+
+
+class _Stages(logging.Handler):
+    """Lines of `-v`, above a bar that is drawn."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        remark(f"{time.strftime('%H:%M:%S')} {record.getMessage()}")
+
+
+@contextmanager
+def as_loud(*, quiet: bool, verbose: bool) -> Iterator[None]:
+    """Quiet: only answers and errors are said inside; verbose: each stage too."""
+    log, handler = logging.getLogger("gmrdata"), _Stages()
+    before, console.quiet = (console.quiet, log.level), quiet
+    if verbose:
+        log.addHandler(handler)
+        log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        console.quiet, log.level = before[0], before[1]
 
 
 def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -40,6 +70,7 @@ def then(draw: Callable[[], object]) -> Iterator[None]:
 
 def fail(message: str, code: int = 1) -> None:
     """Say on standard error what went wrong, and end."""
+    console.quiet = False
     console.print(f"gmrdata: {message}", style="bold red", markup=False, soft_wrap=True)
     sys.exit(code)
 

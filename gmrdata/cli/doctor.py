@@ -1,6 +1,5 @@
 """The verb that says what is installed here, and what each missing part would enable."""
 
-import json
 import os
 import platform
 import shutil
@@ -9,13 +8,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from pydantic import TypeAdapter
-from tyro.conf import arg
 
 from gmrdata import __version__
-from gmrdata.cli.answers import answer, fail, print_table
+from gmrdata.cli.answers import answer, answer_json, fail, print_table
+from gmrdata.cli.options import AsJson
 from gmrdata.film import blender_environment as environment
 from gmrdata.values.errors import BlenderMissing
 from gmrdata.values.limits import machine_bytes
@@ -74,9 +73,7 @@ Loaded = tuple[dict[str, str | None], list[str]]
 _LOADED = TypeAdapter(Loaded)
 
 
-def doctor(
-    as_json: Annotated[bool, arg(name="json", help="Print one JSON object, not a table.")] = False,
-) -> None:
+def doctor(as_json: AsJson = False) -> None:
     """Say what is installed here, what is missing, and what each missing part would enable.
 
     Packages, extras, models, bodies, Blender, GPU, cores, memory and disk. The exit code is 1 if a
@@ -86,7 +83,7 @@ def doctor(
     faults = [part for part in parts if part.required and part.state != "there"]
     if as_json:
         rows = [part._asdict() for part in parts]
-        answer(json.dumps({"gmrdata": __version__, "good": not faults, "parts": rows}))
+        answer_json({"gmrdata": __version__, "good": not faults, "parts": rows})
     else:
         rows_of_text = [(p.subject, p.name, p.state, p.found, p.note) for p in parts]
         print_table(("", "part", "state", "found", "note"), rows_of_text)

@@ -2,16 +2,20 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli import options as flags
-from gmrdata.cli.answers import answer, print_table
+from gmrdata.cli.answers import answer, answer_json, print_table
 from gmrdata.gmr.config import BUNDLED, Which
 from gmrdata.score import Deviation, ProtocolName, SeenAs
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
+
+if TYPE_CHECKING:
+    from gmrdata.gmr.config import TrainConfig
+    from gmrdata.score.score import Scored
 
 Weights = Annotated[
     Which,
@@ -30,6 +34,7 @@ def train(
     held_out: tuple[Path, ...] = (),
     device: flags.Device = None,
     redo: flags.Redo = False,
+    dry_run: flags.DryRun = False,
 ) -> None:
     """Train GMR on the clips of manifests.  A run that was stopped goes on where it was.
 
@@ -42,8 +47,34 @@ def train(
 
     flags.need(manifests, "a manifest file")
     config = flags.on_device(flags.read_recipe(recipe, GmrRecipe).train, device)
+    if dry_run:
+        _show_training(manifests, held_out, out, config)
+        return
     path, run = flags.body_path(body), Run(redo=redo)
     answer(train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run))
+
+
+def _show_training(
+    manifests: tuple[Path, ...], held_out: tuple[Path, ...], out: Path, config: "TrainConfig"
+) -> None:
+    """What would be trained on, and about how long it takes."""
+    from gmrdata.gmr.runs import split_manifests, usable_files
+    from gmrdata.paper.plan import probe_training
+
+    split = split_manifests(manifests, config.data)
+    scored = [*split.held_out, *(file for path in held_out for file in usable_files(path)[0])]
+    rows = [
+        (what, str(len(files)), str(sum(file.entry.n_frames for file in files)))
+        for what, files in (("trained on", split.training), ("scored", scored))
+    ]
+    print_table(("clips", "number", "frames"), rows)
+    n_parameters, step_s = probe_training(config)
+    time = "" if step_s is None else f", at least {config.steps * step_s / 60:.1f} minutes"
+    begun = out.with_name(f"{out.name}.partial").is_dir()
+    state = "there" if out.is_dir() else "begun" if begun else "to make"
+    for line in (split.statement, f"{n_parameters:,} weights, {config.steps} steps{time}"):
+        answer(line) if line else None
+    answer(f"{out}: {state}")
 
 
 @dataclass(frozen=True)
@@ -105,6 +136,8 @@ def evaluate(
     all_phases: bool = False,
     seed: flags.BootstrapSeed = 0,
     redo: flags.Redo = False,
+    dry_run: flags.DryRun = False,
+    as_json: flags.AsJson = False,
     *,
     protocols: Annotated[Protocols, OmitArgPrefixes],
     results: Annotated[Results, OmitArgPrefixes],
@@ -126,20 +159,42 @@ def evaluate(
             the pseudo ground truth's own error.
         all_phases: Score a clip of a higher frame rate in all its phases, not in the first alone.
     """
+    from gmrdata.score import score as stage
     from gmrdata.score.predictors import ScoreConfig
-    from gmrdata.score.score import score
 
     given = {"which": which, "all_phases": all_phases, "seed": seed}
     config = ScoreConfig.model_validate(given | protocols.settings() | results.settings())
-    made = score(
+    if dry_run:
+        print_table(stage.PLAN_HEADINGS, stage.plan_scores(predictor, manifest, config))
+        return
+    made = stage.score(
         predictor, manifest, out, config, body_path=flags.body_path(body),
         predictions_body_path=results.predictions_body, floor_path=floor,
         joint_regressor_path=protocols.joint_regressor, run=Run(redo=redo),
     )  # fmt: skip
+    if as_json:
+        answer_json(_scored(made))
+        return
     for path in made.scores:
         show_scores(path)
     if made.comparison is not None:
         _show_comparison(made.comparison, made.scores)
+
+
+def _scored(made: "Scored") -> dict[str, object]:
+    """What `--json` says: each `scores.json` by its path, and the comparison; pages are written."""
+    from gmrdata.pages.scores import write_comparison_page, write_scores_page
+    from gmrdata.score.compare import Comparison
+    from gmrdata.score.records import Scores
+
+    for path in made.scores:
+        write_scores_page(path)
+    compared = None
+    if made.comparison is not None:
+        write_comparison_page(made.comparison, made.scores)
+        compared = Comparison.read(made.comparison).model_dump(mode="json")
+    scores = {str(path): Scores.read(path).model_dump(mode="json") for path in made.scores}
+    return {"scores": scores, "comparison": compared}
 
 
 def _people(given: tuple[str, ...]) -> dict[str, str]:
@@ -195,6 +250,7 @@ def infer(
     level: Literal["standing_feet", "first_pose"] = "standing_feet",
     video: bool = True,
     redo: flags.Redo = False,
+    dry_run: flags.DryRun = False,
 ) -> None:
     """Predict people's world motion from their local poses, and write it as npz, BVH, GLB, video.
 
@@ -222,6 +278,12 @@ def infer(
     config = stage.InferConfig(
         fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, level=level, video=video
     )
+    if dry_run:
+        planned = stage.plan_infer(
+            network, source, config, body_path=flags.body_path(body), joint_map=joint_map
+        )
+        print_table(stage.PLAN_HEADINGS, planned)
+        return
     made = stage.infer(
         network, source, out, config,
         body_path=flags.body_path(body), joint_map=joint_map, draw=draw_motion, run=Run(redo=redo),

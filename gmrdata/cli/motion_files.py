@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
 from gmrdata.cli import options as flags
-from gmrdata.cli.answers import answer, print_table, then
+from gmrdata.cli.answers import answer, answer_json, print_table, then
 from gmrdata.cli.options import Manifest, Manifests, need
 from gmrdata.stage.progress import answers
-from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError
 
 
 def fetch(
@@ -72,6 +72,7 @@ def motions(
     joint_map: flags.JointMap = None,
     rest_pose: flags.RestPoseOrFile = None,
     up: flags.Up = None,
+    dry_run: flags.DryRun = False,
     *,
     run: flags.RunFlags,
 ) -> None:
@@ -87,21 +88,23 @@ def motions(
             and test.yaml. emdb: the folder of P0 to P9, to emdb.yaml, emdb1.yaml and emdb2.yaml;
             --body is then a folder with SMPL's models of the genders.
     """
+    from gmrdata.motion import library
     from gmrdata.motion.emdb import make_emdb
     from gmrdata.motion.human36m import make_human36m
-    from gmrdata.motion.library import make_library, motion_table
 
     config = flags.reading(fps_hz, unit_m, joint_map, rest_pose, up)
     if run.shard and (out is None or layout != "files"):
         raise BadRecipe("--shard: only motion files with --out are shared. Leave it out")
-    if layout != "files":
+    if dry_run:
+        _show_files(sources, out, layout)
+    elif layout != "files":
         if len(sources) != 1 or out is None:
             raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")
         make = make_human36m if layout == "human36m" else make_emdb
         for path in make(sources[0], body, out, run=run):
             answer(path)
     elif out is None:
-        table = motion_table(sources, body, config)
+        table = library.motion_table(sources, body, config)
         if table.rows:
             print_table(table.headings, table.rows)
         for warning in table.warnings:
@@ -109,7 +112,18 @@ def motions(
         if table.bad:
             raise BadMotionFile(table.bad)
     else:
-        answer(make_library(sources, body, out, **dict(config), run=run))
+        answer(library.make_library(sources, body, out, **dict(config), run=run))
+
+
+def _show_files(sources: tuple[Path, ...], out: Path | None, layout: str) -> None:
+    """The motion files that would be read, and which are."""
+    from gmrdata.motion.library import PLAN_HEADINGS, TO_DO, plan_library
+
+    if layout != "files":
+        raise BadRecipe(f"--dry-run: not with --layout {layout}, which reads all at once")
+    planned = plan_library(sources, out)
+    print_table(PLAN_HEADINGS, planned)
+    answer(f"{len(planned)} files, {sum(row[2] == TO_DO for row in planned)} to do")
 
 
 def render(
@@ -143,7 +157,9 @@ def render(
         answer(made)
 
 
-def manifest_check(paths: Manifests, hashes: bool = True, files: bool = True) -> None:
+def manifest_check(
+    paths: Manifests, hashes: bool = True, files: bool = True, as_json: flags.AsJson = False
+) -> None:
     """Check manifests: schema, files, hashes, sizes, finite values, proper rotations, paths.
 
     Args:
@@ -154,9 +170,24 @@ def manifest_check(paths: Manifests, hashes: bool = True, files: bool = True) ->
     from gmrdata.manifest.check import check_manifest
 
     need(paths, "a manifest file")
+    problems: list[str | None] = []
     for path in paths:
-        check_manifest(path, hashes=hashes, files=files)
-        answer(f"{path}: good")
+        try:
+            check_manifest(path, hashes=hashes, files=files)
+        except GmrdataError as error:
+            if not as_json:
+                raise
+            problems.append(str(error))
+            continue
+        problems.append(None)
+        if not as_json:
+            answer(f"{path}: good")
+    if as_json:
+        checked = zip(map(str, paths), problems, strict=True)
+        rows = [{"path": path, "good": why is None, "problem": why} for path, why in checked]
+        answer_json({"good": not any(problems), "manifests": rows})
+        if any(problems):
+            sys.exit(1)
 
 
 def manifest_show(path: Manifest) -> None:

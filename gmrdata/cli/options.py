@@ -46,6 +46,7 @@ def _run(
 RunFlags = Annotated[Run, OmitArgPrefixes, arg(constructor=_run)]
 """--redo, --workers, --scheduler and --shard, for verbs that run jobs; give it no default."""
 DryRun = Annotated[bool, arg(help="Say what would be done and, where it is known, what it costs.")]
+AsJson = Annotated[bool, arg(name="json", help="Print one JSON object, not text.")]
 Probe = Annotated[
     bool, arg(help="For the estimate of a dry run, render two frames in a temporary folder.")
 ]

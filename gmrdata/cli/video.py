@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
-from gmrdata.cli.answers import answer, fail, print_table, then
+from gmrdata.cli.answers import answer, answer_json, fail, print_table, then
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
@@ -20,6 +20,7 @@ def masks(
     camera_body: Path | None = None,
     body: flags.Body = "anny",
     redo: flags.Redo = False,
+    dry_run: flags.DryRun = False,
     *,
     part: flags.PartFlags,
     networks: flags.NetworkFlags,
@@ -39,6 +40,9 @@ def masks(
     flags.need(masks, "a source of masks: --masks onnx")
     config = masks_named(masks, **vars(networks))
     people = () if camera_body is None else flags.one_person(camera_body, body)
+    if dry_run:
+        _show_stages(frames, part, ("frames", "masks"))
+        return
     run = Run(redo=redo)
     masks_dir = make_masks(frames, out, config, people=people, video=part, run=run)
     answer(masks_dir)
@@ -55,6 +59,7 @@ def sfm(
     seed: int = 0,
     page: flags.Page = True,
     redo: flags.Redo = False,
+    dry_run: flags.DryRun = False,
     *,
     part: flags.PartFlags,
     networks: flags.NetworkFlags,
@@ -77,12 +82,24 @@ def sfm(
     named = masks_named(masks, **vars(networks))
     config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
     people = flags.one_person(camera_body, body)
+    if dry_run:
+        _show_stages(frames, part, ("frames", "masks", "sfm"))
+        return
     answer(solve_sequence(frames, people, out, config, video=part, run=Run(redo=redo)))
     flags.say_lost(out / "frames")
     for name, figure in load_quality(out / "sfm").lens_in_words:
         console.print(f"{name}: {figure}", markup=False, soft_wrap=True)
     if page:
         answer(write_page(out, images=frames if frames.is_dir() else None, body=body))
+
+
+def _show_stages(frames: Path, part: Any, stages: Sequence[str]) -> None:
+    """What some stages would do with frames, and about how long they take."""
+    from gmrdata.solve.plan import HEADINGS, plan_stages
+
+    planned = plan_stages(frames, part, stages)
+    print_table(HEADINGS, planned.rows)
+    answer(planned.summary(frames))
 
 
 if TYPE_CHECKING:
@@ -107,6 +124,7 @@ def video(
     dry_run: flags.DryRun = False,
     page: flags.Page = True,
     strict: bool = False,
+    as_json: flags.AsJson = False,
     *,
     lens: flags.LensFlags,
     solving: flags.SolvingFlags,
@@ -114,22 +132,17 @@ def video(
     networks: flags.NetworkFlags,
     run: flags.RunFlags,
 ) -> None:
-    """Cameras of any video, and people's motion in a metric world.
+    """Find the cameras of any video, and people's motion in a metric world.
 
-    Several videos, or a folder with video files, are a batch: each is a job of its own.
+    Several videos, or a folder of video files, are a batch of jobs.
 
     Args:
-        sources: A video file, or a folder of numbered images; of a batch several, or their folder.
-        out: Output folder: frames/ of a video, masks/, intrinsics/, sfm/ and verdict.json; bodies/
-            and pseudo_gt/ of people, and fused/ of the built-in estimator's; files/ to take along;
-            index.html and overlay/ to look at. Of a batch videos/<name>/ with these, videos.json
-            and index.html. A run that was stopped goes on where it was.
-        poses: People before the camera: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, GVHMR's
-            hmr4d_results.pt, GEM-X's hpe_results.pt, rows of SAM 3D Body, TRAM's folder, or PHALP's
-            or 4D-Humans' .pkl. Of a batch a folder with <name>.pkl, <name>.pt or <name>/ for each
-            video that has people. When left out, whom the built-in estimator sees, a demonstrator
-            (docs/poses.md), if its networks were fetched; cameras decide alone then. The word own
-            for the same people, one of whom must be accepted; none for cameras alone.
+        sources: A video file or a folder of numbered images, or several.
+        out: Output folder; index.html is the page, and files/ is for other programs. The same
+            command resumes a stopped run.
+        poses: People of another system, by its file or folder; for a batch a folder of files by
+            the videos' names. Without it, people of the built-in estimator. The word own demands
+            that one of these is accepted; none is for cameras alone.
         strict: End with exit code 1 for a rejected video.
     """
     flags.need(sources, "a video, or a folder of numbered images or of videos")
@@ -142,9 +155,9 @@ def video(
         _show_plan(sources, asked)
     elif alone:
         asked["gravity"] = solving.gravity
-        _solve_one(sources[0], out, asked, run, page=page, strict=strict)
+        _solve_one(sources[0], out, asked, run, page=page, strict=strict, as_json=as_json)
     else:
-        _solve_many(sources, out, asked, run, page=page, strict=strict)
+        _solve_many(sources, out, asked, run, page=page, strict=strict, as_json=as_json)
 
 
 def _solve_config(
@@ -206,31 +219,40 @@ def _show_plan(sources: Sequence[Path], asked: dict[str, Any]) -> None:
 
 
 def _solve_one(
-    source: Path, out: Path, asked: dict[str, Any], run: Run, *, page: bool, strict: bool
-) -> None:
+    source: Path, out: Path, asked: dict[str, Any], run: Run,
+    *, page: bool, strict: bool, as_json: bool,
+) -> None:  # fmt: skip
     from gmrdata.solve.verdict import VideoVerdict
     from gmrdata.solve.videos import solve_video
 
     verdict = VideoVerdict.read(solve_video(source, out, **asked, run=run))
     if source.is_file():
         flags.say_lost(out / "frames")
-    _say(verdict)
+    if not as_json:
+        _say(verdict)
+    made = None
     if page:
-        answer(leave_files_and_page(out, verdict))
+        made = leave_files_and_page(out, verdict)
     else:
         leave_files(out, verdict)
+    if as_json:
+        made_text, said = made and str(made), verdict.model_dump(mode="json")
+        answer_json({"out": str(out), "page": made_text, "verdict": said})
+    elif made:
+        answer(made)
     if strict and not verdict.accepted:
         fail(f"{source}: rejected")
 
 
 def _solve_many(
-    sources: Sequence[Path], out: Path, asked: dict[str, Any], run: Run, *, page: bool, strict: bool
-) -> None:
+    sources: Sequence[Path], out: Path, asked: dict[str, Any], run: Run,
+    *, page: bool, strict: bool, as_json: bool,
+) -> None:  # fmt: skip
     """Solve the videos of a batch, say which were rejected, and write the index."""
     from gmrdata.solve.videos import PAGE, Videos, solve_videos
 
     after, leaves = (leave_files_and_page, (PAGE,)) if page else (leave_files, ())
-    with then(lambda: _show_videos(out)):
+    with then(lambda: _show_videos(out, as_json=as_json)):
         record = solve_videos(sources, out, **asked, after=after, leaves=leaves, run=run)
     videos = Videos.read(record)
     if strict and (n_rejected := len(videos.in_state("rejected"))):
@@ -293,12 +315,16 @@ def _say(verdict: "VideoVerdict") -> None:
         console.print(line, markup=False, soft_wrap=True)
 
 
-def _show_videos(out: Path) -> None:
+def _show_videos(out: Path, *, as_json: bool) -> None:
     """Write the index, and say which videos were rejected or failed and how many of each."""
     from gmrdata.pages.batches import write_videos_page
     from gmrdata.solve.videos import RECORD_FILE, Videos
 
     record = Videos.read(out / RECORD_FILE)
+    if as_json:
+        page = write_videos_page(out)
+        answer_json({"out": str(out), "page": str(page)} | record.model_dump(mode="json"))
+        return
     counts = {state: record.in_state(state) for state in ("accepted", "rejected", "failed")}
     rows = [
         (one.name, state, str(one.frames), str(one.people), "; ".join(one.reasons))

@@ -294,6 +294,34 @@ def infer(
     return run_stage("infer", out_dir, config, inputs, Resumable(work), run=run)
 
 
+PLAN_HEADINGS = ("motion", "frames", "of the video", "rate [Hz]", "what")
+
+
+def plan_infer(
+    network: Path | str,
+    poses_path: Path | str,
+    config: InferConfig,
+    *,
+    body_path: Path | str | None = None,
+    joint_map: Path | str | None = None,
+) -> list[tuple[str, ...]]:
+    """Rows of `PLAN_HEADINGS`: the motions that `infer` would predict; errors as there."""
+    gmr, rows = load_gmr(network_dir(network), config.which), list[tuple[str, ...]]()
+    runs = read_local_poses(
+        Path(poses_path),
+        config.fps_hz,
+        body=load_body(body_path),
+        joint_map=None if joint_map is None else Path(joint_map),
+        bridge_frames=config.bridge_frames,
+    )
+    for run in runs:
+        first, last = int(run.image_numbers[0]), int(run.image_numbers[-1])
+        state = _too_short(run.motion, gmr.fps_hz) or "to predict"
+        frames, rate = str(run.motion.n_frames), f"{run.motion.fps_hz:g}"
+        rows.append((run.id, frames, f"{first}-{last}", rate, state))
+    return rows
+
+
 class _World(NamedTuple):
     """One unbroken run of a person."""
 

@@ -207,6 +207,25 @@ def _cells(read: FileReading) -> tuple[str, ...]:
     return f"{motion.n_frames}", f"{motion.fps_hz:g}", read.rate_from, *figures, *off
 
 
+PLAN_HEADINGS = ("clip", "file", "state")
+TO_DO = "to do"
+
+
+def plan_library(
+    sources: Sequence[str | Path], out_dir: str | Path | None
+) -> list[tuple[str, str, str]]:
+    """Rows of `PLAN_HEADINGS`: what `make_library` would read; no file is opened."""
+    clips_dir = None if out_dir is None else Path(out_dir) / CLIPS
+    return [
+        (
+            file.id,
+            str(file.path),
+            "there" if clips_dir and (clips_dir / file.id).is_dir() else TO_DO,
+        )
+        for file in library_files(tuple(map(Path, sources)))
+    ]
+
+
 def make_library(
     sources: Sequence[str | Path],
     body: str,

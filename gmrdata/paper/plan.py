@@ -337,7 +337,7 @@ def planned_runs(
         if isinstance(config, TrainConfig):
             key = f"{config.model!r} {config.batch_size} {config.windows.frames} {config.device}"
             if key not in probed:
-                probed[key] = _probe(config)
+                probed[key] = probe_training(config)
             parameters, step_s = f"{probed[key][0]:,}", probed[key][1]
         minutes = None if step_s is None else config.steps * step_s / 60
         run_dir = out_dir / "runs" / run
@@ -357,7 +357,7 @@ def planned_runs(
     ]
 
 
-def _probe(config: TrainConfig) -> tuple[int, float | None]:
+def probe_training(config: TrainConfig) -> tuple[int, float | None]:
     """Number of parameters, and seconds of a step on one CPU thread; None for another device."""
     import torch
 

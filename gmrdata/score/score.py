@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.gmr.config import is_network, network_dir
-from gmrdata.gmr.runs import UsableClip, UsableClips, fitting_clips, given_body, usable_clips
+from gmrdata.gmr.runs import (
+    UsableClip,
+    UsableClips,
+    fitting_clips,
+    given_body,
+    usable_clips,
+    usable_files,
+)
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.bodies import body_inputs, load_bodies
@@ -93,6 +100,20 @@ def score(
         return Scored(tuple(scores), None)
     compared = CompareConfig(names=tuple(one.name for one in sources), seed=config.seed)
     return Scored(tuple(scores), compare(scores, out_dir / COMPARISON, compared, run=run))
+
+
+PLAN_HEADINGS = ("what", "clips", "frames", "left out")
+
+
+def plan_scores(
+    predictor: Path | str, manifest_path: Path | str, config: ScoreConfig
+) -> list[tuple[str, ...]]:
+    """Rows of `PLAN_HEADINGS`: what `score` would score, and on what; errors as there."""
+    given = _Given(Path(manifest_path), None, None, None, None)
+    files, skipped, _ = usable_files(given.manifest_path)
+    n_frames = sum(file.entry.n_frames for file in files)
+    found = [one.name for one in _sources(predictor, given, config)]
+    return [(name, str(len(files)), str(n_frames), str(len(skipped))) for name in found]
 
 
 @dataclass(frozen=True)

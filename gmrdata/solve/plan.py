@@ -40,26 +40,44 @@ class VideoPlan(NamedTuple):
         stages = [(name, f"{s:.0f}") for name, s in self.seconds.items() if s]
         return [*stages, ("all", f"{sum(self.seconds.values()):.0f}")]
 
+    def summary(self, source: Path) -> str:
+        return "{}: {} images of {}x{} px".format(source, self.n_images, *self.size_px)
+
 
 def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     """By the file's own word, or by the images of a folder; errors as of reading them."""
-    source, people = request.source, request.people
+    people = request.people
+    own = isinstance(people, EstimatedPeople) and people.are_own
+    asked = {
+        "frames": True,
+        "masks": config.masks is not None,
+        "intrinsics": config.intrinsics.look_in_frames,
+        "sfm": True,
+        "own poses": own,
+        "bodies": people is not None,
+    }
+    return plan_stages(
+        request.source, request.part, [name for name, is_on in asked.items() if is_on]
+    )
+
+
+def plan_stages(source: Path, part: VideoConfig | None, stages: Sequence[str]) -> VideoPlan:
+    """Some stages of a video or a folder of images; errors as of `plan_video`."""
     if is_video(source):
-        n_images, size_px = count_images(source, request.part or VideoConfig())
+        n_images, size_px = count_images(source, part or VideoConfig())
     else:
         frames = read_frames(source)
         n_images, size_px = len(frames.paths), frames.size_px
     share = size_px[0] * size_px[1] / (1280 * 720)
-    own = isinstance(people, EstimatedPeople) and people.are_own
     seconds = {
         "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
-        "masks": n_images * MASK_S * max(1.0, share) if config.masks is not None else 0.0,
-        "intrinsics": INTRINSICS_S * config.intrinsics.look_in_frames,
+        "masks": n_images * MASK_S * max(1.0, share),
+        "intrinsics": INTRINSICS_S,
         "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
-        "own poses": n_images * OWN_POSE_S if own else 0.0,
-        "bodies": BODIES_S + n_images * BODY_S if people is not None else 0.0,
+        "own poses": n_images * OWN_POSE_S,
+        "bodies": BODIES_S + n_images * BODY_S,
     }
-    return VideoPlan(n_images, size_px, seconds)
+    return VideoPlan(n_images, size_px, {name: s * (name in stages) for name, s in seconds.items()})
 
 
 class Plan(NamedTuple):
@@ -90,8 +108,7 @@ def plan_videos(
     if found is None:
         alone = request.of(NamedVideo("", paths[0], results), body)
         planned = plan_video(alone, config)
-        says = "{}: {} images of {}x{} px".format(paths[0], planned.n_images, *planned.size_px)
-        return Plan(True, planned.rows, says)
+        return Plan(True, planned.rows, planned.summary(paths[0]))
     batch = Batch(Path(), request, config, body)
     return plan_batch(prepared(found, batch, results).videos, batch)
 

@@ -1,5 +1,6 @@
 """Stages: folders that are complete when they exist, and the records that say what made them."""
 
+import logging
 import platform
 import shutil
 import subprocess
@@ -33,6 +34,8 @@ RECORDED_PACKAGES = (
     "numpy", "scipy", "torch", "torchvision", "roma", "safetensors", "pycolmap",
     "opencv-python-headless", "bpy", "av",
 )  # fmt: skip
+LOG = logging.getLogger("gmrdata.stage")
+"""Which stage begins, is made or was found; shown by `-v`."""
 MOMENT_S = 1.0  # after which a folder is there that another process renames now
 FRESH_NS = 2_000_000_000
 """A file that was written so short a time before it was hashed is hashed again [ns]."""
@@ -130,7 +133,11 @@ def run_stage(
         shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
         if not out_dir.exists() or _is_stale(out_dir, recipe, run):
             partial = _partial_dir(out_dir, recipe, isinstance(work, Resumable), alone)
+            LOG.info("%s: begins in %s", name, out_dir)
             _make(out_dir, recipe, work, partial)
+            LOG.info("%s: made in %.1f s", name, stage_seconds(out_dir))
+        else:
+            LOG.info("%s: there in %s", name, out_dir)
         hashes.remember()
     return out_dir
 

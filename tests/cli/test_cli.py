@@ -64,6 +64,16 @@ def test_help_of_each_verb_says_what_it_does(
     assert " ".join(first_line.split())[:40] in said
 
 
+def test_the_usual_help_of_video_fits_a_screen(
+    gmrdata: Gmrdata, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    usual, whole = gmrdata("video", "--help").stdout, gmrdata("video", "--help-all").stdout
+    assert len(usual.splitlines()) <= 50 and "--poses" in usual and "--focal" not in usual
+    assert "Flags of lens, solving, part, networks, run: gmrdata video --help-all" in usual
+    assert "--focal" in whole and "--shard" in whole
+
+
 def test_help_comes_from_a_process_of_its_own_too() -> None:
     answer = in_a_process("--help")
     assert answer.returncode == 0, answer.stderr

@@ -7,6 +7,7 @@ import shutil
 import tarfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from gmrdata.cli import main
 from gmrdata.read import models
 from gmrdata.score.records import Scores
 from gmrdata.solve.verdict import VideoVerdict
+from gmrdata.stage.progress import console
 from tests.blender.jobs import in_blender
 from tests.docs.page_commands import REPOSITORY
 from tests.read.videos import make_video
@@ -106,6 +108,68 @@ def test_both_networks_have_a_score_on_the_person(folder: Path) -> None:
         scores = Scores.read(folder / "out" / name / "scores.json")
         assert [clip.id for clip in scores.clips] == ["person_0.person_0_00000-00035"]
     assert (folder / "out/compared/comparison.html").is_file()
+
+
+SOLVE = "video walk.mp4 --out out/walk --height-m 1.64"
+CLIP = "out/walk/files/amass/person_0/person_0_00000-00035.npz"
+
+
+def said_as_json(capsys: pytest.CaptureFixture[str], command: str) -> Any:
+    capsys.readouterr()
+    main([*shlex.split(command), "--json", "-q"])
+    answer = capsys.readouterr()
+    assert answer.err == ""
+    return json.loads(answer.out)
+
+
+def test_a_script_reads_answers_as_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    solved = said_as_json(capsys, SOLVE)
+    assert solved["verdict"]["accepted"] and solved["page"].endswith("out/walk/index.html")
+    scored = said_as_json(capsys, "evaluate bundled out/person/motions.yaml --out out/scores")
+    (scores,) = scored["scores"].values()
+    assert scored["comparison"] is None
+    assert scores == Scores.read(folder / "out/scores/scores.json").model_dump(mode="json")
+    checked = said_as_json(capsys, "manifest check out/person/motions.yaml")
+    assert checked["good"] and checked["manifests"][0]["problem"] is None
+    with pytest.raises(SystemExit) as ended:
+        main(["manifest", "check", "out/person/motions.yaml", "my_gmr.yaml", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert ended.value.code == 1 and [one["good"] for one in found["manifests"]] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        ("motions out/walk/files/amass", ("person_0_00000-00035", "1 files, 1 to do")),
+        ("train out/person/motions.yaml --recipe my_gmr.yaml", ("36", "10 steps", "to make")),
+        ("infer " + CLIP, ("0-35", "to predict")),
+        ("masks walk.mp4", ("masks", "walk.mp4: 36 images of 360x480 px")),
+        ("sfm walk.mp4 --camera-body out/walk/bodies/person_0.npz", ("sfm", "36 images")),
+        ("evaluate bundled out/person/motions.yaml", ("weights", "36")),
+    ],
+)
+def test_a_dry_run_says_what_there_is_to_do_and_makes_nothing(
+    folder: Path, capsys: pytest.CaptureFixture[str], command: str, says: tuple[str, ...]
+) -> None:
+    main([*shlex.split(command), "--out", "out/new", "--dry-run"])
+    said = capsys.readouterr().out
+    assert [word for word in says if word not in said] == []
+    assert not list((folder / "out").glob("new*"))
+
+
+def test_quiet_and_verbose(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    main(["-v", *shlex.split(SOLVE)])
+    assert re.search(
+        r"^\d\d:\d\d:\d\d sfm: there in .*out/walk/sfm$", capsys.readouterr().err, re.M
+    )
+    for loudness, traced in (("-q", False), ("-v", True)):
+        with pytest.raises(SystemExit):
+            main(["manifest", "check", "walk.mp4", loudness])
+        error = capsys.readouterr().err
+        assert "gmrdata: walk.mp4: not a manifest" in error
+        assert ("Traceback" in error) == traced
+    assert not console.quiet
 
 
 def test_the_notebook_runs_over_the_public_api(
