@@ -4,11 +4,11 @@
 
 A CLIP is a folder with frames/ and clip.npz, as `render_set` and `video/clips.py` leave it, and
 clip.json where a lens bends it.  MODELS holds the two networks.  People are kept in
-OUT/followed and found once.  Those that ship were made of video/clips.py's courtyard_beside,
-courtyard_circular and room_small, and of the twins that `make bench-sfm` films of CMU's trials
-02_10, 05_12, 06_13, 09_12, 12_02, 17_10, 26_01 and 27_01, as BlazePose GHUM lite saw them.  Limbs'
-landmarks are joints whatever was measured: a real man's lie there, and shoulders and hips of people
-seen from the side are drawn together.
+OUT/followed and found once.  Those that ship were made of poses/clips.py's courtyard_walk,
+room_scoop, street_stride, park_walk, room_wash and street_strike as BlazePose GHUM heavy saw them.
+Across and forward the landmarks of limbs, hands and feet stay as they are, joints but for fingers
+and feet: a real man's lie there, and shoulders and hips of people seen from the side are drawn
+together.
 """
 
 import argparse
@@ -27,7 +27,12 @@ from gmrdata.people.following import (
     follow_people,
     load_tracks,
 )
-from gmrdata.people.landmark_body import BODY_FILE, LandmarkBodyRecord, SeenLandmarks
+from gmrdata.people.landmark_body import (
+    BODY_FILE,
+    LandmarkBodyRecord,
+    SeenLandmarks,
+    landmark_offsets_m,
+)
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
@@ -92,23 +97,20 @@ def _kept(whole: TrueTrack, kept: np.ndarray) -> TrueTrack:
     )
 
 
-JOINTS = ("shoulder", "elbow", "wrist", "knee", "ankle")
-"""Landmarks that are joints; the hips' are below them, in the middle."""
+HEAD = slice(0, LANDMARKS.index("left_shoulder"))
 
 
 def calibrate(clips: Sequence[Path], models_dir: Path, out_dir: Path) -> None:
     """Write the file into a folder."""
     tracks = true_tracks(clips, out_dir / "followed", models_dir)
     offsets_m = measure_offsets(list(tracks.values())).round(4)
-    for name, offset_m in zip(LANDMARKS, offsets_m, strict=True):
-        part = name.partition("_")[2]
-        if part in JOINTS or part == "hip":
-            offset_m[[0, 2] if part == "hip" else slice(None)] = 0
+    kept_m = landmark_offsets_m()
+    kept_m[HEAD], kept_m[:, 1] = offsets_m[HEAD], offsets_m[:, 1]
     rounded = {
         name: (float(x), float(y), float(z))
-        for name, (x, y, z) in zip(LANDMARKS, offsets_m, strict=True)
+        for name, (x, y, z) in zip(LANDMARKS, kept_m, strict=True)
     }
-    made_from = "joints of limbs; rendered people of the Anny body for head, hands and feet"
+    made_from = "rendered people of the Anny body; of limbs, hands and feet up and down alone"
     LandmarkBodyRecord(made_from=made_from, offsets_m=rounded).write(out_dir / BODY_FILE.name)
     rows = [
         {"clip": name, "seconds": round(len(one.rows) / RATE_HZ, 1)} for name, one in tracks.items()

@@ -1,11 +1,9 @@
 """The landmark network's landmarks on a body of the 24-joint tree, and how they are seen.
 
-Those of limbs are joints.  The others hang on one joint each, by an offset in the axes of a joint's
-rest pose.
+Each hangs on one joint, by an offset in the axes of a joint's rest pose.
 
-The network sees a crop and nothing else, so its metres are along the crop's ray: they are compared
-in a camera that looks along the ray through the middle of the hips ("Perspective Crop Layers", Yu
-et al., 2021).
+The network sees a crop and nothing else, so its metres are along the crop's ray, the one through
+the middle of the hips ("Perspective Crop Layers", Yu et al., 2021).
 """
 
 from dataclasses import dataclass

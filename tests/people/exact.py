@@ -23,7 +23,9 @@ def seen_exactly(motion: Motion, body: BodyModel) -> SeenLandmarks:
     rays = true_m[..., :2] / true_m[..., 2:]
     times_s = np.arange(motion.n_frames) / motion.fps_hz
     seen = SeenLandmarks(times_s, rays, true_m, np.ones(rays.shape[:2]))
-    return replace(seen, world_m=from_hips(true_m @ seen.cam_from_ray))
+    along_ray_m = true_m @ seen.cam_from_ray
+    along_ray_m[..., 2] = np.linalg.norm(true_m, axis=-1)
+    return replace(seen, world_m=from_hips(along_ray_m))
 
 
 def aligned_mm(motion: Motion, body: BodyModel, rotmats: np.ndarray) -> float:
