@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 
 from gmrdata.motion.amass import SPLIT_KEYS, amass_rate, is_amass_extra, read_amass
-from gmrdata.motion.pelvis import on_pelvis
+from gmrdata.motion.pelvis import NO_TURN, on_pelvis
 from gmrdata.motion.rest_pose import TOLD_FROM, in_metres
 from gmrdata.motion.retarget import Residual, Retargeting, retarget
 from gmrdata.motion.up_axis import BY_TRUNK, LIES, person_of, remarks_on, shows_z_up
@@ -112,6 +112,8 @@ def read_file(
     remarks = remarks_on(person, motion.fps_hz)
     if config.up is None and TOLD_FROM in motion.source and not shows_z_up(person):
         remarks = (*remarks, BY_TRUNK)
+    if NO_TURN in motion.source:
+        remarks = (*remarks, f"{NO_TURN} {motion.source.split(NO_TURN)[1].split(',')[0].strip()}")
     return FileReading(motion, LIES not in remarks, remarks, rate_from, residual)
 
 

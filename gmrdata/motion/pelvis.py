@@ -17,6 +17,8 @@ RIGID_M = 1e-3  # how far a joint may move in the frame of what carries it
 TURNS_DEG = 2.0  # hips that turn more in the frame of a bone are not held by it
 LONGEST_BONE = 0.6
 """Of the leg, from the pelvis to a joint of the trunk; a Reference joint is far, or moves."""
+NO_TURN = "the root's frame is that of the bone it holds, so the file lacks the turn of"
+"""Begins the note on a foot, hand or head that may be off by as much as it turns."""
 _LIMBS = [JOINT[f"{side}_{part}"] for part in ("hip", "shoulder") for side in ("left", "right")]
 
 
@@ -82,6 +84,9 @@ def hung_on(source: SourceMotion, pelvis: int) -> SourceMotion:
         held_m = np.einsum("tji,tj->ti", frames[:, below], bones_m)
         if np.ptp(held_m, axis=0).max() > RIGID_M:
             turned[:, below] = frames[:, bone]
+    notes = (*source.notes, f"hung on {source.names[pelvis]} instead of {source.names[0]}")
+    if np.any(turned[:, line[1]] != frames[:, line[1]]):
+        notes += (f"{NO_TURN} {source.names[0]}",)
     order = sorted(range(len(parents)), key=lambda bone: len(line_to(bone, parents)))
     new = {bone: row for row, bone in enumerate(order)}
     over_bones = [max(parents[bone], 0) for bone in order]
@@ -97,5 +102,5 @@ def hung_on(source: SourceMotion, pelvis: int) -> SourceMotion:
         tips_m=source.tips_m[order],
         local_rotmats=over.swapaxes(-1, -2) @ turned[:, order],
         translations_m=np.einsum("tjlk,tjl->tjk", over, places_m[:, order] - starts_m),
-        notes=(*source.notes, f"hung on {source.names[pelvis]} instead of {source.names[0]}"),
+        notes=notes,
     )

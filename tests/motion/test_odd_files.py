@@ -14,9 +14,10 @@ from gmrdata.motion.files import find_motions, read_file, read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, SourceMotion
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import line_to
+from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
 from gmrdata.write.bvh import frame_time, write_bvh
 
@@ -99,6 +100,38 @@ def test_the_pelvis_is_where_legs_and_trunk_meet(
     np.testing.assert_allclose(found.root_rotmats, wanted.root_rotmats, atol=1e-6)
     np.testing.assert_allclose(found.pelvis_m, wanted.pelvis_m, atol=1e-5)
     np.testing.assert_allclose(found.local_rotmats, wanted.local_rotmats, atol=1e-5)
+
+
+@pytest.mark.parametrize(("root", "joint"), [("Head", "head"), ("RightFoot", "right_ankle")])
+def test_a_root_whose_frame_is_that_of_the_bone_it_holds(
+    write_bvh: Callable[..., Path], walk_path: Path, small_body: BodyModel, root: str, joint: str
+) -> None:
+    """What the file does not say of the foot or the head is told of."""
+    plain = replace(read_bvh(walk_path), offsets_m=1.01 * read_bvh(walk_path).offsets_m)
+    parents = list(plain.parents)
+    frames = global_rotmats(plain.parents, plain.local_rotmats)
+    places_m = joint_positions_m(plain.parents, frames, plain.translations_m)
+    turned = frames.copy()
+    for above, below in pairwise(line_to(plain.names.index(root), parents)):
+        parents[above], turned[:, below] = below, frames[:, above]
+    parents[plain.names.index(root)] = -1
+    over = np.maximum(plain.parents, 0)
+    turns = turned[:, over].swapaxes(-1, -2)
+    turns[:, 0] = np.eye(3)
+    moves_m = np.einsum("tjkl,tjl->tjk", turns, places_m - places_m[:, over])
+    moves_m[:, 0] = places_m[:, 0]
+    hung = replace(plain, local_rotmats=turns @ turned, translations_m=moves_m)
+    wanted = read_motion(
+        _save(write_bvh, walk_path.parent / "a.bvh", plain, plain.parents), small_body
+    )
+    path = _save(write_bvh, walk_path.parent / "b.bvh", hung, parents)
+    found = read_file(path, small_body, ReadConfig())
+    turns_deg = np.rad2deg(angles_rad(wanted.rotmats.swapaxes(-1, -2) @ found.motion.rotmats))
+    off = set(np.flatnonzero(turns_deg.max(axis=0) > 2.0).tolist())
+    ends = {JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")}
+    assert JOINT[joint] in off and off <= {*ends, JOINT["neck"], JOINT["head"]}
+    np.testing.assert_allclose(found.motion.pelvis_m, wanted.pelvis_m, atol=0.05)
+    assert [one for one in found.remarks if one.endswith(f"the file lacks the turn of {root}")]
 
 
 @pytest.mark.parametrize(
