@@ -21,6 +21,8 @@ from gmrdata.values.errors import BadIntrinsics, MissingInput
 MOST_BYTES = 1 << 24  # a calibration is a few lines, or those of each frame
 FILM_DIAGONAL_MM = 43.267  # of 24 x 36 mm
 MOST_SHIFT_PX = 1.0  # at the corner, by what one radial term can't say
+SHORTEST, LONGEST = 0.1, 100.0  # focal lengths of cameras, over the picture's longer side
+LARGEST_RATIO = 2.5  # of a focal length across and down: anamorphic lenses have 2
 SHAPE_TOLERANCE = 0.01  # of the sides' ratio, between a calibration's picture and the frames
 
 
@@ -75,8 +77,14 @@ def _require_of_frames(
     focal_px, (width, height) = pinhole.focal_px, pinhole.size_px
     if not np.isfinite([*focal_px, *pinhole.centre_px, *terms]).all() or min(focal_px) <= 0:
         raise BadIntrinsics(f"{path}: a focal length of {focal_px} px; calibrate again")
+    if max(focal_px) > LARGEST_RATIO * min(focal_px):
+        remedy = "write decimal points, not commas, or calibrate again"
+        raise BadIntrinsics(f"{path}: focal lengths of {focal_px} px; {remedy}")
     if min(width, height) <= 0:
         raise BadIntrinsics(f"{path}: a picture of {pinhole.size_px} px; calibrate again")
+    if not SHORTEST < max(focal_px) / max(width, height) < LONGEST:
+        what = f"a focal length of {focal_px[0]:g} px for {width}x{height} px"
+        raise BadIntrinsics(f"{path}: {what}; give it in pixels of these frames")
     scale = np.divide(size_px, pinhole.size_px)
     if abs(np.log(scale[0] / scale[1])) > SHAPE_TOLERANCE:
         what = f"for a picture of {width}x{height} px, the frames have {size_px[0]}x"
@@ -119,7 +127,7 @@ def exif_lens(image: Path, size_px: tuple[int, int]) -> Lens | None:
 
 def _noted(focal_px: float, size_px: tuple[int, int], sigma: float) -> Lens | None:
     """A focal length that a camera notes; None where no camera has it."""
-    if not 0.1 < focal_px / max(size_px) < 100:
+    if not SHORTEST < focal_px / max(size_px) < LONGEST:
         return None
     return Lens.centred(focal_px, size_px, Origin("metadata", sigma))
 

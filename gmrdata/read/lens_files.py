@@ -119,6 +119,8 @@ def _colmap_binary(content: bytes) -> InFile:
 
 def _one_of(cameras: list[InFile]) -> InFile:
     """The one camera of a file, also where each picture has its own that hardly differs."""
+    if not cameras:
+        raise ValueError("no camera")
     if len(set(cameras)) == 1:
         return cameras[0]
     sizes = {lens.size_px for lens, _ in cameras}
@@ -213,7 +215,7 @@ def _matrix(numbers: Any) -> np.ndarray:
     flat = np.asarray(numbers, dtype=np.float64).ravel()
     if flat.size in (12, 16):
         wide = flat.reshape(-1, 4)
-        if wide[:3, 3].any() or not np.array_equal(wide[3:], [[0, 0, 0, 1]] * (len(wide) - 3)):
+        if wide[:3, 3].any() or wide[3:].tolist() != [[0, 0, 0, 1]] * (len(wide) - 3):
             raise ValueError("a projection that also moves")
         flat = wide[:3, :3].ravel()
     matrix = flat.reshape(3, 3)
@@ -239,6 +241,7 @@ TERMS = (
     "distortioncoefficients", "distortioncoeffs", "distortioncoefs", "distcoeffs", "distcoeff",
     "distcoefs", "distcoef", "dist", "distortion", "d", "d1", "distortionparameters", "coeffs",
     "distortionparams", "distortionvector", "distortioncoefficient", "distparams", "coefficients",
+    "distok1", "distok3",
 )  # fmt: skip
 TERM_NAMES = (
     "k1",
@@ -259,6 +262,7 @@ TERM_NAMES = (
 MODELS = (
     "cameramodel", "distortionmodel", "modeltype", "cameratype", "projectiontype", "lensmodel",
     "lenstype", "distortiontype", "projectionmodel", "intrinsicsmodel", "cammodel",
+    "polymorphicname",
 )  # fmt: skip
 LOOSE_MODELS = ("model", "type", "projection", "camera", "lens")  # or the maker's name, or what not
 FISHEYES = ("fisheye", "isfisheye", "fisheyemodel", "usefisheye", "isomnidirectional", "omnidir")
@@ -271,7 +275,8 @@ PINHOLES = (
     "radial3", "radialk1", "radialk3", "brown3", "brown3t2", "pinholeradialk1", "pinholeradialk3",
     "opencv4", "opencv5", "opencv8", "pinholeradtan8", "pinholecameramodel",
 )  # fmt: skip
-ALL_RADIAL = ("simpleradial", "radial", "radial1", "radial3", "radialk1", "radialk3", "brown3")
+ALL_RADIAL = ("simpleradial", "radial", "radial1", "radial3", "radialk1", "radialk3", "brown3",
+              "pinholeradialk1", "pinholeradialk3")  # fmt: skip
 BACKWARD = ("inversebrownconrady", "modifiedbrownconrady")  # RealSense's: only without terms
 OTHER = re.compile(
     "fish|equi|kannala|^kb[0-9]|^mei$|omni|unified|ucm|^ds$|doublesphere|^fov$|atan|prism|division|"
@@ -296,6 +301,8 @@ def _name(key: object) -> str:
 
 
 def _of_values(value: Any, frames_px: tuple[int, int], *, from_middle: bool) -> InFile:
+    if isinstance(value, list) and value and all(isinstance(one, Mapping) for one in value):
+        value = {"cameras": value}
     if isinstance(value, Mapping):
         cameras = list(_cameras(value, {}, 0))
         if not cameras:
@@ -326,7 +333,11 @@ def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[An
     """Put a mapping's own values into `own`; give the mappings in it that may be cameras."""
     for key, one in value.items():
         name = _name(key)
-        if isinstance(one, Mapping) and "data" in one:
+        if isinstance(one, Mapping) and "fisheye" in name and _is_other(one):
+            raise OtherModel(f"fisheye ({key})")  # Gyroflow's have no other word for it
+        if isinstance(one, Mapping) and isinstance(one.get("data"), Mapping):
+            yield from _split(one["data"], own)
+        elif isinstance(one, Mapping) and "data" in one:
             _put(own, name, one["data"])
         elif isinstance(one, Mapping) and name in PARTS:
             yield from _split(one, own)
@@ -336,6 +347,11 @@ def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[An
             yield from one
         else:
             _put(own, name, one)
+
+
+def _is_other(values: Mapping[Any, Any]) -> bool:
+    """Whether a fisheye's values have a distortion."""
+    return any(any(_numbers(one) or ()) for key, one in values.items() if _name(key) in TERMS)
 
 
 def _put(own: dict[str, Any], name: str, value: Any) -> None:
@@ -378,7 +394,7 @@ def _camera(values: Values, frames_px: tuple[int, int], from_middle: bool) -> In
     for name, what in (("focallength35mm", "RealityCapture's"), ("sensorwidth", "Meshroom's")):
         if name in values:
             raise ValueError(f"{what} lens in millimetres; export COLMAP's cameras.txt")
-    is_matlab = "radialdistortion" in values
+    is_matlab = "radialdistortion" in values and "pixelaspectratio" not in values  # Nerfies'
     size_px = _size(values, frames_px, by_rows=is_matlab)
     if "projection" in values and "f" in values:
         lens = _metashape(values, size_px)
@@ -434,7 +450,8 @@ def _pinhole(values: Values, size_px: tuple[int, int]) -> Lens:
         if (wide_rad := _first(values, ("cameraanglex",))) is None:
             raise ValueError("no focal length")
         return Lens.centred(0.5 * size_px[0] / float(np.tan(wide_rad[0] / 2)), size_px)
-    focal_y = _first(values, FOCALS_Y) or focal
+    aspect = _first(values, ("pixelaspectratio",)) or [1.0]
+    focal_y = _first(values, FOCALS_Y) or [aspect[0] * focal[-1]]
     centre = _first(values, CENTRES, (2,))
     if centre is None:
         centre = [*(_first(values, CENTRES_X) or ()), *(_first(values, CENTRES_Y) or ())]
@@ -470,6 +487,8 @@ def _terms(values: Values) -> tuple[float, ...]:
         listed = [k1, k2, p1, p2, k3]
     elif listed is None:
         is_said = any(numbers.get(name) for name in TERM_NAMES)
+        if several := [name for name in TERM_NAMES if len(said.get(name, [0.0])) > 1]:
+            raise ValueError(f"{len(said[several[0]])} numbers of {several[0]}: {COMMAS}")
         listed = [said.pop(name, [0.0])[0] for name in TERM_NAMES] if is_said else []
     elif any(_name(values.get(name, "")) in ALL_RADIAL for name in MODELS):
         k1, k2, k3 = (*listed, 0.0, 0.0)[:3]
@@ -483,6 +502,7 @@ def _terms(values: Values) -> tuple[float, ...]:
 OF_DISTORTION = re.compile(
     r"dist(?!ance)|radial|tangential|lensdist|[kps][0-9]+$|tau[xy]$|d1?$|coeff"
 )
+COMMAS = "write decimal points, not commas"
 MOST_SHARE = 10.0  # that a focal length is of the longer side, where it is a share of it
 
 

@@ -169,8 +169,14 @@ projection_parameters:
     "full_opencv.txt": "1 FULL_OPENCV 640 480 600 605 320 240 -0.1 0 0 0 0 0 0 0",
     "equals.cfg": "fx = 600\nfy = 605\ncx = 319.5\ncy = 239.5\nk1 = -0.1\nwidth = 640\n"
     "height = 480\n",
+    "nerfies.json": json.dumps({
+        "position": [0, 0, 0], "focal_length": 600, "pixel_aspect_ratio": 605 / 600, "skew": 0.0,
+        "principal_point": [320, 240], "radial_distortion": [-0.1, 0, 0],
+        "tangential_distortion": [0, 0], "image_size": [640, 480],
+    }),
 }  # fmt: skip
 PINHOLES = {
+    "wide.txt": "600 0 320 0 0 605 240 0 0 0 1 0\n",
     "printed_matrix.txt": "[[600. 0. 320.]\n [0. 605. 240.]\n [0. 0. 1.]]",
     "matlab_matrix.txt": "K = [600 0 320; 0 605 240; 0 0 1]",
     "matlab_lines.txt": "K = [600 0 320;\n 0 605 240;\n 0 0 1];\n",
@@ -182,6 +188,22 @@ PINHOLES = {
     "four.txt": "600, 605, 320, 240",
 }
 REFUSED = {
+    "gyroflow.json": (
+        json.dumps({"camera_brand": "GoPro", "calib_dimension": {"w": 640, "h": 480},
+                    "fisheye_params": {"camera_matrix": K, "distortion_coeffs": [0.26, 0, 0, 0]}}),
+        "fisheye (fisheye_params)",
+    ),
+    "openmvg.json": (
+        json.dumps({"intrinsics": [{"key": 0, "value": {
+            "polymorphic_name": "fisheye", "ptr_wrapper": {"id": 1, "data": {
+                "width": 640, "height": 480, "focal_length": 600.0, "principal_point": [320, 240],
+                "fisheye": [0.1, 0, 0, 0]}}}}]}),
+        "camera model fisheye",
+    ),
+    "comma_f.yaml": ("f: 600,5\nc: [320, 240]\n", "write decimal points"),
+    "comma_k1.yaml": ("fx: 600\nfy: 605\ncx: 320\ncy: 240\nk1: -0,1\n", "write decimal points"),
+    "shares.txt": ("0.9375 1.26 0.5 0.5\n", "give it in pixels"),
+    "list.json": (json.dumps([{"id": 0, "fx": 600, "fy": 605}]), "no principal point"),
     "ros_fisheye.yaml": (READ["ros.yaml"].replace("plumb_bob", "equidistant"), "equidistant"),
     "ros_noetic.yaml": (
         READ["ros.yaml"].replace("distortion_model: plumb_bob", "camera_model: fisheye"),
