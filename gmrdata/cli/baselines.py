@@ -72,7 +72,7 @@ def baseline_vibe_cam(
 ) -> None:
     """VIBE-CAM: another network's camera-frame poses, placed by 2D keypoints, taken as world poses.
 
-    Of the manifest's clips, only the camera's intrinsics are used.
+    Only the camera's intrinsics are used of the manifest's clips.
 
     Args:
         person: Tracks of STAF to follow, like walk_01=3. Other clips take the most confident person
@@ -126,7 +126,7 @@ def baseline_joint(
     out: Out,
     redo: flags.Redo = False,
 ) -> None:
-    """What a trained non-sequential model sees in a manifest's image features.
+    """The motion that a trained non-sequential model sees in a manifest's image features.
 
     Args:
         run: Run folder of `gmrdata baseline joint_train`.
@@ -144,7 +144,7 @@ def baseline_own_poses(
     body: flags.Body = "anny",
     redo: flags.Redo = False,
 ) -> None:
-    """What the built-in estimator sees, as the other baselines and `gmrdata tables` take it.
+    """Poses and keypoints of the built-in estimator, for the other baselines and `gmrdata tables`.
 
     It stands where the paper has VIBE and STAF (docs/poses.md says how good it is).
     """

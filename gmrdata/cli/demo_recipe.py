@@ -62,7 +62,7 @@ class DemoRecipe(Config):
 
 
 class MotionsConfig(Config):
-    """What decides the motions: parts of the recipe, and the files to film."""
+    """The settings that decide the motions: parts of the recipe, and the files to film."""
 
     seed: int
     clips: tuple[DemoClip, ...]
@@ -105,7 +105,7 @@ class DemoPaths:
 
 
 class ClipPaths:
-    """What the demo makes of one clip."""
+    """The files of one clip of the demo."""
 
     def __init__(self, demo: DemoPaths, clip_id: str) -> None:
         self.planned = demo.motions_dir / "clips" / f"{clip_id}.npz"

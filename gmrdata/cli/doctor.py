@@ -31,7 +31,7 @@ class Part(NamedTuple):
     found: str
     """Version, place or size."""
     note: str = ""
-    """What a missing part would enable, and how to get it."""
+    """The use of a missing part, and how to get it."""
     required: bool = False
 
 

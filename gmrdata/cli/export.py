@@ -39,16 +39,16 @@ def export(
     redo: bool = False,
     dry_run: flags.DryRun = False,
 ) -> None:
-    """Write clips in the formats of other programs.  What can't be written is said by clip.
+    """Write clips in the formats of other programs.  Clips that can't be written are named.
 
     Args:
         source: A manifest, a clip's file, or the folder of a rendered set, of sfm, threedpw, floor,
             motions, infer, a baseline or a demo; or of clips' files.
         out: Output folder: <format>/<clip id>.
         clips: Names of the clips to write; all when left out.
-        of: Whose trajectory tum and kitti hold: the camera's, or the person's pelvis.
-        observations: Which image points a COLMAP model has: of the keyframes, which the bundle
-            adjustment had and whose error is the stage's; those of the frames between too; or none.
+        of: The trajectory in tum and kitti: of the camera, or of the person's pelvis.
+        observations: Image points of a COLMAP model: those of the keyframes, as in the bundle
+            adjustment, those of the frames between too, or none.
         body: "anny", or the file of a body model; the one that lies beside the clips when left out.
         images: Folder with the images of one sequence, or with a folder for each of several, by
             name; for clips that do not say where theirs are.

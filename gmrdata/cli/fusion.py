@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Parts:
-    """What is put together."""
+    """The parts that are put together."""
 
     loops: tuple[str, ...] = ()
     """Pairs of times [s] at which the person stands on one spot, like 4.2:17.8."""
@@ -111,8 +111,8 @@ def delta_errors(
         manifests: The manifests that the networks were trained on.
         network: Run folders of `gmrdata train`; those of one recipe with other people held out say
             together how it does on anybody.
-        people: On whom to measure, like 2 for CMU's subject 02, where a folder of weights alone
-            doesn't say whom its networks were not trained on.
+        people: Subjects to measure on, like 2 for CMU's subject 02. A folder of weights alone
+            doesn't say which people its networks were not trained on.
         out: The record, like RUN/delta_errors.json, where `gmrdata fuse` finds it.
         pose_noise_deg: Error put on each joint, as poses of pictures have it.
         fps_hz: Rate of the poses [Hz].

@@ -79,13 +79,13 @@ def _show_training(
 
 @dataclass(frozen=True)
 class Protocols:
-    """What is measured beside OME, TME and VME."""
+    """Metrics besides OME, TME and VME."""
 
     protocol: ProtocolName | None = None
-    """What to measure besides: gmr, wham, tram, gvhmr, slahmr, emdb or vibe, as each of them
-    defines it."""
+    """Metrics of another evaluator, as it defines them: gmr, wham, tram, gvhmr, slahmr, emdb or
+    vibe."""
     original: tuple[Deviation | Literal["all"], ...] = ()
-    """In what the protocol follows its released code where it doesn't by itself."""
+    """Deviations from the protocol's released code that are switched back."""
     joint_regressor: Path | None = None
     """A .npy of (joints, vertices) that takes a protocol's joints from meshes."""
 
@@ -150,8 +150,8 @@ def evaluate(
     compared. Zero motion is scored beside.
 
     Args:
-        predictor: Run folder of `gmrdata train`; the word bundled; or results as the systems write
-            them: one, or a folder with files or folders named by the clip's id or sequence
+        predictor: Run folder of `gmrdata train`, or the word bundled. Or results as the systems
+            write them: a file, or a folder of them, named by the clip's id or sequence
             (docs/scores.md has the rules).
         out: Output folder: scores.json, scores.csv, scores.md, scores.html, over_time.png; with
             several systems a folder of these for each, and comparison/.
@@ -257,9 +257,8 @@ def infer(
     The package has a network trained on 14 people of CMU: docs/inference.md says how it scores.
 
     Args:
-        source: Local poses: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, PHALP's and 4D-Humans'
-            results, GVHMR's hmr4d_results.pt, GEM-X's hpe_results.pt, rows of SAM 3D Body, TRAM's
-            folder, SLAHMR's world results, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC.
+        source: Local poses: results of VIBE, WHAM, PHALP, 4D-Humans, GVHMR, GEM-X, SAM 3D Body,
+            TRAM or SLAHMR, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC (docs/inference.md).
         out: Output folder: infer.json, and for each unbroken run of each person a folder with
             clip.npz, amass.npz, motion.bvh, body.glb, path.png, view3d.html and body.mp4. A run
             that was stopped goes on where it was.
@@ -309,7 +308,7 @@ def compare(
     Args:
         scores: The scores.json of each run; the first is what the others are compared with.
         out: Output folder: comparison.json, comparison.csv, comparison.md, comparison.html.
-        names: What to call the runs, in their order; their own names when left out.
+        names: Names for the runs, in their order; their own when left out.
     """
     from gmrdata.score import compare as stage
 

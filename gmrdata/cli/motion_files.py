@@ -84,9 +84,9 @@ def motions(
     Args:
         sources: Files or folders: BVH, ASF/AMC, AMASS npz; or the folder of a data set.
         out: Folder for one clip file per motion and `motions.yaml`; only a table when left out.
-        layout: What the sources are. human36m: annotation JSON files of Human3.6M, to train.yaml
-            and test.yaml. emdb: the folder of P0 to P9, to emdb.yaml, emdb1.yaml and emdb2.yaml;
-            --body is then a folder with SMPL's models of the genders.
+        layout: The kind of the sources. With human36m, annotation JSON files of Human3.6M, to
+            train.yaml and test.yaml. With emdb, the folder of P0 to P9, to emdb.yaml, emdb1.yaml
+            and emdb2.yaml; --body is then a folder with SMPL's models of the genders.
     """
     from gmrdata.motion import library
     from gmrdata.motion.emdb import make_emdb

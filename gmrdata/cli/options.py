@@ -57,8 +57,8 @@ Motions = Annotated[Path | None, arg(help="Folder of motion files: BVH, ASF/AMC 
 Body = Annotated[
     str,
     arg(
-        help='"anny", or the path of an SMPL or SMPL+H model (.npz or .pkl) or of a gmrdata body '
-        "(.npz), or a folder with such bodies of several genders: each person gets its own."
+        help='"anny", or the path of an SMPL or SMPL+H model (.npz, .pkl) or of a gmrdata body '
+        "(.npz). A folder of such bodies gives each person the one of its gender."
     ),
 ]
 Manifest = Positional[Annotated[Path, arg(help="Manifest file.")]]
@@ -80,24 +80,24 @@ RestPoseOrFile = Annotated[
     str | None,
     arg(
         metavar="t|a|arms_down|arms_up|along_axes|first_frame|FILE",
-        help="What the pose without rotations of a BVH or ASF is, or a BVH of the same skeleton "
-        "that begins with the standing person; looked for when left out.",
+        help="The pose of a BVH or ASF without rotations, or a BVH of the same skeleton that "
+        "begins with the standing person; looked for when left out.",
     ),
 ]
 Up = Annotated[
     Literal["y", "z", "x", "-y", "-z", "-x"] | None,
     arg(
         help="Axis of the files' world that is up; told from the zero pose and the motion when "
-        "left out. Of a negative one: --up=-y."
+        "left out. For a negative one write --up=-y."
     ),
 ]
 Frames = Positional[Annotated[Path, arg(help="Folder of numbered images, or a video file.")]]
 Masks = Annotated[
     tuple[str, ...],
     arg(
-        help="Where masks of what moves come from; several are united: person (people's outlines), "
-        "onnx (boxes of a YOLOX detector), maskrcnn (torchvision's), silhouette (a given body), a "
-        "folder of masks, or a recipe (.yaml) of kind `masks`."
+        help="Sources of masks, which are united. person: people's outlines. onnx: boxes of a "
+        "YOLOX detector. maskrcnn: torchvision's. silhouette: a given body. Or a folder of masks, "
+        "or a recipe (.yaml) of kind `masks`."
     ),
 ]
 Network = Annotated[
@@ -105,7 +105,7 @@ Network = Annotated[
 ]
 Device = Annotated[
     Literal["cpu", "cuda"] | None,
-    arg(help="What a network is trained on; the recipe's when left out."),
+    arg(help="The device of a training; the recipe's when left out."),
 ]
 Page = Annotated[
     bool, arg(help="Write index.html: verdict, overlay, paths, figures, files to take along.")
@@ -182,7 +182,7 @@ LENS_FLAGS = {"focal_px": "focal", "fov_deg": "fov", "file": "intrinsics"}
 
 @dataclass(frozen=True)
 class Lens:
-    """What is known of the lens, of all videos; one of the first three at most."""
+    """The lens of all videos, as far as it is known; give one of the first three at most."""
 
     focal: float | None = None
     """Focal length of the images [px]."""
@@ -191,8 +191,8 @@ class Lens:
     intrinsics: Path | None = None
     """Calibration of the images: a file, as docs/lens.md lists them."""
     check_lens: bool = True
-    """Seek the lens in the frames too. Without, a given lens is taken as it is, and one that nobody
-    knows is guessed."""
+    """Find the lens in the frames too. Without it a given lens is not checked, and an unknown one
+    is guessed."""
 
 
 @dataclass(frozen=True)
@@ -202,11 +202,11 @@ class Solving:
     poses_every: int = 1
     """The poses were made from every n-th frame of the video."""
     height_m: tuple[str, ...] = ()
-    """How tall people are without shoes [m]: 1.78 for all, or person_0=1.78 by name.  Scale and
-    distances hang on it; the mean body's, with an error of 7 %, when left out."""
+    """How tall people are without shoes [m]: 1.78 for all, or person_0=1.78 by name. Without it the
+    mean body stands for them, and scale and distances have an error of 7 %."""
     gravity: Path | None = None
-    """What the phone felt while it filmed: record3d's metadata, Stray Scanner's odometry.csv, or a
-    table of frame, x, y, z.  It levels the world of one video's people."""
+    """The phone's own gravity while it filmed: record3d's metadata, Stray Scanner's odometry.csv,
+    or a table of frame, x, y, z.  It levels the world of one video's people."""
     check_again: bool = False
     """Solve the cameras four more times, backward, by every second frame and by other seeds, and
     reject a path that these don't give."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Seen:
-    """What other networks see of the clips, for Tables 5, 6 and 10."""
+    """Other networks' view of the clips, for Tables 5, 6 and 10."""
 
     poses: Annotated[Path | None, POSES] = None
     keypoints: Annotated[Path | None, KEYPOINTS] = None
@@ -24,7 +24,7 @@ class Seen:
     videos: UseAppendAction[tuple[Path, ...]] = ()
     """Manifest that the non-sequential model is trained on; may be given several times."""
     estimator: str = "VIBE"
-    """Whose poses and keypoints they are, as the table shall call it."""
+    """The name of the system that made poses and keypoints, for the table."""
 
 
 def tables(

@@ -64,7 +64,7 @@ def report(demo_out: Positional[Path]) -> None:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a recipe of some kind takes besides itself."""
+    """Inputs that a recipe of some kind needs."""
 
     motions: flags.Motions = None
     threedpw: Path | None = None

@@ -115,7 +115,7 @@ def held_out_motions(
     if not files:
         raise BadManifest(
             f"{run_dir}: its recipe held none of these clips out. Errors are measured on people"
-            " whom a network has not seen: train with data.held_out_subjects"
+            " that a network has not seen: train with data.held_out_subjects"
         )
     gmr, rng = load_gmr(run_dir, config.which), np.random.default_rng(config.seed)
     found = []

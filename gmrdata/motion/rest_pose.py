@@ -39,8 +39,8 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
     leg_m = leg_length_m(rest_joints_m)
     if not SHORTEST_LEG_M <= leg_m <= LONGEST_LEG_M:
         raise BadMotionFile(
-            f"{name}: in the present unit the legs are {leg_m:.4g} m long, so the unit is wrong; "
-            "leave --unit-m out, or give the file's metres per unit (0.01 centimetres, 1 metres, "
+            f"{name}: in the present unit the legs are {leg_m:.4g} m long, so the unit is wrong. "
+            "Leave --unit-m out, or give the file's metres per unit (0.01 centimetres, 1 metres, "
             "0.0254 inches, 0.056444 CMU)"
         )
     for start, end in LIMBS:

@@ -174,8 +174,8 @@ def _by_dask(
                 outcome.results[id] = future.result()
         except CancelledError:
             raise StageFailed(
-                f"{description}: the scheduler was lost. What is made is kept; start it again, and "
-                "the same command goes on"
+                f"{description}: the scheduler was lost. Start it again, and the same command goes "
+                "on with what is made"
             ) from None
         if error is not None:
             outcome.reasons[id] = _reason(error, future.traceback())

@@ -1,10 +1,14 @@
 """Plain English: short sentences and paragraphs, short pages, no turns that readers stumble on."""
 
+import ast
+import inspect
+from collections.abc import Iterator
 from pathlib import Path
 
+import docstring_parser
 import pytest
 
-from tests.docs.page_commands import REPOSITORY
+from tests.docs.page_commands import FUNCTIONS, REPOSITORY
 from tests.docs.style import faults, page_words, paragraphs, sentences
 
 DOCS = sorted((REPOSITORY / "docs").glob("*.md"))
@@ -69,3 +73,56 @@ def test_text_is_taken_apart_as_a_reader_does() -> None:
     assert list(paragraphs(text)) == ["One *line* and two.", "An item. It ends.", "5. Another"]
     assert sentences("Run `a. B`, eq. 3. Then [go](x.md).") == ["Run Code, eq 3.", "Then go."]
     assert page_words("# A head\n\nSee `x y` and 5 mm [here](a.md).\n\n```sh\nno\n```\n") == 5
+
+
+def help_texts() -> dict[str, str]:
+    """What `--help` says of verbs and flags, by its place in the source."""
+    texts = {}
+    for verb, function in FUNCTIONS.items():
+        said = docstring_parser.parse(inspect.getdoc(function) or "")
+        texts[verb] = f"{said.short_description}\n\n{said.long_description or ''}"
+        texts |= {f"{verb} {one.arg_name}": one.description or "" for one in said.params}
+    for path in sorted((REPOSITORY / "gmrdata" / "cli").glob("*.py")):
+        tree = ast.parse(read(path))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.keyword) and node.arg == "help":
+                if isinstance(node.value, ast.Constant):
+                    texts[f"{path.name}:{node.value.lineno}"] = str(node.value.value)
+            elif isinstance(node, ast.ClassDef):
+                values = [one.value for one in node.body if isinstance(one, ast.Expr)]
+                for value in values:
+                    if isinstance(value, ast.Constant):
+                        texts[f"{path.name}:{value.lineno}"] = inspect.cleandoc(str(value.value))
+    return texts
+
+
+@pytest.mark.parametrize(("place", "text"), help_texts().items())
+def test_a_help_text_is_plain_english(place: str, text: str) -> None:
+    assert faults(text) == []
+
+
+def said_in(call: ast.AST) -> Iterator[str]:
+    """The texts of an error that is raised, or of a line that is said; values are one word."""
+    if isinstance(call, ast.Raise):
+        arguments = call.exc.args if isinstance(call.exc, ast.Call) else []
+    elif isinstance(call, ast.Call) and getattr(call.func, "id", "") in (
+        "remark",
+        "answer",
+        "fail",
+    ):
+        arguments = call.args[:1]
+    else:
+        return
+    for argument in arguments:
+        parts = argument.values if isinstance(argument, ast.JoinedStr) else [argument]
+        yield "".join(str(p.value) if isinstance(p, ast.Constant) else "X" for p in parts)
+
+
+def test_messages_are_plain_english() -> None:
+    wrong, count = [], 0
+    for path in sorted((REPOSITORY / "gmrdata").rglob("*.py")):
+        for node in ast.walk(ast.parse(read(path))):
+            for text in said_in(node):
+                count += 1
+                wrong += [f"{path.name}:{node.lineno}: {fault}" for fault in faults(text)]
+    assert wrong == [] and count > 1000

@@ -329,9 +329,8 @@ def require_cover(
     share = covered_share(turning, matches, frames.intrinsics_px, frames.size_px, most_px)
     if share < (least := config.choice.least_covered):
         raise NoReconstruction(
-            f"a camera that stays in its place explains {share:.0%} of the picture only, less "
-            f"than {least:.0%}: something stays in the picture while all else moves, such "
-            "as a logo, a subtitle or the hood of a car, which masks may keep out, or most of "
-            "what is seen moves by itself",
+            f"a camera that stays in its place explains only {share:.0%} of the picture, less than "
+            f"{least:.0%}. A logo, a subtitle or the hood of a car stays in the picture, and masks "
+            "may keep it out; or most of the picture moves by itself",
             frames.images[0].parent,
         )
