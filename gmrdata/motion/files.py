@@ -27,7 +27,9 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz, require_text, visible
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
+from gmrdata.values.motion_metrics import angles_rad
 
+STIFF_DEG, STIFF_WAY_M = 2.0, 1.0
 SUFFIXES = (".amc", ".bvh", ".npz")
 POSE_ARRAYS = frozenset({"poses.npy", *(f"{key}.npy" for key in SPLIT_KEYS["body"])})
 """Of which a motion's .npz has one."""
@@ -112,9 +114,22 @@ def read_file(
     remarks = remarks_on(person, motion.fps_hz)
     if config.up is None and TOLD_FROM in motion.source and not shows_z_up(person):
         remarks = (*remarks, BY_TRUNK)
+    remarks = remarks or _stiffness(motion)
     if NO_TURN in motion.source:
         remarks = (*remarks, f"{NO_TURN} {motion.source.split(NO_TURN)[1].split(',')[0].strip()}")
     return FileReading(motion, LIES not in remarks, remarks, rate_from, residual)
+
+
+def _stiffness(motion: Motion) -> tuple[str, ...]:
+    """A remark on a body that goes and hardly turns a joint: CMU's stiffest turn by 24 degrees."""
+    way_m = float(np.linalg.norm(np.ptp(motion.pelvis_m[:, :2], axis=0)))
+    middle = motion.local_rotmats[motion.n_frames // 2]
+    turns = (middle.swapaxes(-1, -2) @ motion.local_rotmats).reshape(-1, 3, 3)
+    most_deg = float(np.rad2deg(np.percentile(angles_rad(turns), 95)))
+    if way_m < STIFF_WAY_M or most_deg > STIFF_DEG:
+        return ()
+    what = f"goes {way_m:.1f} m, and hardly a joint turns by more than {most_deg:.1f} degrees"
+    return (f"{what}: a stiff body, or angles in radians where the format has degrees",)
 
 
 def read_poses(path: Path, body: BodyModel, config: ReadConfig) -> Motion:

@@ -43,6 +43,8 @@ FLOOR_M, OFF_FLOOR_M = 0.08, 0.25  # what lies on the floor z = 0 of most files,
 MOSTLY, ALWAYS = 0.5, 0.95  # of somebody who walks; runners of CMU have a foot down in 0.92 at most
 FASTEST_M_PER_S = 13.0  # of anybody who runs
 FASTEST_WALK_M_PER_S = 2.3  # CMU's fastest of 95 walks has 1.9
+SLIDES_M_PER_S, SLIDES_OVER = 0.4, 2.0
+"""Of the lower sole, and over the pelvis's: CMU's highest are 0.65 in a run at 3.3 m/s and 0.3."""
 LARGEST_RISE_M = 0.5  # along the axis; a swimmer goes further
 _MIDDLES = {part: [JOINT[f"{side}_{part}"] for side in ("left", "right")]
             for part in ("hip", "ankle", "shoulder", "wrist")}  # fmt: skip
@@ -215,6 +217,22 @@ def walking_m_per_s(person: Person) -> float:
     return float(np.median(going[rows]))
 
 
+def sliding_m_per_s(person: Person) -> float:
+    """The speed of the lower sole of somebody who walks in place; else 0 [m/s]."""
+    up = np.eye(3)[2]
+    speeds, lows_m = (
+        np.stack(of_feet, axis=1)
+        for of_feet in zip(
+            *((person.speeds(one).min(axis=1), (one @ up).min(axis=1)) for one in person.soles_m),
+            strict=True,
+        )
+    )
+    low = float(np.median(speeds[np.arange(len(speeds)), lows_m.argmin(axis=1)]))
+    pelvis_m = _level(person.joints_m[:, JOINT["pelvis"]], up)
+    going = float(np.median(person.speeds(pelvis_m)))
+    return low if low > max(SLIDES_M_PER_S, SLIDES_OVER * going) else 0.0
+
+
 def remarks_on(person: Person, fps_hz: float) -> tuple[str, ...]:
     """What may be wrong with a motion, for who gave the file."""
     remarks: tuple[str, ...] = () if is_upright(person) else (LIES,)
@@ -222,6 +240,9 @@ def remarks_on(person: Person, fps_hz: float) -> tuple[str, ...]:
     if (often := float(np.percentile(speeds, 90))) > FASTEST_M_PER_S:
         what = f"goes at {often:.3g} m/s: its path is in another unit, or the frame rate is wrong"
         return (*remarks, f"{what}. Give --unit-m (0.01 for centimetres), or --fps-hz")
+    if (slides := sliding_m_per_s(person)) > 0:
+        what = f"its feet slide at {slides:.1f} m/s under a pelvis that stays: a walk in place"
+        remarks += (f"{what}, or a path that is missing or in another unit than the skeleton",)
     speed_m_per_s = walking_m_per_s(person)
     if speed_m_per_s > FASTEST_WALK_M_PER_S:
         what = f"walks at {speed_m_per_s:.1f} m/s at {fps_hz:g} Hz, which nobody does"

@@ -50,8 +50,8 @@ def read_text(path: Path) -> str:
 def _plain_separators(text: str) -> str:
     """The text with points in its numbers, and spaces between them.
 
-    A comma is a decimal one where no number has a point and none has two commas; else it stands
-    between numbers, as a semicolon does.
+    A comma is a decimal one where no number has a point and none has two commas, and in a frame
+    time; else it stands between numbers, as a semicolon does.
     """
     if ";" in text:
         text = re.sub(r"(?<=[\d.]);|;(?=[ \t]*[-+.\d]|[ \t]*$)", " ", text, flags=re.MULTILINE)
@@ -59,6 +59,7 @@ def _plain_separators(text: str) -> str:
         return text
     if not re.search(r"\d\.\d|\d,[-+]?\d*,\d", text):
         return re.sub(r"(?<=\d),(?=\d)", ".", text)
+    text = re.sub(r"(?im)^(\s*frame time:\s*\d*),(\d+\s*$)", r"\1.\2", text)  # is one number
     return re.sub(r"(?<=[\d.]),|,(?=[ \t]*[-+.\d])", " ", text)
 
 

@@ -1,5 +1,6 @@
 """Files as other programs write them: hung on another joint, with other separators, in parts."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -19,6 +20,7 @@ from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import line_to
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
+from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import frame_time, write_bvh
 
 SIX = ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation")
@@ -152,6 +154,43 @@ def test_separators_of_numbers(walk_path: Path, old: str, new: str) -> None:
     np.testing.assert_array_equal(again.local_rotmats, plain.local_rotmats)
     np.testing.assert_array_equal(again.translations_m, plain.translations_m)
     assert again.fps_hz == plain.fps_hz == 30.0
+
+
+def test_a_decimal_comma_in_the_frame_time_alone(walk_path: Path) -> None:
+    text = walk_path.read_text()
+    for comma in ("0,0333333", ",0333333"):
+        walk_path.write_text(re.sub(r"(?<=Frame Time: ).*", comma, text))
+        assert read_bvh(walk_path).fps_hz == 30.0
+
+
+@pytest.mark.parametrize(
+    ("path_x", "turns_x", "said"),
+    [
+        (1.0, 1.0, None),
+        (0.0, 1.0, "under a pelvis that stays: a walk in place, or a path that is missing"),
+        (0.01, 1.0, "in another unit than the skeleton"),
+        (1.0, np.pi / 180, "a stiff body, or angles in radians"),
+    ],
+)
+def test_what_no_walk_is_like_gets_a_remark(
+    tmp_path: Path, small_body: BodyModel, path_x: float, turns_x: float, said: str | None
+) -> None:
+    walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(0))
+    turns = Rotation.from_matrix(walk.local_rotmats.reshape(-1, 3, 3)).as_rotvec() * turns_x
+    local = Rotation.from_rotvec(turns).as_matrix().reshape(walk.local_rotmats.shape)
+    pelvis_m = walk.pelvis_m * [path_x, path_x, 1.0]
+    write_bvh(tmp_path / "a.bvh", replace(walk, local_rotmats=local, pelvis_m=pelvis_m), small_body)
+    remarks = read_file(tmp_path / "a.bvh", small_body, ReadConfig()).remarks
+    assert [one for one in remarks if said and said in one] if said else remarks == ()
+
+
+def test_poses_in_degrees_are_refused(tmp_path: Path, small_body: BodyModel) -> None:
+    walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
+    write_amass(tmp_path / "a.npz", walk, small_body)
+    arrays = dict(np.load(tmp_path / "a.npz"))
+    np.savez(tmp_path / "b.npz", **arrays | {"poses": np.rad2deg(arrays["poses"])})
+    with pytest.raises(BadMotionFile, match=r"b\.npz: poses turn by up to \d+: degrees, where"):
+        read_motion(tmp_path / "b.npz", small_body)
 
 
 @pytest.mark.parametrize(
