@@ -9,7 +9,7 @@ BLENDER := $(if $(GMRDATA_BLENDER_PYTHON),,.venv-blender/requirements.txt)
 PYTHONS ?= 3.11 3.12 3.13
 EXTRAS ?= dev
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-people bench-open bench-odd bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs pythons release clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-people bench-open bench-odd bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs pictures pythons release clean
 
 setup: $(READY) $(BLENDER)
 
@@ -106,6 +106,10 @@ docs: $(READY)
 	$(BIN)/python -c 'import mkdocs, material, mkdocstrings_handlers.python' 2>/dev/null || \
 		$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
+# The pictures of docs/ and README, by this version: renders for minutes.  ARGS='--demo FOLDER' takes a demo that is there.
+pictures: setup
+	$(BIN)/python benchmarks/pictures.py $(ARGS)
 
 # Sdist and wheel of the last commit, each installed where nothing is, and every verb tried there.  ARGS='--keep FOLDER' leaves all in that folder.
 release: $(READY)

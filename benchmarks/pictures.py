@@ -1,0 +1,111 @@
+"""Make the pictures of the docs, by this version: `make pictures`.
+
+The demo's overview, a synthetic set, a twin beside its truth, the noise floor, a solved video of
+the demo's own making, and a scored set.  `--demo FOLDER` takes a demo that is there; what is in
+`--out` is kept.  A solved video needs the networks of `gmrdata fetch models`.
+"""
+
+import argparse
+from pathlib import Path
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+
+from gmrdata.cli import main as gmrdata
+from gmrdata.pages import frames, plots
+from gmrdata.pages.footage import footage_of, footage_picture
+from gmrdata.pages.gather import gather_video
+from gmrdata.pages.solved_plots import plot_paths
+from gmrdata.twins.floor_record import Floor
+from gmrdata.values.clip import load_clip
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+RECIPE = Path(__file__).with_suffix(".yaml")
+MOST_BYTES, WIDTH_PX = 150_000, 1200
+
+
+def save(name: str, image: np.ndarray) -> None:
+    """A picture of the docs (H, W, 3) BGR, as JPEG of at most `MOST_BYTES`."""
+    image = frames.narrowed(image, WIDTH_PX)
+    qualities = (content for q in range(90, 20, -5) if len(content := frames.jpeg(image, q)))
+    content = next(one for one in qualities if len(one) <= MOST_BYTES)
+    (DOCS / f"{name}.jpg").write_bytes(content)
+
+
+def plotted(draw: plots.Draw, width_in: float, height_in: float) -> np.ndarray:
+    content = np.frombuffer(plots.picture(draw, width_in, height_in, dpi=110), np.uint8)
+    return np.asarray(cv2.imdecode(content, cv2.IMREAD_COLOR))
+
+
+def beside(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Two pictures in one row, the right one as high as the left one."""
+    height = left.shape[0]
+    width = round(right.shape[1] * height / right.shape[0])
+    return np.hstack([left, cv2.resize(right, (width, height), interpolation=cv2.INTER_AREA)])
+
+
+def synthetic_set(out: Path) -> None:
+    gmrdata(["render", str(RECIPE), "--out", str(out)])
+    tiles = []
+    for clip in sorted((out / "render").iterdir()):
+        images = sorted((clip / "frames").glob("*.jpg"))
+        for image in (images[row] for row in frames.spaced(len(images), 3)):
+            mask = frames.read_image(clip / "masks" / f"{image.stem}.png", cv2.IMREAD_GRAYSCALE)
+            tiles.append(frames.draw_mask_outline(frames.read_image(image, cv2.IMREAD_COLOR), mask))
+    save("synthetic", frames.tile_sheet(tiles, columns=3))
+
+
+def twins(out: Path) -> None:
+    """A twin's recovered path beside its true one, and the noise floor."""
+    gmrdata(["threedpw", "twin", "twins_small", "--out", str(out / "twins")])
+    gmrdata(["floor", "--twins", str(out / "twins"), "--out", str(out / "floor")])
+    floor = Floor.read(out / "floor" / "floor.json")
+    save("floor", plotted(lambda plot: plot_floor(plot, floor), 7.0, 2.6))
+
+
+def plot_floor(plot: Figure, floor: Floor) -> None:
+    """OME and TME of each sequence that is accepted."""
+    shown = [one for one in floor.sequences if one.accepted]
+    panels = plot.subplots(1, 2)
+    for axes, key, title in zip(
+        panels, ("ome_deg", "tme_mm"), ("OME [°]", "TME [mm]"), strict=True
+    ):
+        values = [max(getattr(person, key) for person in one.people) for one in shown]
+        axes.barh(range(len(shown)), values, color=plots.COLOURS["person"], height=0.5)
+        plots.name_rows(axes, [one.id for one in shown])
+        axes.set_title(title)
+
+
+def solved_video(demo: Path, out: Path) -> None:
+    rate = load_clip(demo / "render/circular/clip.npz").motion.fps_hz
+    images = demo / "render/circular/frames"
+    gmrdata(["video", str(images), "--out", str(out), "--fps-hz", f"{rate:g}"])
+    found = gather_video(out, images)
+    footage = footage_of(found)
+    picture = footage_picture(footage, len(footage.images) // 2)
+    save("solved", beside(picture, plotted(lambda plot: plot_paths(plot, found, None), 4.0, 4.0)))
+
+
+def scored_set(demo: Path, out: Path) -> None:
+    gmrdata(["evaluate", "bundled", str(demo / "synthetic.yaml"), "--out", str(out)])
+    save("scored", frames.read_image(out / "over_time.png", cv2.IMREAD_COLOR))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out/pictures"))
+    parser.add_argument("--demo", type=Path, help="the folder of a demo; made when left out")
+    given = parser.parse_args()
+    demo = given.demo or given.out / "demo"
+    if given.demo is None:
+        gmrdata(["demo", "--out", str(demo)])
+    save("overview", frames.read_image(demo / "overview.png", cv2.IMREAD_COLOR))
+    synthetic_set(given.out / "set")
+    twins(given.out)
+    scored_set(demo, given.out / "scores")
+    solved_video(demo, given.out / "walk")
+
+
+if __name__ == "__main__":
+    main()
