@@ -125,27 +125,34 @@ class ShirtRow:
 
 def shirt_row(poses: LocalPoses, dance: Dance, body: BodyModel) -> ShirtRow:
     """A person's poses against LiDAR's depth of the shirt."""
-    ratios = shirt_ratios(poses, dance, body)
+    ratios, _ = drawn_shirt(motion_of(poses, body, 30.0), poses.frame_numbers, dance, body)
     known = ratios[np.isfinite(ratios)]
     low, middle, high = np.percentile(known, [16, 50, 84]).tolist()
     return ShirtRow(len(known), middle, low, high, _within(known - 1))
 
 
-def shirt_ratios(poses: LocalPoses, dance: Dance, body: BodyModel) -> np.ndarray:
-    """(N,) median depth of the body over LiDAR's at the shirt's pixels; NaN where not seen."""
-    motion = motion_of(poses, body, 30.0)
-    row_of = {int(number): row for row, number in enumerate(poses.frame_numbers)}
+def drawn_shirt(
+    motion: Motion, numbers: np.ndarray, dance: Dance, body: BodyModel
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the body at the shirt's pixels: median depth over LiDAR's (N,), and the median point (N,
+    3) before the camera [m]; NaN where not seen."""
+    row_of = {int(number): row for row, number in enumerate(numbers)}
     shown = [n for n, number in enumerate(dance.rows) if int(number) in row_of]
     rows = np.array([row_of[int(dance.rows[n])] for n in shown])
-    ratios = np.full(len(dance.rows), np.nan)
+    ratios, places_m = np.full(len(dance.rows), np.nan), np.full((len(dance.rows), 3), np.nan)
     for start in range(0, len(shown), 32):
         some = slice(start, start + 32)
         vertices_m = motion_vertices_m(body, motion, rows=rows[some])
         for n, placed_m in zip(shown[some], vertices_m, strict=True):
-            ratio = _drawn_depth_m(placed_m, body.faces, dance) / dance.depth_m[n]
-            if np.isfinite(ratio).sum() >= FEWEST_PX:
+            drawn_m = _drawn_depth_m(placed_m, body.faces, dance)
+            ratio = drawn_m / dance.depth_m[n]
+            row, column = np.nonzero(np.isfinite(ratio))
+            if len(row) >= FEWEST_PX:
                 ratios[n] = np.nanmedian(ratio)
-    return ratios
+                rays = dance.lens.rays((np.stack([column, row], axis=-1) + 0.5) * LIDAR_PX)
+                z = drawn_m[row, column, None]
+                places_m[n] = np.median(np.concatenate([rays * z, z], axis=-1), axis=0)
+    return ratios, places_m
 
 
 def _drawn_depth_m(vertices_m: np.ndarray, faces: np.ndarray, dance: Dance) -> np.ndarray:

@@ -1,23 +1,28 @@
 """Real people whose truth something else measured: a man before four cameras, and a dancer.
 
-`../shared/data/real/README.md` says what each file is.  People are followed once for each network
-and kept in the output folder, so that poses can be measured again at no cost.
+`../shared/data/real/README.md` says what each file is.  Cameras are solved and people are followed
+once and kept in the output folder, so that poses and worlds can be measured again at little cost.
 """
 
+import shutil
 import tarfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
+from gmrdata.people.following import load_tracks
 from gmrdata.people.landmark_body import HIPS, SeenLandmarks
 from gmrdata.people.local_poses import seen_landmarks
+from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.frames import read_frames
-from gmrdata.read.video import as_frames
+from gmrdata.read.models import POSE_LANDMARKS
+from gmrdata.solve.request import FOLLOWED, FRAMES, OWN_POSES, SolveConfig
+from gmrdata.solve.videos import solve_video
 from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_bytes
-from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
 from gmrdata.values.transforms import apply, rigid
 
 VIEWS = ("cam01", "cam02", "cam03", "cam04")
@@ -25,6 +30,7 @@ TWELVE_25B = list(range(5, 17))
 """Shoulders, elbows, wrists, hips, knees, ankles of OpenPose's BODY_25B."""
 TWELVE = [16, 17, 18, 19, 20, 21, 1, 2, 4, 5, 7, 8]
 """The same joints of SMPL's tree."""
+DANCE = "dance"
 VIEW_HZ, DANCE_HZ = 60.0, 30.0
 OFF_PERSON_M = 0.5
 """Distance of the hips' landmarks from the true hips up to which a track is the man's."""
@@ -36,14 +42,19 @@ class View:
 
     name: str
     lens: Lens
+    up: np.ndarray  # (3,) in the camera's axes
     true_m: np.ndarray  # (T, 12, 3) before the camera
 
 
 @dataclass(frozen=True, eq=False)
 class Dance:
-    """The dancer's LiDAR, every 4th frame."""
+    """The dancer's cameras, and LiDAR, every 4th frame."""
 
     lens: Lens
+    world_from_cam: np.ndarray  # (T, 4, 4)
+    up: np.ndarray  # (3,) of that world
+    floor_m: float  # its height along it
+    shirt_m: np.ndarray  # (T, 3) the middle of the shirt's surface there; NaN where it is hidden
     rows: np.ndarray  # (N,) frames
     depth_m: np.ndarray  # (N, 256, 192); NaN where LiDAR is unsure or off the shirt
 
@@ -59,6 +70,7 @@ def view_of(real_dir: Path, name: str) -> View:
     return View(
         name,
         Lens.of_matrix(truth["K"][n], size_px, radial),
+        truth["R"][n][:, 2],
         apply(cam_from_world, truth["X"][:, TWELVE_25B]),
     )
 
@@ -70,15 +82,54 @@ def dance_of(real_dir: Path) -> Dance:
     shirt = np.unpackbits(truth["shirt_px"], axis=-1).astype(bool)
     sure = shirt & (truth["depth_confidence"] == 2) & (truth["depth_mm"] > 0)
     lens = Lens((717.06, 717.06), (359.24, 485.18), (720, 960))
-    return Dance(lens, truth["depth_frames"], np.where(sure, truth["depth_mm"] / 1000, np.nan))
+    return Dance(
+        lens=lens,
+        world_from_cam=truth["world_from_cam"],
+        up=truth["up"] / np.linalg.norm(truth["up"]),
+        floor_m=float(truth["floor_height_m"]),
+        shirt_m=truth["shirt_world_m"],
+        rows=truth["depth_frames"],
+        depth_m=np.where(sure, truth["depth_mm"] / 1000, np.nan),
+    )
 
 
-def frames_of(data_dir: Path, name: str, work_dir: Path) -> FrameSet:
-    """Frames of a view, or of the dancer (`dance`)."""
-    if name != "dance":
-        video = data_dir / "real" / "pose2sim" / f"{name}.mp4"
-        return as_frames(video, work_dir / name / "frames").with_rate(None)
-    folder = work_dir / name / "frames"
+def solved(data_dir: Path, name: str, out_dir: Path, height_m: float | None = None) -> Path:
+    """What `gmrdata video` leaves of a view, whose lens is told, or of the dancer.
+
+    People's world is made anew, and their poses unless it is for another height.
+    """
+    models = data_dir / "models"
+    masks = PersonSource(model=models / "yolox_nano.onnx", landmarks=models / POSE_LANDMARKS.name)
+    config = SolveConfig(masks=MasksConfig(sources=(masks,)))
+    for made in (BODIES, PSEUDO_GT, FUSED, *([OWN_POSES] if height_m is None else [])):
+        shutil.rmtree(out_dir / made, ignore_errors=True)
+    if name == DANCE:
+        source, lens = _dance_frames(data_dir, out_dir), None
+    else:
+        source = data_dir / "real" / "pose2sim" / f"{name}.mp4"
+        lens = GivenIntrinsics(file=_calibration(data_dir, name, out_dir))
+    fps_hz = DANCE_HZ if name == DANCE else None
+    solve_video(
+        source, out_dir, poses="own", lens=lens, fps_hz=fps_hz, height_m=height_m, config=config
+    )
+    return out_dir
+
+
+def _calibration(data_dir: Path, name: str, out_dir: Path) -> Path:
+    """A view's lens as COLMAP writes it."""
+    with np.load(data_dir / "real" / "pose2sim" / "reference3d.npz") as file:
+        matrix_px, bent = file["K"][VIEWS.index(name)], file["D"][VIEWS.index(name)]
+    width_px, height_px = view_of(data_dir / "real", name).lens.size_px
+    numbers = [matrix_px[0, 0], matrix_px[1, 1], *matrix_px[:2, 2], *bent.ravel()[:4]]
+    text = " ".join(f"{number:.12g}" for number in numbers)
+    path = out_dir.with_name(f"{name}_lens") / "cameras.txt"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, f"1 OPENCV {width_px} {height_px} {text}\n".encode())
+    return path
+
+
+def _dance_frames(data_dir: Path, out_dir: Path) -> Path:
+    folder = out_dir.with_name("dance_frames")
     if not folder.is_dir():
         with tarfile.open(data_dir / "video" / "dance.tar") as tar:
             for member in tar:
@@ -86,22 +137,17 @@ def frames_of(data_dir: Path, name: str, work_dir: Path) -> FrameSet:
                     path = folder / f"{int(Path(member.name).stem):05d}.jpg"
                     path.parent.mkdir(parents=True, exist_ok=True)
                     write_bytes(path, content.read())
-    return read_frames(folder).with_rate(DANCE_HZ)
+    return folder
 
 
-def tracks_of(
-    data_dir: Path, name: str, work_dir: Path, lens: Lens, network: str
-) -> list[tuple[SeenLandmarks, np.ndarray]]:
-    """Everybody's landmarks and frames, as a network (`heavy`) sees them."""
-    frames = frames_of(data_dir, name, work_dir)
-    models = data_dir / "models"
-    networks = Networks(models / "yolox_nano.onnx", models / f"pose_landmark_{network}.tflite")
-    followed = follow_people(
-        frames, work_dir / name / f"followed_{network}", FollowConfig(), networks
-    )
+def tracks_of(solved_dir: Path, lens: Lens) -> list[tuple[SeenLandmarks, np.ndarray]]:
+    """Everybody's landmarks and frames."""
+    own = solved_dir / FRAMES
+    frames = read_frames(own if own.is_dir() else solved_dir.with_name("dance_frames"))
+    frames = frames.with_rate(None if own.is_dir() else DANCE_HZ)
     return [
         (seen_landmarks(track, frames.numbers, frames, lens), track.image_numbers)
-        for track in load_tracks(followed)
+        for track in load_tracks(solved_dir / FOLLOWED)
     ]
 
 

@@ -90,7 +90,7 @@ def world_row(clip_dir: Path, work_dir: Path, verdict: VideoVerdict) -> WorldRow
     if not (work_dir / PSEUDO_GT).is_dir():
         return None
     body = load_body("anny")
-    number = _of_truth(work_dir, truth)
+    number = of_truth(work_dir, truth)
     seen = load_clip(work_dir / BODIES / person_file(number))
     unfused = load_clip(work_dir / PSEUDO_GT / person_file(number))
     fused_path = work_dir / FUSED / person_file(number)
@@ -147,7 +147,7 @@ def world_figures(rows: Sequence[WorldRow]) -> dict[str, float]:
     }
 
 
-def _of_truth(work_dir: Path, truth: Clip) -> int:
+def of_truth(work_dir: Path, truth: Clip) -> int:
     """The number of the person who is on the true one's rays in most frames."""
     pelvis_m = _before_camera(truth)
     best, most = 0, -1

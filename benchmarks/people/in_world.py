@@ -1,0 +1,144 @@
+"""People in the world, as `gmrdata video` puts them there, against the truth."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from people.before_camera import drawn_shirt
+from people.real import TWELVE, Dance, View
+
+from gmrdata.fusion.record import load_sigma, sigma_file
+from gmrdata.score.metrics import segment_errors_mm
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
+from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.transforms import apply, fit_similarity, invert, mean_rotation
+from gmrdata.world.compose import motion_in_camera
+from gmrdata.world.judge import PseudoGtQuality, load_record
+
+
+@dataclass(frozen=True)
+class WorldRow:
+    """One clip's person in the world; a figure that nothing true is there for is None."""
+
+    clip: str
+    accepted: bool
+    frames: int
+    wa_mm: float | None
+    """WA-MPJPE over the 12 joints of limbs."""
+    scale_off: float | None
+    """Of the cameras' path, as a share."""
+    level_deg: float
+    said_deg: float
+    """One standard error of the level."""
+    floor_m: float | None
+    """Height of the true floor in the world that was found."""
+    place_mm: float
+    """Of the hips' middle, or the shirt, after one rigid transform, root mean square."""
+    within: tuple[float, float]
+    """Shares of that error, axis by axis, within one and two of its standard errors."""
+    within_before_camera: tuple[float, float]
+    """The same before the camera, with no transform."""
+
+
+def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
+    """The man in one view's world."""
+    truth_m = view.true_m
+    hips_m = truth_m[:, 6:8].mean(axis=1)
+    quality, number = load_record(solved_dir / PSEUDO_GT), the_man(view, solved_dir, body)
+    clip = load_clip(solved_dir / FUSED / person_file(number))
+    joints_m, found_m = _hips_m(clip, body)
+    world_from_cam = camera_of(clip).world_from_cam
+    before_m = apply(invert(world_from_cam), found_m[:, None])[:, 0]
+    whole = [(0, len(joints_m))]
+    wa_mm = segment_errors_mm(joints_m, truth_m, whole, first_frames=None, scale=True)[0]
+    off_m = found_m - fit_similarity(found_m, hips_m, scale=False).apply(hips_m)
+    sigmas = load_sigma(solved_dir / FUSED / sigma_file(number))
+    return WorldRow(
+        clip=view.name,
+        wa_mm=float(wa_mm.mean()),
+        scale_off=None,
+        floor_m=None,
+        **_level(world_from_cam[:1, :3, :3] @ view.up, quality, number),
+        **_places(off_m, before_m - hips_m, sigmas, np.arange(len(off_m))),
+    )
+
+
+def the_man(view: View, solved_dir: Path, body: BodyModel) -> int:
+    """The number of the person whose hips are nearest to the man's."""
+    hips_m = view.true_m[:, 6:8].mean(axis=1)
+
+    def apart(number: int) -> float:
+        found_m = _hips_m(load_clip(solved_dir / BODIES / person_file(number)), body)[1]
+        off = found_m[:, :2] / found_m[:, 2:] - hips_m[:, :2] / hips_m[:, 2:]
+        return float(np.median(np.linalg.norm(off, axis=1)))
+
+    return min(range(len(load_record(solved_dir / PSEUDO_GT).people)), key=apart)
+
+
+def _hips_m(clip: Clip, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
+    """The 12 joints (T, 12, 3), and the middle of the hips (T, 3)."""
+    joints_m = motion_joints_m(body, clip.motion)[:, TWELVE]
+    return joints_m, joints_m[:, 6:8].mean(axis=1)
+
+
+def dancer_row(dance: Dance, solved_dir: Path, body: BodyModel, name: str) -> WorldRow:
+    """The dancer's shirt, and her cameras, in her world."""
+    quality = load_record(solved_dir / PSEUDO_GT)
+    clip = load_clip(solved_dir / FUSED / person_file(0))
+    camera = camera_of(clip)
+    found, true = camera.world_from_cam, dance.world_from_cam[clip.image_numbers]
+    cameras_m = found[:, :3, 3], true[:, :3, 3]
+    true_from_found = fit_similarity(*reversed(cameras_m), scale=True)
+    turn = mean_rotation(true[:, :3, :3] @ found[:, :3, :3].swapaxes(1, 2))
+    # The floor below the shirt, in the world that was found.
+    shirt_m = dance.shirt_m[clip.image_numbers]
+    below_m = shirt_m - np.outer(shirt_m @ dance.up - dance.floor_m, dance.up)
+    floor_m = (
+        (below_m - true_from_found.translation_m) @ true_from_found.rotmat / true_from_found.scale
+    )
+    seen = motion_in_camera(clip.motion, found)
+    own_lens = replace(dance, lens=camera.lens)
+    _, places_m = drawn_shirt(seen, clip.image_numbers, own_lens, body)
+    row_of = {int(number): row for row, number in enumerate(clip.image_numbers)}
+    rows = np.array([row_of[int(number)] for number in dance.rows])
+    known = np.isfinite(places_m).all(axis=1) & np.isfinite(shirt_m[rows]).all(axis=1)
+    places_m, rows = places_m[known], rows[known]
+    world_m = apply(found[rows], places_m[:, None])[:, 0]
+    off_m = world_m - fit_similarity(world_m, shirt_m[rows], scale=False).apply(shirt_m[rows])
+    before_m = places_m - apply(invert(true[rows]), shirt_m[rows][:, None])[:, 0]
+    return WorldRow(
+        clip=name,
+        wa_mm=None,
+        scale_off=float(1 / true_from_found.scale - 1),
+        floor_m=float(np.nanmedian(floor_m[:, 2])),
+        **_level((turn.T @ dance.up)[None], quality, 0),
+        **_places(off_m, before_m, load_sigma(solved_dir / FUSED / sigma_file(0)), rows),
+    )
+
+
+def _level(ups: np.ndarray, quality: PseudoGtQuality, number: int) -> dict[str, Any]:
+    assert quality.level is not None
+    cosine = ups[0, 2] / np.linalg.norm(ups[0])
+    return {
+        "accepted": quality.people[number].accepted,
+        "frames": quality.people[number].frames,
+        "level_deg": float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))),
+        "said_deg": quality.level.sigma_deg,
+    }
+
+
+def _places(
+    off_m: np.ndarray, before_m: np.ndarray, sigmas: dict[str, np.ndarray], rows: np.ndarray
+) -> dict[str, Any]:
+    return {
+        "place_mm": float(1000 * np.sqrt((off_m**2).sum(axis=1).mean())),
+        "within": _within(off_m / sigmas["place_sigma_m"][rows]),
+        "within_before_camera": _within(before_m / sigmas["camera_sigma_m"][rows]),
+    }
+
+
+def _within(sizes: np.ndarray) -> tuple[float, float]:
+    return float((np.abs(sizes) < 1).mean()), float((np.abs(sizes) < 2).mean())
