@@ -57,11 +57,18 @@ def synthetic_set(out: Path) -> None:
 
 
 def twins(out: Path) -> None:
-    """A twin's recovered path beside its true one, and the noise floor."""
-    gmrdata(["threedpw", "twin", "twins_small", "--out", str(out / "twins")])
+    """Frames of twins, and the noise floor that they have."""
+    recipe = RECIPE.with_name("pictures_twin.yaml")
+    gmrdata(["threedpw", "twin", str(recipe), "--out", str(out / "twins")])
     gmrdata(["floor", "--twins", str(out / "twins"), "--out", str(out / "floor")])
     floor = Floor.read(out / "floor" / "floor.json")
-    save("floor", plotted(lambda plot: plot_floor(plot, floor), 7.0, 2.6))
+    tiles = []
+    for one in floor.sequences:
+        images = sorted((out / "twins/3DPW/imageFiles" / one.id).glob("*.jpg"))
+        shown = (images[row] for row in frames.spaced(len(images), 3))
+        tiles += [frames.read_image(image, cv2.IMREAD_COLOR) for image in shown]
+    sheet = frames.narrowed(frames.tile_sheet(tiles, columns=6), 800)
+    save("floor", beside(sheet, plotted(lambda plot: plot_floor(plot, floor), 6.5, 3.4)))
 
 
 def plot_floor(plot: Figure, floor: Floor) -> None:
