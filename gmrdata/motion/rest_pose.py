@@ -34,6 +34,9 @@ what hangs on the wrist is no hand."""
 LARGEST_TILT_DEG = 40.0  # how far a zero pose may lean or face away from the coordinate axes
 
 
+BACKWARDS = 0.5  # of a foot's length
+
+
 def check_size(rest_joints_m: np.ndarray, name: str) -> None:
     """See that a zero pose, (24, 3) [m], has human size and no limb without length."""
     leg_m = leg_length_m(rest_joints_m)
@@ -47,6 +50,19 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
         if np.linalg.norm(rest_joints_m[end] - rest_joints_m[start]) < SHORTEST_LIMB_M:
             what = f"{JOINT_NAMES[start]} and {JOINT_NAMES[end]} coincide in the zero pose"
             raise BadMotionFile(f"{name}: {what}; give a --joint-map that names other joints")
+
+
+def check_feet(rest_m: np.ndarray, name: str) -> None:
+    """See that the feet of a zero pose (24, 3), z to the front of its left and up, point there."""
+    toes, ankles = (
+        rest_m[[JOINT[f"{side}_{part}"] for side in ("left", "right")]]
+        for part in ("foot", "ankle")
+    )
+    feet_m = toes - ankles
+    if (feet_m[:, 2] < -BACKWARDS * np.linalg.norm(feet_m, axis=1)).all():
+        what = "the feet point backwards: left and right are exchanged, as in a left-handed file"
+        remedy = "Export it with right-handed axes, or exchange left and right with --joint-map"
+        raise BadMotionFile(f"{name}: {what}. {remedy}")
 
 
 def middles(joints_m: np.ndarray, *parts: str) -> list[np.ndarray]:

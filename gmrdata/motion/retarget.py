@@ -166,6 +166,7 @@ def _put_on(
     source_rest_m = zero_pose_m(source, joints)
     axes = rest_pose.source_from_rest_axes(source_rest_m)
     source_rest_m = source_rest_m @ axes
+    rest_pose.check_feet(source_rest_m, name)
     world_from_joint = global_rotmats(source.parents, source.local_rotmats)
     paths_m = _paths_m(source, world_from_joint, joints, axes)
     corrections, feet_note = {}, "own skeleton"

@@ -43,6 +43,7 @@ FLOOR_M, OFF_FLOOR_M = 0.08, 0.25  # what lies on the floor z = 0 of most files,
 MOSTLY, ALWAYS = 0.5, 0.95  # of somebody who walks; runners of CMU have a foot down in 0.92 at most
 FASTEST_M_PER_S = 13.0  # of anybody who runs
 FASTEST_WALK_M_PER_S = 2.3  # CMU's fastest of 95 walks has 1.9
+LARGEST_TILT_DEG = 20.0  # of trunk over feet, on average: at most 11 in CMU's motions
 SLIDES_M_PER_S, SLIDES_OVER = 0.4, 2.0
 """Of the lower sole, and over the pelvis's: CMU's highest are 0.65 in a run at 3.3 m/s and 0.3."""
 LARGEST_RISE_M = 0.5  # along the axis; a swimmer goes further
@@ -217,6 +218,17 @@ def walking_m_per_s(person: Person) -> float:
     return float(np.median(going[rows]))
 
 
+def tilt_over_feet_deg(person: Person) -> float:
+    """How far the way from standing feet to the middle of the trunk is off z, on average."""
+    speeds = np.stack([person.speeds(one).min(axis=1) for one in person.soles_m], axis=1)
+    carried = np.exp(-speeds / STILL_M_PER_S)
+    feet_m = np.stack([one.mean(axis=1) for one in person.soles_m], axis=1)
+    weights = carried / carried.sum(axis=1, keepdims=True)
+    trunk_m = person.joints_m[:, [JOINT["pelvis"], JOINT["neck"]]].mean(axis=1)
+    over_m = trunk_m - np.einsum("tf,tfk->tk", weights, feet_m)
+    return float(angles_deg(carried.max(axis=1) @ over_m, np.eye(3)[2]))
+
+
 def sliding_m_per_s(person: Person) -> float:
     """The speed of the lower sole of somebody who walks in place; else 0 [m/s]."""
     up = np.eye(3)[2]
@@ -240,6 +252,11 @@ def remarks_on(person: Person, fps_hz: float) -> tuple[str, ...]:
     if (often := float(np.percentile(speeds, 90))) > FASTEST_M_PER_S:
         what = f"goes at {often:.3g} m/s: its path is in another unit, or the frame rate is wrong"
         return (*remarks, f"{what}. Give --unit-m (0.01 for centimetres), or --fps-hz")
+    if (tilt_deg := tilt_over_feet_deg(person)) > LARGEST_TILT_DEG and not remarks:
+        what = f"leans by {tilt_deg:.0f} degrees over the feet on average: its world is tilted"
+        remarks += (
+            f"{what}, as before a camera that looks down, or the person leans on something",
+        )
     if (slides := sliding_m_per_s(person)) > 0:
         what = f"its feet slide at {slides:.1f} m/s under a pelvis that stays: a walk in place"
         remarks += (f"{what}, or a path that is missing or in another unit than the skeleton",)

@@ -98,7 +98,8 @@ _SIDES = (
 
 def is_cmu(names: Sequence[str]) -> bool:
     """Whether the names are those of CMU's skeleton, in its BVH or its ASF form."""
-    return {"LHipJoint", "LowerBack"} <= set(names) or {"lhipjoint", "lfemur"} <= set(names)
+    bare = set(map(_bare, names))
+    return {"LHipJoint", "LowerBack"} <= bare or {"lhipjoint", "lfemur"} <= bare
 
 
 def find_joints(
@@ -140,8 +141,9 @@ def joints_by_name(
     from there to what carries both arms.
     """
     if is_cmu(names):
-        cmu = CMU_BVH if "LHipJoint" in names else CMU_ASF
-        found = {joint: names.index(name) for name, joint in cmu.items() if name in names}
+        bare = [_bare(name) for name in names]
+        cmu = CMU_BVH if "LHipJoint" in bare else CMU_ASF
+        found = {joint: bare.index(name) for name, joint in cmu.items() if name in bare}
         return {j: bone for j, bone in found.items() if bone not in said.values()} | dict(said)
     lines = [line_to(bone, parents) for bone in range(len(names))]
     words_of = [_side_and_word(name) for name in names]
@@ -166,9 +168,14 @@ def joints_by_name(
     return found
 
 
+def _bare(name: str) -> str:
+    """`mixamorig:LeftUpLeg_03` -> `LeftUpLeg`."""
+    return re.sub(r"[._ ]\d+$", "", _NAMESPACE.sub("", name))
+
+
 def _side_and_word(name: str) -> tuple[str, str]:
     """`mixamorig:LeftUpLeg_03` -> ("left", "upleg"); without a side ("", word)."""
-    plain = re.sub(r"[._ ]\d+$", "", _NAMESPACE.sub("", name))
+    plain = _bare(name)
     side, word = "", plain
     if name.startswith(_HELPER):
         return "", ""

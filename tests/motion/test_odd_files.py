@@ -17,7 +17,7 @@ from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, SourceMotion
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.joint_names import line_to
+from gmrdata.values.joint_names import CMU_BVH, is_cmu, joints_by_name, line_to
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
 from gmrdata.write.amass import write_amass
@@ -182,6 +182,42 @@ def test_what_no_walk_is_like_gets_a_remark(
     write_bvh(tmp_path / "a.bvh", replace(walk, local_rotmats=local, pelvis_m=pelvis_m), small_body)
     remarks = read_file(tmp_path / "a.bvh", small_body, ReadConfig()).remarks
     assert [one for one in remarks if said and said in one] if said else remarks == ()
+
+
+@pytest.mark.parametrize(("degrees", "remarked"), [(10.0, False), (30.0, True)])
+def test_a_world_that_is_tilted_as_a_camera_gets_a_remark(
+    tmp_path: Path, small_body: BodyModel, degrees: float, remarked: bool
+) -> None:
+    walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(0))
+    tilt = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
+    tilted = replace(walk, root_rotmats=tilt @ walk.root_rotmats, pelvis_m=walk.pelvis_m @ tilt.T)
+    write_bvh(tmp_path / "a.bvh", tilted, small_body)
+    remarks = read_file(tmp_path / "a.bvh", small_body, ReadConfig()).remarks
+    assert bool([one for one in remarks if "its world is tilted" in one]) == remarked
+
+
+def test_a_left_handed_skeleton_is_refused(
+    write_bvh: Callable[..., Path], walk_path: Path, small_body: BodyModel
+) -> None:
+    plain = read_bvh(walk_path)
+    flip = np.diag([-1.0, 1.0, 1.0])
+    mirrored = replace(
+        plain,
+        offsets_m=1.01 * plain.offsets_m @ flip,
+        translations_m=1.01 * plain.translations_m @ flip,
+        local_rotmats=flip @ plain.local_rotmats @ flip,
+    )
+    path = _save(write_bvh, walk_path.parent / "b.bvh", mirrored, plain.parents)
+    with pytest.raises(BadMotionFile, match="feet point backwards: left and right are exchanged"):
+        read_motion(path, small_body)
+
+
+@pytest.mark.parametrize("form", ["cmu:{}", "Subject02:{}", "{}_01", "rig:body:{}"])
+def test_cmus_names_are_known_below_a_namespace(form: str) -> None:
+    names = [*CMU_BVH, "LHipJoint"]
+    called = [form.format(name) for name in names]
+    parents = [-1] * len(names)
+    assert is_cmu(called) and joints_by_name(called, parents) == joints_by_name(names, parents)
 
 
 def test_poses_in_degrees_are_refused(tmp_path: Path, small_body: BodyModel) -> None:
