@@ -32,6 +32,10 @@ def test_a_page_is_short(page: Path) -> None:
         assert page_words(read(page)) <= 1200
 
 
+def test_the_docs_are_short() -> None:
+    assert sum(page_words(read(page)) for page in (README, *DOCS)) <= 20_000
+
+
 def test_the_news_of_a_version_are_short() -> None:
     versions = read(CHANGELOG).split("\n## ")[1:]
     assert [version[:20] for version in versions if page_words(version) > 1500] == []
