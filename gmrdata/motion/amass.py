@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import levelled, motion_of
 from gmrdata.motion.up_axis import turn_upright, turned
-from gmrdata.read.numbers import finite_numbers
+from gmrdata.read.numbers import finite_numbers, require_radians
 from gmrdata.read.source_motion import (
     CMU_60_HZ_SUBJECTS,
     DEFAULT_READING,
@@ -44,7 +44,6 @@ from gmrdata.values.errors import BadBodyFile, BadMotionFile
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
 
-LARGEST_RAD = 2 * np.pi  # of nearly all turns
 RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 """SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
 SPLIT_KEYS = {
@@ -181,10 +180,7 @@ def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray,
         raise BadMotionFile(f"{path}: {found}; fetch it again")
     if len(poses) < 2:
         raise BadMotionFile(f"{path}: {len(poses)} frames are no motion; it takes at least 2")
-    turns_rad = np.linalg.norm(poses.reshape(len(poses), -1, 3), axis=2)
-    if np.percentile(turns_rad, 99) > LARGEST_RAD:
-        what = f"poses turn by up to {turns_rad.max():.0f}: degrees, where AMASS has radians"
-        raise BadMotionFile(f"{path}: {what}; write them with np.deg2rad")
+    require_radians(poses, "poses", path)
     return poses, trans
 
 

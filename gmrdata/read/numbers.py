@@ -238,6 +238,14 @@ def finite_numbers(value: Any, what: str, path: Path) -> np.ndarray:
     return values
 
 
+def require_radians(rotvecs: np.ndarray, what: str, path: Path) -> None:
+    """Refuse axis-angle (T, 3 J) in degrees: nobody's joints mostly turn by more than a circle."""
+    turns = np.linalg.norm(rotvecs.reshape(-1, 3), axis=1)
+    if np.percentile(turns, 99) > 2 * np.pi:
+        how = f"turns of up to {turns.max():.0f} in {what}: degrees, where the format has radians"
+        raise BadMotionFile(f"{path}: {how}; write them with np.deg2rad")
+
+
 def usable_rows(*arrays: np.ndarray) -> np.ndarray:
     """(N,) bool: all numbers of the row are finite in each (N, ...) array, and none is absurd."""
     usable = [(np.abs(a) < LARGEST_NUMBER).reshape(len(a), -1).all(axis=1) for a in arrays]

@@ -225,7 +225,7 @@ def test_poses_in_degrees_are_refused(tmp_path: Path, small_body: BodyModel) -> 
     write_amass(tmp_path / "a.npz", walk, small_body)
     arrays = dict(np.load(tmp_path / "a.npz"))
     np.savez(tmp_path / "b.npz", **arrays | {"poses": np.rad2deg(arrays["poses"])})
-    with pytest.raises(BadMotionFile, match=r"b\.npz: poses turn by up to \d+: degrees, where"):
+    with pytest.raises(BadMotionFile, match=r"b\.npz: turns of up to \d+ in poses: degrees"):
         read_motion(tmp_path / "b.npz", small_body)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.numbers import finite_numbers
+from gmrdata.read.numbers import finite_numbers, require_radians
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.transforms import rigid
@@ -26,6 +26,9 @@ SMPLX_REST_PELVIS_M = np.array([0.0031, -0.3514, 0.0120])
 Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 Z_UP_FROM_Y_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Also the world of a camera that is held level, in which it looks along +y."""
+AXIS_ANGLES = (
+    "pose", "poses", "pose_world", "body_pose", "global_orient", "pose_body", "root_orient",
+)  # fmt: skip
 LARGEST_NUMBER = 1 << 31  # of a frame's or a person's number
 LARGEST_SKEW = 0.02
 """How far the product of a rotation matrix with its transpose may be from the identity."""
@@ -63,6 +66,8 @@ class Entry:
         if wrong or not found.size:
             wanted = ", ".join("T" if n is None else str(n) for n in shape)
             raise self.fault(f"{what} is {found.shape}, not ({wanted})")
+        if key in AXIS_ANGLES and found.shape[-1] % 3 == 0:
+            require_radians(found, what, self.path)
         return found
 
     def shape(self, key: str) -> tuple[int, ...]:

@@ -9,6 +9,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read.systems.entries import AXIS_ANGLES
 from gmrdata.read.systems.result import read_system
 from gmrdata.read.systems.sam3d import _JOINTS
 from gmrdata.values.body import JOINT
@@ -244,6 +245,8 @@ def _changed(arrays: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
             arrays[key] = value[:-1] if value.ndim else np.zeros(3)
         elif how == "flat":
             arrays[key] = value.ravel()[:-1] if value.ndim else np.zeros(0)
+        elif how == "degrees":
+            arrays[key] = np.full(value.shape, 60.0)
         else:
             del arrays[key]
     return arrays
@@ -270,6 +273,13 @@ def test_a_broken_part_is_refused(system: str, key: str, how: str, tmp_path: Pat
     with pytest.raises(GmrdataError, match=str(tmp_path)) as refused:
         read_system(path, _part(system))
     assert type(refused.value) in (BadMotionFile, MissingInput)
+
+
+@pytest.mark.parametrize(("system", "key"), [part for part in PARTS if part[1] in AXIS_ANGLES])
+def test_axis_angles_in_degrees_are_refused(system: str, key: str, tmp_path: Path) -> None:
+    path = WRITERS[system][0](tmp_path, **{key: "degrees"})
+    with pytest.raises(BadMotionFile, match=f"turns of up to 104 in .*{key}.*: degrees, where"):
+        read_system(path, "world")
 
 
 def test_a_folder_that_is_no_result_is_named(tmp_path: Path) -> None:
