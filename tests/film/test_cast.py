@@ -20,7 +20,16 @@ from gmrdata.film.programmes import (
     plan_clip,
     static_twin,
 )
-from gmrdata.film.scene import Cast, Extras, load_car, looks_of, make_cast, save_extras
+from gmrdata.film.scene import (
+    Cast,
+    Extras,
+    load_car,
+    load_cast,
+    looks_of,
+    make_cast,
+    save_cast,
+    save_extras,
+)
 from gmrdata.film.set_plan import SyntheticClip, planned_clip
 from gmrdata.film.walkers import CAR_SIZE_M, HALF_DRIVE_M, move_motion, way_driven_m
 from gmrdata.motion.gait import make_gait
@@ -135,6 +144,17 @@ def test_feet_stay_on_the_ground(casts: list[tuple[Clip, Cast]], small_body: Bod
         for walker in cast.walkers:
             lowest_m = motion_vertices_m(small_body, walker)[..., 2].min(axis=1)
             assert np.abs(lowest_m).max() < 0.03
+
+
+def test_extras_reach_blender_as_they_are(casts: list[tuple[Clip, Cast]], tmp_path: Path) -> None:
+    cast = casts[0][1]
+    save_cast(tmp_path / "cast.npz", cast)
+    there = load_cast(tmp_path / "cast.npz")
+    assert len(there.walkers) == 3 and len(there.cars) == 1
+    for one, other in zip((*cast.walkers, *cast.cars), (*there.walkers, *there.cars), strict=True):
+        for name, value in vars(one).items():
+            assert type(vars(other)[name]) is type(value)
+            np.testing.assert_array_equal(vars(other)[name], value)
 
 
 def test_each_choice_is_its_own(small_body: BodyModel) -> None:
