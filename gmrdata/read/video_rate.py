@@ -33,10 +33,16 @@ def rated(
         stated_hz: Rates by the file's own word, the best first.
     """
     fit_hz, uneven, sigma_hz = _fit(times_s)
-    stated = [rate_hz for one in stated_hz for rate_hz in (*_usual(one, SAME_RATE * one), one)]
     # A fit over few frames is as coarse as their times.
     fitted = list(_usual(fit_hz, 2 * max(tick_s, REMUXED_S) / times_s[-1] * fit_hz))
     for rounding_s in (EXACT_S, tick_s, max(tick_s, REMUXED_S)):
+        # A mean over the file's length, which is no usual rate, is as coarse as its times.
+        coarse = 2 * rounding_s / times_s[-1]
+        stated = [
+            rate_hz
+            for one in stated_hz
+            for rate_hz in (*_usual(one, SAME_RATE * one), *_mean_of(one, coarse * one), one)
+        ]
         for rate_hz in (*stated, *fitted):
             steps = _steps(times_s, rate_hz)
             if np.median(np.diff(steps)) == 1 and (
@@ -74,6 +80,11 @@ def _fit(times_s: np.ndarray) -> tuple[float, float, float]:
     apart = (times_s - step_s * steps - first_s) / step_s
     error = float(apart.std() / max(np.linalg.norm(steps - steps.mean()), 1.0))
     return 1.0 / float(step_s), float(np.ptp(apart)), error / float(step_s)
+
+
+def _mean_of(rate_hz: float, within_hz: float) -> Iterator[float]:
+    """Usual rates that one which is none itself may be the mean of."""
+    return iter(()) if any(_usual(rate_hz, SAME_RATE * rate_hz)) else _usual(rate_hz, within_hz)
 
 
 def _usual(rate_hz: float, within_hz: float) -> Iterator[float]:

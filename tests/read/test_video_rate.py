@@ -47,6 +47,13 @@ def test_two_frames_and_more(times_s: list[float], stated_hz: list[float], rate_
     assert rated(np.array(times_s), 1e-3, stated_hz)[0] == rate_hz
 
 
+@pytest.mark.parametrize("counted_s", [1e-3, 1 / 15360])
+@pytest.mark.parametrize("rate_hz", [60, 60 * NTSC, 50, 30, 30 * NTSC, 120])
+def test_the_mean_rate_of_a_short_clip_in_milliseconds(rate_hz: float, counted_s: float) -> None:
+    times_s = frame_times_s(rate_hz, 1e-3, range(90))
+    assert rated(times_s, counted_s, [89 / times_s[-1]])[0] == pytest.approx(rate_hz, rel=1e-9)
+
+
 def test_a_rate_that_varies_is_left_as_it_is() -> None:
     rng = np.random.default_rng(0)
     steps_s = {
