@@ -1,5 +1,6 @@
 """Many videos, shards and merge: the bytes of one process, and failures by name."""
 
+import json
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -69,6 +70,9 @@ def test_the_same_again_makes_what_is_missing_alone(
     assert gmrdata(*command, "--shard", "1/1").stdout == again.stdout
     strict = gmrdata(*command, "--strict")
     assert strict.returncode == 1 and "1 of 2 videos were rejected" in strict.stderr
+    told = json.loads(gmrdata(*command, "--json").stdout)
+    assert told["videos"] == json.loads((out / "videos.json").read_text())["videos"]
+    assert told["page"] == str(out / "index.html")
     other = gmrdata(*command, "--seed", "1")
     assert other.returncode == 1 and "other values of config.solve.sfm.seed" in other.stderr
 
