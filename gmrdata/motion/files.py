@@ -29,7 +29,7 @@ from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cm
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_metrics import angles_rad
 
-STIFF_DEG, STIFF_WAY_M = 2.0, 1.0
+STIFF_DEG, STIFF_WAY_M = 2.0, 1.0  # radians make at most 1.6 degrees of a quarter turn
 SUFFIXES = (".amc", ".bvh", ".npz")
 POSE_ARRAYS = frozenset({"poses.npy", *(f"{key}.npy" for key in SPLIT_KEYS["body"])})
 """Of which a motion's .npz has one."""
@@ -105,31 +105,41 @@ def read_file(
     _check_options(path, body, config.unit_m, shape)
     if path.suffix.lower() == ".npz":
         motion, residual = read_amass(path, body, config, shape=shape), None
+        turns = motion.local_rotmats
         rate_from = amass_rate(read_npz(path), config.fps_hz, path)[1]
     else:
         source = _read_source(path, config)
+        turns = source.local_rotmats[:, 1:]
         motion, residual = _on_body(source, path, body, config, Retargeting(shape=shape))
         rate_from = source.rate_from
     person = person_of(body, motion)
     remarks = remarks_on(person, motion.fps_hz)
     if config.up is None and TOLD_FROM in motion.source and not shows_z_up(person):
         remarks = (*remarks, BY_TRUNK)
-    remarks = remarks or _stiffness(motion)
+    remarks = remarks or _stiffness(motion, turns)
     if NO_TURN in motion.source:
         remarks = (*remarks, f"{NO_TURN} {motion.source.split(NO_TURN)[1].split(',')[0].strip()}")
     return FileReading(motion, LIES not in remarks, remarks, rate_from, residual)
 
 
-def _stiffness(motion: Motion) -> tuple[str, ...]:
-    """A remark on a body that goes and hardly turns a joint: CMU's stiffest turn by 24 degrees."""
+def _stiffness(motion: Motion, turns: np.ndarray) -> tuple[str, ...]:
+    """A remark on a body that goes and hardly turns a joint, of which CMU's stiffest turn by 24
+    degrees, or that keeps the file's zero pose, from which its joints turn (T, J, 3, 3)."""
     way_m = float(np.linalg.norm(np.ptp(motion.pelvis_m[:, :2], axis=0)))
-    middle = motion.local_rotmats[motion.n_frames // 2]
-    turns = (middle.swapaxes(-1, -2) @ motion.local_rotmats).reshape(-1, 3, 3)
-    most_deg = float(np.rad2deg(np.percentile(angles_rad(turns), 95)))
-    if way_m < STIFF_WAY_M or most_deg > STIFF_DEG:
-        return ()
-    what = f"goes {way_m:.1f} m, and hardly a joint turns by more than {most_deg:.1f} degrees"
-    return (f"{what}: a stiff body, or angles in radians where the format has degrees",)
+    moves_deg = _most_deg(turns[len(turns) // 2].swapaxes(-1, -2) @ turns)
+    radians = "or angles in radians where the format has degrees"
+    if way_m > STIFF_WAY_M and moves_deg < STIFF_DEG:
+        what = f"goes {way_m:.1f} m, and hardly a joint turns by more than {moves_deg:.1f} degrees"
+        return (f"{what}: a stiff body, {radians}",)
+    if (off_deg := _most_deg(turns)) < STIFF_DEG:
+        what = f"hardly a joint is more than {off_deg:.1f} degrees off the file's zero pose"
+        return (f"{what}: nothing but that, {radians}",)
+    return ()
+
+
+def _most_deg(turns: np.ndarray) -> float:
+    """What 95 % of rotations (..., 3, 3) turn by less than [degrees]."""
+    return float(np.rad2deg(np.percentile(angles_rad(turns.reshape(-1, 3, 3)), 95)))
 
 
 def read_poses(path: Path, body: BodyModel, config: ReadConfig) -> Motion:
