@@ -84,7 +84,7 @@ def export(
         formats: Names of `FORMATS`; or "onnx" alone, for which `source` is a training run.
         out: Output folder; gets `<format>/<clip id>`.
         clips: Ids of the clips to write; all when empty.
-        of: Whose trajectory tum and kitti hold.
+        of: The trajectory in tum and kitti: of the camera or of the person.
         observations: Which image points a COLMAP model has: of the keyframes, all or none.
         body: As `load_body` takes it, or a folder of bodies; what lies beside the clips when None.
         images: Folder with the images of one sequence, or with a folder for each of several.

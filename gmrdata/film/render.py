@@ -220,8 +220,8 @@ def render_clip(
 
     Args:
         clip_path: Clip .npz with frame "world" and a camera for each frame.
-        layout_paths: Clips that share one place (a clip and its twin), each given the same list;
-            the place is laid out for the paths of all of them, and lit for the first.
+        layout_paths: Clips that share one place (a clip and its twin), each given the same list.
+            The place is laid out for the paths of all of them, and lit for the first.
         on_frame: Called with each finished frame's number, instead of a progress bar.
 
     Raises:

@@ -73,7 +73,7 @@ class Loop(Config):
 
 
 class FuseConfig(Config):
-    """What is fused, and how."""
+    """How cameras and a network are fused."""
 
     which: Which = "latest"
     fusion: FusionConfig = FusionConfig()
@@ -166,7 +166,7 @@ def fuse(
             pose in each frame; `valid` are those in which the person was seen.
         network: Run folder of a trained network, or "bundled" for the one of the package.
         body_path: Body of the clips; None for the default body.
-        config: What suits who saw the people when None.
+        config: When None, settings that suit the system that saw the people.
         errors_path: The network's `delta_errors.json`; None for that in its run's folder.
 
     Errors are MissingInput, BadCheckpoint, BadRecord, BadMotionFile for a clip that is not in the

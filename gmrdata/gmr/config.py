@@ -156,8 +156,8 @@ class StepsConfig(Config):
 
 
 class TrainConfig(StepsConfig):
-    """A training run; the defaults are the paper's (section 4.1) where it states one, but for the
-    loss's `reduction`: recipe `gmr` has the paper's."""
+    """A training run; the defaults are the paper's (section 4.1) where it states one, except for
+    the loss's `reduction`: recipe `gmr` has the paper's."""
 
     model: ModelConfig = ModelConfig()
     loss: LossConfig = LossConfig()

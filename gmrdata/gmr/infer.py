@@ -222,7 +222,7 @@ class InferRecord(Record):
 
 
 class InferConfig(Config):
-    """What is made of a file of poses."""
+    """How world motions are made of a file of poses."""
 
     fps_hz: float | None = Field(default=None, gt=0.0, le=1000.0)
     """True rate of the poses; None: the file's."""

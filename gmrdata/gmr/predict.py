@@ -117,7 +117,7 @@ def predict_world_motion(
     """World motion of a person from the local pose alone, by eqs. 3-4 (paper, section 3.6).
 
     The motion's own root is not looked at.  With the paper's first pose, the identity, the world is
-    the body's own frame at the first moment (x to its left, y up, z to its front); give the first
+    the body's own frame at the first moment (x to its left, y up, z to its front).  Give the first
     pose to have another world.
 
     Args:

@@ -72,9 +72,9 @@ def read_motion(
         joint_map: `{name in the file: SMPL joint}`, or a YAML or JSON file of it, for a BVH or ASF
             whose names are not known.
         unit_m: Metres per unit of a BVH or ASF; without it the convention's, if the legs are of a
-            person's length with it, else what makes them so.  Of an .npz that of `trans`, else 1.
-        rest_pose: What the pose of a BVH or AMC without rotations is (`RestPose`), or a BVH of the
-            same skeleton in whose first frame the person stands; None looks for itself.
+            person's length with it, else what makes them so.  For an .npz that of `trans`, else 1.
+        rest_pose: The pose of a BVH or AMC without rotations (`RestPose`), or a BVH of the same
+            skeleton in whose first frame the person stands; None looks for itself.
         up: Axis of the file's world that is up; without it the convention's, unless what the person
             does shows another (see `up_axis`).
         asf_path: Skeleton of an AMC, where it does not lie beside it.
@@ -82,8 +82,8 @@ def read_motion(
         shape: (S,) shape of `body`; without it that of the file if it is of this body, else the
             mean.
         source_body: The body whose betas an AMASS file holds, for the leg length of its subject.
-        ground: Whether to level the floor that the feet show and move it to z = 0; None for a
-            motion of any other body than `body`, while one of its own stays where the file has it.
+        ground: Whether to level the floor that the feet show and move it to z = 0.  None does so
+            for a motion of another body than `body`; one of its own stays where the file has it.
     """
     path = Path(path)
     _check_options(path, body, unit_m, shape)

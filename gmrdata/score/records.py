@@ -284,7 +284,7 @@ class Summary(Config):
 
 
 class Scores(Summary, Record):
-    """What `scores.json` holds: the figures of each clip and of groups of clips."""
+    """The content of `scores.json`: the figures of each clip and of groups of clips."""
 
     format: Literal["gmrdata-scores/4"] = "gmrdata-scores/4"
     name: str

@@ -45,7 +45,7 @@ from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRe
 
 @dataclass(frozen=True)
 class Scored:
-    """What was scored, as `score` gives it."""
+    """The files that `score` wrote."""
 
     scores: tuple[Path, ...]  # the `scores.json` of each set of predictions
     comparison: Path | None  # `comparison.json` of several sets; None for one
@@ -70,8 +70,8 @@ def score(
     sets of results are in `out_dir/<set>` each, and compared with the first in `comparison`.
 
     Args:
-        predictor: A network, as `load_gmr` takes it; a folder with `<clip id>.npz`, as baselines
-            write it; or results of other systems as they write them, a file or a folder
+        predictor: A network, as `load_gmr` takes it, or a folder with `<clip id>.npz`, as baselines
+            write it.  Or results of other systems as they write them, a file or a folder
             (docs/scores.md says how files are named).
         body_path: The clips' body, or a folder of bodies, as `load_bodies` takes it; None for the
             default body.

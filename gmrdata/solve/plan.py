@@ -99,7 +99,7 @@ def plan_videos(
     part: VideoConfig | None = None,
     config: SolveConfig = DEFAULT_CONFIG,
 ) -> Plan:
-    """What `solve_video`, or for several `solve_videos`, would do with the same arguments, and
+    """The plan of `solve_video`, or for several of `solve_videos`, with the same arguments, and
     about how long it takes on two cores; nothing is made.  Errors as there."""
     paths = [Path(source) for source in sources]
     people, results = people_of(poses, body, config)

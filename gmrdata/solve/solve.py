@@ -381,7 +381,7 @@ def solve_sequence(
         frames: A folder of numbered images, or a video file, of which `video` says the part.  Where
             bodies are of other times than a video's frames, the verdict says so.
         people: In the camera's frame, all with the same rows.
-        dataset_camera_path: Of the data set, by `save_dataset_camera`; right over short times.
+        dataset_camera_path: The data set's, by `save_dataset_camera`; right over short times.
         doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
         left_out: Numbers of images that are known to be unusable.
 

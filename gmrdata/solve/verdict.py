@@ -138,7 +138,7 @@ UNCHECKED = (
 
 
 class VideoVerdict(Record):
-    """`verdict.json`: what was decided of a video, and of whom."""
+    """`verdict.json`: the decisions on a video and on its people."""
 
     format: Literal["gmrdata-video-verdict/1"] = "gmrdata-video-verdict/1"
     images_dir: str

@@ -208,22 +208,22 @@ def solve_video(
     A video without a camera path is no error: it is rejected, and the verdict says why.
 
     Args:
-        source: A video file, of which `part` says what is taken, or a folder of numbered images.
+        source: A video file, or its `part`, or a folder of numbered images.
         out_dir: Gets a folder of each stage; what is there is kept.
-        poses: People before the camera: a file or folder of VIBE, WHAM, GVHMR, TRAM, PHALP or
-            4D-Humans; whom the built-in estimator sees, if its networks were fetched, when left
-            out; "own" for the same, one of whom must be accepted; "none" for cameras alone.
+        poses: People before the camera: a file or folder of another system.  Without it, people of
+            the built-in estimator, if its networks were fetched.  "own" demands that one of these
+            is accepted; "none" is for cameras alone.
         body: "anny", or the path of a body model, or a folder of them.
-        lens: What is known of the images' lens; None for nothing.
+        lens: The images' lens, as far as it is known.
         fps_hz: Images per second of a folder; None for a video, which has times.
-        height_m: How tall people are without shoes: all of them, or by name ("person_0").  Scale
-            and distances hang on it; None for the mean body, with an error of 7 %.
-        gravity: What the phone felt while it filmed, as `gmrdata.read.gravity` takes it: record3d's
-            `metadata`, Stray Scanner's `odometry.csv`, or a table.  It levels people's world.
+        height_m: How tall people are without shoes [m]: all of them, or by name ("person_0").
+            Without it the mean body stands for them, with an error of 7 %.
+        gravity: The phone's own gravity while it filmed, as `gmrdata.read.gravity` takes it:
+            record3d's `metadata`, Stray Scanner's `odometry.csv`, or a table.  It levels the world.
 
     Raises:
         BadRecipe: a folder without a rate, or a video with one.
-        BadFrames, MissingInput, BadMotionFile and what else the stages raise.
+        BadFrames, MissingInput, BadMotionFile: as the stages raise them.
     """
     config = config.with_heights(height_m)
     people, results_path = people_of(poses, body, config)
@@ -257,8 +257,8 @@ def solve_videos(
         height_m: As of `solve_video`, in every video.
         poses: As of `solve_video`; files of systems are in a folder, as `<name>.pkl`, `<name>.pt`
             or `<name>/` for each video that has people.
-        after: What is made of each solved video's folder besides; a module-level function.
-        leaves: What that leaves in the folder: where it is missing, the video is solved again.
+        after: A module-level function for each solved video's folder.
+        leaves: Files that it leaves in the folder: without them the video is solved again.
 
     Raises:
         StageFailed: some videos failed; the record lists them, and the others are done.

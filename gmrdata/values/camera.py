@@ -159,7 +159,7 @@ STRAIGHTEN_STEPS = 12
 class CameraPath:
     """A pinhole camera over T frames.
 
-    The camera looks along +z with x right and y down (OpenCV); pixel (0, 0) is the outer corner of
+    The camera looks along +z with x right and y down (OpenCV).  Pixel (0, 0) is the outer corner of
     the top-left pixel (COLMAP), so the centre of an image of width w is at x = w / 2.
     """
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import docstring_parser
 import pytest
 
+import gmrdata
 from tests.docs.page_commands import FUNCTIONS, REPOSITORY
 from tests.docs.style import faults, page_words, paragraphs, sentences
 
@@ -80,12 +81,13 @@ def test_text_is_taken_apart_as_a_reader_does() -> None:
 
 
 def help_texts() -> dict[str, str]:
-    """What `--help` says of verbs and flags, by its place in the source."""
+    """What `--help` says of verbs and flags, and `help` of public names, by its place."""
     texts = {}
-    for verb, function in FUNCTIONS.items():
-        said = docstring_parser.parse(inspect.getdoc(function) or "")
-        texts[verb] = f"{said.short_description}\n\n{said.long_description or ''}"
-        texts |= {f"{verb} {one.arg_name}": one.description or "" for one in said.params}
+    public = {name: getattr(gmrdata, name) for name in gmrdata.__all__}
+    for name, documented in (FUNCTIONS | public).items():
+        said = docstring_parser.parse(inspect.getdoc(documented) or "")
+        texts[name] = f"{said.short_description}\n\n{said.long_description or ''}"
+        texts |= {f"{name} {one.arg_name}": one.description or "" for one in said.params}
     for path in sorted((REPOSITORY / "gmrdata" / "cli").glob("*.py")):
         tree = ast.parse(read(path))
         for node in ast.walk(tree):

@@ -33,7 +33,7 @@ LARGEST_CORNER = 3.0  # from the principal point, in focal lengths: 143 degrees 
 
 
 class GivenIntrinsics(Config):
-    """What the command line gave: one of the three."""
+    """A lens as it was given: one of the three."""
 
     focal_px: PositiveFloat | None = None
     """Focal length [px]."""
