@@ -191,7 +191,8 @@ def test_one_of_them_is_given(given: dict[str, float]) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("1 SIMPLE_PINHOLE 640 480 60 320 240", "No camera sees that"),
+        ("1 SIMPLE_PINHOLE 640 480 60 320 240", "give it in pixels"),
+        ("1 SIMPLE_PINHOLE 640 480 66 320 240", "No camera sees that"),
         ("1 SIMPLE_RADIAL 640 480 300 320 240 -0.3", "folds the corners"),
     ],
 )
