@@ -146,7 +146,7 @@ def test_who_is_accepted(record: Record, shared_data: Path, anny: BodyModel) -> 
         doubled.append(judged(one, "two on one", twice, "", anny, WORK_DIR / "made"))
     show("Who is accepted", [asdict(one) for one in judged_all])
     wrong = [one for one in judged_all if one.is_wrong and one.accepted]
-    right = [one for one in judged_all if not one.is_wrong]
+    right = [one for one in judged_all if one.is_right]
     rejected = [one for one in right if not one.accepted]
     both = [pair for pair in doubled if all(one.accepted for one in pair)]
     record.add(

@@ -26,6 +26,7 @@ from gmrdata.solve.solve import people_masks
 from gmrdata.solve.verdict import write_doubts
 from gmrdata.values.body import N_JOINTS, BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.people import BODIES, PSEUDO_GT, PersonFiles, person_file
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, fit_similarities, invert
@@ -35,6 +36,7 @@ from gmrdata.world.pseudo_gt import WorldEvidence, config_of, make_pseudo_gt
 
 MOST_PA_M, MOST_WRONG = 0.15, 0.2
 """Error of a frame's joints from which it is wrong, and the share of such frames that is."""
+RIGHT = ("as found", "legs hidden")
 LATE_S = 0.5
 KNEES = 25  # landmarks from there on are of knees and feet
 
@@ -66,6 +68,10 @@ class Judged:
     @property
     def is_wrong(self) -> bool:
         return self.wrong_share > MOST_WRONG
+
+    @property
+    def is_right(self) -> bool:
+        return self.kind in RIGHT and not self.is_wrong
 
 
 def known_man(view: View, solved_dir: Path, body: BodyModel) -> Known:
@@ -165,27 +171,34 @@ def judged(
         * (BodiesRecord.read(one.solved_dir / BODIES / BODIES_FILE).people[0].size_sigma,),
     )
     config = config_of(one.solved_dir / PSEUDO_GT)
-    record = load_record(make_pseudo_gt(evidence, out_dir / PSEUDO_GT, config))
+    try:
+        record = load_record(make_pseudo_gt(evidence, out_dir / PSEUDO_GT, config))
+    except NoReconstruction as error:
+        return [Judged(kind, one.name, False, _wrong_share(one, clip, body), str(error))
+                for clip in clips]  # fmt: skip
+    made = zip(clips, record.people, record.picture_fits, strict=True)
     return [
         Judged(
             kind,
             one.name,
             verdict.accepted,
-            _wrong_share(
-                one, clip, body, set() if fit is None else set(fit.off_rows), verdict.kept
-            ),
+            _wrong_share(one, clip, body, () if fit is None else fit.off_rows, verdict.kept),
             "; ".join(verdict.reasons),
         )
-        for clip, verdict, fit in zip(clips, record.people, record.picture_fits, strict=True)
+        for clip, verdict, fit in made
     ]
 
 
 def _wrong_share(
-    one: Known, clip: Clip, body: BodyModel, off_rows: set[int], kept: np.ndarray
+    one: Known,
+    clip: Clip,
+    body: BodyModel,
+    off_rows: tuple[int, ...] = (),
+    kept: np.ndarray | None = None,
 ) -> float:
     found_m = motion_joints_m(body, clip.motion)[:, one.joints]
     apart_m = fit_similarities(one.true_m, found_m).apply(found_m) - one.true_m
     wrong = np.linalg.norm(apart_m, axis=-1).mean(axis=1) > MOST_PA_M
-    wrong |= np.isin(np.arange(len(wrong)), sorted(off_rows))
-    counted = kept if kept.any() else clip.valid
+    wrong |= np.isin(np.arange(len(wrong)), off_rows)
+    counted = clip.valid if kept is None or not kept.any() else kept
     return float(wrong[counted].mean())
