@@ -15,6 +15,7 @@ from gmrdata.values.errors import BadRecipe
 
 if TYPE_CHECKING:
     from gmrdata.gmr.config import TrainConfig
+    from gmrdata.gmr.infer import InferRecord
     from gmrdata.score.score import Scored
 
 Weights = Annotated[
@@ -172,9 +173,11 @@ def evaluate(
         predictions_body_path=results.predictions_body, floor_path=floor,
         joint_regressor_path=protocols.joint_regressor, run=Run(redo=redo),
     )  # fmt: skip
-    if as_json:
-        answer_json(_scored(made))
-        return
+    answer_json(_scored(made)) if as_json else _show_scored(made)
+
+
+def _show_scored(made: "Scored") -> None:
+    """Print tables, and write their pages."""
     for path in made.scores:
         show_scores(path)
     if made.comparison is not None:
@@ -287,13 +290,17 @@ def infer(
         network, source, out, config,
         body_path=flags.body_path(body), joint_map=joint_map, draw=draw_motion, run=Run(redo=redo),
     )  # fmt: skip
-    record, rows = stage.InferRecord.read(made / stage.RECORD_FILE), []
+    _show_inferred(stage.InferRecord.read(made / stage.RECORD_FILE))
+    answer(made)
+
+
+def _show_inferred(record: "InferRecord") -> None:
+    rows = []
     for name, one in record.motions.items():
         span, rate, far = f"{one.first_frame}-{one.last_frame}", f"{one.fps_hz:g}", one.path_m
         rows.append((name, str(one.frames), span, str(one.filled_frames), rate, f"{far:.2f}"))
     print_table(("motion", "frames", "of the video", "filled", "rate [Hz]", "path [m]"), rows)
     answer(f"network: {record.model.run}, {record.model.step} steps of training")
-    answer(made)
 
 
 def compare(

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
@@ -11,6 +11,9 @@ from gmrdata.cli.answers import answer, answer_json, print_table, then
 from gmrdata.cli.options import Manifest, Manifests, need
 from gmrdata.stage.progress import answers
 from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError
+
+if TYPE_CHECKING:
+    from gmrdata.motion.library import MotionTable
 
 
 def fetch(
@@ -104,15 +107,19 @@ def motions(
         for path in make(sources[0], body, out, run=run):
             answer(path)
     elif out is None:
-        table = library.motion_table(sources, body, config)
-        if table.rows:
-            print_table(table.headings, table.rows)
-        for warning in table.warnings:
-            answer(warning)
-        if table.bad:
-            raise BadMotionFile(table.bad)
+        _show_motions(library.motion_table(sources, body, config))
     else:
         answer(library.make_library(sources, body, out, **dict(config), run=run))
+
+
+def _show_motions(table: "MotionTable") -> None:
+    """What each file holds; BadMotionFile names those that can't be read."""
+    if table.rows:
+        print_table(table.headings, table.rows)
+    for warning in table.warnings:
+        answer(warning)
+    if table.bad:
+        raise BadMotionFile(table.bad)
 
 
 def _show_files(sources: tuple[Path, ...], out: Path | None, layout: str) -> None:

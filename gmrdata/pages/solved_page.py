@@ -144,6 +144,7 @@ def solved_page(
     strips: Strips | None = None,
     links: Sequence[tuple[str, str]] = (),
     failure: str = "",
+    view_file: str = VIEW_FILE,
 ) -> str:
     """The page as HTML; the same sequence gives the same bytes.
 
@@ -153,8 +154,9 @@ def solved_page(
         strips: Frames to show where none are drawn over.
         links: Other pages.
         failure: Address of the whole message of a failure.
+        view_file: Where the world to turn round is written, from the page's folder.
     """
-    makers = _makers(found, left_out)
+    makers = _makers(found, left_out, lambda: _view(found, page_dir, view_file))
     if strips is not None:
         makers["frames"] = lambda: strips
     makers["files"] = lambda: {"stages": _stages(found, page_dir), "failure": failure}
@@ -170,14 +172,16 @@ def solved_page(
     )  # fmt: skip
 
 
-def _makers(found: Solved, left_out: Sequence[tuple[str, str]]) -> dict[str, Callable[[], object]]:
+def _makers(
+    found: Solved, left_out: Sequence[tuple[str, str]], view: Callable[[], object]
+) -> dict[str, Callable[[], object]]:
     """What makes each section that there is something for, in their order."""
     record, cameras, by_video = found.record, found.cameras, found.dataset is None
     is_judged = record is not None and record.cameras is not None
     makers: dict[str, tuple[object, Callable[[], object]]] = {
         "verdict": (True, lambda: _judged_by(found)),
         "overlay": (by_video, lambda: _overlay(found)),
-        "view3d": (by_video and _has_paths(found), lambda: _view(found)),
+        "view3d": (_has_paths(found), view),
         "paths": (_has_paths(found), lambda: _paths(found)),
         "fused": (found.is_fused, lambda: _fused(found)),
         "over_time": (found.reasons, lambda: _over_time(found)),
@@ -263,12 +267,12 @@ def _fits_in_words(found: Solved) -> Iterator[str]:
             )
 
 
-def _view(found: Solved) -> dict[str, object]:
+def _view(found: Solved, page_dir: Path, file: str) -> dict[str, object]:
     """Write the world to turn round, and say what stands beside it."""
     view = view_of(found)
-    written = write_view(_folder(found) / VIEW_FILE, view)
+    written = write_view(page_dir / file, view)
     return {
-        "href": VIEW_FILE,
+        "href": quote(file),
         "size_mb": written.stat().st_size / 1e6,
         "bodies": sum(one.body is not None for one in view.people[:MOST_BODIES]),
         "people": len(view.people),

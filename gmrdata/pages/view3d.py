@@ -74,7 +74,11 @@ def view_of(found: Solved) -> View:
         )
         for number, clip in found.clips.items()
     )
-    return View(found.times_s, people, found.camera, found.world_points, found.unit)
+    times_s = found.times_s
+    if not len(times_s):  # a data set's frames have a rate alone
+        rates_hz = [clip.motion.fps_hz for clip in found.clips.values()]
+        times_s = np.arange(found.n_frames) / next(iter(rates_hz), 1.0)
+    return View(times_s, people, found.camera, found.world_points, found.unit)
 
 
 def view_of_clip(clip: ClipReport) -> View:

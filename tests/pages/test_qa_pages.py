@@ -47,6 +47,7 @@ def test_the_index_leads_to_every_page_and_they_to_the_records(made_set: Path) -
         assert page.files[0] == made_set / "index.html"
         assert page.tags.count("img") == 6 and page.tags.count("svg") == (4 if "arc" in name else 3)
         assert "can’t be" not in page.words
+        assert "In 3D" in page.words and path.with_name("view3d") / path.name in page.files
 
 
 def test_a_page_says_the_figures_of_the_record(made_set: Path) -> None:
