@@ -273,25 +273,30 @@ def infer(
     from gmrdata.gmr import infer as stage
     from gmrdata.pages.inference import draw_motion
 
-    if fps_hz is not None and not 0 < fps_hz < float("inf"):
-        raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
-    if bridge_frames < 0:
-        raise BadRecipe(f"--bridge-frames {bridge_frames}: give 0 or more")
+    _require_positive(fps_hz, bridge_frames)
     config = stage.InferConfig(
         fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, level=level, video=video
     )
+    body_path = flags.body_path(body)
     if dry_run:
         planned = stage.plan_infer(
-            network, source, config, body_path=flags.body_path(body), joint_map=joint_map
+            network, source, config, body_path=body_path, joint_map=joint_map
         )
         print_table(stage.PLAN_HEADINGS, planned)
         return
     made = stage.infer(
         network, source, out, config,
-        body_path=flags.body_path(body), joint_map=joint_map, draw=draw_motion, run=Run(redo=redo),
+        body_path=body_path, joint_map=joint_map, draw=draw_motion, run=Run(redo=redo),
     )  # fmt: skip
     _show_inferred(stage.InferRecord.read(made / stage.RECORD_FILE))
     answer(made)
+
+
+def _require_positive(fps_hz: float | None, bridge_frames: int) -> None:
+    if fps_hz is not None and not 0 < fps_hz < float("inf"):
+        raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
+    if bridge_frames < 0:
+        raise BadRecipe(f"--bridge-frames {bridge_frames}: give 0 or more")
 
 
 def _show_inferred(record: "InferRecord") -> None:

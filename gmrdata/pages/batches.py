@@ -31,7 +31,6 @@ LEAD = (
     "World-frame pseudo ground truth: what was decided of each sequence. "
     "Click on a heading to sort."
 )
-VIEWS = "view3d"  # beside the pages: what each shows to turn round
 N_TILES = 6
 THUMBNAIL_WIDTH_PX = 88
 TILE_WIDTH_PX = 260
@@ -150,10 +149,7 @@ def _write_page(found: Solved, paths: SetPaths) -> Row:
         message = paths.failures_dir / f"{said.files.name}.txt"
         if message.is_file():
             failure = quote(f"../{message.relative_to(paths.root).as_posix()}")
-    shown = solved_page(
-        found, paths.pages_dir, strips=strips, links=links, failure=failure,
-        view_file=f"{VIEWS}/{page.name}",
-    )  # fmt: skip
+    shown = solved_page(found, page, strips=strips, links=links, failure=failure)
     write_page(page, shown)
     verdict, scale, sort = said.verdict, NO_FIGURE, -1.0
     if verdict.scale is not None and verdict.scale_sigma is not None:

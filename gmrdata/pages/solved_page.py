@@ -45,6 +45,7 @@ from gmrdata.write.overlay import OVERLAY_BGR
 PAGE_FILE = "index.html"
 OVERLAY, OVERLAY_FILE, POSTER_FILE = "overlay", "overlay.mp4", "poster.jpg"
 FILES = "files"
+VIEWS = "view3d"
 MOST_LINKS = 12  # of one format; more are folded
 OPEN_RANGES = 12  # a longer list of dropped ranges is folded
 RECORDS = {
@@ -128,7 +129,8 @@ def make_video_page(
     out_dir = out_dir.resolve()
     found = gather_video(out_dir, images_dir, body)
     remove_orphans(out_dir)
-    write_page(out_dir / PAGE_FILE, solved_page(found, out_dir, left_out=left_out))
+    page = out_dir / PAGE_FILE
+    write_page(page, solved_page(found, page, left_out=left_out))
     return out_dir / PAGE_FILE
 
 
@@ -138,28 +140,26 @@ Strips = Sequence[Sequence[tuple[object, object]]]
 
 def solved_page(
     found: Solved,
-    page_dir: Path,
+    page: Path,
     *,
     left_out: Sequence[tuple[str, str]] = (),
     strips: Strips | None = None,
     links: Sequence[tuple[str, str]] = (),
     failure: str = "",
-    view_file: str = VIEW_FILE,
 ) -> str:
     """The page as HTML; the same sequence gives the same bytes.
 
     Args:
-        page_dir: Where the page will lie, from which its links lead.
+        page: Where the page will lie, from which its links lead; its view in 3D lies beside it.
         left_out: Formats of `files` that could not be written, with the reasons.
         strips: Frames to show where none are drawn over.
         links: Other pages.
         failure: Address of the whole message of a failure.
-        view_file: Where the world to turn round is written, from the page's folder.
     """
-    makers = _makers(found, left_out, lambda: _view(found, page_dir, view_file))
+    makers = _makers(found, left_out, lambda: _view(found, page))
     if strips is not None:
         makers["frames"] = lambda: strips
-    makers["files"] = lambda: {"stages": _stages(found, page_dir), "failure": failure}
+    makers["files"] = lambda: {"stages": _stages(found, page.parent), "failure": failure}
     sections: list[tuple[str, object, str]] = []
     for kind, make in makers.items():
         try:
@@ -267,10 +267,12 @@ def _fits_in_words(found: Solved) -> Iterator[str]:
             )
 
 
-def _view(found: Solved, page_dir: Path, file: str) -> dict[str, object]:
+def _view(found: Solved, page: Path) -> dict[str, object]:
     """Write the world to turn round, and say what stands beside it."""
-    view = view_of(found)
-    written = write_view(page_dir / file, view)
+    view, file = view_of(found), VIEW_FILE
+    if page.name != PAGE_FILE:  # one of many in a folder
+        file = f"{VIEWS}/{page.name}"
+    written = write_view(page.parent / file, view)
     return {
         "href": quote(file),
         "size_mb": written.stat().st_size / 1e6,
