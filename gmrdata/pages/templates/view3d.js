@@ -182,6 +182,8 @@ function draw() {
 function fit() {
   renderer.setSize(box.clientWidth, box.clientHeight);
   eye.aspect = box.clientWidth / Math.max(1, box.clientHeight);
+  // A narrow screen sees as much from side to side.
+  eye.fov = 2 * THREE.MathUtils.radToDeg(Math.atan(Math.tan(Math.PI / 8) / Math.min(1, eye.aspect)));
   eye.updateProjectionMatrix();
   controls.handleResize();
   draw();
