@@ -131,7 +131,7 @@ def make_video_page(
     remove_orphans(out_dir)
     page = out_dir / PAGE_FILE
     write_page(page, solved_page(found, page, left_out=left_out))
-    return out_dir / PAGE_FILE
+    return page
 
 
 Strips = Sequence[Sequence[tuple[object, object]]]

@@ -99,8 +99,8 @@ def plan_videos(
     part: VideoConfig | None = None,
     config: SolveConfig = DEFAULT_CONFIG,
 ) -> Plan:
-    """The plan of `solve_video`, or for several of `solve_videos`, with the same arguments, and
-    about how long it takes on two cores; nothing is made.  Errors as there."""
+    """The plan of `solve_video`, or for several of `solve_videos`, and about how long it takes on
+    two cores; nothing is made.  Heights and gravity change neither.  Errors as there."""
     paths = [Path(source) for source in sources]
     people, results = people_of(poses, body, config)
     request = SolveRequest(paths[0], people, lens, fps_hz, part)

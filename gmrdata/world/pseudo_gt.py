@@ -1,6 +1,6 @@
 """Stage: world-frame pseudo ground truth from recovered cameras and camera-frame bodies."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -171,29 +171,24 @@ def _solved_cameras(evidence: WorldEvidence, clips: Sequence[Clip]) -> SolvedCam
         raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
     rows = rows_of_numbers(cameras.image_numbers, clips[0].image_numbers)
     path = cameras.path.at_rows(rows)
+
+    def of_frames(
+        load: Callable[[Path], np.ndarray], path: Path | None, what: str
+    ) -> np.ndarray | None:
+        found = None if path is None else load(path)
+        if found is not None and len(found) != len(rows):
+            raise BadRecord(f"{path}: {len(found)} {what} for {len(rows)} frames")
+        return found
+
     return SolvedCameras(
         path=_blanked(replace(path, has_camera=path.has_camera & (rows >= 0))),
         geometry=cameras.geometry,
         points=files.load_points(sfm_dir),
         quality=quality,
         rows=rows,
-        dataset_camera=_dataset_camera(evidence.dataset_camera_path, len(rows)),
-        up_cam=_gravity(evidence.gravity_path, len(rows)),
+        dataset_camera=of_frames(load_dataset_camera, evidence.dataset_camera_path, "cameras"),
+        up_cam=of_frames(load_gravity, evidence.gravity_path, "directions"),
     )
-
-
-def _gravity(path: Path | None, n_frames: int) -> np.ndarray | None:
-    up_cam = None if path is None else load_gravity(path)
-    if up_cam is not None and len(up_cam) != n_frames:
-        raise BadRecord(f"{path}: {len(up_cam)} directions for {n_frames} frames")
-    return up_cam
-
-
-def _dataset_camera(path: Path | None, n_frames: int) -> np.ndarray | None:
-    world_from_cam = None if path is None else load_dataset_camera(path)
-    if world_from_cam is not None and len(world_from_cam) != n_frames:
-        raise BadRecord(f"{path}: {len(world_from_cam)} cameras for {n_frames} frames")
-    return world_from_cam
 
 
 def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:
