@@ -25,9 +25,9 @@ $(READY): pyproject.toml constraints.txt
 demo: setup
 	$(BIN)/gmrdata demo $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(OUT),--out $(OUT))
 
-# Two processes of one thread each; the tests of a file stay together, since they share what is slow to make.
+# Two processes of one thread each; the tests of a file stay together, since they share what is slow to make, and slow files come first.
 test: setup
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

@@ -25,7 +25,11 @@ from tests.read.test_frames import with_exif
 
 @pytest.fixture
 def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[Path]:
-    """How often each file was decoded."""
+    return counted(monkeypatch)
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[Path]:
+    """How often each file is decoded from now on."""
     count: Counter[Path] = Counter()
 
     def read(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
@@ -36,23 +40,38 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[Path]:
     return count
 
 
+@pytest.fixture(scope="module")
+def solved(
+    dolly: Any, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[np.ndarray, Counter[Path]]:
+    """World from camera with every frame in memory, and how often each was decoded."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        count = counted(monkeypatch)
+        out_dir = tmp_path_factory.mktemp("all_kept") / "sfm"
+        reconstruct(dolly.taken(), None, dolly.lens, out_dir, SfmConfig())
+    return load_cameras(out_dir).path.world_from_cam, count
+
+
 def test_the_stage_decodes_each_frame_once(
-    dolly: Any, decoded: Counter[Path], tmp_path: Path
+    dolly: Any, solved: tuple[np.ndarray, Counter[Path]]
 ) -> None:
-    reconstruct(dolly.taken(), None, dolly.lens, tmp_path / "sfm", SfmConfig())
-    assert decoded == dict.fromkeys(list_images(dolly.images_dir), 1)
+    assert solved[1] == dict.fromkeys(list_images(dolly.images_dir), 1)
 
 
+@pytest.mark.slow
 def test_what_memory_is_not_meant_to_hold_is_decoded_again(
-    dolly: Any, decoded: Counter[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    dolly: Any,
+    solved: tuple[np.ndarray, Counter[Path]],
+    decoded: Counter[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for name, most_bytes in {"all": 2**30, "few": 3 * 320 * 180}.items():
-        monkeypatch.setattr(module, "MOST_KEPT_BYTES", most_bytes)
-        reconstruct(dolly.taken(), None, dolly.lens, tmp_path / name, SfmConfig())
+    monkeypatch.setattr(module, "MOST_KEPT_BYTES", 3 * 320 * 180)
+    reconstruct(dolly.taken(), None, dolly.lens, tmp_path / "sfm", SfmConfig())
     images = list_images(dolly.images_dir)
-    assert [decoded[image] for image in images[:3]] == [2, 2, 2] and decoded[images[3]] > 2
-    all_kept, few_kept = (load_cameras(tmp_path / name).path for name in ("all", "few"))
-    np.testing.assert_array_equal(all_kept.world_from_cam, few_kept.world_from_cam)
+    assert [decoded[image] for image in images[:3]] == [1, 1, 1] and decoded[images[3]] > 1
+    few_kept = load_cameras(tmp_path / "sfm").path.world_from_cam
+    np.testing.assert_array_equal(solved[0], few_kept)
 
 
 def test_some_of_the_frames_share_what_was_decoded(dolly: Any, decoded: Counter[Path]) -> None:
@@ -100,18 +119,17 @@ def test_small_frames_are_taken_as_they_are(tmp_path: Path) -> None:
     assert not (tmp_path / "small").exists()
 
 
-def test_no_result_depends_on_how_names_sort_as_texts(dolly: Any, tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_no_result_depends_on_how_names_sort_as_texts(
+    dolly: Any, solved: tuple[np.ndarray, Counter[Path]], tmp_path: Path
+) -> None:
     """COLMAP goes by that order, in which 10.png comes before 2.png."""
     (plain := tmp_path / "plain").mkdir()
     for number, image in enumerate(list_images(dolly.images_dir), start=1):
         shutil.copyfile(image, plain / f"{number}{image.suffix}")
-    solved = [
-        reconstruct(taken, None, dolly.lens, tmp_path / name, SfmConfig())
-        for name, taken in {"own": dolly.taken(), "other": read_frames(plain)}.items()
-    ]
-    padded, other = (load_cameras(folder).path.world_from_cam for folder in solved)
-    np.testing.assert_array_equal(padded, other)
-    assert load_tracks(solved[1]).image_names[1] == "2.jpg"
+    other = reconstruct(read_frames(plain), None, dolly.lens, tmp_path / "other", SfmConfig())
+    np.testing.assert_array_equal(load_cameras(other).path.world_from_cam, solved[0])
+    assert load_tracks(other).image_names[1] == "2.jpg"
 
 
 def test_names_in_another_order_are_linked_with_their_masks(tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ main(sys.argv[1:])
 """
 
 
+@pytest.mark.slow
 def test_verbs_run_without_linuxs_own_calls(
     walks_command: Callable[[int], tuple[object, ...]], tmp_path: Path
 ) -> None:

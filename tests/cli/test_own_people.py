@@ -22,6 +22,7 @@ N_IMAGES, SIZE_PX = 12, (640, 360)
 Shared = Callable[[str], Path]
 
 
+@pytest.mark.slow
 def test_people_of_a_real_video_stand_on_the_ground(shared_path: Shared, tmp_path: Path) -> None:
     out = tmp_path / "out"
     verdict = solved(shared_path, tmp_path / "images", out, slice(None))

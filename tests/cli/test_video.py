@@ -68,6 +68,7 @@ def arguments(source: Path, out: Path, *more: Any) -> list[str]:
     return [*map(str, given), "--no-check-lens", *people, *map(str, more)]
 
 
+@pytest.mark.slow
 def test_people_of_vibe_move_in_the_world_as_they_did(solved: Path, filmed_set: Made) -> None:
     verdict = VideoVerdict.read(solved / "verdict.json")
     assert (
@@ -148,6 +149,7 @@ def test_in_a_batch_it_is_the_same_folder(
         assert made and made == contents(solved / part)
 
 
+@pytest.mark.slow
 def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
     clips: Path,
     solved_videos: Path,

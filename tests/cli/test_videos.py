@@ -18,6 +18,7 @@ from tests.filming import CAMERAS_ALONE, INTRINSICS_PX
 Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
 
 
+@pytest.mark.slow
 def test_a_record_and_an_index_say_what_became_of_each(solved_videos: Path) -> None:
     broken, still, walk = Videos.read(solved_videos / "videos.json").videos
     assert (broken.name, broken.state, broken.frames) == ("broken", "failed", 0)
@@ -35,6 +36,7 @@ def test_a_record_and_an_index_say_what_became_of_each(solved_videos: Path) -> N
     assert 'href="failed/broken.txt"' in page and still.reasons[0] in page
 
 
+@pytest.mark.slow
 def test_two_shards_leave_the_bytes_of_one_process(
     solved_videos: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
 ) -> None:

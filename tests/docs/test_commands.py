@@ -222,6 +222,7 @@ def test_verbs_in_the_text_have_the_flags_that_it_says(
             assert flags <= told, arguments
 
 
+@pytest.mark.slow
 def test_they_run_at_small_size(
     small_world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

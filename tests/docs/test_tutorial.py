@@ -86,6 +86,7 @@ def run_page() -> None:
                 main(words[1:])
 
 
+@pytest.mark.slow
 def test_the_video_is_accepted_and_has_a_page(folder: Path) -> None:
     verdict = VideoVerdict.read(folder / "out/walk/verdict.json")
     assert verdict.accepted and [person.accepted for person in verdict.people] == [True]

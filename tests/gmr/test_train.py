@@ -177,6 +177,7 @@ def test_another_models_checkpoint_in_the_unfinished_run_is_refused(
     assert latest_checkpoint(partial) is not None
 
 
+@pytest.mark.slow
 def test_kill_9_at_any_time_ends_with_the_same_bytes(
     manifest_path: Path,
     held_out_path: Path,

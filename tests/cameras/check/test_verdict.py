@@ -218,6 +218,7 @@ SMALL = SfmConfig(max_features=400)
 SOLVED = SolvedAgain("backward, the video", "full", Agreement(12, 0.1, 0.005), "")
 
 
+@pytest.mark.slow
 def test_a_filmed_pan_agrees_with_itself_and_not_with_another_turn(
     pan: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -114,6 +114,7 @@ def film_swaying(reach_m: float, folder: Path) -> tuple[Filmed, Frames, Matches]
     return filmed, frames, match_frames(frames, folder, SWAYING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reach_m", [0.08, 0.07, 0.0])
 def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
     reach_m: float, tmp_path: Path
@@ -127,6 +128,7 @@ def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
     assert filmed.centre_errors_m(mapped.world_from_cam[:, :3, 3]).max() < 0.25 * reach_m
 
 
+@pytest.mark.slow
 def test_a_second_solution_of_a_camera_that_hardly_travels_is_not_given_up_with_one_mapper(
     tmp_path: Path,
 ) -> None:
