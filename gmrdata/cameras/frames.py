@@ -21,7 +21,7 @@ from gmrdata.values.limits import MOST_DIGITS
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
 FAST_PNG = 1  # zlib's level of compression
-MOST_KEPT_BYTES = 2**30  # of decoded frames: a thousand of 1280x720 px
+MOST_KEPT_BYTES = 2**28  # of decoded frames: five hundred of 960x540 px
 
 
 @dataclass(frozen=True, eq=False)

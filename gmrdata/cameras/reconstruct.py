@@ -266,7 +266,7 @@ def _with_tracks(solution: Solution, matches: Matches, frames: Frames) -> Soluti
     """The solution with its tracks, and the errors of what the bundle adjustment had of them."""
     names = [image.name for image in frames.images]
     points, adjusted = solution.points, solution.adjusted
-    tracks = tracks_of(solution.seen, matches.keypoints_px, points, adjusted, names)
+    tracks = tracks_of(solution.seen, matches.keypoints_px, adjusted, names)
     held, cameras = tracks.of_adjusted(), solution.world_from_cam
     found_px = errors_px(held, points, cameras, frames.intrinsics_px, solution.lens)
     mean_px = mean_over_points(found_px, held.points)

@@ -24,7 +24,7 @@ from gmrdata.cameras.map.focal import freed_focal, with_lens
 from gmrdata.cameras.map.models import join_models, place_frames
 from gmrdata.cameras.map.refinement import is_short, mend_jumps, refined_model, sharpen
 from gmrdata.cameras.map.smoothing import camera_information, smooth_cameras
-from gmrdata.cameras.map.solution import SeenPoints, Solution
+from gmrdata.cameras.map.solution import Placed, Solution
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
@@ -133,9 +133,11 @@ def place_between(
     adjusted[key_rows] = keys.adjusted
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
     between = set(range(n)) - set(key_rows.tolist())
-    place_frames(between, world_from_cam, inliers, seen, matches, intrinsics_px)
-    placed = replace(keys, world_from_cam=world_from_cam, inliers=inliers, seen=seen)
-    return replace(placed, adjusted=adjusted)
+    placed = Placed(world_from_cam, inliers, keys.points, seen)
+    place_frames(between, placed, matches, intrinsics_px)
+    return replace(
+        keys, world_from_cam=world_from_cam, inliers=inliers, seen=seen, adjusted=adjusted
+    )
 
 
 def refine_mapped(
@@ -146,14 +148,13 @@ def refine_mapped(
     config: SfmConfig,
 ) -> Solution:
     """Cameras with six degrees of freedom, smoothed as far as their points let them be."""
-    cameras, seen_px, seen_points = mapped.world_from_cam, {}, {}
-    for row, seen in sorted(mapped.seen.items()):
-        seen_px[row] = matches.keypoints_px[row][list(seen)]
-        seen_points[row] = np.array(list(seen.values()))
-    information, slope = camera_information(
-        cameras, seen_px, seen_points, intrinsics_px, mapped.loss_px
-    )
-    arms = [points - cameras[row, :3, 3] for row, points in seen_points.items()]
+    cameras, points = mapped.world_from_cam, mapped.points
+    sights = [
+        (row, matches.keypoints_px[row][seen[:, 0]], points[seen[:, 1]])
+        for row, seen in sorted(mapped.seen.items())
+    ]
+    information, slope = camera_information(cameras, sights, intrinsics_px, mapped.loss_px)
+    arms = (seen - cameras[row, :3, 3] for row, _, seen in sights)
     unit = float(np.median([np.median(np.linalg.norm(arm, axis=1)) for arm in arms]))
     refined, smoothing = smooth_cameras(cameras, information, slope, timeline, unit, config)
     return replace(mapped, world_from_cam=refined, smoothing=smoothing)
@@ -203,8 +204,12 @@ def _finish(
     loss_px = sharpen(model, config)
     n, intrinsics_px = len(frames.images), frames.intrinsics_px
     matches = matches.without(lens, intrinsics_px)
+    number = {point: n for n, point in enumerate(sorted(model.point3D_ids()))}
+    points3d = [model.point3D(i) for i in number]
     world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
-    seen: SeenPoints = {}
+    placed = Placed(
+        world_from_cam, inliers, np.array([one.xyz for one in points3d]).reshape(-1, 3), {}
+    )
     errors_px = [np.zeros(0)]
     for row, image in frames.rows_of(model):
         features, _, points = seen_by(model, image)
@@ -214,12 +219,12 @@ def _finish(
             apart_px = image_px[:, :2] - matches.keypoints_px[row][features]
             errors_px.append(np.linalg.norm(apart_px, axis=1))
         world_from_cam[row], inliers[row] = camera_of(image), len(features)
-        seen[row] = dict(zip(features, points, strict=True))
-    _forget_weak(world_from_cam, inliers, seen, config.min_frame_points)
-    missing = set(range(n)) - set(seen)
-    adjusted = np.isin(np.arange(n), list(seen))
-    n_resected = place_frames(missing, world_from_cam, inliers, seen, matches, intrinsics_px)
-    points3d = [model.point3D(i) for i in sorted(model.point3D_ids())]
+        of = [number[image.point2D(feature).point3D_id] for feature in features]
+        placed.seen[row] = np.array([features, of], np.int32).T
+    _forget_weak(placed, config.min_frame_points)
+    missing = set(range(n)) - set(placed.seen)
+    adjusted = np.isin(np.arange(n), list(placed.seen))
+    n_resected = place_frames(missing, placed, matches, intrinsics_px)
     return Solution(
         geometry="full",
         mapper=mapper,
@@ -227,22 +232,20 @@ def _finish(
         errors_px=np.concatenate(errors_px),
         inliers=inliers,
         focal=focal,
-        points=np.array([point.xyz for point in points3d]).reshape(-1, 3),
+        points=placed.points,
         track_lengths=np.array([point.track.length() for point in points3d], np.int64),
         models=records,
         n_resected=n_resected,
-        seen=seen,
+        seen=placed.seen,
         adjusted=adjusted,
         loss_px=loss_px,
         lens=lens,
     )
 
 
-def _forget_weak(
-    world_from_cam: np.ndarray, inliers: np.ndarray, seen: SeenPoints, min_points: int
-) -> None:
+def _forget_weak(placed: Placed, min_points: int) -> None:
     """Take away cameras that too few points hold in place."""
-    for row in list(seen):
-        if inliers[row] < min_points:
-            world_from_cam[row], inliers[row] = np.nan, 0
-            del seen[row]
+    for row in list(placed.seen):
+        if placed.inliers[row] < min_points:
+            placed.world_from_cam[row], placed.inliers[row] = np.nan, 0
+            del placed.seen[row]

@@ -14,7 +14,7 @@ import numpy as np
 from gmrdata.cameras.colmap import matrix_of, project_into, pycolmap, seen_by
 from gmrdata.cameras.files import ModelRecord, WeakestStep
 from gmrdata.cameras.map.smoothing import linearized, noise_px
-from gmrdata.cameras.map.solution import SeenPoints, Solution
+from gmrdata.cameras.map.solution import Placed, SeenPoints, Solution
 from gmrdata.cameras.match.features import pinhole_params
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.recipe import SfmConfig
@@ -25,45 +25,47 @@ MIN_PNP_INLIERS = 20  # points that a frame must agree with to be placed by them
 
 
 def place_frames(
-    rows: Iterable[int],
-    world_from_cam: np.ndarray,
-    observations: np.ndarray,
-    seen: SeenPoints,
-    matches: Matches,
-    intrinsics_px: np.ndarray,
+    rows: Iterable[int], placed: Placed, matches: Matches, intrinsics_px: np.ndarray
 ) -> int:
-    """Place frames by the points that their matched neighbours see; how many it could.
-    Cameras (T, 4, 4), numbers of points (T,) and `seen` are filled in place."""
+    """Place frames by the points that their matched neighbours see; how many it could."""
     width_px, height_px = (round(2 * middle_px) for middle_px in intrinsics_px[:2, 2])
     params = pinhole_params(intrinsics_px)
     camera = pycolmap.Camera(model="PINHOLE", width=width_px, height=height_px, params=params)
-    placed = 0
-    for row, points in _points_of(set(rows), seen, matches).items():
-        if len(points) < MIN_PNP_INLIERS:
+    count = 0
+    for row, features, of in _points_of(set(rows), placed.seen, matches):
+        if len(features) < MIN_PNP_INLIERS:
             continue
         answer = pycolmap.estimate_and_refine_absolute_pose(
-            matches.keypoints_px[row][list(points)], np.array(list(points.values())), camera
+            matches.keypoints_px[row][features], placed.points[of], camera
         )
         if answer is not None and answer["num_inliers"] >= MIN_PNP_INLIERS:
-            world_from_cam[row] = transforms.invert(matrix_of(answer["cam_from_world"]))
-            observations[row] = answer["num_inliers"]
-            agree = zip(points.items(), answer["inlier_mask"], strict=True)
-            seen[row] = {feature: point for (feature, point), inlier in agree if inlier}
-            placed += 1
-    return placed
+            placed.world_from_cam[row] = transforms.invert(matrix_of(answer["cam_from_world"]))
+            placed.inliers[row] = answer["num_inliers"]
+            placed.seen[row] = np.stack([features, of], axis=1)[answer["inlier_mask"]]
+            count += 1
+    return count
 
 
-def _points_of(rows: set[int], seen: SeenPoints, matches: Matches) -> SeenPoints:
-    """Points behind the features of each row, through its matches with frames that see them."""
-    found: SeenPoints = {row: {} for row in sorted(rows)}
+def _points_of(
+    rows: set[int], seen: SeenPoints, matches: Matches
+) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Rows in order, with their features and the points behind these, through matches with frames
+    that see them."""
+    # A point by the feature that shows it; -1 where none does.
+    point_of = {row: np.full(len(matches.keypoints_px[row]), -1, np.int32) for row in seen}
+    for row, table in seen.items():
+        point_of[row][table[:, 0]] = table[:, 1]
+    through: dict[int, list[tuple[int, np.ndarray]]] = {row: [] for row in sorted(rows)}
     for pair in matches.pairs:
         for mine, other, column in ((pair.first, pair.second, 0), (pair.second, pair.first, 1)):
-            if mine not in rows or other not in seen:
-                continue
-            for own, theirs in pair.features[:, [column, 1 - column]].tolist():
-                if theirs in seen[other]:
-                    found[mine][own] = seen[other][theirs]
-    return found
+            if mine in rows and other in point_of:
+                through[mine].append((other, pair.features[:, [column, 1 - column]]))
+    for row, tables in through.items():
+        found: dict[int, int] = {}
+        for other, table in tables:
+            of = point_of[other][table[:, 1]]
+            found.update(zip(table[of >= 0, 0].tolist(), of[of >= 0].tolist(), strict=True))
+        yield row, np.array(list(found), np.int32), np.array(list(found.values()), np.int32)
 
 
 def join_models(models: list[Any], config: SfmConfig) -> tuple[Any, tuple[ModelRecord, ...]]:
@@ -222,7 +224,7 @@ def weakest_step(
     Of K keyframes with six degrees of freedom, `key_rows` (K,) among all frames, and their matches;
     image points that the model explains no better than `most_px` don't count.
     """
-    placed = np.array([row for row in sorted(mapped.seen) if mapped.seen[row]], dtype=np.int64)
+    placed = np.array([row for row in sorted(mapped.seen) if len(mapped.seen[row])], np.int64)
     if len(placed) < 2:
         return None
     seen = _gather(mapped, matches, placed, intrinsics_px, most_px)
@@ -264,14 +266,12 @@ def _gather(
     most_px: float,
 ) -> _Seen:
     """What the frames `placed` (K,) see, with the noise that it shows."""
-    numbers: dict[bytes, int] = {}
     point, residuals_px, slopes = [], [], []
     for row in placed.tolist():
-        cam, points = mapped.world_from_cam[row], np.array(list(mapped.seen[row].values()))
-        seen_px = matches.keypoints_px[row][list(mapped.seen[row])]
-        residual_px, slope = linearized(cam, seen_px, points, intrinsics_px)
-        # A point is the same in two frames if it is in the same place.
-        point.append([numbers.setdefault(place.tobytes(), len(numbers)) for place in points])
+        features, of = mapped.seen[row].T
+        seen_px, points = matches.keypoints_px[row][features], mapped.points[of]
+        residual_px, slope = linearized(mapped.world_from_cam[row], seen_px, points, intrinsics_px)
+        point.append(of)
         residuals_px.append(residual_px)
         slopes.append(slope[:, :, 3:])
     residual_px, slope = np.concatenate(residuals_px), np.concatenate(slopes)
@@ -279,7 +279,7 @@ def _gather(
     information = np.swapaxes(slope, 1, 2) @ slope / noise_px(residual_px[fits]) ** 2
     return _Seen(
         centres=mapped.world_from_cam[placed, :3, 3],
-        points=np.array([np.frombuffer(place) for place in numbers]),
+        points=mapped.points,
         camera=np.repeat(np.arange(len(placed)), [len(own) for own in point]),
         point=np.concatenate(point).astype(np.int64),
         information=information * fits[:, None, None],
@@ -292,24 +292,50 @@ def _loose_shares(seen: _Seen) -> Iterator[float]:
     np.add.at(total, seen.point, seen.information)
     last = np.full(len(seen.points), -1)
     np.maximum.at(last, seen.point, seen.camera)
-    distances, unit = seen.distances, float(np.median(seen.distances))
+    unit = float(np.median(seen.distances))
+    starts = np.searchsorted(seen.camera, np.arange(len(seen.centres) + 1))
+    before = _running_medians(seen.distances, starts) / unit
+    after = _running_medians(seen.distances[::-1], (starts[-1] - starts)[::-1])[::-1] / unit
+    both = np.zeros(0, np.int64)
     for step in range(len(seen.centres) - 1):
-        here = seen.camera == step
+        here = slice(*starts[step : step + 2])
         np.add.at(left, seen.point[here], seen.information[here])
-        both = np.trace(left, axis1=1, axis2=2).astype(bool) & (last > step)
+        # Only points of both sides are looked at, so that a step costs the same on any long way.
+        both = np.union1d(both, seen.point[here])
+        both = both[np.trace(left[both], axis1=1, axis2=2).astype(bool) & (last[both] > step)]
         moves = _moves((seen.points[both] - seen.centres[step]) / unit)
         held = _held(left[both], total[both]) * unit**2
         covariance = _left_open(np.einsum("nki,nkl,nlj->ij", moves, held, moves))
-        before = seen.camera <= step
         moves = _moves((seen.centres - seen.centres[step]) / unit)
-        variances = np.einsum("nki,ij,nkj->n", moves, covariance, moves)
+        variances = ((moves @ covariance) * moves).sum(axis=(1, 2))
         open_, way = np.zeros(2), np.zeros(2)
-        sides = (slice(0, step + 1), before), (slice(step + 1, None), ~before)
-        for side, (cameras, of_side) in enumerate(sides):
-            distance = np.median(distances[of_side]) / unit
+        sides = (slice(0, step + 1), before[step]), (slice(step + 1, None), after[step + 1])
+        for side, (cameras, distance) in enumerate(sides):
             open_[side] = np.sqrt(variances[cameras].sum() / len(variances)) / distance
             way[side] = np.linalg.norm(np.ptp(seen.centres[cameras], axis=0)) / unit / distance
         yield float(open_.min() / max(way.sum(), LEAST_WAY))
+
+
+def _running_medians(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """(K,) the median of values (M,) up to the end of each of K groups, which begin at `starts`
+    (K + 1,).
+
+    By how many of them are in each of about sqrt(M) runs of ranks, so that it takes O(K sqrt(M)).
+    """
+    order, size = np.argsort(values, kind="stable"), max(1, int(np.sqrt(len(values))))
+    rank, there = np.argsort(order, kind="stable"), np.zeros(len(values), dtype=bool)
+    counts, medians = np.zeros(len(values) // size + 1, np.int64), np.zeros(len(starts) - 1)
+    for group, stop in enumerate(starts[1:].tolist()):
+        mine = rank[starts[group] : stop]
+        there[mine] = True
+        np.add.at(counts, mine // size, 1)
+        upto, middle = np.cumsum(counts), []
+        for n in ((stop - 1) // 2, stop // 2):
+            run = int(np.searchsorted(upto, n, side="right"))
+            inside = np.flatnonzero(there[run * size : (run + 1) * size])
+            middle.append(order[run * size + inside[n - upto[run] + counts[run]]])
+        medians[group] = values[middle].mean()
+    return medians
 
 
 def _held(left: np.ndarray, total: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import block_diag, coo_array, csc_array, csr_array, diags_array
+from scipy.sparse import block_diag, coo_array, csc_array, csr_array, diags_array, eye_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
@@ -197,11 +197,11 @@ def _refine(
     unknowns = (3 * free[:, None] + np.arange(3)).ravel()
     for _ in range(MAX_ITERATIONS):
         hessian, gradient = _normal_equations(rotmats, data, intrinsics_px)
-        block = hessian[np.ix_(unknowns, unknowns)]
-        block[np.diag_indices_from(block)] += 1e-9 * np.trace(block) / len(block)
+        block = hessian[unknowns][:, unknowns]
+        damping = 1e-9 * block.trace() / len(unknowns) * eye_array(len(unknowns))
         step = np.zeros(3 * len(rotmats))
         # Sparse, and unlike a dense solver the same to the last bit for any number of BLAS threads.
-        step[unknowns] = -spsolve(csc_array(block), gradient[unknowns])
+        step[unknowns] = -spsolve(csc_array(block + damping), gradient[unknowns])
         rotmats = rotmats @ Rotation.from_rotvec(step.reshape(-1, 3)).as_matrix()
         if np.abs(step).max() < 1e-9:
             break
@@ -214,17 +214,17 @@ def _information(
     hessian, _ = _normal_equations(rotmats, data, intrinsics_px)
     # Turns in the cameras' axes become turns in the world's.
     world_from_cam = csr_array(block_diag(rotmats, format="csr"))
-    information = world_from_cam @ csr_array(hessian) @ world_from_cam.T
+    information = world_from_cam @ hessian @ world_from_cam.T
     variance_px2 = noise_px(_predict(rotmats, data, intrinsics_px)[2]) ** 2
     first = int(np.flatnonzero(linked)[0])
-    fixed = np.zeros(len(hessian))
-    fixed[3 * first : 3 * first + 3] = np.trace(hessian) / len(hessian)
+    fixed = np.zeros(hessian.shape[0])
+    fixed[3 * first : 3 * first + 3] = hessian.trace() / len(fixed)
     return csr_array((information + diags_array(fixed)) / variance_px2)
 
 
 def _normal_equations(
     rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[csr_array, np.ndarray]:
     """J^T W J (3T, 3T) and J^T W r (3T,) at the present rotations."""
     n = len(rotmats)
     seen, second_from_first, residual = _predict(rotmats, data, intrinsics_px)
@@ -236,12 +236,11 @@ def _normal_equations(
     columns = (3 * data.rows[:, :, None] + np.arange(3)).reshape(-1, 6)
     # Sum over each pair's matches first: they all fall on the same 6x6 block.
     starts = np.flatnonzero(np.diff(data.pair, prepend=-1))
-    hessian, gradient = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
-    sums = np.add.reduceat(blocks, starts), np.add.reduceat(slopes, starts)
-    for where, block, slope in zip(columns[starts], *sums, strict=True):
-        hessian[np.ix_(where, where)] += block
-        gradient[where] += slope
-    return hessian, gradient
+    gradient, where = np.zeros(3 * n), columns[starts]
+    np.add.at(gradient, where, np.add.reduceat(slopes, starts))
+    at = np.repeat(where, 6, axis=1).ravel(), np.tile(where, 6).ravel()
+    sums = np.add.reduceat(blocks, starts).ravel()
+    return csr_array(coo_array((sums, at), shape=(3 * n, 3 * n))), gradient
 
 
 def slopes_by_turns(

@@ -7,7 +7,7 @@ prior doesn't bend a path that shakes: a shake that is A wide, where the noise o
 makes up the standard deviation itself and loses a share of (s/A)^2, at whatever frequency.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,8 +33,7 @@ NOISE_SAMPLES = 50  # second differences whose noise is worked out; its median c
 
 def camera_information(
     world_from_cam: np.ndarray,
-    seen_px: Mapping[int, np.ndarray],
-    seen_points: Mapping[int, np.ndarray],
+    sights: Iterable[tuple[int, np.ndarray, np.ndarray]],
     intrinsics_px: np.ndarray,
     loss_px: float,
 ) -> tuple[csr_array, np.ndarray]:
@@ -42,17 +41,15 @@ def camera_information(
 
     The unknowns of a camera are a small turn w [rad] and a step d, both in the world's axes:
     R <- exp(w) R, c <- c + d.  Observations are weighted as by the Cauchy loss of the bundle
-    adjustment, of that scale, and by the noise that the residuals show.  The points (N, 3), by row
-    of a frame with a camera as their image points (N, 2), are held fixed, so the errors that frames
-    share through them are not in here.
+    adjustment, of that scale, and by the noise that the residuals show.  Sights are rows of frames
+    with a camera, with their image points (N, 2) and the points (N, 3) seen there, which are held
+    fixed, so the errors that frames share through them are not in here.
     """
     n = len(world_from_cam)
     blocks, slopes = np.zeros((n, 6, 6)), np.zeros((n, 6))
     residuals_px = [np.zeros((0, 2))]
-    for row in sorted(seen_px):
-        residual_px, jacobian = linearized(
-            world_from_cam[row], seen_px[row], seen_points[row], intrinsics_px
-        )
+    for row, seen_px, points in sights:
+        residual_px, jacobian = linearized(world_from_cam[row], seen_px, points, intrinsics_px)
         weight = 1.0 / (1.0 + (residual_px**2).sum(axis=1) / loss_px**2)
         blocks[row] = np.einsum("nki,n,nkj->ij", jacobian, weight, jacobian)
         slopes[row] = np.einsum("nki,n,nk->i", jacobian, weight, residual_px)

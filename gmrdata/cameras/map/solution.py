@@ -16,8 +16,18 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 from gmrdata.values.camera import fill_gaps
 
-SeenPoints = dict[int, dict[int, np.ndarray]]
-"""By frame and feature: the point (3,) that is seen there, in the unit of the reconstruction."""
+SeenPoints = dict[int, np.ndarray]
+"""By frame: (N, 2) int32, its features that show points, and the rows of these points."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Cameras of T frames and the points that hold them; filled frame by frame."""
+
+    world_from_cam: np.ndarray  # (T, 4, 4); NaN where there is no camera
+    inliers: np.ndarray  # (T,) points that hold each camera
+    points: np.ndarray  # (N, 3)
+    seen: SeenPoints
 
 
 @dataclass(frozen=True, eq=False)

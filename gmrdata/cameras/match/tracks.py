@@ -48,23 +48,20 @@ class Tracks:
 
 
 def tracks_of(
-    seen: Mapping[int, Mapping[int, np.ndarray]],
+    seen: Mapping[int, np.ndarray],
     keypoints_px: Sequence[np.ndarray],
-    points: np.ndarray,
     adjusted: np.ndarray,
     image_names: Sequence[str],
 ) -> Tracks:
-    """Tracks of what frames see: by row and feature the point (3,), one of `points` (N, 3)."""
-    number = {point.tobytes(): n for n, point in enumerate(points)}
-    rows, numbers = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    """Tracks of what frames see: by row (N, 2) features and numbers of points."""
+    rows, numbers = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
     image_px = [np.zeros((0, 2))]
-    for row, by_feature in sorted(seen.items()):
-        of = np.array([number[point.tobytes()] for point in by_feature.values()], np.int64)
+    for row, table in sorted(seen.items()):
         # Followed from two keyframes, a point may be there twice.
-        once, first = np.unique(of, return_index=True)
-        rows.append(np.full(len(once), row))
+        once, first = np.unique(table[:, 1], return_index=True)
+        rows.append(np.full(len(once), row, np.int32))
         numbers.append(once)
-        image_px.append(keypoints_px[row][np.array(list(by_feature), np.int64)[first]])
+        image_px.append(keypoints_px[row][table[first, 0]])
     seen_rows, seen_points = np.concatenate(rows), np.concatenate(numbers)
     seen_px = np.concatenate(image_px)
     return Tracks(seen_rows, seen_points, seen_px, adjusted, tuple(image_names))
@@ -79,7 +76,7 @@ def errors_px(
 ) -> np.ndarray:
     """(M,) distance of each observation from its point (N, 3) in its camera (T, 4, 4) [px]."""
     k1, k2 = (0.0, 0.0) if lens is None else (lens.k1, lens.k2)
-    cam_from_world = transforms.invert(world_from_cam[tracks.rows])
+    cam_from_world = transforms.invert(world_from_cam)[tracks.rows]
     points_cam = transforms.apply(cam_from_world, points[tracks.points][:, None])[:, 0]
     rays = points_cam[:, :2] / points_cam[:, 2:]
     image_px = bent(rays, k1, k2) * intrinsics_px[[0, 1], [0, 1]] + intrinsics_px[:2, 2]

@@ -13,9 +13,9 @@ from gmrdata.cameras.files import Mapper, WeakestStep
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map import mapping
 from gmrdata.cameras.map.mapping import map_frames
-from gmrdata.cameras.map.models import _held, weakest_step
+from gmrdata.cameras.map.models import _held, _running_medians, weakest_step
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
-from gmrdata.cameras.map.solution import Solution
+from gmrdata.cameras.map.solution import Placed, Solution
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import explains_better
@@ -152,12 +152,12 @@ def test_a_second_solution_of_a_camera_that_hardly_travels_is_not_given_up_with_
 
 
 def test_cameras_that_few_points_hold_are_forgotten() -> None:
-    world_from_cam = np.tile(np.eye(4), (3, 1, 1))
-    observations = np.array([40, 14, 15])
-    points: dict[int, dict[int, np.ndarray]] = {row: {} for row in range(3)}
-    mapping._forget_weak(world_from_cam, observations, points, 15)
-    assert np.isnan(world_from_cam[1]).all() and sorted(points) == [0, 2]
-    assert np.isfinite(world_from_cam[[0, 2]]).all() and observations.tolist() == [40, 0, 15]
+    nothing = {row: np.zeros((0, 2), np.int32) for row in range(3)}
+    cameras = np.tile(np.eye(4), (3, 1, 1))
+    placed = Placed(cameras, np.array([40, 14, 15]), np.zeros((0, 3)), nothing)
+    mapping._forget_weak(placed, 15)
+    assert np.isnan(cameras[1]).all() and sorted(placed.seen) == [0, 2]
+    assert np.isfinite(cameras[[0, 2]]).all() and placed.inliers.tolist() == [40, 0, 15]
 
 
 def test_a_frame_whose_inside_is_broken_is_named(dolly: Any, tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def solved(centres: np.ndarray, sees: np.ndarray) -> tuple[Solution, Matches]:
     points = rng.uniform([-3, -2, 3], [4, 2, 8], (POINTS, 3))
     cameras = rigid(np.tile(np.eye(3), (len(centres), 1, 1)), centres)
     seen_px = [project(cam, points, K_PX) + rng.normal(0, 0.1, (POINTS, 2)) for cam in cameras]
-    seen = {row: {at: points[at] for at in np.flatnonzero(of)} for row, of in enumerate(sees)}
+    seen = {row: np.tile(np.flatnonzero(of), (2, 1)).T for row, of in enumerate(sees)}
     mapped = Solution(
         geometry="full",
         mapper="global",
@@ -193,6 +193,7 @@ def solved(centres: np.ndarray, sees: np.ndarray) -> tuple[Solution, Matches]:
         errors_px=np.zeros(0),
         inliers=sees.sum(axis=1),
         focal=None,
+        points=points,
         seen=seen,
     )
     return mapped, Matches(seen_px, [])
@@ -264,14 +265,15 @@ def test_cameras_that_a_broken_model_puts_far_away_are_found(away_m: float) -> N
     cameras[-2:, 2, 3] -= away_m
     rng = np.random.default_rng(0)
     there = cameras[-1, :3, 3] + rng.uniform([-1, -1, 3], [1, 1, 6], (40, 3))
+    points = np.concatenate([mapped.points, there])
     seen, seen_px = dict(mapped.seen), list(matches.keypoints_px)
     for row in (N - 2, N - 1):
         # Twenty points that the others see as well, and what is there.
-        shared = dict(list(mapped.seen[row].items())[:20])
-        points = np.concatenate([np.array(list(shared.values())), there])
-        seen[row] = dict(enumerate(points))
-        seen_px[row] = project(cameras[row], points, K_PX) + rng.normal(0, 0.1, (60, 2))
-    step = found(replace(mapped, world_from_cam=cameras, seen=seen), Matches(seen_px, []))
+        shown = np.concatenate([mapped.seen[row][:20, 1], POINTS + np.arange(40)])
+        seen[row] = np.stack([np.arange(60), shown], axis=1)
+        seen_px[row] = project(cameras[row], points[shown], K_PX) + rng.normal(0, 0.1, (60, 2))
+    broken = replace(mapped, world_from_cam=cameras, seen=seen, points=points)
+    step = found(broken, Matches(seen_px, []))
     assert (step.after, step.before) == (51, 54) and step.loose_share > 1
 
 
@@ -292,11 +294,9 @@ def test_a_piece_of_another_scale_sees_everything_at_another_distance() -> None:
     assert 1 <= found(mapped, matches).distance_ratio < 1.2
     cameras, centre = mapped.world_from_cam.copy(), mapped.world_from_cam[8, :3, 3]
     cameras[:9, :3, 3] = centre + 9.7 * (cameras[:9, :3, 3] - centre)
-    seen = {
-        row: {at: centre + 9.7 * (point - centre) if row < 9 else point for at, point in of.items()}
-        for row, of in mapped.seen.items()
-    }
-    step = found(replace(mapped, world_from_cam=cameras, seen=seen), matches)
+    points = np.concatenate([mapped.points, centre + 9.7 * (mapped.points - centre)])
+    seen = {row: of + np.array([0, POINTS * (row < 9)]) for row, of in mapped.seen.items()}
+    step = found(replace(mapped, world_from_cam=cameras, seen=seen, points=points), matches)
     assert step.distance_ratio == pytest.approx(9.7, rel=0.1)
 
 
@@ -319,7 +319,7 @@ def test_the_share_of_matches_that_move_otherwise_is_that_of_the_worst_tenth_of_
 
 def test_fewer_than_two_cameras_have_no_step() -> None:
     mapped, matches = solved(STRAIGHT, along(0, 1))
-    alone = replace(mapped, seen={4: mapped.seen[4], 5: {}})
+    alone = replace(mapped, seen={4: mapped.seen[4], 5: mapped.seen[5][:0]})
     assert weakest_step(alone, matches, np.arange(N), K_PX, 2.0) is None
 
 
@@ -341,19 +341,14 @@ def rescaled(model: tuple[Solution, Matches, np.ndarray], last: int, scale: floa
     mapped, *_ = model
     centre, cameras = mapped.world_from_cam[last, :3, 3], mapped.world_from_cam.copy()
     cameras[: last + 1, :3, 3] = centre + scale * (cameras[: last + 1, :3, 3] - centre)
-    rows: dict[bytes, list[int]] = {}
-    for row, points in mapped.seen.items():
-        for point in points.values():
-            rows.setdefault(point.tobytes(), []).append(row)
-    left = {point for point, of in rows.items() if np.mean(np.array(of) <= last) > 0.5}
-    seen = {
-        row: {
-            feature: centre + scale * (point - centre) if point.tobytes() in left else point
-            for feature, point in points.items()
-        }
-        for row, points in mapped.seen.items()
-    }
-    return replace(mapped, world_from_cam=cameras, seen=seen)
+    rows = np.concatenate([np.full(len(of), row) for row, of in mapped.seen.items()])
+    shown = np.concatenate([of[:, 1] for of in mapped.seen.values()])
+    n_points = len(mapped.points)
+    n_left = np.bincount(shown, rows <= last, minlength=n_points)
+    left = n_left > 0.5 * np.bincount(shown, minlength=n_points)
+    moved = centre + scale * (mapped.points - centre)
+    points = np.where(left[:, None], moved, mapped.points)
+    return replace(mapped, world_from_cam=cameras, points=points)
 
 
 @pytest.mark.parametrize("scale", [0.1, 2.5, 9.7])
@@ -367,3 +362,10 @@ def test_a_real_model_with_one_half_rescaled_is_found(
     step = weakest_step(broken, matches, np.arange(14), intrinsics_px, 2.0)
     assert step is not None and step.loose_share > MOST
     assert step.after in (5, 6, 7)
+
+
+def test_running_medians_are_the_medians_of_all_up_to_each_group() -> None:
+    values = np.random.default_rng(0).integers(0, 40, 200).astype(float)
+    starts = np.array([0, 1, 2, 9, 50, 51, 199, 200])
+    expected = [np.median(values[:stop]) for stop in starts[1:]]
+    assert _running_medians(values, starts).tolist() == expected

@@ -82,7 +82,7 @@ def test_information_is_the_inverse_covariance_of_least_squares() -> None:
     found = []
     for _ in range(400):
         image_px = exact_px + noise * rng.normal(size=exact_px.shape)
-        held_by, slope = camera_information(camera, {0: image_px}, {0: points}, INTRINSICS_PX, 1.0)
+        held_by, slope = camera_information(camera, [(0, image_px, points)], INTRINSICS_PX, 1.0)
         found.append(-np.linalg.solve(held_by.toarray(), slope))
     scatter = np.cov(np.array(found).T)
     ratio = np.linalg.eigvals(scatter @ held_by.toarray()).real
@@ -96,7 +96,7 @@ def test_a_step_along_the_slope_leads_to_the_camera() -> None:
     off = true.copy()
     off[0, :3, :3] = Rotation.from_rotvec(-turn_rad).as_matrix() @ true[0, :3, :3]
     off[0, :3, 3] -= step
-    held_by, slope = camera_information(off, {0: image_px}, {0: points}, INTRINSICS_PX, 1.0)
+    held_by, slope = camera_information(off, [(0, image_px, points)], INTRINSICS_PX, 1.0)
     back = -np.linalg.solve(held_by.toarray(), slope)
     assert back == pytest.approx(np.concatenate([turn_rad, step]), rel=2e-3, abs=1e-8)
 

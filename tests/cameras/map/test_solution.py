@@ -18,7 +18,7 @@ from gmrdata.cameras.map import mapping, models
 from gmrdata.cameras.map import refinement as jumps_module
 from gmrdata.cameras.map.models import join_models, place_frames
 from gmrdata.cameras.map.refinement import FEWEST, jumps, mend_jumps
-from gmrdata.cameras.map.solution import fill_short_gaps
+from gmrdata.cameras.map.solution import Placed, fill_short_gaps
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
@@ -390,13 +390,14 @@ def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours() -> None:
     shuffled = rng.permutation(80)
     keypoints[1] = keypoints[1][np.argsort(shuffled)]
     pair = PairMatches(0, 1, np.stack([every, shuffled], axis=1), "CALIBRATED")
-    seen = dict(enumerate(points))
     world_from_cam = cameras.copy()
     world_from_cam[[1, 2]] = np.nan
     observations = np.array([80, 0, 0])
     matches = Matches(keypoints, [pair])
-    placed = place_frames([1, 2], world_from_cam, observations, {0: seen}, matches, intrinsics_px)
-    assert placed == 1 and observations.tolist() == [80, 80, 0]
+    placed = Placed(world_from_cam, observations, points, {0: np.tile(every, (2, 1)).T})
+    assert place_frames([1, 2], placed, matches, intrinsics_px) == 1
+    assert placed.seen[1].tolist() == np.stack([shuffled, every], axis=1).tolist()
+    assert observations.tolist() == [80, 80, 0]
     assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6)
     assert np.isnan(world_from_cam[2]).all()
     assert np.allclose(transforms.invert(world_from_cam[1]) @ cameras[1], np.eye(4), atol=1e-6)
