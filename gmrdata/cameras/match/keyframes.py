@@ -153,9 +153,10 @@ def with_frames_between(
             keypoints_px[row] = np.concatenate([ahead[1], behind[1]])
             n = len(ahead[0])
             mine = np.arange(len(keypoints_px[row]))
-            for pair in ((first, row, ahead[0], mine[:n]), (row, last, mine[n:], behind[0])):
-                features = np.stack(pair[2:], axis=1).astype(np.int32)
-                pairs.append(PairMatches(*pair[:2], features, FOLLOWED))
+            ends = {(first, row): (ahead[0], mine[:n]), (row, last): (mine[n:], behind[0])}
+            for rows, features in ends.items():
+                table = np.stack(features, axis=1).astype(np.int32)
+                pairs.append(PairMatches(*rows, table, FOLLOWED))
     linked = [pair for pair in pairs if len(pair.features)]
     return Matches(keypoints_px, sorted(linked, key=lambda pair: (pair.first, pair.second)))
 
