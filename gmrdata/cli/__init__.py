@@ -157,6 +157,13 @@ def _elsewhere(verb: str, message: str) -> str:
 
 QUIET, VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
 ALL_HELP = "--help-all"
+COMPLETION = "--completion"
+FILES_TOO = {
+    '  if [[ "$completions" ==': '  if [[ -z "$completions" || "$completions" ==',
+    'COMPREPLY=($(compgen -f -- "$cur"))': "COMPREPLY=()",
+    "complete -F": "complete -o default -F",
+}
+"""Lines of the scripts that complete nothing but flags and verbs, and what completes files too."""
 ABOUT = """World-frame human motion data.
 
 With any verb: -q says only answers and errors; -v says each stage, and where an error is from."""
@@ -185,6 +192,20 @@ def help_of(words: list[str]) -> str:
     return said.read()
 
 
+def completion_script(shell: str) -> str:
+    """What a shell completes by: tyro's script, with descriptions of one line, and for files."""
+    script = io.StringIO()
+    with redirect_stdout(script), suppress(SystemExit):
+        _parse(["--tyro-write-completion", shell, "-"])
+    lines = script.getvalue().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("COMPLETION_SPEC ="))
+    lines[at] = lines[at].replace(r"\n", " ").replace("%%", "%")
+    text = "\n".join(lines)
+    for before, now in FILES_TOO.items():
+        text = text.replace(before, now)
+    return text
+
+
 def _usual_help(verb: str) -> str:
     """A verb's help without the groups of flags that are rarely needed, which it names."""
     panels = re.split(r"^(?=(?:╭─)? (?:\w+ )?options )", help_of([verb]), flags=re.MULTILINE)
@@ -197,6 +218,11 @@ def _usual_help(verb: str) -> str:
 def _main(arguments: list[str], verbose: bool) -> None:
     if arguments == ["--version"]:
         answer(f"gmrdata {__version__}")
+        return
+    if arguments[:1] == [COMPLETION]:
+        if arguments[1:] not in (["bash"], ["zsh"]):
+            fail(f"{COMPLETION}: give bash or zsh", code=2)
+        answer(completion_script(arguments[1]))
         return
     if wrong := misspelled(arguments, VERBS):
         fail(wrong, code=2)
