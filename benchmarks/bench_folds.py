@@ -4,11 +4,13 @@
 subjects of the CMU motions at hand, in the order of their numbers: first and second, third and
 fourth, and so on.  Each fold trains on all others, 02 and 08 too where they are not its own.  A
 fold's scores are over all motions of both people at 10 fps with true local poses, as shares of the
-errors of zero motion.  No two of the subjects have the same bones, so none is known to be one
-person under two numbers.  Writes out/bench/folds.json.  A run that was stopped goes on with the
-next fold: its trainings lie in out/bench/folds.
+errors of zero motion; a trial of the paper's Table 8 is scored and never trained on.  No two of the
+subjects have the same bones, so none is known to be one person under two numbers.  Writes
+out/bench/folds.json.  A run that was stopped goes on with the next fold: its trainings lie in
+out/bench/folds.
 """
 
+import subprocess
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -27,15 +29,25 @@ from gmrdata.manifest.read import read_manifest
 from gmrdata.stage.recipes import find_recipe, load_recipe
 
 pytestmark = pytest.mark.bench
-MOST_OME, MOST_TME, WORST_TME = 0.40, 0.33, 0.60
+MOST_OME, MOST_TME, WORST_TME = 0.34, 0.27, 0.50
 
 
-def test_people_left_out_two_at_a_time(request: pytest.FixtureRequest, cmu_dir: Path) -> None:
+@pytest.fixture(scope="session")
+def cmu_more_dir(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """CMU's subjects 07, 49 and 127, unpacked."""
+    root = tmp_path_factory.mktemp("cmu")
+    subprocess.run(["bash", str(shared_data / "unpack"), str(root), "more"], check=True)
+    return root / "cmu-more"
+
+
+def test_people_left_out_two_at_a_time(
+    request: pytest.FixtureRequest, cmu_dir: Path, cmu_more_dir: Path
+) -> None:
     small = request.config.getoption("--small")
     recipe = load_recipe(find_recipe("gmr_bundled"), GmrRecipe).train
     config = changed(recipe, SMALL_SIZE) if small else recipe
-    name = "cmu_motions_small" if small else "cmu_motions"
-    every = import_motions(cmu_dir, (OUT_DIR / name).resolve(), small=small)
+    name = "cmu_people_small" if small else "cmu_people"
+    every = import_motions([cmu_dir, cmu_more_dir], (OUT_DIR / name).resolve(), small=small)
     folds = pairs(every)
     settings = {"recipe": recipe.model_dump(mode="json")}
     record = Record(OUT_DIR / "folds.json", small, lambda: settings)
@@ -45,7 +57,7 @@ def test_people_left_out_two_at_a_time(request: pytest.FixtureRequest, cmu_dir: 
     record.add(folds=rows, **figures)
     record.hold(
         [
-            at_least("folds", len(rows), 8),
+            at_least("folds", len(rows), 10),
             at_most("ome_ratio", figures["ome_ratio"], MOST_OME),
             at_most("tme_ratio", figures["tme_ratio"], MOST_TME),
             at_most("tme_ratio_worst", figures["tme_ratio_worst"], WORST_TME),

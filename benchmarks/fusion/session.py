@@ -128,7 +128,7 @@ class FusionSession:
         if self.motions_given is not None:
             return self.motions_given.resolve()
         name = "cmu_motions_small" if self.small else "cmu_motions"
-        return import_motions(self.cmu_dir(), (OUT_DIR / name).resolve(), small=self.small)
+        return import_motions([self.cmu_dir()], (OUT_DIR / name).resolve(), small=self.small)
 
     @cached_property
     def subjects(self) -> tuple[int, ...]:

@@ -28,9 +28,10 @@ class Motions:
     """Ids of the clips that are trained on."""
 
 
-def import_motions(cmu_dir: Path, out_dir: Path, *, small: bool) -> Path:
+def import_motions(cmu_dirs: Sequence[Path], out_dir: Path, *, small: bool) -> Path:
     """Manifest of CMU's motions on the default body; those that are imported already are kept."""
-    files = [file for file in find_motions(cmu_dir) if not small or file.stem in SMALL]
+    every = [file for folder in cmu_dirs for file in find_motions(folder)]
+    files = [file for file in every if not small or file.stem in SMALL]
     return make_library(tuple(files), "anny", out_dir)
 
 

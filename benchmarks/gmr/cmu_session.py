@@ -69,7 +69,7 @@ class CmuSession:
     def every(self) -> Path:
         """Manifest of all CMU motions at hand."""
         name = "cmu_motions_small" if self.small else "cmu_motions"
-        return import_motions(self.cmu_dir(), (OUT_DIR / name).resolve(), small=self.small)
+        return import_motions([self.cmu_dir()], (OUT_DIR / name).resolve(), small=self.small)
 
     @cached_property
     def motions(self) -> Motions:
