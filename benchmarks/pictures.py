@@ -45,14 +45,20 @@ def beside(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.hstack([left, cv2.resize(right, (width, height), interpolation=cv2.INTER_AREA)])
 
 
+def doubled(image: np.ndarray) -> np.ndarray:
+    """Twice as large: an outline hides less of a small frame."""
+    return cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_LANCZOS4)
+
+
 def synthetic_set(out: Path) -> None:
     gmrdata(["render", str(RECIPE), "--out", str(out)])
     tiles = []
     for clip in sorted((out / "render").iterdir()):
         images = sorted((clip / "frames").glob("*.jpg"))
-        for image in (images[row] for row in frames.spaced(len(images), 3)):
-            mask = frames.read_image(clip / "masks" / f"{image.stem}.png", cv2.IMREAD_GRAYSCALE)
-            tiles.append(frames.draw_mask_outline(frames.read_image(image, cv2.IMREAD_COLOR), mask))
+        for path in (images[row] for row in frames.spaced(len(images), 3)):
+            image = frames.read_image(path, cv2.IMREAD_COLOR)
+            mask = frames.read_image(clip / "masks" / f"{path.stem}.png", cv2.IMREAD_GRAYSCALE)
+            tiles.append(frames.draw_mask_outline(doubled(image), doubled(mask)))
     save("synthetic", frames.tile_sheet(tiles, columns=3))
 
 

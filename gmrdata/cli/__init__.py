@@ -10,8 +10,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import fields, is_dataclass
 from functools import wraps
-from inspect import signature
+from inspect import getdoc, isfunction, signature
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import tyro
@@ -114,6 +115,15 @@ def _paths(arguments: Mapping[str, Any]) -> Iterator[Path]:
             yield from _paths({one.name: getattr(value, one.name) for one in fields(value)})
 
 
+def _tell_in_lines(modules: Collection[ModuleType]) -> None:
+    """Make each paragraph and flag in the docstrings one line: tyro keeps line breaks of verbs."""
+    for module in modules:
+        for verb in filter(isfunction, vars(module).values()):
+            told = getdoc(verb) or ""
+            verb.__doc__ = re.sub(r"(?<=[^\n:])\n(?:(?=\S)| {8,})", " ", told)
+
+
+_tell_in_lines({sys.modules[verb.__module__] for verb in _VERBS})
 VERBS = {verb.__name__.replace("_", "-"): _looked_at(verb) for verb in _VERBS}
 
 

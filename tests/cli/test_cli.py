@@ -64,6 +64,14 @@ def test_help_of_each_verb_says_what_it_does(
     assert " ".join(first_line.split())[:40] in said
 
 
+def test_a_flag_is_explained_in_whole_lines(
+    gmrdata: Gmrdata, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    said = gmrdata("baseline", "vibe_cam", "--help").stdout
+    assert "Other clips take the most confident person of each frame." in said
+
+
 def test_the_usual_help_of_video_fits_a_screen(
     gmrdata: Gmrdata, monkeypatch: pytest.MonkeyPatch
 ) -> None:
