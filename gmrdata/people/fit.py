@@ -45,7 +45,7 @@ class FitConfig(Config):
     """Of landmarks about the hips [m/s2]."""
     pelvis_acceleration: float = Field(default=8.0, gt=0)
     """Of the pelvis before the camera [m/s2]."""
-    rest: float = Field(default=0.7, gt=0)
+    rest: float = Field(default=1.0, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
     stop_share: float = Field(default=1e-4, gt=0)
     """Gain of a step that ends the fit, as a share of what is left: joints move by 1 mm after."""
@@ -65,9 +65,11 @@ class FittedPose:
 _REST_WEIGHTS = {
     "spine1": 1.5, "spine2": 1.5, "spine3": 1.5, "neck": 1.0, "head": 1.0,
     "left_collar": 3.0, "right_collar": 3.0, "left_wrist": 0.5, "right_wrist": 0.5,
-    "left_ankle": 0.5, "right_ankle": 0.5, "pelvis": 0.0,
+    "left_hip": 0.05, "right_hip": 0.05, "left_knee": 0.0, "right_knee": 0.0,
+    "left_ankle": 0.1, "right_ankle": 0.1, "pelvis": 0.0,
 }  # fmt: skip
-"""How much a joint is drawn to its rest pose; hips, knees, shoulders and elbows little."""
+"""How much a joint is drawn to its rest pose; shoulders and elbows little, and legs hardly: who
+stands with bent knees stood on straighter legs, and so 4 cm below the floor."""
 _WEIGHTS = np.array([_REST_WEIGHTS.get(name, 0.15) for name in JOINT_NAMES])
 SAME_TIME = 4.0  # landmarks of a frame err together: so many of them tell as much as one
 OUTLIER = 9.0  # the most that a landmark costs
