@@ -62,8 +62,4 @@ def write_clips(
                 ),
             )
         )
-    return write_manifest(
-        folder / "manifest.yaml",
-        a_head("clips", kind),
-        entries,
-    )
+    return write_manifest(folder / "manifest.yaml", a_head("clips", kind), entries)

@@ -8,10 +8,7 @@ from gmrdata.values.frame_set import FrameSet
 
 
 def frame_set(
-    frame_numbers: np.ndarray,
-    size_px: tuple[int, int],
-    fps_hz: float,
-    n_frames: int | None = None,
+    frame_numbers: np.ndarray, size_px: tuple[int, int], fps_hz: float, n_frames: int | None = None
 ) -> FrameSet:
     """Images 0, 1, ... that are these frames of a video."""
     n = len(frame_numbers)

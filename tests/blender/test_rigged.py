@@ -244,11 +244,7 @@ def test_the_residual_is_what_the_proportions_imply(
 
 
 def test_a_file_in_centimetres_keeps_its_size_if_told_to(
-    film: Film,
-    characters: Files,
-    small_body: BodyModel,
-    clip_path: Path,
-    folder: Path,
+    film: Film, characters: Files, small_body: BodyModel, clip_path: Path, folder: Path
 ) -> None:
     character = Character(path=characters["someone"], scale="keep")
     kept = film(clip_path, folder / "kept", character)
@@ -311,11 +307,7 @@ def test_the_body_as_a_character_is_the_body(
 
 
 def test_there_is_nothing_in_the_holes_of_a_picture(
-    film: Film,
-    characters: Files,
-    twin: Path,
-    clip_path: Path,
-    folder: Path,
+    film: Film, characters: Files, twin: Path, clip_path: Path, folder: Path
 ) -> None:
     holes = film(clip_path, folder / "holes", Character(path=characters["holes"]), flow=True)
     mask, whole = mask_of(holes, 0), mask_of(twin, 0)
@@ -328,11 +320,7 @@ def test_there_is_nothing_in_the_holes_of_a_picture(
 
 
 def test_feet_stand_on_the_floor_where_the_bodys_do(
-    film: Film,
-    clip_path: Path,
-    small_body: BodyModel,
-    characters: Files,
-    folder: Path,
+    film: Film, clip_path: Path, small_body: BodyModel, characters: Files, folder: Path
 ) -> None:
     soles_m = (small_body.template_m - small_body.joints_template_m[0])[:, 1].min()
     motion, camera = (

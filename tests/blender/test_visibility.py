@@ -76,9 +76,7 @@ RIGHT = {name for name in JOINT_NAMES if name.startswith("right")}
 LOWER_LEGS = {f"{side}_{name}" for side in ("left", "right") for name in ("knee", "ankle", "foot")}
 
 
-def test_from_the_front_only_the_wrist_behind_the_back_is_hidden(
-    seen: dict[str, set[str]],
-) -> None:
+def test_from_the_front_only_the_wrist_behind_the_back_is_hidden(seen: dict[str, set[str]]) -> None:
     assert set(JOINT_NAMES) - seen["front"] == {"right_wrist"}
 
 

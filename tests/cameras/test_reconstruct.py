@@ -11,12 +11,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.check.verdict import camera_reasons
-from gmrdata.cameras.files import (
-    Evidence,
-    load_cameras,
-    load_points,
-    load_quality,
-)
+from gmrdata.cameras.files import Evidence, load_cameras, load_points, load_quality
 from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import _why_unsolved, reconstruct

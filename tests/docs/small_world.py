@@ -23,10 +23,7 @@ NETWORK: dict[str, Any] = {
     "steps": 2,
 }
 RECIPES: dict[str, Any] = {
-    "gmr.yaml": {
-        "recipe": "gmr",
-        "train": NETWORK | {"data": {"held_out_subjects": [2, 8]}},
-    },
+    "gmr.yaml": {"recipe": "gmr", "train": NETWORK | {"data": {"held_out_subjects": [2, 8]}}},
     "places.yaml": {
         "recipe": "synthetic",
         "name": "synthetic",

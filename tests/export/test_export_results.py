@@ -91,10 +91,7 @@ def test_files_where_others_look_for_them(
 
 
 def test_a_network(
-    run_dir: Path,
-    walk: Callable[..., Motion],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    run_dir: Path, walk: Callable[..., Motion], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     path = out / "onnx" / "run.onnx"

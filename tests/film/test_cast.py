@@ -114,9 +114,7 @@ def bearing_rad(clip: Clip, path_m: np.ndarray) -> np.ndarray:
     return np.asarray(np.angle(rays[0] / rays[1]))
 
 
-def test_passers_by_cross_the_line_of_sight_to_the_subject(
-    casts: list[tuple[Clip, Cast]],
-) -> None:
+def test_passers_by_cross_the_line_of_sight_to_the_subject(casts: list[tuple[Clip, Cast]]) -> None:
     in_front = []
     for clip, cast in casts:
         for walker in cast.walkers[1:]:

@@ -26,8 +26,8 @@ from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, load_joints, save_joints
 from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
 from gmrdata.values.files import write_npz
-from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
+from tests.motions import made_up
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -93,16 +93,12 @@ def test_other_images_are_refused(tmp_path: Path) -> None:
 def filmed(body: BodyModel) -> Clip:
     """Row 0: the pelvis in the middle, 1 m ahead. Row 1: the camera has its back to the person."""
     root = np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (2, 1, 1))
-    motion = Motion(
+    motion = made_up(
         np.tile(np.eye(3), (2, 23, 1, 1)),
         root,
         np.tile([0.0, 0.0, 0.95], (2, 1)),
-        np.zeros(body.n_shape),
-        10.0,
-        body.name,
-        "neutral",
-        "world",
-        "standing",
+        shape=np.zeros(body.n_shape),
+        body=body.name,
     )
     centres_m = np.array([[1.0, 0.0, 0.95], [1.0, 0.0, 0.95]])
     targets_m = np.array([[0.0, 0.0, 0.95], [2.0, 0.0, 0.95]])

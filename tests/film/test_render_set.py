@@ -21,13 +21,7 @@ from gmrdata.stage.recipes import load_recipe
 from gmrdata.stage.run import Run
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
-from tests.film.set_kills import (
-    VICTIMS,
-    contents,
-    kill_and_complete,
-    leftovers,
-    write_recipe,
-)
+from tests.film.set_kills import VICTIMS, contents, kill_and_complete, leftovers, write_recipe
 
 pytestmark = pytest.mark.slow
 

@@ -19,13 +19,7 @@ from benchmarks.training.default_body import (
 from gmrdata.film.character import phenotypes_of, sample_person
 from gmrdata.film.render import RenderConfig, full_json
 from gmrdata.film.scene import SceneConfig
-from gmrdata.film.set_plan import (
-    SyntheticRecipe,
-    clip_rng,
-    plan_takes,
-    render_config,
-    select,
-)
+from gmrdata.film.set_plan import SyntheticRecipe, clip_rng, plan_takes, render_config, select
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import read_body, save_body

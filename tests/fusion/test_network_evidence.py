@@ -39,6 +39,7 @@ from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
 from gmrdata.values.files import read_json, write_json
 from gmrdata.values.motion import Motion, deltas
 from tests.clip_manifests import write_clips
+from tests.motions import made_up
 
 FPS_HZ = 20.0
 
@@ -247,16 +248,12 @@ def stepping(small_body: BodyModel) -> Motion:
         lift = np.outer(0.4 * (1 + sign * np.cos(PHASE)), [1.0, 0.0, 0.0])
         local[:, JOINT[f"{side}_hip"] - 1] = Rotation.from_rotvec(swing).as_matrix()
         local[:, JOINT[f"{side}_knee"] - 1] = Rotation.from_rotvec(lift).as_matrix()
-    return Motion(
-        local_rotmats=local,
-        root_rotmats=Rotation.from_rotvec(np.outer(0.1 * np.sin(PHASE), [0, 1, 0])).as_matrix(),
-        pelvis_m=np.outer(np.arange(N) / LIKE_FPS_HZ, [0.3, 0.0, 1.0]),
-        shape=np.zeros(10),
+    return made_up(
+        local,
+        Rotation.from_rotvec(np.outer(0.1 * np.sin(PHASE), [0, 1, 0])).as_matrix(),
+        np.outer(np.arange(N) / LIKE_FPS_HZ, [0.3, 0.0, 1.0]),
         fps_hz=LIKE_FPS_HZ,
         body=small_body.name,
-        gender="neutral",
-        frame="world",
-        source="steps",
     )
 
 

@@ -249,8 +249,7 @@ def test_planted_feet_hold_the_person_and_the_ground_the_height() -> None:
 
 @settings(max_examples=10)
 @given(
-    turn=st.tuples(*[st.floats(-3.0, 3.0)] * 3),
-    move_m=st.tuples(*[st.floats(-100.0, 100.0)] * 3),
+    turn=st.tuples(*[st.floats(-3.0, 3.0)] * 3), move_m=st.tuples(*[st.floats(-100.0, 100.0)] * 3)
 )
 def test_another_world_gives_the_same_motion_and_error_bars(
     turn: tuple[float, ...], move_m: tuple[float, ...]

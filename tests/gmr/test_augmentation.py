@@ -25,6 +25,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.skinning import motion_joints_m
+from tests.motions import made_up
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 
@@ -33,17 +34,7 @@ def random_motion(seed: int, n_frames: int = 5) -> Motion:
     rng = np.random.default_rng(seed)
     rotmats = Rotation.random(24 * n_frames, random_state=seed).as_matrix()
     rotmats = rotmats.reshape(n_frames, 24, 3, 3)
-    return Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
-        pelvis_m=rng.normal(size=(n_frames, 3)),
-        shape=np.zeros(10),
-        fps_hz=10.0,
-        body="small",
-        gender="neutral",
-        frame="world",
-        source="random",
-    )
+    return made_up(rotmats[:, 1:], rotmats[:, 0], rng.normal(size=(n_frames, 3)))
 
 
 def mirror_motion(motion: Motion) -> Motion:

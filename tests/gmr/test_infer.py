@@ -133,10 +133,7 @@ def tilted(motion: Motion, rotmat: np.ndarray, shift_m: np.ndarray) -> Motion:
 
 
 @settings(max_examples=25)
-@given(
-    angles=st.tuples(*[st.floats(-1.2, 1.2)] * 2),
-    shift=st.tuples(*[st.floats(-5, 5)] * 3),
-)
+@given(angles=st.tuples(*[st.floats(-1.2, 1.2)] * 2), shift=st.tuples(*[st.floats(-5, 5)] * 3))
 def test_a_tilted_world_is_made_upright_again(
     angles: tuple[float, float],
     shift: tuple[float, float, float],
@@ -226,10 +223,7 @@ def test_every_pose_gets_a_root_and_the_networks_moments_stand(
 
 @pytest.mark.parametrize(("fps_hz", "n_frames"), RATES)
 def test_a_constant_motion_is_the_same_at_any_rate(
-    fps_hz: float,
-    n_frames: int,
-    walk: Callable[..., Motion],
-    constant: Callable[..., TrainedGmr],
+    fps_hz: float, n_frames: int, walk: Callable[..., Motion], constant: Callable[..., TrainedGmr]
 ) -> None:
     """Without turning the path is a straight line, and without moving the turn is steady."""
     motion = walk(fps_hz, n_frames)

@@ -33,16 +33,12 @@ def random_motions(seed: int, angle_rad: float = 0.3) -> Motions:
     angles_rad = angle_rad * rng.uniform(0.98, 1.0, (B * N, 1))
     rotmats = Rotation.from_rotvec(axes * angles_rad).as_matrix()
     return Motions(
-        torch.as_tensor(rotmats.reshape(B, N, 3, 3)),
-        torch.as_tensor(rng.normal(0, 0.1, (B, N, 3))),
+        torch.as_tensor(rotmats.reshape(B, N, 3, 3)), torch.as_tensor(rng.normal(0, 0.1, (B, N, 3)))
     )
 
 
 def random_bodies(
-    body: BodyModel,
-    seed: int,
-    n_vertices: int | None = None,
-    dtype: torch.dtype = torch.float64,
+    body: BodyModel, seed: int, n_vertices: int | None = None, dtype: torch.dtype = torch.float64
 ) -> Bodies:
     rng = np.random.default_rng(seed)
     local = Rotation.from_rotvec(rng.normal(0, 0.4, (B * N * 23, 3))).as_matrix()
@@ -166,10 +162,7 @@ def test_parts_of_a_step_add_up(small_body: BodyModel, reduction: Reduction) -> 
 @pytest.mark.parametrize("has_pose_dirs", [False, True])
 @pytest.mark.parametrize("block_vertices", [1024, 37])
 def test_vertex_term_is_eq_13_with_the_body_posed_twice(
-    small_body: BodyModel,
-    has_pose_dirs: bool,
-    block_vertices: int,
-    monkeypatch: pytest.MonkeyPatch,
+    small_body: BodyModel, has_pose_dirs: bool, block_vertices: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Value and gradient as if prediction and truth each went through the body under autograd."""
     monkeypatch.setattr(losses, "BLOCK_VERTICES", block_vertices)

@@ -98,10 +98,7 @@ def test_a_process_that_is_to_say_nothing_writes_nothing(tmp_path: Path) -> None
 
 def test_missing_tensorboard_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
-    with (
-        pytest.raises(MissingExtra, match=r"pip install tensorboard"),
-        run_log(tmp_path, 0, True),
-    ):
+    with pytest.raises(MissingExtra, match=r"pip install tensorboard"), run_log(tmp_path, 0, True):
         pass
 
 

@@ -29,7 +29,8 @@ from gmrdata.gmr.windows import Batch, make_batch, make_training_set, reverse, s
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
 from gmrdata.values.files import read_json, write_json
-from gmrdata.values.motion import Motion, accumulate, deltas
+from gmrdata.values.motion import accumulate, deltas
+from tests.motions import made_up
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 
@@ -38,16 +39,11 @@ def counting_clip(n_frames: int, fps_hz: float, gaps: tuple[int, ...] = ()) -> C
     """A clip whose pelvis is at x = the frame's number, so that a frame can be told by it."""
     valid = np.ones(n_frames, bool)
     valid[list(gaps)] = False
-    motion = Motion(
-        local_rotmats=np.tile(np.eye(3), (n_frames, 23, 1, 1)),
-        root_rotmats=np.tile(np.eye(3), (n_frames, 1, 1)),
-        pelvis_m=np.arange(n_frames)[:, None] * [1.0, 0.0, 0.0],
-        shape=np.zeros(10),
+    motion = made_up(
+        np.tile(np.eye(3), (n_frames, 23, 1, 1)),
+        np.tile(np.eye(3), (n_frames, 1, 1)),
+        np.arange(n_frames)[:, None] * [1.0, 0.0, 0.0],
         fps_hz=fps_hz,
-        body="small",
-        gender="neutral",
-        frame="world",
-        source="counted",
     )
     return Clip("counting", motion, valid, np.full(n_frames, -1), None)
 

@@ -15,8 +15,8 @@ from gmrdata.manifest.current import Quality
 from gmrdata.manifest.write import ClipFiles, clip_entry, made_by, write_manifest
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.motion import Motion
 from tests.clip_manifests import Edit, a_head, a_walk
+from tests.motions import made_up
 
 REST_PELVIS_M = np.array([0.001, -0.24, 0.03])
 N_FRAMES = 6
@@ -28,16 +28,8 @@ def walk_clip() -> Clip:
     rng = np.random.default_rng(7)
     rotmats = Rotation.random(N_FRAMES * 24, random_state=3).as_matrix()
     rotmats = rotmats.reshape(N_FRAMES, 24, 3, 3)
-    motion = Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
-        pelvis_m=rng.normal(size=(N_FRAMES, 3)),
-        shape=rng.normal(size=10),
-        fps_hz=10.0,
-        body="small",
-        gender="neutral",
-        frame="world",
-        source="made up",
+    motion = made_up(
+        rotmats[:, 1:], rotmats[:, 0], rng.normal(size=(N_FRAMES, 3)), shape=rng.normal(size=10)
     )
     world_from_cam = np.tile(np.eye(4), (N_FRAMES, 1, 1))
     world_from_cam[:, :3, :3] = Rotation.random(N_FRAMES, random_state=5).as_matrix()

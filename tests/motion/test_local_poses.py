@@ -21,12 +21,7 @@ from gmrdata.motion.local_poses import read_local_poses
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import (
-    BadMotionFile,
-    BrokenPickle,
-    MissingInput,
-    UnsafePickle,
-)
+from gmrdata.values.errors import BadMotionFile, BrokenPickle, MissingInput, UnsafePickle
 from tests.damage import bytes_changed, read_or_refused
 from tests.joblib_layout import joblib_bytes
 from tests.read.system_files import (
@@ -67,12 +62,7 @@ def test_missing_frames_are_never_bridged(tmp_path: Path, small_body: BodyModel)
     path = write_joblib(tmp_path / "v.pkl", {0: person})
     runs = read_local_poses(path, 30.0, body=small_body)
     assert [run.id for run in runs] == [f"person_0_from_{n}" for n in (3, 8, 20, 30)]
-    assert [run.image_numbers.tolist() for run in runs] == [
-        [3, 4, 5],
-        [8, 9],
-        [20],
-        [30, 31, 32],
-    ]
+    assert [run.image_numbers.tolist() for run in runs] == [[3, 4, 5], [8, 9], [20], [30, 31, 32]]
     joined = np.concatenate([run.motion.local_rotmats for run in runs])
     np.testing.assert_allclose(joined, rotmats(person["pose"])[:, 1:], atol=1e-12)
 

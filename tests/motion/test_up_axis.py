@@ -114,10 +114,7 @@ def _hanging_by_the_feet(walk: Motion, t_s: np.ndarray) -> Motion:
 @pytest.mark.parametrize("suffix", [".bvh", ".npz"])
 @pytest.mark.parametrize("made", [_lying, _swimming, _rolling, _cartwheeling, _hanging_by_the_feet])
 def test_who_does_not_stand_is_left_as_he_is(
-    tmp_path: Path,
-    small_body: BodyModel,
-    suffix: str,
-    made: Callable[[Motion, np.ndarray], Motion],
+    tmp_path: Path, small_body: BodyModel, suffix: str, made: Callable[[Motion, np.ndarray], Motion]
 ) -> None:
     walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(1))
     walk = replace(walk, root_rotmats=walk.root_rotmats[0].T @ walk.root_rotmats)

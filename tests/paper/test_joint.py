@@ -150,10 +150,7 @@ def test_the_same_recipe_gives_the_same_network(
 
 
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(
-    walks: list[Clip],
-    small_body: BodyModel,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    walks: list[Clip], small_body: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Stopped in step 6, it goes on from step 4, with the dropout that it would have had."""
     runs = training_runs([(clip, told(clip)) for clip in walks[:2]], 10.0)

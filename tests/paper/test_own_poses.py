@@ -13,11 +13,7 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.paper.joint import load_features
-from gmrdata.paper.own_poses import (
-    OwnPosesRecord,
-    rows_between,
-    the_person,
-)
+from gmrdata.paper.own_poses import OwnPosesRecord, rows_between, the_person
 from gmrdata.paper.placement import PlacementConfig, clip_keypoints, place_person
 from gmrdata.paper.vibe_cam import load_poses
 from gmrdata.people.following import Sightings

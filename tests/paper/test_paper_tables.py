@@ -278,11 +278,7 @@ def write_walks(small_body: BodyModel, tmp_path: Path) -> Callable[..., Path]:
 
     def write(name: str, trials: list[str], seed: int) -> Path:
         motions = embedded_motions(
-            small_body,
-            np.random.default_rng(seed),
-            count=len(trials),
-            fps_hz=20.0,
-            duration_s=3.0,
+            small_body, np.random.default_rng(seed), count=len(trials), fps_hz=20.0, duration_s=3.0
         )
         clips = [
             Clip(id, motion, np.ones(motion.n_frames, bool), np.full(motion.n_frames, -1), None)

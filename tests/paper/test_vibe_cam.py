@@ -244,9 +244,7 @@ def test_rows_without_a_pose(take: Take, files: Callable[..., Path]) -> None:
     local_rotmats = posed.motion.local_rotmats.copy()
     local_rotmats[4, 22] = np.nan
     lost = replace(
-        posed,
-        motion=replace(posed.motion, local_rotmats=local_rotmats),
-        valid=np.arange(40) != 9,
+        posed, motion=replace(posed.motion, local_rotmats=local_rotmats), valid=np.arange(40) != 9
     )
     save_clip(path, lost, take.body.rest_pelvis_m(posed.motion.shape))
     found = load_clip(files() / "predictions" / "walk_0.npz")

@@ -179,39 +179,32 @@ def like_red(distance: float) -> np.ndarray:
     return np.array([share, 1 - share])
 
 
-def test_who_is_found_again_where_it_went_is_one_person() -> None:
-    pieces = [piece(0, 20, 0.0), piece(30, 20, 60.0), piece(0, 50, 400.0)]
-    assert join_pieces(pieces, LINKS) == [[0, 1], [2]]
+LATE = 20 + LINKS.max_gap_frames
 
 
-def test_another_in_the_same_place_is_somebody_else() -> None:
-    assert join_pieces([piece(0, 20, 0.0), piece(30, 20, 60.0, BLUE)], LINKS) == [[0], [1]]
-
-
-def test_who_is_twice_as_large_is_somebody_else() -> None:
-    pieces = [piece(0, 20, 0.0), piece(30, 20, 60.0, side_px=200.0)]
-    assert join_pieces(pieces, LINKS) == [[0], [1]]
-
-
-def test_a_gap_may_be_too_long() -> None:
-    late = 20 + LINKS.max_gap_frames
-    pieces = [piece(0, 20, 0.0), piece(late, 5, 2.0 * late), piece(late + 1, 5, 2.0 * late + 2)]
-    assert join_pieces(pieces, LINKS) == [[0, 1], [2]]
-
-
-def test_at_one_time_nobody_is_two() -> None:
-    assert join_pieces([piece(0, 20, 0.0), piece(10, 20, 20.0)], LINKS) == [[0], [1]]
-
-
-def test_two_who_cross_are_told_by_their_colours() -> None:
-    """Both are lost at one place and found again at one place."""
-    pieces = [
-        piece(0, 20, 0.0),
-        piece(0, 20, 0.0, BLUE),
-        piece(30, 9, 60.0, BLUE),
-        piece(30, 9, 60.0),
-    ]
-    assert join_pieces(pieces, LINKS) == [[0, 3], [1, 2]]
+@pytest.mark.parametrize(
+    ("pieces", "people"),
+    [
+        ([piece(0, 20, 0.0), piece(30, 20, 60.0), piece(0, 50, 400.0)], [[0, 1], [2]]),
+        ([piece(0, 20, 0.0), piece(30, 20, 60.0, BLUE)], [[0], [1]]),
+        ([piece(0, 20, 0.0), piece(30, 20, 60.0, side_px=200.0)], [[0], [1]]),
+        (
+            [piece(0, 20, 0.0), piece(LATE, 5, 2.0 * LATE), piece(LATE + 1, 5, 2.0 * LATE + 2)],
+            [[0, 1], [2]],
+        ),
+        ([piece(0, 20, 0.0), piece(10, 20, 20.0)], [[0], [1]]),
+        (
+            [
+                *(piece(0, 20, 0.0, one) for one in (RED, BLUE)),
+                *(piece(30, 9, 60.0, one) for one in (BLUE, RED)),
+            ],
+            [[0, 3], [1, 2]],
+        ),
+    ],
+    ids=["found again", "another", "twice as large", "too late", "at one time", "two who cross"],
+)
+def test_pieces_of_one_person_are_joined(pieces: list[Piece], people: list[list[int]]) -> None:
+    assert join_pieces(pieces, LINKS) == people
 
 
 def test_a_track_is_cut_where_another_takes_over() -> None:

@@ -114,7 +114,7 @@ def test_the_stage_masks_every_frame_and_fills_the_one_that_was_missed(
     record = json.loads((out_dir / "stage.json").read_text())
     assert sorted(record["inputs"]) == ["images"]
     assert sorted(p.name for p in out_dir.iterdir()) == [
-        *("00000.png", "00001.png", "00002.png", "stage.json"),
+        *("00000.png", "00001.png", "00002.png", "stage.json")
     ]
 
 

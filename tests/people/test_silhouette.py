@@ -25,9 +25,9 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project_cam
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
-from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.skinning import motion_vertices_m
+from tests.motions import made_up
 
 INTRINSICS_PX = intrinsics_from_fov(60.0, 160, 120)
 
@@ -66,16 +66,13 @@ def camera_clip(small_body: BodyModel) -> Clip:
     about_y[:, 0, 0] = about_y[:, 2, 2] = np.cos(turn)
     about_y[:, 0, 2], about_y[:, 2, 0] = np.sin(turn), -np.sin(turn)
     about_y[:, 1, 1] = 1.0
-    motion = Motion(
-        local_rotmats=np.tile(np.eye(3), (n, 23, 1, 1)),
-        root_rotmats=upside_down @ about_y,
-        pelvis_m=np.tile([0.2, 0.1, 4.0], (n, 1)),
+    motion = made_up(
+        np.tile(np.eye(3), (n, 23, 1, 1)),
+        upside_down @ about_y,
+        np.tile([0.2, 0.1, 4.0], (n, 1)),
         shape=np.zeros(small_body.n_shape),
-        fps_hz=10.0,
         body=small_body.name,
-        gender="neutral",
         frame="camera",
-        source="test",
     )
     unknown = np.full((n, 4, 4), np.nan)
     camera = CameraPath(INTRINSICS_PX, 160, 120, unknown, np.zeros(n, dtype=bool))

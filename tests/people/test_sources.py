@@ -242,11 +242,7 @@ def as_one(masks: Path, images: Path, out: Path) -> Path:
     ("masks", "error", "said"),
     [
         (None, MissingInput, "masks"),
-        (
-            [left_part(0.1)] * 2,
-            BadFrames,
-            r"masks: no mask for 00002\.png; expected 00002\.png or",
-        ),
+        ([left_part(0.1)] * 2, BadFrames, r"masks: no mask for 00002\.png; expected 00002\.png or"),
         (
             [left_part(0.1), left_part(0.1)[:40], left_part(0.1)],
             BadFrames,

@@ -58,9 +58,7 @@ def our_figures(
             folder,
             UsableClip(true, "linear"),
             Pairing(
-                FPS_HZ,
-                protocol_fps_hz=protocol.fps_hz,
-                smoothing_frames=protocol.smoothing_frames,
+                FPS_HZ, protocol_fps_hz=protocol.fps_hz, smoothing_frames=protocol.smoothing_frames
             ),
         )
         assert isinstance(found, PredictedClip)

@@ -167,11 +167,7 @@ def test_interval_of_a_mean_is_scipys() -> None:
     """The same generator draws the same clips, so the ends are the same numbers."""
     values = np.random.default_rng(3).gamma(2.0, 2.0, 12)
     oracle = bootstrap(
-        (values,),
-        np.mean,
-        n_resamples=RESAMPLES,
-        method="percentile",
-        rng=np.random.default_rng(0),
+        (values,), np.mean, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(0)
     ).confidence_interval
     counts = resampled_counts(12, RESAMPLES, np.random.default_rng(0))
     assert ratio_interval(values, np.ones(12), counts) == pytest.approx(tuple(oracle), rel=1e-9)

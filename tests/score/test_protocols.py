@@ -183,13 +183,8 @@ RELEASED = {
         "rte_percent": 2.10605729826,
         "erve_mm_per_frame": 16.0407572847,
     },
-    "slahmr": {
-        "w_mpjpe_mm": 814.037085752,
-        "wa_mpjpe_mm": 335.528803669,
-    },
-    "emdb": {
-        "jitter_10m_per_s3": 1.06958780157,
-    },
+    "slahmr": {"w_mpjpe_mm": 814.037085752, "wa_mpjpe_mm": 335.528803669},
+    "emdb": {"jitter_10m_per_s3": 1.06958780157},
 }
 """Protocol -> metric -> mean of what the functions that `Protocol.source` names returned, in
 float64, at these commits: GVHMR 44fbc19 (its functions are WHAM's), tram 4861c11, emdb 9a4eab6,

@@ -82,7 +82,7 @@ def test_what_does_not_fit_together_is_refused(tmp_path: Path) -> None:
         "some rows have a `floor`": {"overall": whole["overall"] | {"floor": None}},
         "`protocol` of a row does not fit": {"protocol": None},
         "`protocol.predicted` has an unknown key `jitter": {
-            "protocol": whole["protocol"] | {"metrics": []},
+            "protocol": whole["protocol"] | {"metrics": []}
         },
     }
     for said, change in changed.items():

@@ -27,12 +27,7 @@ from gmrdata.score.score import score as score_predictor
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import (
-    BadMotionFile,
-    BadRecipe,
-    GmrdataError,
-    MissingInput,
-)
+from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from tests.clip_manifests import write_clips

@@ -25,12 +25,7 @@ from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.predictions import Pairing, network_clip
 from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.records import Scores
-from gmrdata.score.score import (
-    ScoredBodies,
-    motion_types,
-    score,
-    score_clips,
-)
+from gmrdata.score.score import ScoredBodies, motion_types, score, score_clips
 from gmrdata.score.summary import summarise
 from gmrdata.stage.progress import answers
 from gmrdata.stage.run import Run
@@ -301,10 +296,7 @@ def test_the_best_weights_are_scored_when_asked_for(
     found = {which: json.loads(made.scores[0].read_text()) for which, made in paths.items()}
     assert [
         (found[w]["model"]["which"], found[w]["model"]["step"]) for w in ("latest", "best")
-    ] == [
-        ("latest", 2),
-        ("best", 1),
-    ]
+    ] == [("latest", 2), ("best", 1)]
     tme_mm = {w: found[w]["overall"]["pooled_over_motions"]["predicted"]["tme_mm"] for w in found}
     zero_mm = found["best"]["overall"]["pooled_over_motions"]["zero"]["tme_mm"]
     assert tme_mm["best"] == pytest.approx(zero_mm)

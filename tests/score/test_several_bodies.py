@@ -28,10 +28,7 @@ from tests.smpl_models import write_smpl_folder
 GENDERS = ("female", "male", "neutral")
 HERE = Run(workers=1)
 CONFIG = TrainConfig(
-    model=ModelConfig(layers=1, hidden=8),
-    windows=WindowConfig(frames=4),
-    batch_size=6,
-    steps=2,
+    model=ModelConfig(layers=1, hidden=8), windows=WindowConfig(frames=4), batch_size=6, steps=2
 )
 
 FEW = ScoreConfig(resamples=100)

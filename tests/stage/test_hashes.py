@@ -58,20 +58,15 @@ def test_each_file_is_hashed_once_by_all_stages_of_a_process(
     assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
 
 
-def test_the_next_process_hashes_nothing(frames: Path, hashed: list[str]) -> None:
+@pytest.mark.parametrize("redo", [False, True])
+def test_the_next_process_hashes_nothing_unless_all_is_made_again(
+    frames: Path, hashed: list[str], redo: bool
+) -> None:
     stage(frames)
     forget()
     hashed.clear()
-    stage(frames)
-    assert hashed == []
-
-
-def test_redo_believes_no_earlier_process(frames: Path, hashed: list[str]) -> None:
-    stage(frames)
-    forget()
-    hashed.clear()
-    stage(frames, redo=True)
-    assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
+    stage(frames, redo=redo)
+    assert hashed == (["0.jpg", "1.jpg", "2.jpg"] if redo else [])
 
 
 def test_a_change_of_the_same_size_and_time_is_noticed(frames: Path, hashed: list[str]) -> None:

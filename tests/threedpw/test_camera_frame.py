@@ -13,13 +13,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.openpose import OPENPOSE_JOINTS
 from gmrdata.read.threedpw import Sequence3DPW, read_sequence
 from gmrdata.read.threedpw_files import SequenceArrays
-from gmrdata.threedpw.clips import (
-    WORLD_FROM_3DPW,
-    camera_clip,
-    fitting_body,
-    shape_of,
-    world_clip,
-)
+from gmrdata.threedpw.clips import WORLD_FROM_3DPW, camera_clip, fitting_body, shape_of, world_clip
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
@@ -51,9 +45,7 @@ def test_vertices_are_those_of_smpls_formula_moved_by_cam_poses(
     j0_m = small_body.rest_pelvis_m(given_person.betas)
     assert np.linalg.norm(j0_m) > 0.2  # else the offset would be tested on nothing
     at_origin = replace(
-        clip.motion,
-        root_rotmats=np.tile(np.eye(3), (30, 1, 1)),
-        pelvis_m=np.tile(j0_m, (30, 1)),
+        clip.motion, root_rotmats=np.tile(np.eye(3), (30, 1, 1)), pelvis_m=np.tile(j0_m, (30, 1))
     )
     rest_m = motion_vertices_m(small_body, at_origin)
     root = Rotation.from_rotvec(given_person.poses_rad[:, :3]).as_matrix()

@@ -36,6 +36,7 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert, rigid
 from gmrdata.world.compose import motion_in_camera
+from tests.motions import made_up
 
 NO_INVALID = FaultConfig(invalid_runs=(0, 0))
 seeds = st.integers(0, 1_000_000)
@@ -47,16 +48,11 @@ def walker(seed: int, n_frames: int = 150, offset_m: float = 0.0) -> Clip:
     time_s = np.arange(n_frames)[:, None] / 30
     local = Rotation.from_rotvec(rng.normal(0, 0.3, (n_frames * 23, 3))).as_matrix()
     root = Rotation.from_rotvec(time_s * rng.normal(0, 0.5, 3) + rng.normal(size=3)).as_matrix()
-    motion = Motion(
-        local_rotmats=local.reshape(n_frames, 23, 3, 3),
-        root_rotmats=root,
-        pelvis_m=np.array([offset_m, 0.0, 0.9]) + time_s * np.array([1.2, 0.3, 0.0]),
-        shape=np.zeros(10),
+    motion = made_up(
+        local.reshape(n_frames, 23, 3, 3),
+        root,
+        np.array([offset_m, 0.0, 0.9]) + time_s * np.array([1.2, 0.3, 0.0]),
         fps_hz=30.0,
-        body="small",
-        gender="neutral",
-        frame="world",
-        source="made up",
     )
     turns = Rotation.from_rotvec(time_s * np.array([0.0, 0.4, 0.1])).as_matrix()
     centres_m = np.array([0.0, -5.0, 1.5]) + time_s * np.array([0.5, 0.1, 0.02])

@@ -13,30 +13,22 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.values import limits
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
-from gmrdata.values.clip import (
-    _CAMERA_SHAPES,
-    _SHAPES,
-    Clip,
-    load_clip,
-    rows_of_numbers,
-    save_clip,
-)
+from gmrdata.values.clip import _CAMERA_SHAPES, _SHAPES, Clip, load_clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
-from gmrdata.values.motion import Motion
+from tests.motions import made_up
 
 
 def a_clip(n_frames: int = 5, seed: int = 0, with_camera: bool = True, far_m: float = 1.0) -> Clip:
     rng = np.random.default_rng(seed)
     rotmats = Rotation.from_quat(rng.normal(size=(n_frames * 24, 4))).as_matrix()
     rotmats = rotmats.reshape(n_frames, 24, 3, 3)
-    motion = Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
-        pelvis_m=far_m * rng.normal(size=(n_frames, 3)),
+    motion = made_up(
+        rotmats[:, 1:],
+        rotmats[:, 0],
+        far_m * rng.normal(size=(n_frames, 3)),
         shape=rng.normal(size=11),
         fps_hz=29.97,
-        body="small",
         gender="female",
         frame="camera" if seed % 2 else "world",
         source="made up: Ünïcode, seed 0",

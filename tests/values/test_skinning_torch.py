@@ -17,6 +17,7 @@ from gmrdata.values.body import JOINT, MIRRORED, PARENTS, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.skinning_torch import place, posed_vertices
+from tests.motions import made_up
 from tests.torch_joints import posed_joints
 
 seeds = st.integers(0, 2**32 - 1)
@@ -35,16 +36,12 @@ def random_pose(rng: np.random.Generator, *batch: int) -> tuple[Tensor, Tensor]:
 
 
 def random_motion(rng: np.random.Generator, n_frames: int) -> Motion:
-    return Motion(
-        local_rotmats=random_rotmats(rng, n_frames, 23),
-        root_rotmats=random_rotmats(rng, n_frames),
-        pelvis_m=rng.normal(size=(n_frames, 3)),
+    return made_up(
+        random_rotmats(rng, n_frames, 23),
+        random_rotmats(rng, n_frames),
+        rng.normal(size=(n_frames, 3)),
         shape=rng.normal(size=10),
         fps_hz=30.0,
-        body="small",
-        gender="neutral",
-        frame="world",
-        source="random",
     )
 
 

@@ -31,14 +31,11 @@ from gmrdata.values.errors import BadIntrinsics, BadMotionFile, BadRecord, NoRec
 from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles, person_file
-from gmrdata.world.compose import (
-    metric_cameras,
-    motion_in_camera,
-    motion_in_world,
-)
+from gmrdata.world.compose import metric_cameras, motion_in_camera, motion_in_world
 from gmrdata.world.judge import load_record
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig, save_gravity
+from tests.motions import made_up
 from tests.reconstructions import quality_of_path
 
 # About where SMPL's rest pelvis is: 0.22 m below the model's origin.
@@ -46,18 +43,13 @@ REST_PELVIS_M = np.array([-0.002, -0.223, 0.028])
 
 
 def random_motion(rng: np.random.Generator, n: int) -> Motion:
-    return Motion(
-        local_rotmats=Rotation.random(23 * n, random_state=rng.integers(1 << 30))
+    return made_up(
+        Rotation.random(23 * n, random_state=rng.integers(1 << 30))
         .as_matrix()
         .reshape(n, 23, 3, 3),
-        root_rotmats=Rotation.random(n, random_state=rng.integers(1 << 30)).as_matrix(),
-        pelvis_m=rng.normal(0, 3, (n, 3)),
+        Rotation.random(n, random_state=rng.integers(1 << 30)).as_matrix(),
+        rng.normal(0, 3, (n, 3)),
         shape=rng.normal(0, 1, 10),
-        fps_hz=10.0,
-        body="small",
-        gender="neutral",
-        frame="world",
-        source="random",
     )
 
 

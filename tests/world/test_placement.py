@@ -97,11 +97,7 @@ def files(
 @pytest.mark.parametrize("k1", [0.0, K1])
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_a_person_stands_where_the_picture_shows_it(
-    system: str,
-    k1: float,
-    files: dict[float, dict[str, Path]],
-    walk: Clip,
-    neutral: BodyModel,
+    system: str, k1: float, files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel
 ) -> None:
     found = read(files[k1][system])
     assert found.system == system

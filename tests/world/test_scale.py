@@ -338,9 +338,7 @@ def drifting(path: CameraPath, drift_m: float, seed: int) -> np.ndarray:
     return np.asarray(turned @ dataset_camera)
 
 
-def test_a_data_sets_own_path_tells_the_scale_where_it_drifts_little(
-    small_body: BodyModel,
-) -> None:
+def test_a_data_sets_own_path_tells_the_scale_where_it_drifts_little(small_body: BodyModel) -> None:
     inside = 0
     for seed in range(8):
         _, path = walk(small_body, Circular(), seed)

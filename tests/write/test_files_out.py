@@ -37,6 +37,7 @@ from gmrdata.values.skinning import (
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
+from tests.motions import made_up
 
 Y_UP = WORLD_FROM_REST.T
 """From the z-up world to the files' y-up axes."""
@@ -49,16 +50,13 @@ def some_motion(
     rng = np.random.default_rng(seed)
     rotvecs = rng.normal(0, spread_rad, (n_frames * 24, 3))
     rotmats = Rotation.from_rotvec(rotvecs).as_matrix().reshape(n_frames, 24, 3, 3)
-    return Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
-        pelvis_m=rng.normal(0, 3, (n_frames, 3)),
+    return made_up(
+        rotmats[:, 1:],
+        rotmats[:, 0],
+        rng.normal(0, 3, (n_frames, 3)),
         shape=rng.normal(0, 0.5, body.n_shape),
         fps_hz=fps_hz,
         body=body.name,
-        gender="neutral",
-        frame="world",
-        source="a test",
     )
 
 

@@ -39,11 +39,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
 
 
 @pytest.fixture(scope="module")
-def recording(
-    take: Take,
-    files: Files,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Recorded:
+def recording(take: Take, files: Files, tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     path = tmp_path_factory.mktemp("rrd") / "take.rrd"
     write_recording(
         path,
@@ -140,10 +136,7 @@ def test_frames_without_a_camera_are_there(take: Take, files: Files, tmp_path: P
 
 
 def test_what_cannot_be_written_is_said(
-    take: Take,
-    files: Files,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    take: Take, files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     images, masks = files
     small = tmp_path / "small" / "00000.jpg"

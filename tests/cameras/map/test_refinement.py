@@ -82,9 +82,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Path]:
     return drawn, folder
 
 
-def test_a_keyframe_is_weak_below_a_share_of_its_matched_points(
-    scene: tuple[Scene, Path],
-) -> None:
+def test_a_keyframe_is_weak_below_a_share_of_its_matched_points(scene: tuple[Scene, Path]) -> None:
     drawn, _ = scene
     least = round(CONFIG.mapping.least_held * N_POINTS)
     assert not has_weak(drawn.model(N_POINTS), drawn.matches, FRAMES, CONFIG)

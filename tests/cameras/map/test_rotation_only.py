@@ -128,11 +128,7 @@ def test_the_number_of_blas_threads_does_not_change_a_bit() -> None:
     for threads in ("1", "2", "4"):
         answer = subprocess.run(
             [sys.executable, "-c", THREADS_SCRIPT, __file__],
-            env={
-                **os.environ,
-                "OMP_NUM_THREADS": threads,
-                "OPENBLAS_NUM_THREADS": threads,
-            },
+            env={**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
             capture_output=True,
             check=True,
         )

@@ -126,10 +126,7 @@ def test_frames_that_cannot_be_placed_are_interpolated_and_marked(
     monkeypatch.setattr(models, "MIN_PNP_INLIERS", 10**6)
     solve_keyframes_once(monkeypatch)
     folders = [
-        filmed.solved(
-            tmp_path / str(gap),
-            config.model_copy(update={"max_gap_frames": gap}),
-        )
+        filmed.solved(tmp_path / str(gap), config.model_copy(update={"max_gap_frames": gap}))
         for gap in (0, 12)
     ]
     (bare, filled), (before, after) = map(load_cameras, folders), map(load_quality, folders)

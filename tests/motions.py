@@ -1,0 +1,17 @@
+"""Motions that tests make up."""
+
+from typing import Any
+
+import numpy as np
+
+from gmrdata.values.motion import Motion
+
+REST: dict[str, Any] = {
+    "shape": np.zeros(10), "fps_hz": 10.0, "body": "small", "gender": "neutral", "frame": "world",
+    "source": "made up",
+}  # fmt: skip
+
+
+def made_up(local: np.ndarray, root: np.ndarray, pelvis_m: np.ndarray, **given: Any) -> Motion:
+    """A motion of the small body in the world at 10 fps, unless something else is given."""
+    return Motion(local, root, pelvis_m, **REST | given)
