@@ -165,7 +165,7 @@ def judged(
         people=people,
         dataset_camera_path=None,
         doubts_path=write_doubts(out_dir, clips, None, lens, {clip.id: doubt for clip in clips}),
-        seen=people_masks(one.solved_dir / MASKS, masks),
+        seen=people_masks(one.solved_dir / MASKS, masks, one.solved_dir / FOLLOWED),
         focal_sigma=lens.focal_sigma,
         size_sigmas=len(clips)
         * (BodiesRecord.read(one.solved_dir / BODIES / BODIES_FILE).people[0].size_sigma,),

@@ -306,7 +306,9 @@ def _world(solved: Solved) -> Solved:
         dataset_camera_path=given.dataset_camera_path,
         doubts_path=doubts_path,
         gravity_path=solved.gravity_path,
-        seen=None if config.masks is None else people_masks(solved.out_dir / MASKS, config.masks),
+        seen=None
+        if config.masks is None
+        else people_masks(solved.out_dir / MASKS, config.masks, solved.followed_dir),
         focal_sigma=0.0 if lens is None else lens.focal_sigma,
         size_sigmas=_size_sigmas(solved),
     )
@@ -338,8 +340,11 @@ def _with_size_errors(
     return config.model_copy(update={"scale": scale, "verdict": verdict})
 
 
-def people_masks(masks_dir: Path, config: MasksConfig) -> PeopleMasks | None:
-    """Masks of people among a sequence's that were made without its bodies; outlines before boxes.
+def people_masks(
+    masks_dir: Path, config: MasksConfig, followed_dir: Path | None = None
+) -> PeopleMasks | None:
+    """Masks of people among a sequence's that were made without its bodies, outlines before boxes,
+    and whom the landmark network followed.
 
     None where there are none: silhouettes lie on the bodies by themselves, and nobody knows what is
     in a folder.
@@ -348,7 +353,9 @@ def people_masks(masks_dir: Path, config: MasksConfig) -> PeopleMasks | None:
     for name, source in zip(source_names(config.sources), config.sources, strict=True):
         if isinstance(source, PersonSource | MaskRcnnSource | OnnxSource):
             boxed = isinstance(source, OnnxSource)
-            masks = PeopleMasks(sources_dir(masks_dir) / name, source.dilate_px, boxed)
+            masks = PeopleMasks(
+                sources_dir(masks_dir) / name, source.dilate_px, boxed, followed_dir
+            )
             found.setdefault(boxed, masks)
     return found.get(False, found.get(True))
 

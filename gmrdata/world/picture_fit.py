@@ -2,7 +2,8 @@
 
 The outline of each projected body is compared with masks that were made without it.  Bodies of
 another video lie beside the people, a stiff one covers them badly, and one that is late lies better
-on the people of other frames.
+on the people of other frames.  Where landmarks of people were found too, limbs must lie on them: an
+outline of somebody else in a like pose covers well enough.
 """
 
 from collections.abc import Sequence
@@ -14,13 +15,17 @@ import numpy as np
 from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.people.following import Sightings, load_tracks
+from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
+from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.records import PART, Figure
 from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.world.recipe import VerdictConfig
 
 LONGEST_PX = 320  # longer side of the small pictures in which outlines are compared
 MOST_FRAMES = 40  # frames in which bodies are compared with people of other times, evenly spread
@@ -29,6 +34,13 @@ SAME_PLACE = 0.6  # overlap of two bodies' outlines from which they are on one p
 FEWEST_FRAMES = 5  # with fewer that show both nothing is said
 LAGS = np.arange(-30, 31)
 """Frames by which a body may be late."""
+TRUNK = tuple(LANDMARKS.index(f"{side}_{part}") for part in ("shoulder", "hip")
+              for side in ("left", "right"))  # fmt: skip
+LIMBS = (*TRUNK, *(LANDMARKS.index(f"{side}_{part}") for part in ("elbow", "wrist", "knee", "ankle")
+                   for side in ("left", "right")))  # fmt: skip
+VISIBLE, FEWEST_LIMBS = 0.5, 4.0  # landmarks that count, and how many a comparison needs
+SAME_TRUNK = 1.0  # distance of trunks, in the person's size, up to which they are of one
+NEAREST_M = 0.1
 MARGIN = 0.25  # of a body's box, around it, in which a mask counts: others may stand beside
 
 
@@ -39,6 +51,7 @@ class PeopleMasks:
     masks_dir: Path  # <image stem>.png, 255 on people
     widened_px: int  # by which they are larger than the people are [px]
     boxed: bool  # filled boxes, not outlines
+    followed_dir: Path | None = None  # of `follow_people`, whose landmarks the limbs are held to
 
 
 @part(frozen=True, config=PART)
@@ -63,11 +76,13 @@ class PictureFit:
 
 
 def picture_fits(
-    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks, off_overlap: float
+    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks, config: VerdictConfig
 ) -> list[PictureFit | None]:
     """By person, with bodies in the camera frame; None where too few frames show both.  A body lies
-    on nobody where their overlap is less than `off_overlap`."""
+    on nobody where their overlap is less than `off_overlap`, or its limbs are off by more than
+    `off_limbs`."""
     masks = _Masks(people, camera_of(clips[0]))
+    tracks = [] if people.followed_dir is None else load_tracks(people.followed_dir)
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
@@ -90,7 +105,33 @@ def picture_fits(
                         _at(clip, row + lag, outline, elsewhere, masks) for lag in LAGS.tolist()
                     ]
                     found[person].late.append(late)
-    return [_fit(one, off_overlap) for one in found]
+    off = [
+        _limbs_off(clip, body, tracks) > config.off_limbs
+        for clip, body in zip(clips, bodies, strict=True)
+    ]
+    return [_fit(one, config.off_overlap, limbs) for one, limbs in zip(found, off, strict=True)]
+
+
+def _limbs_off(clip: Clip, body: BodyModel, tracks: Sequence[Sightings]) -> np.ndarray:
+    """(T,) mean distance of limbs from the landmarks of whom they lie nearest to, in the person's
+    size in the picture; 0 where nobody's trunk is about where the body's is."""
+    motion, lens = clip.motion, camera_of(clip).lens
+    placed_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
+    placed_m = placed_m + motion.pelvis_m[:, None]
+    rays = placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M)
+    nearest = np.full(len(rays), np.inf)
+    for track in tracks:
+        rows = rows_of_numbers(track.image_numbers, clip.image_numbers)
+        seen = SeenLandmarks(
+            track.image_numbers, lens.rays(track.image_px), track.world_m, track.visibility
+        )
+        seen, at = seen.take(rows[rows >= 0]), np.flatnonzero(rows >= 0)
+        apart = np.linalg.norm(rays[at] - seen.rays, axis=-1) / seen.sizes[:, None]
+        shown = seen.visibility * (seen.visibility > VISIBLE)
+        here = (apart[:, TRUNK].mean(axis=1) < SAME_TRUNK) & (shown[:, LIMBS].sum(1) > FEWEST_LIMBS)
+        off = (shown * apart)[:, LIMBS].sum(1) / np.maximum(shown[:, LIMBS].sum(1), FEWEST_LIMBS)
+        nearest[at] = np.minimum(nearest[at], np.where(here, off, np.inf))
+    return np.where(np.isfinite(nearest), nearest, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +250,7 @@ def _outlines(
     }
 
 
-def _fit(found: _Overlaps, off_overlap: float) -> PictureFit | None:
+def _fit(found: _Overlaps, off_overlap: float, limbs_off: np.ndarray) -> PictureFit | None:
     compared = np.isfinite(found.now)
     if compared.sum() < FEWEST_FRAMES or len(found.late) < FEWEST_FRAMES:
         return None
@@ -226,7 +267,7 @@ def _fit(found: _Overlaps, off_overlap: float) -> PictureFit | None:
     best = max(range(len(LAGS)), key=lambda number: medians[number][0] - medians[number][1])
     if medians[best][0] <= medians[best][1]:
         best = int(np.flatnonzero(LAGS == 0)[0])
-    off = np.flatnonzero(compared & (np.nan_to_num(found.now, nan=1.0) < off_overlap))
+    off = np.flatnonzero(compared & (limbs_off | (np.nan_to_num(found.now, nan=1.0) < off_overlap)))
     return PictureFit(
         frames=int(compared.sum()),
         off_frames=len(off),

@@ -86,6 +86,7 @@ class WorldEvidence:
             "gravity": self.gravity_path,
             "doubts": self.doubts_path,
             "people_masks": None if self.seen is None else self.seen.masks_dir,
+            "followed": None if self.seen is None else self.seen.followed_dir,
         }
         there = {name: path for name, path in optional.items() if path is not None}
         return {"sfm": self.sfm_dir} | stage_inputs(self.people) | there
@@ -133,7 +134,7 @@ def make_pseudo_gt(
         fits = (
             [None] * len(clips)
             if seen is None
-            else picture_fits(clips, bodies, seen, config.verdict.off_overlap)
+            else picture_fits(clips, bodies, seen, config.verdict)
         )
         record = judge_people(world.clips, cameras, config, doubts, fits)
         for number, (clip, body) in enumerate(zip(world.clips, bodies, strict=True)):

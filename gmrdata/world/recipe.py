@@ -275,6 +275,9 @@ class VerdictConfig(CamerasVerdictConfig):
     off_overlap: float = Field(default=0.5, gt=0, le=1)
     """Overlap, as intersection over union, below which a body does not lie on a person: 0.71 and
     more for right bodies with errors, 0.45 and less for others' (docs/verdict.md)."""
+    off_limbs: float = Field(default=0.3, gt=0)
+    """Mean distance of limbs from a person's landmarks, in the person's size in the picture, beyond
+    which a body does not lie on the person: 12 cm or so.  0.2 and less where legs were guessed."""
     max_late_gain: float = Field(default=0.08, gt=0)
     """By how much the body may lie better on the people of other frames than on those of its own.
     Measured: 0 for right bodies, also with 8 degrees of error at each joint; 0.15 and more where

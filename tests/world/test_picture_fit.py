@@ -9,6 +9,14 @@ import pytest
 
 from gmrdata.film.programmes import Circular, Panning, camera_path
 from gmrdata.motion.gait import make_gait
+from gmrdata.people.following import (
+    FOLLOWED_FILE,
+    SIGHTINGS_FILE,
+    FollowedRecord,
+    PersonFacts,
+    Sightings,
+)
+from gmrdata.people.landmark_body import landmarks_about
 from gmrdata.people.silhouette import silhouette
 from gmrdata.people.sources import (
     FolderSource,
@@ -20,6 +28,7 @@ from gmrdata.people.sources import (
 from gmrdata.read.frames import write_gray
 from gmrdata.solve.solve import people_masks
 from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera
@@ -30,7 +39,7 @@ from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 from tests.world.test_compose import as_input, person_files, reconstruction, true_clip
 
 SIZE_PX = (320, 180)
-OFF_OVERLAP = VerdictConfig().off_overlap
+VERDICT = VerdictConfig()
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +100,7 @@ def masks(
 @pytest.fixture
 def fit(small_body: BodyModel, masks: PeopleMasks) -> Callable[[Clip], PictureFit]:
     def fit_one(clip: Clip) -> PictureFit:
-        (found,) = picture_fits([clip], [small_body], masks, OFF_OVERLAP)
+        (found,) = picture_fits([clip], [small_body], masks, VERDICT)
         assert found is not None
         return found
 
@@ -126,10 +135,10 @@ def test_two_people_are_each_held_against_their_own(
 ) -> None:
     both = [walker, beside(walker, 0.5)]
     seen = draw_masks(tmp_path / "person", both, small_body)
-    for found in picture_fits(both, [small_body] * 2, seen, OFF_OVERLAP):
+    for found in picture_fits(both, [small_body] * 2, seen, VERDICT):
         assert found is not None and found.overlap > 0.9 and found.off_frames == 0
     wrong = [walker, beside(walker, 2.5)]
-    right, beside_all = picture_fits(wrong, [small_body] * 2, seen, OFF_OVERLAP)
+    right, beside_all = picture_fits(wrong, [small_body] * 2, seen, VERDICT)
     assert right is not None and right.overlap > 0.5
     assert beside_all is not None and beside_all.off_frames == beside_all.frames
 
@@ -145,10 +154,44 @@ def test_boxes_are_compared_with_boxes(
         mask[y : y + height, x : x + width] = 255
         write_gray(tmp_path / path.name, mask)
     for clip, low, high in ((walker, 0.9, 1.0), (beside(walker, 1.5), 0.0, 0.3)):
-        (found,) = picture_fits(
-            [clip], [small_body], PeopleMasks(tmp_path, 4, boxed=True), OFF_OVERLAP
-        )
+        (found,) = picture_fits([clip], [small_body], PeopleMasks(tmp_path, 4, boxed=True), VERDICT)
         assert found is not None and low <= found.overlap <= high
+
+
+def followed(folder: Path, clip: Clip, body: BodyModel) -> Path:
+    """Whom the landmark network would have seen, were it without an error."""
+    motion, numbers = clip.motion, clip.image_numbers
+    at_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
+    image_px = project_cam(at_m + motion.pelvis_m[:, None], camera_of(clip).intrinsics_px)
+    n, zeros = len(numbers), np.zeros((len(numbers), 4))
+    Sightings(
+        numbers, np.zeros(n, int), np.zeros(n, int), zeros, image_px, at_m, np.ones((n, 33)),
+        np.ones(n), zeros, zeros, np.zeros((n, 32)),
+    ).write(folder / SIGHTINGS_FILE)  # fmt: skip
+    FollowedRecord(
+        size_px=SIZE_PX,
+        images=tuple(numbers.tolist()),
+        detections=n * ([],),
+        people=(PersonFacts(n, ((int(numbers[0]), int(numbers[-1])),), ()),),
+        left_out=(),
+    ).write(folder / FOLLOWED_FILE)
+    return folder
+
+
+def test_limbs_elsewhere_in_a_like_outline_are_off(
+    walker: Clip, small_body: BodyModel, masks: PeopleMasks, tmp_path: Path
+) -> None:
+    """Someone else in a like pose was accepted; here one who faces the other way."""
+    motion = walker.motion
+    about = replace(motion, root_rotmats=motion.root_rotmats * [-1.0, 1.0, -1.0])
+    seen = replace(masks, followed_dir=followed(tmp_path, walker, small_body))
+    right, turned, by_outline = (
+        picture_fits([replace(walker, motion=one)], [small_body], people, VERDICT)[0]
+        for one, people in ((motion, seen), (about, seen), (about, masks))
+    )
+    assert right is not None and right.off_frames == 0
+    assert by_outline is not None and by_outline.overlap > 0.6 and by_outline.off_frames < 8
+    assert turned is not None and turned.off_frames > 30
 
 
 def test_where_hardly_anybody_is_seen_nothing_is_said(
@@ -156,9 +199,9 @@ def test_where_hardly_anybody_is_seen_nothing_is_said(
 ) -> None:
     n = walker.motion.n_frames
     seen = draw_masks(tmp_path / "person", [walker], small_body, empty=n - 4)
-    assert picture_fits([walker], [small_body], seen, OFF_OVERLAP) == [None]
+    assert picture_fits([walker], [small_body], seen, VERDICT) == [None]
     nobody = replace(walker, valid=np.zeros(n, dtype=bool))
-    assert picture_fits([nobody], [small_body], seen, OFF_OVERLAP) == [None]
+    assert picture_fits([nobody], [small_body], seen, VERDICT) == [None]
 
 
 def test_only_masks_that_were_made_without_the_body_count(tmp_path: Path) -> None:
