@@ -1,19 +1,26 @@
-"""How far the lower foot is from the ground on level walks, as they are filmed.
+"""How far the lower foot is from the ground on level walks, as they are filmed; and the heights
+that `infer` gives people.
 
-Prints the figures of docs/figures.md and writes out/bench/feet.json.
+Prints the figures of docs/figures.md and writes out/bench/feet.json and heights.json.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import gmrdata.gmr.infer
 from gmrdata.film.programmes import Film, film_motion
+from gmrdata.gmr.augmentation import turned
+from gmrdata.gmr.config import WindowConfig
+from gmrdata.gmr.infer import predict_at_source_rate, stand
+from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.motion.files import find_motions, read_motion
 from gmrdata.stage.progress import console
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.skinning import motion_vertices_m
 
 pytestmark = pytest.mark.bench
@@ -46,3 +53,49 @@ def test_walkers_stand_on_the_ground(cmu_dir: Path, anny: BodyModel) -> None:
     OUT.write_text(json.dumps(record, indent=2) + "\n")
     console.print(record)
     assert max(row["gap_cm_mean"] for row in record.values()) < MOST_CM
+
+
+KINDS = {
+    "walk": ("07_*", "08_*", "12_*", "16_1[1-9]", "16_2*", "16_3[1-4]", "16_47", "35_0*", "35_1*"),
+    "run": ("02_03", "09_*", "16_3[56]", "16_4[5689]", "16_5[0-7]", "35_2*"),
+    "jump": ("02_04", "16_0[1-79]", "16_10", "49_02", "49_03", "49_04", "49_05"),
+}
+NOISE = WindowConfig(fps_hz=30.0, pose_noise_deg=3.0, pose_noise_time_s=0.5)
+IN_THE_AIR_M = 0.05
+
+
+def heights(body: BodyModel, gmr: TrainedGmr, true: Motion) -> list[float]:
+    """Of a network's motion: error of the pelvis's height [cm], TME [mm], share of frames in the
+    air [%]; and that share of the true motion."""
+    local = turned(true.local_rotmats, NOISE, np.random.default_rng(0))
+    found = stand(predict_at_source_rate(gmr, replace(true, local_rotmats=local)), body)
+    apart_m = np.abs(found.pelvis_m[:, 2] - true.pelvis_m[:, 2]).mean()
+    steps_m = [deltas(m.root_rotmats[::3], m.pelvis_m[::3])[1] for m in (found, true)]
+    tme_m = np.linalg.norm(np.subtract(*steps_m), axis=1).mean()
+    shares = [(lower_foot_cm(body, m) > 100 * IN_THE_AIR_M).mean() for m in (found, true)]
+    return [100 * apart_m, 1000 * tme_m, *(100 * share for share in shares)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_heights(
+    kind: str, cmu_dir: Path, anny: BodyModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gmr, files = load_gmr("bundled"), find_motions(cmu_dir)
+    motions = []
+    for path in sorted({p.stem: p for pattern in KINDS[kind] for p in files if p.match(
+        f"{pattern}.*")}.values()):  # fmt: skip
+        motion = read_motion(path, anny)
+        apart = round(motion.fps_hz / 30)
+        motions.append(motion.take(slice(0, 600 * apart, apart), motion.fps_hz / apart))
+    held = np.mean([heights(anny, gmr, motion) for motion in motions], axis=0)
+    monkeypatch.setattr(gmrdata.gmr.infer, "on_one_floor", lambda *_: None)
+    before = np.mean([heights(anny, gmr, motion) for motion in motions], axis=0)
+    what = ("height_cm", "tme_mm", "in_the_air_percent", "in_the_air_true_percent")
+    found = {key: [round(b, 2), round(h, 2)] for key, b, h in zip(what, before, held, strict=True)}
+    path = OUT.with_name("heights.json")
+    record = json.loads(path.read_text()) if path.exists() else {}
+    record[kind] = {"motions": len(motions), **found}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(record, indent=2) + "\n")
+    console.print(record[kind])
+    assert held[0] < before[0] and held[1] < 1.01 * before[1]

@@ -31,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.gmr.config import Which, network_dir
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.motion.files import input_files
-from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
+from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.read.bodies import load_body
@@ -46,7 +46,16 @@ from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.records import Config, Record
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import smallest_rotation
-from gmrdata.world.level import LevelEstimate, UpCue, body_cue, contact_cue, up_of
+from gmrdata.world.heights import on_one_floor
+from gmrdata.world.level import (
+    LevelEstimate,
+    UpCue,
+    body_cue,
+    contact_cue,
+    low_soles_m,
+    soles_on_floor_m,
+    up_of,
+)
 from gmrdata.world.planted_feet import SOLE_POINTS, count_stances, foot_points_m, standing
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
@@ -98,7 +107,7 @@ def _rest_of_the_way(gmr: TrainedGmr, poses: Motion, seen: Motion, n_missing: in
 
 
 SHORTEST_UP = 0.5  # feet that point everywhere have a median near zero, which is no direction
-_UP_IN_REST = np.array([0.0, 1.0, 0.0])
+_UP_IN_REST, UP = np.eye(3)[1:]
 FEET_SIGMA_RAD = np.deg2rad(4.0)
 """Of the direction that standing feet show, along each axis: 5.9 degrees in all on 13 of CMU's
 motions, whose balance shows it to 3.5."""
@@ -114,20 +123,35 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
 def stand_and_say(motion: Motion, body: BodyModel) -> tuple[Motion, LevelEstimate | None]:
     """The same, and how level it is; None where nothing shows it."""
     found = _up_of(motion, body)
-    level_from_world, how, level = np.eye(3), NO_FOOT_STANDS, None
-    if found is not None:
-        up, level = found
-        level_from_world = smallest_rotation(up, np.eye(3)[2])
-        how = f"up from feet that stand and the mass above them, to {level.sigma_deg:.1f} deg"
+    up, level = (UP, None) if found is None else found
+    level_from_world = smallest_rotation(up, UP)
     root_rotmats = level_from_world @ motion.root_rotmats
-    pelvis_m = motion.pelvis_m @ level_from_world.T
-    motion, _ = put_on_floor(body, replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m))
-    start_m = [*motion.pelvis_m[0, :2], 0.0]
-    motion = replace(motion, pelvis_m=motion.pelvis_m - start_m, source=f"{motion.source}; {how}")
-    if level is not None:
-        soles_m, still = _standing_soles(motion, body)
-        level = level.with_soles(soles_m[still][:, 2])
-    return motion, level
+    pelvis_m = (motion.pelvis_m - motion.pelvis_m[0]) @ level_from_world.T
+    motion = replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
+    soles_m, still = _standing_soles(motion, body)
+    if level is None:
+        motion = _moved_to_floor(motion, soles_m, still, NO_FOOT_STANDS)
+        return motion, None
+    how = f"up from feet that stand and the mass above them, to {level.sigma_deg:.1f} deg"
+    sigma_rad = float(np.deg2rad(level.sigma_deg)) / np.sqrt(2.0)
+    found_m = on_one_floor(body, motion, soles_m[still][:, 2], sigma_rad)
+    if found_m is None:
+        motion = _moved_to_floor(motion, soles_m, still, f"{how}; on more than one floor")
+    else:
+        change_m = float(np.std(found_m.pelvis_m[:, 2] - pelvis_m[:, 2]))
+        how = f"{motion.source}; {how}; on one floor, by {change_m:.2f} m (RMS)"
+        motion = replace(found_m, source=how)
+    soles_m, still = _standing_soles(motion, body)
+    return motion, level.with_soles(soles_m[still][:, 2])
+
+
+def _moved_to_floor(motion: Motion, soles_m: np.ndarray, still: np.ndarray, how: str) -> Motion:
+    """The motion as it is, with the low ones of standing soles at z = 0."""
+    standing_m = soles_m[still]
+    low_m = low_soles_m(standing_m, UP) if len(standing_m) else standing_m
+    floor_m = float(np.median(soles_on_floor_m(low_m, soles_m, UP) @ UP))
+    pelvis_m = motion.pelvis_m - floor_m * UP
+    return replace(motion, pelvis_m=pelvis_m, source=f"{motion.source}; {how}")
 
 
 def _standing_soles(motion: Motion, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:

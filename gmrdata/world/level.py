@@ -258,16 +258,19 @@ def soles_on_floor_m(standing_m: np.ndarray, soles_m: np.ndarray, up: np.ndarray
     NaN where unknown: in each frame the lowest.
     """
     if len(standing_m):
-        low_m = _low_m(standing_m, up)
-        if np.median(standing_m @ up) - low_m <= ONE_FLOOR_M:
+        if np.median(standing_m @ up) - _low_m(standing_m, up) <= ONE_FLOOR_M:
             return standing_m
     else:
         of_frames_m = soles_m.reshape(len(soles_m), -1, 3)
         of_frames_m = of_frames_m[np.isfinite(of_frames_m).all(axis=(1, 2))]
         lowest = (of_frames_m @ up).argmin(axis=1)
         standing_m = of_frames_m[np.arange(len(lowest)), lowest]
-        low_m = _low_m(standing_m, up)
-    return np.asarray(standing_m[standing_m @ up <= low_m + ON_A_PLANE_M])
+    return low_soles_m(standing_m, up)
+
+
+def low_soles_m(soles_m: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Those of soles (N, 3) that are as low as the lowest tenth, or little higher."""
+    return np.asarray(soles_m[soles_m @ up <= _low_m(soles_m, up) + ON_A_PLANE_M])
 
 
 def _low_m(soles_m: np.ndarray, up: np.ndarray) -> float:

@@ -163,7 +163,8 @@ def test_the_walk_stands_within_a_degree_or_two_of_its_true_world(
     np.testing.assert_allclose(found.pelvis_m[0, :2], 0.0, atol=1e-12)
     assert abs(found.pelvis_m[:, 2].mean() - motion.pelvis_m[:, 2].mean()) < 0.03
     relative = turned.T @ found.root_rotmats @ np.swapaxes(motion.root_rotmats, 1, 2)
-    assert angles_rad(relative).max() < 1e-6
+    # Roll and pitch follow the floor from step to step.
+    assert np.rad2deg(angles_rad(relative).max()) < 0.2
 
 
 @pytest.mark.parametrize("rise_m", [0.0, 0.6])
