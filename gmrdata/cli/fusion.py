@@ -25,8 +25,7 @@ class Parts:
     loop_sigma_m: float = 0.1
     """How far apart the pelvis may be then, seen from above (1 sigma) [m]."""
     like_poses: bool = True
-    """Whether the network's error where cameras see the person is taken for its error in like poses
-    that they don't see."""
+    """Whether the network is taken to err as in like poses that cameras saw."""
     feet: bool = True
     """Whether planted feet stand still."""
     ground: bool = True

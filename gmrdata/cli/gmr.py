@@ -83,8 +83,7 @@ class Protocols:
     """Metrics besides OME, TME and VME."""
 
     protocol: ProtocolName | None = None
-    """Metrics of another evaluator, as it defines them: gmr, wham, tram, gvhmr, slahmr, emdb or
-    vibe."""
+    """Metrics of another evaluator, as it defines them."""
     original: tuple[Deviation | Literal["all"], ...] = ()
     """Deviations from the protocol's released code that are switched back."""
     joint_regressor: Path | None = None
@@ -102,14 +101,11 @@ class Results:
     predictions_body: Path | None = None
     """Body model of the predictions, with the same mesh; the clips' when left out."""
     person: tuple[str, ...] = ()
-    """Which person of a result a clip is, where there are several: NAME, CLIP=NAME or
-    SYSTEM/CLIP=NAME."""
+    """Which person of a result a clip is: NAME, CLIP=NAME or SYSTEM/CLIP=NAME."""
     camera: SeenAs = "ignored"
-    """How motions in the camera's frame (VIBE's) become ones in the world: as if it stood still, or
-    by the manifest's cameras."""
+    """The camera of VIBE's motions in the world: at rest (ignored), or the manifest's (true)."""
     first_image: int | None = None
-    """Number of the image that the systems' frame 0 is; that of the first image that the manifest
-    lists when left out, or 0."""
+    """Number of the image that the systems' frame 0 is; the manifest's first one when left out."""
     fps_hz: float = 10.0
     """Rate of OME, TME and VME of predictions; a network is scored at its own."""
     missing: Literal["error", "drop"] = "error"

@@ -191,8 +191,7 @@ class Lens:
     intrinsics: Path | None = None
     """Calibration of the images: a file, as docs/lens.md lists them."""
     check_lens: bool = True
-    """Find the lens in the frames too. Without it a given lens is not checked, and an unknown one
-    is guessed."""
+    """Find the lens in the frames too; else a given one is believed, an unknown one guessed."""
 
 
 @dataclass(frozen=True)
@@ -202,14 +201,11 @@ class Solving:
     poses_every: int = 1
     """The poses were made from every n-th frame of the video."""
     height_m: tuple[str, ...] = ()
-    """How tall people are without shoes [m]: 1.78 for all, or person_0=1.78 by name. Without it the
-    mean body stands for them, and scale and distances have an error of 7 %."""
+    """Height without shoes [m]: 1.78, or person_0=1.78. Else the scale is good to 7 %."""
     gravity: Path | None = None
-    """The phone's own gravity while it filmed: record3d's metadata, Stray Scanner's odometry.csv,
-    or a table of frame, x, y, z.  It levels the world of one video's people."""
+    """What the phone felt: record3d's metadata, Stray Scanner's odometry.csv, or frame,x,y,z."""
     check_again: bool = False
-    """Solve the cameras four more times, backward, by every second frame and by other seeds, and
-    reject a path that these don't give."""
+    """Solve the cameras in four other ways, and reject a path that these don't give."""
     seed: int = 0
     """Seed of the reconstruction."""
 
