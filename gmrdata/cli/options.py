@@ -203,7 +203,7 @@ class Solving:
     height_m: tuple[str, ...] = ()
     """Height without shoes [m]: 1.78, or person_0=1.78. Else the scale is good to 7 %."""
     gravity: Path | None = None
-    """What the phone felt: record3d's metadata, Stray Scanner's odometry.csv, or frame,x,y,z."""
+    """The phone's gravity: record3d's metadata, Stray Scanner's odometry.csv, or frame,x,y,z."""
     check_again: bool = False
     """Solve the cameras in four other ways, and reject a path that these don't give."""
     seed: int = 0
