@@ -13,7 +13,7 @@ from functools import wraps
 from inspect import getdoc, isfunction, signature
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, get_args
 
 import tyro
 
@@ -113,6 +113,18 @@ def _paths(arguments: Mapping[str, Any]) -> Iterator[Path]:
             yield from (one for one in value if isinstance(one, Path))
         elif is_dataclass(value) and not isinstance(value, type):
             yield from _paths({one.name: getattr(value, one.name) for one in fields(value)})
+
+
+def _first_file_is_there(arguments: Sequence[str]) -> None:
+    """MissingInput where the first word after a verb names a file or folder that is not there:
+    said before flags that are missing."""
+    if len(arguments) < 2 or arguments[1].startswith("-") or arguments[1] in WORDS:
+        return
+    verb, word = arguments[:2]
+    first = next(iter(signature(VERBS[verb]).parameters.values()))
+    kinds = get_args(first.annotation)[:1]  # of a positional one; flags are not annotated so
+    if kinds in ((Path,), (tuple[Path, ...],)) and not Path(word).exists():
+        raise MissingInput(f"{word}: no such file or folder")
 
 
 def _tell_in_lines(modules: Collection[ModuleType]) -> None:
@@ -241,6 +253,7 @@ def _main(arguments: list[str], verbose: bool) -> None:
         return
     arguments = ["--help" if word == ALL_HELP else word for word in arguments]
     try:
+        _first_file_is_there(arguments)
         with _terms(), share(arguments):
             _parse(arguments)
     except GmrdataError as error:

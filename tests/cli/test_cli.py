@@ -158,6 +158,10 @@ def test_missing_things_are_named(gmrdata: Gmrdata, tmp_path: Path) -> None:
         "fuse nofile --out o",
         "compare nofile.json --out o",
         "page nofile",
+        "merge nofile",
+        "sfm nofile",
+        "export nofile",
+        "report nofile",
     ],
 )
 def test_a_file_that_is_not_there_is_named_before_anything_else(
@@ -167,6 +171,16 @@ def test_a_file_that_is_not_there_is_named_before_anything_else(
     answer = gmrdata(*words.split())
     fails_cleanly(answer, "no such file or folder")
     assert answer.stderr.startswith("gmrdata: nofile")
+
+
+@pytest.mark.parametrize("verb", ["run", "render", "floor --recipe", "demo --recipe"])
+def test_a_name_too_long_for_a_file_is_said_in_a_line(
+    verb: str, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    answer = gmrdata(*verb.split(), f"{'r' * 300}.yaml", "--out", "o")
+    fails_cleanly(answer, "File name too long")
+    assert not (tmp_path / "o").exists()
 
 
 @pytest.mark.parametrize(
