@@ -58,22 +58,18 @@ def test_a_recipe_says_the_kinds_and_their_settings() -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "said"),
+    ("sources", "said"),
     [
-        ({"kind": "sam"}, "'sam' .* 'silhouette', 'folder', 'onnx', 'person', 'maskrcnn'"),
-        ({"dilate_px": 3}, "discriminator 'kind'"),
-        ({"kind": "folder"}, "path"),
-        ({"kind": "silhouette", "model": "m.onnx"}, "Extra inputs"),
+        ([{"kind": "sam"}], "'sam' .* 'silhouette', 'folder', 'onnx', 'person', 'maskrcnn'"),
+        ([{"dilate_px": 3}], "discriminator 'kind'"),
+        ([{"kind": "folder"}], "path"),
+        ([{"kind": "silhouette", "model": "m.onnx"}], "Extra inputs"),
+        ([], "at least 1 item"),
     ],
 )
-def test_wrong_sources_are_refused(source: dict[str, object], said: str) -> None:
+def test_wrong_sources_are_refused(sources: list[dict[str, object]], said: str) -> None:
     with pytest.raises(ValidationError, match=said):
-        MasksConfig.model_validate({"sources": [source]})
-
-
-def test_no_source_at_all_is_refused() -> None:
-    with pytest.raises(ValidationError, match="at least 1 item"):
-        MasksConfig.model_validate({"sources": []})
+        MasksConfig.model_validate({"sources": sources})
 
 
 def test_a_command_line_names_sources(tmp_path: Path) -> None:
