@@ -1,4 +1,4 @@
-"""Limits: how much memory and time a file that others made may take.  docs/security.md lists the main ones.
+"""Limits: how much memory and time a file that others made may take (docs/security.md).
 
 A reader makes a `Budget` of its file, and takes from it what the file asks for before it is made.
 What a file may ask for grows with its size, so that a small file can't fill the memory, up to a
