@@ -4,7 +4,8 @@ The zero pose is the hierarchy's offsets with all rotations zero.  A joint's rot
 applied in the listed order about the joint's own moving axes (R = R1 R2 R3); its position channels
 replace the offset, which for the root is what exporters write although the 1999 description adds
 them (for a motion that is put on the floor afterwards the two differ by a constant shift).  Of any
-other joint they are added to the offset where they are nearer to nothing than to the offset.
+other joint they are added to the offset where they are nearer to nothing than to the offset.  Where
+all offsets but the root's are nothing, the channels' medians stand for them.
 """
 
 import re
@@ -161,13 +162,16 @@ def read_bvh(
         table, rotation_columns, cmu, drop_rest_frame, path, fewest_frames
     )
     table = table[rows]
+    translations, offsets = _translations(tree, table), np.array(tree.offsets)
+    if not offsets[1:].any():
+        offsets[1:] = np.median(translations[:, 1:], axis=0)
     return SourceMotion(
         names=tuple(tree.names),
         parents=tuple(tree.parents),
-        offsets_m=np.array(tree.offsets) * unit_m,
+        offsets_m=offsets * unit_m,
         tips_m=np.array(tree.tips) * unit_m,
         local_rotmats=_local_rotmats(tree, table),
-        translations_m=_translations(tree, table) * unit_m,
+        translations_m=translations * unit_m,
         fps_hz=fps_hz,
         rate_from=rate_note,
         notes=notes + rows_notes,

@@ -23,6 +23,9 @@ FILM_DIAGONAL_MM = 43.267  # of 24 x 36 mm
 MOST_SHIFT_PX = 1.0  # at the corner, by what one radial term can't say
 SHORTEST, LONGEST = 0.1, 100.0  # focal lengths of cameras, over the picture's longer side
 LARGEST_RATIO = 2.5  # of a focal length across and down: anamorphic lenses have 2
+OTHER_SIZE, OTHER_SIZE_TOLERANCE = 0.08, 0.03
+"""A principal point that is off the middle by as much, along both sides by the same share, is the
+middle of a larger or a smaller picture."""
 SHAPE_TOLERANCE = 0.01  # of the sides' ratio, between a calibration's picture and the frames
 
 
@@ -61,7 +64,8 @@ def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Lens:
         RecursionError,
     ) as error:
         formats = "COLMAP's cameras.txt or .bin, OpenCV's or ROS's YAML, or 3x3 numbers"
-        what = f"can't be read as intrinsics ({error})"
+        said = error.args[0] if isinstance(error, KeyError) and error.args else error
+        what = f"can't be read as intrinsics ({said})"
         raise BadIntrinsics(f"{path}: {what}; give {formats}") from None
     _require_of_frames(path, pinhole, terms, size_px)
     _require_one_term(path, pinhole, terms)
@@ -91,6 +95,11 @@ def _require_of_frames(
         raise BadIntrinsics(f"{path}: {what}{size_px[1]} px; give the intrinsics of these frames")
     if not (0 < pinhole.centre_px[0] < width and 0 < pinhole.centre_px[1] < height):
         what = f"principal point {pinhole.centre_px} px is outside of the picture"
+        raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")
+    across, down = np.divide(pinhole.centre_px, pinhole.size_px) * 2
+    if abs(across - 1) > OTHER_SIZE and abs(across - down) < OTHER_SIZE_TOLERANCE * across:
+        other = "x".join(f"{2 * one:.0f}" for one in pinhole.centre_px)
+        what = f"principal point {pinhole.centre_px} px is the middle of a picture of {other} px"
         raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")
 
 

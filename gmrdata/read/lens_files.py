@@ -60,7 +60,7 @@ def parse_lens(path: Path, frames_px: tuple[int, int]) -> InFile:
     if lines and lines[0][0].lower() in PLAIN_FIRST:
         raise ValueError(f"DSO's calibration ({lines[0][0]})")
     if (numbers := _listed_numbers(text)) is not None:
-        return _of_numbers(numbers, frames_px)
+        return _one_of([_of_numbers(each, frames_px) for each in _by_picture(numbers, len(lines))])
     return _of_values(_yaml_values(text), frames_px, from_middle=True)
 
 
@@ -163,6 +163,10 @@ def _yaml_values(text: str) -> Any:
         raise ValueError("Python's own YAML of arrays; write them with .tolist()")
     if "[image]" in text:
         raise ValueError("ROS's .ini; give the .yaml that stands beside it")
+    # ZED's .conf, and others: a camera for each [section], here by its name.
+    text = re.sub(r"^\[(\w+)\]\s*$", r"\1:", text, flags=re.MULTILINE)
+    if re.search(r"^\w+:\n\w+\s*=", text, flags=re.MULTILINE):
+        text = re.sub(r"^(?=\w+\s*=)", "  ", text, flags=re.MULTILINE)
     plain = re.sub(r"^%YAML.*$|!!opencv-\S+", "", text.replace("\t", "  "), flags=re.MULTILINE)
     plain = re.sub(r"^(\s*[\w.]+)\s*=\s*", r"\1: ", plain, flags=re.MULTILINE)
     return plain_yaml.parse(plain)[0]
@@ -200,6 +204,15 @@ def _listed_numbers(text: str) -> list[float] | None:
     with suppress(ValueError):
         return [float(word) for word in bare.split()]
     return None
+
+
+def _by_picture(numbers: list[float], n_lines: int) -> list[list[float]]:
+    """The numbers of each camera: a line of four or nine for each of several pictures, or a list of
+    matrices; else all are one's."""
+    each = len(numbers) // max(1, n_lines) if n_lines > 4 else 9
+    if each not in (4, 9) or len(numbers) % each or len(numbers) < 2 * each:
+        return [numbers]
+    return [numbers[at : at + each] for at in range(0, len(numbers), each)]
 
 
 def _of_numbers(numbers: list[float], frames_px: tuple[int, int]) -> InFile:

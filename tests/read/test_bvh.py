@@ -131,6 +131,21 @@ def test_units_rate_and_end_sites(tmp_path: Path) -> None:
     assert read_bvh(path, fps_hz=25, unit_m=1.0).fps_hz == 25.0
 
 
+def test_offsets_that_stand_in_the_channels_alone_are_found(tmp_path: Path) -> None:
+    """As FBX converters write: every OFFSET is zero, and each joint has its place in each frame."""
+    good = tmp_path / "good.bvh"
+    good.write_text(GOOD)
+    both = "CHANNELS 5 Xposition Yposition Zposition Yrotation Xrotation"
+    text = GOOD.replace("CHANNELS 2 Yrotation Xrotation", both).replace(
+        "OFFSET 0 1 0", "OFFSET 0 0 0"
+    )
+    other = tmp_path / "other.bvh"
+    other.write_text(text.replace("90 0 0 0 90", "90 0 0 0 1 0 0 90"))
+    found, expected = read_bvh(other), read_bvh(good)
+    np.testing.assert_array_equal(found.offsets_m, expected.offsets_m)
+    np.testing.assert_array_equal(found.translations_m, expected.translations_m)
+
+
 def test_windows_line_ends_tabs_and_joined_braces_are_the_same_file(tmp_path: Path) -> None:
     plain, odd = tmp_path / "a.bvh", tmp_path / "b.bvh"
     plain.write_text(GOOD)

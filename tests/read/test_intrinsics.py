@@ -87,6 +87,10 @@ def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path: Path) -> None:
         "metadata": json.dumps(record3d),
         "transforms.json": json.dumps(nerf),
         "k.txt": "600 0 320\n0 605 240\n0 0 1\n",
+        "zed.conf": "[LEFT_CAM_VGA]\nfx=600\nfy=605\ncx=319.5\ncy=239.5\nk1=0\n",
+        "by_picture.txt": "600 605 320 240\n" * 9,
+        "matrices.txt": "600 0 320 0 605 240 0 0 1\n" * 7,
+        "matrices.json": json.dumps([[[600, 0, 320], [0, 605, 240], [0, 0, 1]]] * 2),
     }
     for name, text in files.items():
         found = read_intrinsics(text_file(tmp_path, name, text), SIZE_PX)
@@ -103,6 +107,14 @@ def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path: Path) -> None:
         ("600 0 320 0 -600 240 0 0 1", "focal length"),
         ("600 5 320 0 600 240 0 0 1", "no matrix"),
         ("600 0 900 0 600 240 0 0 1", "outside of the picture"),
+        ("300 0 160 0 300 120 0 0 1", "the middle of a picture of 320x240 px"),
+        ("675 675 360 270", "the middle of a picture of 720x540 px"),
+        ("600 600 320 240\n" * 4 + "900 900 320 240\n", "2 cameras that differ"),
+        (
+            "[LEFT]\nfx=600\nfy=600\ncx=320\ncy=240\n\n[RIGHT]\nfx=680\nfy=680\ncx=320\ncy=240",
+            "2 cameras",
+        ),
+        ('{"cameraData": []}', "under a usual name, but cameraData)"),
         ("1 FISHEYE 640 480 600 320 240 0 0", "can't be read"),
         ("1 OPENCV_FISHEYE 640 480 600 600 320 240 0 0 0 0", "can't be read"),
         ("1 PINHOLE 640 480 600 320 240", "3 parameters"),
