@@ -9,7 +9,7 @@ BLENDER := $(if $(GMRDATA_BLENDER_PYTHON),,.venv-blender/requirements.txt)
 PYTHONS ?= 3.11 3.12 3.13
 EXTRAS ?= dev
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-people bench-open bench-odd bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs pictures pythons release clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-people bench-long bench-open bench-odd bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs pictures pythons release clean
 
 setup: $(READY) $(BLENDER)
 
@@ -60,6 +60,10 @@ bench-poses: setup
 # People before the camera, on real people whose truth something else measured.  ARGS=--small takes one view.
 bench-people: setup
 	$(BIN)/python -m pytest benchmarks/bench_people.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# How time and memory grow with a video's length.  ARGS='--lengths 300 626' takes only these, --small the shortest.
+bench-long: setup
+	$(BIN)/python -m pytest benchmarks/bench_long.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # Other people's files in and out.  ARGS='--bvh FOLDER' reads their BVH files.
 bench-open: setup

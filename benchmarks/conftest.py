@@ -32,6 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--beside", help="an older commit, for bench_speed.py")
     parser.addoption("--hours", type=float, default=1.0, help="how long bench_soak.py takes")
     parser.addoption("--minutes", type=float, default=10.0, help="how long bench_fuzz.py takes")
+    parser.addoption("--lengths", type=int, nargs="+", help="frames of the runs of bench_long.py")
     parser.addoption("--target", help="the one reader that bench_fuzz.py tries")
     parser.addoption("--ours-alone", action="store_true", help="nothing beside it, no bars")
     parser.addoption("--resume", action="store_true", help="take up rows of an earlier run")

@@ -3,6 +3,7 @@
 docs/api.md says what each public name is for.  Each is imported when it is first used.
 """
 
+import os
 import sys
 from importlib import import_module
 from types import ModuleType
@@ -103,6 +104,10 @@ _NAMES = {
     "solve.verdict": ("VideoVerdict",),
     "solve.videos": ("solve_video", "solve_videos"),
 }
+# OpenCV alone looks elsewhere for the number of threads that a run is given.
+if os.environ.get("OMP_NUM_THREADS", "").isdecimal():
+    os.environ.setdefault("OPENCV_FOR_THREADS_NUM", os.environ["OMP_NUM_THREADS"])
+
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = sorted(_HOME)

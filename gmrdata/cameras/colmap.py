@@ -9,14 +9,15 @@ import pycolmap as pycolmap
 
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.stage.workers import give_sigterm_back
-from gmrdata.values import transforms
+from gmrdata.values import limits, transforms
 from gmrdata.values.camera import project_cam
 
 # OpenCV first: with pycolmap loaded before it, cv2.imwrite of a PNG aborts the process, because
 # both wheels carry their own libpng (seen with pycolmap 4.2.1 and OpenCV 4.11).
 
 MIN_PARALLAX_DEG = 0.1  # points with less hardly have a depth; COLMAP's 1 empties slow sequences
-TRACKS_PER_FRAME = 200  # by which the global mapper places a frame where it doesn't take all
+TRACKS_PER_FRAME = 100  # by which the global mapper places a frame where it doesn't take all
+ROUGH = 1e-4  # share of the cost at which adjustments end that others follow
 LOSS_PX = 1.0  # scale of the Cauchy loss: an error of it counts half as much as by least squares
 LEAST_NOISE_PX = 0.05  # image points are never taken to be better
 
@@ -120,6 +121,9 @@ def _adjustment_options(max_iterations: int, loss_px: float) -> Any:
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = loss_px
+    # Else a path of over a thousand keyframes is adjusted by conjugate gradients, which hardly
+    # bend it as a whole.
+    options.ceres.max_num_images_direct_sparse_cpu_solver = limits.MOST_FRAMES
     options.ceres.solver_options.num_threads = 1
     options.ceres.solver_options.max_num_iterations = max_iterations
     return options

@@ -54,6 +54,11 @@ class MappingConfig(Config):
     long_frames: int = Field(default=40, ge=2)
     """Keyframes from which on the global mapper places each by few tracks, for a quarter of the
     time; fewer need all tracks."""
+    part_frames: int = Field(default=100, ge=5)
+    """Keyframes that are mapped at once; of more, parts are mapped that share `part_overlap` of
+    them, and joined by one adjustment, so that the time grows with the path and not faster."""
+    part_overlap: int = Field(default=25, ge=3)
+    """Keyframes that a part shares with the next."""
     least_held: float = Field(default=0.2, ge=0, le=1)
     """Share of a keyframe's matched points below which it is weak: its place may be wrong, and
     little leads it back."""

@@ -91,7 +91,7 @@ def _local_client(run: Run, workers: int) -> Iterator[Any]:
 
     count = run.workers or workers
     threads = max(1, own_cores() // count)
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
     with (
         config.set(IDLE),
         LocalCluster(

@@ -19,7 +19,6 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.colmap import (
     MIN_PARALLAX_DEG,
-    TRACKS_PER_FRAME,
     FreeIntrinsic,
     bundle_adjuster,
     global_options,
@@ -61,6 +60,7 @@ LENS_SIGMAS = 2.5  # by how many standard errors k1 must differ from 0 to be tak
 SAME_COST, SAME_K1 = 0.01, 0.03
 """As a share, and of k1: models that fit alike, with as much distortion, say what is left open."""
 TURN_INLIER_PX = 3.0
+TRACKS_PER_FRAME = 200  # by which the global mapper places a frame; a lens asks for more
 FEWEST_FRAMES = 4  # of a model
 ENOUGH_SHARE = 0.6  # of the keyframes, in a model of the first mapper
 MOST_ERROR_PX = 4.0  # of an image point that a model explains

@@ -9,6 +9,7 @@ import numpy as np
 
 from gmrdata.cameras.colmap import (
     MIN_PARALLAX_DEG,
+    ROUGH,
     TRACKS_PER_FRAME,
     bundle_adjuster,
     camera_of,
@@ -21,7 +22,7 @@ from gmrdata.cameras.colmap import (
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.map.focal import freed_focal, with_lens
-from gmrdata.cameras.map.models import join_models, place_frames
+from gmrdata.cameras.map.models import join_models, parts_of, place_frames
 from gmrdata.cameras.map.refinement import is_short, mend_jumps, refined_model, sharpen
 from gmrdata.cameras.map.smoothing import camera_information, smooth_cameras
 from gmrdata.cameras.map.solution import Placed, Solution
@@ -163,12 +164,23 @@ def refine_mapped(
 def _run(
     mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig, names: Sequence[str] = ()
 ) -> list[Any]:
-    """The models that a mapper finds, of all frames or of those that are named."""
-    out_dir = work_dir / f"{mapper}_of_{len(names or frames.images)}_by_{config.seed}"
-    out_dir.mkdir()
-    files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
+    """The models that a mapper finds, of all frames or of those that are named; of many, part by
+    part, as a mapper takes three times as long for twice as many."""
+    names, models = names or [image.name for image in frames.images], []
+    for start, stop in parts_of(len(names), config.mapping):
+        out_dir = work_dir / f"{mapper}_of_{len(names)}_by_{config.seed}_from_{start}"
+        out_dir.mkdir()
+        files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
+        models += _run_part(mapper, files, names[start:stop], config)
+    return models
+
+
+def _run_part(
+    mapper: Mapper, files: tuple[Path, Path, Path], names: Sequence[str], config: SfmConfig
+) -> list[Any]:
+    """The models that a mapper finds of the named frames."""
     if mapper == "global":
-        options = _global_options(len(names or frames.images), config)
+        options = _global_options(len(names), config)
         options.image_names = list(names)
         return list(pycolmap.global_mapping(*files, options).values())
     options = incremental_options(config, free_lens=False)
@@ -184,6 +196,7 @@ def _run(
 
 def _global_options(n_frames: int, config: SfmConfig) -> Any:
     options = global_options(config, free_lens=False)
+    options.mapper.bundle_adjustment.ceres.solver_options.function_tolerance = ROUGH
     if n_frames >= config.mapping.long_frames:
         options.mapper.track_required_tracks_per_view = TRACKS_PER_FRAME
     return options

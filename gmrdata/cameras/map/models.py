@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.colmap import matrix_of, project_into, pycolmap, seen_by
+from gmrdata.cameras.colmap import camera_of, matrix_of, project_into, pycolmap, seen_by
 from gmrdata.cameras.files import ModelRecord, WeakestStep
 from gmrdata.cameras.map.smoothing import linearized, noise_px
 from gmrdata.cameras.map.solution import Placed, SeenPoints, Solution
 from gmrdata.cameras.match.features import pinhole_params
 from gmrdata.cameras.match.matches import Matches
-from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.recipe import MappingConfig, SfmConfig
 from gmrdata.values import transforms
 from gmrdata.values.transforms import invert
 
@@ -68,6 +69,16 @@ def _points_of(
         yield row, np.array(list(found), np.int32), np.array(list(found.values()), np.int32)
 
 
+def parts_of(n_frames: int, config: MappingConfig) -> list[tuple[int, int]]:
+    """First rows and ends of the parts in which so many keyframes are mapped; neighbours overlap by
+    the recipe's number at least."""
+    overlap = config.part_overlap
+    n_parts = max(1, -(-(n_frames - overlap) // (config.part_frames - overlap)))
+    size = min(n_frames, -(-(n_frames + (n_parts - 1) * overlap) // n_parts))
+    starts = np.linspace(0, n_frames - size, n_parts).astype(np.int64).tolist()
+    return [(start, start + size) for start in starts]
+
+
 def join_models(models: list[Any], config: SfmConfig) -> tuple[Any, tuple[ModelRecord, ...]]:
     """The largest model with all that share enough with it; what became of each, largest first."""
     ranked = sorted(models, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))
@@ -110,8 +121,11 @@ def _similarity(whole: Any, model: Any, config: SfmConfig) -> tuple[Any | None, 
     fit: Any = pycolmap.estimate_sim3d_robust(theirs, ours, options)
     if fit is None or fit["num_inliers"] < joining.min_inlier_share * len(ours):
         return None, f"no similarity fits the {len(ours)} points that it shares with the largest"
-    whole_from_model = fit["tgt_from_src"]
-    error_px = _shared_error_px(whole, model, whole_from_model, shared)
+    # Points that are far away bend the fit; cameras alone may not tell the scale.
+    fits = [fit["tgt_from_src"], *_by_cameras(whole, model, shared)]
+    errors_px = [_shared_error_px(whole, model, one, shared) for one in fits]
+    best = int(np.argmin(errors_px))
+    whole_from_model, error_px = fits[best], errors_px[best]
     if not error_px <= joining.max_shared_error_px:
         return None, (
             f"its cameras of the {frames} shared with the largest are {error_px:.1f} px off "
@@ -120,10 +134,32 @@ def _similarity(whole: Any, model: Any, config: SfmConfig) -> tuple[Any | None, 
     return whole_from_model, f"joined by {frames} and {len(ours)} points, {error_px:.2f} px off"
 
 
-def _owners(model: Any) -> dict[tuple[int, int], int]:
-    """The point behind each image point, by image and number."""
-    ids = sorted(model.point3D_ids())
-    return {at: point_id for point_id in ids for at in _image_points(model.point3D(point_id))}
+def _by_cameras(whole: Any, model: Any, shared: list[int]) -> list[Any]:
+    """The similarity that the shared cameras' turns and places ask for; none where these are one
+    place."""
+    ours, theirs = (np.array([camera_of(of.image(i)) for i in shared]) for of in (whole, model))
+    turns = Rotation.from_matrix(ours[:, :3, :3] @ np.swapaxes(theirs[:, :3, :3], 1, 2))
+    rotation, middle, other = (
+        turns.mean(),
+        ours[:, :3, 3].mean(axis=0),
+        theirs[:, :3, 3].mean(axis=0),
+    )
+    way, same = ours[:, :3, 3] - middle, rotation.apply(theirs[:, :3, 3] - other)
+    if not (power := float((same**2).sum())) > 0 or not (scale := float((way * same).sum())) > 0:
+        return []
+    scale /= power
+    turn = pycolmap.Rotation3d(rotation.as_matrix())
+    return [pycolmap.Sim3d(scale, turn, middle - scale * rotation.apply(other))]
+
+
+def _owners(model: Any, images: Iterable[int]) -> dict[tuple[int, int], int]:
+    """The point behind each image point of some images, by image and number."""
+    return {
+        (image_id, number): spot.point3D_id
+        for image_id in sorted(images)
+        for number, spot in enumerate(model.image(image_id).points2D)
+        if spot.has_point3D()
+    }
 
 
 def _image_points(point: Any) -> list[tuple[int, int]]:
@@ -133,7 +169,8 @@ def _image_points(point: Any) -> list[tuple[int, int]]:
 def _shared_points(whole: Any, model: Any, least: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (N, 3) of a model and those of the whole that the same image points, at `least` so
     many, belong to."""
-    owners, theirs, ours = _owners(whole), [], []
+    shared = set(whole.reg_image_ids()) & set(model.reg_image_ids())
+    owners, theirs, ours = _owners(whole, shared), [], []
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)
         votes = Counter(owners[at] for at in _image_points(point) if at in owners)
@@ -158,12 +195,13 @@ def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list
 
 def _take_over(whole: Any, model: Any) -> None:
     """Add frames and points of a model that is in the same world."""
+    shared = set(whole.reg_image_ids()) & set(model.reg_image_ids())
     for image_id in sorted(set(model.reg_image_ids()) - set(whole.reg_image_ids())):
         theirs = model.image(image_id)
         points_px = np.array([point.xy for point in theirs.points2D]).reshape(-1, 2)
         image = pycolmap.Image(theirs.name, points_px, theirs.camera_id, image_id)
         whole.add_image_with_trivial_frame(image, theirs.cam_from_world())
-    owners = _owners(whole)
+    owners = _owners(whole, shared)
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)
         seen = _image_points(point)

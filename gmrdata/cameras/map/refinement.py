@@ -18,6 +18,7 @@ from gmrdata.cameras.colmap import (
     LEAST_NOISE_PX,
     LOSS_PX,
     MIN_PARALLAX_DEG,
+    ROUGH,
     bundle_adjuster,
     camera_adjuster,
     camera_of,
@@ -27,7 +28,7 @@ from gmrdata.cameras.colmap import (
 )
 from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.map.models import join_models
+from gmrdata.cameras.map.models import join_models, parts_of
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.values import transforms
@@ -40,18 +41,22 @@ def refined_model(
     of each."""
     model, records = join_models(models, config)
     _adjust_and_filter(model, config)
+    # Parts don't know what frames of another one see, by which a path comes back to where it was.
+    in_parts = len(parts_of(len(frames.images), config.mapping)) > 1
     # Where a camera hardly travels, most points lack parallax: few are held, and rightly so.
-    if not _is_short_model(model, config) and has_weak(model, matches, frames, config):
-        for _ in range(config.mapping.triangulated_again):
-            triangulate_again(model, work_dir / DATABASE_FILE, config)
-            _adjust_and_filter(model, config)
+    weak = not _is_short_model(model, config) and has_weak(model, matches, frames, config)
+    for _ in range(config.mapping.triangulated_again if weak else int(in_parts)):
+        triangulate_again(model, work_dir / DATABASE_FILE, config)
+        _adjust_and_filter(model, config)
     see_again(model, matches, frames, config.masks)
     bundle_adjuster(model).solve()
     return mend_jumps(model, frames, config), records
 
 
 def _adjust_and_filter(model: Any, config: SfmConfig) -> None:
-    bundle_adjuster(model).solve()
+    # What is filtered hardly hangs on the last thousandth of the cost, which takes half of the time
+    # and which the last adjustment finds.
+    bundle_adjuster(model, tolerance=ROUGH).solve()
     model.update_point_3d_errors()
     manager = pycolmap.ObservationManager(model)
     manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)

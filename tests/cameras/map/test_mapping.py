@@ -13,11 +13,11 @@ from gmrdata.cameras.files import Mapper, WeakestStep
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map import mapping
 from gmrdata.cameras.map.mapping import map_frames
-from gmrdata.cameras.map.models import _held, _running_medians, weakest_step
+from gmrdata.cameras.map.models import _held, _running_medians, parts_of, weakest_step
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
 from gmrdata.cameras.map.solution import Placed, Solution
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
-from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
+from gmrdata.cameras.recipe import CamerasVerdictConfig, MappingConfig, SfmConfig
 from gmrdata.cameras.reconstruct import explains_better
 from gmrdata.read.frames import list_images
 from gmrdata.values.camera import project
@@ -71,6 +71,28 @@ def test_many_keyframes_are_placed_by_their_longest_tracks_and_see_all_points(
     assert mapped is not None and mapped.mapper == "global" and mapped.has_camera.all()
     assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
     assert np.median(mapped.errors_px) < 0.5 and mapped.inliers.min() > 60
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "parts"),
+    [(3, [(0, 3)]), (100, [(0, 100)]), (196, [(0, 82), (57, 139), (114, 196)])],
+)
+def test_many_keyframes_are_mapped_in_parts_that_overlap(
+    n_frames: int, parts: list[tuple[int, int]]
+) -> None:
+    assert parts_of(n_frames, MappingConfig()) == parts
+
+
+def test_parts_become_one_model_as_good_as_that_of_all(arc: Any, tmp_path: Path) -> None:
+    filmed, frames, matches, work_dir = arc
+    parts = SMALL.mapping.model_copy(update={"part_frames": 7, "part_overlap": 4})
+    config = SMALL.model_copy(update={"mapping": parts})
+    shutil.copy(work_dir / "database.db", tmp_path)
+    mapped = mapping.map_frames(frames, matches, tmp_path, config)
+    assert mapped is not None and mapped.mapper == "global" and mapped.has_camera.all()
+    assert [(one.frames, one.kept) for one in mapped.models] == [(7, True), (7, True)]
+    assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
+    assert np.median(mapped.errors_px) < 0.5
 
 
 def test_the_incremental_mapper_steps_in_where_the_global_one_leaves_frames_out(

@@ -16,7 +16,7 @@ from gmrdata.cameras.files import SfmCameras, load_cameras, load_quality, save_c
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.map import mapping, models
 from gmrdata.cameras.map import refinement as jumps_module
-from gmrdata.cameras.map.models import join_models, place_frames
+from gmrdata.cameras.map.models import _by_cameras, join_models, place_frames
 from gmrdata.cameras.map.refinement import FEWEST, jumps, mend_jumps
 from gmrdata.cameras.map.solution import Placed, fill_short_gaps
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
@@ -319,6 +319,18 @@ def test_two_models_that_share_frames_become_one(filmed_parts: Any) -> None:
         assert len({e.image_id for e in whole.point3D(point_id).track.elements}) >= 2
     # What was given is left alone.
     assert (large.num_reg_images(), small.num_reg_images()) == (9, 8)
+
+
+def test_shared_cameras_give_the_similarity_however_far_points_are() -> None:
+    rng = np.random.default_rng(0)
+    cameras, points = transforms.rigid(np.eye(3), rng.normal(0, 1, (5, 3))), drawn_points(40, rng)
+    whole = model_of(cameras, points, seen_px(cameras, points))
+    turn = pycolmap.Rotation3d(Rotation.from_rotvec([0.1, 0.5, -0.3]).as_matrix())
+    model, expected = pycolmap.Reconstruction(whole), pycolmap.Sim3d(2.5, turn, [1.0, 2, 3])
+    model.transform(expected.inverse())
+    (found,) = _by_cameras(whole, model, [1, 2, 4])
+    assert np.asarray(found.matrix()) == pytest.approx(np.asarray(expected.matrix()), abs=1e-9)
+    assert _by_cameras(whole, model, [3]) == []
 
 
 def test_a_model_may_be_joined_through_another(filmed_parts: Any) -> None:
