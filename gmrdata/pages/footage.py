@@ -26,7 +26,8 @@ from gmrdata.write.video import write_video
 LARGEST_SIDE_PX = 960
 MOST_PICTURES = 900
 """A longer video is shown at every second, third, ... frame, at its own speed."""
-CRF = 23
+CRF = 26
+MOST_BYTES = 6_000_000
 MARK_PX = 3
 BAR_PX = 6
 BAR_BGR = {
@@ -94,7 +95,10 @@ def write_footage(path: Path, footage: Footage) -> int:
     rows, rate_hz = shown_rows(footage.times_s, footage.fps_hz)
     pictures = (footage_picture(footage, row)[..., ::-1] for row in rows.tolist())
     shown = track(pictures, "drawing over frames", len(rows))
-    return write_video(shown, path, rate_hz, crf=CRF, quick=True)
+    # What is read while it plays, and what is there before, are together no more than the file.
+    of_file = MOST_BYTES * 8 / 1000
+    most_kbit = max(1, int(0.8 * of_file * rate_hz / len(rows))), int(0.2 * of_file)
+    return write_video(shown, path, rate_hz, crf=CRF, quick=True, most_kbit=most_kbit)
 
 
 def footage_picture(footage: Footage, row: int) -> np.ndarray:

@@ -100,7 +100,7 @@ Offer = tuple[str, str, list[tuple[str, str, str]]]
 class OverlayConfig(Config):
     """What decides the overlay besides the files that it shows."""
 
-    version: int = 1
+    version: int = 2
 
 
 def make_video_page(

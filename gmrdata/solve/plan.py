@@ -20,9 +20,12 @@ from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
 
-FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S = 0.02, 0.12, 0.25, 0.005, 0.08
-SFM_START_S, BODIES_S, INTRINSICS_S = 10.0, 15.0, 25.0
+FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S, SHOWN_S = 0.02, 0.12, 0.17, 0.005, 0.08, 0.12
+SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 15.0, 20.0, 5.0
 """Seconds that one image of 1280x720 px takes on two cores, and that all need."""
+START_GB, FRAME_GB = 0.6, 0.00015
+"""Memory of the process, and what each image adds; the size of the images adds little."""
+MOST_SHOWN = 900  # images that the page's video has at most
 HEADINGS = ("stage", "about [s]")
 BATCH_HEADINGS = ("video", "images", "size [px]", "poses", "about [s]")
 
@@ -35,13 +38,19 @@ class VideoPlan(NamedTuple):
     seconds: Mapping[str, float]  # by stage, about; 0 for a stage that isn't asked for
 
     @property
+    def memory_gb(self) -> float:
+        """Largest memory of the process, about."""
+        return START_GB + self.n_images * FRAME_GB
+
+    @property
     def rows(self) -> list[tuple[str, str]]:
         """Rows of `HEADINGS`, and one for all."""
         stages = [(name, f"{s:.0f}") for name, s in self.seconds.items() if s]
         return [*stages, ("all", f"{sum(self.seconds.values()):.0f}")]
 
     def summary(self, source: Path) -> str:
-        return "{}: {} images of {}x{} px".format(source, self.n_images, *self.size_px)
+        images = "{}: {} images of {}x{} px".format(source, self.n_images, *self.size_px)
+        return f"{images}, about {self.memory_gb:.1f} GB of memory"
 
 
 def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
@@ -55,6 +64,7 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
         "sfm": True,
         "own poses": own,
         "bodies": people is not None,
+        "page": True,
     }
     return plan_stages(
         request.source, request.part, [name for name, is_on in asked.items() if is_on]
@@ -76,6 +86,7 @@ def plan_stages(source: Path, part: VideoConfig | None, stages: Sequence[str]) -
         "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
         "own poses": n_images * OWN_POSE_S,
         "bodies": BODIES_S + n_images * BODY_S,
+        "page": PAGE_S + min(n_images, MOST_SHOWN) * SHOWN_S,
     }
     return VideoPlan(n_images, size_px, {name: s * (name in stages) for name, s in seconds.items()})
 
@@ -116,21 +127,23 @@ def plan_videos(
 def plan_batch(videos: Sequence[NamedVideo], batch: Batch) -> Plan:
     """Plan every video; those that can't be read are listed with the reason."""
     rows: list[tuple[str, ...]] = []
-    bad, n_images, all_s = [], 0, 0.0
+    bad, n_images, all_s, most_gb = [], 0, 0.0, 0.0
     for video in track(videos, "looking at videos"):
         request = batch.of(video)
         own = "" if request.people is None else "own"
         poses = own if video.poses_path is None else video.poses_path.name
         try:
-            n, size_px, seconds = plan_video(request, batch.config)
+            planned = plan_video(request, batch.config)
         except GmrdataError as error:
             rows.append((video.name, "-", "-", poses, "-"))
             bad.append(str(error))
             continue
-        about_s = sum(seconds.values())
-        n_images, all_s = n_images + n, all_s + about_s
-        rows.append((video.name, str(n), "{}x{}".format(*size_px), poses, f"{about_s:.0f}"))
+        n, about_s = planned.n_images, sum(planned.seconds.values())
+        n_images, all_s, most_gb = n_images + n, all_s + about_s, max(most_gb, planned.memory_gb)
+        size = "{}x{}".format(*planned.size_px)
+        rows.append((video.name, str(n), size, poses, f"{about_s:.0f}"))
     n_read = len(rows) - len(bad)
     rows.append(("all", str(n_images), "", "", f"{all_s:.0f}"))
     says = f"{n_read} videos, {n_images} images: about {all_s / 3600:.2g} h on two cores"
+    says += f", up to {most_gb:.1f} GB of memory for each at work" if n_read else ""
     return Plan(False, rows, says, bad)

@@ -15,11 +15,13 @@ from hypothesis.extra.numpy import arrays
 
 from gmrdata.cameras.files import Distortion
 from gmrdata.film.camera_moves import look_at
+from gmrdata.pages import footage as footage_module
 from gmrdata.pages import inference as drawing
 from gmrdata.pages.footage import (
     BAR_BGR,
     BAR_PX,
     LARGEST_SIDE_PX,
+    MOST_BYTES,
     MOST_PICTURES,
     NO_MARKS,
     Footage,
@@ -167,6 +169,20 @@ def test_the_video_has_all_frames_at_their_rate(footage: Footage, tmp_path: Path
     assert len(pictures) == 12
     expected = footage_picture(footage, 7).astype(int)
     assert np.abs(pictures[7][: expected.shape[0]] - expected).mean() < 3
+
+
+def test_the_video_is_no_larger_than_asked(
+    footage: Footage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng, path = np.random.default_rng(0), tmp_path / "noise.mp4"
+    noise = rng.integers(0, 256, (12, *footage_picture(footage, 0).shape), dtype=np.uint8)
+    monkeypatch.setattr(footage_module, "footage_picture", lambda _, row: noise[row])
+    sizes = []
+    for most in (MOST_BYTES, 300_000):
+        monkeypatch.setattr(footage_module, "MOST_BYTES", most)
+        assert write_footage(path, footage) == 12
+        sizes.append(path.stat().st_size)
+    assert 300_000 > sizes[1] > 30_000 and MOST_BYTES > sizes[0] > 2 * sizes[1]
 
 
 def test_frames_of_another_size_and_no_frames_are_errors(footage: Footage, tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ _SHAPES: records.ArrayShapes = {
     "adjusted": ("b", ("T",)),
     "image_names": ("U", ("T",)),
 }
+AT_ONCE = 100_000  # observations, whose cameras take 13 MB
 STEPS_PER_PX = 256.0
 """Image points are kept to 1/256 px, far finer than they are: zipped, 6 bytes an observation."""
 
@@ -76,11 +77,15 @@ def errors_px(
 ) -> np.ndarray:
     """(M,) distance of each observation from its point (N, 3) in its camera (T, 4, 4) [px]."""
     k1, k2 = (0.0, 0.0) if lens is None else (lens.k1, lens.k2)
-    cam_from_world = transforms.invert(world_from_cam)[tracks.rows]
-    points_cam = transforms.apply(cam_from_world, points[tracks.points][:, None])[:, 0]
-    rays = points_cam[:, :2] / points_cam[:, 2:]
-    image_px = bent(rays, k1, k2) * intrinsics_px[[0, 1], [0, 1]] + intrinsics_px[:2, 2]
-    return np.asarray(np.linalg.norm(image_px - tracks.image_px, axis=1))
+    cam_from_world, errors = transforms.invert(world_from_cam), np.zeros(len(tracks.rows))
+    for start in range(0, len(errors), AT_ONCE):
+        some = slice(start, start + AT_ONCE)
+        points_world = points[tracks.points[some]][:, None]
+        points_cam = transforms.apply(cam_from_world[tracks.rows[some]], points_world)[:, 0]
+        rays = points_cam[:, :2] / points_cam[:, 2:]
+        image_px = bent(rays, k1, k2) * intrinsics_px[[0, 1], [0, 1]] + intrinsics_px[:2, 2]
+        errors[some] = np.linalg.norm(image_px - tracks.image_px[some], axis=1)
+    return errors
 
 
 def mean_over_points(errors: np.ndarray, points: np.ndarray) -> float:
