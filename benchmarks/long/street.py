@@ -16,6 +16,7 @@ WALL_M, EYES_M = 4.0, 1.6
 """From the middle to each wall, and from the ground to the camera."""
 SPEED_M, SWAY_M = 1.4 / 30, 0.04  # per frame; of a step
 STEP_FRAMES = 16
+HAZE_M = 15.0
 
 
 def walk(n_frames: int) -> np.ndarray:
@@ -48,15 +49,13 @@ def draw(world_from_cam: np.ndarray) -> np.ndarray:
     u, v = np.meshgrid(np.arange(SIZE_PX[0]) + 0.5, np.arange(SIZE_PX[1]) + 0.5)
     flat = np.stack([u - SIZE_PX[0] / 2, v - SIZE_PX[1] / 2, np.full(u.shape, FOCAL_PX)], axis=-1)
     rays, centre = flat @ world_from_cam[:3, :3].T, world_from_cam[:3, 3]
-    picture, nearest = np.full(u.shape, 200.0, np.float32), np.full(u.shape, 60.0)
+    picture, nearest = np.full(u.shape, 200.0, np.float32), np.full(u.shape, 200.0)
     # Walls at x = -4 and 4 m, seen by z and y; the ground, by z and x.
     for surface, (axis, at, across) in enumerate(((0, -WALL_M, 1), (0, WALL_M, 1), (1, EYES_M, 0))):
         with np.errstate(divide="ignore", invalid="ignore"):
             far = (at - centre[axis]) / rays[..., axis]
         there = centre + far[..., None] * rays
-        shown = (
-            (far > 0) & (far * FOCAL_PX < nearest * 1.0) & (abs(there[..., across]) < BREADTH_M / 2)
-        )
+        shown = (far > 0) & (far * FOCAL_PX < nearest) & (abs(there[..., across]) < BREADTH_M / 2)
         nearest = np.where(shown, far * FOCAL_PX, nearest)
         along = np.where(shown, there[..., 2], 0.0)
         for number in np.unique(np.floor(along[shown] / BLOCK_M)).astype(int).tolist():
@@ -69,7 +68,9 @@ def draw(world_from_cam: np.ndarray) -> np.ndarray:
                 borderMode=cv2.BORDER_REPLICATE,
             )  # fmt: skip
             picture[here] = seen[here]
-    return np.clip(picture, 0, 255).astype(np.uint8)
+    # Haze, so that nothing ends at a distance that goes with the camera.
+    haze = np.exp(-nearest / HAZE_M)
+    return np.clip(200 + haze * (picture - 200), 0, 255).astype(np.uint8)
 
 
 def film_street(folder: Path, n_frames: int) -> np.ndarray:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.cameras.colmap import (
@@ -82,8 +83,7 @@ def is_short(centres: np.ndarray, points: np.ndarray, share: float) -> bool:
     """Whether centres (T, 3) are less apart than a share of the distance to points (N, 3)."""
     if not len(centres) or not len(points):
         return False
-    extent = np.linalg.norm(centres[:, None] - centres[None], axis=-1).max()
-    return bool(extent < share * background_distance(centres, points))
+    return bool(pdist(centres).max(initial=0.0) < share * background_distance(centres, points))
 
 
 def _is_short_model(model: Any, config: SfmConfig) -> bool:

@@ -191,10 +191,11 @@ def _noise(held: csc_array, differ: csr_array, k: int) -> np.ndarray:
     """(k / 3,) what the images leave open of a camera, per axis, from its second differences."""
     n = differ.shape[0] // k
     sample = np.unique(np.linspace(0, n - 1, min(n, NOISE_SAMPLES)).round().astype(np.int64))
-    chosen = differ[(k * sample[:, None] + np.arange(k)).ravel()].toarray()
+    chosen = differ[(k * sample[:, None] + np.arange(k)).ravel()]
     # One by one: a solver of many right sides waits for BLAS threads longer than it works.
     factors = splu(held)
-    spread = np.array([(one * factors.solve(one)).sum() for one in chosen])
+    rows = (chosen[[row]].toarray()[0] for row in range(chosen.shape[0]))
+    spread = np.array([(one * factors.solve(one)).sum() for one in rows])
     variance = np.median(spread.reshape(-1, k // 3, 3).mean(axis=2), axis=0)
     # A second difference has the variance of 1 + 4 + 1 frames.
     return np.asarray(np.sqrt(variance / 6))
