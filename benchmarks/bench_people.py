@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from people.before_camera import ViewRow, shirt_row, view_row
 from people.in_world import WorldRow, dancer_row, man_row
+from people.low_clips import make_low_clips
 from people.real import DANCE, VIEWS, dance_of, on_the_man, solved, tracks_of, view_of
 from people.verdicts import judged, known_man, known_rendered, made_people
+from poses.world import solve
 from record import Bar, Record, at_least, at_most, machine
 from render.tables import show
 
@@ -126,7 +128,8 @@ def test_the_dancer(record: Record, shared_data: Path, anny: BodyModel) -> None:
 
 
 def test_who_is_accepted(record: Record, shared_data: Path, anny: BodyModel) -> None:
-    """Seven people each of the views and of the rendered clips that `make bench-poses` solved."""
+    """Seven people each of the views, of the rendered clips that `make bench-poses` solved, and of
+    clips in which someone sits, is down on the floor, or is half hidden."""
     known = [
         known_man(view_of(shared_data / "real", name), WORK_DIR / name, anny)
         for name in VIEWS
@@ -138,6 +141,14 @@ def test_who_is_accepted(record: Record, shared_data: Path, anny: BodyModel) -> 
         for clip in clips[: 2 if record.small else None]
         if (OUT_DIR / "poses" / clip.name / PSEUDO_GT).is_dir()
     ]
+    low = (
+        []
+        if record.small
+        else make_low_clips(OUT_DIR / "low_clips", shared_data, OUT_DIR / "pose_clips")
+    )
+    for folder in low:
+        solve(folder, OUT_DIR / "low" / folder.name, shared_data / "models")
+        known.append(known_rendered(folder, OUT_DIR / "low" / folder.name, anny))
     judged_all, doubled = [], []
     for one, other in zip(known, [*known[1:], *known[:1]], strict=True):
         for kind, clip, doubt in made_people(one, other, anny):
