@@ -442,7 +442,8 @@ def test_the_network_in_the_package_by_its_word(
 @pytest.mark.parametrize(
     ("given", "said", "code"),
     [
-        (("run",), "Missing from gmrdata evaluate: PATH Manifest file.", 2),
+        (("folder",), "Missing from gmrdata evaluate: PATH Manifest file.", 2),
+        (("run",), "run: no such file or folder", 1),
         (
             ("m.yaml", "--predictions=folder"),
             "has another name now: gmrdata evaluate PREDICTIONS MANIFEST",

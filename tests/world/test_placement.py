@@ -226,7 +226,8 @@ def world_alone() -> dict[Any, Any]:
         (vibe(betas=None), "no 'betas'"),
         (vibe(pred_cam=None, orig_cam=None), "no 'orig_cam', so no motion before the camera"),
         (world_alone(), "no 'pose', so no motion before the camera"),
-        ({"a": 3}, "its first entry has: no dict"),
+        ({"a": 3}, r"\(it has: a\)"),
+        ({0: 3}, "its first entry has: no dict"),
         ([1, 2], "holds no dict"),
     ],
 )

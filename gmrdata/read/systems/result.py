@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gmrdata.read.safe_pickle import load_object_npy, load_plain
 from gmrdata.read.systems import gem, gvhmr, phalp, sam3d, slahmr, tram, vibe, wham
 from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
 from gmrdata.read.torch_files import load_tensors
-from gmrdata.values.body import HANDS
+from gmrdata.values.body import HANDS, SMPL_REST_PELVIS_M, WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz, require_text, taken_for
 from gmrdata.values.people import (
@@ -122,8 +123,12 @@ def _pickled(content: Any, path: Path) -> EstimatedPeople:
         return wham.read_wham(content, path)
     if keys & vibe.KEYS:
         return vibe.read_vibe(content, path)
-    has = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
+    if isinstance(content, dict) and (motion := _plain_motion(content, path)) is not None:
+        return _with_amass_keys(motion, path)
     kind = "holds no dict" if not isinstance(content, dict) else "its first entry"
+    if isinstance(content, dict) and not keys and isinstance(next(iter(content)), str):
+        kind, keys = "it", set(content)
+    has = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
     what = f"holds no poses in a known form ({kind} has: {has or 'no dict'})"
     raise BadMotionFile(f"{path}: {what}. {KNOWN}, .npz, .bvh and .amc")
 
@@ -176,6 +181,25 @@ def _with_amass_keys(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
         lacks={"camera": "a motion in the world alone"},
     )
     return EstimatedPeople("amass", (path,), (person,), fps_hz=_rate_hz(entry))
+
+
+def _plain_motion(content: dict[Any, Any], path: Path) -> dict[str, Any] | None:
+    """A pickled motion by AMASS's keys: of MoSh (fullpose), or of AIST++, y up and scaled."""
+    found = {key: value for key, value in content.items() if isinstance(key, str)}
+    if "fullpose" in found:
+        found["poses"] = found["fullpose"]
+    if found.keys() >= {"smpl_poses", "smpl_trans", "smpl_scaling"}:
+        entry = Entry(found, "the motion", path)
+        scaling = float(entry.flat("smpl_scaling", 1)[0])
+        poses, trans = (entry.array(key, None, None) for key in ("smpl_poses", "smpl_trans"))
+        if not scaling > 0 or poses.shape[1] != 72 or trans.shape[1] != 3:
+            raise entry.fault(f"smpl_poses are {poses.shape}, smpl_scaling is {scaling:g}")
+        roots = WORLD_FROM_REST @ rotmats_of(poses[:, :3])[:, 0]
+        turns = Rotation.from_matrix(roots).as_rotvec()
+        found["poses"] = np.concatenate([turns, poses[:, 3:]], axis=1)
+        pelvis_m = (trans / scaling + SMPL_REST_PELVIS_M) @ WORLD_FROM_REST.T
+        found["trans"] = pelvis_m - SMPL_REST_PELVIS_M
+    return found if found.keys() >= AMASS_KEYS else None
 
 
 def _mean_betas(entry: Entry, n_rows: int) -> np.ndarray | None:

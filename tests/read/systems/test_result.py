@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.systems.entries import AXIS_ANGLES
 from gmrdata.read.systems.result import read_system
 from gmrdata.read.systems.sam3d import _JOINTS
-from gmrdata.values.body import JOINT
+from gmrdata.values.body import JOINT, WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
 from gmrdata.values.people import Part, Pinhole
 from tests.joblib_layout import joblib_bytes
@@ -311,3 +311,29 @@ def test_a_dict_that_numpy_saved_is_the_same(tmp_path: Path) -> None:
     np.save(tmp_path / "rows.npy", {"0.jpg": [rows]})  # type: ignore[arg-type]
     (person,) = read_system(tmp_path / "rows.npy", "camera").people
     assert person.frame_numbers.tolist() == [0]
+
+
+def test_pickled_motions_of_mosh_and_aist_are_read(tmp_path: Path) -> None:
+    """AIST++'s world has y up, and its path is as large as its scaling says."""
+    rng = np.random.default_rng(0)
+    poses, trans = rng.normal(0, 0.3, (5, 72)), rng.normal(0, 1, (5, 3))
+    path = tmp_path / "motion.pkl"
+    mosh = {"fullpose": poses, "trans": trans, "mocap_framerate": 60.0, "betas": np.zeros(10)}
+    aist = {"smpl_poses": poses, "smpl_trans": 90.0 * trans, "smpl_scaling": np.array([90.0])}
+    found = {}
+    for name, content in {"mosh": mosh, "aist": aist}.items():
+        path.write_bytes(joblib_bytes(content))
+        people = read_system(path)
+        assert people.fps_hz == (60.0 if name == "mosh" else None)
+        (found[name],) = people.people
+    one, other = found["mosh"], found["aist"]
+    np.testing.assert_allclose(other.local_rotmats, one.local_rotmats, atol=1e-12)
+    assert one.in_world is not None and other.in_world is not None
+    np.testing.assert_array_equal(one.in_world.transl_m, trans)
+    turned = WORLD_FROM_REST @ one.in_world.root_rotmats
+    np.testing.assert_allclose(other.in_world.root_rotmats, turned, atol=1e-12)
+    steps_m = np.diff(trans, axis=0) @ WORLD_FROM_REST.T
+    np.testing.assert_allclose(np.diff(other.in_world.transl_m, axis=0), steps_m, atol=1e-12)
+    path.write_bytes(joblib_bytes(aist | {"smpl_scaling": np.zeros(1)}))
+    with pytest.raises(BadMotionFile, match="smpl_scaling is 0"):
+        read_system(path)
