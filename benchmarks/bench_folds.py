@@ -18,11 +18,13 @@ from typing import Any
 import pytest
 from gmr.cmu_ablation import changed
 from gmr.cmu_data import import_motions, scored_motions
-from gmr.cmu_runs import trained
+from gmr.cmu_runs import Trained, trained
 from gmr.cmu_session import OUT_DIR, SMALL_SIZE
+from gmr.honesty import honesty_rows, least_shares
 from record import Record, at_least, at_most
 from render.tables import show
 
+from gmrdata.fusion.network_errors import held_out_motions
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.manifest.read import read_manifest
@@ -51,16 +53,22 @@ def test_people_left_out_two_at_a_time(
     folds = pairs(every)
     settings = {"recipe": recipe.model_dump(mode="json")}
     record = Record(OUT_DIR / "folds.json", small, lambda: settings)
-    rows = [fold(every, config, pair, OUT_DIR / "folds") for pair in folds[: 2 if small else None]]
+    runs = [fold(every, config, pair, OUT_DIR / "folds") for pair in folds[: 2 if small else None]]
+    rows = [run.row for run in runs]
     show("People left out, two at a time", rows)
     figures = summary(rows)
-    record.add(folds=rows, **figures)
+    honesty = honesty_rows({run.name: held_out_motions(run.run_dir, [every]) for run in runs})
+    show("Errors within the error bars that the other folds give [%]", honesty)
+    record.add(folds=rows, honesty=honesty, **figures)
+    within_one, within_two = least_shares(honesty)
     record.hold(
         [
             at_least("folds", len(rows), 10),
             at_most("ome_ratio", figures["ome_ratio"], MOST_OME),
             at_most("tme_ratio", figures["tme_ratio"], MOST_TME),
             at_most("tme_ratio_worst", figures["tme_ratio_worst"], WORST_TME),
+            at_least("errors within one standard deviation [%]", within_one, 60),
+            at_least("errors within two standard deviations [%]", within_two, 90),
         ]
     )
 
@@ -73,12 +81,12 @@ def pairs(every: Path) -> list[tuple[int, ...]]:
     return [tuple(numbers[i : i + 2]) for i in range(0, len(numbers), 2)]
 
 
-def fold(every: Path, config: TrainConfig, pair: tuple[int, ...], out_dir: Path) -> dict[str, Any]:
-    """Scores of two people on whom the recipe was not trained."""
+def fold(every: Path, config: TrainConfig, pair: tuple[int, ...], out_dir: Path) -> Trained:
+    """A network, and its scores on two people on whom it was not trained."""
     data = config.data.model_copy(update={"held_out_subjects": pair})
     config = config.model_copy(update={"data": data})
     name = "subjects " + " and ".join(f"{subject:02d}" for subject in pair)
-    return trained(name, scored_motions(every, config, pair), config, out_dir).row
+    return trained(name, scored_motions(every, config, pair), config, out_dir)
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, float]:

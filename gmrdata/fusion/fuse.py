@@ -315,12 +315,12 @@ def fuse_person(
     motion, known = clip.motion, known_frames(clip)
     check_finite(clip)
     found = deltas_at_source_rate(gmr, motion)
-    motions = seen_motions(*found, motion.fps_hz, network.errors)
+    motions = seen_motions(found, motion.fps_hz, network.errors)
     motions = widened(motions, unseen_frames(clip), config.unseen_widening)
     if config.pace_share > 0:
         motions = with_pace_errors(motions, motion.fps_hz, config.pace_share)
     if not known.any():
-        motion = stand(_placed(motion, *found, WORLD_FROM_REST, np.zeros(3), 0), body)
+        motion = stand(_placed(motion, *found[:2], WORLD_FROM_REST, np.zeros(3), 0), body)
         clip = replace(clip, motion=motion)
     noise = measured_noise(clip, motions, config)
     seen = seen_poses(clip, noise)
@@ -329,7 +329,7 @@ def fuse_person(
     feet = planted_feet(body, motion, motions, config) if config.feet else None
     poses = smooth(motion.fps_hz, seen, motions, feet=feet, loops=person.loops)
     first = int(known.argmax())
-    alone = _placed(motion, *found, poses.rotmats[first], poses.pelvis_m[first], first)
+    alone = _placed(motion, *found[:2], poses.rotmats[first], poses.pelvis_m[first], first)
     sigmas = error_bars(poses, clip, config, person.errors)
     source = f"{motion.source}; put together with GMR {gmr.name} (step {gmr.step})"
     motion = replace(motion, root_rotmats=poses.rotmats, pelvis_m=poses.pelvis_m, source=source)

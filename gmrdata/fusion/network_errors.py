@@ -15,10 +15,14 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from gmrdata.fusion.network_evidence import (
+    LEAST_DOUBT,
     SPEEDS_M_PER_S,
     DeltaErrors,
+    DoubtPart,
     ErrorPart,
+    mean_doubts,
     mean_speeds_m_per_s,
+    process_at,
 )
 from gmrdata.fusion.smoothing import mean_variance
 from gmrdata.gmr.augmentation import turned
@@ -39,6 +43,8 @@ SPANS_S = (0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0)
 FAST_TIMES_S = (0.05, 0.1, 0.2, 0.4)
 SLOW_TIMES_S = (3.0, 10.0)
 FEWEST_S = 20.0  # of motion behind a figure
+DOUBT_SHARES = (0.25, 0.5, 0.7, 0.85, 0.95)  # of the motions: between levels of doubt
+LEAST_FACTOR = 0.2  # nothing is so sure that an error bar shrinks to nothing
 
 
 class MeasureConfig(Config):
@@ -63,6 +69,7 @@ class SeenBesideTruth:
 
     delta_rotmats: np.ndarray  # (T-1, 3, 3)
     delta_m: np.ndarray  # (T-1, 3) [m]
+    doubt: np.ndarray  # (T-1, 2) [rad/s, m/s]
     true_rotmats: np.ndarray  # (T, 3, 3) world_from_root
     true_pelvis_m: np.ndarray  # (T, 3) [m]
     fps_hz: float
@@ -174,6 +181,7 @@ def delta_errors(
         speeds_m_per_s=SPEEDS_M_PER_S,
         fast=fitted.fast,
         slow=fitted.slow,
+        doubt=fitted.doubt,
     )
 
 
@@ -187,10 +195,11 @@ def error_rates(seen: SeenBesideTruth) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class FittedErrors:
-    """The two processes, fitted."""
+    """The two processes, and their growth with doubt, fitted."""
 
     fast: ErrorPart
     slow: ErrorPart
+    doubt: DoubtPart
 
 
 def fit_errors(clips: Sequence[SeenBesideTruth]) -> FittedErrors:
@@ -212,7 +221,56 @@ def fit_errors(clips: Sequence[SeenBesideTruth]) -> FittedErrors:
     known = np.flatnonzero(enough)
     nearest = np.abs(np.arange(len(SPEEDS_M_PER_S))[:, None] - known).argmin(axis=1)
     fast, slow = (_part(times[:, k], sigma[nearest, k]) for k in (0, 1))
-    return FittedErrors(fast, slow)
+    return FittedErrors(fast, slow, _fit_doubt(clips, fast, slow))
+
+
+def _fit_doubt(clips: Sequence[SeenBesideTruth], fast: ErrorPart, slow: ErrorPart) -> DoubtPart:
+    """How much larger errors over `SPANS_S[0]` are than their speed says, by doubt."""
+    doubts, ratios = [], []
+    for clip in clips:
+        n = max(1, round(SPANS_S[0] * clip.fps_hz))
+        if len(clip.delta_m) < n:
+            continue
+        sigma = span_sigma(fast, slow, mean_speeds_m_per_s(clip.delta_m, clip.fps_hz), SPANS_S[0])
+        about = mean_doubts(clip.doubt, clip.fps_hz)
+        values = np.column_stack([error_rates(clip), sigma**2, about])
+        means = np.lib.stride_tricks.sliding_window_view(values, n, axis=0).mean(axis=-1)
+        squares, variances = means[:, :6] ** 2, means[:, 6:12]
+        of_turn_and_place = (slice(0, 3), slice(3, 6))
+        ratios.append(
+            np.stack([squares[:, a].sum(1) / variances[:, a].sum(1) for a in of_turn_and_place], 1)
+        )
+        doubts.append(means[:, 12:])
+    turn, place = (
+        _factors_by_level(np.concatenate(doubts)[:, k], np.concatenate(ratios)[:, k])
+        for k in (0, 1)
+    )
+    return DoubtPart(tuple(np.rad2deg(turn[0]).tolist()), turn[1], *place)
+
+
+def _factors_by_level(
+    doubts: np.ndarray, ratios: np.ndarray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Levels of doubt, and the root mean square of what errors are of those by speed: of as many
+    motions at each level, and never less at a higher one."""
+    order = np.argsort(doubts, kind="stable")
+    parts = np.split(order, [round(share * len(order)) for share in DOUBT_SHARES])
+    levels = np.array([max(np.median(doubts[part]), LEAST_DOUBT) for part in parts])
+    factors = np.maximum.accumulate([np.sqrt(ratios[part].mean()) for part in parts])
+    last = np.flatnonzero(
+        np.r_[np.diff(levels) > 1e-6 * levels[:-1], True]
+    )  # one answer alone has no doubt
+    factors = np.maximum(factors, LEAST_FACTOR)
+    return tuple(levels[last].tolist()), tuple(factors[last].tolist())
+
+
+def span_sigma(fast: ErrorPart, slow: ErrorPart, speeds: np.ndarray, span_s: float) -> np.ndarray:
+    """Standard deviations (T-1, 6) of the error's mean over a span, by speed [rad/s, m/s]."""
+    variances = np.zeros((len(speeds), 6))
+    for one in (fast, slow):
+        process = process_at(one, speeds, SPEEDS_M_PER_S)
+        variances += process.sigma**2 * mean_variance(span_s / process.time_s)
+    return np.asarray(np.sqrt(variances))
 
 
 def _part(times: np.ndarray, sigma: np.ndarray) -> ErrorPart:

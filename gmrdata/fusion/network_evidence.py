@@ -2,8 +2,10 @@
 
 The error is taken as a rate, in the body's axes, and as the sum of two Gauss-Markov processes: a
 fast one, which forgets itself within a step or two, and a slow one, which lasts through a gap, such
-as a pace that is thought too short.  Both grow with the speed that the network says.  A record
-beside the network has what was measured on people whom it had not seen (`network_errors`).
+as a pace that is thought too short.  Both grow with the speed that the network says, and with its
+doubt: how far its answers to a motion, its mirror image and its reverse are apart.  Whoever moves
+as nobody did in the training is doubted.  A record beside the network has what was measured on
+people whom it had not seen (`network_errors`).
 
 A walker takes many steps, and a network errs alike in each of them.  So its error where cameras see
 the person is carried over to where they don't, by how like the poses are: by Gaussian process
@@ -11,6 +13,7 @@ regression (Rasmussen & Williams 2006, eq. 2.25), whose mean scipy's radial basi
 Each pose tells of its mirror image, too.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Literal, Self
 
@@ -21,6 +24,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial.transform import Rotation
 
 from gmrdata.fusion.smoothing import ErrorProcess, SeenMotions, SeenPoses
+from gmrdata.gmr.predict import DoubtedMotions
 from gmrdata.values.body import MIRROR, MIRRORED, BodyModel
 from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.records import PART, Figure, Record
@@ -29,6 +33,8 @@ DELTA_ERRORS_FILE = "delta_errors.json"
 SPEEDS_M_PER_S = (0.0, 0.3, 0.8, 1.4)
 """Speeds at which errors are given, between which they are interpolated."""
 SPEED_TIME_S = 1.0  # over which a speed is the mean
+DOUBT_TIME_S = 0.5  # and a doubt: as long as a step or a jump
+LEAST_DOUBT = 1e-9  # for its logarithm
 PACE_AXES = (0.5, 0.3, 1.0)  # of a wrong pace, along left, up and front
 
 LIKE_M = 0.5
@@ -53,10 +59,21 @@ class ErrorPart:
     place_m_per_s: tuple[tuple[Figure, Figure, Figure], ...]
 
 
+@part(frozen=True, config=PART)
+class DoubtPart:
+    """By how much errors are larger than the speed says, at some levels of doubt; between them
+    interpolated in its logarithm."""
+
+    turn_deg_per_s: tuple[Figure, ...]
+    turn_factor: tuple[Figure, ...]
+    place_m_per_s: tuple[Figure, ...]
+    place_factor: tuple[Figure, ...]
+
+
 class DeltaErrors(Record):
     """`delta_errors.json`."""
 
-    format: Literal["gmrdata-delta-errors/1"] = "gmrdata-delta-errors/1"
+    format: Literal["gmrdata-delta-errors/2"] = "gmrdata-delta-errors/2"
     networks: tuple[str, ...]
     """Names of their runs."""
     fps_hz: float
@@ -71,6 +88,7 @@ class DeltaErrors(Record):
     speeds_m_per_s: tuple[Figure, ...]
     fast: ErrorPart
     slow: ErrorPart
+    doubt: DoubtPart
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
@@ -83,23 +101,50 @@ class DeltaErrors(Record):
         flat = [*self.fast.time_s, *self.slow.time_s]
         if min(flat) <= 0 or min(min(row) for table in tables for row in table) < 0:
             raise ValueError("a time or a standard deviation is not positive")
+        doubt = self.doubt
+        pairs = (doubt.turn_deg_per_s, doubt.turn_factor), (doubt.place_m_per_s, doubt.place_factor)
+        for levels, factors in pairs:
+            if not levels or len(levels) != len(factors) or min((*levels, *factors)) <= 0:
+                raise ValueError("levels of doubt and their factors are not as many, and positive")
+            if any(np.diff(levels) <= 0):
+                raise ValueError("levels of doubt don't ascend")
         return self
 
 
-def seen_motions(
-    delta_rotmats: np.ndarray, delta_m: np.ndarray, fps_hz: float, errors: DeltaErrors
-) -> SeenMotions:
-    """A network's motions with their errors by the speed that they have themselves."""
-    speeds = mean_speeds_m_per_s(delta_m, fps_hz)
-    fast, slow = (_process(one, speeds, errors) for one in (errors.fast, errors.slow))
-    return SeenMotions(delta_rotmats, delta_m, fast, slow)
+def seen_motions(found: DoubtedMotions, fps_hz: float, errors: DeltaErrors) -> SeenMotions:
+    """A network's motions with their errors, by their own speed and doubt."""
+    speeds = mean_speeds_m_per_s(found.delta_m, fps_hz)
+    factors = doubt_factors(found.doubt, fps_hz, errors.doubt)
+    levels = errors.speeds_m_per_s
+    fast, slow = (process_at(one, speeds, levels) for one in (errors.fast, errors.slow))
+    fast, slow = (replace(one, sigma=one.sigma * factors) for one in (fast, slow))
+    return SeenMotions(found.delta_rotmats, found.delta_m, fast, slow)
 
 
-def _process(one: ErrorPart, speeds: np.ndarray, errors: DeltaErrors) -> ErrorProcess:
+def process_at(one: ErrorPart, speeds: np.ndarray, levels: Sequence[float]) -> ErrorProcess:
+    """One of the two processes of motions with speeds (T-1,), given at levels of speed [m/s]."""
     tables = np.deg2rad(one.turn_deg_per_s), np.array(one.place_m_per_s)
     sigma = np.concatenate(tables, axis=1)
-    at = [np.interp(speeds, errors.speeds_m_per_s, column) for column in sigma.T]
+    at = [np.interp(speeds, levels, column) for column in sigma.T]
     return ErrorProcess(np.stack(at, axis=1), np.array(one.time_s))
+
+
+def doubt_factors(doubt: np.ndarray, fps_hz: float, part: DoubtPart) -> np.ndarray:
+    """Factors (T-1, 6) on the errors of motions whose doubt is (T-1, 2) [rad/s, m/s]."""
+    about = np.log(mean_doubts(doubt, fps_hz) + LEAST_DOUBT)
+    levels = np.deg2rad(part.turn_deg_per_s), np.array(part.place_m_per_s)
+    factors = [
+        np.interp(column, np.log(level), factor)
+        for column, level, factor in zip(
+            about.T, levels, (part.turn_factor, part.place_factor), strict=True
+        )
+    ]
+    return np.repeat(np.stack(factors, axis=1), 3, axis=1)
+
+
+def mean_doubts(doubt: np.ndarray, fps_hz: float) -> np.ndarray:
+    """Root mean squares of doubts (T-1, 2) over `DOUBT_TIME_S` about each motion."""
+    return np.sqrt(_window_means(doubt**2, round(DOUBT_TIME_S * fps_hz / 2)))
 
 
 def mean_speeds_m_per_s(delta_m: np.ndarray, fps_hz: float) -> np.ndarray:

@@ -41,11 +41,11 @@ def four_ways(
     return ways
 
 
-def mean_of_four(
+def turned_back(
     motions: list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]],
     lengths: Int[Tensor, " batch"] | None,
-) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
-    """The mean of motions that belong to `four_ways`.
+) -> list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]]:
+    """Motions that belong to `four_ways`, as motions of the sequence that was given.
 
     dR of frames i to i+1 is the transpose of the one back, dR', and dT = -dR dT'.  What leads out
     of a sequence, its last motion, has no meaning.
@@ -60,7 +60,7 @@ def mean_of_four(
             turns, moves_m = _frames_of(turns.transpose(-1, -2), back), _frames_of(moves_m, back)
             moves_m = -(turns @ moves_m[..., None])[..., 0]
         found.append((turns, moves_m))
-    return mean_motion(found)
+    return found
 
 
 def mean_motion(
@@ -71,6 +71,8 @@ def mean_motion(
     Rotations are averaged as unit quaternions on the first one's side: the chordal mean on SO(3)
     (Hartley et al. 2013, section 5.3), which does not depend on their order.
     """
+    if len(motions) == 1:
+        return motions[0]
     delta_m = torch.stack([moves_m for _, moves_m in motions]).mean(0)
     turns = torch.stack([rotations.from_rotmats(found, "quaternion") for found, _ in motions])
     sides = torch.where((turns * turns[0]).sum(-1, keepdim=True) < 0, -turns, turns)

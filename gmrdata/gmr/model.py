@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from gmrdata.gmr import rotations
-from gmrdata.gmr.augmentation import four_ways, mean_motion, mean_of_four
+from gmrdata.gmr.augmentation import four_ways, mean_motion, turned_back
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, NetworkConfig, Representation
 from gmrdata.values.body import JOINT, N_LOCAL
 from gmrdata.values.shapes import Float, Int
@@ -50,8 +50,11 @@ def joints_in_root_frame(
 SCALE = 10.0  # motions at 10 fps are about 0.1 rad and 0.1 m; the other numbers are about 1
 
 
+Joints = tuple[Tensor, Tensor]  # what `joints_in_root_frame` gives
+
+
 def velocities(
-    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"], joints: Joints | None = None
 ) -> Float[Tensor, "*batch frames 23 3"]:
     """How each joint turns to the next frame: axis-angle of R_i^T R_{i+1}, in `SCALE`-ths [rad]."""
     turns = local_rotmats[..., :-1, :, :, :].transpose(-1, -2) @ local_rotmats[..., 1:, :, :, :]
@@ -59,10 +62,10 @@ def velocities(
 
 
 def motions_if_standing(
-    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"], joints: Joints | None = None
 ) -> Float[Tensor, "*batch frames 23 6"]:
     """The root's motion if each joint stood still: dR (axis-angle) [rad], dT [m], times `SCALE`."""
-    return _root_motions(*joints_in_root_frame(local_rotmats))
+    return _root_motions(*(joints or joints_in_root_frame(local_rotmats)))
 
 
 def _root_motions(places_m: Tensor, root_from_joint: Tensor) -> Tensor:
@@ -89,7 +92,7 @@ def speeds_of_change(
 
 
 def seen_from_feet(
-    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"], joints: Joints | None = None
 ) -> Float[Tensor, "*batch frames 2 30"]:
     """The body in the frame of each foot, left and right: upright while that foot stands flat.
 
@@ -97,7 +100,7 @@ def seen_from_feet(
     the other ankle and the pelvis from the foot's ankle, and of the other foot's ball from this
     one's.  Then the root's and the other foot's up (y of their frames).
     """
-    places_m, root_from_joint = joints_in_root_frame(local_rotmats)
+    places_m, root_from_joint = joints or joints_in_root_frame(local_rotmats)
     masses = torch.tensor(MASSES, dtype=places_m.dtype, device=places_m.device)
     centre_m = (places_m * masses[:, None]).sum(-2) / (masses.sum() + PELVIS_MASS)
     feet = []
@@ -259,14 +262,23 @@ class Gmr(MotionNetwork):
         T frames in give T motions out, as in Fig. 4; but T frames have only T-1 motions, so the
         last one leads out of the sequence and callers drop it.
         """
+        return mean_motion(self.answers(poses, lengths))
+
+    def answers(
+        self,
+        poses: Float[Tensor, "batch frames numbers"],
+        lengths: Int[Tensor, " batch"] | None = None,
+    ) -> list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]]:
+        """What `forward` is the mean of: one answer, or of a symmetric network four."""
         if self.training or not self.config.symmetric:
-            return self._motions_of(poses, lengths)
+            return [self._motions_of(poses, lengths)]
         local_rotmats = input_rotmats(poses, self.config.input)
-        seen = [
-            network_input(way, self.config.input, self.config.extra_inputs)
-            for way in four_ways(local_rotmats, lengths)
-        ]
-        return mean_of_four([self._motions_of(way, lengths) for way in seen], lengths)
+        ways = torch.cat(four_ways(local_rotmats, lengths))
+        seen = network_input(ways, self.config.input, self.config.extra_inputs)
+        turns, moves_m = self._motions_of(seen, None if lengths is None else lengths.repeat(4))
+        # Four parts of a size that ONNX need not know.
+        parts = (values.unflatten(0, (4, -1)).unbind(0) for values in (turns, moves_m))
+        return turned_back(list(zip(*parts, strict=True)), lengths)
 
     def _motions_of(
         self, poses: Float[Tensor, "batch frames numbers"], lengths: Int[Tensor, " batch"] | None
@@ -300,7 +312,7 @@ class MeanGmr(nn.Module):
 
     def __init__(self, models: Sequence[Gmr]) -> None:
         super().__init__()
-        self.models = nn.ModuleList(models)
+        self.models: Sequence[Gmr] = nn.ModuleList(models)  # type: ignore[assignment]
         self.config = models[0].config
 
     def forward(
@@ -309,7 +321,15 @@ class MeanGmr(nn.Module):
         lengths: Int[Tensor, " batch"] | None = None,
     ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
         """dR and dT [m], as each of the networks gives them."""
-        return mean_motion([model(poses, lengths) for model in self.models])
+        return mean_motion(self.answers(poses, lengths))
+
+    def answers(
+        self,
+        poses: Float[Tensor, "batch frames numbers"],
+        lengths: Int[Tensor, " batch"] | None = None,
+    ) -> list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]]:
+        """Those of all networks."""
+        return [one for model in self.models for one in model.answers(poses, lengths)]
 
 
 def _shares(source: MotionSource, n_features: int) -> StandingShares | None:
@@ -346,5 +366,15 @@ def network_input(
     values = rotations.from_rotmats(local_rotmats, representation)
     if representation == "quaternion":
         values = rotations.continuous_in_time(values)
-    parts = [values] + [_MAKE_EXTRA[kind](local_rotmats) for kind in extra]
+    joints = joints_in_root_frame(local_rotmats) if extra else None
+    parts = [values] + [_MAKE_EXTRA[kind](local_rotmats, joints) for kind in extra]
     return torch.cat([part.flatten(-2) for part in parts], dim=-1)
+
+
+def given_input(
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"], config: ModelConfig
+) -> Float[Tensor, "*batch frames numbers"]:
+    """Input of a trained network; a symmetric one makes the extra inputs of four ways itself."""
+    return network_input(
+        local_rotmats, config.input, () if config.symmetric else config.extra_inputs
+    )

@@ -10,7 +10,7 @@ import io
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor, nn
 
 from gmrdata import __version__
+from gmrdata.gmr.augmentation import mean_motion
 from gmrdata.gmr.checkpoint import (
     REMEDY,
     read_model,
@@ -27,7 +28,7 @@ from gmrdata.gmr.checkpoint import (
     trained_checkpoint,
 )
 from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, Which, network_dir
-from gmrdata.gmr.model import Gmr, MeanGmr, network_input
+from gmrdata.gmr.model import Gmr, MeanGmr, given_input
 from gmrdata.gmr.runs import runs_at
 from gmrdata.motion.resample import resample
 from gmrdata.values import limits
@@ -94,17 +95,37 @@ def predict_deltas(
     gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 3 3"]
 ) -> tuple[Float[np.ndarray, "frames-1 3 3"], Float[np.ndarray, "frames-1 3"]]:
     """dR, orthonormal to float64, and dT [m] between local poses at the network's frame rate."""
-    poses = network_input(
-        torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64),
-        gmr.model.config.input,
-        gmr.model.config.extra_inputs,
-    )
+    return predict_with_doubt(gmr, local_rotmats)[:2]
+
+
+def predict_with_doubt(
+    gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 3 3"]
+) -> tuple[
+    Float[np.ndarray, "frames-1 3 3"],
+    Float[np.ndarray, "frames-1 3"],
+    Float[np.ndarray, "frames-1 2"],
+]:
+    """The same, and how far apart the answers are whose mean that is: those of a symmetric network
+    and of several networks, root mean square, of dR [rad] and of dT [m]; zeros for one answer."""
+    given = torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64)
+    poses = given_input(given, gmr.model.config)
     device = next(gmr.model.parameters()).device
     with torch.no_grad():
-        delta_rotmats, delta_m = gmr.model(poses.float()[None].to(device))
+        answers = gmr.model.answers(poses.float()[None].to(device))
+        mean = mean_motion(answers)
+        apart = torch.stack([_apart(one, mean) for one in answers]).square().mean(0).sqrt()
     # Rounding errors of float32 would grow over thousands of accumulated frames.
-    orthonormal = Rotation.from_matrix(delta_rotmats[0, :-1].cpu().double().numpy()).as_matrix()
-    return orthonormal, delta_m[0, :-1].cpu().double().numpy()
+    delta_rotmats, delta_m, doubt = (
+        values[0, :-1].cpu().double().numpy() for values in (*mean, apart)
+    )
+    return Rotation.from_matrix(delta_rotmats).as_matrix(), delta_m, doubt
+
+
+def _apart(one: tuple[Tensor, Tensor], mean: tuple[Tensor, Tensor]) -> Tensor:
+    """The angle between two dR, and the length between two dT: (batch, frames, 2)."""
+    # The chord of a small angle, which has no root of a rounding error.
+    angles = (one[0] - mean[0]).square().sum((-1, -2)).div(2).sqrt()
+    return torch.stack([angles, (one[1] - mean[1]).norm(dim=-1)], dim=-1)
 
 
 def predict_world_motion(
@@ -125,20 +146,29 @@ def predict_world_motion(
         first_root_rotmat: R_1, world_from_root; the identity if None.
         first_pelvis_m: T_1 [m]; the origin if None.
     """
-    local = _at_network_rate(gmr, motion)
-    delta_rotmats, delta_m = predict_deltas(gmr, local.local_rotmats)
-    root_rotmats, pelvis_m = accumulate(
-        delta_rotmats,
-        delta_m,
+    first = (
         np.eye(3) if first_root_rotmat is None else np.asarray(first_root_rotmat, np.float64),
         np.zeros(3) if first_pelvis_m is None else np.asarray(first_pelvis_m, np.float64),
     )
+    return _predicted(gmr, motion, first)[0]
+
+
+def _predicted(
+    gmr: TrainedGmr,
+    motion: Motion,
+    first: tuple[np.ndarray, np.ndarray] = (np.eye(3), np.zeros(3)),
+) -> tuple[Motion, np.ndarray]:
+    """The world motion from a first pose on, and `predict_with_doubt`'s doubt."""
+    local = _at_network_rate(gmr, motion)
+    delta_rotmats, delta_m, doubt = predict_with_doubt(gmr, local.local_rotmats)
+    root_rotmats, pelvis_m = accumulate(delta_rotmats, delta_m, *first)
     source = f"world motion predicted by GMR {gmr.name} (step {gmr.step}) from: {motion.source}"
     if abs(motion.fps_hz - gmr.fps_hz) > 1e-6 * gmr.fps_hz:
         source += f", resampled from {motion.fps_hz:g} to {gmr.fps_hz:g} fps"
-    return replace(
+    world = replace(
         local, root_rotmats=root_rotmats, pelvis_m=pelvis_m, frame="world", source=source
     )
+    return world, doubt
 
 
 def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
@@ -158,7 +188,16 @@ def _too_short(gmr: TrainedGmr, motion: Motion) -> BadMotionFile:
     )
 
 
-def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+class DoubtedMotions(NamedTuple):
+    """Motions from each of T poses to the next, and how far a network's answers are apart."""
+
+    delta_rotmats: Float[np.ndarray, "frames-1 3 3"]
+    delta_m: Float[np.ndarray, "frames-1 3"]
+    doubt: Float[np.ndarray, "frames-1 2"]
+    """Of the turn and of the step, as rates [rad/s, m/s]."""
+
+
+def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
     """dR (T-1, 3, 3) and dT (T-1, 3) [m] between all T poses, from the local ones alone.
 
     The network runs at its own rate, mostly 10 Hz, over poses of 30.  Begun one pose later it sees
@@ -169,22 +208,27 @@ def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> tuple[np.ndarray, 
     n = motion.n_frames
     poses = without_root(motion)
     turns, steps_m, counts = np.zeros((n - 1, 3)), np.zeros((n - 1, 3)), np.zeros((n - 1, 1))
+    doubts = np.zeros((n - 1, 2))
     for phase in range(max(1, int(motion.fps_hz / gmr.fps_hz + 1e-6))):
         if (n - 1 - phase) / motion.fps_hz < 1 / gmr.fps_hz - 1e-6:
             break
-        seen = predict_world_motion(gmr, poses.take(slice(phase, None)))
+        seen, doubt = _predicted(gmr, poses.take(slice(phase, None)))
         back = resample(replace(seen, local_rotmats=seen.local_rotmats[:, :0]), motion.fps_hz)
         found, found_m = deltas(back.root_rotmats, back.pelvis_m)
         rows = slice(phase, min(phase + len(found), n - 1))
         count = rows.stop - phase
         turns[rows] += Rotation.from_matrix(found[:count]).as_rotvec()
         steps_m[rows] += found_m[:count]
+        of_motion = (np.arange(count) * gmr.fps_hz / motion.fps_hz).astype(int)
+        doubts[rows] += gmr.fps_hz * doubt[of_motion.clip(max=len(doubt) - 1)]
         counts[rows] += 1
     if not counts.any():
         raise _too_short(gmr, motion)
     nearest = np.maximum.accumulate(np.where(counts[:, 0] > 0, np.arange(n - 1), 0))
-    turns, steps_m, counts = turns[nearest], steps_m[nearest], counts[nearest]
-    return Rotation.from_rotvec(turns / counts).as_matrix(), steps_m / counts
+    turns, steps_m, doubts = (
+        (values / np.maximum(counts, 1))[nearest] for values in (turns, steps_m, doubts)
+    )
+    return DoubtedMotions(Rotation.from_rotvec(turns).as_matrix(), steps_m, doubts)
 
 
 if TYPE_CHECKING:
@@ -213,8 +257,7 @@ class _WholeNetwork(nn.Module):
     def forward(
         self, local_rotmats: Float[Tensor, "batch frames 23 3 3"]
     ) -> tuple[Float[Tensor, "batch frames-1 3 3"], Float[Tensor, "batch frames-1 3"]]:
-        config = self.model.config
-        poses = network_input(local_rotmats, config.input, config.extra_inputs)
+        poses = given_input(local_rotmats, self.model.config)
         # The exporter would else take the example's sizes for those of all inputs.
         poses = poses.reshape(local_rotmats.shape[0], local_rotmats.shape[1], poses.shape[2])
         delta_rotmats, delta_m = self.model(poses)

@@ -31,7 +31,7 @@ from gmrdata.fusion.record import (
     load_sigma,
     result_rows,
 )
-from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate
+from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr, deltas_at_source_rate
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
@@ -50,9 +50,12 @@ def test_motions_at_the_poses_rate_are_shares_of_the_networks(
     fps_hz: float, walk: Callable[..., Motion], constant: Callable[..., TrainedGmr]
 ) -> None:
     motion = walk(fps_hz, 41)
-    found, found_m = deltas_at_source_rate(constant([0.0, 0.2, 0.0], [0.0, 0.0, 0.1]), motion)
+    found, found_m, doubt = deltas_at_source_rate(
+        constant([0.0, 0.2, 0.0], [0.0, 0.0, 0.1]), motion
+    )
     assert found.shape == (40, 3, 3)
     np.testing.assert_allclose(angles_rad(found), 0.2 * 10 / fps_hz, rtol=1e-5)
+    assert doubt.tolist() == [[0.0, 0.0]] * 40, "one answer"
     # Along the arc's chord; at a lower rate than the steps', in straight pieces.
     np.testing.assert_allclose(np.linalg.norm(found_m, axis=1), 0.1 * 10 / fps_hz, rtol=0.01)
 
@@ -195,7 +198,9 @@ def test_the_true_motions_fill_the_gap(
     monkeypatch.setattr(
         stage,
         "deltas_at_source_rate",
-        lambda gmr, motion: deltas(truth.root_rotmats, truth.pelvis_m),
+        lambda gmr, motion: DoubtedMotions(
+            *deltas(truth.root_rotmats, truth.pelvis_m), np.zeros((truth.n_frames - 1, 2))
+        ),
     )
     config = FusionConfig(ground=False)
     fused = fused_alone(clip, untrained, small_body, config)

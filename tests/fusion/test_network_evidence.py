@@ -23,6 +23,7 @@ from gmrdata.fusion.network_errors import (
 from gmrdata.fusion.network_evidence import (
     SPEEDS_M_PER_S,
     DeltaErrors,
+    DoubtPart,
     ErrorPart,
     corrected_by_like_poses,
     mean_speeds_m_per_s,
@@ -30,7 +31,7 @@ from gmrdata.fusion.network_evidence import (
 )
 from gmrdata.fusion.smoothing import ErrorProcess, SeenMotions, SeenPoses
 from gmrdata.gmr.config import DataConfig, TrainConfig
-from gmrdata.gmr.predict import TrainedGmr
+from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr
 from gmrdata.gmr.train import train
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, BodyModel
@@ -44,16 +45,18 @@ from tests.motions import made_up
 FPS_HZ = 20.0
 
 
-def walk(seconds: float, speed_m_per_s: float, rates: np.ndarray) -> SeenBesideTruth:
+def walk(
+    seconds: float, speed_m_per_s: float, rates: np.ndarray, doubt: np.ndarray | None = None
+) -> SeenBesideTruth:
     """A straight walk, and what a network sees that errs by rates (T-1, 6) [rad/s, m/s]."""
     n = round(seconds * FPS_HZ) + 1
     rotmats = np.tile(np.eye(3), (n, 1, 1))
     pelvis_m = np.arange(n)[:, None] * [0.0, 0.0, speed_m_per_s / FPS_HZ]
     turns, steps_m = deltas(rotmats, pelvis_m)
     wrong = Rotation.from_rotvec(rates[:, :3] / FPS_HZ).as_matrix()
-    return SeenBesideTruth(
-        turns @ wrong, steps_m + rates[:, 3:] / FPS_HZ, rotmats, pelvis_m, FPS_HZ
-    )
+    steps_m = steps_m + rates[:, 3:] / FPS_HZ
+    doubt = np.ones((n - 1, 2)) if doubt is None else doubt
+    return SeenBesideTruth(turns @ wrong, steps_m, doubt, rotmats, pelvis_m, FPS_HZ)
 
 
 def wandering(n: int, sigma: float, time_s: float, rng: np.random.Generator) -> np.ndarray:
@@ -81,6 +84,7 @@ def record(fast: float = 0.2, slow: float = 0.1) -> DeltaErrors:
         speeds_m_per_s=speeds,
         fast=fast_part,
         slow=slow_part,
+        doubt=DoubtPart((1.0, 10.0), (1.0, 2.0), (0.1, 1.0), (1.0, 3.0)),
     )
 
 
@@ -125,11 +129,36 @@ def test_too_little_motion_is_refused_with_the_remedy() -> None:
 def test_motions_get_errors_by_their_own_speed() -> None:
     still, fast = np.zeros((40, 3)), np.tile([0.0, 0.0, 1.0 / FPS_HZ], (40, 1))
     turns = np.tile(np.eye(3), (40, 1, 1))
-    seen = [seen_motions(turns, steps_m, FPS_HZ, record()) for steps_m in (still, fast)]
+    sure = np.zeros((40, 2))
+    seen = [
+        seen_motions(DoubtedMotions(turns, steps_m, sure), FPS_HZ, record())
+        for steps_m in (still, fast)
+    ]
     np.testing.assert_allclose(seen[0].fast.sigma[:, 3:], 0.2)
     np.testing.assert_allclose(seen[1].fast.sigma[:, 3:], 0.4)
     np.testing.assert_allclose(seen[1].slow.sigma[:, :3], np.deg2rad(1.0))
     assert seen[0].slow.time_s.tolist() == [5.0] * 6
+
+
+def test_who_is_doubted_gets_wider_errors() -> None:
+    turns, steps_m = np.tile(np.eye(3), (40, 1, 1)), np.zeros((40, 3))
+    doubt = np.tile([np.deg2rad(np.sqrt(10)), 5.0], (40, 1))
+    seen = seen_motions(DoubtedMotions(turns, steps_m, doubt), FPS_HZ, record())
+    np.testing.assert_allclose(seen.fast.sigma[:, 3:], 3 * 0.2)  # not beyond the last level
+    np.testing.assert_allclose(seen.slow.sigma[:, :3], 1.5 * np.deg2rad(1.0))  # half way, by ratios
+
+
+def test_errors_that_grow_with_doubt_do_so_in_the_record() -> None:
+    rng = np.random.default_rng(5)
+    clips = []
+    for grown in (1.0, 1.0, 1.0, 4.0):
+        doubt = np.full((300, 2), 0.1 * grown)
+        clips.append(walk(15.0, 1.0, grown * rng.normal(0, 0.1, (300, 6)), doubt))
+    part = fit_errors(clips).doubt
+    assert len(part.turn_factor) == len(part.turn_deg_per_s) == 2, "two levels of doubt there are"
+    assert part.place_m_per_s == pytest.approx((0.1, 0.4))
+    assert part.turn_factor[1] / part.turn_factor[0] == pytest.approx(4.0, rel=0.15)
+    assert part.place_factor[1] / part.place_factor[0] == pytest.approx(4.0, rel=0.15)
 
 
 def test_a_speed_is_the_mean_about_it() -> None:
