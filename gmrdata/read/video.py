@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 from gmrdata.read.frames import read_frames, write_image
 from gmrdata.read.video_faults import why_no_video
 from gmrdata.read.video_rate import rated
+from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
@@ -43,6 +44,9 @@ BROADCAST = ("mpegts", "mpeg", "mpegvideo")  # a recording of it begins anywhere
 REMEDY = "convert it again (H.264 in .mp4)"
 LONGEST_PIXEL = 4.0  # the most that a pixel may be longer than wide, or wider than long
 MOST_REORDERED = 16  # frames that a decoder may hold back, as H.264 and HEVC have it
+REPEATED, FEWEST_REPEATED, MOST_ON_END = 0.1, 0.15, 10
+"""A frame repeats the one before if it changes by so small a share of what most do; how many repeat
+where 24 pictures a second were made 30 (a fifth); and of how many frames one picture is made."""
 FEWEST_LOST_S = 0.5  # a file without a count of frames may say so much more than they last [s]
 
 
@@ -203,7 +207,7 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         stream = _video_stream(path, container)
         reading = _Reading()
         numbers: list[int] = []
-        size_px = (0, 0)
+        size_px, small, changes = (0, 0), None, list[float]()
         for number, image in _pictures(path, container, stream, config, reading):
             if numbers and size_px != image.shape[1::-1]:
                 sizes = "{}x{} px, the frames before it {}x{} px".format(
@@ -214,10 +218,14 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
             _require_in_budget(path, len(numbers) + 1, size_px)
             _write_image(out_dir / f"{number // config.every:05d}.jpg", image, config.jpeg_quality)
             numbers.append(number)
+            before, small = small, image[::8, ::8].astype(np.int16)
+            changes += [] if before is None else [float(np.abs(small - before).mean())]
         n_expected = _count_expected(container, stream, reading)
         _require_whole(path, n_expected, reading, config)
         _require_several(path, len(numbers), reading)
         rate_hz, times_s = _rated(path, stream, reading)
+        if repeats := said_of_repeats(np.array(changes)):
+            remark(f"{path}: {repeats}")
         return VideoRecord(
             container=container.format.name,
             codec=stream.codec_context.name,
@@ -233,6 +241,21 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
             numbers=tuple(numbers),
             times_s=tuple(times_s[numbers].round(6).tolist()),
         )
+
+
+def said_of_repeats(changes: np.ndarray) -> str | None:
+    """What to say of frames that repeat the one before, by mean changes (N-1,) between frames; None
+    where few do, or many on end, as of a picture that stands still."""
+    repeats = changes < REPEATED * np.percentile(changes, 90)
+    moves = np.flatnonzero(np.r_[True, ~repeats, True])
+    apart = np.diff(moves)
+    if len(apart) < 3 or repeats.mean() < FEWEST_REPEATED or apart.max() > MOST_ON_END:
+        return None
+    every = int(apart[1])
+    even = (apart[1:-1] == every).all()
+    remedy = f"--every {every} leaves them out" if even else "give the original"
+    n, of = int(repeats.sum()), len(changes) + 1
+    return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"
 
 
 def _video_stream(path: Path, container: "InputContainer") -> Any:

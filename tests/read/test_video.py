@@ -210,6 +210,28 @@ def test_a_part_of_a_video(
     assert [images[0].stem, images[-1].stem] == names and len(images) == len(numbers)
 
 
+@pytest.mark.parametrize(
+    ("of_frame", "said"),
+    [
+        (lambda n: n, ""),
+        (
+            lambda n: n // 4,
+            "30 of 40 frames repeat the one before: it was made faster than filmed; --every 4",
+        ),
+        (lambda n: n - n // 5, "7 of 40 frames repeat the one before"),
+        (lambda n: min(n, 20), ""),
+    ],
+)
+def test_frames_that_repeat_are_said(
+    of_frame: Callable[[int], int], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As converters make 120 of 30 frames a second, or 30 of 24; a picture may stand still, too."""
+    path = make_video(tmp_path / "clip.mp4", [textured(of_frame(n)) for n in range(40)])
+    extracted(path)
+    answer = " ".join(capsys.readouterr().err.split())
+    assert said in answer and bool(said) == ("repeat" in answer)
+
+
 def test_a_part_of_nothing_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadFrames, match="0 frames could be read.*the video has 8, up to 0.28 s"):
         extracted(make_video(tmp_path / "a.mp4"), from_s=3)
