@@ -17,6 +17,9 @@ from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, fit_similarity, invert, mean_rotation
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.judge import PseudoGtQuality, load_record
+from gmrdata.world.level import level_from_world
+
+FORWARD = np.array([1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,8 @@ class WorldRow:
     place_mm: float
     """Of the hips' middle, or the shirt, after one rigid transform, root mean square."""
     within: tuple[float, float]
-    """Shares of that error, axis by axis, within one and two of its standard errors."""
+    """Shares of errors, axis by axis, within one and two standard errors, after a heading and a
+    place on the floor: up and the floor are part of what is said."""
     within_before_camera: tuple[float, float]
     """The same before the camera, with no transform."""
 
@@ -54,7 +58,6 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
     before_m = apply(invert(world_from_cam), found_m[:, None])[:, 0]
     whole = [(0, len(joints_m))]
     wa_mm = segment_errors_mm(joints_m, truth_m, whole, first_frames=None, scale=True)[0]
-    off_m = found_m - fit_similarity(found_m, hips_m, scale=False).apply(hips_m)
     sigmas = load_sigma(solved_dir / FUSED / sigma_file(number))
     return WorldRow(
         clip=view.name,
@@ -62,7 +65,7 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
         scale_off=None,
         floor_m=None,
         **_level(world_from_cam[:1, :3, :3] @ view.up, quality, number),
-        **_places(off_m, before_m - hips_m, sigmas, np.arange(len(off_m))),
+        **_places(found_m, apply(view.level_from_cam, hips_m), before_m - hips_m, sigmas),
     )
 
 
@@ -107,15 +110,16 @@ def dancer_row(dance: Dance, solved_dir: Path, body: BodyModel, name: str) -> Wo
     known = np.isfinite(places_m).all(axis=1) & np.isfinite(shirt_m[rows]).all(axis=1)
     places_m, rows = places_m[known], rows[known]
     world_m = apply(found[rows], places_m[:, None])[:, 0]
-    off_m = world_m - fit_similarity(world_m, shirt_m[rows], scale=False).apply(shirt_m[rows])
+    level = level_from_world(dance.up, dance.floor_m, shirt_m[rows[0]], FORWARD)
     before_m = places_m - apply(invert(true[rows]), shirt_m[rows][:, None])[:, 0]
+    sigmas = {key: of[rows] for key, of in load_sigma(solved_dir / FUSED / sigma_file(0)).items()}
     return WorldRow(
         clip=name,
         wa_mm=None,
         scale_off=float(1 / true_from_found.scale - 1),
         floor_m=float(np.nanmedian(floor_m[:, 2])),
         **_level((turn.T @ dance.up)[None], quality, 0),
-        **_places(off_m, before_m, load_sigma(solved_dir / FUSED / sigma_file(0)), rows),
+        **_places(world_m, apply(level, shirt_m[rows]), before_m, sigmas),
     )
 
 
@@ -131,13 +135,23 @@ def _level(ups: np.ndarray, quality: PseudoGtQuality, number: int) -> dict[str, 
 
 
 def _places(
-    off_m: np.ndarray, before_m: np.ndarray, sigmas: dict[str, np.ndarray], rows: np.ndarray
+    found_m: np.ndarray, true_m: np.ndarray, before_m: np.ndarray, sigmas: dict[str, np.ndarray]
 ) -> dict[str, Any]:
+    """Of places in worlds with z up and the floor at z = 0, and errors before the camera."""
+    off_m = found_m - fit_similarity(found_m, true_m, scale=False).apply(true_m)
     return {
         "place_mm": float(1000 * np.sqrt((off_m**2).sum(axis=1).mean())),
-        "within": _within(off_m / sigmas["place_sigma_m"][rows]),
-        "within_before_camera": _within(before_m / sigmas["camera_sigma_m"][rows]),
+        "within": _within(_on_the_floor_m(found_m, true_m) / sigmas["place_sigma_m"]),
+        "within_before_camera": _within(before_m / sigmas["camera_sigma_m"]),
     }
+
+
+def _on_the_floor_m(found_m: np.ndarray, true_m: np.ndarray) -> np.ndarray:
+    """(T, 3) what is left after the best heading and place on the floor."""
+    found, true = (points[:, :2] - points[:, :2].mean(axis=0) for points in (found_m, true_m))
+    turn = np.angle(((found[:, 0] + 1j * found[:, 1]) * (true[:, 0] - 1j * true[:, 1])).sum())
+    turned = true @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return np.column_stack([found - turned, found_m[:, 2] - true_m[:, 2]])
 
 
 def _within(sizes: np.ndarray) -> tuple[float, float]:

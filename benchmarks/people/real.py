@@ -23,7 +23,7 @@ from gmrdata.solve.videos import solve_video
 from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_bytes
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
-from gmrdata.values.transforms import apply, rigid
+from gmrdata.values.transforms import apply, invert, rigid
 
 VIEWS = ("cam01", "cam02", "cam03", "cam04")
 TWELVE_25B = list(range(5, 17))
@@ -43,6 +43,7 @@ class View:
     name: str
     lens: Lens
     up: np.ndarray  # (3,) in the camera's axes
+    level_from_cam: np.ndarray  # (4, 4) to the true world, z up and the floor at z = 0
     true_m: np.ndarray  # (T, 12, 3) before the camera
 
 
@@ -71,6 +72,7 @@ def view_of(real_dir: Path, name: str) -> View:
         name,
         Lens.of_matrix(truth["K"][n], size_px, radial),
         truth["R"][n][:, 2],
+        invert(cam_from_world),
         apply(cam_from_world, truth["X"][:, TWELVE_25B]),
     )
 
