@@ -138,6 +138,7 @@ def test_growth(record: Record) -> None:
         limits |= {} if kind == "street" else {"ate_mm": MOST_ATE_MM}
         for name, limit in limits.items():
             bars.append(at_most(f"{kind}: {name}", max(run[name] for run in long), limit))
-    show("Growth", rows)
+    if rows:
+        show("Growth", rows)
     record.add(growth=rows)
     record.hold(bars)

@@ -20,10 +20,10 @@ from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
 
-FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S, SHOWN_S = 0.02, 0.12, 0.17, 0.005, 0.08, 0.12
-SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 15.0, 20.0, 5.0
+FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S, SHOWN_S = 0.02, 0.12, 0.17, 0.04, 0.03, 0.12
+SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 20.0, 5.0
 """Seconds that one image of 1280x720 px takes on two cores, and that all need."""
-START_GB, FRAME_GB = 0.6, 0.00015
+START_GB, FRAME_GB = 0.9, 0.00016
 """Memory of the process, and what each image adds; the size of the images adds little."""
 MOST_SHOWN = 900  # images that the page's video has at most
 HEADINGS = ("stage", "about [s]")

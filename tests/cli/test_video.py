@@ -278,6 +278,6 @@ def test_a_dry_run_says_how_much_there_is_to_do(
     for given, said in ((dolly.images_dir, "12 images of 320x180"), (source, "8 images of 64x48")):
         main([*arguments(given, tmp_path / "out"), "--dry-run"])
         printed = capsys.readouterr().out
-        assert f"{said} px, about 0.6 GB of memory" in printed
+        assert f"{said} px, about 0.9 GB of memory" in printed
         assert "sfm" in printed and "page" in printed
     assert not (tmp_path / "out").exists()

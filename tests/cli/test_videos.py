@@ -87,7 +87,7 @@ def test_a_dry_run_lists_the_videos_and_does_nothing(
     rows = {words[0]: words[1:3] for line in said.stdout.splitlines() if (words := line.split())}
     assert rows["walk"] == ["12", "320x180"] and rows["still"] == ["4", "64x48"]
     assert rows["all"][0] == "16" and rows["broken"] == ["-", "-"]
-    assert "up to 0.6 GB of memory for each at work" in " ".join(said.stdout.split())
+    assert "up to 0.9 GB of memory for each at work" in " ".join(said.stdout.split())
     assert "broken.mov: no video" in said.stderr
     assert not (tmp_path / "out").exists()
 
