@@ -230,7 +230,10 @@ def read_npz(path: Path, budget: Budget | None = None) -> dict[str, np.ndarray]:
     except OverBudget as error:
         raise BadMotionFile(f"{path}: {error}; get it from its maker") from None
     except _NPZ_ERRORS as error:
-        raise BadMotionFile(f"{path}: not a readable .npz of plain arrays ({error})") from None
+        said: object = error
+        if "allow_pickle" in str(error):  # numpy's own remedy runs what the file holds
+            said = "it holds Python's objects; save each array of theirs by its name, np.savez"
+        raise BadMotionFile(f"{path}: not a readable .npz of plain arrays ({said})") from None
 
 
 def require_texts(what: str, texts: np.ndarray) -> None:

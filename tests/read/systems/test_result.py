@@ -288,6 +288,9 @@ def test_a_folder_that_is_no_result_is_named(tmp_path: Path) -> None:
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
     with pytest.raises(BadMotionFile, match=r"x\.npz: not TRAM's .* it has other"):
         read_system(tmp_path / "x.npz")
+    np.savez(tmp_path / "romp.npz", results=np.array({"smpl_thetas": np.zeros(72)}, dtype=object))
+    with pytest.raises(BadMotionFile, match="holds Python's objects; save each array"):
+        read_system(tmp_path / "romp.npz")
     (tmp_path / "x.pkl").write_bytes(joblib_bytes({1: {"pose": np.zeros((T, 72))}}))
     with pytest.raises(BadMotionFile, match=r"x\.pkl: person_1 has no 'frame_ids\'"):
         read_system(tmp_path / "x.pkl")
