@@ -135,19 +135,29 @@ def with_exchanged_arms(
     return exchanged
 
 
+def is_turned(config: WindowConfig) -> bool:
+    """Whether `turned` does anything."""
+    return max(config.pose_noise_deg, config.jitter_deg, config.posture_noise_deg) > 0
+
+
 def turned(
     local_rotmats: Float[np.ndarray, "*batch frames 23 3 3"],
     config: WindowConfig,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "*batch frames 23 3 3"]:
-    """Local rotations with each joint turned by `pose_noise_deg` and `posture_noise_deg`: R exp(n),
-    with axis-angle vectors n of normal distribution.  The second n is the same in all frames."""
+    """Local rotations with each joint turned by `pose_noise_deg`, `jitter_deg` and
+    `posture_noise_deg`: R exp(n), with axis-angle vectors n of normal distribution.  The last n is
+    the same in all frames."""
     rotvecs_rad = np.zeros(local_rotmats.shape[:-1])
     if config.pose_noise_deg > 0:
         noise = rng.normal(size=rotvecs_rad.shape)
         if config.pose_noise_time_s > 0:
             noise = _smoothed(noise, config.pose_noise_time_s * config.fps_hz)
         rotvecs_rad += _per_axis_rad(config.pose_noise_deg) * noise
+    if config.jitter_deg > 0:
+        most = _per_axis_rad(config.jitter_deg)
+        share = rng.random((*rotvecs_rad.shape[:-3], 1, 1, 1))
+        rotvecs_rad += most * share * rng.normal(size=rotvecs_rad.shape)
     if config.posture_noise_deg > 0:
         of_window = rng.normal(size=(*rotvecs_rad.shape[:-3], 1, *rotvecs_rad.shape[-2:]))
         rotvecs_rad += _per_axis_rad(config.posture_noise_deg) * of_window

@@ -120,6 +120,9 @@ class WindowConfig(Config):
     [deg]: another person's posture; paper: 0."""
     pose_noise_deg: float = Field(default=0.0, ge=0.0, le=180.0)
     """Root mean square angle of random turns of each joint, in the input alone [deg]; paper: 0."""
+    jitter_deg: float = Field(default=0.0, ge=0.0, le=180.0)
+    """Most root mean square angle of further turns, anew in each frame, as poses of pictures have
+    them: each window has a random share of it [deg]; paper: 0."""
     pose_noise_time_s: float = Field(default=0.0, ge=0.0, le=limits.LONGEST_S)
     """Standard deviation of the Gaussian that smooths them in time [s]; 0: anew in each frame."""
 

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gmrdata.gmr import rotations
 from gmrdata.gmr.augmentation import (
+    is_turned,
     mirror_local,
     mirror_points_m,
     mirror_rotmats,
@@ -121,7 +122,7 @@ def make_batch(
     local_rotmats[mirrored] = mirror_local(local_rotmats[mirrored])
     if config.exchange_probability > 0:
         local_rotmats = with_exchanged_arms(local_rotmats, config.exchange_probability, rng)
-    is_noisy = config.pose_noise_deg > 0 or config.posture_noise_deg > 0
+    is_noisy = is_turned(config)
     is_changed = config.mirror_probability > 0 or config.exchange_probability > 0 or is_noisy
     if is_changed or training_set.extra_inputs:
         poses = _input_of(local_rotmats, lengths, training_set, config, rng)
@@ -193,7 +194,7 @@ def _input_of(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Network input of a batch's local rotations, (B, T, D) float32, zero in padding."""
-    if config.pose_noise_deg > 0 or config.posture_noise_deg > 0:
+    if is_turned(config):
         local_rotmats = _padded(turned(local_rotmats, config, rng), lengths)
     poses: np.ndarray = network_input(
         torch.from_numpy(local_rotmats), training_set.representation, training_set.extra_inputs

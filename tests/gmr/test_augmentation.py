@@ -202,6 +202,9 @@ def test_posture_noise_is_the_same_in_all_frames_of_a_window() -> None:
     rms_deg = np.rad2deg(np.sqrt((found**2).sum(-1).mean()))
     assert rms_deg == pytest.approx(4.0, rel=0.15)
     assert np.abs(found[0] - found[1]).max() > 0.01
+    jitter = np.rad2deg(np.linalg.norm(noise_rad(WindowConfig(jitter_deg=3.0)), axis=-1))
+    of_window = np.sqrt((jitter**2).mean((-2, -1)))
+    assert of_window.min() < 0.5 and 2.5 < of_window.max() < 3.2, "each window has its share"
     both = noise_rad(WindowConfig(posture_noise_deg=3.0, pose_noise_deg=4.0, pose_noise_time_s=0.3))
     assert np.rad2deg(np.sqrt((both**2).sum(-1).mean())) == pytest.approx(5.0, rel=0.1)
 
