@@ -41,9 +41,9 @@ def refined_model(
     """One adjusted model of those that a mapper found, with background inside masks; what became
     of each."""
     model, records = join_models(models, config)
-    _adjust_and_filter(model, config)
     # Parts don't know what frames of another one see, by which a path comes back to where it was.
     in_parts = len(parts_of(len(frames.images), config.mapping)) > 1
+    _adjust_and_filter(model, config, 10 * ROUGH if in_parts else ROUGH)
     # Where a camera hardly travels, most points lack parallax: few are held, and rightly so.
     weak = not _is_short_model(model, config) and has_weak(model, matches, frames, config)
     for _ in range(config.mapping.triangulated_again if weak else int(in_parts)):
@@ -54,10 +54,10 @@ def refined_model(
     return mend_jumps(model, frames, config), records
 
 
-def _adjust_and_filter(model: Any, config: SfmConfig) -> None:
+def _adjust_and_filter(model: Any, config: SfmConfig, tolerance: float = ROUGH) -> None:
     # What is filtered hardly hangs on the last thousandth of the cost, which takes half of the time
     # and which the last adjustment finds.
-    bundle_adjuster(model, tolerance=ROUGH).solve()
+    bundle_adjuster(model, tolerance=tolerance).solve()
     model.update_point_3d_errors()
     manager = pycolmap.ObservationManager(model)
     manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
