@@ -57,10 +57,12 @@ def test_people_left_out_two_at_a_time(
     rows = [run.row for run in runs]
     show("People left out, two at a time", rows)
     figures = summary(rows)
-    honesty = honesty_rows({run.name: held_out_motions(run.run_dir, [every]) for run in runs})
+    honesty = []
+    if not small:  # a few short clips are too little to fit errors to
+        honesty = honesty_rows({run.name: held_out_motions(run.run_dir, [every]) for run in runs})
     show("Errors within the error bars that the other folds give [%]", honesty)
     record.add(folds=rows, honesty=honesty, **figures)
-    within_one, within_two = least_shares(honesty)
+    within_one, within_two = least_shares(honesty) if honesty else (0.0, 0.0)
     record.hold(
         [
             at_least("folds", len(rows), 10),
