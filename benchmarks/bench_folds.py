@@ -60,7 +60,7 @@ def test_people_left_out_two_at_a_time(
     honesty = []
     if not small:  # a few short clips are too little to fit errors to
         honesty = honesty_rows({run.name: held_out_motions(run.run_dir, [every]) for run in runs})
-    show("Errors within the error bars that the other folds give [%]", honesty)
+        show("Errors within the error bars that the other folds give [%]", honesty)
     record.add(folds=rows, honesty=honesty, **figures)
     within_one, within_two = least_shares(honesty) if honesty else (0.0, 0.0)
     record.hold(
