@@ -215,38 +215,25 @@ def _finish(
     focal = freed_focal(model)
     model, lens = with_lens(model, config.distortion)
     loss_px = sharpen(model, config)
-    n, intrinsics_px = len(frames.images), frames.intrinsics_px
+    intrinsics_px = frames.intrinsics_px
     matches = matches.without(lens, intrinsics_px)
-    number = {point: n for n, point in enumerate(sorted(model.point3D_ids()))}
-    points3d = [model.point3D(i) for i in number]
-    world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
-    placed = Placed(
-        world_from_cam, inliers, np.array([one.xyz for one in points3d]).reshape(-1, 3), {}
-    )
-    errors_px = [np.zeros(0)]
-    for row, image in frames.rows_of(model):
-        features, _, points = seen_by(model, image)
-        if features:
-            points_cam = transforms.apply(matrix_of(image.cam_from_world()), points)
-            image_px = (points_cam / points_cam[:, 2:]) @ intrinsics_px.T
-            apart_px = image_px[:, :2] - matches.keypoints_px[row][features]
-            errors_px.append(np.linalg.norm(apart_px, axis=1))
-        world_from_cam[row], inliers[row] = camera_of(image), len(features)
-        of = [number[image.point2D(feature).point3D_id] for feature in features]
-        placed.seen[row] = np.array([features, of], np.int32).T
+    placed, errors_px = _read_out(model, frames, matches)
     _forget_weak(placed, config.min_frame_points)
-    missing = set(range(n)) - set(placed.seen)
-    adjusted = np.isin(np.arange(n), list(placed.seen))
+    rows = range(len(frames.images))
+    adjusted = np.isin(rows, list(placed.seen))
+    missing = set(rows) - set(placed.seen)
     n_resected = place_frames(missing, placed, matches, intrinsics_px)
     return Solution(
         geometry="full",
         mapper=mapper,
-        world_from_cam=world_from_cam,
-        errors_px=np.concatenate(errors_px),
-        inliers=inliers,
+        world_from_cam=placed.world_from_cam,
+        errors_px=errors_px,
+        inliers=placed.inliers,
         focal=focal,
         points=placed.points,
-        track_lengths=np.array([point.track.length() for point in points3d], np.int64),
+        track_lengths=np.array(
+            [model.point3D(i).track.length() for i in sorted(model.point3D_ids())], np.int64
+        ),
         models=records,
         n_resected=n_resected,
         seen=placed.seen,
@@ -254,6 +241,28 @@ def _finish(
         loss_px=loss_px,
         lens=lens,
     )
+
+
+def _read_out(model: Any, frames: Frames, matches: Matches) -> tuple[Placed, np.ndarray]:
+    """A model's cameras with the points that they see, and the errors of these [px]."""
+    number = {point: n for n, point in enumerate(sorted(model.point3D_ids()))}
+    points = np.array([model.point3D(i).xyz for i in number]).reshape(-1, 3)
+    n_frames = len(frames.images)
+    placed = Placed(
+        np.full((n_frames, 4, 4), np.nan), np.zeros(n_frames, dtype=np.int64), points, {}
+    )
+    errors_px = [np.zeros(0)]
+    for row, image in frames.rows_of(model):
+        features, _, seen = seen_by(model, image)
+        if features:
+            points_cam = transforms.apply(matrix_of(image.cam_from_world()), seen)
+            image_px = (points_cam / points_cam[:, 2:]) @ frames.intrinsics_px.T
+            apart_px = image_px[:, :2] - matches.keypoints_px[row][features]
+            errors_px.append(np.linalg.norm(apart_px, axis=1))
+        placed.world_from_cam[row], placed.inliers[row] = camera_of(image), len(features)
+        of = [number[image.point2D(feature).point3D_id] for feature in features]
+        placed.seen[row] = np.array([features, of], np.int32).T
+    return placed, np.concatenate(errors_px)
 
 
 def _forget_weak(placed: Placed, min_points: int) -> None:
