@@ -56,7 +56,7 @@ class MappingConfig(Config):
     time; fewer need all tracks."""
     part_frames: int = Field(default=100, ge=5)
     """Keyframes that are mapped at once; of more, parts are mapped that share `part_overlap` of
-    them, and joined by one adjustment, so that the time grows with the path and not faster."""
+    them, and joined by one adjustment, as a mapper takes three times as long for twice as many."""
     part_overlap: int = Field(default=25, ge=3)
     """Keyframes that a part shares with the next."""
     least_held: float = Field(default=0.2, ge=0, le=1)

@@ -50,7 +50,7 @@ def came_back(frames: Frames, matches: Matches, work_dir: Path) -> list[tuple[in
     return [
         (row, matches.keypoints_px[row][feature])
         for row, points in found.seen.items()
-        for feature in points
+        for feature in points[:, 0]
         if feature >= matches.n_free[row]
     ]
 
