@@ -118,9 +118,9 @@ def _paths(arguments: Mapping[str, Any]) -> Iterator[Path]:
 def _first_file_is_there(arguments: Sequence[str]) -> None:
     """MissingInput where the first word after a verb names a file or folder that is not there:
     said before flags that are missing."""
-    if len(arguments) < 2 or arguments[1].startswith("-") or arguments[1] in WORDS:
+    verb, word = [*arguments, "", ""][:2]
+    if verb not in VERBS or not word or word.startswith("-") or word in WORDS:
         return
-    verb, word = arguments[:2]
     first = next(iter(signature(VERBS[verb]).parameters.values()))
     kinds = get_args(first.annotation)[:1]  # of a positional one; flags are not annotated so
     if kinds in ((Path,), (tuple[Path, ...],)) and not Path(word).exists():
@@ -131,8 +131,8 @@ def _tell_in_lines(modules: Collection[ModuleType]) -> None:
     """Make each paragraph and flag in the docstrings one line: tyro keeps line breaks of verbs."""
     for module in modules:
         for verb in filter(isfunction, vars(module).values()):
-            told = getdoc(verb) or ""
-            verb.__doc__ = re.sub(r"(?<=[^\n:])\n(?:(?=\S)| {8,})", " ", told)
+            if verb.__module__ == module.__name__ and (told := getdoc(verb)):
+                verb.__doc__ = re.sub(r"(?<=[^\n:])\n(?:(?=\S)| {8,})", " ", told)
 
 
 _tell_in_lines({sys.modules[verb.__module__] for verb in _VERBS})

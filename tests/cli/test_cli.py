@@ -173,6 +173,12 @@ def test_a_file_that_is_not_there_is_named_before_anything_else(
     assert answer.stderr.startswith("gmrdata: nofile")
 
 
+@pytest.mark.parametrize("flag", ["--help", "--version", "--tyro-print-completion"])
+def test_a_word_after_a_flag_without_a_verb_is_no_file(flag: str, gmrdata: Gmrdata) -> None:
+    answer = gmrdata(flag, "bash")
+    assert "Traceback" not in answer.stderr and "no such file" not in answer.stderr
+
+
 @pytest.mark.parametrize("verb", ["run", "render", "floor --recipe", "demo --recipe"])
 def test_a_name_too_long_for_a_file_is_said_in_a_line(
     verb: str, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
