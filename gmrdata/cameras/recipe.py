@@ -5,7 +5,7 @@ What was measured for a threshold stands in docs/figures.md.
 
 from typing import Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from gmrdata.values import limits
 from gmrdata.values.records import Config
@@ -74,6 +74,12 @@ class MappingConfig(Config):
     that what merely moves fast stays."""
     most_jumps: int = Field(default=10, ge=0)
     """Keyframes that are tried so at most, since each takes an adjustment."""
+
+    @model_validator(mode="after")
+    def _parts_reach_further(self) -> Self:
+        if self.part_overlap >= self.part_frames:
+            raise ValueError("part_overlap must be less than part_frames")
+        return self
 
 
 class JoiningConfig(Config):

@@ -13,9 +13,10 @@ side in the rest pose points up, too; the geometric median of those directions (
 taken, so a few feet on their toes do not matter.  And standing soles are on one plane, unless that
 is steep.  Each counts by its error, and `infer.json` says how level the world is.  A motion in
 which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the first
-frame.  Last, standing soles are put on z = 0 (`gmrdata.motion.ground`).  The paper does none of
-this: its first pose is the identity (section 3.6), which is what `level: first_pose` gives, in a
-world with z up.
+frame.  Last, who neither stands nor falls freely is put on the floor, z = 0
+(`gmrdata.world.heights`); on stairs and slopes, or where nothing shows up, heights stay, and the
+low ones of standing soles are at z = 0.  The paper does none of this: its first pose is the
+identity (section 3.6), which is what `level: first_pose` gives, in a world with z up.
 """
 
 import re
@@ -148,8 +149,11 @@ def stand_and_say(motion: Motion, body: BodyModel) -> tuple[Motion, LevelEstimat
 def _moved_to_floor(motion: Motion, soles_m: np.ndarray, still: np.ndarray, how: str) -> Motion:
     """The motion as it is, with the low ones of standing soles at z = 0."""
     standing_m = soles_m[still]
-    low_m = low_soles_m(standing_m, UP) if len(standing_m) else standing_m
-    floor_m = float(np.median(soles_on_floor_m(low_m, soles_m, UP) @ UP))
+    if len(standing_m):
+        low_m = low_soles_m(standing_m, UP)
+    else:
+        low_m = soles_on_floor_m(standing_m, soles_m, UP)
+    floor_m = float(np.median(low_m @ UP))
     pelvis_m = motion.pelvis_m - floor_m * UP
     return replace(motion, pelvis_m=pelvis_m, source=f"{motion.source}; {how}")
 

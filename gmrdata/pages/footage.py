@@ -15,6 +15,7 @@ from gmrdata.cameras.files import Distortion
 from gmrdata.pages.frames import draw_mask_outline
 from gmrdata.pages.solved import Solved
 from gmrdata.read.frames import read_gray
+from gmrdata.solve.plan import MOST_PICTURES
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, bent, project_cam
@@ -24,8 +25,6 @@ from gmrdata.write.take import Performer
 from gmrdata.write.video import write_video
 
 LARGEST_SIDE_PX = 960
-MOST_PICTURES = 900
-"""A longer video is shown at every second, third, ... frame, at its own speed."""
 CRF = 26
 MOST_BYTES = 6_000_000
 MARK_PX = 3

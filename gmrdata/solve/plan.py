@@ -25,7 +25,7 @@ SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 20.0, 5.0
 """Seconds that one image of 1280x720 px takes on two cores, and that all need."""
 START_GB, FRAME_GB = 0.9, 0.00016
 """Memory of the process, and what each image adds; the size of the images adds little."""
-MOST_SHOWN = 900  # images that the page's video has at most
+MOST_PICTURES = 900  # of the page's video; a longer one is shown at every second, third, ... image
 HEADINGS = ("stage", "about [s]")
 BATCH_HEADINGS = ("video", "images", "size [px]", "poses", "about [s]")
 
@@ -86,7 +86,7 @@ def plan_stages(source: Path, part: VideoConfig | None, stages: Sequence[str]) -
         "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
         "own poses": n_images * OWN_POSE_S,
         "bodies": BODIES_S + n_images * BODY_S,
-        "page": PAGE_S + min(n_images, MOST_SHOWN) * SHOWN_S,
+        "page": PAGE_S + min(n_images, MOST_PICTURES) * SHOWN_S,
     }
     return VideoPlan(n_images, size_px, {name: s * (name in stages) for name, s in seconds.items()})
 

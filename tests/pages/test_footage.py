@@ -22,7 +22,6 @@ from gmrdata.pages.footage import (
     BAR_PX,
     LARGEST_SIDE_PX,
     MOST_BYTES,
-    MOST_PICTURES,
     NO_MARKS,
     Footage,
     Marks,
@@ -35,6 +34,7 @@ from gmrdata.pages.footage import (
 )
 from gmrdata.pages.inference import Film, draw_body, film_camera, write_body_video, write_top_view
 from gmrdata.people.silhouette import silhouette
+from gmrdata.solve.plan import MOST_PICTURES
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project

@@ -103,7 +103,7 @@ def join_models(models: list[Any], config: SfmConfig) -> tuple[Any, tuple[ModelR
 def _similarity(whole: Any, model: Any, config: SfmConfig) -> tuple[Any | None, str]:
     """whole_from_model, or None; and the reason in words."""
     joining = config.joining
-    shared = sorted(set(whole.reg_image_ids()) & set(model.reg_image_ids()))
+    shared = _shared_images(whole, model)
     if not shared:
         return None, "shares no frame with the largest"
     frames = f"{len(shared)} frame{'s' if len(shared) > 1 else ''}"
@@ -134,6 +134,10 @@ def _similarity(whole: Any, model: Any, config: SfmConfig) -> tuple[Any | None, 
     return whole_from_model, f"joined by {frames} and {len(ours)} points, {error_px:.2f} px off"
 
 
+def _shared_images(whole: Any, model: Any) -> list[int]:
+    return sorted(set(whole.reg_image_ids()) & set(model.reg_image_ids()))
+
+
 def _by_cameras(whole: Any, model: Any, shared: list[int]) -> list[Any]:
     """The similarity that the shared cameras' turns and places ask for; none where these are one
     place."""
@@ -156,7 +160,7 @@ def _owners(model: Any, images: Iterable[int]) -> dict[tuple[int, int], int]:
     """The point behind each image point of some images, by image and number."""
     return {
         (image_id, number): spot.point3D_id
-        for image_id in sorted(images)
+        for image_id in images
         for number, spot in enumerate(model.image(image_id).points2D)
         if spot.has_point3D()
     }
@@ -169,8 +173,7 @@ def _image_points(point: Any) -> list[tuple[int, int]]:
 def _shared_points(whole: Any, model: Any, least: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (N, 3) of a model and those of the whole that the same image points, at `least` so
     many, belong to."""
-    shared = set(whole.reg_image_ids()) & set(model.reg_image_ids())
-    owners, theirs, ours = _owners(whole, shared), [], []
+    owners, theirs, ours = _owners(whole, _shared_images(whole, model)), [], []
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)
         votes = Counter(owners[at] for at in _image_points(point) if at in owners)
@@ -195,8 +198,8 @@ def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list
 
 def _take_over(whole: Any, model: Any) -> None:
     """Add frames and points of a model that is in the same world."""
-    shared = set(whole.reg_image_ids()) & set(model.reg_image_ids())
-    for image_id in sorted(set(model.reg_image_ids()) - set(whole.reg_image_ids())):
+    shared = _shared_images(whole, model)
+    for image_id in sorted(set(model.reg_image_ids()).difference(shared)):
         theirs = model.image(image_id)
         points_px = np.array([point.xy for point in theirs.points2D]).reshape(-1, 2)
         image = pycolmap.Image(theirs.name, points_px, theirs.camera_id, image_id)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from gmrdata.cameras.files import Mapper, WeakestStep
 from gmrdata.cameras.frames import Frames
@@ -81,6 +82,11 @@ def test_many_keyframes_are_mapped_in_parts_that_overlap(
     n_frames: int, parts: list[tuple[int, int]]
 ) -> None:
     assert parts_of(n_frames, MappingConfig()) == parts
+
+
+def test_a_part_reaches_further_than_it_overlaps() -> None:
+    with pytest.raises(ValidationError, match="part_overlap must be less than part_frames"):
+        MappingConfig(part_frames=25)
 
 
 def test_parts_become_one_model_as_good_as_that_of_all(arc: Any, tmp_path: Path) -> None:
