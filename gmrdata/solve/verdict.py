@@ -27,7 +27,7 @@ from gmrdata.values.clip import Clip, first_reasons, load_clip
 from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.records import Record
 from gmrdata.world.bodies import unseen_reasons
-from gmrdata.world.judge import load_record
+from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.recipe import Doubts, Verdict, verdict_of
 
 DOUBTS_FILE = "doubts.json"
@@ -132,9 +132,10 @@ VERDICT_FILE = "verdict.json"
 CAMERA = "camera"
 NOBODY = "none of the people can be used"
 UNCHECKED = (
-    "Whether the bodies lie on the people in the pictures was not checked: no masks, or too few, "
-    "were made without them. Use --masks person"
+    "Whether the bodies lie on the people in the pictures was not checked: no masks were made "
+    "without them. Use --masks person"
 )
+TOO_FEW = "whether the body lies on the person was not checked: too few frames have a mask"
 
 
 class VideoVerdict(Record):
@@ -182,7 +183,7 @@ def judge_video(solved: Solved) -> VideoVerdict:
     if solved.world_dir is not None:
         world = load_record(solved.world_dir)
         notes += [] if world.level is None or world.level.remark is None else [world.level.remark]
-        notes += [UNCHECKED] if None in world.picture_fits else []
+        notes += _unchecked(world)
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
     return VideoVerdict(
@@ -194,6 +195,15 @@ def judge_video(solved: Solved) -> VideoVerdict:
         people=people,
         notes=tuple(notes),
     )
+
+
+def _unchecked(world: PseudoGtQuality) -> list[str]:
+    """Of whom nothing says that the body lies on the person."""
+    unchecked = [fit is None for fit in world.picture_fits]
+    if all(unchecked):
+        return [UNCHECKED]
+    people = zip(world.people, unchecked, strict=True)
+    return [f"{person.id}: {TOO_FEW}" for person, of_it in people if of_it]
 
 
 def _why(solved: Solved) -> str:

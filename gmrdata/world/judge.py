@@ -249,6 +249,29 @@ def judge(
     return verdict_of(clip.id, not failed, failed, reasons)
 
 
+def telling_rows(
+    clips: Sequence[Clip],
+    doubts: Doubts,
+    fits: Sequence[PictureFit | None],
+    config: VerdictConfig,
+) -> list[np.ndarray]:
+    """By person (T,) bool: frames of bodies by which the world's scale and level are told.
+
+    A body that does not lie on the person says nothing of the world: neither in some frames, nor as
+    a whole, nor where all frames are doubted.  What is nobody, such as a bottle that was taken for
+    a person, would spoil the world of all others.  Where nobody is left, everybody tells.
+    """
+    telling = []
+    for clip, doubted, fit in zip(clips, doubts.frames, fits, strict=True):
+        rows = clip.valid.copy()
+        if fit is not None:
+            rows[list(fit.off_rows)] = False
+        if all(np.array(doubted)[clip.valid]) or (fit and any(_fit_reasons(fit, config))):
+            rows[:] = False
+        telling.append(rows)
+    return telling if np.sum(telling) > 1 else [clip.valid for clip in clips]
+
+
 def _body_reasons(
     clip: Clip,
     quality: CamerasQuality,

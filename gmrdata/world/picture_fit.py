@@ -87,8 +87,7 @@ def picture_fits(
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
     both = known[shown] if len(known) else known
-    some = np.linspace(0, len(both) - 1, min(len(both), MOST_FRAMES)).round().astype(int)
-    compared_late = set(both[some].tolist())
+    compared_late = [_evenly(both[clip.valid[both]]) for clip in clips]
     for start in range(0, len(both), AT_ONCE):
         rows = both[start : start + AT_ONCE]
         outlines = [
@@ -100,7 +99,7 @@ def picture_fits(
                 elsewhere = _elsewhere(row, outline, others)
                 found[person].now[row] = _at(clip, row, outline, elsewhere, masks)
                 found[person].doubled[row] = _doubled(row, outline, outlines[:person])
-                if row in compared_late:
+                if row in compared_late[person]:
                     late = [
                         _at(clip, row + lag, outline, elsewhere, masks) for lag in LAGS.tolist()
                     ]
@@ -110,6 +109,12 @@ def picture_fits(
         for clip, body in zip(clips, bodies, strict=True)
     ]
     return [_fit(one, config.off_overlap, limbs) for one, limbs in zip(found, off, strict=True)]
+
+
+def _evenly(rows: np.ndarray) -> set[int]:
+    """At most `MOST_FRAMES` of a person's rows: who is seen for a moment is compared as well."""
+    some = np.linspace(0, len(rows) - 1, min(len(rows), MOST_FRAMES)).round().astype(int)
+    return set(rows[some].tolist())
 
 
 def _limbs_off(clip: Clip, body: BodyModel, tracks: Sequence[Sightings]) -> np.ndarray:

@@ -20,7 +20,7 @@ from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
 from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.compose import metric_cameras, motion_in_world
-from gmrdata.world.judge import SolvedCameras, judge_people
+from gmrdata.world.judge import SolvedCameras, judge_people, telling_rows
 from gmrdata.world.level import (
     ONE_FLOOR_M,
     LevelEstimate,
@@ -33,7 +33,7 @@ from gmrdata.world.level import (
     soles_on_floor_m,
     up_of,
 )
-from gmrdata.world.picture_fit import PeopleMasks, picture_fits
+from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
 from gmrdata.world.planted_feet import (
     SOLE_POINTS,
     GroundPlane,
@@ -119,9 +119,17 @@ def make_pseudo_gt(
         bodies = [load_body(one.body_path) for one in evidence.people]
         clips = list(map(clip_on_body, _camera_clips(evidence.people), bodies))
         cameras = _solved_cameras(evidence, clips)
+        doubts = _doubts(evidence.doubts_path, len(clips), len(cameras.rows))
+        fits: list[PictureFit | None] = (
+            picture_fits(clips, bodies, evidence.seen, config.verdict)
+            if evidence.seen is not None
+            else [None] * len(clips)
+        )
+        told_by = telling_rows(clips, doubts, fits, config.verdict)
         try:
             sizes = evidence.size_sigmas or len(clips) * (0.0,)
-            world = compose_clips(clips, bodies, cameras, config, sizes)
+            people = list(map(CameraPerson, clips, bodies, sizes, told_by))
+            world = compose_clips(people, cameras, config)
         except NoReconstruction as error:
             cuts = cuts_in_words(cameras.quality.cuts_after_frames)
             raise NoReconstruction(f"{error}{cuts}") from None
@@ -129,13 +137,6 @@ def make_pseudo_gt(
         common = float(np.hypot(evidence.focal_sigma, config.scale.body_share))
         away = tuple(float(np.hypot(sigma, common)) for sigma in world.size_sigmas)
         cameras = replace(cameras, scale=scale, level=world.level, distance_sigmas=away)
-        doubts = _doubts(evidence.doubts_path, len(clips), len(cameras.rows))
-        seen = evidence.seen
-        fits = (
-            [None] * len(clips)
-            if seen is None
-            else picture_fits(clips, bodies, seen, config.verdict)
-        )
         record = judge_people(world.clips, cameras, config, doubts, fits)
         for number, (clip, body) in enumerate(zip(world.clips, bodies, strict=True)):
             kept = replace(clip, valid=clip.valid & record.people[number].kept)
@@ -202,6 +203,16 @@ def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:
 
 
 @dataclass(frozen=True, eq=False)
+class CameraPerson:
+    """One of the people before the camera, in T frames."""
+
+    clip: Clip
+    body: BodyModel
+    size_sigma: float  # standard error of the body's size, as a share
+    told_by: np.ndarray  # (T,) bool: frames by which the body tells the world's scale and level
+
+
+@dataclass(frozen=True, eq=False)
 class ComposedWorld:
     """People of T frames in one metric, level world."""
 
@@ -212,23 +223,21 @@ class ComposedWorld:
 
 
 def compose_clips(
-    camera_clips: Sequence[Clip],
-    bodies: Sequence[BodyModel],
-    cameras: SolvedCameras,
-    config: PseudoGtConfig,
-    size_sigmas: Sequence[float],
+    people: Sequence[CameraPerson], cameras: SolvedCameras, config: PseudoGtConfig
 ) -> ComposedWorld:
     """The clips of the same T frames in one metric, level world, with its scale and its level.
 
     Who is likely larger or smaller than its body, by the scale that all share, gets another."""
     path = cameras.path
-    usable = [path.has_camera & clip.valid for clip in camera_clips]
+    usable = [path.has_camera & one.clip.valid for one in people]
     if max(rows.sum() for rows in usable) < 2:
-        raise NoReconstruction(f"{camera_clips[0].id}: no two frames have both pose and camera")
+        raise NoReconstruction(f"{people[0].clip.id}: no two frames have both pose and camera")
+    told_by = [rows & one.told_by for rows, one in zip(usable, people, strict=True)]
+    if max(rows.sum() for rows in told_by) < 2:
+        told_by = usable
     seen = [
-        SeenPerson(clip.motion, body, _blanked(replace(path, has_camera=rows)), sigma)
-        for clip, body, rows, sigma in zip(camera_clips, bodies, usable, size_sigmas, strict=True)
-        if rows.any()
+        SeenPerson(p.clip.motion, p.body, _blanked(replace(path, has_camera=rows)), p.size_sigma)
+        for p, rows in zip(people, told_by, strict=True)
     ]
     estimate = estimate_scale(
         seen,
@@ -237,14 +246,10 @@ def compose_clips(
         points=cameras.points,
         dataset_camera=cameras.dataset_camera,
     )
-    found = iter(estimate.sizes)
-    sizes = [
-        next(found, (1.0, sigma)) if rows.any() else (1.0, sigma)
-        for rows, sigma in zip(usable, size_sigmas, strict=True)
-    ]
+    sizes = estimate.sizes or [(1.0, one.size_sigma) for one in people]
     camera_clips = [
-        _of_likely_size(clip, body, factor)
-        for clip, body, (factor, _) in zip(camera_clips, bodies, sizes, strict=True)
+        _of_likely_size(one.clip, one.body, factor)
+        for one, (factor, _) in zip(people, sizes, strict=True)
     ]
     # Without a scale the camera stays in place, also one that was seen to travel a little.
     scale = 0.0 if estimate.scale is None else estimate.scale
@@ -252,7 +257,8 @@ def compose_clips(
     filled = fill_gaps(metric, path.has_camera, np.arange(path.n_frames))
     points_m = scale * cameras.points if scale > 0 else np.zeros((0, 3))
     solved = replace(cameras, path=replace(path, world_from_cam=filled), points=points_m)
-    level_from_metric, level = _level(camera_clips, solved, usable, bodies, config.scale)
+    bodies = [one.body for one in people]
+    level_from_metric, level = _level(camera_clips, solved, told_by, bodies, config.scale)
     levelled = level_from_metric @ filled
     camera = _blanked(replace(path, world_from_cam=levelled))
     clips = [

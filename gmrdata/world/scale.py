@@ -161,6 +161,8 @@ def estimate_scale(
     cues: list[CueEstimate] = []
     reasons: list[str] = []
     for number, person in enumerate(people):
+        if not person.camera_path.has_camera.any():
+            continue
         try:
             cues += [replace(cue, person=number) for cue in _of_person(person, points, config)]
         except NoReconstruction as error:

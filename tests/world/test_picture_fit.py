@@ -31,6 +31,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.world import picture_fit
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.judge import load_record
 from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
@@ -128,6 +129,17 @@ def test_a_body_of_other_frames_says_by_how_many(
     found = fit(later(walker, rows))
     assert found.late_frames == -rows
     assert found.late_overlap > 0.97 and found.late_overlap - found.overlap > 0.08
+
+
+def test_who_is_seen_for_a_moment_is_compared_in_those_frames(
+    walker: Clip, small_body: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(picture_fit, "MOST_FRAMES", 10)
+    other = beside(walker, 0.5)
+    brief = replace(other, valid=other.valid & (np.arange(len(other.valid)) >= 34))
+    seen = draw_masks(tmp_path / "person", [walker, other], small_body)
+    found = picture_fits([walker, brief], [small_body] * 2, seen, VERDICT)[1]
+    assert found is not None and (found.frames, found.off_frames) == (6, 0)
 
 
 def test_two_people_are_each_held_against_their_own(
