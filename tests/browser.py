@@ -25,7 +25,7 @@ class Visit:
 
 
 @pytest.fixture
-def browse(tmp_path: Path) -> Callable[[Path], Visit]:
+def browse(tmp_path) -> Callable[[Path], Visit]:
     """Opens a file in Chromium."""
 
     def visit(page: Path) -> Visit:
@@ -35,7 +35,7 @@ def browse(tmp_path: Path) -> Callable[[Path], Visit]:
 
 
 @pytest.fixture
-def photograph(tmp_path: Path) -> Callable[[Path, str, int], tuple[np.ndarray, Visit]]:
+def photograph(tmp_path) -> Callable[[Path, str, int], tuple[np.ndarray, Visit]]:
     """Opens a page at an anchor, so many pixels wide, and gives its picture (H, W, 3)."""
 
     def take(page: Path, anchor: str, width_px: int) -> tuple[np.ndarray, Visit]:

@@ -51,7 +51,7 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def shared_path(shared_data: Path) -> Callable[[str], Path]:
+def shared_path(shared_data) -> Callable[[str], Path]:
     """Finds a file or folder of the real data by its place in there."""
 
     def find(place: str) -> Path:
@@ -63,19 +63,19 @@ def shared_path(shared_data: Path) -> Callable[[str], Path]:
 
 
 @pytest.fixture(scope="session")
-def yolox_nano(shared_path: Callable[[str], Path]) -> Path:
+def yolox_nano(shared_path) -> Path:
     """The real YOLOX-nano weights."""
     return shared_path("models/yolox_nano.onnx")
 
 
 @pytest.fixture(scope="session")
-def pose_landmarks(shared_path: Callable[[str], Path]) -> Path:
+def pose_landmarks(shared_path) -> Path:
     """The real weights of BlazePose GHUM lite."""
     return shared_path("models/pose_landmark_lite.tflite")
 
 
 @pytest.fixture(scope="session")
-def cmu_dir(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def cmu_dir(shared_data, tmp_path_factory) -> Path:
     """Real CMU motions, unpacked: `bvh/*.bvh` and `amc/*.{asf,amc}`."""
 
     def unpack(root: Path) -> None:

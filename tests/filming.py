@@ -196,7 +196,7 @@ def _once(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="session")
-def film(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Filmed]:
+def film(tmp_path_factory) -> Callable[..., Filmed]:
     """Film a person who walks through the room: "pan", "dolly" or "arc", so many frames.
 
     Without a person, the same cameras film the room alone.
@@ -219,12 +219,12 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Filmed]:
 
 
 @pytest.fixture(scope="session")
-def pan(film: Callable[..., Filmed]) -> Filmed:
+def pan(film) -> Filmed:
     """A camera on a tripod that follows the person."""
     return film("pan", 12)
 
 
 @pytest.fixture(scope="session")
-def dolly(film: Callable[..., Filmed]) -> Filmed:
+def dolly(film) -> Filmed:
     """A camera on rails beside the person."""
     return film("dolly", 12)

@@ -21,7 +21,7 @@ def python(code: str) -> str:
     return answer.stdout
 
 
-def test_importing_is_quick_and_loads_nothing_slow() -> None:
+def test_importing_is_quick_and_loads_nothing_slow():
     said = python(
         "import sys, time; start = time.process_time(); import gmrdata; "
         "seconds = time.process_time() - start; import json; "
@@ -33,13 +33,13 @@ def test_importing_is_quick_and_loads_nothing_slow() -> None:
     assert not set(SLOW) & set(loaded)
 
 
-def test_a_value_loads_no_network_and_no_renderer() -> None:
+def test_a_value_loads_no_network_and_no_renderer():
     loaded = python("import sys, gmrdata; gmrdata.Motion, gmrdata.load_clip; print(*sys.modules)")
     assert not {"torch", "bpy", "scipy"} & set(loaded.split())
 
 
 @pytest.mark.parametrize("name", gmrdata.__all__)
-def test_each_name_is_there_and_says_what_it_is(name: str) -> None:
+def test_each_name_is_there_and_says_what_it_is(name):
     value = getattr(gmrdata, name)
     assert name in dir(gmrdata)
     assert value.__name__ == name
@@ -49,12 +49,12 @@ def test_each_name_is_there_and_says_what_it_is(name: str) -> None:
         assert set(annotations) == {*inspect.signature(value).parameters, "return"}
 
 
-def test_an_unknown_name_is_no_attribute() -> None:
+def test_an_unknown_name_is_no_attribute():
     with pytest.raises(AttributeError, match="no attribute 'train_gmr'"):
         _ = gmrdata.train_gmr
 
 
-def test_editors_see_the_same_names() -> None:
+def test_editors_see_the_same_names():
     """The imports that type checkers read, and the table that Python reads."""
     source = Path(gmrdata.__file__).read_text(encoding="utf-8")
     told = re.findall(r"^    from gmrdata\.([\w.]+) import (\w+) as \2$", source, re.MULTILINE)
@@ -68,14 +68,14 @@ def on_page() -> dict[str, str]:
     return dict(re.findall(r"^- `(\w+)(?:\(([^`]*)\))?`: \S", text, re.MULTILINE))
 
 
-def test_the_page_lists_every_name_once() -> None:
+def test_the_page_lists_every_name_once():
     text = PAGE.read_text(encoding="utf-8")
     assert sorted(on_page()) == gmrdata.__all__
     assert text.count("\n- `") == len(gmrdata.__all__)
 
 
 @pytest.mark.parametrize("name", gmrdata.__all__)
-def test_the_page_has_the_parameters_of_each_function(name: str) -> None:
+def test_the_page_has_the_parameters_of_each_function(name):
     value = getattr(gmrdata, name)
     if not inspect.isfunction(value):
         assert on_page()[name] == ""

@@ -17,7 +17,7 @@ MAY_IMPORT = {
 
 
 @pytest.fixture
-def example(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Example:
+def example(capsys, monkeypatch) -> Example:
     """Runs a script as `python` does, in this process; gives what it prints."""
 
     def run(name: str, *arguments: object) -> str:
@@ -30,7 +30,7 @@ def example(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
     return run
 
 
-def test_there_are_seven() -> None:
+def test_there_are_seven():
     assert SCRIPTS == [
         "plot_path.py",
         "regenerate_threedpw.py",
@@ -43,12 +43,12 @@ def test_there_are_seven() -> None:
 
 
 @pytest.mark.parametrize("name", ["regenerate_threedpw", "score_results", "video_to_glb"])
-def test_a_whole_job_takes_fifteen_lines(name: str) -> None:
+def test_a_whole_job_takes_fifteen_lines(name):
     assert len((FOLDER / f"{name}.py").read_text(encoding="utf-8").splitlines()) <= 15
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_a_script_is_short_and_uses_public_names_alone(name: str) -> None:
+def test_a_script_is_short_and_uses_public_names_alone(name):
     text = (FOLDER / name).read_text(encoding="utf-8")
     assert len(text.splitlines()) < 40
     imported = set()
@@ -61,7 +61,7 @@ def test_a_script_is_short_and_uses_public_names_alone(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_clip_is_rendered_and_regenerated(example: Example, tmp_path: Path) -> None:
+def test_a_clip_is_rendered_and_regenerated(example, tmp_path):
     film = tmp_path / "film"
     said = example("render_clip", film, "--duration-s", 1.5, "--width-px", 320)
     assert "15 frames of 320 x 180 pixels" in said
@@ -78,7 +78,7 @@ def test_a_clip_is_rendered_and_regenerated(example: Example, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_a_gmr_is_trained_scored_and_plotted(example: Example, tmp_path: Path) -> None:
+def test_a_gmr_is_trained_scored_and_plotted(example, tmp_path):
     out = tmp_path / "gmr"
     said = example("train_and_score", out, "--walks", 2, "--steps", 2)
     assert said.splitlines()[-1].startswith("OME ") and " mm" in said

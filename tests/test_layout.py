@@ -40,16 +40,16 @@ def imported_folders(path: Path) -> Iterator[tuple[int, str]]:
         yield line, name.split(".")[0]
 
 
-def test_the_folders_are_those_of_the_order() -> None:
+def test_the_folders_are_those_of_the_order():
     folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
     assert folders == set(ORDER)
 
 
-def test_the_root_holds_two_files() -> None:
+def test_the_root_holds_two_files():
     assert sorted(path.name for path in PACKAGE.glob("*.py")) == ["__init__.py", "__main__.py"]
 
 
-def test_no_import_runs_back_up() -> None:
+def test_no_import_runs_back_up():
     up = []
     for path in sorted(PACKAGE.glob("*/**/*.py")):
         here = path.relative_to(PACKAGE).parts[0]
@@ -59,7 +59,7 @@ def test_no_import_runs_back_up() -> None:
     assert not up
 
 
-def test_no_import_runs_back_up_in_cameras() -> None:
+def test_no_import_runs_back_up_in_cameras():
     folder = PACKAGE / "cameras"
     up = []
     for path in sorted(folder.rglob("*.py")):
@@ -72,7 +72,7 @@ def test_no_import_runs_back_up_in_cameras() -> None:
     assert not up
 
 
-def test_no_circle_of_files() -> None:
+def test_no_circle_of_files():
     files = {
         ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
         for path in PACKAGE.rglob("*.py")
@@ -87,7 +87,7 @@ def test_no_circle_of_files() -> None:
     assert not left
 
 
-def test_pages_are_imported_by_the_command_line_alone() -> None:
+def test_pages_are_imported_by_the_command_line_alone():
     importers = {
         path.relative_to(PACKAGE).parts[0]
         for path in PACKAGE.glob("*/**/*.py")
@@ -97,7 +97,7 @@ def test_pages_are_imported_by_the_command_line_alone() -> None:
     assert importers <= {"pages", "cli"}
 
 
-def test_nothing_in_the_package_imports_blender() -> None:
+def test_nothing_in_the_package_imports_blender():
     for path in PACKAGE.glob("**/*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for node in ast.walk(tree):

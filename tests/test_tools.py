@@ -3,12 +3,9 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-from tests.browser import Visit
 
 FAULTY = """<p>before</p><script src="https://cdn.example/x.js"></script>
 <img src="http://images.example/a.png"><script>
@@ -16,7 +13,7 @@ document.querySelector("p").textContent = "after"; console.error("broken"); miss
 </script>"""
 
 
-def test_complaints_and_requests_are_seen(browse: Callable[[Path], Visit], tmp_path: Path) -> None:
+def test_complaints_and_requests_are_seen(browse, tmp_path):
     page = tmp_path / "page.html"
     page.write_text(FAULTY)
     seen = browse(page)
@@ -26,7 +23,7 @@ def test_complaints_and_requests_are_seen(browse: Callable[[Path], Visit], tmp_p
     assert sorted(seen.requests) == ["http://images.example/a.png", "https://cdn.example/x.js"]
 
 
-def test_a_page_without_faults(browse: Callable[[Path], Visit], tmp_path: Path) -> None:
+def test_a_page_without_faults(browse, tmp_path):
     page = tmp_path / "page.html"
     page.write_text("<p>before</p><script>document.querySelector('p').append(' after')</script>")
     seen = browse(page)
@@ -47,7 +44,7 @@ TESTS = {
 @pytest.mark.parametrize(
     ("required", "told"), [("0", "4 skipped, 1 xfailed"), ("1", "1 failed, 1 xfailed, 3 errors")]
 )
-def test_a_missing_piece_is_named(required: str, told: str, tmp_path: Path) -> None:
+def test_a_missing_piece_is_named(required, told, tmp_path):
     for name, text in TESTS.items():
         (tmp_path / name).write_text(f"import pytest\n{text}\n")
     variables = {"GMRDATA_TEST_REQUIRE_ALL": required, "PYTHONPATH": str(REPOSITORY)}

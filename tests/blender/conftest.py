@@ -14,7 +14,7 @@ from tests.sharing import made_once
 
 
 @pytest.fixture(scope="session")
-def box_place(tmp_path_factory: pytest.TempPathFactory) -> SceneConfig:
+def box_place(tmp_path_factory) -> SceneConfig:
     """A floor with two walls and a box some metres off, under a lamp."""
 
     def make(folder: Path) -> None:

@@ -36,7 +36,7 @@ y = -5.9, and the cube's near side (y = 21.5) at x = 1.5."""
 
 
 @pytest.fixture(scope="module")
-def blend(box_place: SceneConfig) -> Path:
+def blend(box_place) -> Path:
     return box_place.backdrop.path
 
 
@@ -54,12 +54,12 @@ def config(path: Path, **more: Any) -> RenderConfig:
 
 
 @pytest.fixture(scope="module")
-def rendered(blend: Path, small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def rendered(blend, small_body, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("backdrop")
     return save_clip_at(folder, small_body, (0.0, 1.5)).render(folder / "out", config(blend))
 
 
-def test_the_file_lies_where_the_recipe_puts_it_and_stays_there(rendered: Path) -> None:
+def test_the_file_lies_where_the_recipe_puts_it_and_stays_there(rendered):
     for row in range(N_FRAMES):
         mask = mask_of(rendered, row)
         assert 100 < mask.sum() < 2000
@@ -74,7 +74,7 @@ def test_the_file_lies_where_the_recipe_puts_it_and_stays_there(rendered: Path) 
         assert np.nanmin(z) > -0.02
 
 
-def test_lamp_and_picture_are_the_files(rendered: Path) -> None:
+def test_lamp_and_picture_are_the_files(rendered):
     frame = cv2.imread(str(rendered / "frames/00000.png"), cv2.IMREAD_GRAYSCALE)
     x, y, z = np.moveaxis(unprojected(rendered, 0), -1, 0)
     front = (np.abs(x - 1.5) < 0.02) & (np.abs(y) < 0.45) & (z > 0.05) & (z < 0.95)
@@ -83,7 +83,7 @@ def test_lamp_and_picture_are_the_files(rendered: Path) -> None:
     assert frame[front].max() > frame[floor].max() / 2  # lit by the lamp
 
 
-def test_the_background_flows_as_the_camera_moves(rendered: Path) -> None:
+def test_the_background_flows_as_the_camera_moves(rendered):
     flow_px = read_flow(rendered / "flow/00000.png")
     camera, seen_m = camera_of(load_clip(rendered / "clip.npz")), unprojected(rendered, 0)
     y, x = np.nonzero(np.abs(seen_m[..., 0] - 3.9) < 0.02)
@@ -93,15 +93,13 @@ def test_the_background_flows_as_the_camera_moves(rendered: Path) -> None:
     assert np.abs(flow_px[y, x] - expected_px).max() < 0.1
 
 
-def test_nothing_of_the_file_is_run_and_it_is_an_input(rendered: Path, blend: Path) -> None:
+def test_nothing_of_the_file_is_run_and_it_is_an_input(rendered, blend):
     assert (rendered / "frames/00001.png").is_file()
     assert not blend.with_name("victim").exists()
     assert read_json(rendered / "stage.json")["inputs"]["backdrop"] == sha256_of_file(blend)
 
 
-def test_nobody_walks_through_a_wall_unless_asked(
-    blend: Path, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_nobody_walks_through_a_wall_unless_asked(blend, small_body, tmp_path):
     job = save_clip_at(tmp_path, small_body, (4.0, 0.0))
     with pytest.raises(RenderFailed, match=r"frame 0 the person goes through 'WallNorth'"):
         job.render(tmp_path / "out", config(blend))
@@ -109,7 +107,7 @@ def test_nobody_walks_through_a_wall_unless_asked(
     assert (tmp_path / "out/frames/00001.png").is_file()
 
 
-def test_files_that_cannot_be_a_place(blend: Path, small_body: BodyModel, tmp_path: Path) -> None:
+def test_files_that_cannot_be_a_place(blend, small_body, tmp_path):
     job = save_clip_at(tmp_path, small_body, (0.0, 1.5))
     whole = blend.read_bytes()
     bad = {
@@ -136,12 +134,12 @@ def test_files_that_cannot_be_a_place(blend: Path, small_body: BodyModel, tmp_pa
         {"kind": "blend", "backdrop": {"path": "a.blend"}, "hdri_path": "a.hdr"},
     ],
 )
-def test_recipes_that_do_not_fit_together(said: dict[str, Any]) -> None:
+def test_recipes_that_do_not_fit_together(said):
     with pytest.raises(ValidationError, match="backdrop: "):
         SceneConfig.model_validate(said)
 
 
-def test_what_a_file_would_take_from_elsewhere_is_refused_by_name(tmp_path: Path) -> None:
+def test_what_a_file_would_take_from_elsewhere_is_refused_by_name(tmp_path):
     found = ask_blender("odd_backdrops_by_blender.py", tmp_path, findfont("DejaVu Sans"))
     assert found.pop("plain") == found.pop("small_generated_picture") == ""
     endless = found.pop("generated_picture")

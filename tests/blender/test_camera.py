@@ -45,7 +45,7 @@ Cases = dict[tuple[tuple[int, int], tuple[float, float]], Case]
 
 
 @pytest.fixture(scope="module")
-def cases(tmp_path_factory: pytest.TempPathFactory) -> Cases:
+def cases(tmp_path_factory) -> Cases:
     """By size and offset of the principal point; Blender is asked once for all."""
     folder, made = tmp_path_factory.mktemp("cameras"), {}
     for size_px in SIZES_PX:
@@ -101,9 +101,7 @@ def film_all(width_px: int, height_px: int) -> tuple[CameraPath, np.ndarray]:
 
 @pytest.mark.parametrize("size_px", SIZES_PX)
 @pytest.mark.parametrize("off_centre_px", OFF_CENTRE_PX)
-def test_projection_is_blenders(
-    cases: Cases, size_px: tuple[int, int], off_centre_px: tuple[float, float]
-) -> None:
+def test_projection_is_blenders(cases, size_px, off_centre_px):
     camera, owner, points_m, answer = cases[size_px, off_centre_px]
     ours_px = project(camera.world_from_cam, points_m, camera.intrinsics_px)
     error_px = np.linalg.norm(ours_px - answer["points_px"], axis=-1).max(axis=1)

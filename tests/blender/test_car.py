@@ -16,7 +16,7 @@ def drive(driven_m: np.ndarray) -> Drive:
     return Drive(rigid(ALONG_Y, places_m), driven_m, np.array([3.0, -2.0]))
 
 
-def test_its_size_is_what_is_planned_with() -> None:
+def test_its_size_is_what_is_planned_with():
     rng = np.random.default_rng(0)
     parts = [mesh_of(thing, rng).vertices_m for thing in car_things(np.zeros(2), 0.0, rng)]
     low, high = np.concatenate(parts).min(axis=0), np.concatenate(parts).max(axis=0)
@@ -24,7 +24,7 @@ def test_its_size_is_what_is_planned_with() -> None:
     np.testing.assert_allclose([*(low + high)[:2], low[2]], 0.0, atol=1e-9)
 
 
-def test_the_body_is_rigid_and_the_wheels_roll_without_sliding() -> None:
+def test_the_body_is_rigid_and_the_wheels_roll_without_sliding():
     driven_m = np.array([-1.0, 0.0, 0.001, np.pi * WHEEL_RADIUS_M])
     centre_m = np.array([1.25, 0.8, WHEEL_RADIUS_M])
     up_m = np.array([0.0, 0.0, WHEEL_RADIUS_M])
@@ -44,7 +44,7 @@ def test_the_body_is_rigid_and_the_wheels_roll_without_sliding() -> None:
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
-def test_a_parked_car_is_the_same_turned(yaw_rad: float) -> None:
+def test_a_parked_car_is_the_same_turned(yaw_rad):
     one, two = (car_things(np.ones(2), yaw, np.random.default_rng(3)) for yaw in (0.0, yaw_rad))
     for a, b in zip(one, two, strict=True):
         assert a.solid == b.solid and a.size_m.tolist() == b.size_m.tolist()

@@ -1,7 +1,6 @@
 """How near the camera and the person come to what stands about, by Blender's own surfaces."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -33,13 +32,13 @@ CASES = {
 
 
 @pytest.fixture(scope="module")
-def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def answers(tmp_path_factory) -> dict[str, Any]:
     path = tmp_path_factory.mktemp("clearance") / "cases.json"
     path.write_text(json.dumps(CASES))
     return dict(ask_blender("clearance_by_blender.py", path))
 
 
-def test_distances_are_those_to_the_nearest_surface(answers: dict[str, Any]) -> None:
+def test_distances_are_those_to_the_nearest_surface(answers):
     assert answers["nothing"] is None  # the ground doesn't count
     clear = answers["clear"]
     # From (1, -4, 1.5) to the box's edge x = 4, y = -1; from (0, 0, 1) to the wall's face.
@@ -48,7 +47,7 @@ def test_distances_are_those_to_the_nearest_surface(answers: dict[str, Any]) -> 
     assert clear["sight_share"] == 1.0
 
 
-def test_what_hides_the_person_is_counted(answers: dict[str, Any]) -> None:
+def test_what_hides_the_person_is_counted(answers):
     hidden = answers["behind the wall for a frame"]
     assert hidden["sight_share"] == 0.5
     assert hidden["camera_m"] == pytest.approx(0.99, abs=1e-4)
@@ -63,13 +62,11 @@ def test_what_hides_the_person_is_counted(answers: dict[str, Any]) -> None:
         ("walks into the box", "frame 2: the person's path leads through"),
     ],
 )
-def test_a_path_through_a_thing_is_an_error(
-    answers: dict[str, Any], case: str, message: str
-) -> None:
+def test_a_path_through_a_thing_is_an_error(answers, case, message):
     assert message in answers[case] and "scene.seed" in answers[case]
 
 
-def test_the_figures_come_back_from_the_file_and_each_key_is_needed(tmp_path: Path) -> None:
+def test_the_figures_come_back_from_the_file_and_each_key_is_needed(tmp_path):
     assert clearance_figures(tmp_path) == {}
     path = tmp_path / "clearance.json"
     Clearance(camera_m=1.25, person_m=0.8, sight_share=0.75).write(path)

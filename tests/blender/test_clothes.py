@@ -23,7 +23,7 @@ UV_TOLERANCE_PX = 1e-6
 
 
 @pytest.fixture(scope="module")
-def atlas(anny: BodyModel) -> Atlas:
+def atlas(anny) -> Atlas:
     return lay_out(anny.template_m, anny.faces)
 
 
@@ -39,9 +39,7 @@ def look_up(picture: np.ndarray, uv: np.ndarray) -> np.ndarray:
     return np.asarray(upper * (1 - low_share) + lower * low_share)
 
 
-def test_a_picture_of_places_gives_each_point_of_the_skin_its_place(
-    anny: BodyModel, atlas: Atlas
-) -> None:
+def test_a_picture_of_places_gives_each_point_of_the_skin_its_place(anny, atlas):
     """Interpolating between texels anywhere in a triangle never takes another triangle's."""
     assert len(np.unique(atlas.texels)) == len(atlas.texels)
     picture = atlas.picture(atlas.spread(anny.faces, anny.template_m))
@@ -105,7 +103,7 @@ def at_joint(body: BodyModel, names: np.ndarray, joint: str, within_m: float = 0
     return set(names[apart_m < within_m].tolist())
 
 
-def test_each_region_has_its_garment(anny: BodyModel, atlas: Atlas) -> None:
+def test_each_region_has_its_garment(anny, atlas):
     names = nearest_name(dressed(anny, atlas, plain_outfit()))
     for side in ("left", "right"):
         assert at_joint(anny, names, f"{side}_elbow") == {"skin"}
@@ -118,7 +116,7 @@ def test_each_region_has_its_garment(anny: BodyModel, atlas: Atlas) -> None:
     assert set(crown.tolist()) == {"hair"}
 
 
-def test_sleeves_and_trousers_end_where_they_are_told(anny: BodyModel, atlas: Atlas) -> None:
+def test_sleeves_and_trousers_end_where_they_are_told(anny, atlas):
     names = nearest_name(dressed(anny, atlas, plain_outfit(sleeve=1.96, leg_end=0.5)))
     assert at_joint(anny, names, "left_elbow") == {"top"}
     assert at_joint(anny, names, "left_knee") == {"skin"}
@@ -128,9 +126,7 @@ def test_sleeves_and_trousers_end_where_they_are_told(anny: BodyModel, atlas: At
     assert set(crown.tolist()) == {"skin"}
 
 
-def test_people_differ_and_the_same_seed_gives_the_same_picture(
-    anny: BodyModel, atlas: Atlas
-) -> None:
+def test_people_differ_and_the_same_seed_gives_the_same_picture(anny, atlas):
     shape = sample_person(anny, np.random.default_rng(0))
     pictures = [
         paint(anny, shape, sample_outfit(np.random.default_rng(seed)), atlas) for seed in (1, 1, 2)
@@ -141,7 +137,7 @@ def test_people_differ_and_the_same_seed_gives_the_same_picture(
     assert np.abs(pictures[0] - pictures[2]).mean() > 0.05
 
 
-def test_the_distribution_is_the_stated_one() -> None:
+def test_the_distribution_is_the_stated_one():
     men = [sample_outfit(np.random.default_rng(seed), female=0.0) for seed in range(600)]
     women = [sample_outfit(np.random.default_rng(seed), female=1.0) for seed in range(600)]
     everyone = men + women
@@ -157,7 +153,7 @@ def test_the_distribution_is_the_stated_one() -> None:
     assert (np.diff(np.sort(lightness)) < 0.03).all()  # a continuum
 
 
-def test_clothes_differ_from_skin_and_surroundings() -> None:
+def test_clothes_differ_from_skin_and_surroundings():
     walls = np.array([[0.76, 0.13, 0.13], [0.12, 0.26, 0.62], [0.95, 0.75, 0.16]])
     alike = 0
     for seed in range(200):
@@ -170,7 +166,7 @@ def test_clothes_differ_from_skin_and_surroundings() -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "plain"])
-def test_patterns_show_both_colours(kind: str) -> None:
+def test_patterns_show_both_colours(kind):
     cloth = Cloth(kind, np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.1, 0.8]), 0.08, 3)  # type: ignore[arg-type]
     across_m, along_m = (axis.ravel() for axis in np.meshgrid(*[np.linspace(-0.3, 0.3, 200)] * 2))
     colours = colours_at(cloth, across_m, along_m)

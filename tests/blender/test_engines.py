@@ -11,7 +11,6 @@ import pytest
 from pydantic import ValidationError
 
 from gmrdata.film.render import RenderConfig, find_renderer
-from gmrdata.film.scene import SceneConfig
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
@@ -36,7 +35,7 @@ STEP_M = 0.5
 
 
 @pytest.fixture(scope="module")
-def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
+def job(small_body, tmp_path_factory) -> Job:
     """Someone with wide arms who is carried to the side, half a metre a frame."""
     motion = facing_x(small_body, [[0.0, STEP_M * (row - 1), 0.95] for row in range(N_FRAMES)])
     centres_m, targets_m = [[4.0, 0.0, 1.2]] * N_FRAMES, [[0.0, 0.0, 1.0]] * N_FRAMES
@@ -45,7 +44,7 @@ def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
 
 
 @pytest.fixture(scope="module")
-def sharp(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sharp(job, tmp_path_factory) -> Path:
     """Cycles, png, with the scene saved beside."""
     out_dir = tmp_path_factory.mktemp("sharp") / "carried"
     config = SHARP.model_copy(update={"blend": True})
@@ -77,7 +76,7 @@ def without_opengl(code: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("engine", ["eevee", "workbench"])
-def test_without_opengl_it_is_said_before_any_frame(engine: str) -> None:
+def test_without_opengl_it_is_said_before_any_frame(engine):
     answer = without_opengl(
         "from gmrdata.film.render import find_renderer\n"
         "from gmrdata.values.errors import EngineMissing\n"
@@ -88,13 +87,11 @@ def test_without_opengl_it_is_said_before_any_frame(engine: str) -> None:
     assert "Take `engine: cycles`" in answer.stdout and "libegl1" in answer.stdout
 
 
-def test_cycles_on_the_cpu_needs_no_trial() -> None:
+def test_cycles_on_the_cpu_needs_no_trial():
     assert find_renderer("cycles", "cpu") == "Cycles on the CPU"
 
 
-def test_without_a_gpu_the_devices_are_named(
-    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_gpu_the_devices_are_named(job, tmp_path, monkeypatch):
     for hidden in ("CUDA_VISIBLE_DEVICES", "HIP_VISIBLE_DEVICES"):
         monkeypatch.setenv(hidden, "")
     find_renderer.cache_clear()
@@ -107,12 +104,12 @@ def test_without_a_gpu_the_devices_are_named(
 
 
 @pytest.mark.parametrize("said", [{"device": "gpu"}, {"shutter": 0.5}, {"readout": 0.6}])
-def test_what_eevee_has_not(said: dict[str, object]) -> None:
+def test_what_eevee_has_not(said):
     with pytest.raises(ValidationError):
         RenderConfig.model_validate({"engine": "eevee"} | said)
 
 
-def test_png_frames_are_lossless_and_the_record_names_the_renderer(sharp: Path) -> None:
+def test_png_frames_are_lossless_and_the_record_names_the_renderer(sharp):
     assert StageRecord.of(sharp).facts["renderer"] == "Cycles on the CPU"
     names = sorted(path.name for path in (sharp / "frames").iterdir())
     assert names == [f"{row:05d}.png" for row in range(N_FRAMES)]
@@ -120,9 +117,7 @@ def test_png_frames_are_lossless_and_the_record_names_the_renderer(sharp: Path) 
 
 
 @pytest.mark.slow
-def test_eevee_shows_the_same_place_with_the_same_truth(
-    sharp: Path, job: Job, tmp_path: Path, small_body: BodyModel
-) -> None:
+def test_eevee_shows_the_same_place_with_the_same_truth(sharp, job, tmp_path, small_body):
     try:
         renderer = find_renderer("eevee", "cpu")
     except EngineMissing as error:
@@ -163,9 +158,7 @@ def smear(clip: Clip, body: BodyModel, shutter: float) -> np.ndarray:
     return np.mean([covered(clip, body, moment) for moment in moments], axis=0)
 
 
-def test_an_open_shutter_smears_the_person_and_leaves_the_truth(
-    sharp: Path, job: Job, tmp_path: Path, small_body: BodyModel
-) -> None:
+def test_an_open_shutter_smears_the_person_and_leaves_the_truth(sharp, job, tmp_path, small_body):
     shutter = 0.3  # 5 px of 17 px a frame
     config = SHARP.model_copy(update={"shutter": shutter, "samples": 32})
     blurred = job.render(tmp_path / "blurred", config)
@@ -187,13 +180,8 @@ def test_an_open_shutter_smears_the_person_and_leaves_the_truth(
 
 @pytest.mark.parametrize("shutter", [0.0, 0.1])
 def test_a_rolling_shutter_shows_each_row_at_its_own_time(
-    shutter: float,
-    box_place: SceneConfig,
-    sharp: Path,
-    job: Job,
-    tmp_path: Path,
-    small_body: BodyModel,
-) -> None:
+    shutter, box_place, sharp, job, tmp_path, small_body
+):
     """The mask is that of the mesh row by row, and no other order of the rows fits as well."""
     readout, clip = 0.9, load_clip(job[0])  # 15 px from the top row to the bottom row
     config = RenderConfig(
@@ -211,7 +199,7 @@ def test_a_rolling_shutter_shows_each_row_at_its_own_time(
     assert sha256_of_file(out_dir / "clip.npz") == sha256_of_file(sharp / "clip.npz")
 
 
-def test_a_saved_scene_renders_the_same_pixels_elsewhere(sharp: Path, tmp_path: Path) -> None:
+def test_a_saved_scene_renders_the_same_pixels_elsewhere(sharp, tmp_path):
     (sharp / "scene").rename(tmp_path / "moved")
     try:
         script = tmp_path / "again.py"

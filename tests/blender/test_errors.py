@@ -41,7 +41,7 @@ def run_blender(*arguments: str, **options: Any) -> tuple[int, str]:
     return said.returncode, said.stderr
 
 
-def test_a_missing_clip_or_body(small_body: BodyModel, tmp_path: Path) -> None:
+def test_a_missing_clip_or_body(small_body, tmp_path):
     missing, job = tmp_path / "missing.npz", one_frame(tmp_path, small_body)
     code, said = run_blender(str(job_file(tmp_path, job._replace(clip_path=missing))))
     assert code == 1 and said == f"error: {missing}: no such file\n"
@@ -67,9 +67,7 @@ STRETCHED = np.array([[1.0], [1.1], [1.0]])
         (lambda c: lens(c, intrinsics_px=c.camera.intrinsics_px * STRETCHED), "square pixels"),
     ],
 )
-def test_clips_that_cannot_be_filmed(
-    change: Callable[[Clip], Clip], reason: str, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_clips_that_cannot_be_filmed(change, reason, small_body, tmp_path):
     job = one_frame(tmp_path, small_body, change)
     with pytest.raises(RenderFailed, match=reason) as failure:
         job.render(tmp_path / "out", RenderConfig())
@@ -78,7 +76,7 @@ def test_clips_that_cannot_be_filmed(
     assert not (tmp_path / "out").exists()
 
 
-def test_broken_job_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_broken_job_files(tmp_path, capsys):
     def run_here(*arguments: str) -> tuple[int, str]:
         """As `run_blender` without the start, for what is said before Blender is loaded."""
         return run(lambda: main(list(arguments))), capsys.readouterr().err
@@ -96,7 +94,7 @@ def test_broken_job_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert code == 1 and "usage: python -m blender job.json" in said
 
 
-def test_a_folder_that_cannot_be_written(small_body: BodyModel, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written(small_body, tmp_path):
     blocker = tmp_path / "a_file"
     blocker.write_text("not a folder", encoding="utf-8")
     job = job_file(tmp_path, one_frame(tmp_path, small_body), out_dir=str(blocker / "out"))
@@ -104,7 +102,7 @@ def test_a_folder_that_cannot_be_written(small_body: BodyModel, tmp_path: Path) 
     assert code == 1 and str(blocker) in said and said.startswith("error: ")
 
 
-def test_bpy_is_imported_in_the_blender_folder_only() -> None:
+def test_bpy_is_imported_in_the_blender_folder_only():
     code = "import sys, gmrdata.film.render, gmrdata.film.programmes; print('bpy' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout == "False\n"
@@ -114,6 +112,6 @@ def test_bpy_is_imported_in_the_blender_folder_only() -> None:
         assert not [x for x in lines if x.split()[:2] in (["import", "bpy"], ["from", "bpy"])]
 
 
-def test_blender_is_found_from_any_folder(tmp_path: Path) -> None:
+def test_blender_is_found_from_any_folder(tmp_path):
     code, said = run_blender(cwd=tmp_path)
     assert code == 1 and "usage:" in said

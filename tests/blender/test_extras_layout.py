@@ -47,9 +47,7 @@ def what_stands(yard: Yard) -> list[list[float]]:
 
 
 @pytest.mark.parametrize(("kind", "programme"), CASES, ids=lambda case: getattr(case, "kind", case))
-def test_nothing_stands_in_the_extras_ways(
-    small_body: BodyModel, kind: str, programme: Programme
-) -> None:
+def test_nothing_stands_in_the_extras_ways(small_body, kind, programme):
     clip = filmed(small_body, programme, seed=6)
     cast = cast_of(kind, clip, small_body)
     yard = yard_of(kind, clip, cast.ground_m)
@@ -74,7 +72,7 @@ def test_nothing_stands_in_the_extras_ways(
         assert (np.abs(path_m - yard.ground_centre_m) + room_m < side_m).all()
 
 
-def test_a_car_keeps_to_the_road(small_body: BodyModel) -> None:
+def test_a_car_keeps_to_the_road(small_body):
     for seed in range(2):
         clip = filmed(small_body, Circular(), seed)
         cast = cast_of("street", clip, small_body)
@@ -93,7 +91,7 @@ def test_a_car_keeps_to_the_road(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("kind", ["courtyard", "room"])
-def test_who_is_in_nobodys_way_changes_nothing(small_body: BodyModel, kind: str) -> None:
+def test_who_is_in_nobodys_way_changes_nothing(small_body, kind):
     """A place depends on the extras only through its size and through what has to give way."""
     clip = filmed(small_body, Panning(), seed=2)
     bare = yard_of(kind, clip, np.empty((0, 3)))

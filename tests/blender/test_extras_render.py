@@ -13,7 +13,6 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.skinning import motion_vertices_m
@@ -36,7 +35,7 @@ ALONE = RenderConfig(samples=2, scene=SceneConfig(seed=2), instances=True)
 
 
 @pytest.fixture(scope="module")
-def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
+def job(small_body, tmp_path_factory) -> Job:
     """A clip of 2.5 s at 2 Hz, and its body."""
     rng = np.random.default_rng(4)
     film = Film(fps_hz=2, duration_s=2.5, width_px=WIDTH_PX, height_px=HEIGHT_PX)
@@ -48,12 +47,12 @@ def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
 
 
 @pytest.fixture(scope="module")
-def filmed(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def filmed(job, tmp_path_factory) -> Path:
     return job.render(tmp_path_factory.mktemp("with") / "walk", CONFIG)
 
 
 @pytest.fixture(scope="module")
-def instances(filmed: Path) -> np.ndarray:
+def instances(filmed) -> np.ndarray:
     """(T, H, W)."""
     files = sorted((filmed / "instances").glob("*.png"))
     return np.stack([read_instances(file) for file in files])
@@ -78,16 +77,14 @@ def covered(clip: Clip, vertices_m: np.ndarray, faces: np.ndarray, row: int) -> 
     return inside
 
 
-def test_everyone_is_seen_and_masked(filmed: Path, instances: np.ndarray) -> None:
+def test_everyone_is_seen_and_masked(filmed, instances):
     assert instances.shape == (N_FRAMES, HEIGHT_PX, WIDTH_PX)
     assert set(np.unique(instances)) == {0, PERSON, COMPANY, PASSER_BY, CAR}
     for row, seen in enumerate(instances):
         assert overlap(mask_of(filmed, row), seen > 0) > 0.96
 
 
-def test_a_person_is_who_their_file_says(
-    filmed: Path, instances: np.ndarray, small_body: BodyModel
-) -> None:
+def test_a_person_is_who_their_file_says(filmed, instances, small_body):
     names = {PERSON: "clip", COMPANY: "extras/company_1", PASSER_BY: "extras/passer_by_1"}
     clips = {number: load_clip(filmed / f"{name}.npz") for number, name in names.items()}
     assert clips[COMPANY].id == "walk_company_1"
@@ -114,9 +111,7 @@ def test_a_person_is_who_their_file_says(
     assert unhidden[PERSON] and unhidden[PASSER_BY], unhidden
 
 
-def test_the_person_is_the_same_without_extras(
-    filmed: Path, instances: np.ndarray, job: Job, tmp_path: Path
-) -> None:
+def test_the_person_is_the_same_without_extras(filmed, instances, job, tmp_path):
     alone = job.render(tmp_path / "alone", ALONE)
     assert not (alone / "extras").exists()
     untouched = 0
@@ -132,7 +127,7 @@ def test_the_person_is_the_same_without_extras(
     )
 
 
-def test_flow_on_the_car_is_its_rigid_motion(filmed: Path, instances: np.ndarray) -> None:
+def test_flow_on_the_car_is_its_rigid_motion(filmed, instances):
     camera = camera_of(load_clip(filmed / "clip.npz"))
     world_from_car, size_m = load_car(filmed / "extras/car_1.npz")
     pixels = np.stack(np.meshgrid(np.arange(WIDTH_PX), np.arange(HEIGHT_PX)), axis=-1) + 0.5
@@ -153,7 +148,7 @@ def test_flow_on_the_car_is_its_rigid_motion(filmed: Path, instances: np.ndarray
     assert compared > 100
 
 
-def test_the_manifest_lists_the_extras(filmed: Path) -> None:
+def test_the_manifest_lists_the_extras(filmed):
     entry = clip_entry(
         filmed.parent,
         ClipFiles(
@@ -175,5 +170,5 @@ def test_the_manifest_lists_the_extras(filmed: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_same_recipe_gives_the_same_bytes(filmed: Path, job: Job, tmp_path: Path) -> None:
+def test_the_same_recipe_gives_the_same_bytes(filmed, job, tmp_path):
     assert contents(job.render(tmp_path / "walk", CONFIG, threads=2)) == contents(filmed)

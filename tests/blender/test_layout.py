@@ -7,7 +7,7 @@ from blender.places.layout import Thing, is_free, mesh_of
 
 
 @pytest.mark.parametrize("solid", ["box", "taper", "cylinder", "wheel", "blob"])
-def test_solids_are_closed_and_face_outwards(solid: str) -> None:
+def test_solids_are_closed_and_face_outwards(solid):
     thing = Thing(
         solid,  # type: ignore[arg-type]
         np.array([3.0, -2.0, 1.0]),
@@ -35,7 +35,7 @@ def test_solids_are_closed_and_face_outwards(solid: str) -> None:
     assert mesh.uv.shape == (*mesh.faces.shape, 2)
 
 
-def test_what_is_free() -> None:
+def test_what_is_free():
     subject, camera = np.array([[0.0, 0.0]]), np.array([[6.0, 0.0]])
     assert is_free(np.array([3.0, 2.0]), 0.5, subject, camera)
     assert not is_free(np.array([3.0, 0.8]), 0.5, subject, camera)  # between them

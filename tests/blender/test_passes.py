@@ -45,14 +45,14 @@ def striding(body: BodyModel) -> Motion:
 
 
 @pytest.fixture(scope="module")
-def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
+def job(small_body, tmp_path_factory) -> Job:
     motion = striding(small_body)
     camera = circling(motion, (WIDTH_PX, HEIGHT_PX))
     return save_job(tmp_path_factory.mktemp("job"), small_body, motion, camera)
 
 
 @pytest.fixture(scope="module")
-def full(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def full(job, tmp_path_factory) -> Path:
     # Blender would fill in what stands in braces.
     out_dir = tmp_path_factory.mktemp("full") / "{stride} #1 %d"
     return job.render(out_dir, FULL)
@@ -104,7 +104,7 @@ def seen_by_rays(full: Path, body: BodyModel, row: int) -> Seen:
     )
 
 
-def test_passes_come_on_top_and_change_nothing_else(full: Path, job: Job, tmp_path: Path) -> None:
+def test_passes_come_on_top_and_change_nothing_else(full, job, tmp_path):
     plain = contents(job.render(tmp_path / "plain", PLAIN))
     more = contents(full)
     assert {name: data for name, data in more.items() if name in plain} == plain
@@ -113,7 +113,7 @@ def test_passes_come_on_top_and_change_nothing_else(full: Path, job: Job, tmp_pa
     assert set(more) - set(plain) == added | {"joints.npz", "video.mp4"}
 
 
-def test_unprojected_depth_is_the_surface_within_5_mm(full: Path, small_body: BodyModel) -> None:
+def test_unprojected_depth_is_the_surface_within_5_mm(full, small_body):
     for row in range(N_FRAMES):
         seen = seen_by_rays(full, small_body, row)
         off_m = np.linalg.norm(unprojected(full, row)[seen.pixels] - seen.points_m, axis=1)
@@ -126,7 +126,7 @@ def ground(full: Path, row: int) -> np.ndarray:
     return outside & (np.abs(unprojected(full, row)[..., 2]) < 0.005)
 
 
-def test_the_floor_is_flat_and_the_sky_has_no_depth(full: Path) -> None:
+def test_the_floor_is_flat_and_the_sky_has_no_depth(full):
     for row in range(N_FRAMES):
         points_m = unprojected(full, row)
         assert ground(full, row).sum() > 5000
@@ -135,7 +135,7 @@ def test_the_floor_is_flat_and_the_sky_has_no_depth(full: Path) -> None:
         assert (read_normals(full / f"normals/{row:05d}.png")[sky] == 0).all()
 
 
-def test_normals_are_those_of_the_surface_in_camera_axes(full: Path, small_body: BodyModel) -> None:
+def test_normals_are_those_of_the_surface_in_camera_axes(full, small_body):
     camera = camera_of(load_clip(full / "clip.npz"))
     for row in range(N_FRAMES):
         normals = read_normals(full / f"normals/{row:05d}.png")
@@ -148,9 +148,7 @@ def test_normals_are_those_of_the_surface_in_camera_axes(full: Path, small_body:
         assert ((normals[seen.pixels] * expected).sum(axis=1) > 0.55).all()
 
 
-def test_flow_leads_to_where_the_surface_is_in_the_next_frame(
-    full: Path, small_body: BodyModel
-) -> None:
+def test_flow_leads_to_where_the_surface_is_in_the_next_frame(full, small_body):
     camera = camera_of(load_clip(full / "clip.npz"))
     for row in range(N_FRAMES - 1):
         flow_px = read_flow(full / f"flow/{row:05d}.png")
@@ -167,7 +165,7 @@ def test_flow_leads_to_where_the_surface_is_in_the_next_frame(
         assert np.abs(flow_px[y, x] - (next_px - np.c_[x + 0.5, y + 0.5])).max() < 0.2
 
 
-def test_joints_are_the_bodys_own_projected(full: Path, small_body: BodyModel) -> None:
+def test_joints_are_the_bodys_own_projected(full, small_body):
     clip, joints = load_clip(full / "clip.npz"), load_joints(full / "joints.npz")
     camera = camera_of(clip)
     world_m = motion_joints_m(small_body, clip.motion)
@@ -184,7 +182,7 @@ def test_joints_are_the_bodys_own_projected(full: Path, small_body: BodyModel) -
 
 
 @pytest.mark.slow
-def test_a_frame_with_a_file_missing_is_made_again(full: Path, job: Job, tmp_path: Path) -> None:
+def test_a_frame_with_a_file_missing_is_made_again(full, job, tmp_path):
     """Blender is stopped after its first frame; of that, a pass is lost."""
     out_dir = tmp_path / "stride"
     partial = out_dir.with_name("stride.partial")

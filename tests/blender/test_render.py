@@ -51,14 +51,14 @@ def walking(body: BodyModel) -> Motion:
 
 
 @pytest.fixture(scope="module")
-def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
+def job(small_body, tmp_path_factory) -> Job:
     motion = walking(small_body)
     camera, valid = circling(motion, (WIDTH_PX, HEIGHT_PX)), [True, True, False, True]
     return save_job(tmp_path_factory.mktemp("clip"), small_body, motion, camera, valid)
 
 
 @pytest.fixture(scope="module")
-def rendered(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def rendered(job, tmp_path_factory) -> Path:
     """An undisturbed render."""
     seen: list[int] = []
     out_dir = tmp_path_factory.mktemp("render") / "stride"
@@ -67,7 +67,7 @@ def rendered(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out_dir
 
 
-def test_the_folder_holds_frames_masks_and_the_clip_and_nothing_else(rendered: Path) -> None:
+def test_the_folder_holds_frames_masks_and_the_clip_and_nothing_else(rendered):
     names = [f"frames/{i:05d}.jpg" for i in range(N_FRAMES)]
     names += [f"masks/{i:05d}.png" for i in range(N_FRAMES)]
     assert sorted(contents(rendered)) == sorted([*names, "clearance.json", "clip.npz"])
@@ -79,7 +79,7 @@ def test_the_folder_holds_frames_masks_and_the_clip_and_nothing_else(rendered: P
         assert frame.std() > 25  # there is something to see
 
 
-def test_the_clip_is_the_one_that_went_in_with_blenders_camera(rendered: Path, job: Job) -> None:
+def test_the_clip_is_the_one_that_went_in_with_blenders_camera(rendered, job):
     asked, got = load_clip(job.clip_path), load_clip(rendered / "clip.npz")
     assert asked.camera is not None and got.camera is not None
     assert got.id == asked.id and got.camera.has_camera.all()
@@ -91,7 +91,7 @@ def test_the_clip_is_the_one_that_went_in_with_blenders_camera(rendered: Path, j
     assert (got.camera.width_px, got.camera.height_px) == (WIDTH_PX, HEIGHT_PX)
 
 
-def test_masks_are_the_projected_mesh(rendered: Path, small_body: BodyModel) -> None:
+def test_masks_are_the_projected_mesh(rendered, small_body):
     clip = load_clip(rendered / "clip.npz")
     vertices_m = motion_vertices_m(small_body, clip.motion)
     for row in range(N_FRAMES):
@@ -104,17 +104,15 @@ def test_masks_are_the_projected_mesh(rendered: Path, small_body: BodyModel) -> 
             assert overlap(mask, np.roll(expected, shift, axis=(0, 1))) < iou
 
 
-def test_the_scene_has_enough_to_match(rendered: Path) -> None:
+def test_the_scene_has_enough_to_match(rendered):
     assert all(n_features(rendered, row) > 300 for row in range(N_FRAMES))
 
 
-def test_another_run_with_other_threads_gives_the_same_bytes(
-    rendered: Path, job: Job, tmp_path: Path
-) -> None:
+def test_another_run_with_other_threads_gives_the_same_bytes(rendered, job, tmp_path):
     assert contents(job.render(tmp_path / "again", CONFIG, threads=2)) == contents(rendered)
 
 
-def test_the_blender_process_has_no_use_for_torch(tmp_path: Path) -> None:
+def test_the_blender_process_has_no_use_for_torch(tmp_path):
     """Loading it takes longer than a clip's scene: a twentieth of the time of a short clip."""
     script = tmp_path / "loaded.py"
     script.write_text("import sys, blender.__main__, blender.render; print(*sys.modules)")
@@ -145,22 +143,20 @@ def wait_until(true: Callable[[], object], seconds: float) -> bool:
 
 
 @pytest.fixture(scope="module")
-def before_boxes(box_place: SceneConfig) -> RenderConfig:
+def before_boxes(box_place) -> RenderConfig:
     """The same in a place that takes no time to paint, for runs that are cut short."""
     return CONFIG.model_copy(update={"scene": box_place, "samples": 2})
 
 
 @pytest.fixture(scope="module")
-def undisturbed(
-    before_boxes: RenderConfig, job: Job, tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, str]:
+def undisturbed(before_boxes, job, tmp_path_factory) -> dict[str, str]:
     """What a render of that leaves when nobody kills it."""
     return contents(job.render(tmp_path_factory.mktemp("boxes") / "stride", before_boxes))
 
 
 def test_a_killed_parent_takes_blender_along_and_the_next_run_goes_on(
-    before_boxes: RenderConfig, undisturbed: dict[str, str], job: Job, tmp_path: Path
-) -> None:
+    before_boxes, undisturbed, job, tmp_path
+):
     out_dir = tmp_path / "stride"
     code = (
         "import sys; from pathlib import Path; from gmrdata.film.render import *\n"
@@ -187,8 +183,8 @@ def test_a_killed_parent_takes_blender_along_and_the_next_run_goes_on(
 
 
 def test_a_killed_blender_is_an_error_and_missing_frames_are_made_again(
-    before_boxes: RenderConfig, undisturbed: dict[str, str], job: Job, tmp_path: Path
-) -> None:
+    before_boxes, undisturbed, job, tmp_path
+):
     out_dir = tmp_path / "stride"
     partial = out_dir.with_name("stride.partial")
 

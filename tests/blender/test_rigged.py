@@ -128,7 +128,7 @@ def stand_in(
 
 
 @pytest.fixture(scope="module")
-def characters(small_body: BodyModel, folder: Path) -> Files:
+def characters(small_body, folder) -> Files:
     """The files of all characters, written with Blender in one process of its own."""
     t_pose = stand_in(small_body, {}, a_pose=False, rename=smpl_name)
     in_cm = stand_in(small_body, LEGS | ARMS, unit_m=0.01)
@@ -167,12 +167,12 @@ def striding(body: BodyModel) -> Motion:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("rigged")
 
 
 @pytest.fixture(scope="module")
-def clip_path(small_body: BodyModel, folder: Path) -> Path:
+def clip_path(small_body, folder) -> Path:
     motion, rng = striding(small_body), np.random.default_rng(2)
     programme = Static(azimuth_deg=90.0)
     camera = camera_path(programme, motion.pelvis_m, 10.0, WIDTH_PX, HEIGHT_PX, 60.0, rng)
@@ -180,7 +180,7 @@ def clip_path(small_body: BodyModel, folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def film(box_place: SceneConfig) -> Callable[..., Path]:
+def film(box_place) -> Callable[..., Path]:
     """Films a clip of `clip_path`, with the body beside it, before a few boxes unless told."""
 
     def run(clip_path: Path, out_dir: Path, character: Character | None, **more: Any) -> Path:
@@ -192,7 +192,7 @@ def film(box_place: SceneConfig) -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="module")
-def rendered(film: Film, characters: Files, clip_path: Path, folder: Path) -> Path:
+def rendered(film, characters, clip_path, folder) -> Path:
     """In a place of our own, whose light is in the materials."""
     character = Character(path=characters["proportions"])
     return film(clip_path, folder / "rendered", character, joints=True, scene=SceneConfig())
@@ -227,9 +227,7 @@ def check_residual(record: CharacterRecord, body: BodyModel, clip_path: Path, ke
     assert limb_angles_deg(record).max() < 0.01
 
 
-def test_the_residual_is_what_the_proportions_imply(
-    rendered: Path, small_body: BodyModel, clip_path: Path
-) -> None:
+def test_the_residual_is_what_the_proportions_imply(rendered, small_body, clip_path):
     record = load_character(rendered / "character.npz")
     check_residual(record, small_body, clip_path, keep=False)
     assert record.scale == pytest.approx(1 / 1.1, rel=1e-5)
@@ -244,8 +242,8 @@ def test_the_residual_is_what_the_proportions_imply(
 
 
 def test_a_file_in_centimetres_keeps_its_size_if_told_to(
-    film: Film, characters: Files, small_body: BodyModel, clip_path: Path, folder: Path
-) -> None:
+    film, characters, small_body, clip_path, folder
+):
     character = Character(path=characters["someone"], scale="keep")
     kept = film(clip_path, folder / "kept", character)
     record = load_character(kept / "character.npz")
@@ -253,7 +251,7 @@ def test_a_file_in_centimetres_keeps_its_size_if_told_to(
     assert record.scale == 1.0
 
 
-def test_the_picture_shows_the_character_where_its_joints_are(rendered: Path) -> None:
+def test_the_picture_shows_the_character_where_its_joints_are(rendered):
     record, clip = load_character(rendered / "character.npz"), load_clip(rendered / "clip.npz")
     camera = camera_of(clip)
     joints_px = project(camera.world_from_cam, record.joints_world_m, camera.intrinsics_px)
@@ -267,7 +265,7 @@ def test_the_picture_shows_the_character_where_its_joints_are(rendered: Path) ->
             assert pixels.min() > joints.min() - 8 and pixels.max() < joints.max() + 8
 
 
-def test_it_has_its_own_picture_on_and_is_lit(rendered: Path) -> None:
+def test_it_has_its_own_picture_on_and_is_lit(rendered):
     frame = cv2.imread(str(rendered / "frames/00000.jpg")).astype(int)
     blue, _, red = frame[mask_of(rendered, 0)].T
     assert (blue - red > 60).mean() > 0.2 and (red > 120).mean() > 0.2
@@ -278,15 +276,13 @@ def smpl_name(joint: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def twin(film: Film, characters: Files, clip_path: Path, folder: Path) -> Path:
+def twin(film, characters, clip_path, folder) -> Path:
     """The body itself as a character, in the T-pose with SMPL's names, with flow and depth."""
     character = Character(path=characters["twin"])
     return film(clip_path, folder / "twin", character, blend=True, flow=True, joints=True)
 
 
-def test_the_body_as_a_character_is_the_body(
-    film: Film, twin: Path, small_body: BodyModel, clip_path: Path, folder: Path
-) -> None:
+def test_the_body_as_a_character_is_the_body(film, twin, small_body, clip_path, folder):
     record = load_character(twin / "character.npz")
     assert np.abs(record.residual_m).max() < 1e-5 and record.scale == pytest.approx(1.0, rel=1e-5)
     cache = (twin / "scene/person.pc2").read_bytes()
@@ -306,9 +302,7 @@ def test_the_body_as_a_character_is_the_body(
     assert not (plain / "character.npz").exists()
 
 
-def test_there_is_nothing_in_the_holes_of_a_picture(
-    film: Film, characters: Files, twin: Path, clip_path: Path, folder: Path
-) -> None:
+def test_there_is_nothing_in_the_holes_of_a_picture(film, characters, twin, clip_path, folder):
     holes = film(clip_path, folder / "holes", Character(path=characters["holes"]), flow=True)
     mask, whole = mask_of(holes, 0), mask_of(twin, 0)
     assert not (mask & ~whole).any()
@@ -320,8 +314,8 @@ def test_there_is_nothing_in_the_holes_of_a_picture(
 
 
 def test_feet_stand_on_the_floor_where_the_bodys_do(
-    film: Film, clip_path: Path, small_body: BodyModel, characters: Files, folder: Path
-) -> None:
+    film, clip_path, small_body, characters, folder
+):
     soles_m = (small_body.template_m - small_body.joints_template_m[0])[:, 1].min()
     motion, camera = (
         facing_x(small_body, [[0, 0, -soles_m]] * N_FRAMES),
@@ -352,8 +346,8 @@ def write_glb(path: Path, scene: Mapping[str, Any], binary: bytes) -> Path:
 
 
 def test_another_run_from_a_gltf_with_files_beside_it_gives_the_same_bytes(
-    film: Film, rendered: Path, characters: Files, clip_path: Path, folder: Path
-) -> None:
+    film, rendered, characters, clip_path, folder
+):
     scene, binary = read_glb(characters["proportions"])
     (folder / "parts").mkdir()
     view = scene["bufferViews"][scene["images"][0].pop("bufferView")]
@@ -374,9 +368,7 @@ def test_another_run_from_a_gltf_with_files_beside_it_gives_the_same_bytes(
     assert inputs["character/stripes.png"] == sha256_of_file(folder / "parts/stripes.png")
 
 
-def test_a_missing_bone_is_named(
-    film: Film, characters: Files, clip_path: Path, folder: Path
-) -> None:
+def test_a_missing_bone_is_named(film, characters, clip_path, folder):
     scene, binary = read_glb(characters["proportions"])
     for node in scene["nodes"]:
         node["name"] = node["name"].replace("LeftLeg", "Tentacle")
@@ -389,9 +381,7 @@ def test_a_missing_bone_is_named(
     assert not (folder / "odd").exists()
 
 
-def test_a_mesh_without_a_skeleton_is_no_character(
-    film: Film, characters: Files, clip_path: Path, folder: Path
-) -> None:
+def test_a_mesh_without_a_skeleton_is_no_character(film, characters, clip_path, folder):
     scene, binary = read_glb(characters["proportions"])
     del scene["skins"]
     for node in scene["nodes"]:
@@ -401,16 +391,14 @@ def test_a_mesh_without_a_skeleton_is_no_character(
         film(clip_path, folder / "statue", Character(path=path))
 
 
-def test_a_damaged_fbx_is_named(film: Film, clip_path: Path, folder: Path) -> None:
+def test_a_damaged_fbx_is_named(film, clip_path, folder):
     path = folder / "cut.fbx"
     path.write_bytes(b"Kaydara FBX Binary  \0\x1a\0" + struct.pack("<I", 7400) + b"\1" * 50)
     with pytest.raises(RenderFailed, match=r"cut\.fbx: Blender can't read this character"):
         film(clip_path, folder / "cut", Character(path=path))
 
 
-def test_an_fbx_with_its_picture_elsewhere_is_refused(
-    film: Film, characters: Files, clip_path: Path, folder: Path
-) -> None:
+def test_an_fbx_with_its_picture_elsewhere_is_refused(film, characters, clip_path, folder):
     path = characters["loose"]
     assert (folder / "loose/stripes.png").is_file()
     with pytest.raises(RenderFailed, match=r"loose\.fbx: its picture 'stripes.*' is not inside"):
@@ -418,8 +406,8 @@ def test_an_fbx_with_its_picture_elsewhere_is_refused(
 
 
 def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
-    box_place: SceneConfig, small_body: BodyModel, characters: Files, folder: Path
-) -> None:
+    box_place, small_body, characters, folder
+):
     save_body(folder / "small.npz", small_body)
     character = {"path": str(characters["proportions"]), "licence": "CC0-1.0"}
     clip = {"gait": "walk", "programme": {"kind": "static"}}

@@ -67,9 +67,7 @@ AXES = st.sampled_from([np.eye(3), Z_UP, Z_UP @ np.diag([-1.0, 1.0, -1.0]), Z_UP
 
 
 @given(st.integers(0, 10_000), AXES, st.sampled_from([1.0, 100.0]))
-def test_limbs_point_where_the_bodys_do(
-    small_body: BodyModel, seed: int, axes: np.ndarray, unit: float
-) -> None:
+def test_limbs_point_where_the_bodys_do(small_body, seed, axes, unit):
     motion = random_motion(small_body, seed)
     rest = random_rest(small_body, seed, unit, axes)
     found = check_rest(rest, False, "someone.glb")
@@ -87,7 +85,7 @@ def test_limbs_point_where_the_bodys_do(
 
 
 @given(st.integers(0, 10_000))
-def test_pose_bones_add_up_to_the_turns(small_body: BodyModel, seed: int) -> None:
+def test_pose_bones_add_up_to_the_turns(small_body, seed):
     """With a bone for each joint, one more in each forearm, and a scaled, turned armature."""
     rng = np.random.default_rng(seed)
     turns = Rotation.random(N_FRAMES * 24, random_state=seed).as_matrix()
@@ -115,7 +113,7 @@ def test_pose_bones_add_up_to_the_turns(small_body: BodyModel, seed: int) -> Non
     np.testing.assert_allclose(posed, expected, atol=1e-9)
 
 
-def test_sizes(small_body: BodyModel) -> None:
+def test_sizes(small_body):
     rest_m = small_body.joints_template_m
     body_feet_m = small_body.template_m[of_feet(small_body.skin_weights)]
     unknown = np.full((2, 3), np.nan)
@@ -136,7 +134,7 @@ def test_sizes(small_body: BodyModel) -> None:
     np.testing.assert_allclose(hips_m(kept, joints_m), middle_m * [1, 1, 0.5], atol=1e-12)
 
 
-def test_what_is_no_standing_person_of_human_size_is_refused(small_body: BodyModel) -> None:
+def test_what_is_no_standing_person_of_human_size_is_refused(small_body):
     rest = random_rest(small_body, 0, 100.0, Z_UP)
     with pytest.raises(BadCharacter, match=r"a\.glb: its legs are .* m long.*scale: legs"):
         check_rest(rest, True, "a.glb")
@@ -149,7 +147,7 @@ def test_what_is_no_standing_person_of_human_size_is_refused(small_body: BodyMod
         check_rest(replace(rest, joints=stump), False, "a.glb")
 
 
-def test_joints_without_a_bone_are_unknown() -> None:
+def test_joints_without_a_bone_are_unknown():
     heads = np.arange(12.0).reshape(2, 2, 3)
     joints = joints_of(heads, {JOINT["pelvis"]: 1, JOINT["head"]: 0})
     np.testing.assert_array_equal(joints[:, JOINT["pelvis"]], heads[:, 1])

@@ -40,7 +40,7 @@ def place_for(kind: str, programme: Programme, seed: int) -> Place:
 
 
 @pytest.fixture(scope="module")
-def places(coarse_pictures: None) -> Places:
+def places(coarse_pictures) -> Places:
     """Each place under each moving programme."""
     return {
         (kind, name): place_for(kind, programme, seed)
@@ -58,7 +58,7 @@ CLEAR = [case for case in CASES if case != ("courtyard", "linear")]
 
 
 @pytest.mark.parametrize("case", CLEAR, ids="-".join)
-def test_nothing_stands_in_the_way(places: Places, case: tuple[str, str]) -> None:
+def test_nothing_stands_in_the_way(places, case):
     yard, pelvis, camera = places[case]
     rng = np.random.default_rng(0)
     share = np.linspace(0, 1, 40)[:, None, None]
@@ -76,9 +76,7 @@ def test_nothing_stands_in_the_way(places: Places, case: tuple[str, str]) -> Non
 
 
 @pytest.mark.parametrize("case", CASES, ids="-".join)
-def test_walls_stand_all_round_the_camera_and_the_subject(
-    places: Places, case: tuple[str, str]
-) -> None:
+def test_walls_stand_all_round_the_camera_and_the_subject(places, case):
     yard, pelvis, camera = places[case]
     walls = [t for t in yard.things if t.solid == "box" and t.picture_m and t.size_m[2] > 3]
     for start in (camera[0], camera[-1], pelvis[0], pelvis[-1]):
@@ -97,7 +95,7 @@ def _hits(ray: np.ndarray, centre_m: np.ndarray, size_m: np.ndarray, yaw_rad: fl
     return bool(np.all(np.abs(local) < size_m[:2] / 2, axis=1).any())
 
 
-def test_pictures_are_colours(places: Places) -> None:
+def test_pictures_are_colours(places):
     for kind in PLACES:
         yard = places[kind, "panning"][0]
         skies = () if yard.sky is None else (yard.sky,)
@@ -107,7 +105,7 @@ def test_pictures_are_colours(places: Places) -> None:
 
 
 @pytest.mark.parametrize("kind", PLACES)
-def test_the_same_seed_gives_the_same_place(places: Places, kind: str) -> None:
+def test_the_same_seed_gives_the_same_place(places, kind):
     one = places[kind, "circular"][0]
     two = place_for(kind, PROGRAMMES["circular"], 0)[0]
     assert one.ground.tobytes() == two.ground.tobytes()
@@ -116,7 +114,7 @@ def test_the_same_seed_gives_the_same_place(places: Places, kind: str) -> None:
     assert [t.picture.tobytes() for t in one.things] == [t.picture.tobytes() for t in two.things]
 
 
-def test_a_room_is_closed_above_and_lit_from_below_its_ceiling() -> None:
+def test_a_room_is_closed_above_and_lit_from_below_its_ceiling():
     pelvis = walk(0.4)
     for height_m in (1.5, 6.0):
         programme, rng = Panning(height_m=height_m), np.random.default_rng(1)
@@ -128,7 +126,7 @@ def test_a_room_is_closed_above_and_lit_from_below_its_ceiling() -> None:
         assert height_m < yard.lamp_m[2] < ceiling_m
 
 
-def test_a_street_has_cars_a_park_trees_and_a_room_books(places: Places) -> None:
+def test_a_street_has_cars_a_park_trees_and_a_room_books(places):
     for name in PROGRAMMES:
         solids = {kind: [t.solid for t in places[kind, name][0].things] for kind in PLACES}
         assert solids["street"].count("wheel") >= 4 and solids["street"].count("taper") >= 1
@@ -136,7 +134,7 @@ def test_a_street_has_cars_a_park_trees_and_a_room_books(places: Places) -> None
         assert len(solids["room"]) > 15 and len(solids["courtyard"]) > 40
 
 
-def test_the_houses_stand_all_round_a_courtyard(places: Places) -> None:
+def test_the_houses_stand_all_round_a_courtyard(places):
     for name in PROGRAMMES:
         yard, pelvis, _ = places["courtyard", name]
         middle = pelvis.mean(axis=0)[:2]

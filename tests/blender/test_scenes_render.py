@@ -27,9 +27,7 @@ def picture(job: Job, out_dir: Path, scene: SceneConfig) -> np.ndarray:
 
 
 @pytest.mark.parametrize("light", ["overcast", None])
-def test_a_room_and_a_street_without_shadows_have_much_to_see(
-    small_body: BodyModel, tmp_path: Path, light: str | None
-) -> None:
+def test_a_room_and_a_street_without_shadows_have_much_to_see(small_body, tmp_path, light):
     job = save_view(tmp_path, small_body, (0.0, 0.0, 0.95))
     scene = SceneConfig.model_validate({"kind": "street" if light else "room", "light": light})
     frame = picture(job, tmp_path / "out", scene)
@@ -39,7 +37,7 @@ def test_a_room_and_a_street_without_shadows_have_much_to_see(
     assert 40 < frame.mean() < 190
 
 
-def test_the_sky_is_the_file(small_body: BodyModel, tmp_path: Path) -> None:
+def test_the_sky_is_the_file(small_body, tmp_path):
     """Looking up along -x, where a sky with a colour for each half of the compass shows both."""
     job = save_view(tmp_path, small_body, (4.9, 0.0, 1.9))
     sky_path = tmp_path / "sky.hdr"
@@ -58,7 +56,7 @@ def test_the_sky_is_the_file(small_body: BodyModel, tmp_path: Path) -> None:
         picture(job, out_dir, scene)
 
 
-def test_skies_that_are_not_there(small_body: BodyModel, tmp_path: Path) -> None:
+def test_skies_that_are_not_there(small_body, tmp_path):
     job = save_view(tmp_path, small_body, (0.0, 0.0, 0.95))
     sky_path = tmp_path / "sky.hdr"
     with pytest.raises(MissingInput, match=r"sky\.hdr: no such file"):

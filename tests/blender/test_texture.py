@@ -10,7 +10,6 @@ import pytest
 from gmrdata.film.character import PersonConfig, TextureConfig
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.scene import SceneConfig
-from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import MissingInput, RenderFailed, StaleOutput
 from tests.blender.jobs import (
     FACING_X,
@@ -42,7 +41,7 @@ class Files(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def files(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Files:
+def files(small_body, tmp_path_factory) -> Files:
     """A body, a clip of one frame, a checker, and coordinates that look at the body from ahead."""
     folder = tmp_path_factory.mktemp("texture")
     camera = camera_at([[4.0, 0.0, 1.3]], [PELVIS_M], (320, 180))
@@ -68,9 +67,7 @@ def config_of(image: Path, uv: Path, scene: SceneConfig) -> RenderConfig:
     )
 
 
-def test_each_pixel_has_the_colour_that_the_coordinates_say(
-    small_body: BodyModel, files: Files, tmp_path: Path
-) -> None:
+def test_each_pixel_has_the_colour_that_the_coordinates_say(small_body, files, tmp_path):
     config = config_of(files.checker, files.uv, SceneConfig(light="overcast"))
     out = files.job.render(tmp_path / "out", config)
     frame = cv2.imread(str(out / "frames/00000.jpg"))[..., ::-1].astype(float)
@@ -92,9 +89,7 @@ def test_each_pixel_has_the_colour_that_the_coordinates_say(
         files.job.render(out, config)
 
 
-def test_files_that_do_not_fit_are_named(
-    box_place: SceneConfig, files: Files, tmp_path: Path
-) -> None:
+def test_files_that_do_not_fit_are_named(box_place, files, tmp_path):
     def fail(config: RenderConfig) -> str:
         with pytest.raises(RenderFailed) as caught:
             files.job.render(tmp_path / "out", config)

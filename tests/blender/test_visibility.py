@@ -47,7 +47,7 @@ def standing(body: BodyModel) -> Motion:
 
 
 @pytest.fixture(scope="module")
-def seen(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
+def seen(small_body, tmp_path_factory) -> dict[str, set[str]]:
     """Names of the visible joints for each place of the camera."""
     folder = tmp_path_factory.mktemp("visibility")
     motion = standing(small_body)
@@ -76,11 +76,11 @@ RIGHT = {name for name in JOINT_NAMES if name.startswith("right")}
 LOWER_LEGS = {f"{side}_{name}" for side in ("left", "right") for name in ("knee", "ankle", "foot")}
 
 
-def test_from_the_front_only_the_wrist_behind_the_back_is_hidden(seen: dict[str, set[str]]) -> None:
+def test_from_the_front_only_the_wrist_behind_the_back_is_hidden(seen):
     assert set(JOINT_NAMES) - seen["front"] == {"right_wrist"}
 
 
-def test_from_the_side_the_body_hides_its_other_side(seen: dict[str, set[str]]) -> None:
+def test_from_the_side_the_body_hides_its_other_side(seen):
     # But for the forearm, which sticks out behind the back.
     assert seen["left"] & RIGHT == {"right_wrist", "right_hand"}
     # The left hand hangs before the hip.
@@ -88,14 +88,12 @@ def test_from_the_side_the_body_hides_its_other_side(seen: dict[str, set[str]]) 
     assert {"head", "neck"} <= seen["left"] and "pelvis" not in seen["left"]
 
 
-def test_from_behind_the_hand_shows_and_a_low_wall_hides_the_legs(
-    seen: dict[str, set[str]],
-) -> None:
+def test_from_behind_the_hand_shows_and_a_low_wall_hides_the_legs(seen):
     assert seen["behind the wall"] & LOWER_LEGS == set()
     assert {"right_wrist", "head", "neck", "left_shoulder"} <= seen["behind the wall"]
 
 
-def test_a_passer_by_hides_what_is_behind_them_and_nothing_else(seen: dict[str, set[str]]) -> None:
+def test_a_passer_by_hides_what_is_behind_them_and_nothing_else(seen):
     trunk = {"pelvis", "spine1", "spine2", "spine3", "neck", "head"}
     assert seen["passer-by in front"] & trunk == set()
     assert seen["passer-by behind"] == set(JOINT_NAMES) - {"right_wrist"}

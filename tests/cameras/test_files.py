@@ -56,12 +56,12 @@ def without_array(path: Path, key: str) -> None:
     np.savez(path, **{name: array for name, array in arrays.items() if name != key})
 
 
-def test_figures_come_back(tmp_path: Path) -> None:
+def test_figures_come_back(tmp_path):
     QUALITY.write(tmp_path / QUALITY_FILE)
     assert load_quality(tmp_path) == QUALITY
 
 
-def test_what_is_said_of_the_lens() -> None:
+def test_what_is_said_of_the_lens():
     focal, k1, taken_out = QUALITY.lens_in_words
     assert focal[1] == "1.01 ± 0.02" and k1[1] == "0.013 ± 0.009"
     assert taken_out[1] == "k1 0.042, k2 -0.05"
@@ -69,7 +69,7 @@ def test_what_is_said_of_the_lens() -> None:
 
 
 @pytest.mark.parametrize("path", QUALITY_KEYS, ids=lambda path: ".".join(map(str, path)))
-def test_each_figure_is_needed_and_named(tmp_path: Path, path: tuple[str | int, ...]) -> None:
+def test_each_figure_is_needed_and_named(tmp_path, path):
     file = tmp_path / QUALITY_FILE
     file.write_text(json.dumps(without(QUALITY.model_dump(mode="json"), path)))
     named = rf"quality\.json: has no .*`{'.'.join(map(str, path))}`.*--redo"
@@ -91,14 +91,14 @@ def test_each_figure_is_needed_and_named(tmp_path: Path, path: tuple[str | int, 
         ({"geometry": "bent"}, "`geometry` is wrong"),
     ],
 )
-def test_figures_that_cannot_be(tmp_path: Path, changes: dict[str, object], said: str) -> None:
+def test_figures_that_cannot_be(tmp_path, changes, said):
     text = json.dumps(QUALITY.model_dump(mode="json") | changes)
     (tmp_path / QUALITY_FILE).write_text(text)
     with pytest.raises(BadRecord, match=said):
         load_quality(tmp_path)
 
 
-def test_cameras_come_back(tmp_path: Path) -> None:
+def test_cameras_come_back(tmp_path):
     save_cameras(tmp_path / CAMERAS_FILE, CAMERAS)
     found = load_cameras(tmp_path)
     assert found.geometry == "full" and (found.path.width_px, found.path.height_px) == (4, 3)
@@ -108,7 +108,7 @@ def test_cameras_come_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", ["format", *_CAMERA_SHAPES])
-def test_each_array_of_the_cameras_is_needed_and_named(tmp_path: Path, key: str) -> None:
+def test_each_array_of_the_cameras_is_needed_and_named(tmp_path, key):
     save_cameras(tmp_path / CAMERAS_FILE, CAMERAS)
     without_array(tmp_path / CAMERAS_FILE, key)
     with pytest.raises(BadRecord, match=rf"cameras\.npz: has no .*{key}.*--redo"):
@@ -116,7 +116,7 @@ def test_each_array_of_the_cameras_is_needed_and_named(tmp_path: Path, key: str)
 
 
 @pytest.mark.parametrize("key", ["format", "xyz", "track_lengths"])
-def test_each_array_of_the_points_is_needed_and_named(tmp_path: Path, key: str) -> None:
+def test_each_array_of_the_points_is_needed_and_named(tmp_path, key):
     save_points(tmp_path / POINTS_FILE, np.ones((2, 3)), np.array([3, 4]))
     assert np.array_equal(load_points(tmp_path), np.ones((2, 3)))
     without_array(tmp_path / POINTS_FILE, key)
@@ -124,7 +124,7 @@ def test_each_array_of_the_points_is_needed_and_named(tmp_path: Path, key: str) 
         load_points(tmp_path)
 
 
-def test_arrays_that_do_not_fit_are_named(tmp_path: Path) -> None:
+def test_arrays_that_do_not_fit_are_named(tmp_path):
     save_points(tmp_path / POINTS_FILE, np.ones((2, 3)), np.array([3, 4, 5]))
     with pytest.raises(BadRecord, match=r"'track_lengths' has shape \(3,\)"):
         load_points(tmp_path)

@@ -2,7 +2,6 @@
 
 import shutil
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from tests.read.test_frames import with_exif
 
 
 @pytest.fixture
-def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[Path]:
+def decoded(monkeypatch) -> Counter[Path]:
     return counted(monkeypatch)
 
 
@@ -41,9 +40,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[Path]:
 
 
 @pytest.fixture(scope="module")
-def solved(
-    dolly: Any, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[np.ndarray, Counter[Path]]:
+def solved(dolly, tmp_path_factory) -> tuple[np.ndarray, Counter[Path]]:
     """World from camera with every frame in memory, and how often each was decoded."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         count = counted(monkeypatch)
@@ -52,20 +49,14 @@ def solved(
     return load_cameras(out_dir).path.world_from_cam, count
 
 
-def test_the_stage_decodes_each_frame_once(
-    dolly: Any, solved: tuple[np.ndarray, Counter[Path]]
-) -> None:
+def test_the_stage_decodes_each_frame_once(dolly, solved):
     assert solved[1] == dict.fromkeys(list_images(dolly.images_dir), 1)
 
 
 @pytest.mark.slow
 def test_what_memory_is_not_meant_to_hold_is_decoded_again(
-    dolly: Any,
-    solved: tuple[np.ndarray, Counter[Path]],
-    decoded: Counter[Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    dolly, solved, decoded, tmp_path, monkeypatch
+):
     monkeypatch.setattr(module, "MOST_KEPT_BYTES", 3 * 320 * 180)
     reconstruct(dolly.taken(), None, dolly.lens, tmp_path / "sfm", SfmConfig())
     images = list_images(dolly.images_dir)
@@ -74,7 +65,7 @@ def test_what_memory_is_not_meant_to_hold_is_decoded_again(
     np.testing.assert_array_equal(solved[0], few_kept)
 
 
-def test_some_of_the_frames_share_what_was_decoded(dolly: Any, decoded: Counter[Path]) -> None:
+def test_some_of_the_frames_share_what_was_decoded(dolly, decoded):
     frames = Frames(list_images(dolly.images_dir), None, dolly.intrinsics_px, (320, 180))
     some = frames.some(np.array([0, 2]))
     assert some.gray(some.images[1]) is frames.gray(frames.images[2])
@@ -96,7 +87,7 @@ def a_frame(folder: Path, size_px: tuple[int, int] = (200, 120)) -> Frames:
     return Frames(images, folder / "masks", K_PX, size_px)
 
 
-def test_pixels_scale_from_the_outer_corner(tmp_path: Path) -> None:
+def test_pixels_scale_from_the_outer_corner(tmp_path):
     small = reduced(a_frame(tmp_path), 50, tmp_path / "small")
     assert small.size_px == (50, 30)
     np.testing.assert_allclose(small.intrinsics_px, [[75, 0, 25], [0, 75, 15], [0, 0, 1]])
@@ -106,23 +97,21 @@ def test_pixels_scale_from_the_outer_corner(tmp_path: Path) -> None:
     assert (gray[:, :25] == 0).all() and (gray[:, 25:] == 255).all()
 
 
-def test_a_pixel_is_dynamic_if_any_part_of_it_is(tmp_path: Path) -> None:
+def test_a_pixel_is_dynamic_if_any_part_of_it_is(tmp_path):
     small = reduced(a_frame(tmp_path), 50, tmp_path / "small")
     assert small.masks_dir is not None
     mask = read_gray(small.masks_dir / "image_00007.png", small.size_px)
     assert np.argwhere(mask).tolist() == [[5, 10]] and mask.max() == 255
 
 
-def test_small_frames_are_taken_as_they_are(tmp_path: Path) -> None:
+def test_small_frames_are_taken_as_they_are(tmp_path):
     frames = a_frame(tmp_path)
     assert reduced(frames, 200, tmp_path / "small") is frames
     assert not (tmp_path / "small").exists()
 
 
 @pytest.mark.slow
-def test_no_result_depends_on_how_names_sort_as_texts(
-    dolly: Any, solved: tuple[np.ndarray, Counter[Path]], tmp_path: Path
-) -> None:
+def test_no_result_depends_on_how_names_sort_as_texts(dolly, solved, tmp_path):
     """COLMAP goes by that order, in which 10.png comes before 2.png."""
     (plain := tmp_path / "plain").mkdir()
     for number, image in enumerate(list_images(dolly.images_dir), start=1):
@@ -132,7 +121,7 @@ def test_no_result_depends_on_how_names_sort_as_texts(
     assert load_tracks(other).image_names[1] == "2.jpg"
 
 
-def test_names_in_another_order_are_linked_with_their_masks(tmp_path: Path) -> None:
+def test_names_in_another_order_are_linked_with_their_masks(tmp_path):
     for name, values in {"frames": 10, "masks": 0}.items():
         (tmp_path / name).mkdir()
         for number in (9, 10):
@@ -148,7 +137,7 @@ def test_names_in_another_order_are_linked_with_their_masks(tmp_path: Path) -> N
         assert same.mask(same.images[1]).all()
 
 
-def test_turned_frames_are_written_upright_for_colmap(tmp_path: Path) -> None:
+def test_turned_frames_are_written_upright_for_colmap(tmp_path):
     """COLMAP reads pictures as they are stored; the mask is of the upright picture."""
     frames = a_frame(tmp_path)
     (image,) = frames.images
@@ -162,14 +151,14 @@ def test_turned_frames_are_written_upright_for_colmap(tmp_path: Path) -> None:
     assert np.array_equal(upright.mask(upright.images[0]), frames.mask(image))
 
 
-def test_a_mask_of_another_size_is_an_error(tmp_path: Path) -> None:
+def test_a_mask_of_another_size_is_an_error(tmp_path):
     frames = a_frame(tmp_path)
     cv2.imwrite(str(tmp_path / "masks" / "image_00007.png"), np.zeros((30, 50), np.uint8))
     with pytest.raises(BadFrames, match="image_00007"):
         reduced(frames, 50, tmp_path / "small")
 
 
-def test_cameras_of_large_frames_have_their_size(dolly: Any, tmp_path: Path) -> None:
+def test_cameras_of_large_frames_have_their_size(dolly, tmp_path):
     """Frames of twice the size, worked on at the size that they had."""
     enlarge(dolly.images_dir, tmp_path / "frames", cv2.INTER_LINEAR)
     enlarge(dolly.masks_dir, tmp_path / "masks", cv2.INTER_NEAREST)
@@ -200,7 +189,7 @@ def test_cameras_of_large_frames_have_their_size(dolly: Any, tmp_path: Path) -> 
     assert not (out_dir / "colmap").exists()
 
 
-def test_an_error_names_the_frames_that_were_given(tmp_path: Path) -> None:
+def test_an_error_names_the_frames_that_were_given(tmp_path):
     (tmp_path / "frames").mkdir()
     for i in range(6):
         path = tmp_path / "frames" / f"{i:05d}.png"
@@ -240,7 +229,7 @@ def bend(source: Path, target: Path, intrinsics_px: np.ndarray, how: int) -> Non
 
 
 @pytest.fixture(scope="module")
-def bent_arc(film: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+def bent_arc(film, tmp_path_factory) -> Any:
     """A filmed arc through a lens: folder, intrinsics, and what was filmed."""
     filmed, folder = film("arc", 12, person=False), tmp_path_factory.mktemp("bent")
     bend(filmed.images_dir, folder / "frames", filmed.intrinsics_px, cv2.INTER_LANCZOS4)
@@ -250,7 +239,7 @@ def bent_arc(film: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory)
     return frames, Lens.of_matrix(intrinsics_px, frames.size_px, (RADIAL_K1, 0.0)), filmed
 
 
-def test_cameras_of_a_known_lens_are_right(bent_arc: Any, tmp_path: Path) -> None:
+def test_cameras_of_a_known_lens_are_right(bent_arc, tmp_path):
     frames, lens, filmed = bent_arc
     config = SfmConfig(max_features=600)
     made = reconstruct(frames, None, lens, tmp_path / "sfm", config)
@@ -269,7 +258,7 @@ def test_cameras_of_a_known_lens_are_right(bent_arc: Any, tmp_path: Path) -> Non
     assert np.median(apart_px) < 0.4 < 1.0 < np.percentile(without_px, 80)
 
 
-def test_a_frame_is_straightened_and_what_was_not_seen_is_masked(tmp_path: Path) -> None:
+def test_a_frame_is_straightened_and_what_was_not_seen_is_masked(tmp_path):
     for name in ("frames", "masks"):
         (tmp_path / name).mkdir()
     picture = np.zeros((120, 200), np.uint8)

@@ -72,13 +72,11 @@ def chained(folder: Path, reach: int) -> tuple[Frames, Matches]:
         (None, True),
     ],
 )
-def test_a_short_way_is_bent_if_its_focal_length_is_off_or_vague(
-    focal: FreedFocal | None, bent: bool
-) -> None:
+def test_a_short_way_is_bent_if_its_focal_length_is_off_or_vague(focal, bent):
     assert is_bent(mapped(0.5, focal), turning(0.9), CONFIG) is bent
 
 
-def test_a_short_way_is_bent_if_every_second_keyframe_goes_another() -> None:
+def test_a_short_way_is_bent_if_every_second_keyframe_goes_another():
     firm = mapped(0.5, FreedFocal(1.002, 0.003))
     # Shares of a tenth of the distance, here twice the path's extent.
     for share, bent in ((0.01, False), (0.02, True)):
@@ -89,8 +87,8 @@ def test_a_short_way_is_bent_if_every_second_keyframe_goes_another() -> None:
 
 
 def test_where_the_camera_hardly_travels_both_solutions_begin_again_until_they_agree(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+    monkeypatch, tmp_path
+):
     """One start in four of a twin of 6 cm ended in a path of another shape."""
     firm = mapped(0.5, FreedFocal(1.002, 0.003))
     right, wrong = firm.world_from_cam, firm.world_from_cam.copy()
@@ -128,8 +126,8 @@ def test_where_the_camera_hardly_travels_both_solutions_begin_again_until_they_a
 
 @pytest.mark.parametrize("half", ["another path", "hardly any cameras"])
 def test_two_keyframes_in_three_are_asked_where_half_of_them_do_not_confirm_the_path(
-    half: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+    half, monkeypatch, tmp_path
+):
     """A dancer behind filled boxes, every third frame, was right, and of half of them 8.7 % off."""
     first = mapped(3.0, FreedFocal(1.002, 0.003))
     right, wrong = first.world_from_cam, first.world_from_cam.copy()
@@ -166,7 +164,7 @@ def test_two_keyframes_in_three_are_asked_where_half_of_them_do_not_confirm_the_
     assert answer(right, wrong).agreement == answer(right, right).agreement and asked == [6]
 
 
-def test_a_model_of_few_keyframes_does_not_say_that_the_camera_only_turns() -> None:
+def test_a_model_of_few_keyframes_does_not_say_that_the_camera_only_turns():
     """Most matches of a blurred walk fit a turn, and a model of 8 of 33 keyframes was vague."""
     vague = mapped(0.5, FreedFocal(1.3, 0.9))
     few = vague.world_from_cam.copy()
@@ -176,9 +174,7 @@ def test_a_model_of_few_keyframes_does_not_say_that_the_camera_only_turns() -> N
 
 
 @pytest.mark.parametrize(("extent", "mapper"), [(0.5, "small_parallax"), (1.5, "global")])
-def test_a_model_that_hardly_travels_is_not_the_last(
-    extent: float, mapper: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_model_that_hardly_travels_is_not_the_last(extent, mapper, monkeypatch, tmp_path):
     """The global mapper's was wrong at 0.38 px, and explained more matches than the right one."""
     found_by = {"global": (80, 0.38), "small_parallax": (76, 0.27)}
 
@@ -202,13 +198,13 @@ def test_a_model_that_hardly_travels_is_not_the_last(
         (0.5, np.nan, 0.9),  # the mapper of a pan can leave a model without cameras
     ],
 )
-def test_a_model_that_is_not_bent(extent: float, there: float, residual_px: float) -> None:
+def test_a_model_that_is_not_bent(extent, there, residual_px):
     model = mapped(extent, None)
     model = replace(model, world_from_cam=there * model.world_from_cam)
     assert not is_bent(model, turning(residual_px), CONFIG)
 
 
-def test_a_second_solution_leaves_out_only_keyframes_that_others_stand_in_for() -> None:
+def test_a_second_solution_leaves_out_only_keyframes_that_others_stand_in_for():
     # A dancer every 20th frame: over 40 frames some pairs hardly match, or not at all.
     features = {(k, k + 1): 100 for k in range(8)} | {(k, k + 2): 200 for k in (0, 1, 5, 6)}
     features |= {(2, 4): WELL_MATCHED - 1, (3, 5): WELL_MATCHED}

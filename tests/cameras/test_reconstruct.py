@@ -1,10 +1,9 @@
 """Structure from motion on filmed rooms whose cameras are known exactly, with the real pycolmap."""
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -35,18 +34,18 @@ def rotation_errors_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def pan_dir(pan: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def pan_dir(pan, tmp_path_factory) -> Path:
     out_dir = tmp_path_factory.mktemp("sfm") / "pan"
     return pan.solved(out_dir, SMALL)
 
 
 @pytest.fixture(scope="module")
-def dolly_dir(dolly: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dolly_dir(dolly, tmp_path_factory) -> Path:
     out_dir = tmp_path_factory.mktemp("sfm") / "dolly"
     return dolly.solved(out_dir, FINE)
 
 
-def test_a_pan_is_recognised_and_solved_as_a_pure_rotation(pan: Any, pan_dir: Path) -> None:
+def test_a_pan_is_recognised_and_solved_as_a_pure_rotation(pan, pan_dir):
     cameras, quality = load_cameras(pan_dir), load_quality(pan_dir)
     assert cameras.geometry == quality.geometry == "rotation_only"
     assert cameras.path.has_camera.all()
@@ -59,9 +58,7 @@ def test_a_pan_is_recognised_and_solved_as_a_pure_rotation(pan: Any, pan_dir: Pa
     assert again is not None and again.turn_deg < 0.1 and again.place_share == 0
 
 
-def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(
-    dolly: Any, dolly_dir: Path
-) -> None:
+def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(dolly, dolly_dir):
     cameras, quality = load_cameras(dolly_dir), load_quality(dolly_dir)
     assert cameras.geometry == quality.geometry == "full"
     assert quality.mapper in ("global", "incremental")
@@ -80,7 +77,7 @@ def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(
     assert points["track_lengths"].min() >= 2
 
 
-def test_the_tracks_give_the_error_of_the_cameras_again(dolly: Any, dolly_dir: Path) -> None:
+def test_the_tracks_give_the_error_of_the_cameras_again(dolly, dolly_dir):
     cameras, quality, tracks = (
         load_cameras(dolly_dir),
         load_quality(dolly_dir),
@@ -97,21 +94,19 @@ def test_the_tracks_give_the_error_of_the_cameras_again(dolly: Any, dolly_dir: P
     assert (dolly_dir / "tracks.npz").stat().st_size < 10 * len(tracks.rows)
 
 
-def test_a_camera_that_only_turns_has_no_tracks(pan_dir: Path) -> None:
+def test_a_camera_that_only_turns_has_no_tracks(pan_dir):
     tracks = load_tracks(pan_dir)
     assert len(tracks.rows) == 0 and len(tracks.image_names) == 12 and not tracks.adjusted.any()
 
 
-def test_a_folder_without_tracks_says_how_to_get_them(dolly_dir: Path, tmp_path: Path) -> None:
+def test_a_folder_without_tracks_says_how_to_get_them(dolly_dir, tmp_path):
     shutil.copytree(dolly_dir, tmp_path / "sfm")
     (tmp_path / "sfm/tracks.npz").unlink()
     with pytest.raises(MissingInput, match="kept no tracks. Delete .*sfm and run the same command"):
         load_tracks(tmp_path / "sfm")
 
 
-def test_a_lens_that_bends_the_picture_bends_no_path(
-    film: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_lens_that_bends_the_picture_bends_no_path(film, tmp_path):
     """A dolly as a lens with distortion shows it is as exact as one without."""
     dolly, k1, k2 = film("dolly", 8), 0.1, -0.05
     config = SfmConfig(max_features=1000, first_octave=-1)
@@ -141,9 +136,7 @@ def test_a_lens_that_bends_the_picture_bends_no_path(
 
 
 @pytest.mark.parametrize("kind", ["pan", "dolly"])
-def test_the_same_seed_gives_the_same_bytes(
-    kind: str, pan: Any, dolly: Any, tmp_path: Path
-) -> None:
+def test_the_same_seed_gives_the_same_bytes(kind, pan, dolly, tmp_path):
     filmed = {"pan": pan, "dolly": dolly}[kind]
     first, second = (
         filmed.solved(
@@ -161,7 +154,7 @@ def test_the_same_seed_gives_the_same_bytes(
     assert sorted(path.name for path in second.iterdir()) == list(names)
 
 
-def test_masks_keep_the_walking_person_out(dolly: Any, tmp_path: Path) -> None:
+def test_masks_keep_the_walking_person_out(dolly, tmp_path):
     def features(masks_dir: Path | None, out_dir: Path) -> float:
         made = replace(dolly, masks_dir=masks_dir).solved(out_dir, SMALL, left_out=FIRST_SIX)
         return load_quality(made).evidence.features_per_frame
@@ -170,9 +163,7 @@ def test_masks_keep_the_walking_person_out(dolly: Any, tmp_path: Path) -> None:
     assert features(None, tmp_path / "bare") > with_masks + 20
 
 
-def test_pycolmap_says_nothing_when_all_goes_well(
-    film: Callable[[str, int], Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_pycolmap_says_nothing_when_all_goes_well(film, tmp_path, capfd):
     filmed = film("arc", 6)
     filmed.solved(tmp_path / "out", SMALL)
     said = capfd.readouterr()
@@ -214,9 +205,7 @@ def behind_a_logo(n: int) -> list[np.ndarray]:
     ],
     ids=["textureless", "black", "unrelated", "a logo is no scene before a camera at rest"],
 )
-def test_frames_without_a_reconstruction_say_why(
-    pictures: list[np.ndarray], said: str, tmp_path: Path
-) -> None:
+def test_frames_without_a_reconstruction_say_why(pictures, said, tmp_path):
     write_pictures(tmp_path / "frames", pictures)
     with pytest.raises(NoReconstruction, match=said):
         frames = read_frames(tmp_path / "frames")
@@ -225,7 +214,7 @@ def test_frames_without_a_reconstruction_say_why(
     assert not (tmp_path / "out").exists()
 
 
-def test_two_frames_are_too_few_and_not_textureless(dolly: Any, tmp_path: Path) -> None:
+def test_two_frames_are_too_few_and_not_textureless(dolly, tmp_path):
     (tmp_path / "frames").mkdir()
     for image in list_images(dolly.images_dir)[:2]:
         shutil.copy(image, tmp_path / "frames" / image.name)
@@ -233,7 +222,7 @@ def test_two_frames_are_too_few_and_not_textureless(dolly: Any, tmp_path: Path) 
         reconstruct(read_frames(tmp_path / "frames"), None, dolly.lens, tmp_path / "out", SMALL)
 
 
-def test_three_frames_of_a_moving_camera_are_not_accepted_as_static(tmp_path: Path) -> None:
+def test_three_frames_of_a_moving_camera_are_not_accepted_as_static(tmp_path):
     ahead = np.array([0.6, 1.0, -0.05])
     places_m = [np.array([-2.0, -2.0, 1.5]) + way_m * ahead for way_m in (0.0, 0.01, 0.02)]
     cameras = np.array([look_at(place_m, place_m + ahead) for place_m in places_m])
@@ -247,7 +236,7 @@ def test_three_frames_of_a_moving_camera_are_not_accepted_as_static(tmp_path: Pa
     )
 
 
-def test_why_no_model_could_be_built_is_said_by_what_is_known() -> None:
+def test_why_no_model_could_be_built_is_said_by_what_is_known():
     evidence = Evidence("full", "", 8.0, 9.0, 4.0, 0.2, 0.0, 57, 60.0)
     assert "12 frames are too few" not in _why_unsolved(12, evidence, SMALL)
     assert "water, a crowd, leaves" in _why_unsolved(12, evidence, SMALL)
@@ -256,21 +245,21 @@ def test_why_no_model_could_be_built_is_said_by_what_is_known() -> None:
     assert "hardly travels, a turn explains 70% of the matches" in _why_unsolved(12, nearly, SMALL)
 
 
-def test_masks_that_cover_everything_leave_no_reconstruction(dolly: Any, tmp_path: Path) -> None:
+def test_masks_that_cover_everything_leave_no_reconstruction(dolly, tmp_path):
     write_pictures(tmp_path / "masks", [np.full((180, 320), 255, np.uint8)] * 12)
     said = "0 features per frame outside the masks: the masks cover 100%"
     with pytest.raises(NoReconstruction, match=said):
         replace(dolly, masks_dir=tmp_path / "masks").solved(tmp_path / "out", SMALL)
 
 
-def test_a_missing_mask_is_an_error(dolly: Any, tmp_path: Path) -> None:
+def test_a_missing_mask_is_an_error(dolly, tmp_path):
     shutil.copytree(dolly.masks_dir, tmp_path / "masks")
     (tmp_path / "masks" / "00003.png").unlink()
     with pytest.raises(BadFrames, match="no mask for 00003.jpg"):
         replace(dolly, masks_dir=tmp_path / "masks").solved(tmp_path / "out", SMALL)
 
 
-def test_left_out_frames_get_no_row(dolly: Any, tmp_path: Path) -> None:
+def test_left_out_frames_get_no_row(dolly, tmp_path):
     shutil.copytree(dolly.images_dir, tmp_path / "frames")
     (tmp_path / "frames" / "00004.jpg").unlink()
     (tmp_path / "frames" / "00005.jpg").write_bytes(b"")
@@ -284,7 +273,7 @@ def test_left_out_frames_get_no_row(dolly: Any, tmp_path: Path) -> None:
     assert some.centre_errors_m(cameras.path.centres_world_m).max() < 0.015
 
 
-def test_frames_of_different_sizes_are_an_error(dolly: Any, tmp_path: Path) -> None:
+def test_frames_of_different_sizes_are_an_error(dolly, tmp_path):
     shutil.copytree(dolly.images_dir, tmp_path / "frames")
     cv2.imwrite(str(tmp_path / "frames" / "00005.jpg"), np.zeros((90, 160), np.uint8))
     with pytest.raises(BadFrames, match=r"00005.jpg: 160x90 px, other frames are 320x180"):
@@ -295,7 +284,7 @@ def test_frames_of_different_sizes_are_an_error(dolly: Any, tmp_path: Path) -> N
     "matrix",
     [np.zeros((3, 3)), np.eye(4), np.full((3, 3), np.nan), [[500, 1, 80], [0, 500, 60], [0, 0, 1]]],
 )
-def test_what_is_no_calibration_matrix_is_refused(matrix: Any) -> None:
+def test_what_is_no_calibration_matrix_is_refused(matrix):
     path = CameraPath(np.array(matrix), 160, 120, np.eye(4)[None], np.ones(1, bool))
     with pytest.raises(BadRecipe, match="expected"):
         _ = path.lens
@@ -310,14 +299,12 @@ def test_what_is_no_calibration_matrix_is_refused(matrix: Any) -> None:
         (Lens((500.0, 500.0), (160.0, 90.0), (320, 180), (0.1, 0.1)), "with one term"),
     ],
 )
-def test_what_is_no_lens_of_the_frames_is_refused(
-    lens: Lens, said: str, dolly: Any, tmp_path: Path
-) -> None:
+def test_what_is_no_lens_of_the_frames_is_refused(lens, said, dolly, tmp_path):
     with pytest.raises(BadRecipe, match=said):
         reconstruct(dolly.taken(), None, lens, tmp_path / "out", SMALL)
 
 
-def test_cameras_of_another_kind_are_refused(tmp_path: Path) -> None:
+def test_cameras_of_another_kind_are_refused(tmp_path):
     np.savez(tmp_path / "cameras.npz", poses=np.zeros(3))
     with pytest.raises(
         GmrdataError, match=r"cameras\.npz: has no `format`, so it is no gmrdata-cameras/1.*--redo"
@@ -325,9 +312,7 @@ def test_cameras_of_another_kind_are_refused(tmp_path: Path) -> None:
         load_cameras(tmp_path)
 
 
-def test_frames_that_go_black_are_named_and_the_others_are_solved(
-    film: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_frames_that_go_black_are_named_and_the_others_are_solved(film, tmp_path):
     filmed = film("arc", 15)
     for row in range(10, 15):
         path = filmed.images_dir / f"{row:05d}.jpg"

@@ -1,6 +1,5 @@
 """The command line in this process, and a small demo that is run once for all tests here."""
 
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,19 +11,14 @@ import yaml
 from gmrdata.cli import main
 from gmrdata.cli.demo_recipe import DemoPaths
 from gmrdata.read.body_file import save_body
-from gmrdata.values.body import BodyModel
 from tests.cli.small_demos import RECIPE, demo_arguments, finish, start_gmrdata
-from tests.filming import CAMERAS_ALONE, Filmed
+from tests.filming import CAMERAS_ALONE
 from tests.read.videos import make_video
 from tests.sharing import made_once
 
-Answer = subprocess.CompletedProcess[str]
-
 
 @pytest.fixture
-def walks_command(
-    tmp_path: Path, small_body: BodyModel, write_person: Callable[..., Path]
-) -> Callable[[int], tuple[object, ...]]:
+def walks_command(tmp_path, small_body, write_person) -> Callable[[int], tuple[object, ...]]:
     """Writes so many short motion files, and gives the command that reads them."""
 
     def write(n_files: int) -> tuple[object, ...]:
@@ -41,23 +35,21 @@ def walks_command(
 
 
 @pytest.fixture(scope="session")
-def recipe_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recipe_path(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("recipe") / "small.yaml"
     path.write_text(yaml.safe_dump(RECIPE))
     return path
 
 
 @pytest.fixture(scope="session")
-def finished(
-    tmp_path_factory: pytest.TempPathFactory, recipe_path: Path, cmu_dir: Path
-) -> tuple[DemoPaths, str]:
+def finished(tmp_path_factory, recipe_path, cmu_dir) -> tuple[DemoPaths, str]:
     out = tmp_path_factory.mktemp("demo") / "out"
     said = finish(start_gmrdata(demo_arguments(out, recipe_path, cmu_dir)))
     return DemoPaths(out), said
 
 
 @pytest.fixture(scope="session")
-def clips(dolly: Filmed, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def clips(dolly, tmp_path_factory) -> Path:
     """A folder with a walk, a video in which nothing moves, and a file that is broken."""
 
     def make(folder: Path) -> None:
@@ -74,7 +66,7 @@ def clips(dolly: Filmed, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def solved_videos(clips: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def solved_videos(clips, tmp_path_factory) -> Path:
     """The folder that one process leaves of them."""
 
     def make(out: Path) -> None:

@@ -6,7 +6,6 @@ import resource
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
@@ -22,12 +21,10 @@ from gmrdata.pages.report_data import ClipSummary, GmrSummary, Summary
 from gmrdata.read.models import MODELS, models_dir
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
-from gmrdata.values.body import BodyModel
 from tests.docs.page_commands import FUNCTIONS
 from tests.record_keys import assert_each_key_is_needed
 
 Answer = subprocess.CompletedProcess[str]
-Gmrdata = Callable[..., Answer]
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -53,9 +50,7 @@ def in_a_process(*arguments: object, **options: object) -> Answer:
 
 
 @pytest.mark.parametrize("verb", list(FUNCTIONS))
-def test_help_of_each_verb_says_what_it_does(
-    verb: str, gmrdata: Gmrdata, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_help_of_each_verb_says_what_it_does(verb, gmrdata, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     answer = gmrdata(*verb.split(), "--help")
     assert answer.returncode == 0, answer.stderr
@@ -64,17 +59,13 @@ def test_help_of_each_verb_says_what_it_does(
     assert " ".join(first_line.split())[:40] in said
 
 
-def test_a_flag_is_explained_in_whole_lines(
-    gmrdata: Gmrdata, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_flag_is_explained_in_whole_lines(gmrdata, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     said = gmrdata("baseline", "vibe_cam", "--help").stdout
     assert "Other clips take the most confident person of each frame." in said
 
 
-def test_the_usual_help_of_video_fits_a_screen(
-    gmrdata: Gmrdata, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_usual_help_of_video_fits_a_screen(gmrdata, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     usual, whole = gmrdata("video", "--help").stdout, gmrdata("video", "--help-all").stdout
     assert len(usual.splitlines()) <= 50 and "--poses" in usual and "--focal" not in usual
@@ -82,7 +73,7 @@ def test_the_usual_help_of_video_fits_a_screen(
     assert "--focal" in whole and "--shard" in whole
 
 
-def test_help_comes_from_a_process_of_its_own_too() -> None:
+def test_help_comes_from_a_process_of_its_own_too():
     answer = in_a_process("--help")
     assert answer.returncode == 0, answer.stderr
     assert all(verb in answer.stdout for verb in VERBS)
@@ -91,13 +82,13 @@ def test_help_comes_from_a_process_of_its_own_too() -> None:
 @pytest.mark.parametrize(
     "arguments", [("fly",), ("demo", "--no-such-flag"), ("render",), ("demo", "--workers", "two")]
 )
-def test_wrong_flags_exit_with_2(arguments: tuple[str, ...], gmrdata: Gmrdata) -> None:
+def test_wrong_flags_exit_with_2(arguments, gmrdata):
     answer = gmrdata(*arguments)
     assert answer.returncode == 2
     assert "Traceback" not in answer.stderr
 
 
-def test_no_argument_is_rewritten(gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_no_argument_is_rewritten(gmrdata, tmp_path):
     answer = gmrdata("threedpw", "--threedpw", tmp_path, "--out", tmp_path / "out")
     assert answer.returncode == 2
     assert "gmrdata threedpw regenerate --help" in " ".join(answer.stderr.split())
@@ -111,7 +102,7 @@ def fails_cleanly(answer: Answer, *said: str) -> None:
         assert text in answer.stderr
 
 
-def test_a_motion_file_with_nan_is_named(gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_a_motion_file_with_nan_is_named(gmrdata, tmp_path):
     path = tmp_path / "walk.bvh"
     path.write_text(BVH)
     fails_cleanly(gmrdata("motions", path), "walk.bvh")
@@ -119,9 +110,7 @@ def test_a_motion_file_with_nan_is_named(gmrdata: Gmrdata, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("content", [b"", b"\x00\xff\x13" * 50, BVH[:120].encode()])
-def test_a_broken_motion_file_leaves_nothing_behind(
-    gmrdata: Gmrdata, tmp_path: Path, content: bytes
-) -> None:
+def test_a_broken_motion_file_leaves_nothing_behind(gmrdata, tmp_path, content):
     path = tmp_path / "in" / "walk.bvh"
     path.parent.mkdir()
     path.write_bytes(content)
@@ -130,7 +119,7 @@ def test_a_broken_motion_file_leaves_nothing_behind(
     assert not (tmp_path / "out" / "motions.yaml").exists()
 
 
-def test_missing_things_are_named(gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_missing_things_are_named(gmrdata, tmp_path):
     fails_cleanly(gmrdata("manifest", "check", tmp_path / "no.yaml"), "no.yaml")
     fails_cleanly(gmrdata("manifest", "check"), "Name a manifest file")
     fails_cleanly(gmrdata("demo", "--recipe", "no-such"), "no such recipe file")
@@ -165,8 +154,8 @@ def test_missing_things_are_named(gmrdata: Gmrdata, tmp_path: Path) -> None:
     ],
 )
 def test_a_file_that_is_not_there_is_named_before_anything_else(
-    words: str, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    words, gmrdata, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     answer = gmrdata(*words.split())
     fails_cleanly(answer, "no such file or folder")
@@ -174,15 +163,13 @@ def test_a_file_that_is_not_there_is_named_before_anything_else(
 
 
 @pytest.mark.parametrize("flag", ["--help", "--version", "--tyro-print-completion"])
-def test_a_word_after_a_flag_without_a_verb_is_no_file(flag: str, gmrdata: Gmrdata) -> None:
+def test_a_word_after_a_flag_without_a_verb_is_no_file(flag, gmrdata):
     answer = gmrdata(flag, "bash")
     assert "Traceback" not in answer.stderr and "no such file" not in answer.stderr
 
 
 @pytest.mark.parametrize("verb", ["run", "render", "floor --recipe", "demo --recipe"])
-def test_a_name_too_long_for_a_file_is_said_in_a_line(
-    verb: str, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_name_too_long_for_a_file_is_said_in_a_line(verb, gmrdata, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     answer = gmrdata(*verb.split(), f"{'r' * 300}.yaml", "--out", "o")
     fails_cleanly(answer, "File name too long")
@@ -199,9 +186,7 @@ def test_a_name_too_long_for_a_file_is_said_in_a_line(
         ("infer manifest.yaml --out o", "holds no poses; it is a manifest"),
     ],
 )
-def test_a_file_of_another_kind_is_named(
-    words: str, said: str, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_of_another_kind_is_named(words, said, gmrdata, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     np.savez(tmp_path / "rows.npz", poses=np.zeros((2, 72)))
     (tmp_path / "recipe.yaml").write_text("recipe: gmr\ntrain: {}\n")
@@ -222,7 +207,7 @@ cli.main(["waits"])
 """
 
 
-def test_sigterm_ends_as_ctrl_c_does() -> None:
+def test_sigterm_ends_as_ctrl_c_does():
     """A cluster's time limit; pycolmap's log would print a stack."""
     call = [sys.executable, "-c", TERMINATED]
     ended = subprocess.run(call, capture_output=True, text=True, timeout=60)
@@ -230,7 +215,7 @@ def test_sigterm_ends_as_ctrl_c_does() -> None:
     assert ended.stderr == "gmrdata: stopped. The same command goes on where it was\n"
 
 
-def test_a_dry_run_of_the_demo_does_nothing(gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_a_dry_run_of_the_demo_does_nothing(gmrdata, tmp_path):
     out = tmp_path / "demo"
     answer = gmrdata("demo", "--dry-run", "--out", out)
     assert answer.returncode == 0, answer.stderr
@@ -238,9 +223,7 @@ def test_a_dry_run_of_the_demo_does_nothing(gmrdata: Gmrdata, tmp_path: Path) ->
     assert not out.exists()
 
 
-def test_a_dry_run_of_the_floor_samples_and_does_nothing(
-    gmrdata: Gmrdata, tmp_path: Path, cmu_dir: Path
-) -> None:
+def test_a_dry_run_of_the_floor_samples_and_does_nothing(gmrdata, tmp_path, cmu_dir):
     out = tmp_path / "floor"
     asked = ["floor", "--sequences", 2, "--seed", 5, "--motions", cmu_dir, "--out", out]
     answer = gmrdata(*asked, "--clip-frames", 60, "--dry-run", "--no-probe")
@@ -250,8 +233,8 @@ def test_a_dry_run_of_the_floor_samples_and_does_nothing(
 
 
 def test_a_folder_without_write_permission_and_a_file_limit_end_without_half_files(
-    gmrdata: Gmrdata, tmp_path: Path, cmu_dir: Path
-) -> None:
+    gmrdata, tmp_path, cmu_dir
+):
     """A limit on file sizes stands for the full disk: both fail in the middle of a write."""
 
     def limit() -> None:
@@ -269,7 +252,7 @@ def test_a_folder_without_write_permission_and_a_file_limit_end_without_half_fil
     assert gmrdata("manifest", "check", out / "motions.yaml").returncode == 0
 
 
-def test_motions_are_listed(gmrdata: Gmrdata, cmu_dir: Path) -> None:
+def test_motions_are_listed(gmrdata, cmu_dir):
     answer = gmrdata("motions", cmu_dir / "amc" / "02_03.amc", cmu_dir / "bvh" / "08_02.bvh")
     assert answer.returncode == 0, answer.stderr
     assert "02_03.amc" in answer.stdout and "08_02.bvh" in answer.stdout
@@ -280,9 +263,7 @@ NEEDED = {"threedpw": "--threedpw", "masks": "--frames", "gmr": "--manifest", "t
 
 
 @pytest.mark.parametrize("name", recipe_names())
-def test_each_recipe_runs_or_names_the_flag_that_it_lacks(
-    name: str, gmrdata: Gmrdata, tmp_path: Path
-) -> None:
+def test_each_recipe_runs_or_names_the_flag_that_it_lacks(name, gmrdata, tmp_path):
     kind = recipe_kind(find_recipe(name))
     out = tmp_path / "out"
     if kind in NEEDED:
@@ -297,7 +278,7 @@ def test_each_recipe_runs_or_names_the_flag_that_it_lacks(
     assert not out.exists()
 
 
-def test_version(gmrdata: Gmrdata) -> None:
+def test_version(gmrdata):
     said = gmrdata("--version")
     assert (said.returncode, said.stdout) == (0, f"gmrdata {__version__}\n")
 
@@ -312,14 +293,12 @@ def test_version(gmrdata: Gmrdata) -> None:
         ("infer out/gmr v.pkl --out x", 2, "gmrdata infer v.pkl --network out/gmr"),
     ],
 )
-def test_a_wrong_word_gets_the_right_one(
-    gmrdata: Gmrdata, typed: str, code: int, said: str
-) -> None:
+def test_a_wrong_word_gets_the_right_one(gmrdata, typed, code, said):
     answer = gmrdata(*typed.split())
     assert answer.returncode == code and said in " ".join(answer.stderr.split())
 
 
-def test_an_old_flag_names_the_new_one(gmrdata: Gmrdata) -> None:
+def test_an_old_flag_names_the_new_one(gmrdata):
     assert set(RENAMED) <= set(VERBS)
     for verb, flags in RENAMED.items():
         for flag, now in flags.items():
@@ -335,14 +314,12 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
-def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def empty_cache(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path / "cache/gmrdata"
 
 
-def test_it_finds_what_the_tests_run_with(
-    gmrdata: Callable[..., Any], empty_cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_finds_what_the_tests_run_with(gmrdata, empty_cache, monkeypatch):
     said = gmrdata("doctor", "--json")
     assert said.returncode == 0, said.stderr
     found = json.loads(said.stdout)
@@ -363,7 +340,7 @@ def test_it_finds_what_the_tests_run_with(
     assert "gmrdata fetch models" in said and "All that" in said
 
 
-def test_every_extra_of_users_is_looked_for() -> None:
+def test_every_extra_of_users_is_looked_for():
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - {"dev", "docs"}
     for name, extra in doctor.EXTRAS.items():
@@ -372,9 +349,7 @@ def test_every_extra_of_users_is_looked_for() -> None:
         )
 
 
-def test_a_missing_required_part_ends_with_1(
-    gmrdata: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_required_part_ends_with_1(gmrdata, monkeypatch):
     part = doctor.Part("packages", "torch", "missing", "", "pip install 'torch>=2.4'", True)
     monkeypatch.setattr(doctor, "find_parts", lambda: [part])
     for flags in ((), ("--json",)):
@@ -384,7 +359,7 @@ def test_a_missing_required_part_ends_with_1(
     assert json.loads(said.stdout)["good"] is False
 
 
-def test_a_library_that_does_not_load_is_said() -> None:
+def test_a_library_that_does_not_load_is_said():
     names = ("json", "no_such_module")
     loaded = doctor._loaded(doctor._start("-c", doctor.LIBRARIES, *names), names)
     assert loaded == ({"json": None, "no_such_module": "No module named 'no_such_module'"}, [])
@@ -392,9 +367,7 @@ def test_a_library_that_does_not_load_is_said() -> None:
     assert died == (dict.fromkeys(names, "ended with exit code 3"), [])
 
 
-def test_blender_that_does_not_start_is_said_with_its_remedy(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_blender_that_does_not_start_is_said_with_its_remedy(monkeypatch):
     def part() -> Any:
         return doctor._blender(doctor._start("-c", "raise ImportError('libX.so: not there')"))
 
@@ -413,9 +386,7 @@ def test_blender_that_does_not_start_is_said_with_its_remedy(
     assert gone.state == "missing" and gone.required and "/no/python: no such program" in gone.note
 
 
-def test_blender_setup_says_what_it_made_or_why_that_does_not_start(
-    gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_blender_setup_says_what_it_made_or_why_that_does_not_start(gmrdata, tmp_path, monkeypatch):
     asked = Mock(return_value=tmp_path)
     monkeypatch.setattr(doctor.environment, "set_up", asked)
     part = doctor.Part("blender", "Blender", "there", "5.0.1", "python 3.11.7 in /there")
@@ -432,7 +403,7 @@ def test_blender_setup_says_what_it_made_or_why_that_does_not_start(
     assert told in said.stderr and "apt-get it" in said.stderr
 
 
-def test_models_and_bodies_are_looked_into(empty_cache: Path, small_body: BodyModel) -> None:
+def test_models_and_bodies_are_looked_into(empty_cache, small_body):
     assert {part.state for part in doctor._models()} == {"missing"}
     models_dir().mkdir(parents=True)
     (models_dir() / MODELS[0].name).write_bytes(b"not a network")
@@ -441,7 +412,7 @@ def test_models_and_bodies_are_looked_into(empty_cache: Path, small_body: BodyMo
     assert not any(part.required and part.state == "missing" for part in doctor._bodies())
 
 
-def test_each_key_of_a_summary_is_needed(tmp_path: Path) -> None:
+def test_each_key_of_a_summary_is_needed(tmp_path):
     clip = ClipSummary(
         id="circular",
         camera_motion="circular",

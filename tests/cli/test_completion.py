@@ -9,7 +9,7 @@ from gmrdata.cli import main
 
 
 @pytest.fixture(scope="module")
-def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def script(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("completion") / "gmrdata"
     with pytest.MonkeyPatch.context() as patch, path.open("w") as file:
         patch.setattr("sys.stdout", file)
@@ -37,7 +37,7 @@ def in_bash(script: Path, lines: str) -> list[str]:
         ("video --gravity wal", []),
     ],
 )
-def test_bash_completes(script: Path, typed: str, completed: list[str]) -> None:
+def test_bash_completes(script, typed, completed):
     """Where nothing of gmrdata's fits, readline completes files, by `-o default`."""
     words = f"COMP_WORDS=(gmrdata {typed}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _tyro_gmrdata"
     assert sorted(in_bash(script, f'{words}; printf "%s\\n" ${{COMPREPLY[@]}}')) == (
@@ -48,14 +48,14 @@ def test_bash_completes(script: Path, typed: str, completed: list[str]) -> None:
     ]
 
 
-def test_a_word_after_a_verb_is_a_flag_or_a_verb(script: Path) -> None:
+def test_a_word_after_a_verb_is_a_flag_or_a_verb(script):
     """A description of several lines is none of them."""
     words = "COMP_WORDS=(gmrdata video ''); COMP_CWORD=2; _tyro_gmrdata"
     offered = in_bash(script, f'{words}; printf "%s\\n" "${{COMPREPLY[@]}}"')
     assert "--height-m" in offered and [word for word in offered if word[0] != "-"] == []
 
 
-def test_other_shells_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_shells_are_refused(capsys):
     main(["--completion", "zsh"])
     assert capsys.readouterr().out.startswith("#compdef gmrdata")
     with pytest.raises(SystemExit) as ended:

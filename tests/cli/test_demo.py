@@ -20,11 +20,8 @@ from tests.cli.small_demos import TINY, demo_arguments, finish, start_gmrdata
 
 pytestmark = pytest.mark.slow
 
-Finished = tuple[DemoPaths, str]
-Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
 
-
-def test_figures_meet_the_bars_for_small_pictures(finished: Finished) -> None:
+def test_figures_meet_the_bars_for_small_pictures(finished):
     paths, said = finished
     summary = json.loads(paths.summary.read_text())
     assert [clip["id"] for clip in summary["clips"]] == ["circular", "linear", "panning"]
@@ -39,7 +36,7 @@ def test_figures_meet_the_bars_for_small_pictures(finished: Finished) -> None:
     assert str(paths.report)[-20:] in said.replace("\n", "")
 
 
-def test_manifests_are_good_and_the_report_is_there(finished: Finished) -> None:
+def test_manifests_are_good_and_the_report_is_there(finished):
     paths, _ = finished
     for manifest in (paths.training_manifest, paths.synthetic_manifest, paths.pseudo_gt_manifest):
         check_manifest(manifest)
@@ -48,9 +45,7 @@ def test_manifests_are_good_and_the_report_is_there(finished: Finished) -> None:
     assert paths.overview.read_bytes()[:4] == b"\x89PNG"
 
 
-def test_a_second_run_makes_nothing_anew(
-    finished: Finished, recipe_path: Path, cmu_dir: Path, gmrdata: Gmrdata
-) -> None:
+def test_a_second_run_makes_nothing_anew(finished, recipe_path, cmu_dir, gmrdata):
     paths, _ = finished
     before = {path: path.stat().st_mtime_ns for path in paths.root.rglob("stage.json")}
     answer = gmrdata(*demo_arguments(paths.root, recipe_path, cmu_dir))
@@ -60,8 +55,8 @@ def test_a_second_run_makes_nothing_anew(
 
 
 def test_another_recipe_is_refused_and_leaves_what_is_there(
-    finished: Finished, recipe_path: Path, cmu_dir: Path, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+    finished, recipe_path, cmu_dir, tmp_path, gmrdata
+):
     paths, _ = finished
     before = paths.recipe.read_bytes()
     other = tmp_path / "other.yaml"
@@ -86,9 +81,7 @@ def kill_while(process: subprocess.Popen[str], at_work: Callable[[], bool]) -> N
     assert process.returncode == -signal.SIGKILL
 
 
-def test_killed_at_random_moments_it_ends_with_the_same_manifests(
-    cmu_dir: Path, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+def test_killed_at_random_moments_it_ends_with_the_same_manifests(cmu_dir, tmp_path, gmrdata):
     """Killed among the frames, in a stage of the world motion, and while it trains."""
     recipe = tmp_path / "tiny.yaml"
     recipe.write_text(yaml.safe_dump(TINY))
@@ -112,9 +105,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_manifests(
     assert not list(paths.root.rglob("*.partial"))
 
 
-def test_sfm_regenerates_one_sequence_as_the_demo_did(
-    finished: Finished, gmrdata: Gmrdata, tmp_path: Path
-) -> None:
+def test_sfm_regenerates_one_sequence_as_the_demo_did(finished, gmrdata, tmp_path):
     paths, _ = finished
     answer = gmrdata(
         "sfm",
@@ -132,9 +123,7 @@ def test_sfm_regenerates_one_sequence_as_the_demo_did(
     np.testing.assert_array_equal(made.motion.root_rotmats, before.motion.root_rotmats)
 
 
-def test_sfm_unites_the_silhouette_with_a_detector(
-    finished: Finished, gmrdata: Gmrdata, shared_path: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_sfm_unites_the_silhouette_with_a_detector(finished, gmrdata, shared_path, tmp_path):
     paths, _ = finished
     model, out = shared_path("models/yolox_nano.onnx"), tmp_path / "out"
     answer = gmrdata(
@@ -155,9 +144,7 @@ def test_sfm_unites_the_silhouette_with_a_detector(
     assert quality["geometry"] == "rotation_only"
 
 
-def test_sfm_names_the_frame_that_is_missing_or_broken(
-    finished: Finished, gmrdata: Gmrdata, tmp_path: Path
-) -> None:
+def test_sfm_names_the_frame_that_is_missing_or_broken(finished, gmrdata, tmp_path):
     paths, _ = finished
     frames = tmp_path / "frames"
     frames.mkdir()
@@ -175,7 +162,7 @@ def test_sfm_names_the_frame_that_is_missing_or_broken(
     assert not (tmp_path / "a" / "sfm").exists() and not (tmp_path / "b" / "masks").exists()
 
 
-def test_train_and_evaluate(finished: Finished, gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_train_and_evaluate(finished, gmrdata, tmp_path):
     paths, _ = finished
     recipe = tmp_path / "tiny.yaml"
     train = {"model": {"layers": 1, "hidden": 8}, "steps": 5, "batch_size": 2}
@@ -204,7 +191,7 @@ def test_train_and_evaluate(finished: Finished, gmrdata: Gmrdata, tmp_path: Path
     assert refused.returncode == 1 and "inputs.manifest" in refused.stderr
 
 
-def test_a_recipe_trains_and_scores(finished: Finished, gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_a_recipe_trains_and_scores(finished, gmrdata, tmp_path):
     paths, _ = finished
     recipe = paths.root / "tiny_gmr.yaml"
     record = {
@@ -220,7 +207,7 @@ def test_a_recipe_trains_and_scores(finished: Finished, gmrdata: Gmrdata, tmp_pa
     assert (tmp_path / "out" / "scores" / "synthetic" / "scores.json").is_file()
 
 
-def test_the_report_can_be_written_again(finished: Finished, gmrdata: Gmrdata) -> None:
+def test_the_report_can_be_written_again(finished, gmrdata):
     paths, _ = finished
     before = paths.report.read_bytes()
     paths.report.unlink()

@@ -1,7 +1,6 @@
 """`gmrdata fuse` and `gmrdata delta-errors`, as a user types them."""
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -11,13 +10,13 @@ from tests.fusion.test_fuse import clip, errors_path, pseudo_gt  # noqa: F401  f
 
 
 def test_fuse_says_what_it_found_and_writes_a_page(
-    pseudo_gt: Path,  # noqa: F811
-    errors_path: Path,  # noqa: F811
-    run_dir: Path,
-    body_path: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    pseudo_gt,  # noqa: F811
+    errors_path,  # noqa: F811
+    run_dir,
+    body_path,
+    tmp_path,
+    capsys,
+):
     words = ["fuse", str(pseudo_gt), "--network", str(run_dir), "--errors", str(errors_path)]
     words += ["--body", str(body_path), "--out", str(tmp_path / "out"), "--loops", "0.5:2.5"]
     main([*words, "--dry-run"])
@@ -50,14 +49,14 @@ def test_fuse_says_what_it_found_and_writes_a_page(
     ],
 )
 def test_bad_flags_are_said(
-    pseudo_gt: Path,  # noqa: F811
-    errors_path: Path,  # noqa: F811
-    run_dir: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    more: list[str],
-    said: str,
-) -> None:
+    pseudo_gt,  # noqa: F811
+    errors_path,  # noqa: F811
+    run_dir,
+    tmp_path,
+    capsys,
+    more,
+    said,
+):
     words = ["fuse", str(pseudo_gt), "--network", str(run_dir), "--errors", str(errors_path)]
     with pytest.raises(SystemExit) as end:
         main([*words, "--out", str(tmp_path / "out"), *more])
@@ -66,9 +65,7 @@ def test_bad_flags_are_said(
     assert not (tmp_path / "out").exists()
 
 
-def test_errors_of_a_run_that_held_nobody_out_are_refused(
-    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_errors_of_a_run_that_held_nobody_out_are_refused(run_dir, tmp_path, capsys):
     (manifest := tmp_path / "none.yaml").touch()
     asked = ["delta-errors", str(manifest), "--network", str(run_dir)]
     with pytest.raises(SystemExit):

@@ -4,7 +4,6 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from unittest.mock import Mock
@@ -35,9 +34,7 @@ main(sys.argv[1:])
 
 
 @pytest.mark.slow
-def test_verbs_run_without_linuxs_own_calls(
-    walks_command: Callable[[int], tuple[object, ...]], tmp_path: Path
-) -> None:
+def test_verbs_run_without_linuxs_own_calls(walks_command, tmp_path):
     def run(*words: object) -> str:
         command = [sys.executable, "-c", AWAY, *map(str, words)]
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
@@ -54,7 +51,7 @@ def test_verbs_run_without_linuxs_own_calls(
     assert (tmp_path / "scores/scores.json").is_file()
 
 
-def test_memory_is_known_or_said_not_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_is_known_or_said_not_to_be(monkeypatch):
     most = limits.machine_bytes()
     assert most is not None and most > 2**29
     monkeypatch.delattr(os, "sysconf")
@@ -64,13 +61,13 @@ def test_memory_is_known_or_said_not_to_be(monkeypatch: pytest.MonkeyPatch) -> N
     assert rows["memory"] == "the system does not say"
 
 
-def test_cores_are_counted_without_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cores_are_counted_without_affinity(monkeypatch):
     monkeypatch.delattr(os, "sched_getaffinity")
     rows = {part.name: part.found for part in doctor._machine()}
     assert rows["cores"] == str(os.cpu_count())
 
 
-def test_a_dry_run_goes_without_resource(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dry_run_goes_without_resource(monkeypatch):
     assert 20 < render_set._memory_mib() < 100_000
     monkeypatch.setitem(sys.modules, "resource", None)
     assert math.isnan(render_set._memory_mib())
@@ -79,7 +76,7 @@ def test_a_dry_run_goes_without_resource(monkeypatch: pytest.MonkeyPatch) -> Non
     assert "nan" not in " ".join(render_set.summary_lines(plan))
 
 
-def test_windows_asks_for_a_process_without_ending_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_windows_asks_for_a_process_without_ending_it(monkeypatch):
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     kill = Mock(side_effect=AssertionError("there it ends the process"))
@@ -89,9 +86,7 @@ def test_windows_asks_for_a_process_without_ending_it(monkeypatch: pytest.Monkey
     assert files._is_running(os.getpid()) and not files._is_running(dead.pid)
 
 
-def test_windows_opens_no_folder_to_force_it_to_the_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_windows_opens_no_folder_to_force_it_to_the_disk(tmp_path, monkeypatch):
     checkpoint._fsync(tmp_path)
     monkeypatch.setattr(checkpoint.os, "open", Mock(side_effect=PermissionError))
     with pytest.raises(PermissionError):
@@ -100,7 +95,7 @@ def test_windows_opens_no_folder_to_force_it_to_the_disk(
     checkpoint._fsync(tmp_path)
 
 
-def test_the_host_has_a_name_without_proc(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_host_has_a_name_without_proc(monkeypatch):
     monkeypatch.setattr(Path, "read_text", Mock(side_effect=FileNotFoundError))
     files.host_word.cache_clear()
     assert len(files.host_word()) == 12

@@ -16,14 +16,14 @@ from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import Batch
 from gmrdata.values.clip import load_clip
-from tests.filming import CAMERAS_ALONE, Filmed
+from tests.filming import CAMERAS_ALONE
 
 N_IMAGES, SIZE_PX = 12, (640, 360)
 Shared = Callable[[str], Path]
 
 
 @pytest.mark.slow
-def test_people_of_a_real_video_stand_on_the_ground(shared_path: Shared, tmp_path: Path) -> None:
+def test_people_of_a_real_video_stand_on_the_ground(shared_path, tmp_path):
     out = tmp_path / "out"
     verdict = solved(shared_path, tmp_path / "images", out, slice(None))
     assert len(verdict.people) >= 1
@@ -41,7 +41,7 @@ def test_people_of_a_real_video_stand_on_the_ground(shared_path: Shared, tmp_pat
         assert (up > 0.85).all()
 
 
-def test_where_nobody_is_seen_there_are_cameras_alone(shared_path: Shared, tmp_path: Path) -> None:
+def test_where_nobody_is_seen_there_are_cameras_alone(shared_path, tmp_path):
     # Above their heads.
     verdict = solved(shared_path, tmp_path / "images", tmp_path / "out", slice(0, 64), "own")
     assert verdict.people == () and any("sees nobody" in note for note in verdict.notes)
@@ -67,11 +67,8 @@ def solved(
 
 
 def test_without_the_networks_people_are_left_out_with_a_word_or_refused(
-    dolly: Filmed,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    dolly, tmp_path, monkeypatch, capsys
+):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "empty"))
     flags = ("--out", tmp_path / "out", *CAMERAS_ALONE[:-2], "--fps-hz", "10", "--dry-run")
     command = ["video", *map(str, (dolly.images_dir, *flags))]
@@ -85,7 +82,7 @@ def test_without_the_networks_people_are_left_out_with_a_word_or_refused(
     assert "no such model file" in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_batch_reads_the_estimator_s_networks(dolly: Filmed, tmp_path: Path) -> None:
+def test_a_batch_reads_the_estimator_s_networks(dolly, tmp_path):
     """Of videos whose people it looks for, and of no others."""
     files = {"landmarks": tmp_path / "net.tflite"}
     own_people = EstimatedPeople(asked=False)

@@ -1,7 +1,5 @@
 """`gmrdata page`: the page of a solved video, and files that other programs open."""
 
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +7,6 @@ import pycolmap
 import trimesh
 
 from gmrdata.export.export import write_files
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import read_npz
 from gmrdata.world.judge import load_record
@@ -19,12 +16,10 @@ from tests.film.set_kills import contents
 from tests.pages.html_pages import Page
 from tests.pages.solved_video import N_ROWS, fuse_video, solved_video
 
-Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
-
 
 def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected(
-    small_body: BodyModel, gmrdata: Gmrdata, tmp_path: Path
-) -> None:
+    small_body, gmrdata, tmp_path
+):
     folder = tmp_path / "out" / "sequences" / "walk"
     solved_video(folder, small_body)
     images = (folder / "frames").rename(tmp_path / "walk")
@@ -56,9 +51,7 @@ def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_reject
     assert [path.name for path in kept.parent.iterdir()] == [kept.name]
 
 
-def test_files_are_of_the_network_s_motions_where_these_are_there(
-    small_body: BodyModel, run_dir: Path, tmp_path: Path
-) -> None:
+def test_files_are_of_the_network_s_motions_where_these_are_there(small_body, run_dir, tmp_path):
     folder, last = tmp_path / "walk", N_ROWS - 1
     solved_video(folder, small_body, lost=[9, 10, 11])
     assert write_files(folder) == []
@@ -81,7 +74,7 @@ def _files(folder: Path, format: str) -> list[str]:
     return sorted(path.name for path in (folder / "files" / format / "walk").iterdir())
 
 
-def test_several_and_none(gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_several_and_none(gmrdata, tmp_path):
     said = gmrdata("page", tmp_path)
     assert said.returncode == 1 and "nothing of a video was solved there" in said.stderr
     said = gmrdata("page")

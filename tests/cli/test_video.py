@@ -18,8 +18,8 @@ from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from tests.film.set_kills import contents
-from tests.filming import INTRINSICS_PX, Filmed
-from tests.fixtures.filmed_sets import HEIGHT_PX, N_FRAMES, WIDTH_PX, Made
+from tests.filming import INTRINSICS_PX
+from tests.fixtures.filmed_sets import HEIGHT_PX, N_FRAMES, WIDTH_PX
 from tests.read import system_files
 from tests.read.videos import make_video
 from tests.sharing import made_once
@@ -28,14 +28,12 @@ FOCAL_PX = str(float(INTRINSICS_PX[0, 0]))
 
 
 @pytest.fixture(scope="module")
-def neutral(small_body: BodyModel) -> BodyModel:
+def neutral(small_body) -> BodyModel:
     return replace(small_body, name="smpl-neutral")
 
 
 @pytest.fixture(scope="module")
-def vibe_file(
-    filmed_set: Made, neutral: BodyModel, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def vibe_file(filmed_set, neutral, tmp_path_factory) -> Path:
     """VIBE's people of the arc: one in all frames, the other not in the middle ones."""
     truths = filmed_set.truth["arc_00"]
     some = np.r_[0:14, 20:N_FRAMES]
@@ -48,9 +46,7 @@ def vibe_file(
 
 
 @pytest.fixture(scope="module")
-def solved(
-    filmed_set: Made, vibe_file: Path, neutral: BodyModel, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def solved(filmed_set, vibe_file, neutral, tmp_path_factory) -> Path:
     """The folder that the verb leaves of the arc."""
 
     def make(out: Path) -> None:
@@ -69,7 +65,7 @@ def arguments(source: Path, out: Path, *more: Any) -> list[str]:
 
 
 @pytest.mark.slow
-def test_people_of_vibe_move_in_the_world_as_they_did(solved: Path, filmed_set: Made) -> None:
+def test_people_of_vibe_move_in_the_world_as_they_did(solved, filmed_set):
     verdict = VideoVerdict.read(solved / "verdict.json")
     assert (
         verdict.accepted
@@ -87,7 +83,7 @@ def test_people_of_vibe_move_in_the_world_as_they_did(solved: Path, filmed_set: 
     assert "nobody there" in verdict.people[1].dropped[0].reason
 
 
-def test_files_and_a_page_lie_beside_the_motion(solved: Path) -> None:
+def test_files_and_a_page_lie_beside_the_motion(solved):
     formats = {path.name for path in (solved / "files").iterdir()}
     assert formats == {"colmap", "tum", "bvh", "glb", "amass"}
     page = (solved / "index.html").read_text()
@@ -97,8 +93,8 @@ def test_files_and_a_page_lie_beside_the_motion(solved: Path) -> None:
 
 
 def test_the_same_again_does_nothing_and_other_poses_need_redo(
-    solved: Path, filmed_set: Made, vibe_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    solved, filmed_set, vibe_file, capsys
+):
     frames, before = filmed_set.root / "imageFiles" / "arc_00", _times(solved)
     given = ("--fps-hz", "30", "--body", vibe_file.with_name("body.npz"))
     main(arguments(frames, solved, *given, "--poses", vibe_file))
@@ -123,9 +119,9 @@ def refused(capsys: pytest.CaptureFixture[str], said: str, given: list[str]) -> 
 
 
 def test_in_a_batch_it_is_the_same_folder(
-    solved: Path, filmed_set: Made, vibe_file: Path, tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+    solved, filmed_set, vibe_file, tmp_path,
+    capsys
+):  # fmt: skip
     """Poses are found by the video's name; one without ends in cameras alone."""
     batch, poses, still = tmp_path / "out", tmp_path / "poses", tmp_path / "still"
     folder = shutil.copytree(solved, batch / "videos" / "arc_00")  # which need not be made again
@@ -151,12 +147,8 @@ def test_in_a_batch_it_is_the_same_folder(
 
 @pytest.mark.slow
 def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
-    clips: Path,
-    solved_videos: Path,
-    dolly: Filmed,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    clips, solved_videos, dolly, tmp_path, capsys
+):
     """And the same video in a batch leaves the same folder."""
     out = tmp_path / "walk"
     main(arguments(clips / "walk.mp4", out, "--strict"))
@@ -177,9 +169,7 @@ def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
     assert contents(out) == contents(solved_videos / "videos" / "walk")
 
 
-def test_a_video_without_a_camera_path_is_rejected_with_the_reason(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_video_without_a_camera_path_is_rejected_with_the_reason(tmp_path, capsys):
     folder = tmp_path / "frames"
     folder.mkdir()
     for number in range(6):
@@ -195,13 +185,7 @@ def test_a_video_without_a_camera_path_is_rejected_with_the_reason(
     refused(capsys, "rejected", [*given, "--strict"])
 
 
-def test_poses_of_another_video_are_refused(
-    filmed_set: Made,
-    neutral: BodyModel,
-    solved: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_path, capsys):
     """By their frames, or by the size of their images."""
     out = tmp_path / "out"
     out.mkdir()
@@ -244,13 +228,7 @@ def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
         (("--fps-hz", "30", "--gravity", __file__), "leave it out for cameras alone"),
     ],
 )
-def test_wrong_flags_name_the_remedy(
-    flags: tuple[str, ...],
-    said: str,
-    dolly: Filmed,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_wrong_flags_name_the_remedy(flags, said, dolly, tmp_path, capsys):
     refused(capsys, said, [*arguments(dolly.images_dir, tmp_path / "out"), *flags])
 
 
@@ -262,18 +240,14 @@ def test_wrong_flags_name_the_remedy(
         (b"\x00\x00\x00\x18ftypmp42" + bytes(4000), "no video"),
     ],
 )
-def test_what_is_no_video_is_refused_by_name_and_leaves_nothing(
-    content: bytes, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_no_video_is_refused_by_name_and_leaves_nothing(content, said, tmp_path, capsys):
     source, out = tmp_path / "walk.mp4", tmp_path / "out"
     source.write_bytes(content)
     refused(capsys, f"{source}: {said}", arguments(source, out))
     assert not (out / "frames").exists() and not (out / "verdict.json").exists()
 
 
-def test_a_dry_run_says_how_much_there_is_to_do(
-    dolly: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dry_run_says_how_much_there_is_to_do(dolly, tmp_path, capsys):
     source = make_video(tmp_path / "a.mp4", rate_hz=10)
     for given, said in ((dolly.images_dir, "12 images of 320x180"), (source, "8 images of 64x48")):
         main([*arguments(given, tmp_path / "out"), "--dry-run"])

@@ -3,8 +3,6 @@
 import json
 import shutil
 import subprocess
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -15,11 +13,9 @@ from gmrdata.values.errors import BadRecord
 from tests.film.set_kills import contents, leftovers
 from tests.filming import CAMERAS_ALONE, INTRINSICS_PX
 
-Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
-
 
 @pytest.mark.slow
-def test_a_record_and_an_index_say_what_became_of_each(solved_videos: Path) -> None:
+def test_a_record_and_an_index_say_what_became_of_each(solved_videos):
     broken, still, walk = Videos.read(solved_videos / "videos.json").videos
     assert (broken.name, broken.state, broken.frames) == ("broken", "failed", 0)
     assert "broken.mov: no video" in broken.reasons[0]
@@ -37,9 +33,7 @@ def test_a_record_and_an_index_say_what_became_of_each(solved_videos: Path) -> N
 
 
 @pytest.mark.slow
-def test_two_shards_leave_the_bytes_of_one_process(
-    solved_videos: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
-) -> None:
+def test_two_shards_leave_the_bytes_of_one_process(solved_videos, clips, gmrdata, tmp_path):
     out = tmp_path / "out"
     command = ("video", clips, "--out", out, *CAMERAS_ALONE, "--workers", "1", "--shard")
     first = gmrdata(*command, "2/2")
@@ -55,9 +49,7 @@ def test_two_shards_leave_the_bytes_of_one_process(
     assert leftovers(out) == leftovers(solved_videos)
 
 
-def test_the_same_again_makes_what_is_missing_alone(
-    solved_videos: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
-) -> None:
+def test_the_same_again_makes_what_is_missing_alone(solved_videos, clips, gmrdata, tmp_path):
     """A rejected video is not solved again."""
     mended, out = shutil.copytree(clips, tmp_path / "clips"), tmp_path / "out"
     (mended / "broken.mov").unlink()
@@ -79,9 +71,7 @@ def test_the_same_again_makes_what_is_missing_alone(
     assert other.returncode == 1 and "other values of config.solve.sfm.seed" in other.stderr
 
 
-def test_a_dry_run_lists_the_videos_and_does_nothing(
-    clips: Path, gmrdata: Gmrdata, tmp_path: Path
-) -> None:
+def test_a_dry_run_lists_the_videos_and_does_nothing(clips, gmrdata, tmp_path):
     said = gmrdata("video", clips, "--out", tmp_path / "out", *CAMERAS_ALONE, "--dry-run")
     assert said.returncode == 1 and "1 of 3 videos can't be read" in said.stderr
     rows = {words[0]: words[1:3] for line in said.stdout.splitlines() if (words := line.split())}
@@ -105,15 +95,7 @@ def test_a_dry_run_lists_the_videos_and_does_nothing(
         (("walk.mp4", "gone.mp4"), (), "gone.mp4: no such file or folder"),
     ],
 )
-def test_wrong_flags_name_the_remedy(
-    names: tuple[str, ...],
-    flags: tuple[str, ...],
-    said: str,
-    clips: Path,
-    gmrdata: Gmrdata,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_wrong_flags_name_the_remedy(names, flags, said, clips, gmrdata, tmp_path, monkeypatch):
     monkeypatch.chdir(clips)
     masks = () if "--masks" in flags else CAMERAS_ALONE[:2]
     ended = gmrdata("video", *names, "--out", tmp_path / "out", *masks, *flags)
@@ -122,18 +104,14 @@ def test_wrong_flags_name_the_remedy(
 
 
 @pytest.fixture
-def command(
-    tmp_path: Path, walks_command: Callable[[int], tuple[object, ...]]
-) -> tuple[object, ...]:
+def command(tmp_path, walks_command) -> tuple[object, ...]:
     """Five motion files, of which one can't be read."""
     arguments = walks_command(4)
     (tmp_path / "motions" / "broken.bvh").write_text("HIERARCHY\n")
     return arguments
 
 
-def test_shards_and_merge_leave_the_bytes_of_one_process(
-    command: tuple[object, ...], gmrdata: Gmrdata, tmp_path: Path
-) -> None:
+def test_shards_and_merge_leave_the_bytes_of_one_process(command, gmrdata, tmp_path):
     alone, shared = tmp_path / "a" / "out", tmp_path / "b" / "out"
     whole = gmrdata(*command, "--out", alone)
     assert whole.returncode == 1 and "broken.bvh" in whole.stderr
@@ -166,7 +144,7 @@ def test_shards_and_merge_leave_the_bytes_of_one_process(
     assert "nothing is left to merge" in gmrdata("merge", shared).stderr
 
 
-def test_a_wrong_share_is_refused(gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_a_wrong_share_is_refused(gmrdata, tmp_path):
     answer = gmrdata("motions", tmp_path, "--out", tmp_path / "out", "--shard", "3/2")
     assert answer.returncode == 1 and "--shard 3/2: give it as 2/4" in answer.stderr
 
@@ -182,9 +160,7 @@ def test_a_wrong_share_is_refused(gmrdata: Gmrdata, tmp_path: Path) -> None:
         ("render", "--shard", "1/2", "--out"),
     ],
 )
-def test_a_record_with_another_command_is_refused(
-    arguments: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_a_record_with_another_command_is_refused(arguments, tmp_path):
     record = CommandRecord(arguments=arguments, folder=str(tmp_path))
     with pytest.raises(BadRecord, match="not a command of shards"):
         merging(tmp_path / COMMAND_FILE, record, tmp_path / "out")
@@ -205,14 +181,12 @@ def test_a_record_with_another_command_is_refused(
         ),
     ],
 )
-def test_the_recorded_command_works_on_nothing(
-    typed: tuple[str, ...], out: str, merges: list[str], tmp_path: Path
-) -> None:
+def test_the_recorded_command_works_on_nothing(typed, out, merges, tmp_path):
     record = CommandRecord(arguments=typed, folder=str(tmp_path))
     assert merging(tmp_path / COMMAND_FILE, record, tmp_path / out) == merges
 
 
-def test_flags_are_recorded_as_they_are_meant(tmp_path: Path) -> None:
+def test_flags_are_recorded_as_they_are_meant(tmp_path):
     typed = ("motions", "a=1/walk.bvh", f"--out={tmp_path}/b=2", "--shard=1/2", "--fps_hz=30")
     with share(typed):
         raise OthersLeft("one is left", failed=False)
@@ -222,13 +196,13 @@ def test_flags_are_recorded_as_they_are_meant(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("flag", ["--print-slurm", "--print_slurm=2", "--print-kubernetes"])
-def test_flags_that_are_gone_name_the_page(flag: str, gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_flags_that_are_gone_name_the_page(flag, gmrdata, tmp_path):
     answer = gmrdata("motions", tmp_path, "--out", tmp_path / "out", flag, "2")
     assert answer.returncode == 2 and "docs/scale.md, Slurm and Kubernetes" in answer.stderr
     assert not (tmp_path / "out").exists()
 
 
-def test_what_is_not_shared_says_so(gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_what_is_not_shared_says_so(gmrdata, tmp_path):
     """Each shard would do the whole work."""
     recipe = tmp_path / "gmr.yaml"
     recipe.write_text("recipe: gmr\n")

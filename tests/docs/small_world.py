@@ -37,13 +37,7 @@ TRIALS = ("02_01", "08_01", "16_01")
 
 
 @pytest.fixture(scope="module")
-def small_world(
-    anny: BodyModel,
-    filmed_set: Any,
-    made_set: Path,
-    write_person: Callable[..., Path],
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Path:
+def small_world(anny, filmed_set, made_set, write_person, tmp_path_factory) -> Path:
     """3DPW/, out/3dpw, path/to/cmu, a manifest set.yaml, and recipes."""
     world = tmp_path_factory.mktemp("world")
     shutil.copytree(filmed_set.root, world / "3DPW")

@@ -136,13 +136,13 @@ def gmrdata_commands() -> list[Command]:
     return [command for command in found.commands() if command.arguments]
 
 
-def test_the_command_line_takes_each_as_it_stands(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_takes_each_as_it_stands(capsys):
     assert len(gmrdata_commands()) > 90
     refused = [str(command) for command in gmrdata_commands() if not parses(command.arguments)]
     assert refused == [], capsys.readouterr().err
 
 
-def test_a_command_that_does_not_parse_is_seen(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_that_does_not_parse_is_seen(capsys):
     assert not parses(("train", "a.yaml", "--out", "o", "--no-such-flag"))
     assert not parses(("floor", "--out", "o", "--sequences", "many"))
     assert "--no-such-flag" in capsys.readouterr().err
@@ -164,12 +164,12 @@ def is_covered(command: Command) -> bool:
     return False
 
 
-def test_each_is_run_or_says_what_it_needs() -> None:
+def test_each_is_run_or_says_what_it_needs():
     left = [c for c in gmrdata_commands() if not is_covered(c) and not c.needs]
     assert [str(command) for command in left] == []
 
 
-def test_the_tests_that_run_them_are_there() -> None:
+def test_the_tests_that_run_them_are_there():
     for text, test in ELSEWHERE.items():
         file, _, name = test.partition("::")
         source = (REPOSITORY / "tests" / file).read_text(encoding="utf-8")
@@ -179,7 +179,7 @@ def test_the_tests_that_run_them_are_there() -> None:
         assert not absent, (test, absent)
 
 
-def test_targets_and_measurements_are_there() -> None:
+def test_targets_and_measurements_are_there():
     """`make` has targets of the Makefile; measurements stand in benchmarks/."""
     makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
@@ -196,7 +196,7 @@ def test_targets_and_measurements_are_there() -> None:
             assert there == [name for name in files if name != "benchmarks/FILE.py"], command
 
 
-def test_recipes_that_are_named_are_carried() -> None:
+def test_recipes_that_are_named_are_carried():
     """`--recipe gmr_cmu`, `render synthetic`: a name without a suffix is one of ours."""
     for command in gmrdata_commands():
         words = command.arguments
@@ -208,9 +208,7 @@ def test_recipes_that_are_named_are_carried() -> None:
 
 
 @pytest.mark.parametrize("page", found.pages(), ids=lambda page: page.name)
-def test_verbs_in_the_text_have_the_flags_that_it_says(
-    page: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_verbs_in_the_text_have_the_flags_that_it_says(page, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     for arguments in found.inline_commands(page):
         verb, flags = kind(arguments)
@@ -223,9 +221,7 @@ def test_verbs_in_the_text_have_the_flags_that_it_says(
 
 
 @pytest.mark.slow
-def test_they_run_at_small_size(
-    small_world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_they_run_at_small_size(small_world, monkeypatch, capsys):
     monkeypatch.chdir(small_world)
     for text in RUN:
         monkeypatch.setattr(sys, "argv", ["gmrdata", *shlex.split(text)])

@@ -31,7 +31,7 @@ def pieces(file: str) -> set[str]:
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_each_reason_is_explained(file: str) -> None:
+def test_each_reason_is_explained(file):
     page = PAGE.read_text(encoding="utf-8")
     reasons = pieces(file)
     assert len(reasons) >= 5

@@ -4,12 +4,10 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.browser import Visit
 from tests.docs.page_commands import REPOSITORY, pages
 from tests.sharing import made_once
 
@@ -17,7 +15,7 @@ LINK = re.compile(r"\]\((?!https?:)([^)#\s]+)")
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory) -> Path:
     """The whole site; a warning fails the build."""
     pytest.importorskip("mkdocs", reason="the extra docs is not installed")
     pytest.importorskip("material")
@@ -33,14 +31,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, "site", make)
 
 
-def test_every_page_is_there(site: Path) -> None:
+def test_every_page_is_there(site):
     for page in pages():
         place = page.relative_to(REPOSITORY).as_posix().removeprefix("docs/")
         if place != "README.md":
             assert (site / place).with_suffix(".html").is_file(), place
 
 
-def test_links_out_of_the_folder_lead_to_pages_of_the_site(site: Path) -> None:
+def test_links_out_of_the_folder_lead_to_pages_of_the_site(site):
     text = (site / "training.html").read_text(encoding="utf-8")
     assert 'href="manifests/FORMAT.html"' in text and 'href="pipelines/gmr_cmu.yaml.html"' in text
     recipe = (site / "pipelines/gmr_cmu.yaml.html").read_text(encoding="utf-8")
@@ -50,14 +48,14 @@ def test_links_out_of_the_folder_lead_to_pages_of_the_site(site: Path) -> None:
     assert 'href="examples/plot_path.py.html"' in (site / "examples.html").read_text()
 
 
-def test_public_names_have_their_docstrings_and_fields(site: Path) -> None:
+def test_public_names_have_their_docstrings_and_fields(site):
     text = (site / "api.html").read_text(encoding="utf-8")
     for name in ("Motion", "train", "load_clip", "Scores"):
         assert f'href="#gmrdata.{name}"' in text and f'id="gmrdata.{name}"' in text
     assert "frame_from_root: R of the paper's eqs. 2-8" in text  # a comment behind a field
 
 
-def test_a_page_asks_the_net_for_nothing(site: Path, browse: Callable[[Path], Visit]) -> None:
+def test_a_page_asks_the_net_for_nothing(site, browse):
     visit = browse(site / "index.html")
     assert "What do you want to do?" in visit.dom
     assert [at for at in visit.requests if not at.startswith("file:")] == []
@@ -65,13 +63,13 @@ def test_a_page_asks_the_net_for_nothing(site: Path, browse: Callable[[Path], Vi
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
-def test_links_hold_where_the_repository_is_read(page: Path) -> None:
+def test_links_hold_where_the_repository_is_read(page):
     for link in LINK.findall(page.read_text(encoding="utf-8")):
         assert (page.parent / link).exists(), link
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
-def test_lists_are_lists_on_a_code_host_and_in_the_site(page: Path) -> None:
+def test_lists_are_lists_on_a_code_host_and_in_the_site(page):
     """The site's Markdown begins a list after an empty line alone, and a nested one by 4 spaces."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
     before = ""

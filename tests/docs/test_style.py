@@ -21,22 +21,22 @@ def read(page: Path) -> str:
 
 
 @pytest.mark.parametrize("page", [README, *DOCS, CHANGELOG], ids=lambda page: page.stem)
-def test_a_page_is_plain_english(page: Path) -> None:
+def test_a_page_is_plain_english(page):
     assert faults(read(page)) == []
 
 
 @pytest.mark.parametrize("page", DOCS, ids=lambda page: page.stem)
-def test_a_page_is_short(page: Path) -> None:
+def test_a_page_is_short(page):
     if page.stem != "figures":
         assert page_words(read(page)) <= 1200
 
 
-def test_the_docs_are_short() -> None:
+def test_the_docs_are_short():
     """`cat README.md docs/*.md | wc -w`."""
     assert sum(page_words(read(page)) for page in (README, *DOCS)) <= 20_000
 
 
-def test_the_news_of_a_version_are_short() -> None:
+def test_the_news_of_a_version_are_short():
     versions = read(CHANGELOG).split("\n## ")[1:]
     assert [version[:20] for version in versions if page_words(version) > 1500] == []
 
@@ -54,7 +54,7 @@ def test_the_news_of_a_version_are_short() -> None:
         (" ".join(["A word of it."] * 25), "paragraph of 100 words"),
     ],
 )
-def test_a_fault_is_seen(text: str, fault: str) -> None:
+def test_a_fault_is_seen(text, fault):
     assert any(fault in one for one in faults(text))
 
 
@@ -68,11 +68,11 @@ def test_a_fault_is_seen(text: str, fault: str) -> None:
         "```sh\nWho is last\n```",
     ],
 )
-def test_plain_english_has_no_fault(text: str) -> None:
+def test_plain_english_has_no_fault(text):
     assert faults(text) == []
 
 
-def test_text_is_taken_apart_as_a_reader_does() -> None:
+def test_text_is_taken_apart_as_a_reader_does():
     text = "# Head\n\nOne *line*\nand two.\n- An item. It ends.\n- 5. Another\n\n| a | b |\n"
     assert list(paragraphs(text)) == ["One *line* and two.", "An item. It ends.", "5. Another"]
     assert sentences("Run `a. B`, eq. 3. Then [go](x.md).") == ["Run Code, eq 3.", "Then go."]
@@ -102,7 +102,7 @@ def help_texts() -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("place", "text"), help_texts().items())
-def test_a_help_text_is_plain_english(place: str, text: str) -> None:
+def test_a_help_text_is_plain_english(place, text):
     assert faults(text) == []
 
 
@@ -123,7 +123,7 @@ def said_in(call: ast.AST) -> Iterator[str]:
         yield "".join(str(p.value) if isinstance(p, ast.Constant) else "X" for p in parts)
 
 
-def test_messages_are_plain_english() -> None:
+def test_messages_are_plain_english():
     wrong, count = [], 0
     for path in sorted((REPOSITORY / "gmrdata").rglob("*.py")):
         for node in ast.walk(ast.parse(read(path))):

@@ -5,7 +5,7 @@ import re
 import shlex
 import shutil
 import tarfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +37,7 @@ open(sys.argv[2], "w").write(" ".join([*kinds, str(len(bpy.data.actions))]))
 
 
 @pytest.fixture(scope="module")
-def folder(
-    shared_path: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Path]:
+def folder(shared_path, tmp_path_factory) -> Iterator[Path]:
     """The tutorial's folder with walk.mp4, where every command has been run."""
     folder, cache = tmp_path_factory.mktemp("tutorial"), tmp_path_factory.mktemp("cache")
     phone_video(shared_path("video/dance.tar"), folder)
@@ -87,7 +85,7 @@ def run_page() -> None:
 
 
 @pytest.mark.slow
-def test_the_video_is_accepted_and_has_a_page(folder: Path) -> None:
+def test_the_video_is_accepted_and_has_a_page(folder):
     verdict = VideoVerdict.read(folder / "out/walk/verdict.json")
     assert verdict.accepted and [person.accepted for person in verdict.people] == [True]
     assert verdict.people[0].kept_frames == 36
@@ -96,7 +94,7 @@ def test_the_video_is_accepted_and_has_a_page(folder: Path) -> None:
     assert len((folder / "out/exported/tum/person_0.txt").read_text().splitlines()) >= 36
 
 
-def test_blender_has_the_body_and_the_moving_camera(folder: Path, tmp_path: Path) -> None:
+def test_blender_has_the_body_and_the_moving_camera(folder, tmp_path):
     script = tmp_path / "see.py"
     script.write_text(SEE_IN_BLENDER)
     in_blender(script, folder / "out/walk/files/glb/person_0.glb", tmp_path / "seen.txt")
@@ -104,7 +102,7 @@ def test_blender_has_the_body_and_the_moving_camera(folder: Path, tmp_path: Path
     assert "ARMATURE" in kinds and "CAMERA" in kinds and int(kinds[-1]) >= 1
 
 
-def test_both_networks_have_a_score_on_the_person(folder: Path) -> None:
+def test_both_networks_have_a_score_on_the_person(folder):
     for name in ("scores", "my_scores"):
         scores = Scores.read(folder / "out" / name / "scores.json")
         assert [clip.id for clip in scores.clips] == ["person_0.person_0_00000-00035"]
@@ -123,7 +121,7 @@ def said_as_json(capsys: pytest.CaptureFixture[str], command: str) -> Any:
     return json.loads(answer.out)
 
 
-def test_a_script_reads_answers_as_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_script_reads_answers_as_json(folder, capsys):
     solved = said_as_json(capsys, SOLVE)
     assert solved["verdict"]["accepted"] and solved["page"].endswith("out/walk/index.html")
     scored = said_as_json(capsys, "evaluate bundled out/person/motions.yaml --out out/scores")
@@ -149,16 +147,14 @@ def test_a_script_reads_answers_as_json(folder: Path, capsys: pytest.CaptureFixt
         ("evaluate bundled out/person/motions.yaml", ("weights", "36")),
     ],
 )
-def test_a_dry_run_says_what_there_is_to_do_and_makes_nothing(
-    folder: Path, capsys: pytest.CaptureFixture[str], command: str, says: tuple[str, ...]
-) -> None:
+def test_a_dry_run_says_what_there_is_to_do_and_makes_nothing(folder, capsys, command, says):
     main([*shlex.split(command), "--out", "out/new", "--dry-run"])
     said = capsys.readouterr().out
     assert [word for word in says if word not in said] == []
     assert not list((folder / "out").glob("new*"))
 
 
-def test_quiet_and_verbose(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_and_verbose(folder, capsys):
     capsys.readouterr()
     main(["-v", *shlex.split(SOLVE)])
     assert re.search(
@@ -173,9 +169,7 @@ def test_quiet_and_verbose(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert not console.quiet
 
 
-def test_the_notebook_runs_over_the_public_api(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_notebook_runs_over_the_public_api(folder, capsys):
     """In the tutorial's folder, so that the video need not be solved again."""
     solved = (folder / "out/walk/sfm/stage.json").stat().st_mtime_ns
     notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))

@@ -3,10 +3,9 @@
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import cv2  # noqa: F401  (before pycolmap)
 import numpy as np
@@ -19,16 +18,13 @@ from gmrdata.cameras.files import load_quality
 from gmrdata.cli.export import SAID
 from gmrdata.export.formats import FORMATS, FormatName
 from gmrdata.values import transforms
-from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.clip import camera_of, load_clip, save_clip
 from tests.clip_manifests import write_clips
 from tests.write.test_colmap import models
 
-Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
-
 
 @pytest.fixture
-def manifest(walkers: list[Clip], small_body: BodyModel, tmp_path: Path) -> Path:
+def manifest(walkers, small_body, tmp_path) -> Path:
     """A clip whose camera is known but in frame 5, one without a camera, and one in its frame."""
     first, second = walkers
     camera = camera_of(first)
@@ -44,9 +40,7 @@ def manifest(walkers: list[Clip], small_body: BodyModel, tmp_path: Path) -> Path
     return write_clips(tmp_path / "in", small_body, clips, camera_motions=classes)
 
 
-def test_what_can_be_written_is_and_the_rest_is_named(
-    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+def test_what_can_be_written_is_and_the_rest_is_named(manifest, tmp_path, gmrdata):
     said = gmrdata("export", manifest, "--to", "tum", "kitti", "--out", tmp_path / "out")
     assert said.returncode == 1
     assert "alone: no tum: has no camera" in said.stderr
@@ -61,7 +55,7 @@ def test_what_can_be_written_is_and_the_rest_is_named(
     assert np.abs(np.array(read.poses_se3) - camera.world_from_cam[rows]).max() < 1e-9
 
 
-def test_the_way_of_the_person(manifest: Path, tmp_path: Path, gmrdata: Gmrdata) -> None:
+def test_the_way_of_the_person(manifest, tmp_path, gmrdata):
     out = tmp_path / "out"
     said = gmrdata("export", manifest, "--to", "tum", "kitti", "--of", "person", "--out", out)
     assert "seen: no kitti: its motion is in the camera's frame, not in a world" in said.stderr
@@ -75,9 +69,7 @@ def test_the_way_of_the_person(manifest: Path, tmp_path: Path, gmrdata: Gmrdata)
         assert np.abs(np.array(read.poses_se3) - expected).max() < 1e-9
 
 
-def test_nothing_is_overwritten_unless_told_so(
-    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+def test_nothing_is_overwritten_unless_told_so(manifest, tmp_path, gmrdata):
     out = tmp_path / "out"
     arguments = ("export", manifest, "--to", "tum", "--clips", "holed", "--out", out)
     assert gmrdata(*arguments).returncode == 0
@@ -90,9 +82,7 @@ def test_nothing_is_overwritten_unless_told_so(
     assert [path.name for path in (out / "tum").iterdir()] == ["holed.txt"]
 
 
-def test_a_dry_run_lists_and_writes_nothing(
-    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+def test_a_dry_run_lists_and_writes_nothing(manifest, tmp_path, gmrdata):
     said = gmrdata("export", manifest, "--to", "tum", "--out", tmp_path / "out", "--dry-run")
     assert said.returncode == 0 and not (tmp_path / "out").exists()
     assert "to write" in said.stdout and "left out: has no camera" in said.stdout
@@ -107,9 +97,9 @@ def test_a_dry_run_lists_and_writes_nothing(
     ],
 )
 def test_flags_that_fit_nothing(
-    flags: tuple[str, ...], said: str, manifest: Path, walkers: list[Clip],
-    small_body: BodyModel, tmp_path: Path, gmrdata: Gmrdata,
-) -> None:  # fmt: skip
+    flags, said, manifest, walkers,
+    small_body, tmp_path, gmrdata
+):  # fmt: skip
     truth = tmp_path / "truth.npz"
     save_clip(truth, walkers[1], small_body.rest_pelvis_m(walkers[1].motion.shape))
     flags = tuple(flag.replace("TRUTH", str(truth)) for flag in flags)
@@ -118,9 +108,7 @@ def test_flags_that_fit_nothing(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_broken_clip_does_not_stop_the_others(
-    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+def test_a_broken_clip_does_not_stop_the_others(manifest, tmp_path, gmrdata):
     broken = manifest.with_name("holed.npz")
     broken.write_bytes(broken.read_bytes()[:500])
     arguments = ("--of", "person", "--clips", "holed", "alone", "--out", tmp_path / "out")
@@ -130,9 +118,7 @@ def test_a_broken_clip_does_not_stop_the_others(
     assert (tmp_path / "out/tum/alone.txt").is_file()
 
 
-def test_images_of_one_sequence_are_not_taken_for_those_of_another(
-    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+def test_images_of_one_sequence_are_not_taken_for_those_of_another(manifest, tmp_path, gmrdata):
     (tmp_path / "images/holed").mkdir(parents=True)
     (tmp_path / "images/holed/00000.png").touch()
     arguments = ("export", manifest, "--to", "colmap", "--out", tmp_path, "--images")
@@ -145,9 +131,7 @@ def test_images_of_one_sequence_are_not_taken_for_those_of_another(
     assert gmrdata(*arguments, tmp_path / "images/holed", *alone).returncode == 0
 
 
-def test_a_rendered_clip_becomes_a_model_without_points(
-    walkers: list[Clip], small_body: BodyModel, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+def test_a_rendered_clip_becomes_a_model_without_points(walkers, small_body, tmp_path, gmrdata):
     clip = walkers[0]
     save_clip(tmp_path / "in/clip.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
     (tmp_path / "in/frames").mkdir()
@@ -164,7 +148,7 @@ def test_a_rendered_clip_becomes_a_model_without_points(
     assert not list((tmp_path / "without").rglob("*.*"))
 
 
-def test_each_format_is_described_in_the_help_and_on_the_page(gmrdata: Gmrdata) -> None:
+def test_each_format_is_described_in_the_help_and_on_the_page(gmrdata):
     page = (Path(__file__).parents[2] / "docs/export.md").read_text(encoding="utf-8")
     described = re.sub(r"[\s│]+", " ", gmrdata("export", "--help").stdout)
     for name, says in SAID.items():
@@ -173,9 +157,7 @@ def test_each_format_is_described_in_the_help_and_on_the_page(gmrdata: Gmrdata) 
     assert {*FORMATS, "onnx"} == {*get_args(FormatName), "onnx"} == set(SAID)
 
 
-def test_people_of_a_sequence_share_the_file_of_their_one_camera(
-    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_people_of_a_sequence_share_the_file_of_their_one_camera(walkers, small_body, tmp_path):
     for number, walker in enumerate(walkers):
         path = tmp_path / f"walk/pseudo_gt/person_{number}.npz"
         save_clip(path, walker, small_body.rest_pelvis_m(walker.motion.shape))
@@ -187,7 +169,7 @@ def test_people_of_a_sequence_share_the_file_of_their_one_camera(
 
 
 @pytest.fixture(scope="module")
-def solved(made_set: Path, filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def solved(made_set, filmed_set, tmp_path_factory) -> Path:
     """A regenerated set as COLMAP models and GEM-X's files; tests leave them as they are."""
     from gmrdata.cli import main
 
@@ -199,7 +181,7 @@ def solved(made_set: Path, filmed_set: Any, tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.mark.slow
-def test_pycolmap_finds_the_stages_reprojection_error(made_set: Path, solved: Path) -> None:
+def test_pycolmap_finds_the_stages_reprojection_error(made_set, solved):
     stage = load_quality(made_set / "sequences/arc_00/sfm")
     for model in models(solved / "colmap/arc_00"):
         assert model.num_reg_images() == stage.frames
@@ -211,9 +193,7 @@ def test_pycolmap_finds_the_stages_reprojection_error(made_set: Path, solved: Pa
 
 
 @pytest.mark.slow
-def test_the_model_lies_in_the_world_of_the_clip(
-    made_set: Path, filmed_set: Any, solved: Path
-) -> None:
+def test_the_model_lies_in_the_world_of_the_clip(made_set, filmed_set, solved):
     camera = camera_of(load_clip(made_set / "sequences/arc_00/pseudo_gt/person_0.npz"))
     model, _ = models(solved / "colmap/arc_00")
     found = [model.image(row + 1).cam_from_world().matrix() for row in range(camera.n_frames)]
@@ -227,15 +207,13 @@ def test_the_model_lies_in_the_world_of_the_clip(
 
 
 @pytest.mark.slow
-def test_a_camera_that_only_turns_has_no_points(made_set: Path, solved: Path) -> None:
+def test_a_camera_that_only_turns_has_no_points(made_set, solved):
     for model in models(solved / "colmap/pan_00"):
         assert model.num_reg_images() == 36 and model.num_points3D() == 0
 
 
 @pytest.mark.slow
-def test_all_observations_none_and_an_older_folder(
-    made_set: Path, filmed_set: Any, solved: Path, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+def test_all_observations_none_and_an_older_folder(made_set, filmed_set, solved, tmp_path, gmrdata):
     source = tmp_path / "arc_00"
     shutil.copytree(made_set / "sequences/arc_00", source)
     keyframes, _ = models(solved / "colmap/arc_00")
@@ -260,8 +238,8 @@ def test_all_observations_none_and_an_older_folder(
 
 @pytest.mark.slow
 def test_a_model_without_a_metric_scale_keeps_its_own_world(
-    made_set: Path, small_body: BodyModel, tmp_path: Path, gmrdata: Gmrdata
-) -> None:
+    made_set, small_body, tmp_path, gmrdata
+):
     source = tmp_path / "arc_00"
     shutil.copytree(made_set / "sequences/arc_00/sfm", source / "sfm")
     clip = load_clip(made_set / "sequences/arc_00/pseudo_gt/person_0.npz")

@@ -2,8 +2,6 @@
 
 import json
 import pickle  # noqa: TID251  The oracle: what others open the files with.
-import subprocess
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,9 +20,7 @@ from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
 from gmrdata.read.body_file import save_body
 from gmrdata.read.emdb import read_emdb
 from gmrdata.values import transforms
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m
 from tests.clip_manifests import write_clips
 from tests.write.rerun_files import Recorded
@@ -41,7 +37,7 @@ def export(*arguments: object) -> int:
 
 
 @pytest.fixture
-def manifest(walkers: list[Clip], small_body: BodyModel, tmp_path: Path) -> Path:
+def manifest(walkers, small_body, tmp_path) -> Path:
     """A woman on SMPL's body: a clip from image 0 on, one from image 5 on, one not valid at all."""
     first = walkers[0]
     body = replace(small_body, name="smpl-female")
@@ -57,9 +53,7 @@ def manifest(walkers: list[Clip], small_body: BodyModel, tmp_path: Path) -> Path
     return write_clips(folder, body, clips, camera_motions=["circular"] * 3)
 
 
-def test_files_where_others_look_for_them(
-    manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_files_where_others_look_for_them(manifest, tmp_path, capsys):
     out, name = tmp_path / "out", "P1_14_outdoor_climb"
     about = EmdbAbout(emdb1=True, emdb2=False, reasons=[""] * 30)
     about.write(manifest.parent / ABOUT_FILE)
@@ -90,9 +84,7 @@ def test_files_where_others_look_for_them(
         assert line in said
 
 
-def test_a_network(
-    run_dir: Path, walk: Callable[..., Motion], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_network(run_dir, walk, tmp_path, capsys):
     out = tmp_path / "out"
     path = out / "onnx" / "run.onnx"
     assert export(run_dir, "--to", "onnx", "--out", out, "--dry-run") == 0 and not out.exists()
@@ -107,9 +99,7 @@ def test_a_network(
     assert export(run_dir, "--to", "onnx", "--out", out, "--redo") == 0
 
 
-def test_what_is_no_network_is_refused(
-    run_dir: Path, manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, capsys):
     out = tmp_path / "out"
     assert export(run_dir, "--to", "onnx", "tum", "--out", out) == 1
     assert "Export it alone" in capsys.readouterr().err
@@ -124,12 +114,11 @@ def test_what_is_no_network_is_refused(
     assert not out.exists()
 
 
-Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
 TRUE_FROM_WORLD = np.array([[0.0, -1, 0, 5], [1, 0, 0, -2], [0, 0, 1, 0.3], [0, 0, 0, 1]])
 
 
 @pytest.fixture
-def clip(walk: Callable[..., Motion], small_body: BodyModel) -> Clip:
+def clip(walk, small_body) -> Clip:
     """Someone without a pose in two frames, and a camera without one of them."""
     take = make_take(walk, small_body)
     person = take.people[1]
@@ -137,7 +126,7 @@ def clip(walk: Callable[..., Motion], small_body: BodyModel) -> Clip:
 
 
 @pytest.fixture
-def folder(clip: Clip, small_body: BodyModel, tmp_path: Path) -> Path:
+def folder(clip, small_body, tmp_path) -> Path:
     """The clip with frames, masks and an extra as a rendered one has them; its truth beside it.
 
     The truth is of another world, begins two frames later and has no gap.
@@ -161,9 +150,7 @@ def folder(clip: Clip, small_body: BodyModel, tmp_path: Path) -> Path:
     return folder
 
 
-def test_one_clip_in_all_of_these_formats(
-    folder: Path, clip: Clip, small_body: BodyModel, gmrdata: Gmrdata
-) -> None:
+def test_one_clip_in_all_of_these_formats(folder, clip, small_body, gmrdata):
     out, formats = folder.parent / "out", ("amass", "bvh", "glb", "usd", "rrd", "mp4")
     truth = folder.parent / "truth.npz"
     said = gmrdata("export", folder, "--to", *formats, "--truth", truth, "--out", out)
@@ -193,9 +180,7 @@ def test_one_clip_in_all_of_these_formats(
         assert len(list(container.decode(video=0))) == N_FRAMES
 
 
-def test_the_truth_stands_where_the_result_does(
-    folder: Path, clip: Clip, small_body: BodyModel, gmrdata: Gmrdata
-) -> None:
+def test_the_truth_stands_where_the_result_does(folder, clip, small_body, gmrdata):
     out, truth = folder.parent / "out", folder.parent / "truth.npz"
     said = gmrdata("export", folder, "--to", "rrd", "--truth", truth, "--out", out)
     assert said.returncode == 0, said.stderr

@@ -17,7 +17,7 @@ from tests.clip_manifests import write_clips
 
 
 @pytest.fixture
-def clip(walkers: list[Clip]) -> Clip:
+def clip(walkers) -> Clip:
     return replace(walkers[0], id="walk")
 
 
@@ -31,9 +31,7 @@ def only(source: Path) -> ExportedClip:
     return load_exported(files)
 
 
-def test_a_clip_file_and_its_body_beside_it(
-    clip: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_clip_file_and_its_body_beside_it(clip, small_body, tmp_path):
     path = save(tmp_path / "some.npz", replace(clip, id="../a b"), small_body)
     exported = only(path)
     assert exported.id == exported.sequence == "_a_b"  # fit for a file, and in no other folder
@@ -49,9 +47,7 @@ def test_a_clip_file_and_its_body_beside_it(
         _ = load_exported(files, body=str(tmp_path / "larger.npz")).body
 
 
-def test_a_rendered_clip_has_its_images_masks_and_company(
-    clip: Clip, walkers: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_rendered_clip_has_its_images_masks_and_company(clip, walkers, small_body, tmp_path):
     save(tmp_path / "clip.npz", clip, small_body)
     save(tmp_path / "extras/company_1.npz", walkers[1], small_body)
     np.savez(tmp_path / "extras/car_1.npz", world_from_car=np.eye(4))
@@ -67,9 +63,7 @@ def test_a_rendered_clip_has_its_images_masks_and_company(
         assert paths[3] == tmp_path / "frames/00003.png" and set(paths) == {None, paths[3]}
 
 
-def test_people_of_one_sequence_share_it(
-    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_people_of_one_sequence_share_it(walkers, small_body, tmp_path):
     for number, walker in enumerate(walkers):
         save(tmp_path / f"walk/pseudo_gt/person_{number}.npz", walker, small_body)
     (tmp_path / "walk/sfm").mkdir()
@@ -84,8 +78,8 @@ def test_people_of_one_sequence_share_it(
 
 
 def test_people_of_a_video_are_those_with_the_network_s_motions_where_these_are_there(
-    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+    walkers, small_body, tmp_path
+):
     for stage, walker in zip(("pseudo_gt", "fused"), walkers, strict=True):
         save(tmp_path / f"walk/{stage}/person_0.npz", replace(walker, id="walk"), small_body)
     (tmp_path / "walk/sfm").mkdir()
@@ -98,18 +92,14 @@ def test_people_of_a_video_are_those_with_the_network_s_motions_where_these_are_
     assert one.clip_path == tmp_path / "walk/pseudo_gt/person_0.npz"
 
 
-def test_people_come_by_their_numbers(
-    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_people_come_by_their_numbers(walkers, small_body, tmp_path):
     for number in range(11):
         clip = replace(walkers[0], id=f"p{number}")
         save(tmp_path / f"walk/pseudo_gt/person_{number}.npz", clip, small_body)
     assert [one.id for one in list_clips(tmp_path / "walk")] == [f"p{n}" for n in range(11)]
 
 
-def test_a_manifest_says_which_frames_are_kept(
-    clip: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_manifest_says_which_frames_are_kept(clip, small_body, tmp_path):
     manifest = write_clips(tmp_path, small_body, [clip], camera_motions=["circular"])
     data = yaml.safe_load(manifest.read_text())
     data["clips"][0] |= {
@@ -121,8 +111,8 @@ def test_a_manifest_says_which_frames_are_kept(
 
 
 def test_of_a_demo_the_result_is_taken_and_the_rendered_clip_is_its_truth(
-    clip: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+    clip, small_body, tmp_path
+):
     moved = replace(clip, motion=replace(clip.motion, pelvis_m=clip.motion.pelvis_m + 1))
     for name, one in (("synthetic", clip), ("pseudo_gt", moved)):
         folder = tmp_path / "stages" / name
@@ -136,9 +126,7 @@ def test_of_a_demo_the_result_is_taken_and_the_rendered_clip_is_its_truth(
     np.testing.assert_allclose(exported.truth.motion.pelvis_m, clip.motion.pelvis_m)
 
 
-def test_the_motions_of_inference_are_clips(
-    clip: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_the_motions_of_inference_are_clips(clip, small_body, tmp_path):
     for name in ("person_2", "person_1"):
         save(tmp_path / name / "clip.npz", replace(clip, id=name), small_body)
     (tmp_path / "infer.json").touch()
@@ -146,9 +134,7 @@ def test_the_motions_of_inference_are_clips(
     assert [files.id for files in list_clips(tmp_path, ["person_2"])] == ["person_2"]
 
 
-def test_predictions_and_other_folders_of_clips(
-    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_predictions_and_other_folders_of_clips(walkers, small_body, tmp_path):
     for walker in walkers:
         save(tmp_path / "predictions" / f"{walker.id}.npz", walker, small_body)
     np.savez(tmp_path / "predictions/other.npz", numbers=np.arange(3))
@@ -156,9 +142,7 @@ def test_predictions_and_other_folders_of_clips(
         assert [files.id for files in list_clips(source)] == ["walk.p0", "walk.p1"]
 
 
-def test_twins_and_a_noise_floor_lead_to_their_manifests(
-    clip: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_twins_and_a_noise_floor_lead_to_their_manifests(clip, small_body, tmp_path):
     write_clips(tmp_path / "render_set", small_body, [clip], camera_motions=["circular"])
     assert only(tmp_path).truth is None
     floor = tmp_path / "floor"
@@ -167,9 +151,7 @@ def test_twins_and_a_noise_floor_lead_to_their_manifests(
     assert only(floor).truth is not None
 
 
-def test_what_holds_no_clips_says_what_to_name(
-    clip: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_what_holds_no_clips_says_what_to_name(clip, small_body, tmp_path):
     with pytest.raises(MissingInput, match="no such file or folder"):
         list_clips(tmp_path / "nothing")
     with pytest.raises(MissingInput, match=r"Name a manifest \(\.yaml\) or a clip's file"):
@@ -182,9 +164,7 @@ def test_what_holds_no_clips_says_what_to_name(
         list_clips(tmp_path)
 
 
-def test_a_path_out_of_the_manifests_folder_is_not_followed(
-    clip: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_path_out_of_the_manifests_folder_is_not_followed(clip, small_body, tmp_path):
     manifest = write_clips(tmp_path / "in", small_body, [clip], camera_motions=["circular"])
     (tmp_path / "in/walk.npz").rename(tmp_path / "walk.npz")
     (tmp_path / "in/walk.npz").symlink_to(tmp_path / "walk.npz")

@@ -12,7 +12,7 @@ from tests.blender.jobs import in_blender
 
 
 @pytest.fixture
-def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def checkout(tmp_path, monkeypatch) -> Path:
     """A checkout without any of Blender."""
     monkeypatch.delenv(environment.PYTHON_NAME, raising=False)
     monkeypatch.setattr(environment, "PACKAGES_DIR", tmp_path)
@@ -21,9 +21,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_named_one_comes_before_the_made_one_and_this_one_last(
-    checkout: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_named_one_comes_before_the_made_one_and_this_one_last(checkout, monkeypatch):
     with pytest.raises(BlenderMissing, match="`gmrdata blender setup` makes it"):
         environment.blender_python()
     monkeypatch.setattr(environment, "find_spec", lambda name: name == "bpy")
@@ -39,9 +37,7 @@ def test_the_named_one_comes_before_the_made_one_and_this_one_last(
         environment.blender_python()
 
 
-def test_without_a_checkout_it_is_in_the_users_data(
-    checkout: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_checkout_it_is_in_the_users_data(checkout, monkeypatch):
     (checkout / "pyproject.toml").unlink()
     monkeypatch.setenv("XDG_DATA_HOME", str(checkout / "data"))
     assert environment.setup_dir() == checkout / "data/gmrdata/blender"
@@ -49,7 +45,7 @@ def test_without_a_checkout_it_is_in_the_users_data(
     assert environment.setup_dir() == Path.home() / ".local/share/gmrdata/blender"
 
 
-def test_only_our_packages_cross(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_our_packages_cross(tmp_path, monkeypatch):
     """What lies beside them in site-packages is made for the library's Python."""
     for name in ("gmrdata", "blender", "numpy"):
         (tmp_path / name).mkdir()
@@ -68,7 +64,7 @@ def test_only_our_packages_cross(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     )
 
 
-def test_what_does_not_load_is_said_in_a_line(tmp_path: Path) -> None:
+def test_what_does_not_load_is_said_in_a_line(tmp_path):
     said = in_blender("blender.no_such_module", check=False)
     assert said.returncode == 1 and "Traceback" not in said.stderr
     assert "can't load what it needs: No module named" in said.stderr
@@ -76,7 +72,7 @@ def test_what_does_not_load_is_said_in_a_line(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def made(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Path]:
+def made(checkout, monkeypatch) -> Callable[[], Path]:
     """Makes the environment of no packages, with this Python."""
     requirements = checkout / "requirements.txt"
     requirements.write_text("# none\n")
@@ -85,7 +81,7 @@ def made(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Path]:
     return lambda: environment.set_up(sys.executable)
 
 
-def test_setup_makes_it_once_and_again_for_other_requirements(made: Callable[[], Path]) -> None:
+def test_setup_makes_it_once_and_again_for_other_requirements(made):
     place = made()
     python = environment.python_of(place)
     assert environment.blender_python() == python and python.is_file()
@@ -96,7 +92,7 @@ def test_setup_makes_it_once_and_again_for_other_requirements(made: Callable[[],
     assert made() == place and not (place / "mine").exists()
 
 
-def test_a_setup_that_fails_leaves_what_was_there(made: Callable[[], Path]) -> None:
+def test_a_setup_that_fails_leaves_what_was_there(made):
     place = made()
     environment.REQUIREMENTS.write_text("./no_such_folder\n")
     with pytest.raises(BlenderMissing, match=r"pip install .* failed:"):
@@ -104,9 +100,7 @@ def test_a_setup_that_fails_leaves_what_was_there(made: Callable[[], Path]) -> N
     assert environment.python_of(place).is_file() and not environment.is_set_up()
 
 
-def test_uv_makes_it_where_it_is_installed(
-    made: Callable[[], Path], checkout: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_uv_makes_it_where_it_is_installed(made, checkout, monkeypatch):
     ran: list[list[str]] = []
 
     def run(*words: object) -> None:
@@ -126,15 +120,13 @@ def test_uv_makes_it_where_it_is_installed(
     ]
 
 
-def test_without_a_python_that_has_bpy_both_remedies_are_said(
-    made: Callable[[], Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_python_that_has_bpy_both_remedies_are_said(made, monkeypatch):
     monkeypatch.setattr(environment.sys, "executable", "/no/python3.12")
     with pytest.raises(BlenderMissing, match=r"needs Python 3\.11 or 3\.13.*uv.*--python"):
         environment.set_up()
 
 
-def test_system_libraries_that_do_not_load_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_system_libraries_that_do_not_load_are_named(monkeypatch):
     monkeypatch.setattr(
         environment, "SYSTEM_LIBRARIES", {"libc.so.6": "libc6", "libno.so.1": "libno1"}
     )

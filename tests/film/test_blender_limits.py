@@ -7,7 +7,6 @@ import pytest
 
 from gmrdata.film.render import RenderConfig, RenderJob, run_blender
 from gmrdata.stage.jobs import Job, _attempt
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadRecipe, RenderOverLimit
 from gmrdata.values.limits import MIB, blender_bytes, blender_frame_s
@@ -15,7 +14,7 @@ from gmrdata.values.motion import Motion
 
 
 @pytest.fixture
-def job(small_body: BodyModel, tmp_path: Path) -> RenderJob:
+def job(small_body, tmp_path) -> RenderJob:
     turns, root = np.tile(np.eye(3), (1, 23, 1, 1)), np.eye(3)[None]
     shape, name = np.zeros(small_body.n_shape), small_body.name
     motion = Motion(turns, root, np.ones((1, 3)), shape, 10.0, name, "neutral", "world", "stands")
@@ -38,9 +37,7 @@ def start(job: RenderJob) -> None:
         ({"GMRDATA_BLENDER_FRAME_S": "3"}, "more than 3 s for a frame"),
     ],
 )
-def test_a_limit_that_was_hit_is_said_and_not_tried_again(
-    environment: dict[str, str], said: str, job: RenderJob, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_limit_that_was_hit_is_said_and_not_tried_again(environment, said, job, monkeypatch):
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     with pytest.raises(RenderOverLimit, match=said) as caught:
@@ -49,9 +46,7 @@ def test_a_limit_that_was_hit_is_said_and_not_tried_again(
     assert (job.out_dir / "started").read_text() == "x"
 
 
-def test_limits_grow_with_the_recipe_and_are_the_environments_where_it_says_so(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_limits_grow_with_the_recipe_and_are_the_environments_where_it_says_so(monkeypatch):
     assert 600 == blender_frame_s(0) < blender_frame_s(1920 * 1080 * 7) < 2100
     assert 256 * MIB < blender_bytes() <= 8 * 1024 * MIB
     monkeypatch.setenv("GMRDATA_BLENDER_FRAME_S", "7.5")

@@ -1,7 +1,6 @@
 """Extras: they keep their distance, cross the view and repeat, or hold a pose."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,7 +57,7 @@ def clip_of(body: BodyModel, number: int, kind: str = "walk", duration_s: float 
 
 
 @pytest.fixture(scope="module")
-def casts(small_body: BodyModel) -> list[tuple[Clip, Cast]]:
+def casts(small_body) -> list[tuple[Clip, Cast]]:
     clips = [clip_of(small_body, number) for number in range(12)]
     return [(clip, make_cast(EVERYONE, [clip], small_body, n)) for n, clip in enumerate(clips)]
 
@@ -73,7 +72,7 @@ def least_m(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.linalg.norm((a - b)[:, :2], axis=1).min())
 
 
-def test_people_keep_apart_and_away_from_the_camera(casts: list[tuple[Clip, Cast]]) -> None:
+def test_people_keep_apart_and_away_from_the_camera(casts):
     for clip, cast in casts:
         people = [clip.motion, *cast.walkers]
         for n, one in enumerate(people):
@@ -83,7 +82,7 @@ def test_people_keep_apart_and_away_from_the_camera(casts: list[tuple[Clip, Cast
             assert least_m(walker.pelvis_m, camera_of(clip).centres_world_m) >= 1.2
 
 
-def test_cars_keep_away_from_people_and_the_camera(casts: list[tuple[Clip, Cast]]) -> None:
+def test_cars_keep_away_from_people_and_the_camera(casts):
     for clip, cast in casts:
         paths_m = [m.pelvis_m for m in (clip.motion, *cast.walkers)]
         for car in cast.cars:
@@ -97,7 +96,7 @@ def test_cars_keep_away_from_people_and_the_camera(casts: list[tuple[Clip, Cast]
                 assert (outside_m.max(axis=1) > 0).all()
 
 
-def test_they_are_seen_long_enough(casts: list[tuple[Clip, Cast]]) -> None:
+def test_they_are_seen_long_enough(casts):
     for clip, cast in casts:
         company, *passers_by = cast.walkers
         assert seen(camera_of(clip), company.pelvis_m).mean() >= 0.8
@@ -114,7 +113,7 @@ def bearing_rad(clip: Clip, path_m: np.ndarray) -> np.ndarray:
     return np.asarray(np.angle(rays[0] / rays[1]))
 
 
-def test_passers_by_cross_the_line_of_sight_to_the_subject(casts: list[tuple[Clip, Cast]]) -> None:
+def test_passers_by_cross_the_line_of_sight_to_the_subject(casts):
     in_front = []
     for clip, cast in casts:
         for walker in cast.walkers[1:]:
@@ -128,7 +127,7 @@ def test_passers_by_cross_the_line_of_sight_to_the_subject(casts: list[tuple[Cli
     assert 4 <= sum(in_front) <= len(in_front) - 4
 
 
-def test_company_goes_beside_its_subject_at_its_pace(casts: list[tuple[Clip, Cast]]) -> None:
+def test_company_goes_beside_its_subject_at_its_pace(casts):
     for clip, cast in casts:
         company, subject = cast.walkers[0].pelvis_m[:, :2], clip.motion.pelvis_m[:, :2]
         assert 0.9 <= np.linalg.norm((company - subject).mean(axis=0)) <= 1.5
@@ -137,14 +136,14 @@ def test_company_goes_beside_its_subject_at_its_pace(casts: list[tuple[Clip, Cas
         assert np.linalg.norm(company - subject, axis=1).max() < 2.0
 
 
-def test_feet_stay_on_the_ground(casts: list[tuple[Clip, Cast]], small_body: BodyModel) -> None:
+def test_feet_stay_on_the_ground(casts, small_body):
     for _, cast in casts[:3]:
         for walker in cast.walkers:
             lowest_m = motion_vertices_m(small_body, walker)[..., 2].min(axis=1)
             assert np.abs(lowest_m).max() < 0.03
 
 
-def test_extras_reach_blender_as_they_are(casts: list[tuple[Clip, Cast]], tmp_path: Path) -> None:
+def test_extras_reach_blender_as_they_are(casts, tmp_path):
     cast = casts[0][1]
     save_cast(tmp_path / "cast.npz", cast)
     there = load_cast(tmp_path / "cast.npz")
@@ -155,7 +154,7 @@ def test_extras_reach_blender_as_they_are(casts: list[tuple[Clip, Cast]], tmp_pa
             np.testing.assert_array_equal(vars(other)[name], value)
 
 
-def test_each_choice_is_its_own(small_body: BodyModel) -> None:
+def test_each_choice_is_its_own(small_body):
     clip = clip_of(small_body, 2)
     full = make_cast(EVERYONE, [clip], small_body, 3)
     again = make_cast(EVERYONE, [clip], small_body, 3)
@@ -172,7 +171,7 @@ def test_each_choice_is_its_own(small_body: BodyModel) -> None:
     assert len(set(draws)) == len(EVERYONE.names) == 4
 
 
-def test_a_twin_has_the_same_extras_and_they_suit_both_cameras(small_body: BodyModel) -> None:
+def test_a_twin_has_the_same_extras_and_they_suit_both_cameras(small_body):
     clip = clip_of(small_body, 0)
     twin = replace(clip, camera=static_twin(camera_of(clip), clip.motion.pelvis_m))
     cast = make_cast(EVERYONE, [clip, twin], small_body, 1)
@@ -182,20 +181,20 @@ def test_a_twin_has_the_same_extras_and_they_suit_both_cameras(small_body: BodyM
             assert seen(camera_of(each), walker.pelvis_m).mean() >= 0.15
 
 
-def test_a_shorter_clip_rests_at_its_end_while_the_extras_go_on(small_body: BodyModel) -> None:
+def test_a_shorter_clip_rests_at_its_end_while_the_extras_go_on(small_body):
     long, short = clip_of(small_body, 2), clip_of(small_body, 2, duration_s=2.0)
     cast = make_cast(Extras(passers_by=1), [short, long], small_body, 1)
     assert cast.walkers[0].n_frames == 40
 
 
 @pytest.mark.parametrize("kind", ["circle", "side_step", "turn"])
-def test_other_subjects_and_long_clips_find_extras_too(small_body: BodyModel, kind: str) -> None:
+def test_other_subjects_and_long_clips_find_extras_too(small_body, kind):
     clip = clip_of(small_body, 2, kind, duration_s=12.0)
     cast = make_cast(Extras(passers_by=1, cars=1, company=1), [clip], small_body, 0)
     assert np.ptp(cast.walkers[1].pelvis_m[:, :2], axis=0).max() < 14
 
 
-def test_no_room_is_said(small_body: BodyModel) -> None:
+def test_no_room_is_said(small_body):
     clip = clip_of(small_body, 5)
     camera = camera_of(clip)
     away = camera.world_from_cam.copy()
@@ -211,7 +210,7 @@ def test_no_room_is_said(small_body: BodyModel) -> None:
         make_cast(crowd.model_copy(update={"company": 0}), [far], small_body, 0)
 
 
-def test_motions_from_files(small_body: BodyModel, tmp_path: Path) -> None:
+def test_motions_from_files(small_body, tmp_path):
     clip, rng = clip_of(small_body, 2), np.random.default_rng(5)
     run = make_gait("run", 6.0, 30.0, small_body, rng, shape=np.zeros(10))
     recorded = Clip("run", run, np.ones(180, bool), np.full(180, -1), None)
@@ -230,7 +229,7 @@ def test_motions_from_files(small_body: BodyModel, tmp_path: Path) -> None:
 
 @settings(max_examples=25)
 @given(yaw_rad=st.floats(-7, 7), seed=st.integers(0, 99))
-def test_a_moved_motion_moves_alike(yaw_rad: float, seed: int) -> None:
+def test_a_moved_motion_moves_alike(yaw_rad, seed):
     rng = np.random.default_rng(seed)
     turns, _ = np.linalg.qr(rng.normal(size=(6, 24, 3, 3)))
     turns *= np.linalg.det(turns)[..., None, None]
@@ -251,7 +250,7 @@ def test_a_moved_motion_moves_alike(yaw_rad: float, seed: int) -> None:
 
 @given(speed=st.floats(3, 8))
 @settings(max_examples=25)
-def test_a_drive_is_even_in_the_middle_and_rests_at_its_ends(speed: float) -> None:
+def test_a_drive_is_even_in_the_middle_and_rests_at_its_ends(speed):
     time_s = np.linspace(-8, 8, 3201)
     way_m = way_driven_m(time_s, speed)
     speeds = np.diff(way_m) / np.diff(time_s)
@@ -261,9 +260,7 @@ def test_a_drive_is_even_in_the_middle_and_rests_at_its_ends(speed: float) -> No
     assert np.abs(np.diff(speeds)).max() <= 4.5 * 0.005 + 1e-9  # no jerk of more than its brakes
 
 
-def test_files_of_the_truth(
-    casts: list[tuple[Clip, Cast]], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_files_of_the_truth(casts, small_body, tmp_path):
     clip, cast = casts[2]
     save_extras(tmp_path / "extras", EVERYONE.names, cast, clip, small_body)
     assert sorted(path.stem for path in (tmp_path / "extras").iterdir()) == sorted(EVERYONE.names)
@@ -279,7 +276,7 @@ def test_files_of_the_truth(
 
 
 @pytest.mark.parametrize("number", range(6))
-def test_two_frames_of_a_clip_are_enough(small_body: BodyModel, number: int) -> None:
+def test_two_frames_of_a_clip_are_enough(small_body, number):
     """A dry run's probe renders no more."""
     clip = clip_of(small_body, number)
     camera = camera_of(clip)
@@ -303,7 +300,7 @@ def holds_still(motion: Motion) -> bool:
     return all(np.array_equal(values, np.repeat(values[:1], len(values), 0)) for values in rows)
 
 
-def test_the_pose_is_that_of_the_moment(small_body: BodyModel) -> None:
+def test_the_pose_is_that_of_the_moment(small_body):
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(1))
     held = hold_pose(walk, 0.7, 90)
     assert (held.n_frames, held.fps_hz) == (90, 30.0) and holds_still(held)
@@ -315,9 +312,7 @@ def test_the_pose_is_that_of_the_moment(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("clip", RECIPE.set.clips, ids=lambda clip: clip.id)
-def test_nobody_moves_in_the_frozen_twins_but_the_camera(
-    clip: SyntheticClip, small_body: BodyModel
-) -> None:
+def test_nobody_moves_in_the_frozen_twins_but_the_camera(clip, small_body):
     planned = planned_clip(clip, RECIPE.set, None, small_body)
     camera = camera_of(planned)
     n_frames = round(30 * (clip.duration_s or RECIPE.set.film.duration_s))
@@ -332,14 +327,14 @@ def test_nobody_moves_in_the_frozen_twins_but_the_camera(
         assert in_frame(camera, person_box(motion.pelvis_m)).mean() > 0.9
 
 
-def test_a_pose_can_be_held_longer_than_the_clip_lasts(small_body: BodyModel) -> None:
+def test_a_pose_can_be_held_longer_than_the_clip_lasts(small_body):
     given = {"id": "a", "gait": "walk", "hold_s": 2.5, "duration_s": 1.0}
     clip = SyntheticClip.model_validate(given | {"programme": {"kind": "circular"}})
     motion = planned_clip(clip, RECIPE.set, None, small_body).motion
     assert motion.n_frames == 30 and holds_still(motion)
 
 
-def test_passers_by_hold_their_poses_too(small_body: BodyModel) -> None:
+def test_passers_by_hold_their_poses_too(small_body):
     motion = hold_pose(make_gait("walk", 2.0, 10.0, small_body, np.random.default_rng(2)), 1.0, 20)
     film = Film(duration_s=2.0, fps_hz=10)
     clip = plan_clip("a", film_motion(motion, film), Circular(), film, np.random.default_rng(3))
@@ -348,9 +343,7 @@ def test_passers_by_hold_their_poses_too(small_body: BodyModel) -> None:
 
 
 @pytest.mark.slow
-def test_held_poses_do_not_move_in_the_world_of_recovered_cameras(
-    made_set: Path, filmed_set: object, small_body: BodyModel
-) -> None:
+def test_held_poses_do_not_move_in_the_world_of_recovered_cameras(made_set, filmed_set, small_body):
     """Fig. 6 of the paper: before the camera they turn and travel, in the world they don't."""
     true = filmed_set.truth["arc_00"][0]  # type: ignore[attr-defined]  # of a fixture module
     cameras = camera_of(true).world_from_cam

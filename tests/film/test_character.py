@@ -78,7 +78,7 @@ RIGIFY = (
     ],
     ids=lambda names: names[1],
 )
-def test_known_names_are_found_in_any_order(names: list[str]) -> None:
+def test_known_names_are_found_in_any_order(names):
     expected = {joint: joint for joint in range(24)}
     assert find_bones(names, PARENTS, None, FILE) == expected
     order = np.random.default_rng(0).permutation(24)
@@ -89,7 +89,7 @@ def test_known_names_are_found_in_any_order(names: list[str]) -> None:
     assert {joint: order[bone] for joint, bone in found.items()} == expected
 
 
-def test_cmus_names_lack_hands_and_its_hip_joints_are_passed_over() -> None:
+def test_cmus_names_lack_hands_and_its_hip_joints_are_passed_over():
     names = ["Hips", "LHipJoint", "LeftUpLeg", "LeftLeg", "LeftFoot", "RHipJoint", "RightUpLeg"]
     names += ["RightLeg", "RightFoot", "LowerBack", "Spine", "Spine1", "LeftShoulder", "LeftArm"]
     names += ["LeftForeArm", "LeftHand", "LeftFingerBase", "RightShoulder", "RightArm"]
@@ -104,7 +104,7 @@ def test_cmus_names_lack_hands_and_its_hip_joints_are_passed_over() -> None:
     assert follows[names.index("LeftHand")] == JOINT["left_elbow"]
 
 
-def test_a_joint_map_names_bones_as_they_are() -> None:
+def test_a_joint_map_names_bones_as_they_are():
     names = [f"bone {number}" for number in range(24)]
     joint_map = dict(zip(names, JOINT_NAMES, strict=True))
     assert find_bones(names, PARENTS, joint_map, FILE) == {joint: joint for joint in range(24)}
@@ -121,19 +121,19 @@ def test_a_joint_map_names_bones_as_they_are() -> None:
         find_bones(MIXAMO, PARENTS, {}, FILE)  # an empty map is no order to guess by names
 
 
-def test_bones_that_hang_together_in_another_way_are_named() -> None:
+def test_bones_that_hang_together_in_another_way_are_named():
     parents = list(PARENTS)
     parents[JOINT["left_knee"]] = -1  # an exported control rig
     with pytest.raises(BadCharacter, match="LeftLeg of left_knee hangs on no bone, not on LeftUp"):
         find_bones(MIXAMO, parents, None, FILE)
 
 
-def test_nobody_has_no_bones() -> None:
+def test_nobody_has_no_bones():
     with pytest.raises(BadCharacter, match="no bone is known to be pelvis, left_hip"):
         find_bones([], [], None, FILE)
 
 
-def test_a_files_own_files_are_inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_files_own_files_are_inputs(tmp_path, monkeypatch):
     path = tmp_path / "someone.gltf"
     images = [{"uri": "skin%20one.png"}, {"uri": "data:image/png;base64,AAAA"}]
     path.write_text(json.dumps({**SCENE, "buffers": [{"uri": "a/b.bin"}], "images": images}))
@@ -158,7 +158,7 @@ def test_a_files_own_files_are_inputs(tmp_path: Path, monkeypatch: pytest.Monkey
      "http://example.org/a.png", "c:\\\\a.png", "..\\\\secret.png", "link/secret.png", "a\\nb", "",
      "data:/../../secret.png"],
 )  # fmt: skip
-def test_files_outside_the_folder_are_refused(tmp_path: Path, uri: str) -> None:
+def test_files_outside_the_folder_are_refused(tmp_path, uri):
     (tmp_path / "secret.png").write_bytes(b"secret")
     (tmp_path / "own").mkdir()
     (tmp_path / "own/link").symlink_to(tmp_path)
@@ -168,7 +168,7 @@ def test_files_outside_the_folder_are_refused(tmp_path: Path, uri: str) -> None:
         linked_files(path)
 
 
-def test_devices_and_pipes_are_not_read(tmp_path: Path) -> None:
+def test_devices_and_pipes_are_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.bin")
     (tmp_path / "folder.bin").mkdir()
     path = tmp_path / "someone.glb"
@@ -195,16 +195,14 @@ def test_devices_and_pipes_are_not_read(tmp_path: Path) -> None:
         ("a.blend", b"BLENDER", r"a character is a \.glb, \.gltf or \.fbx file"),
     ],
 )
-def test_other_files_are_refused(tmp_path: Path, name: str, data: bytes, message: str) -> None:
+def test_other_files_are_refused(tmp_path, name, data, message):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(BadCharacter, match=message):
         linked_files(tmp_path / name)
 
 
 @given(st.integers(0, len(glb(SCENE)) - 1), st.integers(0, 255))
-def test_a_damaged_byte_never_crashes(
-    tmp_path_factory: pytest.TempPathFactory, place: int, byte: int
-) -> None:
+def test_a_damaged_byte_never_crashes(tmp_path_factory, place, byte):
     data = bytearray(glb(SCENE))
     data[place] = byte
     path = tmp_path_factory.getbasetemp() / "damaged.glb"
@@ -215,21 +213,21 @@ def test_a_damaged_byte_never_crashes(
         assert str(path) in str(error)
 
 
-def test_what_a_recipe_may_say() -> None:
+def test_what_a_recipe_may_say():
     with pytest.raises(ValidationError, match="'legs' or 'keep'"):
         Character.model_validate({"path": "a.glb", "scale": 2})
     with pytest.raises(MissingInput, match="no such file"):
         _ = Character(path=Path("nobody.glb")).inputs
 
 
-def test_the_demo_films_the_body_as_its_masks_are_drawn_from_it() -> None:
+def test_the_demo_films_the_body_as_its_masks_are_drawn_from_it():
     clip = {"id": "a", "gait": "walk", "programme": {"kind": "static"}}
     recipe = {"recipe": "demo", "clips": [clip], "render": {"character": {"path": "a.glb"}}}
     with pytest.raises(ValidationError, match="use a synthetic recipe for rigged characters"):
         DemoRecipe.model_validate(recipe)
 
 
-def test_a_clips_own_character_comes_before_the_sets() -> None:
+def test_a_clips_own_character_comes_before_the_sets():
     clip = {"gait": "walk", "programme": {"kind": "static"}}
     recipe = SyntheticRecipe.model_validate(
         {
@@ -255,7 +253,7 @@ def record() -> CharacterRecord:
     return CharacterRecord(true_m + residual_m, residual_m, in_frame, (*MIXAMO[:-2], "", ""), 0.9)
 
 
-def test_a_record_comes_back(record: CharacterRecord, tmp_path: Path) -> None:
+def test_a_record_comes_back(record, tmp_path):
     save_character(tmp_path / "character.npz", record)
     back = load_character(tmp_path / "character.npz")
     np.testing.assert_array_equal(back.joints_world_m, record.joints_world_m)
@@ -267,7 +265,7 @@ def test_a_record_comes_back(record: CharacterRecord, tmp_path: Path) -> None:
         load_character(tmp_path / "other.npz")
 
 
-def test_figures(record: CharacterRecord) -> None:
+def test_figures(record):
     figures = residual_figures(record)
     assert figures["character_residual_mm_mean"] == pytest.approx(50)
     assert figures["character_residual_mm_max"] == pytest.approx(50)

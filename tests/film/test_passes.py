@@ -1,7 +1,6 @@
 """Passes and joints in the image through their files."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -34,7 +33,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 @settings(max_examples=20)
 @given(seed=SEEDS)
-def test_what_is_written_is_read(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_what_is_written_is_read(seed, tmp_path_factory):
     path = tmp_path_factory.mktemp("passes") / "00000.png"
     rng = np.random.default_rng(seed)
     depth_m = rng.uniform(0.05, 65.5, (5, 7))
@@ -53,7 +52,7 @@ def test_what_is_written_is_read(seed: int, tmp_path_factory: pytest.TempPathFac
     np.testing.assert_array_equal(read_instances(path), instances)
 
 
-def test_pixels_without_a_value(tmp_path: Path) -> None:
+def test_pixels_without_a_value(tmp_path):
     path = tmp_path / "00000.png"
     write_depth(path, np.array([[1.0, np.inf, np.nan, 65.6, 1000.0]]))
     np.testing.assert_array_equal(read_depth(path), [[1.0, np.inf, np.inf, np.inf, np.inf]])
@@ -64,7 +63,7 @@ def test_pixels_without_a_value(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_flow(path)[0], [[1.5, -2.25], [nan, nan], [nan, nan]])
 
 
-def test_the_stored_numbers_are_those_that_the_format_names(tmp_path: Path) -> None:
+def test_the_stored_numbers_are_those_that_the_format_names(tmp_path):
     path = tmp_path / "00000.png"
     write_depth(path, np.array([[2.0004]]))
     assert cv2.imread(str(path), cv2.IMREAD_UNCHANGED).tolist() == [[2000]]
@@ -74,7 +73,7 @@ def test_the_stored_numbers_are_those_that_the_format_names(tmp_path: Path) -> N
     assert cv2.imread(str(path), cv2.IMREAD_UNCHANGED).tolist() == [[[1, 32640, 32832]]]
 
 
-def test_other_images_are_refused(tmp_path: Path) -> None:
+def test_other_images_are_refused(tmp_path):
     path = tmp_path / "00000.png"
     with pytest.raises(BadFrames, match="00000.png: missing"):
         read_depth(path)
@@ -112,7 +111,7 @@ def filmed(body: BodyModel) -> Clip:
     return Clip("two", motion, np.ones(2, dtype=bool), np.arange(2), camera)
 
 
-def test_places_in_the_camera_and_the_image(small_body: BodyModel) -> None:
+def test_places_in_the_camera_and_the_image(small_body):
     joints = project_joints(filmed(small_body), small_body)
     pelvis = JOINT["pelvis"]
     np.testing.assert_allclose(joints.world_m[0, pelvis], [0, 0, 0.95], atol=1e-9)
@@ -127,12 +126,12 @@ def test_places_in_the_camera_and_the_image(small_body: BodyModel) -> None:
     assert np.isnan(joints.image_px[1, pelvis]).all() and not joints.in_frame[1].any()
 
 
-def test_a_clip_without_a_camera(small_body: BodyModel) -> None:
+def test_a_clip_without_a_camera(small_body):
     with pytest.raises(BadMotionFile, match="two has no camera"):
         project_joints(replace(filmed(small_body), camera=None), small_body)
 
 
-def test_the_file(small_body: BodyModel, tmp_path: Path) -> None:
+def test_the_file(small_body, tmp_path):
     path = tmp_path / "joints.npz"
     joints = project_joints(filmed(small_body), small_body)
     save_joints(path, joints)

@@ -46,14 +46,14 @@ RECIPE = SyntheticRecipe.model_validate(
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory: pytest.TempPathFactory, cmu_dir: Path, anny: object) -> Path:
+def rendered(tmp_path_factory, cmu_dir, anny) -> Path:
     recipe = RECIPE.model_copy(update={"workers": 1})
     manifest_path = render_set(recipe, tmp_path_factory.mktemp("set"), motions_dir=cmu_dir)
     write_set_pages(RECIPE, manifest_path.parent)
     return manifest_path
 
 
-def test_the_manifest_is_good_and_lists_what_could_be_rendered(rendered: Path) -> None:
+def test_the_manifest_is_good_and_lists_what_could_be_rendered(rendered):
     check_manifest(rendered)
     manifest = read_manifest(rendered)
     assert manifest.version == "1.0.0"
@@ -73,7 +73,7 @@ def test_the_manifest_is_good_and_lists_what_could_be_rendered(rendered: Path) -
         assert clip.joints is not None and clip.video is not None and clip.normals is None
 
 
-def test_a_twin_has_the_motion_of_its_clip_and_a_camera_that_rests(rendered: Path) -> None:
+def test_a_twin_has_the_motion_of_its_clip_and_a_camera_that_rests(rendered):
     clips = {clip.id: clip for clip in load_clips(rendered)}
     for id in ("run", "step"):
         clip, twin = clips[id], clips[f"{id}_off"]
@@ -85,7 +85,7 @@ def test_a_twin_has_the_motion_of_its_clip_and_a_camera_that_rests(rendered: Pat
         assert np.ptp(camera_of(clip).centres_world_m, axis=0).max() > 0.01
 
 
-def test_every_clip_has_the_whole_person_in_frame_as_its_masks_say(rendered: Path) -> None:
+def test_every_clip_has_the_whole_person_in_frame_as_its_masks_say(rendered):
     manifest = read_manifest(rendered)
     assert isinstance(manifest, Manifest)
     for clip in manifest.clips:
@@ -100,7 +100,7 @@ def test_every_clip_has_the_whole_person_in_frame_as_its_masks_say(rendered: Pat
     assert not (rendered.parent / "warnings.txt").exists()
 
 
-def test_the_index_shows_every_clip(rendered: Path) -> None:
+def test_the_index_shows_every_clip(rendered):
     page = (rendered.parent / "index.html").read_text()
     pictures = re.findall(r'<img src="([^"]+)"', page)
     assert len(pictures) == 8
@@ -110,7 +110,7 @@ def test_the_index_shows_every_clip(rendered: Path) -> None:
     assert sheet is not None and sheet.shape == (2 * 64 + 4, 3 * 96 + 2 * 4, 3)
 
 
-def test_once_more_does_nothing_and_another_seed_is_refused(rendered: Path, cmu_dir: Path) -> None:
+def test_once_more_does_nothing_and_another_seed_is_refused(rendered, cmu_dir):
     before = rendered.read_bytes()
     frame = rendered.parent / "render" / "run" / "frames" / "00000.jpg"
     made_ns = frame.stat().st_mtime_ns
@@ -120,7 +120,7 @@ def test_once_more_does_nothing_and_another_seed_is_refused(rendered: Path, cmu_
         render_set(RECIPE.model_copy(update={"seed": 4}), rendered.parent, motions_dir=cmu_dir)
 
 
-def test_a_dry_run_says_what_is_done_and_what_is_missing(rendered: Path, cmu_dir: Path) -> None:
+def test_a_dry_run_says_what_is_done_and_what_is_missing(rendered, cmu_dir):
     before = sorted(rendered.parent.rglob("*"))
     found = dry_run(RECIPE, rendered.parent, motions_dir=cmu_dir)
     assert [row[-1] for row in found.rows] == ["done"] * 4 + ["no motion file"]
@@ -129,7 +129,7 @@ def test_a_dry_run_says_what_is_done_and_what_is_missing(rendered: Path, cmu_dir
     assert sorted(rendered.parent.rglob("*")) == before
 
 
-def test_a_dry_run_measures_two_frames(rendered: Path, cmu_dir: Path, tmp_path: Path) -> None:
+def test_a_dry_run_measures_two_frames(rendered, cmu_dir, tmp_path):
     out_dir = tmp_path / "out"
     found = dry_run(RECIPE, out_dir, motions_dir=cmu_dir)
     assert not out_dir.exists()
@@ -145,7 +145,7 @@ def test_a_dry_run_measures_two_frames(rendered: Path, cmu_dir: Path, tmp_path: 
     assert dry_run(RECIPE, out_dir, motions_dir=cmu_dir, probe=False).seconds is None
 
 
-def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path: Path, anny: object) -> None:
+def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path, anny):
     recipe = RECIPE.model_dump()
     near = {"id": "near", "gait": "walk", "programme": {"kind": "small", "distance_m": 1.5}}
     away = {"kind": "linear", "speed_m_per_s": 100}
@@ -177,7 +177,7 @@ def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path: Path, anny: ob
     assert not (tmp_path / "failed" / "far.txt").exists()
 
 
-def test_a_blender_process_that_is_killed_is_started_again(tmp_path: Path, anny: object) -> None:
+def test_a_blender_process_that_is_killed_is_started_again(tmp_path, anny):
     plain = RenderConfig.model_validate(PLAIN)
     changes = {"clips": (RECIPE.clips[1],), "camera_off": False, "render": plain, "workers": 1}
     recipe = RECIPE.model_copy(update=changes)
@@ -204,14 +204,14 @@ def test_a_blender_process_that_is_killed_is_started_again(tmp_path: Path, anny:
     assert not list((tmp_path / "failed").glob("*"))
 
 
-def test_ids_that_collide_with_twins_are_refused() -> None:
+def test_ids_that_collide_with_twins_are_refused():
     step = RECIPE.clips[1]
     clips = (step, step.model_copy(update={"id": "step_off"}))
     with pytest.raises(BadRecipe, match="repeated: step_off;"):
         select(RECIPE.model_copy(update={"clips": clips}), None)
 
 
-def test_nothing_to_render_is_an_error(tmp_path: Path) -> None:
+def test_nothing_to_render_is_an_error(tmp_path):
     trial = RECIPE.clips[0]
     with pytest.raises(MissingInput, match=r"--motions(.|\n)*gmrdata fetch cmu 02_03 --out FOLDER"):
         render_set(RECIPE.model_copy(update={"clips": (trial,)}), tmp_path)
@@ -219,7 +219,7 @@ def test_nothing_to_render_is_an_error(tmp_path: Path) -> None:
         render_set(RECIPE.model_copy(update={"clips": ()}), tmp_path)
 
 
-def test_three_kills_change_nothing(tmp_path: Path, anny: object) -> None:
+def test_three_kills_change_nothing(tmp_path, anny):
     recipe, undisturbed = tmp_path / "recipe.yaml", tmp_path / "undisturbed"
     write_recipe(recipe, n_clips=2, n_frames=5)
     begin_s = time.monotonic()

@@ -24,7 +24,7 @@ from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import read_body, save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
-from gmrdata.values.body import JOINT, PHENOTYPES, BodyModel
+from gmrdata.values.body import JOINT, PHENOTYPES
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.skinning import motion_vertices_m
@@ -45,7 +45,7 @@ def recipe_of(kinds: tuple[str, ...] = KINDS, **said: object) -> SyntheticRecipe
 
 
 @pytest.fixture(scope="module")
-def body_path(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def body_path(small_body, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("body") / "body.npz"
     save_body(path, small_body)
     return path
@@ -58,7 +58,7 @@ def plan(recipe: SyntheticRecipe, body_path: Path, folder: Path) -> dict[str, Pa
     return {id: job.clip_path for id, job in jobs.items()}
 
 
-def test_a_clip_is_the_same_whatever_others_there_are(body_path: Path, tmp_path: Path) -> None:
+def test_a_clip_is_the_same_whatever_others_there_are(body_path, tmp_path):
     many, few = recipe_of(), recipe_of(("side_step", "walk"))
     plans = plan(many, body_path, tmp_path / "many"), plan(few, body_path, tmp_path / "few")
     for clip in few.clips:
@@ -67,7 +67,7 @@ def test_a_clip_is_the_same_whatever_others_there_are(body_path: Path, tmp_path:
         assert render_config(many, clip) == render_config(few, clip)
 
 
-def test_every_clip_has_another_person(body_path: Path, tmp_path: Path) -> None:
+def test_every_clip_has_another_person(body_path, tmp_path):
     recipe = recipe_of()
     planned = plan(recipe, body_path, tmp_path)
     shapes = np.stack([load_clip(planned[kind]).motion.shape for kind in KINDS])
@@ -79,7 +79,7 @@ def test_every_clip_has_another_person(body_path: Path, tmp_path: Path) -> None:
         assert planned[kind].read_bytes() == again[kind].read_bytes()
 
 
-def test_another_seed_gives_other_people_and_places() -> None:
+def test_another_seed_gives_other_people_and_places():
     first, second = recipe_of(), recipe_of(seed=4)
     for clip in first.clips:
         assert render_config(first, clip).person != render_config(second, clip).person
@@ -88,7 +88,7 @@ def test_another_seed_gives_other_people_and_places() -> None:
     ]
 
 
-def test_a_twin_has_the_person_and_the_place_of_its_clip(body_path: Path, tmp_path: Path) -> None:
+def test_a_twin_has_the_person_and_the_place_of_its_clip(body_path, tmp_path):
     recipe = recipe_of(("walk",), camera_off=True)
     selection = select(recipe, None)
     jobs, _ = plan_takes(selection, body_path, tmp_path, tmp_path)
@@ -99,7 +99,7 @@ def test_a_twin_has_the_person_and_the_place_of_its_clip(body_path: Path, tmp_pa
     assert render_config(recipe, twin.clip) == render_config(recipe, clip.clip)
 
 
-def test_places_are_those_of_the_list_and_seeds_are_drawn_unless_given() -> None:
+def test_places_are_those_of_the_list_and_seeds_are_drawn_unless_given():
     recipe = recipe_of()
     clips = [recipe.clips[0].model_copy(update={"id": f"c{n}"}) for n in range(60)]
     scenes = [render_config(recipe, clip).scene for clip in clips]
@@ -113,7 +113,7 @@ def test_places_are_those_of_the_list_and_seeds_are_drawn_unless_given() -> None
     assert len(set(drawn)) == len(drawn)
 
 
-def test_what_a_clip_says_itself_counts(body_path: Path, tmp_path: Path) -> None:
+def test_what_a_clip_says_itself_counts(body_path, tmp_path):
     clip = {"id": "walk", "gait": "walk", "programme": {"kind": "small"}}
     clip |= {"scene": {"kind": "park", "seed": 8}, "shape": [0.5] * 10}
     recipe = recipe_of(clips=[clip])
@@ -128,7 +128,7 @@ def test_what_a_clip_says_itself_counts(body_path: Path, tmp_path: Path) -> None
     assert "takes a shape of 10 finite numbers" in reasons["walk"]
 
 
-def test_without_variety_all_clips_are_rendered_alike() -> None:
+def test_without_variety_all_clips_are_rendered_alike():
     recipe = recipe_of(people={}, scenes=[], render={"samples": 2, "scene": {"seed": 9}})
     for clip in recipe.clips:
         assert render_config(recipe, clip) == recipe.render
@@ -137,14 +137,14 @@ def test_without_variety_all_clips_are_rendered_alike() -> None:
     assert recipe_of().render == RenderConfig()
 
 
-def test_choices_do_not_share_their_numbers() -> None:
+def test_choices_do_not_share_their_numbers():
     drawn = [clip_rng(0, "a", c).random() for c in ("motion", "person", "looks", "place")]
     assert (
         len({*drawn, clip_rng(0, "b", "motion").random(), clip_rng(1, "a", "motion").random()}) == 6
     )
 
 
-def test_table_8_varies_people_and_places() -> None:
+def test_table_8_varies_people_and_places():
     recipe = load_recipe(find_recipe("synthetic"), SyntheticRecipe)
     clip = recipe_of().clips[0]
     configs = [render_config(recipe, clip.model_copy(update={"id": f"c{n}"})) for n in range(50)]
@@ -163,7 +163,7 @@ def test_table_8_varies_people_and_places() -> None:
         ({"kind": "room", "light": "indoor"}, "indoor"),
     ],
 )
-def test_light_suits_the_place(said: dict[str, str], lit_by: str) -> None:
+def test_light_suits_the_place(said, lit_by):
     assert SceneConfig.model_validate(said).lit_by == lit_by
 
 
@@ -179,14 +179,12 @@ def test_light_suits_the_place(said: dict[str, str], lit_by: str) -> None:
         ({"kind": "moon"}, "Input should be 'courtyard', 'street', 'park', 'room' or 'blend'"),
     ],
 )
-def test_what_cannot_be(said: dict[str, str], message: str) -> None:
+def test_what_cannot_be(said, message):
     with pytest.raises(ValidationError, match=message):
         SceneConfig.model_validate(said)
 
 
-def test_a_sky_is_an_input_with_a_full_path_for_the_renderer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_sky_is_an_input_with_a_full_path_for_the_renderer(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = SceneConfig(hdri_path=Path("sky.hdr"))
     assert scene.inputs == {"hdri": Path("sky.hdr")}
@@ -200,14 +198,12 @@ def test_a_sky_is_an_input_with_a_full_path_for_the_renderer(
 
 
 @pytest.fixture(scope="module")
-def shapes(anny: BodyModel) -> np.ndarray:
+def shapes(anny) -> np.ndarray:
     """200 people."""
     return np.stack([sample_person(anny, np.random.default_rng(seed)) for seed in range(200)])
 
 
-def test_200_people_are_within_the_bounds_of_usual_adults(
-    anny: BodyModel, shapes: np.ndarray
-) -> None:
+def test_200_people_are_within_the_bounds_of_usual_adults(anny, shapes):
     vertices_m = anny.template_m + np.einsum("vcs,ns->nvc", anny.shape_dirs_m, shapes)
     stature_m = np.ptp(vertices_m[:, :, 1], axis=1)
     a, b, c = (vertices_m[:, anny.faces[:, k]] for k in range(3))
@@ -221,7 +217,7 @@ def test_200_people_are_within_the_bounds_of_usual_adults(
     assert (leg_m / stature_m).min() > 0.43 and (leg_m / stature_m).max() < 0.53
 
 
-def test_all_phenotypes_and_coefficients_vary(anny: BodyModel, shapes: np.ndarray) -> None:
+def test_all_phenotypes_and_coefficients_vary(anny, shapes):
     assert (shapes.std(axis=0) > 0.5).all()
     drawn = [phenotypes_of(anny, shape) for shape in shapes]
     spread = {name: np.ptp([person[name] for person in drawn if person]) for name in PHENOTYPES}
@@ -231,7 +227,7 @@ def test_all_phenotypes_and_coefficients_vary(anny: BodyModel, shapes: np.ndarra
     assert ((gender < 0.1) | (gender > 0.9)).mean() > 0.5
 
 
-def test_every_person_is_whole(anny: BodyModel, shapes: np.ndarray) -> None:
+def test_every_person_is_whole(anny, shapes):
     """No shape turns triangles over: all are within a right angle of the mean person's."""
 
     def normals(vertices_m: np.ndarray) -> np.ndarray:
@@ -245,9 +241,7 @@ def test_every_person_is_whole(anny: BodyModel, shapes: np.ndarray) -> None:
         assert turned.mean() < 0.002
 
 
-def test_the_same_state_gives_the_same_person_and_no_two_are_alike(
-    anny: BodyModel, shapes: np.ndarray
-) -> None:
+def test_the_same_state_gives_the_same_person_and_no_two_are_alike(anny, shapes):
     np.testing.assert_array_equal(sample_person(anny, np.random.default_rng(7)), shapes[7])
     assert len(np.unique(shapes, axis=0)) == len(shapes)
     np.testing.assert_array_equal(
@@ -255,17 +249,13 @@ def test_the_same_state_gives_the_same_person_and_no_two_are_alike(
     )
 
 
-def test_a_body_without_a_list_gets_coefficients_within_two_deviations(
-    small_body: BodyModel,
-) -> None:
+def test_a_body_without_a_list_gets_coefficients_within_two_deviations(small_body):
     drawn = np.stack([sample_person(small_body, np.random.default_rng(n)) for n in range(100)])
     assert drawn.shape == (100, 10) and 1.5 < np.abs(drawn).max() <= 2
     assert phenotypes_of(small_body, drawn[0]) is None
 
 
-def test_feet_are_on_the_ground_for_each_shape(
-    anny: BodyModel, shapes: np.ndarray, cmu_dir: Path
-) -> None:
+def test_feet_are_on_the_ground_for_each_shape(anny, shapes, cmu_dir):
     """The short, the tall and someone between, on a captured level walk and the embedded one."""
     legs_m = [-anny.rest_joints_m(shape)[JOINT["left_ankle"], 1] for shape in shapes]
     for person in np.argsort(legs_m)[[0, 100, -1]]:
@@ -279,7 +269,7 @@ def test_feet_are_on_the_ground_for_each_shape(
             assert np.abs(lowest_m).mean() < 0.02
 
 
-def test_the_list_of_adults_is_kept_and_checked(small_body: BodyModel, tmp_path: Path) -> None:
+def test_the_list_of_adults_is_kept_and_checked(small_body, tmp_path):
     shapes, phenotypes = np.eye(10)[:4], np.full((4, 6), 0.5)
     body = replace(small_body, adult_shapes=shapes, adult_phenotypes=phenotypes)
     save_body(tmp_path / "body.npz", body)
@@ -293,7 +283,7 @@ def test_the_list_of_adults_is_kept_and_checked(small_body: BodyModel, tmp_path:
             read_body(tmp_path / "wrong.npz")
 
 
-def test_further_directions_take_up_what_the_first_leave() -> None:
+def test_further_directions_take_up_what_the_first_leave():
     rng = np.random.default_rng(0)
     points_m = rng.normal(size=(30, 5, 3)) @ np.diag([3.0, 2.0, 1.0])
     mean_m, dirs_m = principal_directions(points_m, 8)
@@ -307,7 +297,7 @@ def test_further_directions_take_up_what_the_first_leave() -> None:
     np.testing.assert_allclose(left_m.reshape(-1, 15) @ both_m.reshape(15, 14), 0, atol=1e-9)
 
 
-def test_who_is_too_tall_too_small_too_heavy_or_too_light_is_left_out(anny: BodyModel) -> None:
+def test_who_is_too_tall_too_small_too_heavy_or_too_light_is_left_out(anny):
     mean_m = anny.template_m
     wide = np.array([1.35, 1.0, 1.35])
     people_m = np.stack([mean_m, 1.25 * mean_m, 0.8 * mean_m, mean_m * wide, mean_m / wide])

@@ -1,8 +1,6 @@
 """What a clip with cameras says: noise, known frames, error bars, and feet that stand."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +21,6 @@ from gmrdata.fusion.camera_evidence import (
 )
 from gmrdata.fusion.network_evidence import widened, with_pace_errors
 from gmrdata.fusion.smoothing import ErrorProcess, FusedPoses, SeenMotions
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion, deltas
@@ -48,11 +45,11 @@ def motions_of(motion: Motion, sigma: float = 0.05) -> SeenMotions:
 
 
 @pytest.fixture
-def motion(walk: Callable[..., Motion]) -> Motion:
+def motion(walk) -> Motion:
     return walk(30.0, 240)
 
 
-def test_noise_along_and_across_the_ray_is_found(motion: Motion) -> None:
+def test_noise_along_and_across_the_ray_is_found(motion):
     clip, rng = clip_of(motion), np.random.default_rng(0)
     rays = motion.pelvis_m - [0.0, -5.0, 1.5]
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -69,26 +66,26 @@ def test_noise_along_and_across_the_ray_is_found(motion: Motion) -> None:
     assert found.turn_rad == pytest.approx(0.01, rel=0.25)
 
 
-def test_without_noise_there_is_the_floor(motion: Motion) -> None:
+def test_without_noise_there_is_the_floor(motion):
     found = measured_noise(clip_of(motion), motions_of(motion), CONFIG)
     assert (found.along_m, found.across_m) == (CONFIG.place_floor_m, CONFIG.place_floor_m)
     assert np.rad2deg(found.turn_rad) == pytest.approx(CONFIG.turn_floor_deg)
 
 
-def test_a_noise_that_is_given_is_taken(motion: Motion) -> None:
+def test_a_noise_that_is_given_is_taken(motion):
     config = FusionConfig(place_sigma_m=0.03, turn_sigma_deg=2.0)
     found = measured_noise(clip_of(motion), motions_of(motion), config)
     assert (found.along_m, found.across_m) == (0.03, 0.03)
     assert np.rad2deg(found.turn_rad) == pytest.approx(2.0)
 
 
-def test_depth_may_be_said_to_be_less_sure(motion: Motion) -> None:
+def test_depth_may_be_said_to_be_less_sure(motion):
     config = FusionConfig(place_sigma_m=0.01, along_sigma_m=0.15)
     found = measured_noise(clip_of(motion), motions_of(motion), config)
     assert (found.along_m, found.across_m) == (0.15, 0.01)
 
 
-def test_a_pace_that_may_be_wrong_is_mostly_so_forward(motion: Motion) -> None:
+def test_a_pace_that_may_be_wrong_is_mostly_so_forward(motion):
     motions = motions_of(motion, sigma=0.0)
     found = with_pace_errors(motions, 30.0, 0.3)
     walked_m = np.linalg.norm(np.diff(motion.pelvis_m, axis=0).sum(axis=0))
@@ -99,7 +96,7 @@ def test_a_pace_that_may_be_wrong_is_mostly_so_forward(motion: Motion) -> None:
     np.testing.assert_allclose(sigma[:, 3] / sigma[:, 5], 0.5)
 
 
-def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path: Path) -> None:
+def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path):
     """Known by who saw them, in a video's folder and beside its pseudo ground truth."""
     folder = tmp_path / "bodies"
     folder.mkdir()
@@ -112,7 +109,7 @@ def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path: Path) -
         assert fusion_config_of(tmp_path) == fusion_config_of(tmp_path / "pseudo_gt") == config
 
 
-def test_a_place_is_less_sure_along_the_ray(motion: Motion) -> None:
+def test_a_place_is_less_sure_along_the_ray(motion):
     clip = clip_of(motion)
     seen = seen_poses(clip, Noise(0.1, 0.01, 0.02))
     ray = motion.pelvis_m[7] - [0.0, -5.0, 1.5]
@@ -123,7 +120,7 @@ def test_a_place_is_less_sure_along_the_ray(motion: Motion) -> None:
     np.testing.assert_allclose(across @ covariance @ across.T, 0.01**2 * np.eye(2), atol=1e-12)
 
 
-def test_known_and_unseen_frames(motion: Motion) -> None:
+def test_known_and_unseen_frames(motion):
     clip = clip_of(motion)
     valid, has_camera = clip.valid.copy(), clip.valid.copy()
     valid[10:20] = False  # the person was not found
@@ -137,7 +134,7 @@ def test_known_and_unseen_frames(motion: Motion) -> None:
     assert not known_frames(replace(clip, camera=None)).any()
 
 
-def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion: Motion) -> None:
+def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion):
     clip, n = clip_of(motion), motion.n_frames
     assert clip.camera is not None
     cameras = clip.camera.world_from_cam.copy()
@@ -159,7 +156,7 @@ def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion: Motion) -> 
     assert none["place_sigma_m"].max() == 0 and np.isnan(none["camera_sigma_m"]).all()
 
 
-def test_a_walking_persons_feet_stand_in_turn(motion: Motion, small_body: BodyModel) -> None:
+def test_a_walking_persons_feet_stand_in_turn(motion, small_body):
     feet = planted_feet(small_body, motion, motions_of(motion), CONFIG)
     assert feet.points_root_m.shape == (240, 6, 3)
     by_foot = feet.still.reshape(239, 2, 3).any(axis=2)

@@ -1,7 +1,6 @@
 """Cameras and a network put together: from a pseudo ground truth to clips with error bars."""
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,7 +35,6 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import write_npz
-from gmrdata.values.motion import Motion
 from gmrdata.values.motion_metrics import angles_rad
 from tests.fusion.test_camera_evidence import clip_of
 from tests.fusion.test_network_evidence import record
@@ -46,9 +44,7 @@ GAP = slice(20, 50)
 
 
 @pytest.mark.parametrize("fps_hz", [10.0, 30.0, 25.0])
-def test_motions_at_the_poses_rate_are_shares_of_the_networks(
-    fps_hz: float, walk: Callable[..., Motion], constant: Callable[..., TrainedGmr]
-) -> None:
+def test_motions_at_the_poses_rate_are_shares_of_the_networks(fps_hz, walk, constant):
     motion = walk(fps_hz, 41)
     found, found_m, doubt = deltas_at_source_rate(
         constant([0.0, 0.2, 0.0], [0.0, 0.0, 0.1]), motion
@@ -60,13 +56,13 @@ def test_motions_at_the_poses_rate_are_shares_of_the_networks(
     np.testing.assert_allclose(np.linalg.norm(found_m, axis=1), 0.1 * 10 / fps_hz, rtol=0.01)
 
 
-def test_too_few_poses_are_refused(walk: Callable[..., Motion], untrained: TrainedGmr) -> None:
+def test_too_few_poses_are_refused(walk, untrained):
     with pytest.raises(BadMotionFile, match="Give a longer motion"):
         deltas_at_source_rate(untrained, walk(30.0, 3))
 
 
 @pytest.fixture
-def clip(walk: Callable[..., Motion]) -> Clip:
+def clip(walk) -> Clip:
     """A walk of 3 s before a camera that is lost for a second."""
     whole = clip_of(walk(30.0, 90))
     has_camera = np.ones(90, dtype=bool)
@@ -76,7 +72,7 @@ def clip(walk: Callable[..., Motion]) -> Clip:
 
 
 @pytest.fixture
-def pseudo_gt(tmp_path: Path, clip: Clip, small_body: BodyModel) -> Path:
+def pseudo_gt(tmp_path, clip, small_body) -> Path:
     folder = tmp_path / "video" / "pseudo_gt"
     folder.mkdir(parents=True)
     save_clip(folder / "person_0.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
@@ -86,14 +82,14 @@ def pseudo_gt(tmp_path: Path, clip: Clip, small_body: BodyModel) -> Path:
 
 
 @pytest.fixture
-def errors_path(tmp_path: Path) -> Path:
+def errors_path(tmp_path) -> Path:
     record().write(tmp_path / "delta_errors.json")
     return tmp_path / "delta_errors.json"
 
 
 def test_the_folder_has_whole_clips_with_error_bars(
-    pseudo_gt: Path, clip: Clip, run_dir: Path, body_path: Path, errors_path: Path, tmp_path: Path
-) -> None:
+    pseudo_gt, clip, run_dir, body_path, errors_path, tmp_path
+):
     config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.5),), loop_sigma_m=5.0)
     given: dict[str, Any] = {"network": run_dir, "body_path": body_path, "config": config}
     given["errors_path"] = errors_path
@@ -119,16 +115,8 @@ def test_the_folder_has_whole_clips_with_error_bars(
 
 
 def test_people_of_the_built_in_estimator_get_the_packages_network(
-    pseudo_gt: Path,
-    clip: Clip,
-    small_body: BodyModel,
-    errors_path: Path,
-    run_dir: Path,
-    body_path: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    pseudo_gt, clip, small_body, errors_path, run_dir, body_path, tmp_path, monkeypatch, capsys
+):
     """Once it has a record of its errors; and what was made of them goes when they do."""
     from gmrdata.fusion import fuse as stage
 
@@ -163,9 +151,9 @@ def fused_alone(clip: Clip, gmr: TrainedGmr, body: BodyModel, config: FusionConf
 
 
 def test_who_is_not_seen_has_poses_that_are_not_valid(
-    pseudo_gt: Path, clip: Clip, run_dir: Path, errors_path: Path, small_body: BodyModel,
-    body_path: Path, tmp_path: Path,
-) -> None:  # fmt: skip
+    pseudo_gt, clip, run_dir, errors_path, small_body,
+    body_path, tmp_path
+):  # fmt: skip
     """By the clip before the camera where there is one, else as far as the world's tells."""
     valid = clip.valid.copy()
     valid[:5], valid[80:] = False, False
@@ -187,9 +175,7 @@ def test_who_is_not_seen_has_poses_that_are_not_valid(
     assert np.isfinite(fused.motion.pelvis_m).all()
 
 
-def test_the_true_motions_fill_the_gap(
-    clip: Clip, small_body: BodyModel, untrained: TrainedGmr, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_true_motions_fill_the_gap(clip, small_body, untrained, monkeypatch):
     """With a network that is right, the gap holds the truth."""
     from gmrdata.fusion import fuse as stage
     from gmrdata.values.motion import deltas
@@ -209,9 +195,7 @@ def test_the_true_motions_fill_the_gap(
     np.testing.assert_allclose(fused.network_m, truth.pelvis_m, atol=0.02)
 
 
-def test_a_clip_without_cameras_is_the_networks_path(
-    clip: Clip, small_body: BodyModel, constant: Callable[..., TrainedGmr]
-) -> None:
+def test_a_clip_without_cameras_is_the_networks_path(clip, small_body, constant):
     gmr = constant([0.0, 0.0, 0.0], [0.0, 0.0, 0.1])
     alone = replace(clip, camera=None)
     fused = fused_alone(alone, gmr, small_body, FusionConfig(feet=False))
@@ -222,7 +206,7 @@ def test_a_clip_without_cameras_is_the_networks_path(
     assert place_m[-1] > 0.1
 
 
-def test_what_a_dry_run_says(pseudo_gt: Path, run_dir: Path, errors_path: Path) -> None:
+def test_what_a_dry_run_says(pseudo_gt, run_dir, errors_path):
     config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
     rows = plan(pseudo_gt, network=run_dir, config=config, errors_path=errors_path)
     assert rows == [("walk", "90", "30", "60", "1.00", "1")]
@@ -230,13 +214,8 @@ def test_what_a_dry_run_says(pseudo_gt: Path, run_dir: Path, errors_path: Path) 
 
 
 def test_bad_input_is_refused_with_the_remedy(
-    pseudo_gt: Path,
-    clip: Clip,
-    run_dir: Path,
-    errors_path: Path,
-    small_body: BodyModel,
-    tmp_path: Path,
-) -> None:
+    pseudo_gt, clip, run_dir, errors_path, small_body, tmp_path
+):
     def fuse_here(config: FuseConfig | None = None, source: Path = pseudo_gt, **more: Path) -> None:
         fuse(source, tmp_path / "out", network=run_dir, config=config, **more)
 

@@ -1,8 +1,6 @@
 """How wrong a network is: measured, found again, and carried to like poses."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,11 +28,11 @@ from gmrdata.fusion.network_evidence import (
     seen_motions,
 )
 from gmrdata.fusion.smoothing import ErrorProcess, SeenMotions, SeenPoses
-from gmrdata.gmr.config import DataConfig, TrainConfig
-from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr
+from gmrdata.gmr.config import DataConfig
+from gmrdata.gmr.predict import DoubtedMotions
 from gmrdata.gmr.train import train
 from gmrdata.read.body_file import save_body
-from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.body import JOINT
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
 from gmrdata.values.files import read_json, write_json
@@ -88,12 +86,12 @@ def record(fast: float = 0.2, slow: float = 0.1) -> DeltaErrors:
     )
 
 
-def test_rates_are_what_was_put_on() -> None:
+def test_rates_are_what_was_put_on():
     rates = wandering(100, 0.1, 0.3, np.random.default_rng(0))
     np.testing.assert_allclose(error_rates(walk(5.0, 1.0, rates)), rates, atol=1e-12)
 
 
-def test_a_fast_and_a_slow_error_are_told_apart() -> None:
+def test_a_fast_and_a_slow_error_are_told_apart():
     rng = np.random.default_rng(1)
     clips = []
     for _ in range(40):
@@ -107,7 +105,7 @@ def test_a_fast_and_a_slow_error_are_told_apart() -> None:
     np.testing.assert_allclose(turns, 0.2, rtol=0.2)
 
 
-def test_errors_that_grow_with_speed_do_so_in_the_record() -> None:
+def test_errors_that_grow_with_speed_do_so_in_the_record():
     rng = np.random.default_rng(2)
     clips = [
         walk(15.0, speed, wandering(300, 0.02 + 0.1 * speed, 0.2, rng))
@@ -119,14 +117,14 @@ def test_errors_that_grow_with_speed_do_so_in_the_record() -> None:
     assert sigma[-1] == pytest.approx(0.16, rel=0.3)
 
 
-def test_too_little_motion_is_refused_with_the_remedy() -> None:
+def test_too_little_motion_is_refused_with_the_remedy():
     with pytest.raises(BadMotionFile, match="Hold out more of them"):
         fit_errors([walk(2.0, 1.0, np.zeros((40, 6)))])
     with pytest.raises(BadMotionFile, match="Hold out more of them"):
         fit_errors([])
 
 
-def test_motions_get_errors_by_their_own_speed() -> None:
+def test_motions_get_errors_by_their_own_speed():
     still, fast = np.zeros((40, 3)), np.tile([0.0, 0.0, 1.0 / FPS_HZ], (40, 1))
     turns = np.tile(np.eye(3), (40, 1, 1))
     sure = np.zeros((40, 2))
@@ -140,7 +138,7 @@ def test_motions_get_errors_by_their_own_speed() -> None:
     assert seen[0].slow.time_s.tolist() == [5.0] * 6
 
 
-def test_who_is_doubted_gets_wider_errors() -> None:
+def test_who_is_doubted_gets_wider_errors():
     turns, steps_m = np.tile(np.eye(3), (40, 1, 1)), np.zeros((40, 3))
     doubt = np.tile([np.deg2rad(np.sqrt(10)), 5.0], (40, 1))
     seen = seen_motions(DoubtedMotions(turns, steps_m, doubt), FPS_HZ, record())
@@ -148,7 +146,7 @@ def test_who_is_doubted_gets_wider_errors() -> None:
     np.testing.assert_allclose(seen.slow.sigma[:, :3], 1.5 * np.deg2rad(1.0))  # half way, by ratios
 
 
-def test_errors_that_grow_with_doubt_do_so_in_the_record() -> None:
+def test_errors_that_grow_with_doubt_do_so_in_the_record():
     rng = np.random.default_rng(5)
     clips = []
     for grown in (1.0, 1.0, 1.0, 4.0):
@@ -161,7 +159,7 @@ def test_errors_that_grow_with_doubt_do_so_in_the_record() -> None:
     assert part.place_factor[1] / part.place_factor[0] == pytest.approx(4.0, rel=0.15)
 
 
-def test_a_speed_is_the_mean_about_it() -> None:
+def test_a_speed_is_the_mean_about_it():
     steps_m = np.zeros((41, 3))
     steps_m[20] = [0.0, 0.0, 1.0]
     speeds = mean_speeds_m_per_s(steps_m, FPS_HZ)
@@ -169,7 +167,7 @@ def test_a_speed_is_the_mean_about_it() -> None:
     assert (speeds > 0).sum() == 21
 
 
-def test_the_record_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_the_record_is_read_as_it_was_written(tmp_path):
     path = tmp_path / "delta_errors.json"
     record().write(path)
     assert DeltaErrors.read(path) == record()
@@ -189,7 +187,7 @@ def test_the_record_is_read_as_it_was_written(tmp_path: Path) -> None:
         ("people", ...),
     ],
 )
-def test_a_broken_record_is_refused(tmp_path: Path, key: str, value: object) -> None:
+def test_a_broken_record_is_refused(tmp_path, key, value):
     path = tmp_path / "delta_errors.json"
     record().write(path)
     content = read_json(path)
@@ -201,7 +199,7 @@ def test_a_broken_record_is_refused(tmp_path: Path, key: str, value: object) -> 
         DeltaErrors.read(path)
 
 
-def test_a_negative_time_is_refused(tmp_path: Path) -> None:
+def test_a_negative_time_is_refused(tmp_path):
     path = tmp_path / "delta_errors.json"
     good = record()
     bad = good.model_dump(mode="json")
@@ -212,19 +210,14 @@ def test_a_negative_time_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def cmu_clips(make_clips: Callable[..., list[Clip]]) -> list[Clip]:
+def cmu_clips(make_clips) -> list[Clip]:
     names = ("02_01", "02_02", "05_01")
     return [replace(clip, id=name) for clip, name in zip(make_clips(3, 1), names, strict=True)]
 
 
 def test_the_verb_measures_a_run_on_whom_it_held_out(
-    cmu_clips: list[Clip],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    cmu_clips, small_body, small_config, tmp_path, monkeypatch, capsys
+):
     manifest = write_clips(tmp_path / "cmu", small_body, cmu_clips, dataset="CMU")
     save_body(tmp_path / "body.npz", small_body)
     held_out = DataConfig(held_out_subjects=(2,))
@@ -249,9 +242,7 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     assert [(one.clip, one.person) for one in said] == [("02_01", "CMU/02"), ("02_02", "CMU/02")]
 
 
-def test_noise_is_put_on_what_the_network_sees_alone(
-    cmu_clips: list[Clip], untrained: TrainedGmr
-) -> None:
+def test_noise_is_put_on_what_the_network_sees_alone(cmu_clips, untrained):
     clip, rng = cmu_clips[0], np.random.default_rng(0)
     exact, noisy = (
         next(beside_truth(untrained, clip, MeasureConfig(pose_noise_deg=deg), rng))
@@ -269,7 +260,7 @@ TURN = Rotation.from_rotvec([0.02, 0.0, 0.0])
 
 
 @pytest.fixture
-def stepping(small_body: BodyModel) -> Motion:
+def stepping(small_body) -> Motion:
     """Who swings both legs and goes ahead, a cycle a second."""
     local = np.tile(np.eye(3), (N, 23, 1, 1))
     for side, sign in (("left", 1.0), ("right", -1.0)):
@@ -310,9 +301,7 @@ def left_of(motion: Motion, motions: SeenMotions) -> tuple[np.ndarray, np.ndarra
     return wrong.magnitude(), np.linalg.norm(steps_m - motions.delta_m, axis=1)
 
 
-def test_an_error_that_comes_with_each_step_is_taken_off_where_no_camera_sees(
-    stepping: Motion, small_body: BodyModel
-) -> None:
+def test_an_error_that_comes_with_each_step_is_taken_off_where_no_camera_sees(stepping, small_body):
     before, seen = seen_by_network(stepping), seen_by_cameras(stepping, BUT_A_GAP)
     after = corrected_by_like_poses(small_body, stepping, before, seen)
     hidden = ~(BUT_A_GAP[:-1] & BUT_A_GAP[1:])
@@ -324,9 +313,7 @@ def test_an_error_that_comes_with_each_step_is_taken_off_where_no_camera_sees(
     assert after.fast is before.fast and after.slow is before.slow
 
 
-def test_steps_with_the_left_foot_tell_of_those_with_the_right(
-    stepping: Motion, small_body: BodyModel
-) -> None:
+def test_steps_with_the_left_foot_tell_of_those_with_the_right(stepping, small_body):
     known = PHASE % (2 * np.pi) < np.pi - 1e-9
     motions, seen = seen_by_network(stepping), seen_by_cameras(stepping, known)
     hidden = ~known[:-1] & ~known[1:]
@@ -335,27 +322,21 @@ def test_steps_with_the_left_foot_tell_of_those_with_the_right(
     assert after_m[hidden].max() < 0.25 * before_m.max()
 
 
-def test_cameras_that_are_noisier_than_the_network_say_little(
-    stepping: Motion, small_body: BodyModel
-) -> None:
+def test_cameras_that_are_noisier_than_the_network_say_little(stepping, small_body):
     motions = seen_by_network(stepping)
     noisy = seen_by_cameras(stepping, BUT_A_GAP, noise_m=1.0)
     after = corrected_by_like_poses(small_body, stepping, motions, noisy)
     assert np.abs(after.delta_m - motions.delta_m).max() < 0.1 * 0.01
 
 
-def test_nothing_is_carried_over_from_nothing_or_to_nowhere(
-    stepping: Motion, small_body: BodyModel
-) -> None:
+def test_nothing_is_carried_over_from_nothing_or_to_nowhere(stepping, small_body):
     motions = seen_by_network(stepping)
     for known in (np.zeros(N, dtype=bool), np.arange(N) < 8, np.ones(N, dtype=bool)):
         seen = seen_by_cameras(stepping, known)
         assert corrected_by_like_poses(small_body, stepping, motions, seen) is motions
 
 
-def test_rows_that_no_camera_knows_may_hold_anything(
-    stepping: Motion, small_body: BodyModel
-) -> None:
+def test_rows_that_no_camera_knows_may_hold_anything(stepping, small_body):
     known = np.arange(N) < 150
     motions, seen = seen_by_network(stepping), seen_by_cameras(stepping, known)
     rotmats, pelvis_m = seen.rotmats.copy(), seen.pelvis_m.copy()

@@ -73,20 +73,20 @@ def assert_is(fused: FusedPoses, rotmats: np.ndarray, pelvis_m: np.ndarray, atol
 
 
 @pytest.mark.parametrize(("start", "stop"), [(0, 0), (10, 30), (0, 15), (25, 40)])
-def test_exact_motions_bridge_any_gap(start: int, stop: int) -> None:
+def test_exact_motions_bridge_any_gap(start, stop):
     truth = path(40)
     fused = smooth(FPS_HZ, seen_of(*truth, gap(40, start, stop)), motions_of(*truth))
     assert_is(fused, *truth, atol=1e-9)
 
 
-def test_without_a_camera_the_networks_path_is_kept() -> None:
+def test_without_a_camera_the_networks_path_is_kept():
     truth = path(30)
     fused = smooth(FPS_HZ, begun(*truth), motions_of(*truth))
     assert_is(fused, *truth, atol=1e-9)
     assert fused.place_covariance_m2[0].max() < 1e-11
 
 
-def test_a_network_that_turns_wrongly_is_led_by_the_cameras() -> None:
+def test_a_network_that_turns_wrongly_is_led_by_the_cameras():
     rotmats, pelvis_m = path(60)
     rng = np.random.default_rng(1)
     wrong = Rotation.from_rotvec(rng.normal(scale=0.05, size=(59, 3))).as_matrix()
@@ -99,7 +99,7 @@ def test_a_network_that_turns_wrongly_is_led_by_the_cameras() -> None:
     assert np.linalg.norm(fused.pelvis_m - pelvis_m, axis=1).max() < 0.1
 
 
-def test_a_slow_error_that_cameras_show_is_taken_off_within_the_gap() -> None:
+def test_a_slow_error_that_cameras_show_is_taken_off_within_the_gap():
     """A network that thinks every step a fifth too long is right once cameras have shown it."""
     rotmats = np.tile(np.eye(3), (80, 1, 1))
     pelvis_m = np.arange(80)[:, None] * [0.12, 0.0, 0.0]
@@ -112,7 +112,7 @@ def test_a_slow_error_that_cameras_show_is_taken_off_within_the_gap() -> None:
     assert np.linalg.norm(fused.pelvis_m[-1] - pelvis_m[-1]) < 0.35 * alone_m
 
 
-def test_error_bars_of_a_bridge_are_those_of_a_random_walk() -> None:
+def test_error_bars_of_a_bridge_are_those_of_a_random_walk():
     """Independent steps of s, ends known: variance s^2 k (n - k) / n after k of n steps."""
     n, step_m = 22, 0.02
     rotmats, pelvis_m = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
@@ -128,7 +128,7 @@ def test_error_bars_of_a_bridge_are_those_of_a_random_walk() -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-3, atol=2e-10)
 
 
-def test_error_bars_are_those_of_many_trials() -> None:
+def test_error_bars_are_those_of_many_trials():
     """Errors drawn as the graph takes them: errors over error bars have a variance of one."""
     n, trials = 50, 60
     rotmats, pelvis_m = path(n)
@@ -156,7 +156,7 @@ def test_error_bars_are_those_of_many_trials() -> None:
 
 @pytest.mark.parametrize("n", [2, 3, 8, 15])
 @pytest.mark.parametrize("loops", [(), (SamePlace(0, 1, 0.01), SamePlace(1, -1, 0.02))])
-def test_error_bars_are_blocks_of_the_whole_inverse(n: int, loops: tuple[SamePlace, ...]) -> None:
+def test_error_bars_are_blocks_of_the_whole_inverse(n, loops):
     rotmats, pelvis_m = path(n)
     loops = tuple(loop._replace(other_row=loop.other_row % n) for loop in loops)
     seen = seen_of(rotmats, pelvis_m, np.arange(n) < 2, sigma_m=0.1)
@@ -184,7 +184,7 @@ def sampled(one: ErrorProcess, rng: np.random.Generator) -> np.ndarray:
     return np.array(states) * one.sigma * spread / FPS_HZ
 
 
-def test_error_bars_grow_into_a_gap_and_with_its_length() -> None:
+def test_error_bars_grow_into_a_gap_and_with_its_length():
     truth = path(60)
     motions = motions_of(*truth, fast=0.2, slow=0.05)
     largest = []
@@ -196,7 +196,7 @@ def test_error_bars_grow_into_a_gap_and_with_its_length() -> None:
     assert largest[0] < largest[1] < largest[2]
 
 
-def test_a_loop_pulls_the_end_and_narrows_its_error_bar() -> None:
+def test_a_loop_pulls_the_end_and_narrows_its_error_bar():
     n = 120
     angles = np.linspace(0, 2 * np.pi, n)
     pelvis_m = np.stack([np.cos(angles), np.sin(angles), np.ones(n)], axis=1)
@@ -214,7 +214,7 @@ def test_a_loop_pulls_the_end_and_narrows_its_error_bar() -> None:
     assert closed.place_covariance_m2[-1, 0, 0] == pytest.approx(1e-4, rel=0.05)
 
 
-def test_one_camera_that_is_far_off_is_not_believed() -> None:
+def test_one_camera_that_is_far_off_is_not_believed():
     rotmats, pelvis_m = path(40)
     seen = seen_of(rotmats, pelvis_m, gap(40, 0, 0), sigma_m=0.005)
     seen.pelvis_m[20] += [1.0, 0.0, 0.0]
@@ -222,7 +222,7 @@ def test_one_camera_that_is_far_off_is_not_believed() -> None:
     assert np.linalg.norm(fused.pelvis_m[20] - pelvis_m[20]) < 0.01
 
 
-def test_planted_feet_hold_the_person_and_the_ground_the_height() -> None:
+def test_planted_feet_hold_the_person_and_the_ground_the_height():
     """A person who stands: the network lets them slide and rise, their feet do not."""
     n = 40
     rotmats, pelvis_m = np.tile(np.eye(3), (n, 1, 1)), np.tile([0.0, 0.0, 0.9], (n, 1))
@@ -251,9 +251,7 @@ def test_planted_feet_hold_the_person_and_the_ground_the_height() -> None:
 @given(
     turn=st.tuples(*[st.floats(-3.0, 3.0)] * 3), move_m=st.tuples(*[st.floats(-100.0, 100.0)] * 3)
 )
-def test_another_world_gives_the_same_motion_and_error_bars(
-    turn: tuple[float, ...], move_m: tuple[float, ...]
-) -> None:
+def test_another_world_gives_the_same_motion_and_error_bars(turn, move_m):
     rotmats, pelvis_m = path(25)
     world = Rotation.from_rotvec(turn).as_matrix()
     moved = world @ rotmats, pelvis_m @ world.T + move_m
@@ -272,7 +270,7 @@ def test_another_world_gives_the_same_motion_and_error_bars(
     np.testing.assert_allclose(there.turn_covariance_rad2, here.turn_covariance_rad2, atol=1e-6)
 
 
-def test_a_loop_that_bends_a_long_path_far_settles() -> None:
+def test_a_loop_that_bends_a_long_path_far_settles():
     """A straight way of 12 m that is told to end where it began: full steps overshoot there."""
     n, rng = 300, np.random.default_rng(0)
     turns = Rotation.from_rotvec(rng.normal(scale=0.01, size=(n - 1, 3))).as_matrix()

@@ -14,7 +14,7 @@ from gmrdata.values.clip import Clip
 
 
 @pytest.fixture(scope="session")
-def make_clips(small_body: BodyModel) -> Callable[..., list[Clip]]:
+def make_clips(small_body) -> Callable[..., list[Clip]]:
     """Generated walks of the small body as clips without cameras."""
 
     def make(count: int, seed: int, duration_s: float = 4.0, fps_hz: float = 20.0) -> list[Clip]:
@@ -70,10 +70,5 @@ class Training:
 
 
 @pytest.fixture
-def training(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> Training:
+def training(make_clips, small_body, small_config, tmp_path) -> Training:
     return Training(make_clips, small_body, small_config, tmp_path)

@@ -1,6 +1,5 @@
 """Windows that are mirrored, noisy, played at other speeds, or with arms of others."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +17,9 @@ from gmrdata.gmr.augmentation import (
     turned,
     with_exchanged_arms,
 )
-from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation, WindowConfig
+from gmrdata.gmr.config import ModelConfig, WindowConfig
 from gmrdata.gmr.windows import make_batch, make_training_set
-from gmrdata.values.body import JOINT_NAMES, MIRRORED, BodyModel
+from gmrdata.values.body import JOINT_NAMES, MIRRORED
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, accumulate, deltas
@@ -48,7 +47,7 @@ def mirror_motion(motion: Motion) -> Motion:
 
 
 @given(st.integers(0, 2**31 - 1))
-def test_mirrored_twice_is_the_motion_itself(seed: int) -> None:
+def test_mirrored_twice_is_the_motion_itself(seed):
     motion = random_motion(seed)
     once = mirror_motion(motion)
     twice = mirror_motion(once)
@@ -59,7 +58,7 @@ def test_mirrored_twice_is_the_motion_itself(seed: int) -> None:
 
 
 @given(st.integers(0, 2**31 - 1))
-def test_joints_are_the_mirror_image(small_body: BodyModel, seed: int) -> None:
+def test_joints_are_the_mirror_image(small_body, seed):
     """On a skeleton of equal sides: x changes its sign, and left and right their names."""
     motion = random_motion(seed)
     mirrored_m = motion_joints_m(small_body, mirror_motion(motion))
@@ -69,7 +68,7 @@ def test_joints_are_the_mirror_image(small_body: BodyModel, seed: int) -> None:
 
 
 @given(st.integers(0, 2**31 - 1))
-def test_motions_between_frames_are_mirrored_in_the_body(seed: int) -> None:
+def test_motions_between_frames_are_mirrored_in_the_body(seed):
     motion = random_motion(seed)
     mirrored = mirror_motion(motion)
     delta_rotmats, delta_m = deltas(motion.root_rotmats, motion.pelvis_m)
@@ -83,7 +82,7 @@ def test_motions_between_frames_are_mirrored_in_the_body(seed: int) -> None:
     np.testing.assert_allclose(pelvis_m, mirrored.pelvis_m, atol=1e-12)
 
 
-def test_a_left_turn_becomes_a_right_turn() -> None:
+def test_a_left_turn_becomes_a_right_turn():
     """A person who faces y of the world turns left by 30 degrees and steps to the left."""
     turn = Rotation.from_euler("z", 30, degrees=True).as_matrix()
     stand = np.array([[-1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
@@ -100,12 +99,7 @@ def test_a_left_turn_becomes_a_right_turn() -> None:
 @pytest.mark.parametrize("representation", ["quaternion", "axis-angle", "6d"])
 @pytest.mark.parametrize("extra", [(), ("velocity", "standing")])
 @pytest.mark.parametrize("reverse", [0.0, 1.0])
-def test_mirrored_windows_are_windows_of_mirrored_clips(
-    make_clips: Callable[..., list[Clip]],
-    representation: Representation,
-    extra: tuple[ExtraInput, ...],
-    reverse: float,
-) -> None:
+def test_mirrored_windows_are_windows_of_mirrored_clips(make_clips, representation, extra, reverse):
     clips = make_clips(2, 4)
     mirrored = [replace(clip, motion=mirror_motion(clip.motion)) for clip in clips]
     plain = WindowConfig(frames=12, reverse_probability=reverse)
@@ -123,7 +117,7 @@ def test_mirrored_windows_are_windows_of_mirrored_clips(
         torch.testing.assert_close(found.motions.delta_m, expected.motions.delta_m)
 
 
-def test_about_as_many_windows_are_mirrored_as_asked_for() -> None:
+def test_about_as_many_windows_are_mirrored_as_asked_for():
     motion = random_motion(1, 40)
     clip = Clip("one", motion, np.ones(40, bool), np.full(40, -1), None)
     config = WindowConfig(frames=40, reverse_probability=0.0, mirror_probability=0.3)
@@ -146,7 +140,7 @@ def noise_rad(config: WindowConfig) -> np.ndarray:
 
 
 @pytest.mark.parametrize("time_s", [0.0, 0.05, 0.3, 2.0])
-def test_its_size_is_that_asked_for(time_s: float) -> None:
+def test_its_size_is_that_asked_for(time_s):
     found = noise_rad(WindowConfig(pose_noise_deg=4.0, pose_noise_time_s=time_s))
     rms_deg = np.rad2deg(np.sqrt((found**2).sum(-1).mean()))
     assert rms_deg == pytest.approx(4.0, rel=0.02 if time_s < 1 else 0.06)
@@ -155,7 +149,7 @@ def test_its_size_is_that_asked_for(time_s: float) -> None:
 
 
 @pytest.mark.parametrize("fps_hz", [10.0, 20.0])
-def test_smooth_noise_is_alike_in_neighbouring_frames(fps_hz: float) -> None:
+def test_smooth_noise_is_alike_in_neighbouring_frames(fps_hz):
     """A Gaussian of s frames makes the correlation exp(-1 / 4s^2) from frame to frame."""
     config = WindowConfig(pose_noise_deg=1.0, pose_noise_time_s=0.2, fps_hz=fps_hz)
     found = noise_rad(config)
@@ -165,7 +159,7 @@ def test_smooth_noise_is_alike_in_neighbouring_frames(fps_hz: float) -> None:
     assert abs((white[:, 1:] * white[:, :-1]).mean() / (white**2).mean()) < 0.01
 
 
-def test_joints_are_turned_about_their_own_axes() -> None:
+def test_joints_are_turned_about_their_own_axes():
     rng = np.random.default_rng(1)
     rotmats = Rotation.random(23 * 8, random_state=2).as_matrix().reshape(8, 23, 3, 3)
     noisy = turned(rotmats.astype(np.float32), WindowConfig(pose_noise_deg=2.0), rng)
@@ -176,7 +170,7 @@ def test_joints_are_turned_about_their_own_axes() -> None:
     assert 0 < angles_deg.min() < 2 < angles_deg.max() < 8
 
 
-def test_only_the_input_is_noisy(make_clips: Callable[..., list[Clip]]) -> None:
+def test_only_the_input_is_noisy(make_clips):
     clean = WindowConfig(frames=60)
     noisy = clean.model_copy(update={"pose_noise_deg": 3.0})
     training_set = make_training_set(
@@ -196,7 +190,7 @@ def test_only_the_input_is_noisy(make_clips: Callable[..., list[Clip]]) -> None:
     assert not torch.equal(make_batch(training_set, noisy, 3, seed=2, step=8).poses, b.poses)
 
 
-def test_posture_noise_is_the_same_in_all_frames_of_a_window() -> None:
+def test_posture_noise_is_the_same_in_all_frames_of_a_window():
     found = noise_rad(WindowConfig(posture_noise_deg=4.0))
     np.testing.assert_allclose(found, found[:, :1] + np.zeros_like(found), atol=1e-12)
     rms_deg = np.rad2deg(np.sqrt((found**2).sum(-1).mean()))
@@ -209,7 +203,7 @@ def test_posture_noise_is_the_same_in_all_frames_of_a_window() -> None:
     assert np.rad2deg(np.sqrt((both**2).sum(-1).mean())) == pytest.approx(5.0, rel=0.1)
 
 
-def test_a_clip_is_cut_at_each_speed(make_clips: Callable[..., list[Clip]]) -> None:
+def test_a_clip_is_cut_at_each_speed(make_clips):
     """4 s at 20 fps are 80 frames: played twice as fast, every fourth makes 10 fps; at half the
     speed, every one does."""
     (clip,) = make_clips(1, 1)
@@ -225,9 +219,7 @@ def test_a_clip_is_cut_at_each_speed(make_clips: Callable[..., list[Clip]]) -> N
         np.testing.assert_array_equal(pelvis_m, clip.motion.pelvis_m[at::step])
 
 
-def test_a_speed_that_would_need_more_frames_than_there_are_is_refused(
-    make_clips: Callable[..., list[Clip]],
-) -> None:
+def test_a_speed_that_would_need_more_frames_than_there_are_is_refused(make_clips):
     config = WindowConfig(fps_hz=10.0, speeds=(0.4,))
     with pytest.raises(BadMotionFile, match="20 fps is lower than 25 fps"):
         make_training_set(make_clips(1, 1), ModelConfig(input="axis-angle"), config)
@@ -236,7 +228,7 @@ def test_a_speed_that_would_need_more_frames_than_there_are_is_refused(
             WindowConfig(speeds=speeds)
 
 
-def test_arms_and_head_come_from_the_next_window() -> None:
+def test_arms_and_head_come_from_the_next_window():
     rotmats = np.arange(3 * 4 * 23 * 9, dtype=np.float32).reshape(3, 4, 23, 3, 3)
     rng = np.random.default_rng(0)
     assert np.array_equal(with_exchanged_arms(rotmats, 0.0, rng), rotmats)
@@ -250,9 +242,7 @@ def test_arms_and_head_come_from_the_next_window() -> None:
     assert changed <= 3, "only the last of each hundred has another neighbour"
 
 
-def test_exchanged_arms_change_the_input_and_the_body_but_not_the_motion(
-    make_clips: Callable[..., list[Clip]],
-) -> None:
+def test_exchanged_arms_change_the_input_and_the_body_but_not_the_motion(make_clips):
     plain = WindowConfig(frames=60)
     config = plain.model_copy(update={"exchange_probability": 1.0})
     training_set = make_training_set(make_clips(3, 1), ModelConfig(input="axis-angle"), plain)

@@ -40,10 +40,10 @@ from gmrdata.gmr.train import GmrRecipe
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
-from gmrdata.values.body import JOINT_NAMES, BodyModel
+from gmrdata.values.body import JOINT_NAMES
 from gmrdata.values.errors import BadCheckpoint
 from gmrdata.values.files import read_json
-from gmrdata.values.motion import Motion, deltas
+from gmrdata.values.motion import deltas
 from tests.fixtures.inference import keep_gmr, stepped_gmr
 from tests.gmr.test_model import random_poses
 from tests.read.system_files import vibe_person, write_joblib
@@ -54,7 +54,7 @@ CONFIG = ModelConfig(
 
 
 @pytest.fixture
-def make_run(tmp_path: Path) -> Callable[..., Path]:
+def make_run(tmp_path) -> Callable[..., Path]:
     """A run's folder with a network of random weights."""
 
     def make(seed: int, config: ModelConfig = CONFIG, fps_hz: float = 10.0) -> Path:
@@ -65,9 +65,7 @@ def make_run(tmp_path: Path) -> Callable[..., Path]:
     return make
 
 
-def test_one_network_predicts_as_its_run_does(
-    make_run: Callable[..., Path], walk: Callable[..., Motion], tmp_path: Path
-) -> None:
+def test_one_network_predicts_as_its_run_does(make_run, walk, tmp_path):
     run_dir, poses = make_run(2), walk(10.0).local_rotmats
     gmr = load_gmr(write_bundle([run_dir], "one", tmp_path / "bundle"))
     assert (gmr.name, gmr.step, gmr.fps_hz) == ("one", 42, 10.0)
@@ -78,9 +76,7 @@ def test_one_network_predicts_as_its_run_does(
     assert size < 2.2 * sum(p.numel() for p in gmr.model.parameters()) + 4000
 
 
-def test_several_predict_the_mean_on_so3(
-    make_run: Callable[..., Path], walk: Callable[..., Motion], tmp_path: Path
-) -> None:
+def test_several_predict_the_mean_on_so3(make_run, walk, tmp_path):
     runs, poses = [make_run(seed) for seed in (1, 2, 3)], walk(10.0).local_rotmats
     gmr = load_gmr(write_bundle(runs, "three", tmp_path / "bundle"))
     assert isinstance(gmr.model, MeanGmr)
@@ -95,7 +91,7 @@ def test_several_predict_the_mean_on_so3(
     np.testing.assert_allclose(moves_m, np.mean([m for _, m in each], axis=0), atol=1e-3)
 
 
-def test_the_mean_of_far_rotations_is_the_middle_one() -> None:
+def test_the_mean_of_far_rotations_is_the_middle_one():
     """Three constant networks that turn by 10, 40 and 70 degrees about one axis."""
     models = []
     for degrees in (10, 40, 70):
@@ -110,16 +106,14 @@ def test_the_mean_of_far_rotations_is_the_middle_one() -> None:
     assert moves_m[0, :, 0].tolist() == [40, 40, 40]
 
 
-def test_runs_of_different_networks_are_refused(
-    make_run: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_runs_of_different_networks_are_refused(make_run, tmp_path):
     runs = [make_run(1), make_run(2, fps_hz=20.0)]
     with pytest.raises(BadCheckpoint, match=r"run_2: of another network than .*run_1"):
         write_bundle(runs, "mixed", tmp_path / "bundle")
     assert not (tmp_path / "bundle").exists()
 
 
-def test_broken_folders_are_named(make_run: Callable[..., Path], tmp_path: Path) -> None:
+def test_broken_folders_are_named(make_run, tmp_path):
     folder = write_bundle([make_run(1), make_run(2)], "two", tmp_path / "bundle")
     with pytest.raises(BadCheckpoint, match=r"bundle: has the latest weights alone"):
         load_gmr(folder, "best")
@@ -131,7 +125,7 @@ def test_broken_folders_are_named(make_run: Callable[..., Path], tmp_path: Path)
         load_gmr(folder)
 
 
-def test_the_package_brings_a_network_with_its_card() -> None:
+def test_the_package_brings_a_network_with_its_card():
     folder = network_dir("bundled")
     gmr = load_gmr(folder)
     assert (gmr.name, gmr.fps_hz) == ("bundled", 10.0)
@@ -142,7 +136,7 @@ def test_the_package_brings_a_network_with_its_card() -> None:
     assert gmr.model.config == recipe.model, "the recipe makes such a network"
 
 
-def test_who_walks_is_seen_to_walk(walk: Callable[..., Motion]) -> None:
+def test_who_walks_is_seen_to_walk(walk):
     """The embedded gait is nobody's, so this says little; but the way is forward, and near."""
     poses = walk(10.0, 40)
     _, moves_m = predict_deltas(load_gmr(network_dir("bundled")), poses.local_rotmats)
@@ -152,9 +146,7 @@ def test_who_walks_is_seen_to_walk(walk: Callable[..., Motion]) -> None:
     assert apart_m.mean() < 0.6 * np.linalg.norm(true_m, axis=1).mean()
 
 
-def test_infer_without_a_run_uses_it_and_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], small_body: BodyModel
-) -> None:
+def test_infer_without_a_run_uses_it_and_says_so(tmp_path, capsys, small_body):
     poses = write_joblib(tmp_path / "poses.pkl", {0: vibe_person(40)})
     body = tmp_path / "small.npz"
     save_body(body, small_body)
@@ -211,9 +203,7 @@ def wild_poses(n_frames: int, seed: int) -> np.ndarray:
         (("quaternion", "6d"), STANDING),
     ],
 )
-def test_every_kind_of_network_is_the_same_as_in_torch(
-    kinds: tuple[Representation, Representation], variant: Variant
-) -> None:
+def test_every_kind_of_network_is_the_same_as_in_torch(kinds, variant):
     gmr = network(*kinds, *variant)
     poses = np.stack([wild_poses(9, seed) for seed in range(3)])
     turns, steps_m = run_onnx(onnx_network(gmr), poses)
@@ -232,9 +222,7 @@ def usual() -> tuple[TrainedGmr, bytes]:
 
 
 @pytest.mark.parametrize("n_frames", [2, 3, 64, 301])
-def test_any_length_of_a_motion(
-    usual: tuple[TrainedGmr, bytes], small_body: BodyModel, n_frames: int
-) -> None:
+def test_any_length_of_a_motion(usual, small_body, n_frames):
     rng = np.random.default_rng(1)
     seconds = n_frames / 10 + 1
     motion = embedded_motions(small_body, rng, count=1, fps_hz=10.0, duration_s=seconds)[0]
@@ -246,7 +234,7 @@ def test_any_length_of_a_motion(
     assert np.abs(steps_m[0] - wanted[1]).max() < SAME
 
 
-def test_the_model_says_what_it_needs(usual: tuple[TrainedGmr, bytes]) -> None:
+def test_the_model_says_what_it_needs(usual):
     gmr, model = usual
     session = onnxruntime.InferenceSession(model)
     about = session.get_modelmeta().custom_metadata_map
@@ -266,7 +254,7 @@ def test_the_model_says_what_it_needs(usual: tuple[TrainedGmr, bytes]) -> None:
     assert OPSET == 17
 
 
-def test_the_network_stays_as_it_was() -> None:
+def test_the_network_stays_as_it_was():
     """It was left in training mode, in which dropout is random."""
     gmr = network()
     onnx_network(gmr)
@@ -290,7 +278,7 @@ def answer(model: Gmr, poses: Tensor, lengths: Tensor | None = None) -> tuple[Te
         return model(network_input(poses, config.input, config.extra_inputs), lengths)
 
 
-def test_a_mirror_image_moves_as_the_mirrored_person() -> None:
+def test_a_mirror_image_moves_as_the_mirrored_person():
     poses, model = random_poses(1, 7), symmetric_network()
     turns, moves_m = answer(model, poses)
     seen = answer(model, torch.from_numpy(mirror_local(poses.numpy())))
@@ -298,13 +286,13 @@ def test_a_mirror_image_moves_as_the_mirrored_person() -> None:
     np.testing.assert_allclose(seen[1][:, :-1], mirror_points_m(moves_m.numpy())[:, :-1], atol=1e-6)
 
 
-def test_backwards_the_person_goes_back() -> None:
+def test_backwards_the_person_goes_back():
     poses, model = random_poses(1, 7), symmetric_network()
     turns, back = answer(model, poses)[0], answer(model, poses.flip(1))[0]
     np.testing.assert_allclose(back[0, :-1].flip(0), turns[0, :-1].mT, atol=1e-6)
 
 
-def test_four_right_answers_are_one(walk: Callable[..., Motion]) -> None:
+def test_four_right_answers_are_one(walk):
     """True motions of a walk, its mirror image, its reverse and both; and of a shorter piece."""
     motion = walk(10.0)
     roots, pelvis_m = motion.root_rotmats[:12], motion.pelvis_m[:12]
@@ -326,7 +314,7 @@ def test_four_right_answers_are_one(walk: Callable[..., Motion]) -> None:
         np.testing.assert_allclose(mean[1][piece, : n - 1], wanted[1][: n - 1], atol=1e-6)
 
 
-def test_the_answer_lies_between_the_plain_networks_answers() -> None:
+def test_the_answer_lies_between_the_plain_networks_answers():
     poses, model = random_poses(1, 9), symmetric_network()
     plain = Gmr(SYMMETRIC_CONFIG.model_copy(update={"symmetric": False})).double().eval()
     plain.load_state_dict(model.state_dict())
@@ -341,7 +329,7 @@ def test_the_answer_lies_between_the_plain_networks_answers() -> None:
     torch.testing.assert_close(answer(model, poses)[1], as_given)
 
 
-def test_a_padded_batch_is_its_sequences() -> None:
+def test_a_padded_batch_is_its_sequences():
     poses, model = random_poses(2, 8), symmetric_network()
     alone = answer(model, poses[1:, :5])
     together = answer(model, poses, torch.tensor([8, 5]))
@@ -350,7 +338,7 @@ def test_a_padded_batch_is_its_sequences() -> None:
 
 
 @pytest.mark.slow
-def test_as_an_onnx_model() -> None:
+def test_as_an_onnx_model():
     """One model takes any number of frames."""
     gmr = TrainedGmr(symmetric_network().float(), 10.0, "some_run", 3)
     network = onnx_network(gmr)
@@ -362,7 +350,7 @@ def test_as_an_onnx_model() -> None:
             np.testing.assert_allclose(steps_m[at], wanted[1], atol=1e-5)
 
 
-def test_feet_see_the_body_in_their_own_frames() -> None:
+def test_feet_see_the_body_in_their_own_frames():
     """Where the left foot stands as in the T-pose, its frame is the root's."""
     still = torch.eye(3, dtype=torch.float64).expand(3, 23, 3, 3).clone()
     left, right = seen_from_feet(still)[0].unbind(0)

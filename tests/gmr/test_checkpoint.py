@@ -35,12 +35,12 @@ def stepped(config: ModelConfig = CONFIG) -> tuple[Gmr, torch.optim.Adam]:
 
 
 @pytest.fixture
-def run_dir(tmp_path: Path) -> Path:
+def run_dir(tmp_path) -> Path:
     keep_gmr(tmp_path, 40, *stepped())
     return tmp_path
 
 
-def test_everything_comes_back(run_dir: Path) -> None:
+def test_everything_comes_back(run_dir):
     folder = latest_checkpoint(run_dir)
     assert folder == checkpoint_dir(run_dir, 40)
     model, optimizer = stepped()
@@ -57,7 +57,7 @@ def test_everything_comes_back(run_dir: Path) -> None:
     assert load_gmr(run_dir).step == 40
 
 
-def test_only_the_latest_stays_and_its_bytes_repeat(run_dir: Path, tmp_path: Path) -> None:
+def test_only_the_latest_stays_and_its_bytes_repeat(run_dir, tmp_path):
     keep_gmr(run_dir, 80, *stepped())
     assert sorted(p.name for p in (run_dir / "checkpoints").iterdir()) == [
         "latest",
@@ -69,9 +69,7 @@ def test_only_the_latest_stays_and_its_bytes_repeat(run_dir: Path, tmp_path: Pat
         assert file.read_bytes() == (checkpoint_dir(other, 80) / file.name).read_bytes()
 
 
-def test_a_kill_while_writing_leaves_the_former(
-    run_dir: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_kill_while_writing_leaves_the_former(run_dir, monkeypatch):
     """Whatever call the process dies in, the pointer names a whole checkpoint."""
 
     class Killed(BaseException):
@@ -97,9 +95,7 @@ def test_a_kill_while_writing_leaves_the_former(
 
 @pytest.mark.parametrize("name", ["model.safetensors", "optimizer.safetensors", "state.json"])
 @pytest.mark.parametrize("share", [None, 0.0, 0.5, 0.99])
-def test_missing_and_truncated_files_are_refused(
-    run_dir: Path, name: str, share: float | None
-) -> None:
+def test_missing_and_truncated_files_are_refused(run_dir, name, share):
     path = checkpoint_dir(run_dir, 40) / name
     whole = path.read_bytes()
     path.unlink()
@@ -112,7 +108,7 @@ def test_missing_and_truncated_files_are_refused(
         load_optimizer(path.parent, model, optimizer)
 
 
-def test_the_best_weights_come_back_or_are_refused(run_dir: Path) -> None:
+def test_the_best_weights_come_back_or_are_refused(run_dir):
     model, optimizer = stepped()
     folder = checkpoint_dir(run_dir, 40)
     assert read_best(folder) is None
@@ -140,7 +136,7 @@ def test_the_best_weights_come_back_or_are_refused(run_dir: Path) -> None:
         read_best(folder)
 
 
-def test_another_models_weights_are_refused(run_dir: Path) -> None:
+def test_another_models_weights_are_refused(run_dir):
     folder = checkpoint_dir(run_dir, 40)
     other, optimizer = stepped(ModelConfig(layers=2, hidden=7))
     with pytest.raises(BadCheckpoint, match="of another model; differing tensors: encoder"):
@@ -152,7 +148,7 @@ def test_another_models_weights_are_refused(run_dir: Path) -> None:
 @pytest.mark.parametrize(
     "change", [{"format": "else"}, {"model": {"layers": 0}}, {"model": None}, {"fps_hz": None}]
 )
-def test_a_state_that_makes_no_sense_is_refused(run_dir: Path, change: dict[str, object]) -> None:
+def test_a_state_that_makes_no_sense_is_refused(run_dir, change):
     path = checkpoint_dir(run_dir, 40) / "state.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(BadCheckpoint, match=r"state\.json"):
@@ -169,7 +165,7 @@ def keys_of(value: dict[str, Any], name: str = "") -> list[str]:
     return found
 
 
-def test_each_key_of_a_state_is_needed(run_dir: Path) -> None:
+def test_each_key_of_a_state_is_needed(run_dir):
     """A setting that is not stated is not taken for today's default."""
     model, optimizer = stepped()
     keep_gmr(run_dir, 40, model, optimizer, best=best_of(None, 3, "a", 2.0, model))
@@ -188,7 +184,7 @@ def test_each_key_of_a_state_is_needed(run_dir: Path) -> None:
             load_gmr(run_dir)
 
 
-def test_a_state_of_the_first_version_is_read(run_dir: Path) -> None:
+def test_a_state_of_the_first_version_is_read(run_dir):
     """It left out `processes`, `averaged` and `best` where they did not apply."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/1"}
@@ -203,7 +199,7 @@ def test_a_state_of_the_first_version_is_read(run_dir: Path) -> None:
         load_gmr(run_dir)
 
 
-def test_a_state_of_the_second_version_is_read(run_dir: Path) -> None:
+def test_a_state_of_the_second_version_is_read(run_dir):
     """Its network had as many latent numbers as hidden units; whatever else it lacks is refused."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/2"}
@@ -225,9 +221,7 @@ def test_a_state_of_the_second_version_is_read(run_dir: Path) -> None:
     ("version", "added_later", "there_already"),
     [(3, ("looks_at", "regressed", "symmetric"), "latent"), (4, ("symmetric",), "looks_at")],
 )
-def test_a_state_of_a_later_version_is_read(
-    version: int, added_later: tuple[str, ...], there_already: str, run_dir: Path
-) -> None:
+def test_a_state_of_a_later_version_is_read(version, added_later, there_already, run_dir):
     """The third's network saw all joints, regressed freely and had a latent size; the fourth's
     answered to a sequence as it is."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
@@ -242,7 +236,7 @@ def test_a_state_of_a_later_version_is_read(
         load_gmr(run_dir)
 
 
-def test_no_checkpoint_and_a_pointer_to_nowhere(tmp_path: Path) -> None:
+def test_no_checkpoint_and_a_pointer_to_nowhere(tmp_path):
     with pytest.raises(MissingInput, match="no trained model"):
         load_gmr(tmp_path)
     (tmp_path / "checkpoints").mkdir()
@@ -255,13 +249,13 @@ def test_no_checkpoint_and_a_pointer_to_nowhere(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "pointed", [b"\xff\xfe\x00\x80" * 40, b"../../etc", b"step_00000040\0", b""]
 )
-def test_a_pointer_that_is_no_name_is_told(pointed: bytes, run_dir: Path) -> None:
+def test_a_pointer_that_is_no_name_is_told(pointed, run_dir):
     (run_dir / "checkpoints" / "latest").write_bytes(pointed)
     with pytest.raises(BadCheckpoint, match=r"latest: names .* which is not there"):
         latest_checkpoint(run_dir)
 
 
-def test_weights_that_are_no_numbers_are_told(run_dir: Path) -> None:
+def test_weights_that_are_no_numbers_are_told(run_dir):
     path = checkpoint_dir(run_dir, 40) / "model.safetensors"
     tensors = load_file(path)
     tensors["projection.bias"][2] = torch.nan
@@ -270,7 +264,7 @@ def test_weights_that_are_no_numbers_are_told(run_dir: Path) -> None:
         load_gmr(run_dir)
 
 
-def test_a_record_that_asks_for_a_huge_network_is_told_before_it_is_made(run_dir: Path) -> None:
+def test_a_record_that_asks_for_a_huge_network_is_told_before_it_is_made(run_dir):
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text())
     state["model"] |= {"hidden": 10_000, "layers": 1}  # 2.4 GB of weights

@@ -1,6 +1,5 @@
 """Prediction: from local poses to a world that is level, at the poses' own rate."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +16,7 @@ from gmrdata.gmr.predict import TrainedGmr, predict_deltas, predict_world_motion
 from gmrdata.motion.ground import sole_points_m
 from gmrdata.motion.resample import resample
 from gmrdata.values import transforms
-from gmrdata.values.body import WORLD_FROM_REST, BodyModel
-from gmrdata.values.clip import Clip
+from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
@@ -31,11 +29,11 @@ def gmr() -> TrainedGmr:
 
 
 @pytest.fixture
-def motion(make_clips: Callable[..., list[Clip]]) -> Motion:
+def motion(make_clips) -> Motion:
     return make_clips(1, 3, fps_hz=10.0)[0].motion
 
 
-def test_the_motion_between_frames_is_the_networks(gmr: TrainedGmr, motion: Motion) -> None:
+def test_the_motion_between_frames_is_the_networks(gmr, motion):
     world = predict_world_motion(gmr, motion)
     assert world.n_frames == motion.n_frames
     assert np.array_equal(world.root_rotmats[0], np.eye(3))
@@ -52,7 +50,7 @@ def test_the_motion_between_frames_is_the_networks(gmr: TrainedGmr, motion: Moti
     )
 
 
-def test_a_first_pose_moves_the_whole(gmr: TrainedGmr, motion: Motion) -> None:
+def test_a_first_pose_moves_the_whole(gmr, motion):
     first = Rotation.from_euler("xyz", [0.3, 1.0, -2.0]).as_matrix()
     place_m = np.array([1.0, 2.0, 3.0])
     moved = predict_world_motion(gmr, motion, first_root_rotmat=first, first_pelvis_m=place_m)
@@ -65,7 +63,7 @@ def test_a_first_pose_moves_the_whole(gmr: TrainedGmr, motion: Motion) -> None:
     )
 
 
-def test_the_given_root_is_not_looked_at(gmr: TrainedGmr, motion: Motion) -> None:
+def test_the_given_root_is_not_looked_at(gmr, motion):
     """Camera-motion agnostic: any root gives the same bytes, even none at all."""
     shaken = replace(
         motion,
@@ -78,9 +76,7 @@ def test_the_given_root_is_not_looked_at(gmr: TrainedGmr, motion: Motion) -> Non
     assert a.pelvis_m.tobytes() == b.pelvis_m.tobytes()
 
 
-def test_another_rate_is_brought_to_the_networks_and_said(
-    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
-) -> None:
+def test_another_rate_is_brought_to_the_networks_and_said(gmr, make_clips):
     motion = make_clips(1, 3, fps_hz=30.0)[0].motion
     world = predict_world_motion(gmr, motion)
     assert world.fps_hz == 10.0
@@ -89,9 +85,7 @@ def test_another_rate_is_brought_to_the_networks_and_said(
     assert world.source.endswith("resampled from 30 to 10 fps")
 
 
-def test_a_rate_that_is_no_multiple_is_resampled(
-    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
-) -> None:
+def test_a_rate_that_is_no_multiple_is_resampled(gmr, make_clips):
     motion = make_clips(1, 3, fps_hz=25.0)[0].motion
     world = predict_world_motion(gmr, motion)
     assert (world.fps_hz, world.n_frames) == (10.0, 40)
@@ -101,7 +95,7 @@ def test_a_rate_that_is_no_multiple_is_resampled(
         predict_world_motion(gmr, replace(motion, fps_hz=5.0))
 
 
-def test_rotations_stay_orthonormal_over_a_long_sequence(gmr: TrainedGmr) -> None:
+def test_rotations_stay_orthonormal_over_a_long_sequence(gmr):
     rng = np.random.default_rng(0)
     local = Rotation.from_rotvec(rng.normal(0, 0.2, (3000 * 23, 3))).as_matrix()
     delta_rotmats, _ = predict_deltas(gmr, local.reshape(3000, 23, 3, 3))
@@ -109,7 +103,7 @@ def test_rotations_stay_orthonormal_over_a_long_sequence(gmr: TrainedGmr) -> Non
     assert np.abs(product - np.eye(3)).max() < 1e-14
 
 
-def test_one_frame_and_nan_are_refused(gmr: TrainedGmr, motion: Motion) -> None:
+def test_one_frame_and_nan_are_refused(gmr, motion):
     short = replace(
         motion,
         local_rotmats=motion.local_rotmats[:1],
@@ -134,12 +128,7 @@ def tilted(motion: Motion, rotmat: np.ndarray, shift_m: np.ndarray) -> Motion:
 
 @settings(max_examples=25)
 @given(angles=st.tuples(*[st.floats(-1.2, 1.2)] * 2), shift=st.tuples(*[st.floats(-5, 5)] * 3))
-def test_a_tilted_world_is_made_upright_again(
-    angles: tuple[float, float],
-    shift: tuple[float, float, float],
-    walk: Callable[..., Motion],
-    small_body: BodyModel,
-) -> None:
+def test_a_tilted_world_is_made_upright_again(angles, shift, walk, small_body):
     motion = walk(30.0, 60)
     tilt = Rotation.from_euler("xy", angles).as_matrix()
     found = stand(tilted(motion, tilt, np.array(shift)), small_body)
@@ -152,9 +141,7 @@ def test_a_tilted_world_is_made_upright_again(
     np.testing.assert_allclose(steps[0], steps[1], atol=1e-9)
 
 
-def test_the_walk_stands_within_a_degree_or_two_of_its_true_world(
-    walk: Callable[..., Motion], small_body: BodyModel
-) -> None:
+def test_the_walk_stands_within_a_degree_or_two_of_its_true_world(walk, small_body):
     motion = walk(30.0, 90)
     found = stand(motion, small_body)
     turned = found.root_rotmats[0] @ motion.root_rotmats[0].T
@@ -168,9 +155,7 @@ def test_the_walk_stands_within_a_degree_or_two_of_its_true_world(
 
 
 @pytest.mark.parametrize("rise_m", [0.0, 0.6])
-def test_a_walk_on_steps_is_said_to_be_one(
-    walk: Callable[..., Motion], small_body: BodyModel, rise_m: float
-) -> None:
+def test_a_walk_on_steps_is_said_to_be_one(walk, small_body, rise_m):
     motion = walk(30.0, 90)
     steps_m = rise_m * np.round(4 * np.linspace(0, 1, 90)) / 4
     pelvis_m = motion.pelvis_m + steps_m[:, None] * [0.0, 0.0, 1.0]
@@ -181,9 +166,7 @@ def test_a_walk_on_steps_is_said_to_be_one(
     assert np.percentile(soles_m, 5) > -0.1 and np.percentile(soles_m, 10) < 0.1
 
 
-def test_without_standing_feet_the_world_is_kept(
-    walk: Callable[..., Motion], small_body: BodyModel
-) -> None:
+def test_without_standing_feet_the_world_is_kept(walk, small_body):
     motion = walk(30.0, 40)
     flying = replace(motion, pelvis_m=motion.pelvis_m + np.arange(40)[:, None] * [0.5, 0, 0])
     assert up_of_standing_feet(flying, small_body) is None
@@ -193,7 +176,7 @@ def test_without_standing_feet_the_world_is_kept(
 
 
 @pytest.mark.parametrize("n_frames", [2, 3])
-def test_few_frames_do(n_frames: int, walk: Callable[..., Motion], small_body: BodyModel) -> None:
+def test_few_frames_do(n_frames, walk, small_body):
     assert stand(walk(10.0, n_frames), small_body).n_frames == n_frames
 
 
@@ -201,9 +184,7 @@ RATES = [(30.0, 46), (30.0, 47), (30.0, 48), (25.0, 40), (29.97, 40), (10.0, 20)
 
 
 @pytest.mark.parametrize(("fps_hz", "n_frames"), RATES)
-def test_every_pose_gets_a_root_and_the_networks_moments_stand(
-    fps_hz: float, n_frames: int, walk: Callable[..., Motion], untrained: TrainedGmr
-) -> None:
+def test_every_pose_gets_a_root_and_the_networks_moments_stand(fps_hz, n_frames, walk, untrained):
     motion = walk(fps_hz, n_frames)
     world = predict_at_source_rate(untrained, motion)
     assert (world.n_frames, world.fps_hz, world.frame) == (n_frames, fps_hz, "world")
@@ -223,9 +204,7 @@ def test_every_pose_gets_a_root_and_the_networks_moments_stand(
 
 
 @pytest.mark.parametrize(("fps_hz", "n_frames"), RATES)
-def test_a_constant_motion_is_the_same_at_any_rate(
-    fps_hz: float, n_frames: int, walk: Callable[..., Motion], constant: Callable[..., TrainedGmr]
-) -> None:
+def test_a_constant_motion_is_the_same_at_any_rate(fps_hz, n_frames, walk, constant):
     """Without turning the path is a straight line, and without moving the turn is steady."""
     motion = walk(fps_hz, n_frames)
     seconds = np.arange(n_frames) / fps_hz
@@ -238,9 +217,7 @@ def test_a_constant_motion_is_the_same_at_any_rate(
     np.testing.assert_allclose(turning.root_rotmats, expected, atol=1e-6)
 
 
-def test_the_end_is_what_the_network_sees_in_the_last_poses(
-    walk: Callable[..., Motion], untrained: TrainedGmr
-) -> None:
+def test_the_end_is_what_the_network_sees_in_the_last_poses(walk, untrained):
     """Of 48 frames at 30 fps the network's last is 45; 46 and 47 come from frames 44 and 47."""
     motion = walk(30.0, 48)
     world = predict_at_source_rate(untrained, motion)
@@ -258,9 +235,7 @@ def test_the_end_is_what_the_network_sees_in_the_last_poses(
         np.testing.assert_allclose(in_44, step_m * ahead / 3, atol=1e-12)
 
 
-def test_the_given_root_is_not_looked_at_at_the_source_rate(
-    walk: Callable[..., Motion], untrained: TrainedGmr
-) -> None:
+def test_the_given_root_is_not_looked_at_at_the_source_rate(walk, untrained):
     motion = walk(30.0, 47)
     shaken = replace(
         motion,
@@ -273,9 +248,7 @@ def test_the_given_root_is_not_looked_at_at_the_source_rate(
     assert a.pelvis_m.tobytes() == b.pelvis_m.tobytes()
 
 
-def test_too_slow_too_short_and_nan_are_refused(
-    walk: Callable[..., Motion], untrained: TrainedGmr
-) -> None:
+def test_too_slow_too_short_and_nan_are_refused(walk, untrained):
     motion = walk(30.0, 40)
     with pytest.raises(BadMotionFile, match="5 fps is lower than 10 fps"):
         predict_at_source_rate(untrained, replace(motion, fps_hz=5.0))
@@ -288,7 +261,7 @@ def test_too_slow_too_short_and_nan_are_refused(
         predict_at_source_rate(untrained, replace(motion, local_rotmats=broken))
 
 
-def test_the_record_says_what_was_done(walk: Callable[..., Motion], untrained: TrainedGmr) -> None:
+def test_the_record_says_what_was_done(walk, untrained):
     at_30 = predict_at_source_rate(untrained, walk(30.0, 47)).source
     assert at_30.endswith("resampled from 30 to 10 fps, and back")
     assert at_30.startswith("world motion predicted by GMR untrained (step 3) from: ")

@@ -22,7 +22,7 @@ from gmrdata.motion import local_poses as reader
 from gmrdata.pages.inference import draw_motion
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
-from gmrdata.values.body import WORLD_FROM_REST, BodyModel
+from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.errors import (
     BadCheckpoint,
@@ -32,7 +32,6 @@ from gmrdata.values.errors import (
     StaleOutput,
 )
 from gmrdata.values.files import read_json
-from gmrdata.values.motion import Motion
 from gmrdata.write.bvh import write_bvh
 from tests.joblib_layout import joblib_bytes
 from tests.read.system_files import (
@@ -57,13 +56,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_each_format_gives_each_file(
-    tmp_path: Path,
-    run_dir: Path,
-    body_path: Path,
-    small_body: BodyModel,
-    walk: Callable[..., Motion],
-) -> None:
+def test_each_format_gives_each_file(tmp_path, run_dir, body_path, small_body, walk):
     motion = walk(30.0, 40)
     clip = Clip("a walk", motion, np.ones(40, bool), np.full(40, -1), None)
     save_clip(tmp_path / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
@@ -102,9 +95,7 @@ def test_each_format_gives_each_file(
         assert record["left_out"] == {}
 
 
-def test_the_clip_is_what_python_predicts(
-    tmp_path: Path, run_dir: Path, body_path: Path, small_body: BodyModel
-) -> None:
+def test_the_clip_is_what_python_predicts(tmp_path, run_dir, body_path, small_body):
     path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(40)})
     infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
     found = load_clip(tmp_path / "out" / "person_0" / "clip.npz")
@@ -119,9 +110,7 @@ def test_the_clip_is_what_python_predicts(
     assert np.array_equal(found.image_numbers, run.image_numbers)
 
 
-def test_the_papers_first_pose_is_kept_on_demand_and_recorded(
-    tmp_path: Path, run_dir: Path, body_path: Path
-) -> None:
+def test_the_papers_first_pose_is_kept_on_demand_and_recorded(tmp_path, run_dir, body_path):
     path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(40)})
     config = QUICK.model_copy(update={"level": "first_pose"})
     out = infer(run_dir, path, tmp_path / "out", config, body_path=body_path)
@@ -132,9 +121,7 @@ def test_the_papers_first_pose_is_kept_on_demand_and_recorded(
     assert (record["level"], record["translation"]) == ("first_pose", "pelvis")
 
 
-def test_runs_have_a_folder_each_and_short_ones_are_said(
-    tmp_path: Path, run_dir: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_runs_have_a_folder_each_and_short_ones_are_said(tmp_path, run_dir, body_path, capsys):
     frame_ids = [*range(5, 25), 30, *range(40, 43), *range(50, 62)]
     people = {2: vibe_person(len(frame_ids), frame_ids), 9: vibe_person(1, [0])}
     path = write_joblib(tmp_path / "v.pkl", people)
@@ -155,9 +142,7 @@ def test_runs_have_a_folder_each_and_short_ones_are_said(
         np.testing.assert_allclose(motion.pelvis_m[0, :2], 0.0, atol=1e-12)
 
 
-def test_short_gaps_are_filled_on_demand_and_counted(
-    tmp_path: Path, run_dir: Path, body_path: Path
-) -> None:
+def test_short_gaps_are_filled_on_demand_and_counted(tmp_path, run_dir, body_path):
     people = {2: vibe_person(30, [*range(10), *range(12, 32)])}
     path = write_joblib(tmp_path / "v.pkl", people)
     config = QUICK.model_copy(update={"bridge_frames": 2})
@@ -191,9 +176,7 @@ BAD: dict[str, tuple[Callable[[], dict[Any, Any]], float | None, str]] = {
 
 
 @pytest.mark.parametrize("fault", sorted(BAD))
-def test_bad_poses_leave_nothing_behind(
-    fault: str, tmp_path: Path, run_dir: Path, body_path: Path
-) -> None:
+def test_bad_poses_leave_nothing_behind(fault, tmp_path, run_dir, body_path):
     make, fps_hz, message = BAD[fault]
     source = tmp_path / "in" / "bad.pkl"
     source.parent.mkdir()
@@ -206,9 +189,7 @@ def test_bad_poses_leave_nothing_behind(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_broken_files_and_runs_leave_nothing_behind(
-    tmp_path: Path, run_dir: Path, body_path: Path
-) -> None:
+def test_broken_files_and_runs_leave_nothing_behind(tmp_path, run_dir, body_path):
     good = write_joblib(tmp_path / "good.pkl", {0: vibe_person(12)})
     cut = tmp_path / "cut.pkl"
     cut.write_bytes(good.read_bytes()[:-900])
@@ -229,9 +210,9 @@ def test_broken_files_and_runs_leave_nothing_behind(
 
 
 def test_a_hostile_clip_name_stays_inside(
-    tmp_path: Path, run_dir: Path, body_path: Path, small_body: BodyModel,
-    walk: Callable[..., Motion],
-) -> None:  # fmt: skip
+    tmp_path, run_dir, body_path, small_body,
+    walk
+):  # fmt: skip
     motion = walk(30.0, 20)
     clip = Clip("../../x y", motion, np.ones(20, bool), np.full(20, -1), None)
     save_clip(tmp_path / "c.npz", clip, small_body.rest_pelvis_m(motion.shape))
@@ -242,8 +223,8 @@ def test_a_hostile_clip_name_stays_inside(
 
 
 def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(
-    tmp_path: Path, run_dir: Path, body_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, run_dir, body_path, monkeypatch
+):
     path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(20), 1: vibe_person(20, seed=4)})
     out = tmp_path / "out"
     written: list[str] = []
@@ -277,9 +258,7 @@ def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(
     assert load_clip(out / "person_0" / "clip.npz").motion.fps_hz == 25.0
 
 
-def test_the_verb_writes_a_video_and_a_table(
-    tmp_path: Path, run_dir: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_verb_writes_a_video_and_a_table(tmp_path, run_dir, body_path, capsys):
     source = write_joblib(tmp_path / "v.pkl", {0: vibe_person(6)})
     out = tmp_path / "out"
     flags = ["--out", str(out), "--body", str(body_path), "--fps-hz", "30"]
@@ -291,9 +270,7 @@ def test_the_verb_writes_a_video_and_a_table(
     assert len(frames) == 6 and frames[0].shape == (480, 640, 3)
 
 
-def test_the_verb_says_what_is_wrong(
-    tmp_path: Path, run_dir: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_verb_says_what_is_wrong(tmp_path, run_dir, body_path, capsys):
     source = write_joblib(tmp_path / "v.pkl", {0: vibe_person(6)})
     out = str(tmp_path / "out")
     for flags, message in (
@@ -310,7 +287,7 @@ def test_the_verb_says_what_is_wrong(
     assert not Path(out).exists()
 
 
-def test_the_lines_of_python_run_as_they_stand(tmp_path: Path, anny: BodyModel) -> None:
+def test_the_lines_of_python_run_as_they_stand(tmp_path, anny):
     """In a process of its own, in a folder with a `poses.pkl`, by public names alone."""
     write_joblib(tmp_path / "poses.pkl", {0: vibe_person(40)})
     page = (Path(__file__).parents[2] / "docs" / "inference.md").read_text(encoding="utf-8")
@@ -334,9 +311,7 @@ def _cache_env() -> dict[str, str]:
     return {key: os.environ[key] for key in ("HOME", "XDG_CACHE_HOME", "PATH") if key in os.environ}
 
 
-def test_a_body_that_the_file_is_not_of_gets_its_mean_shape(
-    tmp_path: Path, run_dir: Path, small_body: BodyModel, walk: Callable[..., Motion]
-) -> None:
+def test_a_body_that_the_file_is_not_of_gets_its_mean_shape(tmp_path, run_dir, small_body, walk):
     motion = walk(30.0, 20)
     clip = Clip("walk", motion, np.ones(20, bool), np.full(20, -1), None)
     save_clip(tmp_path / "c.npz", clip, small_body.rest_pelvis_m(motion.shape))
@@ -348,7 +323,7 @@ def test_a_body_that_the_file_is_not_of_gets_its_mean_shape(
     assert found.body == "other" and not found.shape.any()
 
 
-def test_each_key_of_the_record_is_needed(tmp_path: Path) -> None:
+def test_each_key_of_the_record_is_needed(tmp_path):
     one = stage.InferredMotion(
         frames=3,
         fps_hz=30.0,

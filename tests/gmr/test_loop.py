@@ -18,7 +18,6 @@ from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.windows import make_batch
 from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
 from gmrdata.values.files import write_json
-from tests.gmr.conftest import Training
 
 
 def bytes_of(run_dir: Path) -> dict[str, bytes]:
@@ -34,7 +33,7 @@ def lines_of(run_dir: Path) -> list[dict[str, float]]:
 
 
 @pytest.mark.parametrize("kind", ["chordal", "angular", "axis-angle"])
-def test_it_overfits_one_window(training: Training, kind: str) -> None:
+def test_it_overfits_one_window(training, kind):
     """One window, seen again and again: the loss falls to a small part, and so do its terms."""
     config = TrainConfig(
         model=ModelConfig(layers=1, hidden=32),
@@ -54,7 +53,7 @@ def test_it_overfits_one_window(training: Training, kind: str) -> None:
     assert last["translation"] < 0.01 * first["translation"]
 
 
-def test_held_out_scores_are_logged_and_change_nothing(training: Training) -> None:
+def test_held_out_scores_are_logged_and_change_nothing(training):
     clips, held_out = training.make_clips(2, 1), training.make_clips(2, 2)
     fit(clips, [training.body], training.path / "a", training.config, held_out=held_out)
     fit(clips, [training.body], training.path / "b", training.config)
@@ -66,7 +65,7 @@ def test_held_out_scores_are_logged_and_change_nothing(training: Training) -> No
 
 
 @pytest.mark.parametrize("best_by", ["held_out_tme_mm", "held_out_ome_deg"])
-def test_the_best_weights_are_those_of_the_lowest_score(training: Training, best_by: str) -> None:
+def test_the_best_weights_are_those_of_the_lowest_score(training, best_by):
     """A step size that is too large, so that the best step is not the last one."""
     clips, held_out = training.make_clips(2, 1), training.make_clips(2, 2)
     change = {"eval_every": 1, "best_by": best_by, "learning_rate": 0.1, "schedule": "constant"}
@@ -88,13 +87,13 @@ def test_the_best_weights_are_those_of_the_lowest_score(training: Training, best
     assert load_gmr(training.path).step == 12
 
 
-def test_without_held_out_clips_there_are_no_best_weights(training: Training) -> None:
+def test_without_held_out_clips_there_are_no_best_weights(training):
     fit(training.make_clips(1, 1), [training.body], training.path, training.config)
     with pytest.raises(BadCheckpoint, match="no best weights"):
         load_gmr(training.path, "best")
 
 
-def test_bf16_is_close_and_keeps_float32_weights(training: Training) -> None:
+def test_bf16_is_close_and_keeps_float32_weights(training):
     losses = {}
     for precision in ("fp32", "bf16"):
         config = training.config.model_copy(
@@ -112,9 +111,7 @@ def test_bf16_is_close_and_keeps_float32_weights(training: Training) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("g++") is None, reason="torch.compile needs a C++ compiler")
-def test_compiling_changes_rounding_alone(
-    training: Training, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compiling_changes_rounding_alone(training, monkeypatch):
     # The checks of shapes can't be traced.
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     config = training.config.model_copy(
@@ -134,9 +131,7 @@ def test_compiling_changes_rounding_alone(
     load_gmr(training.path / "compiled")
 
 
-def test_compiling_without_a_compiler_is_said(
-    training: Training, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compiling_without_a_compiler_is_said(training, monkeypatch):
     monkeypatch.setenv("CXX", "no-such-compiler")
     config = training.config.model_copy(update={"compile": True})
     with pytest.raises(StageFailed, match="there is no no-such-compiler"):
@@ -144,9 +139,7 @@ def test_compiling_without_a_compiler_is_said(
 
 
 @pytest.mark.parametrize("precision", ["fp32", "bf16"])
-def test_k_steps_resumed_are_n_steps_bit_for_bit(
-    training: Training, monkeypatch: pytest.MonkeyPatch, precision: str
-) -> None:
+def test_k_steps_resumed_are_n_steps_bit_for_bit(training, monkeypatch, precision):
     """Stopped in the middle of any step: before, between and after checkpoints and log lines."""
     clips, held_out = training.make_clips(2, 1), training.make_clips(1, 2)
     config = training.config.model_copy(update={"precision": precision})
@@ -174,14 +167,14 @@ def test_k_steps_resumed_are_n_steps_bit_for_bit(
         assert bytes_of(run_dir) == expected
 
 
-def test_another_seed_gives_other_weights(training: Training) -> None:
+def test_another_seed_gives_other_weights(training):
     clips = training.make_clips(2, 1)
     fit(clips, [training.body], training.path / "a", training.config)
     fit(clips, [training.body], training.path / "b", training.config.model_copy(update={"seed": 8}))
     assert bytes_of(training.path / "a") != bytes_of(training.path / "b")
 
 
-def test_global_torch_settings_are_left_alone(training: Training) -> None:
+def test_global_torch_settings_are_left_alone(training):
     torch.manual_seed(5)
     expected = torch.rand(3)
     torch.manual_seed(5)
@@ -192,9 +185,7 @@ def test_global_torch_settings_are_left_alone(training: Training) -> None:
     assert not torch.are_deterministic_algorithms_enabled()
 
 
-def test_divergence_keeps_the_last_good_checkpoint(
-    training: Training, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_divergence_keeps_the_last_good_checkpoint(training, monkeypatch):
     """From step 8 on a true motion is infinite, as in a broken clip."""
 
     def bursting(*args: object, **more: object) -> object:
@@ -212,7 +203,7 @@ def test_divergence_keeps_the_last_good_checkpoint(
     assert max(line["step"] for line in lines_of(training.path)) == 7
 
 
-def test_a_step_size_that_is_far_too_large_diverges_and_says_so(training: Training) -> None:
+def test_a_step_size_that_is_far_too_large_diverges_and_says_so(training):
     config = training.config.model_copy(
         update={"learning_rate": 1e30, "warmup_steps": 0, "gradient_norm": None}
     )
@@ -220,7 +211,7 @@ def test_a_step_size_that_is_far_too_large_diverges_and_says_so(training: Traini
         fit(training.make_clips(2, 1), [training.body], training.path, config)
 
 
-def test_a_broken_or_foreign_checkpoint_stops_the_run(training: Training) -> None:
+def test_a_broken_or_foreign_checkpoint_stops_the_run(training):
     clips = training.make_clips(1, 1)
     fit(clips, [training.body], training.path, training.config)
     larger = training.config.model_copy(update={"model": ModelConfig(layers=1, hidden=13)})
@@ -240,7 +231,7 @@ def test_a_broken_or_foreign_checkpoint_stops_the_run(training: Training) -> Non
         fit(clips, [training.body], training.path, training.config)
 
 
-def test_clips_that_cannot_be_trained_on_are_refused(training: Training) -> None:
+def test_clips_that_cannot_be_trained_on_are_refused(training):
     with pytest.raises(BadManifest, match="no usable clips"):
         fit([], [training.body], training.path, training.config)
     clip = training.make_clips(1, 1)[0]
@@ -255,7 +246,7 @@ def test_clips_that_cannot_be_trained_on_are_refused(training: Training) -> None
         fit([shaken], [training.body], training.path, training.config)
 
 
-def test_a_missing_gpu_is_said(training: Training, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_gpu_is_said(training, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(StageFailed, match="no GPU here"):
         fit(
@@ -266,7 +257,7 @@ def test_a_missing_gpu_is_said(training: Training, monkeypatch: pytest.MonkeyPat
         )
 
 
-def test_learning_rate() -> None:
+def test_learning_rate():
     config = TrainConfig(learning_rate=1.0, schedule="cosine", warmup_steps=4, steps=100)
     rates = [learning_rate_at(config, step) for step in range(100)]
     assert rates[:3] == pytest.approx([0.25, 0.5, 0.75], rel=3e-3)

@@ -94,9 +94,7 @@ def direct_terms(
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("reduction", REDUCTIONS)
 @pytest.mark.parametrize("lengths", [[N, N, N], [N, 2, 1]])
-def test_terms_are_the_equations(
-    small_body: BodyModel, kind: Kind, reduction: Reduction, lengths: list[int], angle_rad: float
-) -> None:
+def test_terms_are_the_equations(small_body, kind, reduction, lengths, angle_rad):
     predicted, true = random_motions(1, angle_rad), random_motions(2, angle_rad)
     bodies = random_bodies(small_body, 3, n_vertices=20)
     part = with_vertices(small_body, vertex_rows(len(small_body.template_m), 20))
@@ -114,7 +112,7 @@ def test_terms_are_the_equations(
     assert found["loss"].item() == pytest.approx(total, rel=1e-8)
 
 
-def test_weights_and_a_missing_vertex_term() -> None:
+def test_weights_and_a_missing_vertex_term():
     predicted, true = random_motions(1), random_motions(2)
     config = LossConfig(orientation=2.0, translation=3.0, vertex=0.0, smoothness=5.0)
     found = gmr_loss(predicted, true, torch.ones(B, N, dtype=torch.bool), None, config)
@@ -123,7 +121,7 @@ def test_weights_and_a_missing_vertex_term() -> None:
     assert found["vertex"].item() == 0
 
 
-def test_padding_has_no_value_and_no_gradient(small_body: BodyModel) -> None:
+def test_padding_has_no_value_and_no_gradient(small_body):
     predicted, true, bodies = random_motions(1), random_motions(2), random_bodies(small_body, 3)
     mask = torch.arange(N) < torch.tensor([4, 1, N])[:, None]
     leaves = [predicted.delta_rotmats.requires_grad_(), predicted.delta_m.requires_grad_()]
@@ -135,7 +133,7 @@ def test_padding_has_no_value_and_no_gradient(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("reduction", REDUCTIONS)
-def test_parts_of_a_step_add_up(small_body: BodyModel, reduction: Reduction) -> None:
+def test_parts_of_a_step_add_up(small_body, reduction):
     """Three processes with a window each, of different lengths: their mean is the whole's loss."""
     predicted, true, bodies = random_motions(1), random_motions(2), random_bodies(small_body, 3)
     mask = torch.arange(N) < torch.tensor([4, 1, N])[:, None]
@@ -162,8 +160,8 @@ def test_parts_of_a_step_add_up(small_body: BodyModel, reduction: Reduction) -> 
 @pytest.mark.parametrize("has_pose_dirs", [False, True])
 @pytest.mark.parametrize("block_vertices", [1024, 37])
 def test_vertex_term_is_eq_13_with_the_body_posed_twice(
-    small_body: BodyModel, has_pose_dirs: bool, block_vertices: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    small_body, has_pose_dirs, block_vertices, monkeypatch
+):
     """Value and gradient as if prediction and truth each went through the body under autograd."""
     monkeypatch.setattr(losses, "BLOCK_VERTICES", block_vertices)
     monkeypatch.setattr(losses, "CHUNK_BYTES", {"cpu": 12 * 8 * N * block_vertices * 2})
@@ -196,9 +194,7 @@ def test_vertex_term_is_eq_13_with_the_body_posed_twice(
 
 
 @pytest.mark.parametrize("has_pose_dirs", [False, True])
-def test_weights_get_the_direct_readings_gradient_in_single_precision(
-    small_body: BodyModel, has_pose_dirs: bool
-) -> None:
+def test_weights_get_the_direct_readings_gradient_in_single_precision(small_body, has_pose_dirs):
     """To 1e-5 of its length, through the network, in the numbers that a training has."""
     body = bent_body(small_body) if has_pose_dirs else small_body
     bodies, true = random_bodies(body, 0, dtype=torch.float32), random_motions(2)
@@ -230,7 +226,7 @@ def test_weights_get_the_direct_readings_gradient_in_single_precision(
 
 
 @pytest.mark.parametrize("reduction", REDUCTIONS)
-def test_a_vertex_subset_estimates_the_whole(small_body: BodyModel, reduction: Reduction) -> None:
+def test_a_vertex_subset_estimates_the_whole(small_body, reduction):
     predicted, true = random_motions(1), random_motions(2)
     mask = torch.ones(B, N, dtype=torch.bool)
     config = LossConfig(reduction=reduction)
@@ -242,7 +238,7 @@ def test_a_vertex_subset_estimates_the_whole(small_body: BodyModel, reduction: R
     assert part != whole
 
 
-def test_vertex_rows_are_spread_and_ascending(small_body: BodyModel) -> None:
+def test_vertex_rows_are_spread_and_ascending(small_body):
     assert vertex_rows(10, None).tolist() == list(range(10))
     assert vertex_rows(10, 50).tolist() == list(range(10))
     assert vertex_rows(10, 4).tolist() == [0, 2, 5, 7]
@@ -262,9 +258,7 @@ def test_vertex_rows_are_spread_and_ascending(small_body: BodyModel) -> None:
 @pytest.mark.parametrize("angle_rad", [0.0, 1e-8, 1e-4, 0.1, 1.0, 3.0, np.pi - 1e-3])
 @pytest.mark.parametrize("reduction", REDUCTIONS)
 @pytest.mark.parametrize("term", [*KINDS, "translation", "vertex", "smoothness"])
-def test_gradients_by_finite_differences(
-    small_body: BodyModel, term: str, reduction: Reduction, angle_rad: float
-) -> None:
+def test_gradients_by_finite_differences(small_body, term, reduction, angle_rad):
     """Each term's gradient through the network's output, at predictions of 0 to nearly pi."""
     axes = np.array([[0.6, -0.48, 0.64], [0.8, 0.6, 0.0], [-0.28, 0.96, 0.0]])
     delta_m = np.array([[0.03, -0.02, 0.05], [0.1, 0.0, -0.04], [-0.07, 0.02, 0.01]])
@@ -295,9 +289,7 @@ def test_gradients_by_finite_differences(
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("angle_rad", [0.0, 1e-12, 1e-7, np.pi - 1e-7, np.pi, np.pi + 1e-7])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_gradients_are_finite_at_0_and_pi(
-    small_body: BodyModel, kind: Kind, angle_rad: float, dtype: torch.dtype
-) -> None:
+def test_gradients_are_finite_at_0_and_pi(small_body, kind, angle_rad, dtype):
     """Prediction and truth equal, opposite, or both at half a turn."""
     axis = torch.tensor([0.6, -0.48, 0.64], dtype=dtype)
     some = random_bodies(small_body, 4, n_vertices=2, dtype=dtype)
@@ -320,7 +312,7 @@ def test_gradients_are_finite_at_0_and_pi(
         assert torch.isfinite(values.grad).all()
 
 
-def test_each_window_is_posed_on_its_own_body(small_body: BodyModel) -> None:
+def test_each_window_is_posed_on_its_own_body(small_body):
     """Value and gradient of a batch with two bodies are those of each body alone."""
     other = replace(
         small_body,
@@ -345,7 +337,7 @@ def test_each_window_is_posed_on_its_own_body(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_lengths_of_errors_are_their_means_and_have_a_slope_everywhere(kind: Kind) -> None:
+def test_lengths_of_errors_are_their_means_and_have_a_slope_everywhere(kind):
     """A chordal distance of small angles is the angle times the root of 2."""
     true, mask = random_motions(1), torch.ones(B, N, dtype=torch.bool)
     mask[1, 4:] = False

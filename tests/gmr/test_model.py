@@ -8,7 +8,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, Representation
+from gmrdata.gmr.config import ModelConfig, Representation
 from gmrdata.gmr.model import (
     REST_JOINTS_M,
     SCALE,
@@ -24,7 +24,7 @@ from gmrdata.gmr.model import (
     speeds_of_change,
     velocities,
 )
-from gmrdata.values.body import JOINT_NAMES, BodyModel
+from gmrdata.values.body import JOINT_NAMES
 from gmrdata.values.motion import deltas
 from tests.gmr.direct_reading import parameter_count
 from tests.torch_joints import posed_joints
@@ -34,7 +34,7 @@ INPUTS = {"quaternion": 92, "axis-angle": 69, "6d": 138}
 
 
 @pytest.mark.parametrize(("input_", "output"), list(product(REPRESENTATIONS, REPRESENTATIONS)))
-def test_all_nine_of_table_1(input_: Representation, output: Representation) -> None:
+def test_all_nine_of_table_1(input_, output):
     config = ModelConfig(layers=2, hidden=8, input=input_, output=output)
     model = Gmr(config)
     poses = torch.randn(3, 10, INPUTS[input_], generator=torch.Generator().manual_seed(0))
@@ -49,7 +49,7 @@ def test_all_nine_of_table_1(input_: Representation, output: Representation) -> 
 
 
 @pytest.mark.parametrize(("layers", "hidden"), [(1, 1), (1, 7), (3, 5), (4, 16)])
-def test_parameter_count(layers: int, hidden: int) -> None:
+def test_parameter_count(layers, hidden):
     config = ModelConfig(layers=layers, hidden=hidden)
     assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
 
@@ -58,7 +58,7 @@ def test_parameter_count(layers: int, hidden: int) -> None:
     ("extra", "inputs"),
     [(("velocity",), 92 + 69), (("standing",), 92 + 138), (("velocity", "standing"), 92 + 207)],
 )
-def test_parameter_count_with_extra_inputs(extra: tuple[ExtraInput, ...], inputs: int) -> None:
+def test_parameter_count_with_extra_inputs(extra, inputs):
     """Only the first layer is larger: three gates of both directions look at each number."""
     config = ModelConfig(layers=3, hidden=5, extra_inputs=extra)
     assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
@@ -67,7 +67,7 @@ def test_parameter_count_with_extra_inputs(extra: tuple[ExtraInput, ...], inputs
     assert parameter_count(config) - plain == 2 * 3 * 5 * (inputs - 92)
 
 
-def test_the_papers_network() -> None:
+def test_the_papers_network():
     """4 x 2048: 26.3 M for the first layer, 75.5 M for each other, 8.4 M behind the GRUs."""
     first = 2 * 3 * (2048 * (92 + 2048) + 2 * 2048)
     other = 2 * 3 * (2048 * (4096 + 2048) + 2 * 2048)
@@ -76,7 +76,7 @@ def test_the_papers_network() -> None:
 
 
 @pytest.mark.parametrize(("latent", "count"), [(None, 7_114_246), (2048, 8_697_862)])
-def test_table_9_with_a_latent_size_of_its_own(latent: int | None, count: int) -> None:
+def test_table_9_with_a_latent_size_of_its_own(latent, count):
     """2 / 512, with as many latent numbers as hidden units, and with the 2048 of Fig. 4."""
     config = ModelConfig(layers=2, hidden=512, latent=latent)
     model = Gmr(config)
@@ -86,7 +86,7 @@ def test_table_9_with_a_latent_size_of_its_own(latent: int | None, count: int) -
 
 
 @pytest.mark.parametrize("output", REPRESENTATIONS)
-def test_a_network_of_zeros_stands_still(output: Representation) -> None:
+def test_a_network_of_zeros_stands_still(output):
     model = Gmr(ModelConfig(layers=1, hidden=4, output=output))
     for parameter in model.parameters():
         torch.nn.init.zeros_(parameter)
@@ -96,7 +96,7 @@ def test_a_network_of_zeros_stands_still(output: Representation) -> None:
 
 
 @pytest.mark.parametrize("source", ["regressed", "standing_joint"])
-def test_padding_changes_nothing(source: MotionSource) -> None:
+def test_padding_changes_nothing(source):
     config = ModelConfig(layers=2, hidden=6, rotation=source, translation=source)
     model = Gmr(config).eval()
     generator = torch.Generator().manual_seed(3)
@@ -112,7 +112,7 @@ def test_padding_changes_nothing(source: MotionSource) -> None:
             torch.testing.assert_close(together[part][row, :kept], expected, atol=1e-6, rtol=0)
 
 
-def test_it_looks_both_ways() -> None:
+def test_it_looks_both_ways():
     """Each output depends on the first and on the last frame."""
     model = Gmr(ModelConfig(layers=1, hidden=6)).eval()
     poses = torch.randn(1, 9, 92, generator=torch.Generator().manual_seed(5), requires_grad=True)
@@ -121,7 +121,7 @@ def test_it_looks_both_ways() -> None:
     assert (poses.grad[0].abs().sum(-1) > 0).all()
 
 
-def test_network_input_is_w_first_by_joint() -> None:
+def test_network_input_is_w_first_by_joint():
     still = torch.eye(3).expand(4, 23, 3, 3)
     assert torch.equal(network_input(still, "quaternion")[0, :8], torch.tensor([1.0, 0, 0, 0] * 2))
     assert network_input(still, "axis-angle").shape == (4, 69)
@@ -141,14 +141,14 @@ def as_rotmats(rotvecs_rad: torch.Tensor) -> np.ndarray:
     return matrices.reshape(*rotvecs_rad.shape, 3)
 
 
-def test_velocities_lead_from_each_pose_to_the_next() -> None:
+def test_velocities_lead_from_each_pose_to_the_next():
     poses = random_poses(2, 7)
     turns = as_rotmats(velocities(poses) / SCALE)
     np.testing.assert_allclose(poses[:, :-1].numpy() @ turns[:, :-1], poses[:, 1:], atol=1e-9)
     assert velocities(poses)[:, -1].abs().max() == 0
 
 
-def test_a_joint_that_stands_still_shows_the_roots_motion(small_body: BodyModel) -> None:
+def test_a_joint_that_stands_still_shows_the_roots_motion(small_body):
     """The root is placed, by the body's forward kinematics, so that one joint does not move."""
     body = replace(small_body, joints_template_m=np.add(REST_JOINTS_M, (0.1, 0.2, 0.3)))
     poses = random_poses(6)
@@ -163,12 +163,12 @@ def test_a_joint_that_stands_still_shows_the_roots_motion(small_body: BodyModel)
     assert found[-1].abs().max() == 0
 
 
-def test_the_skeleton_is_the_default_bodys(anny: BodyModel) -> None:
+def test_the_skeleton_is_the_default_bodys(anny):
     rest_m = anny.joints_template_m - anny.joints_template_m[0]
     np.testing.assert_allclose(np.array(REST_JOINTS_M), rest_m, atol=0.00051)
 
 
-def test_inputs_lie_side_by_side() -> None:
+def test_inputs_lie_side_by_side():
     poses = random_poses(2, 5)
     alone = network_input(poses, "6d")
     together = network_input(poses, "6d", ("standing", "velocity"))
@@ -180,7 +180,7 @@ def test_inputs_lie_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("extra", [(), ("velocity", "standing")])
-def test_a_batch_is_its_sequences(extra: tuple[str, ...]) -> None:
+def test_a_batch_is_its_sequences(extra):
     """Quaternions of the second sequence don't depend on the first."""
     poses = random_poses(3, 6)
     config = ModelConfig.model_validate({"extra_inputs": extra})
@@ -190,7 +190,7 @@ def test_a_batch_is_its_sequences(extra: tuple[str, ...]) -> None:
         torch.testing.assert_close(together[row], alone, atol=1e-12, rtol=0)
 
 
-def test_a_network_that_looks_at_legs_and_trunk_does_not_see_arms() -> None:
+def test_a_network_that_looks_at_legs_and_trunk_does_not_see_arms():
     config = ModelConfig(
         layers=1, hidden=4, extra_inputs=("standing", "velocity"), looks_at="legs_and_trunk"
     )
@@ -235,7 +235,7 @@ def all_of(joint: int) -> torch.Tensor:
     return torch.nn.functional.one_hot(torch.tensor(joint), 23).double()[:, None]
 
 
-def test_a_point_at_rest_shows_the_translation(small_body: BodyModel) -> None:
+def test_a_point_at_rest_shows_the_translation(small_body):
     """The root turns at random about one joint, which stays where it is."""
     body = replace(small_body, joints_template_m=np.add(REST_JOINTS_M, (0.1, 0.2, 0.3)))
     poses = random_poses(6)
@@ -252,7 +252,7 @@ def test_a_point_at_rest_shows_the_translation(small_body: BodyModel) -> None:
         np.testing.assert_allclose(steps_m[0, :-1], delta_m, atol=1e-9)
 
 
-def test_a_joint_at_rest_shows_the_rotation() -> None:
+def test_a_joint_at_rest_shows_the_rotation():
     """The root turns such that one joint keeps its orientation in the world."""
     _, root_from_joint = joints_in_root_frame(random_poses(6))
     for joint in range(23):
@@ -265,7 +265,7 @@ def test_a_joint_at_rest_shows_the_rotation() -> None:
         np.testing.assert_allclose(turns[0, -1], np.eye(3), atol=1e-6)
 
 
-def test_shares_of_a_turn_are_shares_of_its_angle() -> None:
+def test_shares_of_a_turn_are_shares_of_its_angle():
     """Two joints that turn about the same axis: the mean angle; and none leaves no turn."""
     angles_rad = np.array([[0.0, 0.0], [0.2, 0.6]])
     rotmats = Rotation.from_rotvec([[0, 0, angle] for angle in angles_rad.flat]).as_matrix()
@@ -277,7 +277,7 @@ def test_shares_of_a_turn_are_shares_of_its_angle() -> None:
 
 
 @pytest.mark.parametrize("representation", ["quaternion", "axis-angle", "6d"])
-def test_joints_are_seen_in_the_networks_input(representation: Representation) -> None:
+def test_joints_are_seen_in_the_networks_input(representation):
     poses = random_poses(2, 5)
     seen = network_input(poses, representation, ("velocity", "standing"))
     expected = joints_in_root_frame(poses)
@@ -285,7 +285,7 @@ def test_joints_are_seen_in_the_networks_input(representation: Representation) -
     torch.testing.assert_close(found, expected, atol=1e-9, rtol=0)
 
 
-def test_the_joints_that_stand_turn_and_move_the_root() -> None:
+def test_the_joints_that_stand_turn_and_move_the_root():
     poses = random_poses(1, 7)
     places_m, root_from_joint = joints_in_root_frame(poses)
     seen = network_input(poses, "quaternion").float()
@@ -307,7 +307,7 @@ def test_the_joints_that_stand_turn_and_move_the_root() -> None:
 
 
 @pytest.mark.parametrize("input_", ["quaternion", "axis-angle", "6d"])
-def test_padding_leaves_finite_gradients(input_: Representation) -> None:
+def test_padding_leaves_finite_gradients(input_):
     """Padding is zeros, which are no rotations."""
     model = Gmr(BOTH.model_copy(update={"input": input_}))
     poses = network_input(random_poses(2, 6), input_).float()
@@ -320,7 +320,7 @@ def test_padding_leaves_finite_gradients(input_: Representation) -> None:
 
 
 @pytest.mark.parametrize("parts", [("rotation",), ("translation",), ("rotation", "translation")])
-def test_parameter_count_with_standing_joints(parts: tuple[str, ...]) -> None:
+def test_parameter_count_with_standing_joints(parts):
     """24 shares of each of the features, and as many biases, for each part."""
     standing = dict.fromkeys(parts, "standing_joint")
     config = ModelConfig.model_validate({"layers": 2, "hidden": 7} | standing)
@@ -329,7 +329,7 @@ def test_parameter_count_with_standing_joints(parts: tuple[str, ...]) -> None:
     assert parameter_count(config) - plain == 24 * 8 * len(parts)
 
 
-def test_who_holds_a_pose_stands_still_whatever_is_regressed() -> None:
+def test_who_holds_a_pose_stands_still_whatever_is_regressed():
     """A pose that is held, then left: what is regressed counts by how fast the pose changes."""
     config = BOTH.model_copy(update={"regressed": "as_the_pose_changes", "output_scale": 0.1})
     model, free = Gmr(config).double(), Gmr(BOTH.model_copy(update={"output_scale": 0.1})).double()
@@ -354,7 +354,7 @@ def test_who_holds_a_pose_stands_still_whatever_is_regressed() -> None:
     assert not torch.allclose(free_turns[0, :5], torch.eye(3).double().expand(5, 3, 3), atol=0.1)
 
 
-def test_speeds_of_change_are_the_larger_of_both_sides() -> None:
+def test_speeds_of_change_are_the_larger_of_both_sides():
     poses = random_poses(5)
     motions = motions_if_standing(poses).square().mean((-1, -2)).sqrt()
     speeds = speeds_of_change(*joints_in_root_frame(poses))[:, 0]

@@ -23,9 +23,7 @@ rotvecs = st.builds(lambda axis, angle_rad: axis * angle_rad, axes, angles_rad)
 
 
 @given(st.sampled_from(REPRESENTATIONS), rotvecs)
-def test_every_representation_gives_the_rotation_back(
-    representation: Representation, rotvec: np.ndarray
-) -> None:
+def test_every_representation_gives_the_rotation_back(representation, rotvec):
     rotmat = torch.as_tensor(Rotation.from_rotvec(rotvec).as_matrix())
     values = rotations.from_rotmats(rotmat, representation)
     assert values.shape == (rotations.SIZE[representation],)
@@ -36,7 +34,7 @@ def test_every_representation_gives_the_rotation_back(
 
 
 @given(rotvecs)
-def test_values_are_scipys(rotvec: np.ndarray) -> None:
+def test_values_are_scipys(rotvec):
     rotation = Rotation.from_rotvec(rotvec)
     rotmat = torch.as_tensor(rotation.as_matrix())
     x, y, z, w = rotation.as_quat(canonical=True)
@@ -51,16 +49,14 @@ def test_values_are_scipys(rotvec: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)
-def test_the_identity(representation: Representation) -> None:
+def test_the_identity(representation):
     values = torch.tensor(rotations.IDENTITY[representation])
     assert torch.equal(rotations.to_rotmats(values, representation), torch.eye(3))
     assert torch.equal(rotations.from_rotmats(torch.eye(3), representation), values)
 
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)
-def test_any_output_of_a_network_is_a_rotation_with_finite_gradients(
-    representation: Representation,
-) -> None:
+def test_any_output_of_a_network_is_a_rotation_with_finite_gradients(representation):
     size = rotations.SIZE[representation]
     generator = torch.Generator().manual_seed(1)
     values = 4 * torch.randn(500, size, generator=generator, dtype=torch.float64)
@@ -75,7 +71,7 @@ def test_any_output_of_a_network_is_a_rotation_with_finite_gradients(
     assert torch.isfinite(values.grad).all()
 
 
-def test_quaternions_do_not_jump_when_a_joint_passes_180_degrees() -> None:
+def test_quaternions_do_not_jump_when_a_joint_passes_180_degrees():
     """A joint that turns once around: w falls through 0, and with w >= 0 forced it would jump."""
     turn_rad = np.linspace(0, 2 * np.pi, 50)
     rotmats = Rotation.from_rotvec(turn_rad[:, None] * [0, 0, 1.0]).as_matrix()
@@ -89,7 +85,7 @@ def test_quaternions_do_not_jump_when_a_joint_passes_180_degrees() -> None:
 
 
 @given(st.integers(0, 2**31 - 1))
-def test_signs_in_time_are_per_joint_and_the_same_whatever_came_in(seed: int) -> None:
+def test_signs_in_time_are_per_joint_and_the_same_whatever_came_in(seed):
     rng = np.random.default_rng(seed)
     steps = Rotation.from_rotvec(rng.normal(0, 0.4, (20 * 3, 3)))
     rotmats = np.tile(np.eye(3), (20, 3, 1, 1))
@@ -123,7 +119,7 @@ world_changes = st.builds(
 )
 
 
-def test_deltas_by_hand() -> None:
+def test_deltas_by_hand():
     """A quarter turn to the left, then a step of 1 m along the body's own new front."""
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     root_rotmats = np.stack([np.eye(3), turn, turn])
@@ -134,16 +130,14 @@ def test_deltas_by_hand() -> None:
 
 
 @given(poses)
-def test_it_is_eq_2_as_4x4_matrices(pose: tuple[np.ndarray, np.ndarray]) -> None:
+def test_it_is_eq_2_as_4x4_matrices(pose):
     world_from_root = transforms.rigid(*pose)
     product = world_from_root[:-1] @ transforms.rigid(*deltas(*pose))
     np.testing.assert_allclose(product, world_from_root[1:], atol=1e-12)
 
 
 @given(poses)
-def test_the_pelvis_and_smpls_trans_have_the_same_motions(
-    pose: tuple[np.ndarray, np.ndarray],
-) -> None:
+def test_the_pelvis_and_smpls_trans_have_the_same_motions(pose):
     """T of eq. 1 is SMPL's `trans`, which the pelvis differs from by J0: the same in all frames."""
     root_rotmats, pelvis_m = pose
     rest_pelvis_m = np.array([0.002, -0.22, 0.03])
@@ -152,9 +146,7 @@ def test_the_pelvis_and_smpls_trans_have_the_same_motions(
 
 
 @given(poses)
-def test_accumulating_from_the_first_pose_gives_the_poses_back(
-    pose: tuple[np.ndarray, np.ndarray],
-) -> None:
+def test_accumulating_from_the_first_pose_gives_the_poses_back(pose):
     root_rotmats, pelvis_m = pose
     again = accumulate(*deltas(root_rotmats, pelvis_m), root_rotmats[0], pelvis_m[0])
     np.testing.assert_allclose(again[0], root_rotmats, atol=1e-11)
@@ -162,9 +154,7 @@ def test_accumulating_from_the_first_pose_gives_the_poses_back(
 
 
 @given(poses)
-def test_accumulating_from_the_identity_gives_the_poses_up_to_the_first(
-    pose: tuple[np.ndarray, np.ndarray],
-) -> None:
+def test_accumulating_from_the_identity_gives_the_poses_up_to_the_first(pose):
     first_from_world = transforms.invert(transforms.rigid(pose[0][0], pose[1][0]))
     expected = first_from_world @ transforms.rigid(*pose)
     found = transforms.rigid(*accumulate(*deltas(*pose), np.eye(3), np.zeros(3)))
@@ -172,9 +162,7 @@ def test_accumulating_from_the_identity_gives_the_poses_up_to_the_first(
 
 
 @given(poses, world_changes)
-def test_deltas_do_not_depend_on_the_world(
-    pose: tuple[np.ndarray, np.ndarray], change: tuple[np.ndarray, np.ndarray]
-) -> None:
+def test_deltas_do_not_depend_on_the_world(pose, change):
     other_from_world = transforms.rigid(*change)
     other = other_from_world @ transforms.rigid(*pose)
     for found, expected in zip(
@@ -185,7 +173,7 @@ def test_deltas_do_not_depend_on_the_world(
 
 @settings(max_examples=20)
 @given(poses)
-def test_torch_and_numpy_agree_in_batches(pose: tuple[np.ndarray, np.ndarray]) -> None:
+def test_torch_and_numpy_agree_in_batches(pose):
     root_rotmats, pelvis_m = (torch.as_tensor(np.stack([part, part[::-1]])) for part in pose)
     found = deltas(root_rotmats, pelvis_m)
     for row, order in enumerate((slice(None), slice(None, None, -1))):

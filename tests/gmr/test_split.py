@@ -17,8 +17,7 @@ from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.read.body_file import save_body
 from gmrdata.stage import recipes
-from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
 
@@ -36,9 +35,7 @@ SOURCES = {
 
 
 @pytest.fixture
-def make_manifest(
-    make_clips: Callable[..., list[Clip]], small_body: BodyModel, tmp_path: Path
-) -> Callable[..., Path]:
+def make_manifest(make_clips, small_body, tmp_path) -> Callable[..., Path]:
     """A manifest of small clips with these sources."""
 
     def make(name: str, sources: dict[str, Source] = SOURCES) -> Path:
@@ -65,7 +62,7 @@ def make_manifest(
     return make
 
 
-def test_subjects_and_trials() -> None:
+def test_subjects_and_trials():
     assert {name: (subject_of(s), cmu_trial(s)) for name, s in SOURCES.items()} == {
         "02_03": ("CMU/02", "02_03"),
         "02_01": ("CMU/02", "02_01"),
@@ -82,7 +79,7 @@ def test_subjects_and_trials() -> None:
 
 
 @given(subject=st.integers(1, 144), trial=st.integers(1, 75))
-def test_every_form_of_a_trial_is_that_trial(subject: int, trial: int) -> None:
+def test_every_form_of_a_trial_is_that_trial(subject, trial):
     name = f"{subject:02d}_{trial:02d}"
     forms = [
         Source(dataset="CMU", sequence=name),
@@ -94,7 +91,7 @@ def test_every_form_of_a_trial_is_that_trial(subject: int, trial: int) -> None:
     assert {subject_of(form) for form in forms} == {f"CMU/{subject:02d}"}
 
 
-def test_trials_of_table_8_are_left_out_by_default(make_manifest: Callable[..., Path]) -> None:
+def test_trials_of_table_8_are_left_out_by_default(make_manifest):
     split = split_manifests([make_manifest("all")], DataConfig())
     assert [file.entry.id for file in split.training] == [
         "02_01",
@@ -110,7 +107,7 @@ def test_trials_of_table_8_are_left_out_by_default(make_manifest: Callable[..., 
     assert len(everything.training) == 8 and everything.statement == ""
 
 
-def test_all_50_rows_of_table_8_are_left_out(make_manifest: Callable[..., Path]) -> None:
+def test_all_50_rows_of_table_8_are_left_out(make_manifest):
     """Each of the 50 trials, in AMASS's form."""
     rows = read_manifest(recipes.published_manifest("paper_table8")).clips
     trials = sorted({row.source.sequence for row in rows})
@@ -124,9 +121,7 @@ def test_all_50_rows_of_table_8_are_left_out(make_manifest: Callable[..., Path])
     assert split.mix.sizes == (0, 5)
 
 
-def test_held_out_subjects_are_scored_and_not_trained_on(
-    make_manifest: Callable[..., Path],
-) -> None:
+def test_held_out_subjects_are_scored_and_not_trained_on(make_manifest):
     path = make_manifest("all")
     for subjects in ((2, "KIT/3"), ("02", "KIT/3"), ("CMU/02", "KIT/3")):
         split = split_manifests([path], DataConfig(held_out_subjects=subjects))
@@ -143,7 +138,7 @@ def test_held_out_subjects_are_scored_and_not_trained_on(
         split_manifests([path], DataConfig(held_out_subjects=(2, 77)))
 
 
-def test_what_can_not_be_split_is_said(make_manifest: Callable[..., Path]) -> None:
+def test_what_can_not_be_split_is_said(make_manifest):
     path = make_manifest("one", {"02_03": CMU_02_03})
     with pytest.raises(BadManifest, match=r"no usable clips \(not trained on: 1 of 1 clips"):
         split_manifests([path], DataConfig())
@@ -153,7 +148,7 @@ def test_what_can_not_be_split_is_said(make_manifest: Callable[..., Path]) -> No
         split_manifests([path], DataConfig(weights=(1.0, 2.0)))
 
 
-def test_a_recipe_with_weights(tmp_path: Path) -> None:
+def test_a_recipe_with_weights(tmp_path):
     recipe = GmrRecipe.model_validate(
         {
             "recipe": "gmr",
@@ -177,12 +172,8 @@ def test_a_recipe_with_weights(tmp_path: Path) -> None:
 
 
 def test_a_training_says_what_it_left_out(
-    make_manifest: Callable[..., Path],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    make_manifest, small_body, small_config, tmp_path, capsys
+):
     """Two manifests with weights, a held-out subject that is scored, and Table 8's trials out."""
     save_body(tmp_path / "body.npz", small_body)
     paths = [make_manifest("all"), make_manifest("more", {"walk": SOURCES["plain"]})]

@@ -18,11 +18,10 @@ from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.steps import AHEAD, decay_at, prefetched, run_log, start_average
 from gmrdata.values.errors import BadCheckpoint, MissingExtra
-from tests.gmr.conftest import Training
 from tests.gmr.test_loop import bytes_of
 
 
-def test_steps_come_in_order_with_their_batches() -> None:
+def test_steps_come_in_order_with_their_batches():
     made: list[int] = []
 
     def make(step: int) -> int:
@@ -35,7 +34,7 @@ def test_steps_come_in_order_with_their_batches() -> None:
     assert list(prefetched(make, range(0))) == []
 
 
-def test_no_more_are_made_than_needed_soon() -> None:
+def test_no_more_are_made_than_needed_soon():
     made: list[int] = []
     seen = []
     for step, _ in prefetched(made.append, range(20)):
@@ -45,7 +44,7 @@ def test_no_more_are_made_than_needed_soon() -> None:
     assert seen == list(range(20))
 
 
-def test_the_next_is_made_while_one_is_used() -> None:
+def test_the_next_is_made_while_one_is_used():
     """Each step waits for the next step's batch, which only a maker beside it can make."""
     made = [threading.Event() for _ in range(30)]
 
@@ -54,7 +53,7 @@ def test_the_next_is_made_while_one_is_used() -> None:
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-def test_an_error_is_raised_at_its_step(error: type[BaseException]) -> None:
+def test_an_error_is_raised_at_its_step(error):
     def make(step: int) -> int:
         if step == 5:
             raise error
@@ -67,7 +66,7 @@ def test_an_error_is_raised_at_its_step(error: type[BaseException]) -> None:
     assert seen == [0, 1, 2, 3, 4]
 
 
-def test_a_loop_that_ends_early_leaves_no_thread() -> None:
+def test_a_loop_that_ends_early_leaves_no_thread():
     before = threading.active_count()
     batches = prefetched(lambda step: step, range(100))
     assert next(batches) == (0, 0)
@@ -79,7 +78,7 @@ def steps_of(run_dir: Path) -> list[int]:
     return [json.loads(line)["step"] for line in (run_dir / "metrics.jsonl").open()]
 
 
-def test_lines_beyond_the_checkpoint_are_cut(tmp_path: Path) -> None:
+def test_lines_beyond_the_checkpoint_are_cut(tmp_path):
     with run_log(tmp_path, 0, False) as log:
         for step in range(1, 6):
             log({"step": step, "loss": 0.5})
@@ -90,19 +89,19 @@ def test_lines_beyond_the_checkpoint_are_cut(tmp_path: Path) -> None:
     assert steps_of(tmp_path) == [1, 2, 3, 4]
 
 
-def test_a_process_that_is_to_say_nothing_writes_nothing(tmp_path: Path) -> None:
+def test_a_process_that_is_to_say_nothing_writes_nothing(tmp_path):
     with run_log(None, 0, True) as log:
         log({"step": 1, "loss": 0.5})
     assert list(tmp_path.iterdir()) == []
 
 
-def test_missing_tensorboard_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_tensorboard_is_said(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
     with pytest.raises(MissingExtra, match=r"pip install tensorboard"), run_log(tmp_path, 0, True):
         pass
 
 
-def test_event_files_have_the_lines_numbers(tmp_path: Path) -> None:
+def test_event_files_have_the_lines_numbers(tmp_path):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     with run_log(tmp_path, 0, True) as log:
@@ -117,7 +116,7 @@ def test_event_files_have_the_lines_numbers(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def small_config(small_config: TrainConfig) -> TrainConfig:
+def small_config(small_config) -> TrainConfig:
     windows = small_config.windows.model_copy(
         update={"mirror_probability": 0.5, "pose_noise_deg": 2.0, "pose_noise_time_s": 0.2}
     )
@@ -127,7 +126,7 @@ def small_config(small_config: TrainConfig) -> TrainConfig:
     )
 
 
-def test_it_is_the_weighted_sum_of_the_steps() -> None:
+def test_it_is_the_weighted_sum_of_the_steps():
     torch.manual_seed(0)
     model = Gmr(ModelConfig(layers=1, hidden=3))
     average = start_average(model, 0.7)
@@ -146,9 +145,7 @@ def test_it_is_the_weighted_sum_of_the_steps() -> None:
     assert torch.equal(average.module.projection.weight, model.projection.weight)
 
 
-def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(
-    training: Training,
-) -> None:
+def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(training):
     clips = training.make_clips(2, 1)
     used = fit(clips, [training.body], training.path / "a", training.config)
     fit(
@@ -167,9 +164,7 @@ def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(
         assert not torch.equal(trained.state_dict()[name], tensor)
 
 
-def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(
-    training: Training, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(training, monkeypatch):
     """With every augmentation, extra input and the average: stopped at any step."""
     clips, held_out = training.make_clips(2, 1), training.make_clips(1, 2)
     fit(clips, [training.body], training.path / "whole", training.config, held_out=held_out)
@@ -193,7 +188,7 @@ def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(
         assert bytes_of(run_dir) == expected
 
 
-def test_a_checkpoint_that_lost_its_average_is_refused(training: Training) -> None:
+def test_a_checkpoint_that_lost_its_average_is_refused(training):
     clips = training.make_clips(1, 1)
     fit(clips, [training.body], training.path, training.config)
     folder = checkpoint_dir(training.path, 12)

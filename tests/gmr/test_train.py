@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ import torch
 from safetensors.torch import load_file
 
 from gmrdata.gmr.checkpoint import latest_checkpoint
-from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
+from gmrdata.gmr.config import LossConfig, ModelConfig
 from gmrdata.gmr.loop import own_part
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.steps import Processes
@@ -26,8 +25,6 @@ from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.manifest.current import Quality
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
-from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip
 from gmrdata.values.errors import (
     BadCheckpoint,
     BadManifest,
@@ -55,28 +52,22 @@ train(
 
 
 @pytest.fixture
-def manifest_path(
-    make_clips: Callable[..., list[Clip]], small_body: BodyModel, tmp_path: Path
-) -> Path:
+def manifest_path(make_clips, small_body, tmp_path) -> Path:
     return write_clips(tmp_path / "data", small_body, make_clips(2, 1))
 
 
 @pytest.fixture
-def held_out_path(
-    make_clips: Callable[..., list[Clip]], small_body: BodyModel, tmp_path: Path
-) -> Path:
+def held_out_path(make_clips, small_body, tmp_path) -> Path:
     return write_clips(tmp_path / "held_out", small_body, make_clips(1, 2))
 
 
 @pytest.fixture
-def body_path(small_body: BodyModel, tmp_path: Path) -> Path:
+def body_path(small_body, tmp_path) -> Path:
     save_body(tmp_path / "body.npz", small_body)
     return tmp_path / "body.npz"
 
 
-def test_a_run_folder(
-    manifest_path: Path, body_path: Path, small_config: TrainConfig, tmp_path: Path
-) -> None:
+def test_a_run_folder(manifest_path, body_path, small_config, tmp_path):
     run_dir = tmp_path / "run"
     paths = [manifest_path]
     assert train(paths, run_dir, small_config, body_path=body_path) == run_dir
@@ -108,12 +99,8 @@ def test_a_run_folder(
 
 
 def test_rejected_clips_are_not_trained_on(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    body_path: Path,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
+    make_clips, small_body, body_path, small_config, tmp_path
+):
     rejected = Quality(verdict="rejected", reasons=("drift",))
     clips = make_clips(1, 3)
     path = write_clips(tmp_path / "bad", small_body, clips, {clips[0].id: rejected})
@@ -122,12 +109,8 @@ def test_rejected_clips_are_not_trained_on(
 
 
 def test_clips_of_several_frame_rates_are_trained_on_at_one(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    body_path: Path,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
+    make_clips, small_body, body_path, small_config, tmp_path
+):
     """20, 25 and 120 Hz mix; a lower rate than the network's would need frames made up."""
     clips = [
         replace(make_clips(1, seed, fps_hz=fps_hz)[0], id=f"at_{fps_hz}")
@@ -143,8 +126,8 @@ def test_clips_of_several_frame_rates_are_trained_on_at_one(
 
 
 def test_clips_with_nan_or_other_joints_are_refused_by_name(
-    manifest_path: Path, body_path: Path, small_config: TrainConfig, tmp_path: Path
-) -> None:
+    manifest_path, body_path, small_config, tmp_path
+):
     """Whatever made the files, after the manifest was written."""
     path = manifest_path.parent / "gait_1_1.npz"
     arrays = read_npz(path)
@@ -161,8 +144,8 @@ def test_clips_with_nan_or_other_joints_are_refused_by_name(
 
 
 def test_another_models_checkpoint_in_the_unfinished_run_is_refused(
-    manifest_path: Path, body_path: Path, small_config: TrainConfig, tmp_path: Path
-) -> None:
+    manifest_path, body_path, small_config, tmp_path
+):
     """The run's own folder stays as it is, so that what is in it is not lost."""
     diverging = small_config.model_copy(update={"learning_rate": 1e30, "gradient_norm": None})
     run_dir = tmp_path / "run"
@@ -179,12 +162,8 @@ def test_another_models_checkpoint_in_the_unfinished_run_is_refused(
 
 @pytest.mark.slow
 def test_kill_9_at_any_time_ends_with_the_same_bytes(
-    manifest_path: Path,
-    held_out_path: Path,
-    body_path: Path,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
+    manifest_path, held_out_path, body_path, small_config, tmp_path
+):
     """A process is killed twice, at moments that nobody chose, and started again."""
     config = small_config.model_copy(
         update={"steps": 110, "checkpoint_every": 7, "schedule": "cosine"}
@@ -256,11 +235,8 @@ for run_dir, config in json.loads(runs).items():
 
 @pytest.mark.slow
 def test_two_processes_train_as_one_with_twice_the_windows(
-    make_clips: Callable[..., list[Clip]],
-    small_body: BodyModel,
-    small_config: TrainConfig,
-    tmp_path: Path,
-) -> None:
+    make_clips, small_body, small_config, tmp_path
+):
     """Loss, terms, gradient and held-out scores to 1e-5, where windows have different lengths."""
     short = [clip for seed in (3, 4) for clip in make_clips(1, seed, duration_s=0.8)]
     manifest = write_clips(tmp_path / "data", small_body, [*make_clips(1, 1), *short])
@@ -306,9 +282,7 @@ def test_two_processes_train_as_one_with_twice_the_windows(
         assert state["processes"] == 2
 
 
-def test_parts_are_the_whole_batch(
-    make_clips: Callable[..., list[Clip]], small_config: TrainConfig
-) -> None:
+def test_parts_are_the_whole_batch(make_clips, small_config):
     windows = small_config.windows
     batch = make_batch(
         make_training_set(make_clips(2, 1), ModelConfig(), windows), windows, 6, 0, 0

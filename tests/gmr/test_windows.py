@@ -1,9 +1,8 @@
 """Windows and the runs that they are cut from, in memory and in mapped files."""
 
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,7 +53,7 @@ def frame_numbers(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[list[f
     return [run.pelvis_m[:, 0].tolist() for run in runs]
 
 
-def test_a_higher_rate_gives_all_phases() -> None:
+def test_a_higher_rate_gives_all_phases():
     assert frame_numbers(counting_clip(8, 30.0), 10.0, all_phases=True) == [
         [0, 3, 6],
         [1, 4, 7],
@@ -64,7 +63,7 @@ def test_a_higher_rate_gives_all_phases() -> None:
     assert frame_numbers(counting_clip(3, 10.0), 10.0, all_phases=True) == [[0, 1, 2]]
 
 
-def test_no_run_crosses_a_gap() -> None:
+def test_no_run_crosses_a_gap():
     clip = counting_clip(20, 30.0, gaps=(7, 8, 12))
     assert frame_numbers(clip, 10.0, all_phases=True) == [
         [0, 3, 6],
@@ -76,7 +75,7 @@ def test_no_run_crosses_a_gap() -> None:
     ]
 
 
-def test_a_ratio_that_is_not_whole_is_resampled_within_the_run() -> None:
+def test_a_ratio_that_is_not_whole_is_resampled_within_the_run():
     clip = counting_clip(31, 25.0, gaps=(10,))
     phases = frame_numbers(clip, 10.0, all_phases=True)
     expected = [[0.0, 2.5, 5.0, 7.5], [1.0, 3.5, 6.0, 8.5]]
@@ -87,13 +86,13 @@ def test_a_ratio_that_is_not_whole_is_resampled_within_the_run() -> None:
         np.testing.assert_allclose(found, want, atol=1e-9)
 
 
-def test_a_lower_rate_is_refused() -> None:
+def test_a_lower_rate_is_refused():
     with pytest.raises(BadMotionFile, match=r"clip counting: 5 fps is lower than 10 fps"):
         runs_at(counting_clip(8, 5.0), 10.0, all_phases=True)
 
 
 @pytest.mark.parametrize("field", ["local_rotmats", "root_rotmats", "pelvis_m"])
-def test_nan_in_a_valid_frame_is_refused(field: str) -> None:
+def test_nan_in_a_valid_frame_is_refused(field):
     clip = counting_clip(9, 10.0, gaps=(2,))
     array = getattr(clip.motion, field).copy()
     array[2] = np.nan
@@ -104,19 +103,19 @@ def test_nan_in_a_valid_frame_is_refused(field: str) -> None:
         runs_at(broken, 10.0, all_phases=True)
 
 
-def test_clips_without_two_frames_are_refused() -> None:
+def test_clips_without_two_frames_are_refused():
     with pytest.raises(BadManifest, match="none of the 1 training clips"):
         make_training_set([counting_clip(1, 10.0)], ModelConfig(), WindowConfig())
 
 
-def test_training_in_all_phases_or_in_the_first() -> None:
+def test_training_in_all_phases_or_in_the_first():
     for all_phases, n_frames in ((True, [3, 3, 2]), (False, [3])):
         config = WindowConfig(all_phases=all_phases)
         training_set = make_training_set([counting_clip(8, 30.0)], ModelConfig(), config)
         assert np.diff(training_set.frames.ends, prepend=0).tolist() == n_frames
 
 
-def test_bodies_do_not_mix() -> None:
+def test_bodies_do_not_mix():
     other = counting_clip(9, 10.0)
     other = replace(other, motion=replace(other.motion, body="large"))
     with pytest.raises(BadManifest, match="different bodies"):
@@ -143,7 +142,7 @@ def local_rotmats_of(run: TrainingRun, representation: Representation) -> np.nda
     return to_rotmats(values, representation).numpy()
 
 
-def test_a_batch_depends_on_seed_and_step_alone(make_clips: Callable[..., list[Clip]]) -> None:
+def test_a_batch_depends_on_seed_and_step_alone(make_clips):
     config = WindowConfig(frames=12)
     training_set = make_training_set(make_clips(3, 1), ModelConfig(), config)
     batches = [make_batch(training_set, config, 4, seed=5, step=step) for step in range(4)]
@@ -154,9 +153,7 @@ def test_a_batch_depends_on_seed_and_step_alone(make_clips: Callable[..., list[C
 
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)
-def test_windows_are_rows_of_the_runs(
-    make_clips: Callable[..., list[Clip]], representation: Representation
-) -> None:
+def test_windows_are_rows_of_the_runs(make_clips, representation):
     """Each window's poses are found in one run, forwards or backwards, with that run's motion."""
     config = WindowConfig(frames=9, reverse_probability=0.5)
     training_set = make_training_set(make_clips(3, 2), ModelConfig(input=representation), config)
@@ -185,7 +182,7 @@ def test_windows_are_rows_of_the_runs(
     assert directions == {False, True}
 
 
-def test_short_runs_are_padded_and_masked() -> None:
+def test_short_runs_are_padded_and_masked():
     config = WindowConfig(frames=6, reverse_probability=0.0)
     training_set = make_training_set([counting_clip(4, 10.0)], ModelConfig(), config)
     batch = make_batch(training_set, config, 2, seed=0, step=0)
@@ -197,7 +194,7 @@ def test_short_runs_are_padded_and_masked() -> None:
     assert batch.poses[0, :4, ::4].min() == 1
 
 
-def test_reversal_is_not_a_change_of_sign() -> None:
+def test_reversal_is_not_a_change_of_sign():
     """A quarter turn while walking: backwards, dT is -dR^T dT, which points elsewhere than -dT."""
     turn = Rotation.from_euler("z", [[0], [90]], degrees=True).as_matrix()
     run = TrainingRun(
@@ -215,7 +212,7 @@ def test_reversal_is_not_a_change_of_sign() -> None:
     np.testing.assert_allclose(again[1][::-1], run.pelvis_m, atol=1e-12)
 
 
-def test_quaternions_of_a_window_are_those_that_inference_makes() -> None:
+def test_quaternions_of_a_window_are_those_that_inference_makes():
     """A joint turns on and on, so its sign goes through both; a window begins with w >= 0."""
     clip = counting_clip(60, 10.0)
     local = clip.motion.local_rotmats.copy()
@@ -261,12 +258,7 @@ def tensors_of(batch: Batch) -> list[torch.Tensor]:
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)
 @pytest.mark.parametrize("weights", [None, (1.0, 2.5)])
-def test_packed_and_unpacked_give_the_same_batches(
-    make_clips: Callable[..., list[Clip]],
-    tmp_path: Path,
-    representation: Representation,
-    weights: tuple[float, float] | None,
-) -> None:
+def test_packed_and_unpacked_give_the_same_batches(make_clips, tmp_path, representation, weights):
     clips = make_clips(4, 1, duration_s=3.0)
     config = WindowConfig(frames=12)
     mix = Mix((3, 1), weights)
@@ -283,9 +275,7 @@ def test_packed_and_unpacked_give_the_same_batches(
 
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)
-def test_frames_are_those_of_the_clip(
-    make_clips: Callable[..., list[Clip]], representation: Representation
-) -> None:
+def test_frames_are_those_of_the_clip(make_clips, representation):
     (clip,) = make_clips(1, 2, fps_hz=10.0)
     config = WindowConfig(frames=clip.motion.n_frames, reverse_probability=0.0)
     training_set = make_training_set([clip], ModelConfig(input=representation), config)
@@ -302,7 +292,7 @@ def test_frames_are_those_of_the_clip(
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(lengths=st.lists(st.integers(2, 40), min_size=1, max_size=6), seed=st.integers(0, 99))
-def test_files_hold_what_memory_holds(tmp_path: Path, lengths: list[int], seed: int) -> None:
+def test_files_hold_what_memory_holds(tmp_path, lengths, seed):
     parts = sorted(np.random.default_rng(seed).integers(0, 3, len(lengths)).tolist())
     folder = tmp_path / f"pack_{seed}_{'_'.join(map(str, lengths))}"
     files = in_files(random_runs(lengths, parts, seed), folder, PACK)
@@ -316,7 +306,7 @@ def test_files_hold_what_memory_holds(tmp_path: Path, lengths: list[int], seed: 
     ]
 
 
-def test_a_pack_is_made_once_and_as_a_whole(tmp_path: Path) -> None:
+def test_a_pack_is_made_once_and_as_a_whole(tmp_path):
     folder = tmp_path / "pack"
 
     def stopping() -> Iterator[TrainingRun]:
@@ -338,7 +328,7 @@ def test_a_pack_is_made_once_and_as_a_whole(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_pack_whose_record_lacks_a_key_is_made_anew(tmp_path: Path) -> None:
+def test_a_pack_whose_record_lacks_a_key_is_made_anew(tmp_path):
     folder = tmp_path / "pack"
     for n, key in enumerate(("format", "input", "fps_hz"), start=5):
         in_files(random_runs([3], [0]), folder, PACK)
@@ -350,7 +340,7 @@ def test_a_pack_whose_record_lacks_a_key_is_made_anew(tmp_path: Path) -> None:
         remove_files(folder)
 
 
-def test_memory_is_bounded(tmp_path: Path) -> None:
+def test_memory_is_bounded(tmp_path):
     """100,000 frames, 37 MB of poses, go through far less memory."""
     tracemalloc.start()
     runs = (run for n in range(100) for run in random_runs([1000], [0], n))
@@ -365,7 +355,7 @@ def runs_of(lengths: list[int], parts: list[int]) -> FlatRuns:
     return in_memory(random_runs(lengths, parts))
 
 
-def test_runs_are_drawn_by_frames_or_by_weight_first() -> None:
+def test_runs_are_drawn_by_frames_or_by_weight_first():
     runs = runs_of([10, 30, 40, 20], [0, 0, 1, 2])
 
     def shares(weights: tuple[float, ...] | None) -> np.ndarray:
@@ -378,7 +368,7 @@ def test_runs_are_drawn_by_frames_or_by_weight_first() -> None:
     np.testing.assert_allclose(shares((0.5, 0.5, 1.0)), [0.25 / 4, 0.75 / 4, 0.25, 0.5], atol=0.02)
 
 
-def test_without_weights_the_draws_are_those_of_all_frames() -> None:
+def test_without_weights_the_draws_are_those_of_all_frames():
     runs = runs_of([10, 30, 40], [0, 1, 1])
     for seed in range(50):
         frame = np.random.default_rng(seed).integers(80)
@@ -389,13 +379,13 @@ def test_without_weights_the_draws_are_those_of_all_frames() -> None:
 @given(
     weights=st.lists(st.floats(1e-9, 1e9), min_size=1, max_size=4), seed=st.integers(0, 2**32 - 1)
 )
-def test_any_weights_draw_a_run(weights: list[float], seed: int) -> None:
+def test_any_weights_draw_a_run(weights, seed):
     n = len(weights)
     runs = runs_of([3] * 2 * n, sorted([*range(n), *range(n)]))
     assert 0 <= sample_run(runs, weights, np.random.default_rng(seed)) < 2 * n
 
 
-def test_a_weight_without_windows_is_refused(make_clips: Callable[..., list[Clip]]) -> None:
+def test_a_weight_without_windows_is_refused(make_clips):
     clips: list[Any] = make_clips(1, 1)
     mix = Mix((1, 0), (1.0, 1.0), ("a.yaml", "b.yaml"))
     with pytest.raises(BadManifest, match=r"manifest b\.yaml has a weight, but no clip of it"):

@@ -40,7 +40,7 @@ def walk_clip() -> Clip:
 
 
 @pytest.fixture(scope="session")
-def finished_data_set(walk_clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished_data_set(walk_clip, tmp_path_factory) -> Path:
     """Folder with two clips (one without a camera), images, masks, listings and `set.yaml`."""
     root = tmp_path_factory.mktemp("finished_data_set")
     save_clip(root / "clips" / "walk.npz", walk_clip, REST_PELVIS_M)
@@ -70,13 +70,13 @@ def finished_data_set(walk_clip: Clip, tmp_path_factory: pytest.TempPathFactory)
 
 
 @pytest.fixture
-def data_set(finished_data_set: Path, tmp_path: Path) -> Path:
+def data_set(finished_data_set, tmp_path) -> Path:
     """A copy of the data set that a test may damage."""
     return Path(shutil.copytree(finished_data_set, tmp_path / "set"))
 
 
 @pytest.fixture
-def edit(data_set: Path) -> Edit:
+def edit(data_set) -> Edit:
     """Change the manifest's data as a person with an editor would, past the models."""
 
     def change(how: Callable[[dict], object]) -> Path:

@@ -2,10 +2,8 @@
 
 import hashlib
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.listing import file_record, folder_record
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
-from gmrdata.values.clip import Clip, Joints2d, save_clip, save_joints
+from gmrdata.values.clip import Joints2d, save_clip, save_joints
 from gmrdata.values.errors import BadManifest, MissingInput
 from tests.clip_manifests import Edit, a_head, a_walk
 
@@ -89,7 +87,7 @@ def with_extras(data_set: Path) -> Path:
     return write_manifest(data_set / "more.yaml", a_head("more"), [entry])
 
 
-def test_passes_joints_and_video_are_listed_and_checked(data_set: Path) -> None:
+def test_passes_joints_and_video_are_listed_and_checked(data_set):
     path = with_extras(data_set)
     check_manifest(path)
     walk = read_manifest(path).clips[0]
@@ -113,7 +111,7 @@ def test_passes_joints_and_video_are_listed_and_checked(data_set: Path) -> None:
     )
 
 
-def test_passes_of_other_images_are_found(data_set: Path) -> None:
+def test_passes_of_other_images_are_found(data_set):
     with_extras(data_set)
     (data_set / "flow" / "00001.png").rename(data_set / "flow" / "00009.png")
     (data_set / "normals" / "00005.png").unlink()
@@ -132,19 +130,19 @@ def test_passes_of_other_images_are_found(data_set: Path) -> None:
     )
 
 
-def test_a_data_set_passes_also_where_it_is_moved(finished_data_set: Path, data_set: Path) -> None:
+def test_a_data_set_passes_also_where_it_is_moved(finished_data_set, data_set):
     check_manifest(finished_data_set / "set.yaml")
     check_manifest(finished_data_set / "set.yaml", hashes=False)
     check_manifest(data_set / "set.yaml")
     assert [clip.id for clip in load_clips(data_set / "set.yaml")] == ["bare", "walk"]
 
 
-def test_no_manifest(tmp_path: Path) -> None:
+def test_no_manifest(tmp_path):
     with pytest.raises(MissingInput, match=r"nothing\.yaml"):
         check_manifest(tmp_path / "nothing.yaml")
 
 
-def test_changed_byte(data_set: Path) -> None:
+def test_changed_byte(data_set):
     image = data_set / "frames" / "00003.jpg"
     content = bytearray(image.read_bytes())
     content[-3] ^= 1
@@ -153,7 +151,7 @@ def test_changed_byte(data_set: Path) -> None:
     check_manifest(data_set / "set.yaml", hashes=False)  # the size is right
 
 
-def test_changed_size_is_found_without_hashing(data_set: Path) -> None:
+def test_changed_size_is_found_without_hashing(data_set):
     with (data_set / "masks" / "00001.png").open("ab") as stream:
         stream.write(b"x")
     refused(data_set / "set.yaml", "masks", "masks/00001.png has", "bytes, not", hashes=False)
@@ -194,9 +192,7 @@ def make_a_pipe(path: Path) -> None:
         ("clips/walk.npz", make_a_pipe, ("clip walk: arrays: clips/walk.npz is missing",)),
     ],
 )  # fmt: skip
-def test_files_that_are_not_as_they_were(
-    name: str, damage: Callable[[Path], object], said: tuple[str, ...], data_set: Path
-) -> None:
+def test_files_that_are_not_as_they_were(name, damage, said, data_set):
     damage(data_set / name)
     refused(data_set / "set.yaml", *said)
 
@@ -217,9 +213,7 @@ EDITED = {"stage": "render", "config": {"seed": 1}, "inputs": {}, "sha256": "0" 
         (WALK, {"recipe": EDITED}, ("clip walk: recipe.sha256",)),
     ],
 )  # fmt: skip
-def test_entries_that_say_otherwise_than_the_files(
-    clip: int, changed: dict[str, Any], said: tuple[str, ...], edit: Edit
-) -> None:
+def test_entries_that_say_otherwise_than_the_files(clip, changed, said, edit):
     def change(data: dict) -> None:
         entry = data["clips"][clip]
         for key, value in changed.items():
@@ -241,9 +235,7 @@ def test_entries_that_say_otherwise_than_the_files(
          ("arrays.camera_intrinsics_px",)),
     ],
 )  # fmt: skip
-def test_arrays_that_cannot_be(
-    arrays: dict[str, np.ndarray], said: tuple[str, ...], data_set: Path, edit: Edit
-) -> None:
+def test_arrays_that_cannot_be(arrays, said, data_set, edit):
     refused(with_arrays(data_set, edit, **arrays), *said)
 
 
@@ -257,7 +249,7 @@ def test_arrays_that_cannot_be(
         (None, "truncated"),
     ],
 )
-def test_hostile_listing(data_set: Path, edit: Edit, line: str | None, said: str) -> None:
+def test_hostile_listing(data_set, edit, line, said):
     listing = data_set / "listings" / "frames.tsv"
     whole = listing.read_text()
     listing.write_text(whole[:-1] if line is None else whole + line)
@@ -265,7 +257,7 @@ def test_hostile_listing(data_set: Path, edit: Edit, line: str | None, said: str
     refused(rehash(data_set, edit), "images.listing", *at, said)
 
 
-def test_file_that_is_a_link_out(data_set: Path, tmp_path: Path) -> None:
+def test_file_that_is_a_link_out(data_set, tmp_path):
     clip = data_set / "clips" / "walk.npz"
     clip.rename(tmp_path / "walk.npz")
     clip.symlink_to(tmp_path / "walk.npz")
@@ -274,27 +266,27 @@ def test_file_that_is_a_link_out(data_set: Path, tmp_path: Path) -> None:
         load_clips(data_set / "set.yaml")
 
 
-def test_a_link_that_stays_inside_is_fine(data_set: Path) -> None:
+def test_a_link_that_stays_inside_is_fine(data_set):
     (data_set / "clips").rename(data_set / "store")
     (data_set / "clips").symlink_to("store")
     check_manifest(data_set / "set.yaml")
 
 
-def test_truncated_npz(data_set: Path, edit: Edit) -> None:
+def test_truncated_npz(data_set, edit):
     clip = data_set / "clips" / "walk.npz"
     clip.write_bytes(clip.read_bytes()[:2000])
     refused(rehash(data_set, edit), "clip walk: arrays", "not a readable .npz")
 
 
 @pytest.mark.parametrize("key", ["poses", "trans"])
-def test_nan_in_a_kept_row(data_set: Path, edit: Edit, key: str) -> None:
+def test_nan_in_a_kept_row(data_set, edit, key):
     values = arrays_of(data_set)[key]
     values[4, 1] = np.nan
     path = with_arrays(data_set, edit, **{key: values})
     refused(path, f"arrays.{key}: NaN or infinite in kept row 4", "drop the rows")
 
 
-def test_nan_in_a_dropped_row_is_fine(data_set: Path, edit: Edit) -> None:
+def test_nan_in_a_dropped_row_is_fine(data_set, edit):
     arrays = arrays_of(data_set)
     arrays["poses"][2], arrays["trans"][2] = np.nan, np.inf
     check_manifest(with_arrays(data_set, edit, **arrays))
@@ -309,15 +301,13 @@ def test_nan_in_a_dropped_row_is_fine(data_set: Path, edit: Edit) -> None:
         (np.full((4, 4), np.nan), "NaN or infinite in row 0"),
     ],
 )
-def test_camera_that_is_no_rigid_transform(
-    data_set: Path, edit: Edit, damage: np.ndarray, said: str
-) -> None:
+def test_camera_that_is_no_rigid_transform(data_set, edit, damage, said):
     world_from_cam = arrays_of(data_set)["world_from_cam"]
     world_from_cam[0] = damage
     refused(with_arrays(data_set, edit, world_from_cam=world_from_cam), "clip walk", said)
 
 
-def test_row_without_its_mask(data_set: Path) -> None:
+def test_row_without_its_mask(data_set):
     """A kept row needs its mask, a dropped one doesn't."""
     for number in (2, 4):
         (data_set / "masks" / f"{number:05d}.png").unlink()
@@ -327,7 +317,7 @@ def test_row_without_its_mask(data_set: Path) -> None:
     refused(path, "clip walk: masks.folder: none of number 4, which a row names")
 
 
-def test_mask_of_no_image(data_set: Path, edit: Edit) -> None:
+def test_mask_of_no_image(data_set, edit):
     def change(data: dict) -> None:
         data["clips"][WALK]["masks"] = data["clips"][WALK]["images"]
         data["clips"][WALK]["images"] = masks
@@ -339,7 +329,7 @@ def test_mask_of_no_image(data_set: Path, edit: Edit) -> None:
     refused(edit(lambda data: data["clips"][WALK].update(images=masks)), "masks.folder: 00003.jpg")
 
 
-def test_file_of_another_clip(data_set: Path, edit: Edit, walk_clip: Clip) -> None:
+def test_file_of_another_clip(data_set, edit, walk_clip):
     other = replace(walk_clip, id="run", motion=replace(walk_clip.motion, fps_hz=12.0))
     save_clip(data_set / "clips" / "walk.npz", other, np.zeros(3))
     message = refused(rehash(data_set, edit), "id: is walk, but the file has run")
@@ -348,7 +338,7 @@ def test_file_of_another_clip(data_set: Path, edit: Edit, walk_clip: Clip) -> No
         load_clips(data_set / "set.yaml")
 
 
-def test_without_files_only_the_manifest_is_looked_at(data_set: Path, edit: Edit) -> None:
+def test_without_files_only_the_manifest_is_looked_at(data_set, edit):
     (data_set / "clips" / "bare.npz").unlink()
     check_manifest(data_set / "set.yaml", files=False)
     path = edit(lambda data: data["clips"][WALK].update(recipe=EDITED))
@@ -356,7 +346,7 @@ def test_without_files_only_the_manifest_is_looked_at(data_set: Path, edit: Edit
         check_manifest(path, files=False)
 
 
-def test_all_problems_come_at_once(data_set: Path) -> None:
+def test_all_problems_come_at_once(data_set):
     for number in range(6):
         (data_set / "frames" / f"{number:05d}.jpg").unlink()
     (data_set / "clips" / "bare.npz").unlink()
@@ -364,7 +354,7 @@ def test_all_problems_come_at_once(data_set: Path) -> None:
     assert message.count("is missing") == 7
 
 
-def test_rows_that_the_manifest_drops_are_not_valid(data_set: Path, edit: Edit) -> None:
+def test_rows_that_the_manifest_drops_are_not_valid(data_set, edit):
     def change(data: dict) -> None:
         data["clips"][WALK]["kept"] = [{"start": 0, "stop": 2}]
         data["clips"][WALK]["dropped"] = [{"start": 2, "stop": 6, "reason": "drift"}]
@@ -376,7 +366,7 @@ def test_rows_that_the_manifest_drops_are_not_valid(data_set: Path, edit: Edit) 
     assert read_manifest(path).clips[0].id == "bare"
 
 
-def test_random_damage_to_the_arrays_never_escapes(data_set: Path, edit: Edit) -> None:
+def test_random_damage_to_the_arrays_never_escapes(data_set, edit):
     """Whatever bytes stand in the clip's file: it passes or it is refused, with no other error."""
     clip = data_set / "clips" / "walk.npz"
     content, rng = clip.read_bytes(), np.random.default_rng(11)
@@ -393,7 +383,7 @@ def test_random_damage_to_the_arrays_never_escapes(data_set: Path, edit: Edit) -
     assert refusals > 20
 
 
-def test_rotations_from_other_code_pass_within_rounding(data_set: Path, edit: Edit) -> None:
+def test_rotations_from_other_code_pass_within_rounding(data_set, edit):
     """Cameras that went through float32 quaternions are still rotations after normalisation."""
     quaternions = np.float32(Rotation.random(6, random_state=1).as_quat()).astype(float)
     world_from_cam = np.tile(np.eye(4), (6, 1, 1))

@@ -32,13 +32,13 @@ def a_clip(number: int, licence: str = "CC0") -> Clip:
 
 
 @pytest.fixture
-def long_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def long_manifest(tmp_path, monkeypatch) -> Path:
     monkeypatch.setattr(yaml_text, "LINES_FROM", 3)
     clips = [a_clip(0, '\x85\u2028 1e-05, "x\\'), a_clip(1, "née 𝄞\x7f"), a_clip(2)]
     return write_manifest(tmp_path / "many.yaml", HEAD, clips, BY)
 
 
-def test_all_readers_find_the_same(long_manifest: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_readers_find_the_same(long_manifest, monkeypatch):
     found = read_manifest(long_manifest)
     assert yaml_text.load_lines(long_manifest) is not None
     assert [clip.id for clip in found.clips] == ["c0", "c1", "c2"]
@@ -65,7 +65,7 @@ def test_all_readers_find_the_same(long_manifest: Path, monkeypatch: pytest.Monk
         ),
     )
 )  # fmt: skip
-def test_a_line_is_yaml_too(clip: dict[str, object]) -> None:
+def test_a_line_is_yaml_too(clip):
     text = yaml_text.dump_lines({}, [clip]).partition("clips:")[2]
     assert yaml.safe_load(f"clips:{text}") == {"clips": [clip]}
 
@@ -84,9 +84,7 @@ def test_a_line_is_yaml_too(clip: dict[str, object]) -> None:
         (r"\}\}\n$", "}}, x: [&a 1, *a]\n", ":12: not a line of plain JSON: "),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named_with_its_line(
-    long_manifest: Path, pattern: str, text: str, said: str
-) -> None:
+def test_what_is_wrong_is_named_with_its_line(long_manifest, pattern, text, said):
     before = long_manifest.read_text(encoding="utf-8")
     after = re.sub(pattern, text, before, count=1)
     assert after != before
@@ -95,9 +93,7 @@ def test_what_is_wrong_is_named_with_its_line(
         read_manifest(long_manifest)
 
 
-def test_deep_nesting_and_size_are_limited(
-    long_manifest: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_deep_nesting_and_size_are_limited(long_manifest, monkeypatch):
     before = long_manifest.read_text(encoding="utf-8")
     deep = '"quality": {"figures": {"cpu": ' + "[" * 100_000 + "]" * 100_000
     long_manifest.write_text(before.replace('"quality": {"figures": {"cpu": 1.0e-05', deep, 1))
@@ -108,7 +104,7 @@ def test_deep_nesting_and_size_are_limited(
         read_manifest(long_manifest)
 
 
-def test_a_short_manifest_is_written_for_people(tmp_path: Path) -> None:
+def test_a_short_manifest_is_written_for_people(tmp_path):
     path = write_manifest(tmp_path / "few.yaml", HEAD, [a_clip(1)], BY)
     assert yaml_text.load_lines(path) is None
     assert isinstance(read_manifest(path), Manifest)

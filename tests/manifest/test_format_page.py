@@ -1,10 +1,8 @@
 """FORMAT.md says what is so."""
 
 import re
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from gmrdata.manifest.read import json_schema, load_clips
 from gmrdata.stage.recipes import format_page
@@ -12,18 +10,18 @@ from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import project
 
 
-def test_every_field_is_on_the_page() -> None:
+def test_every_field_is_on_the_page():
     words = set(re.findall(r"\w+", format_page().read_text()))
     fields = {name for model in json_schema()["$defs"].values() for name in model["properties"]}
     assert fields - words == set()
 
 
-def test_every_array_is_on_the_page(finished_data_set: Path) -> None:
+def test_every_array_is_on_the_page(finished_data_set):
     words = set(re.findall(r"`(\w+)`", format_page().read_text()))
     assert set(clip_file.read_npz(finished_data_set / "clips" / "walk.npz")) - words == set()
 
 
-def test_the_pages_own_loader(finished_data_set: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_pages_own_loader(finished_data_set, monkeypatch):
     code = re.findall(r"```python\n(.*?)```", format_page().read_text(), re.DOTALL)
     monkeypatch.chdir(finished_data_set)
     found: dict[str, np.ndarray] = {}

@@ -134,9 +134,7 @@ manifests = st.builds(
 
 
 @given(manifest=manifests)
-def test_what_is_written_is_read(
-    manifest: Manifest | ListManifest, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_what_is_written_is_read(manifest, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "round_trip.yaml"
     text = manifest_text(manifest)
     path.write_bytes(text.encode())
@@ -146,31 +144,31 @@ def test_what_is_written_is_read(
 
 
 @given(value=st.dictionaries(texts, plain, max_size=4))
-def test_yaml_keeps_every_value(value: dict, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_yaml_keeps_every_value(value, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "plain.yaml"
     path.write_bytes(plain_yaml.dump(value).encode())
     assert yaml_text.load(path)[0] == value
 
 
-def test_checked_in_schema_is_the_models() -> None:
+def test_checked_in_schema_is_the_models():
     """If this fails: `python -m gmrdata.manifest.read`."""
     assert json.loads(schema_v1().read_text()) == json_schema()
 
 
-def test_schema_explains_every_field() -> None:
+def test_schema_explains_every_field():
     for name, model in json_schema()["$defs"].items():
         for field, schema in model["properties"].items():
             assert schema.get("description"), f"{name}.{field}"
         assert model["additionalProperties"] is False
 
 
-def test_models_are_frozen() -> None:
+def test_models_are_frozen():
     part = FrameRange(start=0, stop=1)
     with pytest.raises(ValidationError, match="frozen"):
         part.start = 1  # type: ignore[misc]
 
 
-def test_golden_text() -> None:
+def test_golden_text():
     """The bytes of format 1: if this changes, released manifests change."""
     clip = Clip(
         id="walk",

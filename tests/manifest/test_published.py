@@ -1,7 +1,6 @@
 """The paper's tables as manifests, and the files that travel with the package."""
 
 from collections import Counter
-from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -22,14 +21,14 @@ def published(name: str) -> tuple[ListedClip, ...]:
 
 
 @pytest.mark.parametrize("name", recipes.published_names())
-def test_published_manifests_are_as_gmrdata_writes_them(name: str) -> None:
+def test_published_manifests_are_as_gmrdata_writes_them(name):
     path = recipes.published_manifest(name)
     check_manifest(path)
     assert path.read_bytes() == manifest_text(read_manifest(path)).encode()
     assert read_manifest(path).name == name
 
 
-def test_table_7() -> None:
+def test_table_7():
     rows = published("paper_table7")
     assert len(rows) == 17
     assert len({row.source.sequence for row in rows}) == 16
@@ -44,7 +43,7 @@ def test_table_7() -> None:
     assert {row.fps_hz for row in rows} == {30}
 
 
-def test_table_8() -> None:
+def test_table_8():
     rows = published("paper_table8")
     assert len(rows) == 50
     assert sum(row.frames.stop for row in rows) == 26942
@@ -64,7 +63,7 @@ def test_table_8() -> None:
     assert (frames["77_19"], frames["105_03"], frames["143_28"]) == (600, 513, 643)
 
 
-def test_every_programme_of_table_8_can_be_rendered() -> None:
+def test_every_programme_of_table_8_can_be_rendered():
     kinds = {
         member.model_fields["kind"].default
         for member in get_args(get_args(programmes.Programme)[0])
@@ -72,7 +71,7 @@ def test_every_programme_of_table_8_can_be_rendered() -> None:
     assert {row.programme for row in published("paper_table8")} <= kinds
 
 
-def test_trials_are_long_enough(cmu_dir: Path) -> None:
+def test_trials_are_long_enough(cmu_dir):
     """The first frames of a trial are taken, so it must have as many."""
     checked = 0
     for row in published("paper_table8"):
@@ -85,7 +84,7 @@ def test_trials_are_long_enough(cmu_dir: Path) -> None:
     assert checked == 4
 
 
-def test_unknown_names_say_what_there_is() -> None:
+def test_unknown_names_say_what_there_is():
     with pytest.raises(MissingInput, match=r"'table9'; there are: paper_table7, paper_table8"):
         recipes.published_manifest("table9")
     with pytest.raises(MissingInput, match="no published manifest"):
@@ -94,7 +93,7 @@ def test_unknown_names_say_what_there_is() -> None:
         recipes.recipe_path("nothing")
 
 
-def test_resources_are_there() -> None:
+def test_resources_are_there():
     assert recipes.schema_v1().is_file()
     assert "gmrdata/1" in recipes.format_page().read_text()
     for name in recipes.recipe_names():

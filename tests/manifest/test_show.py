@@ -6,7 +6,6 @@ from rich.console import Console
 
 from gmrdata.manifest.show import diff_manifests, manifest_table
 from gmrdata.stage.recipes import published_manifest
-from tests.clip_manifests import Edit
 
 
 def printed(path: Path) -> list[str]:
@@ -15,7 +14,7 @@ def printed(path: Path) -> list[str]:
     return console.export_text().splitlines()
 
 
-def test_table_of_a_data_set(finished_data_set: Path) -> None:
+def test_table_of_a_data_set(finished_data_set):
     lines = printed(finished_data_set / "set.yaml")
     assert "set 1.0.0 (synthetic), 2 clips" in lines[0]
     row = next(line for line in lines if "walk" in line and "circular" in line)
@@ -24,12 +23,12 @@ def test_table_of_a_data_set(finished_data_set: Path) -> None:
     assert any("10 frames to use" in line for line in lines)
 
 
-def test_table_of_a_list() -> None:
+def test_table_of_a_list():
     lines = printed(published_manifest("paper_table8"))
     assert any("26942 frames to use" in line for line in lines)
 
 
-def test_brackets_are_text_and_no_markup(edit: Edit) -> None:
+def test_brackets_are_text_and_no_markup(edit):
     def change(data: dict) -> None:
         data["description"] = "see [/red]"
         data["clips"][1]["licence"] = "free [bold] [/x]"
@@ -39,12 +38,12 @@ def test_brackets_are_text_and_no_markup(edit: Edit) -> None:
     assert any("see [/red]" in line for line in lines)
 
 
-def test_same_manifests_do_not_differ(finished_data_set: Path) -> None:
+def test_same_manifests_do_not_differ(finished_data_set):
     path = finished_data_set / "set.yaml"
     assert diff_manifests(path, path) == []
 
 
-def test_difference(finished_data_set: Path, edit: Edit) -> None:
+def test_difference(finished_data_set, edit):
     def change(data: dict) -> None:
         data["version"] = "1.1.0"
         data["clips"][1]["fps_hz"] = 12.0

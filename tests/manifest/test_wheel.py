@@ -13,7 +13,7 @@ BUILD = "import sys, setuptools.build_meta as build; build.build_wheel(sys.argv[
 
 
 @pytest.fixture(scope="session")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory) -> Path:
     """A wheel built from a copy of what the repository holds."""
     pytest.importorskip("setuptools", minversion="77")
     root = tmp_path_factory.mktemp("wheel")
@@ -30,7 +30,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(root.glob("*.whl"))
 
 
-def test_wheel_carries_every_resource(wheel: Path) -> None:
+def test_wheel_carries_every_resource(wheel):
     carried = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
         f"gmrdata/{link}/{file.relative_to(REPOSITORY / folder).as_posix()}"
@@ -46,7 +46,7 @@ def test_wheel_carries_every_resource(wheel: Path) -> None:
     assert "style.css" in templates and "report.html.j2" in templates
 
 
-def test_installed_package_finds_its_resources(wheel: Path, tmp_path: Path) -> None:
+def test_installed_package_finds_its_resources(wheel, tmp_path):
     """Unpacked elsewhere and run in an empty folder, with the checkout out of sight."""
     installed, empty = tmp_path / "installed", tmp_path / "empty"
     zipfile.ZipFile(wheel).extractall(installed)

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import subprocess
-from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -41,7 +40,7 @@ def rewritten(root: Path, path: Path, **changed: Any) -> Path:
     return write_manifest(path, ManifestHead(**{name: said.pop(name) for name in HEAD}), **said)
 
 
-def test_same_content_gives_the_same_bytes(data_set: Path) -> None:
+def test_same_content_gives_the_same_bytes(data_set):
     path = data_set / "set.yaml"
     before, written_ns = path.read_bytes(), path.stat().st_mtime_ns
     clips = read_manifest(path).clips
@@ -50,7 +49,7 @@ def test_same_content_gives_the_same_bytes(data_set: Path) -> None:
     assert path.stat().st_mtime_ns == written_ns  # left alone
 
 
-def test_no_machine_path_and_no_time_in_the_bytes(data_set: Path) -> None:
+def test_no_machine_path_and_no_time_in_the_bytes(data_set):
     by = made_by({"motions": "/home/someone/cmu", "list": ["/a/b"], "n": 1}, {"b": 2, "a": 1})
     text = rewritten(data_set, data_set / "other.yaml", created_by=by).read_text()
     assert "/home" not in text
@@ -60,7 +59,7 @@ def test_no_machine_path_and_no_time_in_the_bytes(data_set: Path) -> None:
     assert by.packages["numpy"] == np.__version__
 
 
-def test_a_version_never_changes(data_set: Path) -> None:
+def test_a_version_never_changes(data_set):
     path = data_set / "set.yaml"
     before = path.read_bytes()
     with pytest.raises(BadManifest, match=r"set 1\.0\.0 is there with other content.*raise the"):
@@ -72,7 +71,7 @@ def test_a_version_never_changes(data_set: Path) -> None:
     assert read_manifest(path).description == "Once more."
 
 
-def test_something_else_at_the_path_is_kept(data_set: Path) -> None:
+def test_something_else_at_the_path_is_kept(data_set):
     path = data_set / "notes.yaml"
     path.write_text("- my notes\n")
     with pytest.raises(BadManifest, match="holds something that is no manifest"):
@@ -83,13 +82,13 @@ def test_something_else_at_the_path_is_kept(data_set: Path) -> None:
 @pytest.mark.parametrize(
     "changed", [{"version": "1.0"}, {"kind": "real"}, {"name": ""}, {"kind": "list"}]
 )
-def test_broken_fields_write_nothing(data_set: Path, changed: dict[str, str]) -> None:
+def test_broken_fields_write_nothing(data_set, changed):
     with pytest.raises(BadManifest, match=r"new\.yaml: can't be written"):
         rewritten(data_set, data_set / "new.yaml", **changed)
     assert not (data_set / "new.yaml").exists()
 
 
-def test_entry_of_a_clip(data_set: Path) -> None:
+def test_entry_of_a_clip(data_set):
     walk = read_manifest(data_set / "set.yaml").clips[1]
     assert not hasattr(walk, "frames")
     assert [(part.start, part.stop) for part in walk.kept] == [(0, 2), (3, 6)]
@@ -104,7 +103,7 @@ def test_entry_of_a_clip(data_set: Path) -> None:
     assert walk.images.listing.path == "listings/frames.tsv"
 
 
-def test_listing_is_checked_by_sha256sum(data_set: Path) -> None:
+def test_listing_is_checked_by_sha256sum(data_set):
     """The command that FORMAT.md gives."""
     command = "cut -f1,3 --output-delimiter='  ' ../listings/frames.tsv | sha256sum -c --quiet"
     subprocess.run(["bash", "-c", command], cwd=data_set / "frames", check=True)
@@ -115,7 +114,7 @@ def test_listing_is_checked_by_sha256sum(data_set: Path) -> None:
     assert done.returncode != 0
 
 
-def test_a_reason_per_row(data_set: Path, walk_clip: clip_file.Clip) -> None:
+def test_a_reason_per_row(data_set, walk_clip):
     path = data_set / "clips" / "walk.npz"
     valid = np.array([False, False, True, False, False, True])
     clip_file.save_clip(path, replace(walk_clip, valid=valid), np.zeros(3))
@@ -130,7 +129,7 @@ def test_a_reason_per_row(data_set: Path, walk_clip: clip_file.Clip) -> None:
         clip_entry(data_set, ClipFiles(path), a_walk(dropped_reason=reasons[1:]))
 
 
-def test_a_stages_record_is_no_part_of_its_folder(data_set: Path) -> None:
+def test_a_stages_record_is_no_part_of_its_folder(data_set):
     """It holds times, so two runs of one recipe would not give the same manifest."""
     before = (data_set / "set.yaml").read_bytes()
     (data_set / "masks" / "stage.json").write_text('{"seconds": 1.5}')
@@ -141,7 +140,7 @@ def test_a_stages_record_is_no_part_of_its_folder(data_set: Path) -> None:
     assert (data_set / "set.yaml").read_bytes() == before
 
 
-def test_two_manifests_share_a_folder(data_set: Path) -> None:
+def test_two_manifests_share_a_folder(data_set):
     """Found in use: listings named after the clip overwrote each other's masks."""
     other = data_set / "other_masks"
     (data_set / "masks").rename(other)
@@ -157,25 +156,25 @@ def test_two_manifests_share_a_folder(data_set: Path) -> None:
     check_manifest(data_set / "second.yaml")
 
 
-def test_entry_with_another_id(data_set: Path) -> None:
+def test_entry_with_another_id(data_set):
     with pytest.raises(BadManifest, match="holds clip walk, not run"):
         clip_entry(data_set, ClipFiles(data_set / "clips" / "walk.npz"), a_walk(id="run"))
 
 
-def test_id_that_would_write_elsewhere(data_set: Path, walk_clip: clip_file.Clip) -> None:
+def test_id_that_would_write_elsewhere(data_set, walk_clip):
     path = data_set / "clips" / "walk.npz"
     clip_file.save_clip(path, replace(walk_clip, id="../../walk"), np.zeros(3))
     with pytest.raises(BadManifest, match="can't be listed"):
         clip_entry(data_set, ClipFiles(path, images=data_set / "frames"), a_walk())
 
 
-def test_file_outside_the_manifests_folder(data_set: Path) -> None:
+def test_file_outside_the_manifests_folder(data_set):
     with pytest.raises(BadManifest, match="write the manifest to a folder above"):
         clip_entry(data_set / "frames", ClipFiles(data_set / "clips" / "walk.npz"), a_walk())
 
 
 @pytest.mark.parametrize("folder", ["empty", "absent"])
-def test_no_images(data_set: Path, folder: str) -> None:
+def test_no_images(data_set, folder):
     (data_set / "empty").mkdir()
     files = ClipFiles(data_set / "clips" / "walk.npz", images=data_set / folder)
     with pytest.raises(MissingInput, match=folder):
@@ -189,7 +188,7 @@ class Blur(Config):
     """A path of this machine."""
 
 
-def test_recipe_of_a_stage(data_set: Path, edit: Callable) -> None:
+def test_recipe_of_a_stage(data_set, edit):
     frame = data_set / "frames" / "00000.jpg"
 
     def work(partial: Path) -> None:
@@ -206,7 +205,7 @@ def test_recipe_of_a_stage(data_set: Path, edit: Callable) -> None:
     check_manifest(edit(lambda data: data["clips"][1].update(recipe=recipe.model_dump())))
 
 
-def test_recipe_of_a_folder_that_no_stage_made(data_set: Path) -> None:
+def test_recipe_of_a_folder_that_no_stage_made(data_set):
     with pytest.raises(MissingInput, match=r"stage\.json"):
         stage_recipe(data_set)
     (data_set / "stage.json").write_text("{}")

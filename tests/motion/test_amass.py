@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.files import read_motion
-from gmrdata.values.body import SMPL_LEG_M, SMPL_REST_PELVIS_M, BodyModel, leg_length_m
+from gmrdata.values.body import SMPL_LEG_M, SMPL_REST_PELVIS_M, leg_length_m
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
 from tests.damage import in_one_folder, part_replaced, read_or_refused
@@ -38,9 +38,7 @@ def _save(path: Path, arrays: dict[str, Any]) -> Path:
 
 
 @pytest.mark.parametrize("n_values", [72, 156, 165])
-def test_rotations_are_kept_on_any_body(
-    tmp_path: Path, small_body: BodyModel, n_values: int
-) -> None:
+def test_rotations_are_kept_on_any_body(tmp_path, small_body, n_values):
     arrays = _arrays(n_values)
     motion = read_motion(_save(tmp_path / "a_poses.npz", arrays), small_body, ground=False)
     rotvecs = arrays["poses"].reshape(6, -1, 3)
@@ -65,9 +63,7 @@ def test_rotations_are_kept_on_any_body(
 @pytest.mark.parametrize("gender", ["female", b"female", np.array("female"), np.array([b"Female"])])
 @pytest.mark.parametrize("rate", [60, 60.0, np.array(60), np.array([60.0])])
 @pytest.mark.parametrize("key", ["mocap_framerate", "mocap_frame_rate"])
-def test_the_pelvis_of_smpls_own_body_is_trans_and_j0(
-    tmp_path: Path, small_body: BodyModel, gender: Any, rate: Any, key: str
-) -> None:
+def test_the_pelvis_of_smpls_own_body_is_trans_and_j0(tmp_path, small_body, gender, rate, key):
     arrays = _arrays() | {"gender": gender}
     del arrays["mocap_framerate"]
     path = _save(tmp_path / "a.npz", arrays | {key: rate})
@@ -81,7 +77,7 @@ def test_the_pelvis_of_smpls_own_body_is_trans_and_j0(
     np.testing.assert_allclose(steps_m, np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1))
 
 
-def test_betas_of_another_body_are_not_kept(tmp_path: Path, small_body: BodyModel) -> None:
+def test_betas_of_another_body_are_not_kept(tmp_path, small_body):
     path = _save(tmp_path / "a.npz", _arrays())
     x_path = _save(tmp_path / "x.npz", _arrays(165))
     female, male = (replace(small_body, name=f"smpl-{g}") for g in ("female", "male"))
@@ -90,7 +86,7 @@ def test_betas_of_another_body_are_not_kept(tmp_path: Path, small_body: BodyMode
         assert "betas of the file not used" in other.source
 
 
-def test_the_subjects_own_leg_length_scales_the_path(tmp_path: Path, small_body: BodyModel) -> None:
+def test_the_subjects_own_leg_length_scales_the_path(tmp_path, small_body):
     arrays = _arrays()
     path = _save(tmp_path / "a.npz", arrays)
     source_body = replace(small_body, name="smpl-female")
@@ -102,7 +98,7 @@ def test_the_subjects_own_leg_length_scales_the_path(tmp_path: Path, small_body:
     np.testing.assert_allclose(motion.pelvis_m, expected)
 
 
-def test_a_clip_of_the_same_body_comes_back(tmp_path: Path, small_body: BodyModel) -> None:
+def test_a_clip_of_the_same_body_comes_back(tmp_path, small_body):
     motion = read_motion(_save(tmp_path / "a.npz", _arrays()), small_body)
     clip = Clip("c", motion, np.ones(6, dtype=bool), np.full(6, -1), None)
     save_clip(tmp_path / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
@@ -118,7 +114,7 @@ def test_a_clip_of_the_same_body_comes_back(tmp_path: Path, small_body: BodyMode
         read_motion(tmp_path / "camera.npz", small_body)
 
 
-def test_cmus_index_wins_over_amass(tmp_path: Path, small_body: BodyModel) -> None:
+def test_cmus_index_wins_over_amass(tmp_path, small_body):
     for folder, name, fps_hz in (
         ("CMU/62", "62_11_poses.npz", 60.0),
         ("CMU/02", "02_03_stageii.npz", 120.0),
@@ -151,9 +147,7 @@ def test_cmus_index_wins_over_amass(tmp_path: Path, small_body: BodyModel) -> No
         ({"poses": np.zeros((0, 156)), "trans": np.zeros((0, 3))}, "0 frames are no motion"),
     ],
 )
-def test_broken_arrays(
-    tmp_path: Path, small_body: BodyModel, changes: dict[str, Any], words: str
-) -> None:
+def test_broken_arrays(tmp_path, small_body, changes, words):
     arrays = {key: v for key, v in (_arrays() | changes).items() if v is not None}
     path = _save(tmp_path / "a.npz", arrays)
     with pytest.raises(BadMotionFile, match=words) as caught:
@@ -162,7 +156,7 @@ def test_broken_arrays(
 
 
 @pytest.mark.parametrize("name", ["shape.npz", "02_03_stagei.npz", "female_stagei.npz"])
-def test_files_of_shapes_are_no_motions(tmp_path: Path, small_body: BodyModel, name: str) -> None:
+def test_files_of_shapes_are_no_motions(tmp_path, small_body, name):
     path = _save(tmp_path / name, {"betas": np.zeros(16)})
     with pytest.raises(BadMotionFile, match="holds a subject's shape and no motion"):
         read_motion(path, small_body)
@@ -170,7 +164,7 @@ def test_files_of_shapes_are_no_motions(tmp_path: Path, small_body: BodyModel, n
 
 @in_one_folder(100)
 @given(data=st.data())
-def test_damage_never_raises_anything_else(data, tmp_path: Path, small_body: BodyModel) -> None:
+def test_damage_never_raises_anything_else(data, tmp_path, small_body):
     path = _save(tmp_path / "a.npz", _arrays(72, 2))
     damaged = part_replaced(data, path.read_bytes())
     motion = read_or_refused(path, damaged, lambda path: read_motion(path, small_body))

@@ -55,7 +55,7 @@ HALF = len(AMC) // 2
 
 
 @pytest.fixture
-def server(file_server: Server) -> Server:
+def server(file_server) -> Server:
     file_server.files |= FILES
     return file_server
 
@@ -77,7 +77,7 @@ def _names(out: Path) -> list[str]:
 DONE = ["02.asf", "02_03.amc", "SHA256SUMS", "fetched.json"]
 
 
-def test_a_good_server_and_once_more(server: Server, tmp_path: Path) -> None:
+def test_a_good_server_and_once_more(server, tmp_path):
     assert _fetch(server, tmp_path) == []
     assert _names(tmp_path) == DONE
     assert (tmp_path / "02_03.amc").read_bytes() == AMC
@@ -92,7 +92,7 @@ def test_a_good_server_and_once_more(server: Server, tmp_path: Path) -> None:
     assert len(server.seen) == 2
 
 
-def test_a_dropped_connection_is_resumed(server: Server, tmp_path: Path) -> None:
+def test_a_dropped_connection_is_resumed(server, tmp_path):
     server.answers["/02/02_03.amc"] = [drop_half]
     waits = _fetch(server, tmp_path)
     assert len(waits) == 1 and 0.5 <= waits[0] <= 1.5
@@ -101,7 +101,7 @@ def test_a_dropped_connection_is_resumed(server: Server, tmp_path: Path) -> None
     assert _names(tmp_path) == DONE
 
 
-def test_a_later_run_resumes(server: Server, tmp_path: Path) -> None:
+def test_a_later_run_resumes(server, tmp_path):
     server.answers["/02/02_03.amc"] = [drop_half, status(503), status(503)]
     with pytest.raises(FetchFailed, match="1 of 1 trials missing: 02_03\n.*503"):
         _fetch(server, tmp_path)
@@ -115,7 +115,7 @@ def test_a_later_run_resumes(server: Server, tmp_path: Path) -> None:
     assert (tmp_path / "02_03.amc").read_bytes() == AMC and _names(tmp_path) == DONE
 
 
-def test_a_server_that_ignores_range_and_a_changed_file(server: Server, tmp_path: Path) -> None:
+def test_a_server_that_ignores_range_and_a_changed_file(server, tmp_path):
     def whole(handler: Handler, body: bytes) -> None:
         send(handler, 200, body, ETag='"x"')
 
@@ -130,7 +130,7 @@ def test_a_server_that_ignores_range_and_a_changed_file(server: Server, tmp_path
     assert server.requests("02_04.amc") == [None, f"bytes={HALF}-", None]
 
 
-def test_500_twice_then_good(server: Server, tmp_path: Path) -> None:
+def test_500_twice_then_good(server, tmp_path):
     server.answers["/02/02_03.amc"] = [status(500), status(500)]
     waits = _fetch(server, tmp_path)
     assert 0.5 <= waits[0] <= 1.5 and 1.0 <= waits[1] <= 3.0
@@ -161,9 +161,7 @@ def _page(kind: str) -> Answer:
         (status(403), "answers 403"),
     ],
 )
-def test_wrong_answers_are_refused_at_once(
-    server: Server, tmp_path: Path, answer: Answer, words: str
-) -> None:
+def test_wrong_answers_are_refused_at_once(server, tmp_path, answer, words):
     server.answers["/02/02_03.amc"] = [answer]
     with pytest.raises(FetchFailed, match=words):
         _fetch(server, tmp_path)
@@ -171,22 +169,20 @@ def test_wrong_answers_are_refused_at_once(
     assert len(server.requests("02_03.amc")) == 1
 
 
-def test_redirects_within_the_web_are_followed(server: Server, tmp_path: Path) -> None:
+def test_redirects_within_the_web_are_followed(server, tmp_path):
     server.answers["/02/02_03.amc"] = [redirect(f"{server.url}/02/02_04.amc")]
     _fetch(server, tmp_path)
     assert (tmp_path / "02_03.amc").read_bytes() == FILES["/02/02_04.amc"]
 
 
-def test_a_slow_server(server: Server, tmp_path: Path) -> None:
+def test_a_slow_server(server, tmp_path):
     server.answers["/02/02_03.amc"] = [slow] * 3
     with pytest.raises(FetchFailed, match="timed out.*gave up after 3 attempts"):
         _fetch(server, tmp_path, timeout_s=0.2)
     assert _names(tmp_path) == ["02.asf", "SHA256SUMS", "fetched.json"]
 
 
-def test_what_is_not_on_the_server_is_named_and_the_others_come(
-    server: Server, tmp_path: Path
-) -> None:
+def test_what_is_not_on_the_server_is_named_and_the_others_come(server, tmp_path):
     with pytest.raises(FetchFailed, match="3 of 4 trials missing: 02_99, 77_01, 77_02") as caught:
         _fetch(server, tmp_path, "02_99", "77_01", "77_02", "02_03")
     assert "trial 02_99: " in str(caught.value) and "(404)" in str(caught.value)
@@ -195,9 +191,7 @@ def test_what_is_not_on_the_server_is_named_and_the_others_come(
     assert len(server.seen) == 4
 
 
-def test_a_file_that_is_not_as_recorded_is_kept_without_redo(
-    server: Server, tmp_path: Path
-) -> None:
+def test_a_file_that_is_not_as_recorded_is_kept_without_redo(server, tmp_path):
     _fetch(server, tmp_path)
     (tmp_path / "02_03.amc").write_text("mine")
     with pytest.raises(FetchFailed, match="another hash: move it away, or pass --redo"):
@@ -208,18 +202,18 @@ def test_a_file_that_is_not_as_recorded_is_kept_without_redo(
 
 
 @pytest.mark.parametrize("name", ["../02_03", "02_3", "2_03", "02_03.amc", "", "02_03\n", "٠٢_٠٣"])
-def test_names_that_are_no_trials(name: str) -> None:
+def test_names_that_are_no_trials(name):
     with pytest.raises(BadRecipe, match="no name of a CMU trial"):
         check_trials([name])
 
 
 @pytest.mark.parametrize("url", ["file:///tmp", "ftp://127.0.0.1", "127.0.0.1:80", "http://"])
-def test_addresses_that_are_not_of_the_web(url: str, tmp_path: Path) -> None:
+def test_addresses_that_are_not_of_the_web(url, tmp_path):
     with pytest.raises(BadRecipe, match="--base-url"):
         plan(["02_03"], tmp_path, FetchConfig(base_url=url))
 
 
-def test_lists_and_addresses(tmp_path: Path) -> None:
+def test_lists_and_addresses(tmp_path):
     trials = listed_trials("paper_table8")
     assert len(trials) == 50 and trials[0] == "02_03"
     with pytest.raises(BadRecipe, match="names no CMU trials"):
@@ -234,7 +228,7 @@ def test_lists_and_addresses(tmp_path: Path) -> None:
     assert fetch_command(["mine"], None) is None
 
 
-def test_the_command(server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(server, tmp_path, capsys):
     common = ["fetch", "cmu", "02_03", "02_99", "--base-url", server.url, "--out", str(tmp_path)]
     with pytest.raises(SystemExit) as ended:
         cli.main(common)
@@ -248,7 +242,7 @@ def test_the_command(server: Server, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert ended.value.code == 1
 
 
-def test_a_killed_run_leaves_no_final_name(server: Server, tmp_path: Path) -> None:
+def test_a_killed_run_leaves_no_final_name(server, tmp_path):
     def hang(handler: Handler, body: bytes) -> None:
         handler.send_response(200)
         handler.send_header("Content-Length", str(len(body)))

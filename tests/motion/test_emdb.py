@@ -72,7 +72,7 @@ def write_sequence(root: Path, values: Any, name: str = "P0_09_outdoor_walk") ->
 
 
 @pytest.fixture
-def bodies(tmp_path: Path, small_body: BodyModel) -> dict[str, BodyModel]:
+def bodies(tmp_path, small_body) -> dict[str, BodyModel]:
     folder = tmp_path / "smpl"
     return {
         gender: save_smpl(folder / f"{gender}.npz", small_body, gender)
@@ -80,9 +80,7 @@ def bodies(tmp_path: Path, small_body: BodyModel) -> dict[str, BodyModel]:
     }
 
 
-def test_manifests_of_all_of_emdb1_and_of_emdb2(
-    tmp_path: Path, bodies: dict[str, BodyModel]
-) -> None:
+def test_manifests_of_all_of_emdb1_and_of_emdb2(tmp_path, bodies):
     root = tmp_path / "EMDB"
     write_sequence(root, content())
     second = "P7_57_outdoor_rock_chair"
@@ -107,7 +105,7 @@ def test_manifests_of_all_of_emdb1_and_of_emdb2(
     assert entry.quality is not None and entry.quality.figures["mean_tilt_deg"] < 1e-6
 
 
-def test_person_and_camera_in_the_z_up_world(tmp_path: Path, bodies: dict[str, BodyModel]) -> None:
+def test_person_and_camera_in_the_z_up_world(tmp_path, bodies):
     values = content()
     write_sequence(tmp_path / "EMDB", values)
     made = make_emdb(tmp_path / "EMDB", str(tmp_path / "smpl" / "male.npz"), tmp_path / "out")
@@ -135,9 +133,7 @@ def test_person_and_camera_in_the_z_up_world(tmp_path: Path, bodies: dict[str, B
     np.testing.assert_array_equal(clip.image_numbers, np.arange(N_FRAMES))
 
 
-def test_frames_that_are_not_finite_are_dropped(
-    tmp_path: Path, bodies: dict[str, BodyModel]
-) -> None:
+def test_frames_that_are_not_finite_are_dropped(tmp_path, bodies):
     values = content()
     values["smpl"]["poses_body"][2, 5] = np.nan
     values["camera"]["extrinsics"][6] = 2 * np.eye(4)
@@ -157,7 +153,7 @@ def test_frames_that_are_not_finite_are_dropped(
     check_manifest(made[0])
 
 
-def test_bodies_are_those_of_the_genders(tmp_path: Path, small_body: BodyModel) -> None:
+def test_bodies_are_those_of_the_genders(tmp_path, small_body):
     write_sequence(tmp_path / "EMDB", content(gender="neutral"))
     save_smpl(tmp_path / "smpl" / "a.npz", small_body, "male")
     with pytest.raises(BadBodyFile, match="needs the body smpl-neutral, given: smpl-male"):
@@ -214,7 +210,7 @@ def _changed(key: str, value: Any) -> Content:
         (_changed("name", 7), "name is a int, expected a string"),
     ],
 )
-def test_other_layouts_are_refused(tmp_path: Path, values: Any, said: str) -> None:
+def test_other_layouts_are_refused(tmp_path, values, said):
     path = write_sequence(tmp_path, values)
     with pytest.raises(BadSequence, match=said) as refused:
         read_emdb(path)
@@ -229,9 +225,7 @@ class Calls:
 
 
 @pytest.mark.parametrize("key", ["name", "smpl.trans", "kp2d"])
-def test_a_hostile_pickle_is_named_and_not_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str
-) -> None:
+def test_a_hostile_pickle_is_named_and_not_run(tmp_path, monkeypatch, key):
     monkeypatch.chdir(tmp_path)
     path = write_sequence(tmp_path, _changed(key, Calls()))
     with pytest.raises(UnsafePickle, match="system"):
@@ -239,7 +233,7 @@ def test_a_hostile_pickle_is_named_and_not_run(
     assert not (tmp_path / "touched").exists()
 
 
-def test_links_out_of_the_folder_are_left_out(tmp_path: Path, bodies: dict[str, BodyModel]) -> None:
+def test_links_out_of_the_folder_are_left_out(tmp_path, bodies):
     outside = write_sequence(tmp_path / "elsewhere", content())
     link = tmp_path / "EMDB" / "P0" / "09_outdoor_walk" / "P0_09_outdoor_walk_data.pkl"
     link.parent.mkdir(parents=True)
@@ -250,9 +244,7 @@ def test_links_out_of_the_folder_are_left_out(tmp_path: Path, bodies: dict[str, 
 
 @in_one_folder(60)
 @given(data=st.data(), share=st.floats(0, 0.999))
-def test_truncated_and_changed_files_are_refused_or_read(
-    data: st.DataObject, tmp_path: Path, share: float
-) -> None:
+def test_truncated_and_changed_files_are_refused_or_read(data, tmp_path, share):
     path = write_sequence(tmp_path, content())
     whole = path.read_bytes()
     assert read_or_refused(path, whole[: int(share * len(whole))], read_emdb) is None
@@ -261,7 +253,7 @@ def test_truncated_and_changed_files_are_refused_or_read(
 
 @in_one_folder(30)
 @given(seed=st.integers(0, 2**16), protocol=st.sampled_from([2, 3, 4, 5]))
-def test_what_was_written_is_read(tmp_path: Path, seed: int, protocol: int) -> None:
+def test_what_was_written_is_read(tmp_path, seed, protocol):
     rng = np.random.default_rng(seed)
     values = content(emdb1=bool(seed % 2))
     values["smpl"]["trans"] = rng.normal(size=(N_FRAMES, 3)).astype(np.float32)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.motion.gait import GAIT_KINDS, embedded_motions, gait_with_contacts, make_gait
-from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
@@ -35,7 +35,7 @@ def travel_m(points_m: np.ndarray) -> float:
 
 
 @pytest.fixture(scope="module")
-def made(anny: BodyModel) -> dict[str, list[tuple[Motion, np.ndarray, np.ndarray]]]:
+def made(anny) -> dict[str, list[tuple[Motion, np.ndarray, np.ndarray]]]:
     """Per kind and seed: motion, contacts and joints (T, 24, 3), 6 s at 120 frames a second."""
     clips = {}
     for kind in GAIT_KINDS:

@@ -1,7 +1,5 @@
 """Floors and feet: tilted floors are levelled, flat feet are flat, soles are on z = 0."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -36,7 +34,7 @@ def _steps(body: BodyModel, n_stands: int = 12) -> tuple[np.ndarray, np.ndarray]
     return rotmats, np.repeat(path_m, 20, axis=0)
 
 
-def test_a_tilted_floor_is_levelled(small_body: BodyModel) -> None:
+def test_a_tilted_floor_is_levelled(small_body):
     rotmats, pelvis_m = _steps(small_body)
     tilt = Rotation.from_euler("xy", [1.0, -1.2], degrees=True).as_matrix()
     tilted = rotmats.copy()
@@ -49,7 +47,7 @@ def test_a_tilted_floor_is_levelled(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("rise", ["steep", "stairs", "level"])
-def test_other_floors_keep_their_form(small_body: BodyModel, rise: str) -> None:
+def test_other_floors_keep_their_form(small_body, rise):
     rotmats, pelvis_m = _steps(small_body)
     heights_m = {
         "steep": 0.15 * pelvis_m[:, 0],
@@ -73,9 +71,7 @@ def test_other_floors_keep_their_form(small_body: BodyModel, rise: str) -> None:
         (0.15, -0.4, -0.4),  # too deep for a dip: most of the motion is on a prop
     ],
 )
-def test_the_floor_is_the_lowest_level_on_which_soles_stand_often(
-    share_low: float, low_m: float, floor_m: float
-) -> None:
+def test_the_floor_is_the_lowest_level_on_which_soles_stand_often(share_low, low_m, floor_m):
     rng = np.random.default_rng(1)
     heights_m = rng.normal(0, 0.003, 400)
     heights_m[: round(share_low * 400)] += low_m
@@ -86,7 +82,7 @@ def test_the_floor_is_the_lowest_level_on_which_soles_stand_often(
     heights=st.lists(st.integers(-2000, 2000), min_size=1, max_size=60),
     off=st.integers(-5000, 5000),
 )
-def test_the_floor_is_among_the_heights_and_moves_with_them(heights: list[int], off: int) -> None:
+def test_the_floor_is_among_the_heights_and_moves_with_them(heights, off):
     """In steps of 1/1024 m, so that sums are exact and no height lies on a level's edge."""
     heights_m = np.array(heights) / 1024
     floor_m = floor_height_m(heights_m)
@@ -94,7 +90,7 @@ def test_the_floor_is_among_the_heights_and_moves_with_them(heights: list[int], 
     assert floor_height_m(heights_m + off / 1024) == pytest.approx(floor_m + off / 1024, abs=1e-9)
 
 
-def test_sole_points_are_the_bodys_lowest_vertices(anny: BodyModel) -> None:
+def test_sole_points_are_the_bodys_lowest_vertices(anny):
     shape = np.zeros(anny.n_shape)
     motion = _world(anny, np.tile(np.eye(3), (1, 24, 1, 1)), np.zeros((1, 3)))
     soles_m = sole_points_m(anny, motion)
@@ -124,9 +120,7 @@ def _legs(
     ("splay_deg", "rolled", "toes_out_deg"),
     [(20, True, 0), (20, False, 0), (4, False, 8), (15, False, 3)],
 )
-def test_a_flat_foot_of_the_source_is_flat_on_the_body(
-    small_body: BodyModel, splay_deg: float, rolled: bool, toes_out_deg: float
-) -> None:
+def test_a_flat_foot_of_the_source_is_flat_on_the_body(small_body, splay_deg, rolled, toes_out_deg):
     rest_m, tips_m = _legs(splay_deg, rolled, toes_out_deg)
     body_rest_m = small_body.rest_joints_m(np.zeros(10))
     corrections, _ = foot_corrections(rest_m, tips_m, body_rest_m, {}, {}, 120.0)
@@ -142,7 +136,7 @@ def test_a_flat_foot_of_the_source_is_flat_on_the_body(
         assert np.arctan2(body_bone[0], body_bone[2]) == pytest.approx(heading, abs=1e-9)
 
 
-def test_the_pitch_of_standing_feet_counts_as_flat(small_body: BodyModel) -> None:
+def test_the_pitch_of_standing_feet_counts_as_flat(small_body):
     rest_m, tips_m = _legs(0.0, False)
     body_rest_m = small_body.rest_joints_m(np.zeros(10))
     toes_down = Rotation.from_euler("x", 9, degrees=True).as_matrix()
@@ -177,7 +171,7 @@ def _standing_feet(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndar
 @pytest.mark.parametrize(
     "file", ["bvh/16_32.bvh", "bvh/08_02.bvh", "amc/29_03.amc", "bvh/35_04.bvh"]
 )
-def test_cmus_walkers_stand_flat_on_the_floor(cmu_dir: Path, anny: BodyModel, file: str) -> None:
+def test_cmus_walkers_stand_flat_on_the_floor(cmu_dir, anny, file):
     motion = read_motion(cmu_dir / file, anny)
     tilts_deg, _ = _standing_feet(anny, motion)
     assert len(tilts_deg) > 30
@@ -188,7 +182,7 @@ def test_cmus_walkers_stand_flat_on_the_floor(cmu_dir: Path, anny: BodyModel, fi
     assert lowest_m.min() > -0.06
 
 
-def test_cmus_tilted_laboratory_floor(cmu_dir: Path, small_body: BodyModel) -> None:
+def test_cmus_tilted_laboratory_floor(cmu_dir, small_body):
     """Subject 08 climbs 7 cm on a walk through the room, in each of its trials alike."""
     for trial in ("08_02", "08_04", "08_05"):
         path = cmu_dir / "bvh" / f"{trial}.bvh"
@@ -201,6 +195,6 @@ def test_cmus_tilted_laboratory_floor(cmu_dir: Path, small_body: BodyModel) -> N
         assert rise * level.n_frames < 0.02
 
 
-def test_smallest_rotation_of_a_level_floor_is_nothing() -> None:
+def test_smallest_rotation_of_a_level_floor_is_nothing():
     up = np.array([0.0, 0.0, 1.0])
     np.testing.assert_array_equal(smallest_rotation(up, up), np.eye(3))

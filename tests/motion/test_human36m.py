@@ -17,7 +17,6 @@ from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.human36m import make_human36m
 from gmrdata.read.body_file import read_body
 from gmrdata.read.human36m import find_subjects, read_cameras, read_takes
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import BadBodyFile, BadSequence, MissingInput
@@ -67,12 +66,12 @@ def write_subject(root: Path, subject: int, content: Any = None) -> Path:
 
 
 @pytest.fixture
-def body_path(tmp_path: Path, small_body: BodyModel) -> Path:
+def body_path(tmp_path, small_body) -> Path:
     save_smpl(tmp_path / "smpl.npz", small_body, "neutral")
     return tmp_path / "smpl.npz"
 
 
-def test_two_manifests_by_subject(tmp_path: Path, body_path: Path) -> None:
+def test_two_manifests_by_subject(tmp_path, body_path):
     root = tmp_path / "h36m"
     for subject in (1, 5, 9):
         write_subject(root / "annotations", subject)
@@ -100,7 +99,7 @@ def test_two_manifests_by_subject(tmp_path: Path, body_path: Path) -> None:
     assert clip_file.stat().st_mtime_ns == clip_written and written
 
 
-def test_poses_pelvis_and_camera(tmp_path: Path, body_path: Path) -> None:
+def test_poses_pelvis_and_camera(tmp_path, body_path):
     content = parameters()
     write_subject(tmp_path / "h36m", 11, content)
     (made,) = make_human36m(tmp_path / "h36m", str(body_path), tmp_path / "out")
@@ -137,7 +136,7 @@ def test_poses_pelvis_and_camera(tmp_path: Path, body_path: Path) -> None:
     assert (path.width_px, path.height_px) == (1000, 1002)
 
 
-def test_no_run_crosses_a_frame_without_parameters(tmp_path: Path, body_path: Path) -> None:
+def test_no_run_crosses_a_frame_without_parameters(tmp_path, body_path):
     write_subject(tmp_path / "h36m", 1)
     make_human36m(tmp_path / "h36m", str(body_path), tmp_path / "out")
     clip = load_clip(tmp_path / "out" / "clips" / "S1" / "S1.Directions.1.npz")
@@ -147,7 +146,7 @@ def test_no_run_crosses_a_frame_without_parameters(tmp_path: Path, body_path: Pa
     assert same.max() < 1e-6
 
 
-def test_other_steps_between_frames(tmp_path: Path, body_path: Path) -> None:
+def test_other_steps_between_frames(tmp_path, body_path):
     """Each frame, as NeuralAnnot has them; a frame off the grid; a single frame."""
     root = tmp_path / "h36m"
     content = {
@@ -165,7 +164,7 @@ def test_other_steps_between_frames(tmp_path: Path, body_path: Path) -> None:
     assert fifth.valid.all() and "1 between them left out" in fifth.motion.source
 
 
-def test_nan_makes_a_frame_invalid(tmp_path: Path, body_path: Path) -> None:
+def test_nan_makes_a_frame_invalid(tmp_path, body_path):
     content = parameters((0, 5, 10, 15))
     content["2"]["1"]["5"]["pose"][7] = float("nan")
     content["2"]["1"]["10"]["trans"] = [[1e30, 0, 0]]
@@ -204,7 +203,7 @@ def _with(content: Content, key: str, value: Any) -> Content:
         (_with(parameters(), "trans", [10**400, 0, 0]), "trans is a list of 3"),
     ],
 )
-def test_other_layouts_are_refused_by_place(tmp_path: Path, content: Any, said: str) -> None:
+def test_other_layouts_are_refused_by_place(tmp_path, content, said):
     path = write_subject(tmp_path, 1, content)
     with pytest.raises(BadSequence, match=said):
         read_takes(path)
@@ -220,14 +219,14 @@ def test_other_layouts_are_refused_by_place(tmp_path: Path, content: Any, said: 
         ("c", None, "c is a NoneType"),
     ],
 )
-def test_broken_cameras_are_refused(tmp_path: Path, key: str, value: Any, said: str) -> None:
+def test_broken_cameras_are_refused(tmp_path, key, value, said):
     path = tmp_path / "camera.json"
     path.write_text(json.dumps({"4": camera(1) | {key: value}}))
     with pytest.raises(BadSequence, match=said):
         read_cameras(path)
 
 
-def test_what_is_missing_is_said(tmp_path: Path, body_path: Path, small_body: BodyModel) -> None:
+def test_what_is_missing_is_said(tmp_path, body_path, small_body):
     with pytest.raises(MissingInput, match=r"no Human36M_subjectN_smpl_param\.json"):
         find_subjects(tmp_path)
     path = write_subject(tmp_path / "h36m", 1)
@@ -251,16 +250,14 @@ JSON = st.recursive(
 
 @in_one_folder(150)
 @given(content=JSON)
-def test_any_json_is_read_or_refused(tmp_path: Path, content: Any) -> None:
+def test_any_json_is_read_or_refused(tmp_path, content):
     for read in (read_takes, read_cameras):
         read_or_refused(tmp_path / "any.json", json.dumps(content).encode(), read)
 
 
 @in_one_folder(40)
 @given(data=st.data(), share=st.floats(0, 0.999))
-def test_truncated_and_changed_files_are_refused_or_read(
-    data: st.DataObject, tmp_path: Path, share: float
-) -> None:
+def test_truncated_and_changed_files_are_refused_or_read(data, tmp_path, share):
     path = write_subject(tmp_path, 5, {"2": parameters((0, 5))["2"]})
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])

@@ -17,7 +17,6 @@ from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.library import FEW_FILES, clip_id, library_files, make_library, motion_table
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
-from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -56,7 +55,7 @@ def write_amass(root: Path, names: list[str], n_frames: int = 12, **changed: Any
 
 
 @pytest.fixture
-def body_path(tmp_path: Path, small_body: BodyModel) -> Path:
+def body_path(tmp_path, small_body) -> Path:
     save_body(tmp_path / "small.npz", small_body)
     return tmp_path / "small.npz"
 
@@ -67,7 +66,7 @@ def clips_of(path: Path) -> list[Any]:
     return list(manifest.clips)
 
 
-def test_amass_in_worker_processes(tmp_path: Path, body_path: Path) -> None:
+def test_amass_in_worker_processes(tmp_path, body_path):
     """All clips, with data set, subject and trial; the same as read one by one; and not again."""
     assert len(NAMES) > FEW_FILES
     write_amass(tmp_path / "AMASS", NAMES)
@@ -92,7 +91,7 @@ def test_amass_in_worker_processes(tmp_path: Path, body_path: Path) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_bad_files_are_listed_at_the_end(tmp_path: Path, body_path: Path, workers: int) -> None:
+def test_bad_files_are_listed_at_the_end(tmp_path, body_path, workers):
     root, out = tmp_path / "AMASS", tmp_path / "out"
     write_amass(root, NAMES)
     (root / "KIT/4/walk_poses.npz").write_bytes(b"PK\x03\x04 broken")
@@ -113,7 +112,7 @@ def test_bad_files_are_listed_at_the_end(tmp_path: Path, body_path: Path, worker
     assert not list((out / "failed").glob("*.txt"))
 
 
-def test_a_name_that_is_no_text_loses_no_other_file(tmp_path: Path, body_path: Path) -> None:
+def test_a_name_that_is_no_text_loses_no_other_file(tmp_path, body_path):
     """As zip files of Windows unpack it; what macOS puts beside files is no motion."""
     root = tmp_path / "AMASS"
     write_amass(root, NAMES[:2])
@@ -131,14 +130,14 @@ def test_a_name_that_is_no_text_loses_no_other_file(tmp_path: Path, body_path: P
     assert motion_table((root,), str(body_path)).bad.encode()
 
 
-def test_nothing_readable_leaves_no_manifest(tmp_path: Path, body_path: Path) -> None:
+def test_nothing_readable_leaves_no_manifest(tmp_path, body_path):
     (tmp_path / "walk.bvh").write_text("HIERARCHY")
     with pytest.raises(BadMotionFile, match=r"1 of 1 files could not be read; there is no manif"):
         make_library((tmp_path / "walk.bvh",), str(body_path), tmp_path / "out")
     assert not (tmp_path / "out" / "motions.yaml").exists()
 
 
-def test_names_of_clips(tmp_path: Path) -> None:
+def test_names_of_clips(tmp_path):
     for name in ("a/walk.bvh", "b/walk.bvh", "b/run.bvh", "02_03.bvh"):
         path = tmp_path / "files" / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -165,13 +164,13 @@ def test_names_of_clips(tmp_path: Path) -> None:
         library_files((tmp_path / "empty",))
 
 
-def test_clip_ids_have_plain_letters() -> None:
+def test_clip_ids_have_plain_letters():
     assert clip_id("B3 - walk1 (ü)_poses") == "B3_-_walk1__poses"
     assert clip_id("-x") == "_-x"
     assert len(clip_id("a" * 500)) == 150
 
 
-def test_the_table_of_a_folder(tmp_path: Path, body_path: Path) -> None:
+def test_the_table_of_a_folder(tmp_path, body_path):
     write_amass(tmp_path / "AMASS", NAMES[:2])
     folder = tmp_path / "AMASS"
     table = motion_table((folder,), str(body_path))
@@ -194,7 +193,7 @@ def finished(out: Path) -> dict[Path, int]:
 
 
 @pytest.mark.slow
-def test_a_killed_import_goes_on(tmp_path: Path, body_path: Path) -> None:
+def test_a_killed_import_goes_on(tmp_path, body_path):
     root, out = tmp_path / "AMASS", tmp_path / "out"
     write_amass(root, [f"KIT/{n}/walk_poses" for n in range(40)], n_frames=60)
     command = [sys.executable, "-m", "gmrdata", "motions", str(root), "--out", str(out)]

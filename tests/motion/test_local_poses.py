@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.local_poses import read_local_poses
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BrokenPickle, MissingInput, UnsafePickle
@@ -40,7 +39,7 @@ from tests.read.system_files import (
 )
 
 
-def test_vibe(tmp_path: Path, small_body: BodyModel) -> None:
+def test_vibe(tmp_path, small_body):
     people = {1: vibe_person(5), 4: vibe_person(3, frame_ids=[7, 8, 9], seed=1)}
     first, second = read_local_poses(
         write_joblib(tmp_path / "vibe_output.pkl", people), 25.0, body=small_body
@@ -57,7 +56,7 @@ def test_vibe(tmp_path: Path, small_body: BodyModel) -> None:
     assert "frames 7-9 at 25 fps" in second.motion.source
 
 
-def test_missing_frames_are_never_bridged(tmp_path: Path, small_body: BodyModel) -> None:
+def test_missing_frames_are_never_bridged(tmp_path, small_body):
     person = vibe_person(9, frame_ids=[3, 4, 5, 8, 9, 20, 30, 31, 32])
     path = write_joblib(tmp_path / "v.pkl", {0: person})
     runs = read_local_poses(path, 30.0, body=small_body)
@@ -67,7 +66,7 @@ def test_missing_frames_are_never_bridged(tmp_path: Path, small_body: BodyModel)
     np.testing.assert_allclose(joined, rotmats(person["pose"])[:, 1:], atol=1e-12)
 
 
-def test_short_gaps_are_filled_on_demand(tmp_path: Path, small_body: BodyModel) -> None:
+def test_short_gaps_are_filled_on_demand(tmp_path, small_body):
     person = vibe_person(5, frame_ids=[3, 4, 7, 8, 12])
     path = write_joblib(tmp_path / "v.pkl", {0: person})
     first, last = read_local_poses(path, 30.0, body=small_body, bridge_frames=2)
@@ -84,9 +83,7 @@ def test_short_gaps_are_filled_on_demand(tmp_path: Path, small_body: BodyModel) 
             np.testing.assert_allclose(found[row, joint], between, atol=1e-12)
 
 
-def test_no_gap_is_filled_over_the_beginning_of_a_shot(
-    tmp_path: Path, small_body: BodyModel
-) -> None:
+def test_no_gap_is_filled_over_the_beginning_of_a_shot(tmp_path, small_body):
     """The shot begins in a frame in which the person is not seen."""
     poses = phalp_poses(8)
     frames = [
@@ -99,7 +96,7 @@ def test_no_gap_is_filled_over_the_beginning_of_a_shot(
     assert runs[0].valid.tolist() == [True, True, False, True, True]
 
 
-def test_betas_are_kept_on_the_body_that_they_are_of(tmp_path: Path, small_body: BodyModel) -> None:
+def test_betas_are_kept_on_the_body_that_they_are_of(tmp_path, small_body):
     person = vibe_person(4)
     path = write_joblib(tmp_path / "v.pkl", {0: person})
     (run,) = read_local_poses(path, 30.0, body=replace(small_body, name="smpl-neutral"))
@@ -108,7 +105,7 @@ def test_betas_are_kept_on_the_body_that_they_are_of(tmp_path: Path, small_body:
     assert not other.motion.shape.any()
 
 
-def test_wham(tmp_path: Path, small_body: BodyModel) -> None:
+def test_wham(tmp_path, small_body):
     runs = read_local_poses(
         write_joblib(tmp_path / "wham_output.pkl", some_wham({0: 4, 12: 6})), 30.0, body=small_body
     )
@@ -118,9 +115,7 @@ def test_wham(tmp_path: Path, small_body: BodyModel) -> None:
     np.testing.assert_allclose(runs[1].motion.local_rotmats, expected, atol=1e-12)
 
 
-def test_phalp_leaves_out_what_was_not_seen_and_splits_at_shots(
-    tmp_path: Path, small_body: BodyModel
-) -> None:
+def test_phalp_leaves_out_what_was_not_seen_and_splits_at_shots(tmp_path, small_body):
     a, b = phalp_poses(8), phalp_poses(8, seed=5)
     frames = [
         phalp_frame(
@@ -146,14 +141,14 @@ def test_phalp_leaves_out_what_was_not_seen_and_splits_at_shots(
     np.testing.assert_allclose(product, np.broadcast_to(np.eye(3), product.shape), atol=1e-12)
 
 
-def test_phalp_frames_may_stand_in_any_order(tmp_path: Path, small_body: BodyModel) -> None:
+def test_phalp_frames_may_stand_in_any_order(tmp_path, small_body):
     poses = phalp_poses(4)
     frames = [phalp_frame(t, {1: poses[t]}) for t in (2, 0, 3, 1)]
     (run,) = read_local_poses(write_phalp(tmp_path / "p.pkl", frames), 30.0, body=small_body)
     np.testing.assert_allclose(run.motion.local_rotmats, poses, atol=1e-6)
 
 
-def test_gvhmr_has_21_joints_and_straight_hands(tmp_path: Path, small_body: BodyModel) -> None:
+def test_gvhmr_has_21_joints_and_straight_hands(tmp_path, small_body):
     path = write_torch(tmp_path / "hmr4d_results.pt", some_gvhmr(6))
     (run,) = read_local_poses(path, 30.0, body=small_body)
     found = run.motion.local_rotmats
@@ -162,7 +157,7 @@ def test_gvhmr_has_21_joints_and_straight_hands(tmp_path: Path, small_body: Body
     assert run.image_numbers.tolist() == list(range(6))
 
 
-def test_results_that_were_saved_in_another_way(tmp_path: Path, small_body: BodyModel) -> None:
+def test_results_that_were_saved_in_another_way(tmp_path, small_body):
     """zju3dv/GVHMR#10: the result as a numpy pickle, for Blender; and a dict with an order."""
     content = some_gvhmr(6)
     arrays = {
@@ -181,7 +176,7 @@ def test_results_that_were_saved_in_another_way(tmp_path: Path, small_body: Body
         read_local_poses(tmp_path / "old.pt", 30.0, body=small_body)
 
 
-def test_systems_in_folders_and_npz_are_read_too(tmp_path: Path, small_body: BodyModel) -> None:
+def test_systems_in_folders_and_npz_are_read_too(tmp_path, small_body):
     motion = embedded_motions(
         small_body, np.random.default_rng(0), count=1, fps_hz=20.0, duration_s=1.0
     )[0]
@@ -197,9 +192,7 @@ def test_systems_in_folders_and_npz_are_read_too(tmp_path: Path, small_body: Bod
         np.testing.assert_allclose(found.motion.local_rotmats[:, :n_same], wanted, atol=1e-9)
 
 
-def test_amass_keeps_its_own_rate_or_takes_the_given_one(
-    tmp_path: Path, small_body: BodyModel
-) -> None:
+def test_amass_keeps_its_own_rate_or_takes_the_given_one(tmp_path, small_body):
     poses = some_poses(5, 52).astype(np.float64)
     np.savez(
         tmp_path / "walk_poses.npz",
@@ -217,9 +210,7 @@ def test_amass_keeps_its_own_rate_or_takes_the_given_one(
     assert slower.motion.fps_hz == 30.0
 
 
-def test_a_clip_is_split_at_frames_that_are_not_valid(
-    tmp_path: Path, small_body: BodyModel
-) -> None:
+def test_a_clip_is_split_at_frames_that_are_not_valid(tmp_path, small_body):
     motion = embedded_motions(
         small_body, np.random.default_rng(0), count=1, fps_hz=20.0, duration_s=1.0
     )[0]
@@ -330,9 +321,7 @@ def _tracks(change: Callable[[dict[str, Any]], Any]) -> dict[Any, Any]:
     ],
     ids=[*BAD_PEOPLE, *(f"track: {fault}" for fault in BAD_FRAMES)],
 )
-def test_bad_people_and_tracks_are_refused_by_name(
-    content: Callable[[], Any], message: str, tmp_path: Path, small_body: BodyModel
-) -> None:
+def test_bad_people_and_tracks_are_refused_by_name(content, message, tmp_path, small_body):
     path = tmp_path / "bad.pkl"
     path.write_bytes(joblib_bytes(content()))
     with pytest.raises(BadMotionFile, match=message) as caught:
@@ -340,7 +329,7 @@ def test_bad_people_and_tracks_are_refused_by_name(
     assert str(path) in str(caught.value)
 
 
-def test_gvhmr_of_another_layout(tmp_path: Path, small_body: BodyModel) -> None:
+def test_gvhmr_of_another_layout(tmp_path, small_body):
     write_torch(tmp_path / "a.pt", some_gvhmr(4, n_joints=23))
     torch.save({"weights": torch.ones(3)}, tmp_path / "b.pt")
     torch.save(torch.ones(3), tmp_path / "c.pt")
@@ -364,7 +353,7 @@ class _Call:
         return exec, (f"open({str(self.touched)!r}, 'w')",)
 
 
-def test_hostile_files_are_not_run(tmp_path: Path, small_body: BodyModel) -> None:
+def test_hostile_files_are_not_run(tmp_path, small_body):
     touched = tmp_path / "touched"
     person = vibe_person(3) | {"joints2d": _Call(touched)}
     (tmp_path / "vibe.pkl").write_bytes(joblib_bytes({1: person}))
@@ -399,9 +388,7 @@ def _whole(kind: str, folder: Path, n_frames: int = 3) -> bytes:
 
 
 @given(data=st.data())
-def test_changed_bytes_are_read_or_refused(
-    data: st.DataObject, small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_changed_bytes_are_read_or_refused(data, small_body, tmp_path_factory):
     """Whatever a few changed bytes make of a file: poses that are finite, or one of our errors."""
     folder = tmp_path_factory.getbasetemp()
     whole = _whole(data.draw(st.sampled_from(["vibe", "phalp", "gvhmr"])), folder)
@@ -414,7 +401,7 @@ def test_changed_bytes_are_read_or_refused(
 
 
 @pytest.mark.parametrize("kind", ["vibe", "phalp", "gvhmr"])
-def test_truncated_files_are_an_error(kind: str, tmp_path: Path, small_body: BodyModel) -> None:
+def test_truncated_files_are_an_error(kind, tmp_path, small_body):
     data, cut = _whole(kind, tmp_path), tmp_path / "cut.bin"
     for length in np.linspace(0, len(data) - 1, 40).astype(int):
         cut.write_bytes(data[:length])
@@ -422,7 +409,7 @@ def test_truncated_files_are_an_error(kind: str, tmp_path: Path, small_body: Bod
             read_local_poses(cut, 30.0, body=small_body)
 
 
-def test_a_rate_is_needed_and_checked(tmp_path: Path, small_body: BodyModel) -> None:
+def test_a_rate_is_needed_and_checked(tmp_path, small_body):
     path = write_joblib(tmp_path / "v.pkl", {1: vibe_person(3)})
     with pytest.raises(BadMotionFile, match=r"v\.pkl: does not say its frame rate.*--fps-hz"):
         read_local_poses(path, body=small_body)

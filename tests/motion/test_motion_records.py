@@ -1,7 +1,6 @@
 """Records beside motions: each key is required, and older files are named with the remedy."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -19,7 +18,7 @@ RECORDS: list[Record] = [
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: type(record).__name__)
-def test_each_key_is_required(record: Record, tmp_path: Path) -> None:
+def test_each_key_is_required(record, tmp_path):
     path = tmp_path / "a.json"
     record.write(path)
     assert type(record).read(path) == record
@@ -35,7 +34,7 @@ def test_each_key_is_required(record: Record, tmp_path: Path) -> None:
             Fetched.read(path)
 
 
-def test_a_list_of_fetched_files_without_a_tag_is_refused(tmp_path: Path) -> None:
+def test_a_list_of_fetched_files_without_a_tag_is_refused(tmp_path):
     (tmp_path / RECORD).write_text('{"files": {}}')
     with pytest.raises(BadRecord, match=r"fetched\.json: has no `format`.*--redo"):
         plan(["02_03"], tmp_path, FetchConfig())

@@ -15,7 +15,7 @@ from gmrdata.motion.files import find_motions, read_file, read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, SourceMotion
-from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import CMU_BVH, is_cmu, joints_by_name, line_to
 from gmrdata.values.motion_metrics import angles_rad
@@ -27,7 +27,7 @@ SIX = ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotati
 
 
 @pytest.fixture
-def walk_path(tmp_path: Path, small_body: BodyModel) -> Path:
+def walk_path(tmp_path, small_body) -> Path:
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0), shape=np.zeros(10))
     write_bvh(tmp_path / "walk.bvh", walk, small_body)
     return tmp_path / "walk.bvh"
@@ -69,9 +69,7 @@ def _save(
 @pytest.mark.parametrize(
     "root", ["Head", "Neck", "Spine2", "Spine", "LeftHand", "RightFoot", "LeftUpLeg", "Reference"]
 )
-def test_the_pelvis_is_where_legs_and_trunk_meet(
-    write_bvh: Callable[..., Path], walk_path: Path, small_body: BodyModel, root: str
-) -> None:
+def test_the_pelvis_is_where_legs_and_trunk_meet(write_bvh, walk_path, small_body, root):
     plain = read_bvh(walk_path)
     plain = replace(plain, offsets_m=plain.offsets_m * 1.01)  # no body's own skeleton
     parents = list(plain.parents)
@@ -106,8 +104,8 @@ def test_the_pelvis_is_where_legs_and_trunk_meet(
 
 @pytest.mark.parametrize(("root", "joint"), [("Head", "head"), ("RightFoot", "right_ankle")])
 def test_a_root_whose_frame_is_that_of_the_bone_it_holds(
-    write_bvh: Callable[..., Path], walk_path: Path, small_body: BodyModel, root: str, joint: str
-) -> None:
+    write_bvh, walk_path, small_body, root, joint
+):
     """What the file does not say of the foot or the head is told of."""
     plain = replace(read_bvh(walk_path), offsets_m=1.01 * read_bvh(walk_path).offsets_m)
     parents = list(plain.parents)
@@ -141,7 +139,7 @@ def test_a_root_whose_frame_is_that_of_the_bone_it_holds(
     [(".", ","), (" ", ","), (" ", ", "), (" ", ";"), (" ", "; "), (" ", "\t"), (" -", "-")],
     ids=["decimal comma", "comma", "comma and space", "semicolon", "and space", "tab", "glued"],
 )
-def test_separators_of_numbers(walk_path: Path, old: str, new: str) -> None:
+def test_separators_of_numbers(walk_path, old, new):
     plain = read_bvh(walk_path)
     head, motion, table = walk_path.read_text().partition("Frame Time: ")
     rate, _, rows = table.partition("\n")
@@ -156,7 +154,7 @@ def test_separators_of_numbers(walk_path: Path, old: str, new: str) -> None:
     assert again.fps_hz == plain.fps_hz == 30.0
 
 
-def test_a_decimal_comma_in_the_frame_time_alone(walk_path: Path) -> None:
+def test_a_decimal_comma_in_the_frame_time_alone(walk_path):
     text = walk_path.read_text()
     for comma in ("0,0333333", ",0333333"):
         walk_path.write_text(re.sub(r"(?<=Frame Time: ).*", comma, text))
@@ -172,9 +170,7 @@ def test_a_decimal_comma_in_the_frame_time_alone(walk_path: Path) -> None:
         (1.0, np.pi / 180, "a stiff body, or angles in radians"),
     ],
 )
-def test_what_no_walk_is_like_gets_a_remark(
-    tmp_path: Path, small_body: BodyModel, path_x: float, turns_x: float, said: str | None
-) -> None:
+def test_what_no_walk_is_like_gets_a_remark(tmp_path, small_body, path_x, turns_x, said):
     walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(0))
     turns = Rotation.from_matrix(walk.local_rotmats.reshape(-1, 3, 3)).as_rotvec() * turns_x
     local = Rotation.from_rotvec(turns).as_matrix().reshape(walk.local_rotmats.shape)
@@ -185,9 +181,7 @@ def test_what_no_walk_is_like_gets_a_remark(
 
 
 @pytest.mark.parametrize(("degrees", "remarked"), [(10.0, False), (30.0, True)])
-def test_a_world_that_is_tilted_as_a_camera_gets_a_remark(
-    tmp_path: Path, small_body: BodyModel, degrees: float, remarked: bool
-) -> None:
+def test_a_world_that_is_tilted_as_a_camera_gets_a_remark(tmp_path, small_body, degrees, remarked):
     walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(0))
     tilt = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
     tilted = replace(walk, root_rotmats=tilt @ walk.root_rotmats, pelvis_m=walk.pelvis_m @ tilt.T)
@@ -196,9 +190,7 @@ def test_a_world_that_is_tilted_as_a_camera_gets_a_remark(
     assert bool([one for one in remarks if "its world is tilted" in one]) == remarked
 
 
-def test_a_left_handed_skeleton_is_refused(
-    write_bvh: Callable[..., Path], walk_path: Path, small_body: BodyModel
-) -> None:
+def test_a_left_handed_skeleton_is_refused(write_bvh, walk_path, small_body):
     plain = read_bvh(walk_path)
     flip = np.diag([-1.0, 1.0, 1.0])
     mirrored = replace(
@@ -213,14 +205,14 @@ def test_a_left_handed_skeleton_is_refused(
 
 
 @pytest.mark.parametrize("form", ["cmu:{}", "Subject02:{}", "{}_01", "rig:body:{}"])
-def test_cmus_names_are_known_below_a_namespace(form: str) -> None:
+def test_cmus_names_are_known_below_a_namespace(form):
     names = [*CMU_BVH, "LHipJoint"]
     called = [form.format(name) for name in names]
     parents = [-1] * len(names)
     assert is_cmu(called) and joints_by_name(called, parents) == joints_by_name(names, parents)
 
 
-def test_poses_in_degrees_are_refused(tmp_path: Path, small_body: BodyModel) -> None:
+def test_poses_in_degrees_are_refused(tmp_path, small_body):
     walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
     write_amass(tmp_path / "a.npz", walk, small_body)
     arrays = dict(np.load(tmp_path / "a.npz"))
@@ -234,16 +226,14 @@ def test_poses_in_degrees_are_refused(tmp_path: Path, small_body: BodyModel) -> 
     [(30.0, "0.0333333"), (120.0, "0.0083333"), (24.0, "0.0416667"), (29.97, "0.0333667"),
      (30000 / 1001, "0.03336667"), (12.3456789, None), (100 / 3, "0.0300000")],
 )  # fmt: skip
-def test_a_written_frame_time_is_readable(
-    tmp_path: Path, small_body: BodyModel, fps_hz: float, text: str | None
-) -> None:
+def test_a_written_frame_time_is_readable(tmp_path, small_body, fps_hz, text):
     walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
     write_bvh(tmp_path / "a.bvh", replace(walk, fps_hz=fps_hz), small_body)
     assert read_bvh(tmp_path / "a.bvh").fps_hz == pytest.approx(fps_hz, rel=1e-15)
     assert text is None or len(frame_time(fps_hz)) <= len(text) + 12
 
 
-def test_the_skeletons_of_hdm05(shared_path: Callable[[str], Path], small_body: BodyModel) -> None:
+def test_the_skeletons_of_hdm05(shared_path, small_body):
     path = shared_path("odd/hdm05_skeleton_name") / "HDM_bd_01-01_01_120.amc"
     read = read_file(path, small_body, DEFAULT_READING)
     assert "skeleton HDM_bd.asf" in read.motion.source
@@ -254,14 +244,14 @@ def test_the_skeletons_of_hdm05(shared_path: Callable[[str], Path], small_body: 
     )
 
 
-def test_a_decimal_comma(shared_path: Callable[[str], Path], small_body: BodyModel) -> None:
+def test_a_decimal_comma(shared_path, small_body):
     path = shared_path("odd/decimal_comma/a01_comma.bvh")
     plain = shared_path("odd/bvh_rest_y_up_motion_z_up/plain.bvh")
     read = [read_motion(one, small_body) for one in (path, plain)]
     np.testing.assert_array_equal(read[0].rotmats, read[1].rotmats)
 
 
-def test_betas_of_each_frame(shared_path: Callable[[str], Path], tmp_path: Path) -> None:
+def test_betas_of_each_frame(shared_path, tmp_path):
     folder = shared_path("odd/amass_betas_per_frame")
     main(["motions", str(folder / "m06_betas_per_frame.npz"), "--body", str(folder / "body"),
           "--out", str(tmp_path / "out")])  # fmt: skip
@@ -276,7 +266,7 @@ PARTS = {
 
 
 @pytest.mark.parametrize("form", ["amass", "smplx", "without hands", "joints", "smpl"])
-def test_poses_in_parts(tmp_path: Path, small_body: BodyModel, form: str) -> None:
+def test_poses_in_parts(tmp_path, small_body, form):
     rng = np.random.default_rng(0)
     parts = {key: rng.normal(scale=0.3, size=(6, n)) for key, (_, n) in PARTS.items()}
     hands = parts["pose_hand"] if form in ("amass", "smplx") else np.zeros((6, 90))
@@ -307,7 +297,7 @@ def test_poses_in_parts(tmp_path: Path, small_body: BodyModel, form: str) -> Non
 
 
 @pytest.mark.parametrize("gender", ["b'female'", 'b"FEMALE"', "f", " Female ", b"female"])
-def test_genders(tmp_path: Path, small_body: BodyModel, gender: str | bytes) -> None:
+def test_genders(tmp_path, small_body, gender):
     arrays = {"poses": np.zeros((6, 72)), "trans": np.zeros((6, 3)), "mocap_framerate": 30.0}
     np.savez(tmp_path / "a.npz", betas=np.ones(10), gender=np.array(gender), **arrays)
     female = replace(small_body, name="smpl-female")
@@ -318,9 +308,7 @@ def test_genders(tmp_path: Path, small_body: BodyModel, gender: str | bytes) -> 
 
 
 @pytest.mark.parametrize(("rate", "fps_hz"), [(120.0, 60.0), (60.0, 60.0), (30.0, 30.0)])
-def test_cmus_index_settles_60_against_120_alone(
-    tmp_path: Path, small_body: BodyModel, rate: float, fps_hz: float
-) -> None:
+def test_cmus_index_settles_60_against_120_alone(tmp_path, small_body, rate, fps_hz):
     path = tmp_path / "CMU" / "62" / "62_11_poses.npz"
     path.parent.mkdir(parents=True)
     np.savez(path, poses=np.zeros((6, 72)), trans=np.zeros((6, 3)), mocap_framerate=rate)
@@ -328,13 +316,13 @@ def test_cmus_index_settles_60_against_120_alone(
     assert (read.motion.fps_hz, read.rate_from) == (fps_hz, "CMU's index" if rate > 60 else "file")
 
 
-def test_a_walk_that_is_too_fast_gets_a_remark(walk_path: Path, small_body: BodyModel) -> None:
+def test_a_walk_that_is_too_fast_gets_a_remark(walk_path, small_body):
     assert read_file(walk_path, small_body, DEFAULT_READING).remarks == ()
     (remark,) = read_file(walk_path, small_body, ReadConfig(fps_hz=90)).remarks
     assert "walks at 4." in remark and remark.endswith("Give the true frame rate with --fps-hz")
 
 
-def test_a_path_in_centimetres_or_without_one(tmp_path: Path, small_body: BodyModel) -> None:
+def test_a_path_in_centimetres_or_without_one(tmp_path, small_body):
     trans_m = np.c_[np.arange(60) * 1.3 / 30, np.zeros((60, 2))]
     arrays = {"poses": np.zeros((60, 72)), "mocap_framerate": 30.0}
     np.savez(tmp_path / "m.npz", trans=trans_m, **arrays)
@@ -349,9 +337,7 @@ def test_a_path_in_centimetres_or_without_one(tmp_path: Path, small_body: BodyMo
         read_motion(tmp_path / "romp.npz", small_body)
 
 
-def test_a_joint_map_may_have_the_missing_names_alone(
-    walk_path: Path, small_body: BodyModel
-) -> None:
+def test_a_joint_map_may_have_the_missing_names_alone(walk_path, small_body):
     wanted = read_motion(walk_path, small_body)
     text = walk_path.read_text().replace("LeftLeg\n", "Bone7\n").replace("RightFoot\n", "Bone9\n")
     walk_path.write_text(text)
@@ -363,9 +349,7 @@ def test_a_joint_map_may_have_the_missing_names_alone(
     )
 
 
-def test_a_missing_path_is_told_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_path_is_told_first(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.bvh").write_text("HIERARCHY\n")
     for words, said in (

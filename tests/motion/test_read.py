@@ -2,13 +2,11 @@
 
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gmrdata.motion.files import find_motions, read_motion
-from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 
 
@@ -18,7 +16,7 @@ def _touch(path: Path) -> Path:
     return path
 
 
-def test_find_motions_takes_each_trial_once(tmp_path: Path) -> None:
+def test_find_motions_takes_each_trial_once(tmp_path):
     folder = tmp_path / "motions"
     for name in ("bvh/02_03.bvh", "bvh/02_04.bvh", "bvh/walk.bvh", "amc/02_03.amc", "amc/walk.amc",
                  "amc/02.asf", "notes.txt", "one/run.bvh", "one/run.AMC"):  # fmt: skip
@@ -35,7 +33,7 @@ def test_find_motions_takes_each_trial_once(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_find_motions_stays_in_the_folder(tmp_path: Path) -> None:
+def test_find_motions_stays_in_the_folder(tmp_path):
     outside = _touch(tmp_path / "outside" / "secret.bvh")
     folder = tmp_path / "motions"
     inside = _touch(folder / "a.bvh")
@@ -50,7 +48,7 @@ def test_find_motions_stays_in_the_folder(tmp_path: Path) -> None:
         find_motions(tmp_path / "nowhere")
 
 
-def test_other_suffixes_are_refused(tmp_path: Path, small_body: BodyModel) -> None:
+def test_other_suffixes_are_refused(tmp_path, small_body):
     with pytest.raises(BadMotionFile, match=r"a\.fbx: no known motion format"):
         read_motion(_touch(tmp_path / "a.fbx"), small_body)
     for name in ("a.bvh", "a.amc", "a.npz"):
@@ -63,12 +61,12 @@ def test_other_suffixes_are_refused(tmp_path: Path, small_body: BodyModel) -> No
     [{"unit_m": 0.0}, {"unit_m": -1.0}, {"unit_m": np.nan}, {"shape": np.zeros(3)},
      {"shape": np.full(10, np.nan)}],
 )  # fmt: skip
-def test_wrong_options(tmp_path: Path, small_body: BodyModel, options: dict[str, Any]) -> None:
+def test_wrong_options(tmp_path, small_body, options):
     with pytest.raises(BadRecipe, match=r"a\.bvh"):
         read_motion(_touch(tmp_path / "a.bvh"), small_body, **options)
 
 
-def test_a_motion_that_is_read_twice_is_the_same(cmu_dir: Path, small_body: BodyModel) -> None:
+def test_a_motion_that_is_read_twice_is_the_same(cmu_dir, small_body):
     first, second = (read_motion(cmu_dir / "amc" / "05_01.amc", small_body) for _ in range(2))
     np.testing.assert_array_equal(first.local_rotmats, second.local_rotmats)
     np.testing.assert_array_equal(first.pelvis_m, second.pelvis_m)
@@ -77,7 +75,7 @@ def test_a_motion_that_is_read_twice_is_the_same(cmu_dir: Path, small_body: Body
 
 
 @pytest.mark.slow
-def test_every_real_file_is_read(cmu_dir: Path, small_body: BodyModel) -> None:
+def test_every_real_file_is_read(cmu_dir, small_body):
     files = sorted((cmu_dir / "bvh").glob("*.bvh")) + sorted((cmu_dir / "amc").glob("*.amc"))
     assert len(files) == 256
     frames = {}

@@ -22,7 +22,7 @@ def _motion(n_frames: int, fps_hz: float, seed: int = 0) -> Motion:
 
 
 @given(st.integers(2, 40), st.integers(1, 6), st.sampled_from([12.0, 30.0, 120.0, 59.94]))
-def test_an_integer_ratio_takes_the_very_samples(n_frames: int, ratio: int, fps_hz: float) -> None:
+def test_an_integer_ratio_takes_the_very_samples(n_frames, ratio, fps_hz):
     motion = _motion(n_frames, fps_hz)
     sampled = resample(motion, fps_hz / ratio)
     for name in ("local_rotmats", "root_rotmats", "pelvis_m"):
@@ -31,14 +31,14 @@ def test_an_integer_ratio_takes_the_very_samples(n_frames: int, ratio: int, fps_
     assert sampled.source == motion.source
 
 
-def test_a_start_on_a_sample_is_exact() -> None:
+def test_a_start_on_a_sample_is_exact():
     motion = _motion(25, 120.0)
     sampled = resample(motion, 30.0, start_s=3 / 120)
     np.testing.assert_array_equal(sampled.root_rotmats, motion.root_rotmats[3::4])
 
 
 @given(st.floats(7.0, 400.0), st.floats(0.0, 0.3))
-def test_between_samples_it_is_slerp_and_lines(fps_hz: float, start_s: float) -> None:
+def test_between_samples_it_is_slerp_and_lines(fps_hz, start_s):
     motion = _motion(13, 30.0)
     sampled = resample(motion, fps_hz, start_s=start_s)
     times_s = start_s + np.arange(sampled.n_frames) / fps_hz
@@ -53,14 +53,14 @@ def test_between_samples_it_is_slerp_and_lines(fps_hz: float, start_s: float) ->
         np.testing.assert_allclose(sampled.pelvis_m[:, k], lines, atol=1e-4)
 
 
-def test_there_and_back_is_the_same_motion() -> None:
+def test_there_and_back_is_the_same_motion():
     motion = _motion(20, 10.0)
     back = resample(resample(motion, 70.0), 10.0)
     np.testing.assert_allclose(back.local_rotmats, motion.local_rotmats, atol=1e-12)
 
 
 @given(st.lists(st.booleans(), max_size=30))
-def test_valid_runs_are_the_runs(flags: list[bool]) -> None:
+def test_valid_runs_are_the_runs(flags):
     runs = valid_runs(np.array(flags, dtype=bool))
     rebuilt = np.zeros(len(flags), dtype=bool)
     for start, stop in runs:
@@ -70,7 +70,7 @@ def test_valid_runs_are_the_runs(flags: list[bool]) -> None:
     assert rebuilt.tolist() == flags
 
 
-def test_wrong_arguments() -> None:
+def test_wrong_arguments():
     motion = _motion(10, 30.0)
     for fps_hz in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(BadRecipe, match="not positive"):

@@ -1,6 +1,5 @@
 """Retargeting: known answers on made-up skeletons, and directions on CMU's."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +30,7 @@ def _expected_rotmats(angles_deg: np.ndarray) -> np.ndarray:
     return rotmats.reshape(*angles_deg.shape[:2], 3, 3)
 
 
-def test_a_bodys_own_skeleton_keeps_its_rotations_and_path(
-    write_person: Callable[..., Path], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_bodys_own_skeleton_keeps_its_rotations_and_path(write_person, small_body, tmp_path):
     angles_deg, pelvis_m = _angles(1), np.random.default_rng(2).normal(size=(5, 3))
     path = write_person(tmp_path / "own.bvh", small_body, angles_deg, pelvis_m)
     motion = read_motion(path, small_body, ground=False)
@@ -48,8 +45,8 @@ def test_a_bodys_own_skeleton_keeps_its_rotations_and_path(
 @pytest.mark.parametrize("axes", [np.eye(3), WORLD_FROM_REST, [[0, 0, -1], [0, 1, 0], [1, 0, 0]]])
 @pytest.mark.parametrize("prefix", ["mixamorig:", "mixamorig1_", ""])
 def test_a_t_pose_stands_on_the_floor_in_whatever_axes_and_names(
-    write_person: Callable[..., Path], small_body: BodyModel, tmp_path: Path, axes, prefix: str
-) -> None:
+    write_person, small_body, tmp_path, axes, prefix
+):
     axes = np.array(axes, dtype=float)
     still = np.zeros((20, 24, 3))
     path = write_person(
@@ -65,9 +62,7 @@ def test_a_t_pose_stands_on_the_floor_in_whatever_axes_and_names(
     np.testing.assert_allclose(motion.pelvis_m[:, 2], height_m, atol=2e-3)
 
 
-def test_another_size_only_scales_the_path(
-    write_person: Callable[..., Path], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_another_size_only_scales_the_path(write_person, small_body, tmp_path):
     angles_deg, pelvis_m = _angles(1), np.random.default_rng(2).normal(size=(5, 3))
     path = write_person(tmp_path / "own.bvh", small_body, angles_deg, pelvis_m)
     tall = np.eye(10)[0] * 2.5  # 10 % larger
@@ -78,9 +73,7 @@ def test_another_size_only_scales_the_path(
     assert "path x 1.1000" in larger.source
 
 
-def test_a_map_of_ones_own_and_a_skeleton_with_less_joints(
-    write_person: Callable[..., Path], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_map_of_ones_own_and_a_skeleton_with_less_joints(write_person, small_body, tmp_path):
     names = [f"bone{i}" for i in range(24)]
     joint_map = dict(zip(names, JOINT_NAMES, strict=True))
     angles_deg = _angles(3)
@@ -110,14 +103,12 @@ def test_a_map_of_ones_own_and_a_skeleton_with_less_joints(
         ({"a": "pelvis"}, "no joint is known to be left_hip"),
     ],
 )
-def test_wrong_maps(joint_map: dict[str, str], words: str) -> None:
+def test_wrong_maps(joint_map, words):
     with pytest.raises(BadMotionFile, match=words):
         find_joints(["a", "b"], [-1, 0], joint_map, Path("a.bvh"))
 
 
-def test_a_wrong_unit_is_told(
-    write_person: Callable[..., Path], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_wrong_unit_is_told(write_person, small_body, tmp_path):
     path = write_person(
         tmp_path / "metres.bvh", small_body, np.zeros((2, 24, 3)), np.zeros((2, 3)), cm_per_unit=100
     )
@@ -144,7 +135,7 @@ def _limb_errors_deg(source: SourceMotion, motion: Motion, body: BodyModel) -> n
 @pytest.mark.parametrize(
     "file", ["bvh/02_03.bvh", "amc/05_01.amc", "bvh/16_32.bvh", "amc/14_06.amc"]
 )
-def test_limbs_point_as_the_subjects_do(cmu_dir: Path, small_body: BodyModel, file: str) -> None:
+def test_limbs_point_as_the_subjects_do(cmu_dir, small_body, file):
     path = cmu_dir / file
     source = read_bvh(path) if path.suffix == ".bvh" else read_amc(path)
     motion = read_motion(path, small_body, ground=False)
@@ -153,7 +144,7 @@ def test_limbs_point_as_the_subjects_do(cmu_dir: Path, small_body: BodyModel, fi
     assert errors_deg.max() < 0.05
 
 
-def test_palms_arms_and_head_of_a_quiet_stander(cmu_dir: Path, small_body: BodyModel) -> None:
+def test_palms_arms_and_head_of_a_quiet_stander(cmu_dir, small_body):
     motion = read_motion(cmu_dir / "bvh" / "16_32.bvh", small_body)  # walks off after 0.5 s
     joints_m = motion_joints_m(small_body, motion)[:60]
     front = motion.root_rotmats[0] @ [0, 0, 1]
@@ -174,5 +165,5 @@ def test_palms_arms_and_head_of_a_quiet_stander(cmu_dir: Path, small_body: BodyM
     assert np.median(tilt_deg) < 15
 
 
-def test_the_map_names_each_joint_of_the_tree() -> None:
+def test_the_map_names_each_joint_of_the_tree():
     assert sorted(MIXAMO.values()) == sorted(JOINT_NAMES)

@@ -43,9 +43,7 @@ _line(0)
 
 
 @pytest.fixture
-def write(
-    write_bvh: Callable[..., Path], small_body: BodyModel, tmp_path: Path
-) -> Callable[..., Path]:
+def write(write_bvh, small_body, tmp_path) -> Callable[..., Path]:
     """A walk of the small body as a BVH that is told from the pose `zero` (24, 3, 3)."""
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
 
@@ -114,9 +112,7 @@ def _apart_deg(a: Motion, b: Motion, rows: slice = slice(None)) -> np.ndarray:
 
 
 @pytest.mark.parametrize("down_deg", [0.0, 45.0, 90.0])
-def test_arms_may_hang_in_the_zero_pose(
-    write: Callable[..., Path], small_body: BodyModel, down_deg: float
-) -> None:
+def test_arms_may_hang_in_the_zero_pose(write, small_body, down_deg):
     motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body)
     other = read_motion(write("a", _turned(shoulder=down_deg)), small_body)
     # Hands and palms, too: the arm is 2.2 degrees off the plane in which it was turned down.
@@ -127,9 +123,7 @@ def test_arms_may_hang_in_the_zero_pose(
 
 
 @pytest.mark.parametrize("raised", [True, False], ids=["arms up", "along the bones"])
-def test_a_t_pose_in_frame_0_says_what_rotations_mean(
-    write: Callable[..., Path], small_body: BodyModel, raised: bool
-) -> None:
+def test_a_t_pose_in_frame_0_says_what_rotations_mean(write, small_body, raised):
     zero = _turned(shoulder=-90.0) if raised else _along_bones(small_body)
     t_pose = np.tile(np.eye(3), (24, 1, 1))
     motion = read_motion(
@@ -144,9 +138,7 @@ def test_a_t_pose_in_frame_0_says_what_rotations_mean(
     np.testing.assert_allclose(other.pelvis_m, motion.pelvis_m, atol=1e-3)
 
 
-def test_without_a_t_pose_it_is_the_mean_pose(
-    write: Callable[..., Path], small_body: BodyModel
-) -> None:
+def test_without_a_t_pose_it_is_the_mean_pose(write, small_body):
     motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body)
     other = read_motion(write("bones", _along_bones(small_body)), small_body)
     assert "turns told from the mean pose" in other.source
@@ -156,7 +148,7 @@ def test_without_a_t_pose_it_is_the_mean_pose(
     assert "limbs 0.0 (0.0)" in other.source
 
 
-def test_the_zero_pose_may_be_given(write: Callable[..., Path], small_body: BodyModel) -> None:
+def test_the_zero_pose_may_be_given(write, small_body):
     up, t_pose = _turned(shoulder=-90.0), np.tile(np.eye(3), (24, 1, 1))
     motion = read_motion(write("t", t_pose), small_body, ground=False)
     path = write("up", up)
@@ -176,9 +168,7 @@ def test_the_zero_pose_may_be_given(write: Callable[..., Path], small_body: Body
             read_motion(path, small_body, rest_pose=wrong)
 
 
-def test_a_recipe_says_how_files_are_read(
-    write: Callable[..., Path], small_body: BodyModel
-) -> None:
+def test_a_recipe_says_how_files_are_read(write, small_body):
     path = write("odd", _turned(shoulder=-90.0))
     path.write_text(path.read_text().replace("LeftLeg", "Bone7"))
     clip = {"id": "odd", "trial": "odd", "programme": {"kind": "static"}}
@@ -202,15 +192,13 @@ def _plan(recipe: dict[str, object], path: Path, body: BodyModel) -> Clip:
     return planned_clip(read.clips[0], read, path, body)
 
 
-def test_hands_that_the_zero_pose_bends(write: Callable[..., Path], small_body: BodyModel) -> None:
+def test_hands_that_the_zero_pose_bends(write, small_body):
     motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body, ground=False)
     other = read_motion(write("bent", _turned(wrist=40.0)), small_body, ground=False)
     assert _apart_deg(motion, other)[[JOINT["left_wrist"], JOINT["right_hand"]]].max() < 0.01
 
 
-def test_joints_that_move_as_well_as_turn(
-    write: Callable[..., Path], small_body: BodyModel
-) -> None:
+def test_joints_that_move_as_well_as_turn(write, small_body):
     # Axis Neuron's files have places for each joint, which give in as flesh does.
     source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
     joints = find_joints(source.names, source.parents, None, Path("a"))
@@ -220,9 +208,7 @@ def test_joints_that_move_as_well_as_turn(
     assert residual.worst_deg["limbs"] < 1e-3 and 0.1 < residual.mean_deg["hip line"] < 20
 
 
-def test_what_was_read_stands_in_table_and_manifest(
-    write: Callable[..., Path], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_what_was_read_stands_in_table_and_manifest(write, small_body, tmp_path):
     write("walk", _turned(shoulder=60.0))
     fallen = write("fallen", _turned(shoulder=60.0), lies=True)
     save_body(tmp_path / "small.npz", small_body)
@@ -246,9 +232,7 @@ def test_what_was_read_stands_in_table_and_manifest(
 
 
 @pytest.mark.parametrize("per_unit", [1.0, 0.0254, 0.001, 0.04, 0.01])
-def test_any_unit_is_found_by_the_legs(
-    write: Callable[..., Path], small_body: BodyModel, per_unit: float
-) -> None:
+def test_any_unit_is_found_by_the_legs(write, small_body, per_unit):
     t_pose = np.tile(np.eye(3), (24, 1, 1))
     motion = read_motion(write("cm", t_pose), small_body)
     other = read_motion(write("unit", t_pose, per_unit=per_unit), small_body)
@@ -283,9 +267,7 @@ def _with_pivots(source: SourceMotion, angles_deg: np.ndarray) -> SourceMotion:
     )
 
 
-def test_hips_that_turn_beside_their_joint(
-    write: Callable[..., Path], small_body: BodyModel
-) -> None:
+def test_hips_that_turn_beside_their_joint(write, small_body):
     # Networks that place joints write such files: deep-motion-editing's results, for one.
     source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
     joints = find_joints(source.names, source.parents, None, Path("a"))
@@ -302,7 +284,7 @@ def test_hips_that_turn_beside_their_joint(
         retarget(swinging, joints, small_body)
 
 
-def test_an_animal_is_refused(write: Callable[..., Path], small_body: BodyModel) -> None:
+def test_an_animal_is_refused(write, small_body):
     source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
     joints = find_joints(source.names, source.parents, None, Path("a"))
     offsets_m = source.offsets_m.copy()
@@ -316,9 +298,7 @@ def test_an_animal_is_refused(write: Callable[..., Path], small_body: BodyModel)
         retarget(lying, joints, small_body, name="beast.bvh")
 
 
-def test_one_who_lies_throughout_is_told_of(
-    write: Callable[..., Path], small_body: BodyModel
-) -> None:
+def test_one_who_lies_throughout_is_told_of(write, small_body):
     source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
     joints = find_joints(source.names, source.parents, None, Path("a"))
     assert is_upright(person_of(small_body, retarget(source, joints, small_body)[0]))
@@ -384,7 +364,7 @@ ALL_NAMINGS = [
 
 
 @pytest.mark.parametrize(("title", "naming", "sides"), ALL_NAMINGS, ids=lambda value: str(value))
-def test_namings(title: str, naming: str, sides: tuple[str, str]) -> None:
+def test_namings(title, naming, sides):
     pelvis, leg, spine, ends, arm = (
         part.split(",") if "," in part or "Bip01 Pelvis" in part else part.split()
         for part in naming.split("|")
@@ -417,7 +397,7 @@ def test_namings(title: str, naming: str, sides: tuple[str, str]) -> None:
     assert found == expected
 
 
-def test_what_is_nobody_has_no_joints() -> None:
+def test_what_is_nobody_has_no_joints():
     names, parents = ["root", "wheel_l", "wheel_r", "door.L"], [-1, 0, 0, 0]
     assert joints_by_name(names, parents) == {}
     with pytest.raises(BadMotionFile, match="no joint is known to be pelvis"):

@@ -1,7 +1,5 @@
 """CMU's subject 02 as BVH and as AMC: one motion must come out of both readers."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from gmrdata.motion.files import read_motion
 from gmrdata.read.amc import read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import SourceMotion
-from gmrdata.values.body import BodyModel
 from gmrdata.values.skinning import global_rotmats, joint_positions_m, motion_joints_m
 
 LEGS = {
@@ -55,7 +52,7 @@ def _directions(positions: np.ndarray, names: tuple[str, ...], bones) -> np.ndar
 
 
 @pytest.mark.parametrize("trial", TRIALS)
-def test_both_readers_see_the_same_skeleton_move(cmu_dir: Path, trial: str) -> None:
+def test_both_readers_see_the_same_skeleton_move(cmu_dir, trial):
     bvh = read_bvh(cmu_dir / "bvh" / f"{trial}.bvh")
     amc = read_amc(cmu_dir / "amc" / f"{trial}.amc")
     assert "added rest pose in frame 0 dropped" in bvh.notes
@@ -77,14 +74,14 @@ def test_both_readers_see_the_same_skeleton_move(cmu_dir: Path, trial: str) -> N
 
 
 @pytest.mark.parametrize("trial", TRIALS)
-def test_both_forms_give_the_same_body(cmu_dir: Path, small_body: BodyModel, trial: str) -> None:
+def test_both_forms_give_the_same_body(cmu_dir, small_body, trial):
     from_bvh = read_motion(cmu_dir / "bvh" / f"{trial}.bvh", small_body)
     from_amc = read_motion(cmu_dir / "amc" / f"{trial}.amc", small_body)
     apart_m = motion_joints_m(small_body, from_bvh) - motion_joints_m(small_body, from_amc)
     assert np.linalg.norm(apart_m, axis=-1).max() < 5e-3
 
 
-def test_rows_without_data_are_dropped(cmu_dir: Path) -> None:
+def test_rows_without_data_are_dropped(cmu_dir):
     source = read_bvh(cmu_dir / "bvh" / "09_10.bvh")  # T-pose, 4 rows of zeros, then the run
     assert "4 empty frames dropped" in source.notes
     assert source.n_frames == 133 - 5

@@ -57,9 +57,7 @@ def _pointed(motion: Motion) -> Motion:
 @pytest.mark.parametrize("suffix", [".bvh", ".npz"])
 @pytest.mark.parametrize("up", AXES)
 @pytest.mark.parametrize("kind", ["walk", "run"])
-def test_a_person_who_goes_is_set_upright(
-    tmp_path: Path, small_body: BodyModel, suffix: str, up: UpAxis, kind: str
-) -> None:
+def test_a_person_who_goes_is_set_upright(tmp_path, small_body, suffix, up, kind):
     gait = make_gait(kind, 3.0, 30.0, small_body, np.random.default_rng(0))
     path = _save(tmp_path / f"a{suffix}", _in_world(gait, up), small_body)
     read = read_file(path, small_body, ReadConfig())
@@ -74,9 +72,7 @@ def test_a_person_who_goes_is_set_upright(
 
 
 @pytest.mark.parametrize("suffix", [".bvh", ".npz"])
-def test_one_who_stands_still_is_refused_until_it_is_said(
-    tmp_path: Path, small_body: BodyModel, suffix: str
-) -> None:
+def test_one_who_stands_still_is_refused_until_it_is_said(tmp_path, small_body, suffix):
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
     still = replace(walk.take(np.zeros(60, dtype=int)), pelvis_m=np.tile([0.1, 0.2, 0.0], (60, 1)))
     still = replace(still, local_rotmats=np.broadcast_to(np.eye(3), (60, 23, 3, 3)))
@@ -113,9 +109,7 @@ def _hanging_by_the_feet(walk: Motion, t_s: np.ndarray) -> Motion:
 
 @pytest.mark.parametrize("suffix", [".bvh", ".npz"])
 @pytest.mark.parametrize("made", [_lying, _swimming, _rolling, _cartwheeling, _hanging_by_the_feet])
-def test_who_does_not_stand_is_left_as_he_is(
-    tmp_path: Path, small_body: BodyModel, suffix: str, made: Callable[[Motion, np.ndarray], Motion]
-) -> None:
+def test_who_does_not_stand_is_left_as_he_is(tmp_path, small_body, suffix, made):
     walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(1))
     walk = replace(walk, root_rotmats=walk.root_rotmats[0].T @ walk.root_rotmats)
     walk = _moved(walk, Rotation.from_euler("x", 90, degrees=True).as_matrix(), walk.pelvis_m)
@@ -125,9 +119,7 @@ def test_who_does_not_stand_is_left_as_he_is(
     np.testing.assert_allclose(read.motion.root_rotmats, motion.root_rotmats, atol=1e-5)
 
 
-def test_one_who_lies_with_feet_at_right_angles_is_not_turned(
-    tmp_path: Path, small_body: BodyModel
-) -> None:
+def test_one_who_lies_with_feet_at_right_angles_is_not_turned(tmp_path, small_body):
     """On a couch: the feet seem to stand, but it is they that move, not the pelvis over them."""
     walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(1))
     t_s = np.arange(walk.n_frames) / walk.fps_hz
@@ -144,9 +136,7 @@ def test_one_who_lies_with_feet_at_right_angles_is_not_turned(
         read_motion(_save(tmp_path / "a.npz", lying, small_body), small_body)
 
 
-def test_one_who_lies_in_a_rig_that_shows_no_up(
-    tmp_path: Path, small_body: BodyModel, write_person: Callable[..., Path]
-) -> None:
+def test_one_who_lies_in_a_rig_that_shows_no_up(tmp_path, small_body, write_person):
     """Bones along one axis in the zero pose: the trunk alone would say that this person stands."""
     shoulders = np.zeros((30, 24, 3))
     shoulders[:, [JOINT["left_shoulder"], JOINT["right_shoulder"]]] = [[60, 0, 0], [-60, 0, 0]]
@@ -158,7 +148,7 @@ def test_one_who_lies_in_a_rig_that_shows_no_up(
     assert not [what for what in said.remarks if "no up" in what]
 
 
-def test_up_stands_in_the_record(tmp_path: Path, small_body: BodyModel) -> None:
+def test_up_stands_in_the_record(tmp_path, small_body):
     save_body(tmp_path / "small.npz", small_body)
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
     path = _save(tmp_path / "walk.npz", _in_world(walk, "y"), small_body)
@@ -174,16 +164,14 @@ def _odd(shared_path: Callable[[str], Path], name: str, out: Path) -> dict[str, 
     return {path.parent.name: load_clip(path).motion for path in out.rglob("clip.npz")}
 
 
-def test_a_zero_pose_with_y_up_in_a_world_with_z_up(
-    shared_path: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_a_zero_pose_with_y_up_in_a_world_with_z_up(shared_path, tmp_path):
     read = _odd(shared_path, "bvh_rest_y_up_motion_z_up", tmp_path)
     for name in ("b01_rest_yup_motion_zup", "c06_reference_turned"):
         np.testing.assert_allclose(read[name].rotmats, read["plain"].rotmats, atol=1e-5)
         np.testing.assert_allclose(read[name].pelvis_m, read["plain"].pelvis_m, atol=1e-5)
 
 
-def test_amass_with_y_up(shared_path: Callable[[str], Path], tmp_path: Path) -> None:
+def test_amass_with_y_up(shared_path, tmp_path):
     read = _odd(shared_path, "amass_y_up", tmp_path)
     turned, plain = read["n01_yup_poses"], read["m00_plain_poses"]
     np.testing.assert_allclose(turned.rotmats, plain.rotmats, atol=1e-6)

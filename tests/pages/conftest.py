@@ -105,9 +105,7 @@ def recovered(true: Clip, rng: np.random.Generator) -> Clip:
 
 
 @pytest.fixture(scope="session")
-def make_clip(
-    small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory
-) -> Callable[[str], ClipReport]:
+def make_clip(small_body, tmp_path_factory) -> Callable[[str], ClipReport]:
     """Makes the report's value for a clip of 12 frames filmed by the named camera programme."""
 
     def make(kind: str) -> ClipReport:
@@ -158,7 +156,7 @@ def with_zero(gmr: PaperMetrics[float], zero_motion: PaperMetrics[float]) -> Gmr
 
 
 @pytest.fixture(scope="session")
-def report(make_clip: Callable[[str], ClipReport]) -> ReportData:
+def report(make_clip) -> ReportData:
     """A report on three clips with all of its optional parts."""
     steps = range(0, 400, 10)
     return ReportData(
@@ -180,7 +178,7 @@ def report(make_clip: Callable[[str], ClipReport]) -> ReportData:
 
 
 @pytest.fixture(scope="session")
-def finished(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(small_body, tmp_path_factory) -> Path:
     """A solved video with its page; nobody changes it."""
 
     from tests.pages.solved_video import solved_video  # which imports this file

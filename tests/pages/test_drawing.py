@@ -23,17 +23,15 @@ from gmrdata.pages.plots import (
     svg,
 )
 from gmrdata.pages.report import DPI, overview_plot, write_overview
-from gmrdata.pages.report_data import ReportData
 from gmrdata.twins.pseudo_gt_error import compare_clips, error_series, paired_rows
 from gmrdata.values import transforms
 from gmrdata.values.camera import intrinsics_from_fov, project
-from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadFrames, NothingToCompare, StageFailed
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write import overlay
 
 
-def test_body_covers_the_painted_silhouette(report: ReportData) -> None:
+def test_body_covers_the_painted_silhouette(report):
     clip = report.clips[0]
     camera = clip.true.camera
     assert camera is not None
@@ -52,7 +50,7 @@ def test_body_covers_the_painted_silhouette(report: ReportData) -> None:
     assert (covered & silhouette).sum() > 0.98 * silhouette.sum()
 
 
-def test_floor_path_is_drawn_where_the_camera_projects_it() -> None:
+def test_floor_path_is_drawn_where_the_camera_projects_it():
     intrinsics_px = intrinsics_from_fov(60.0, 320, 180)
     # Above the floor, looking straight down: OpenCV's z is the world's -z.
     world_from_cam = transforms.rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 4.0]))
@@ -68,21 +66,21 @@ def test_floor_path_is_drawn_where_the_camera_projects_it() -> None:
     assert columns.max() + 1 == pytest.approx(ends_px[1, 0], abs=2.0)
 
 
-def test_points_behind_the_camera_are_not_drawn() -> None:
+def test_points_behind_the_camera_are_not_drawn():
     image = np.full((180, 320, 3), 7, np.uint8)
     path_m = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, -2.0], [np.nan, 0.0, 1.0]])
     drawn = overlay.draw_floor_path(image, np.eye(4), intrinsics_from_fov(60, 320, 180), path_m, 1)
     assert (drawn == image).all()
 
 
-def test_tiles_are_evenly_spaced_from_the_first_frame_to_the_last(report: ReportData) -> None:
+def test_tiles_are_evenly_spaced_from_the_first_frame_to_the_last(report):
     tiles = frame_tiles(report.clips[0], 4)
     assert [tile.image_number for tile in tiles] == [0, 4, 7, 11]
     assert [tile.time_s for tile in tiles] == pytest.approx([0.0, 0.4, 0.7, 1.1])
     assert len(frame_tiles(report.clips[0], 50)) == 12
 
 
-def test_a_sheet_holds_the_tiles(report: ReportData) -> None:
+def test_a_sheet_holds_the_tiles(report):
     def sheet_of_six() -> np.ndarray:
         return tile_sheet([tile.frame() for tile in frame_tiles(report.clips[0], 6)], columns=3)
 
@@ -93,7 +91,7 @@ def test_a_sheet_holds_the_tiles(report: ReportData) -> None:
     assert (sheet[-180:, -320:] == last).all()
 
 
-def test_close_ups_hold_the_person(report: ReportData) -> None:
+def test_close_ups_hold_the_person(report):
     clip = report.clips[0]
     tile = frame_tiles(clip, 1)[0]
     left, top, right, bottom = tile.person_px
@@ -113,7 +111,7 @@ def test_close_ups_hold_the_person(report: ReportData) -> None:
     assert close[0].max() == close[-1].max() == close[:, 0].max() == close[:, -1].max() == 0
 
 
-def test_close_up_of_a_person_at_the_edge_stays_in_the_frame(report: ReportData) -> None:
+def test_close_up_of_a_person_at_the_edge_stays_in_the_frame(report):
     tile = frame_tiles(report.clips[0], 1)[0]
     for box in ([-50, -20, 40, 200], [600, 250, 700, 500], [-500, -500, 2000, 2000]):
         close = replace(tile, person_px=np.array(box, dtype=float)).close_up(300, 380)
@@ -121,7 +119,7 @@ def test_close_up_of_a_person_at_the_edge_stays_in_the_frame(report: ReportData)
 
 
 @pytest.mark.parametrize("fps_hz", [None, 10.0, 5.0])
-def test_series_average_to_the_metrics(report: ReportData, fps_hz: float | None) -> None:
+def test_series_average_to_the_metrics(report, fps_hz):
     clip = report.clips[0]
     error = compare_clips(clip.pseudo, clip.true, fps_hz=fps_hz)
     series = error_series(clip.pseudo, clip.true, fps_hz=fps_hz)
@@ -133,15 +131,13 @@ def test_series_average_to_the_metrics(report: ReportData, fps_hz: float | None)
 
 
 @pytest.mark.parametrize("fps_hz", [20.0, 4.0])
-def test_a_rate_that_does_not_divide_the_clips_is_refused(
-    report: ReportData, fps_hz: float
-) -> None:
+def test_a_rate_that_does_not_divide_the_clips_is_refused(report, fps_hz):
     clip = report.clips[0]
     with pytest.raises(StageFailed, match="10 fps is no multiple of"):
         error_series(clip.pseudo, clip.true, fps_hz=fps_hz)
 
 
-def test_series_leave_gaps_open(report: ReportData) -> None:
+def test_series_leave_gaps_open(report):
     clip = report.clips[0]
     valid = clip.pseudo.valid.copy()
     valid[4] = False
@@ -151,7 +147,7 @@ def test_series_leave_gaps_open(report: ReportData) -> None:
     assert np.flatnonzero(np.isnan(series.camera_rotation_deg)).tolist() == [4]
 
 
-def test_series_agree_with_the_metrics_beside_a_gap(report: ReportData) -> None:
+def test_series_agree_with_the_metrics_beside_a_gap(report):
     clip = report.clips[0]
     valid = clip.pseudo.valid.copy()
     valid[[4, 9]] = False
@@ -163,7 +159,7 @@ def test_series_agree_with_the_metrics_beside_a_gap(report: ReportData) -> None:
     assert np.nanmean(series.tme_mm) == pytest.approx(error.tme_mm, rel=1e-9)
 
 
-def test_rows_are_paired_by_image(report: ReportData) -> None:
+def test_rows_are_paired_by_image(report):
     true = report.clips[0].true
     later = replace(true, image_numbers=true.image_numbers + 3)
     rows, true_rows = paired_rows(later, true)
@@ -173,7 +169,7 @@ def test_rows_are_paired_by_image(report: ReportData) -> None:
         error_series(replace(true, image_numbers=true.image_numbers + 100), true)
 
 
-def test_paths_are_moved_onto_the_true_world(report: ReportData) -> None:
+def test_paths_are_moved_onto_the_true_world(report):
     clip = report.clips[0]
     pelvis_m, world_from_cam = aligned_paths(clip)
     assert world_from_cam is not None and clip.true.camera is not None
@@ -183,7 +179,7 @@ def test_paths_are_moved_onto_the_true_world(report: ReportData) -> None:
     assert np.abs(offsets_m).max() < 0.02
 
 
-def test_top_view_has_equal_axes_and_both_paths(report: ReportData) -> None:
+def test_top_view_has_equal_axes_and_both_paths(report):
     clip = report.clips[0]
     axes = Figure().subplots()
     plot_top_view(axes, clip)
@@ -196,7 +192,7 @@ def test_top_view_has_equal_axes_and_both_paths(report: ReportData) -> None:
     assert {text.get_text() for text in axes.texts} == {"person", "camera"}
 
 
-def test_predicted_motion_starts_at_the_true_start(report: ReportData) -> None:
+def test_predicted_motion_starts_at_the_true_start(report):
     true = report.clips[0].true.motion
     turned = transforms.rigid(
         Rotation.from_euler("z", 70.0, degrees=True).as_matrix(), np.array([5.0, 4.0, 0.0])
@@ -216,7 +212,7 @@ def test_predicted_motion_starts_at_the_true_start(report: ReportData) -> None:
     np.testing.assert_allclose(line.get_xydata(), true.pelvis_m[:, :2], atol=1e-12)
 
 
-def test_plots_follow_the_readers_colour_scheme(report: ReportData) -> None:
+def test_plots_follow_the_readers_colour_scheme(report):
     def draw(figure: Figure) -> None:
         plot_top_view(figure.subplots(), report.clips[0])
 
@@ -232,7 +228,7 @@ def test_plots_follow_the_readers_colour_scheme(report: ReportData) -> None:
     assert all(f"--{role}:" in light and f"--{role}:" in dark for role in COLOURS)
 
 
-def test_ids_of_a_drawing_hang_on_its_name_alone_and_its_texts_stay_whole() -> None:
+def test_ids_of_a_drawing_hang_on_its_name_alone_and_its_texts_stay_whole():
     def draw_at(width: float) -> str:
         def draw(figure: Figure) -> None:
             figure.set_layout_engine("none")
@@ -253,7 +249,7 @@ def test_ids_of_a_drawing_hang_on_its_name_alone_and_its_texts_stay_whole() -> N
     assert not re.search(r' d="[^"]*\.[0-9]{3}', drawn)
 
 
-def test_texts_of_the_overview_stand_clear_of_each_other(report: ReportData) -> None:
+def test_texts_of_the_overview_stand_clear_of_each_other(report):
     draw, size_in = overview_plot(report, 5)
     width_px, height_px = DPI * np.array(size_in)
     assert width_px > 2000 and width_px > 2 * height_px
@@ -266,7 +262,7 @@ def test_texts_of_the_overview_stand_clear_of_each_other(report: ReportData) -> 
         assert not boxes[0].overlaps(boxes[1]), (one.get_text(), other.get_text())
 
 
-def test_overview_is_reproducible_and_wide(report: ReportData, tmp_path: Path) -> None:
+def test_overview_is_reproducible_and_wide(report, tmp_path):
     # One row is enough for this; the test before draws all three.
     report = replace(report, clips=report.clips[:1])
     first = write_overview(tmp_path / "a.png", report).read_bytes()
@@ -286,7 +282,7 @@ def test_overview_is_reproducible_and_wide(report: ReportData, tmp_path: Path) -
 
 
 @pytest.fixture
-def grey_dirs(tmp_path: Path) -> tuple[Path, Path]:
+def grey_dirs(tmp_path) -> tuple[Path, Path]:
     """Six grey frames of 80x40 with the left half masked."""
     images_dir, masks_dir = tmp_path / "frames", tmp_path / "masks"
     images_dir.mkdir()
@@ -299,7 +295,7 @@ def grey_dirs(tmp_path: Path) -> tuple[Path, Path]:
     return images_dir, masks_dir
 
 
-def test_the_masked_part_is_tinted_and_the_rest_left(grey_dirs: tuple[Path, Path]) -> None:
+def test_the_masked_part_is_tinted_and_the_rest_left(grey_dirs):
     sheet = mask_sheet(*grey_dirs, n_frames=5, tile_width_px=80)
     assert sheet.shape == (2 * 40 + 4, 4 * 80 + 3 * 4, 3)  # four to a row, 4 px apart
     expected = np.round(0.65 * 100 + 0.35 * np.array(TINT_BGR))
@@ -309,19 +305,19 @@ def test_the_masked_part_is_tinted_and_the_rest_left(grey_dirs: tuple[Path, Path
     np.testing.assert_array_equal(sheet[50:70, 100:], np.full((20, 232, 3), 255))
 
 
-def test_it_is_made_anew_when_masks_change(grey_dirs: tuple[Path, Path], tmp_path: Path) -> None:
+def test_it_is_made_anew_when_masks_change(grey_dirs, tmp_path):
     first = make_mask_sheet(*grey_dirs, tmp_path / "sheet").read_bytes()
     cv2.imwrite(str(grey_dirs[1] / "00.png"), np.zeros((40, 80), np.uint8))
     assert make_mask_sheet(*grey_dirs, tmp_path / "sheet").read_bytes() != first
 
 
-def test_a_missing_mask_is_an_error(grey_dirs: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_missing_mask_is_an_error(grey_dirs, tmp_path):
     (grey_dirs[1] / "05.png").unlink()
     with pytest.raises(BadFrames, match=r"no mask for 05\.png"):
         make_mask_sheet(*grey_dirs, tmp_path / "sheet")
 
 
-def test_gaps_lie_on_grey_behind_the_error_bars(walkers: list[Clip]) -> None:
+def test_gaps_lie_on_grey_behind_the_error_bars(walkers):
     clip = walkers[0]
     n_frames, fps_hz = clip.motion.n_frames, clip.motion.fps_hz
     has_camera = np.ones(n_frames, dtype=bool)

@@ -1,9 +1,7 @@
 """Overlays as videos: what is drawn lies where the projection says; people seen from above."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 
 import av
 import cv2
@@ -36,10 +34,8 @@ from gmrdata.pages.inference import Film, draw_body, film_camera, write_body_vid
 from gmrdata.people.silhouette import silhouette
 from gmrdata.solve.plan import MOST_PICTURES
 from gmrdata.values import transforms
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
 from gmrdata.values.errors import BadFrames
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.overlay import OVERLAY_BGR, floor_path_m
 from gmrdata.write.take import Performer
@@ -52,7 +48,7 @@ ROW = 5  # nobody is drawn in it
 
 
 @pytest.fixture
-def footage(walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path) -> Footage:
+def footage(walk, small_body, tmp_path) -> Footage:
     """Grey frames of 1920x1080 px with one person, who is hidden in `ROW`."""
     take = make_take(walk, small_body)
     assert take.camera is not None
@@ -102,9 +98,7 @@ def seen_px(
 
 
 @pytest.mark.parametrize("lens", [None, BENT])
-def test_the_dots_of_the_path_lie_where_the_camera_sees_the_floor(
-    footage: Footage, lens: Distortion | None
-) -> None:
+def test_the_dots_of_the_path_lie_where_the_camera_sees_the_floor(footage, lens):
     picture = footage_picture(replace(footage, lens=lens), ROW)
     assert picture.shape == (540 + BAR_PX, LARGEST_SIDE_PX, 3)
     (person,) = footage.people
@@ -116,7 +110,7 @@ def test_the_dots_of_the_path_lie_where_the_camera_sees_the_floor(
 
 
 @pytest.mark.parametrize("lens", [None, BENT])
-def test_the_body_covers_what_its_vertices_cover(footage: Footage, lens: Distortion | None) -> None:
+def test_the_body_covers_what_its_vertices_cover(footage, lens):
     row, (person,) = 1, footage.people
     alone = person._replace(shown=np.arange(12) == row)  # so that its path is a point, not drawn
     picture = footage_picture(replace(footage, lens=lens, people=(alone,)), row)
@@ -129,7 +123,7 @@ def test_the_body_covers_what_its_vertices_cover(footage: Footage, lens: Distort
     assert found_px == pytest.approx(expected_px, abs=1.0)
 
 
-def test_marks_lie_where_they_are_seen_and_in_their_frames_alone(footage: Footage) -> None:
+def test_marks_lie_where_they_are_seen_and_in_their_frames_alone(footage):
     view = reduced_camera(footage.camera)
     world_m = transforms.apply(
         view.world_from_cam[3], np.array([[0.3, -0.2, 4.0], [-1.0, 0.4, 5.0]])
@@ -142,7 +136,7 @@ def test_marks_lie_where_they_are_seen_and_in_their_frames_alone(footage: Footag
     assert (footage_picture(marked, 4)[:-BAR_PX] == GREY).all()
 
 
-def test_directions_stand_still_while_the_camera_turns(footage: Footage) -> None:
+def test_directions_stand_still_while_the_camera_turns(footage):
     marks = direction_marks(footage.camera)
     rays = marks.world_m - footage.camera.centres_world_m[footage.camera.n_frames // 2]
     assert np.allclose(np.linalg.norm(rays, axis=1), 1.0)
@@ -150,7 +144,7 @@ def test_directions_stand_still_while_the_camera_turns(footage: Footage) -> None
         assert len(marks.seen_m(row)) == len(rays) > 500
 
 
-def test_the_bar_says_what_is_dropped_and_where_the_frame_is(footage: Footage) -> None:
+def test_the_bar_says_what_is_dropped_and_where_the_frame_is(footage):
     bar = footage_picture(footage, ROW)[-1]
     n = footage.camera.n_frames
     colours = [bar[int((row + 0.2) / n * LARGEST_SIDE_PX)].tolist() for row in range(n)]
@@ -158,7 +152,7 @@ def test_the_bar_says_what_is_dropped_and_where_the_frame_is(footage: Footage) -
     assert bar[int((ROW + 0.5) / n * LARGEST_SIDE_PX)].tolist() == list(BAR_BGR["now"])
 
 
-def test_the_video_has_all_frames_at_their_rate(footage: Footage, tmp_path: Path) -> None:
+def test_the_video_has_all_frames_at_their_rate(footage, tmp_path):
     path = tmp_path / "overlay.mp4"
     assert write_footage(path, footage) == 12
     with av.open(str(path)) as container:
@@ -171,9 +165,7 @@ def test_the_video_has_all_frames_at_their_rate(footage: Footage, tmp_path: Path
     assert np.abs(pictures[7][: expected.shape[0]] - expected).mean() < 3
 
 
-def test_the_video_is_no_larger_than_asked(
-    footage: Footage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_video_is_no_larger_than_asked(footage, tmp_path, monkeypatch):
     rng, path = np.random.default_rng(0), tmp_path / "noise.mp4"
     noise = rng.integers(0, 256, (12, *footage_picture(footage, 0).shape), dtype=np.uint8)
     monkeypatch.setattr(footage_module, "footage_picture", lambda _, row: noise[row])
@@ -185,7 +177,7 @@ def test_the_video_is_no_larger_than_asked(
     assert 300_000 > sizes[1] > 30_000 and MOST_BYTES > sizes[0] > 2 * sizes[1]
 
 
-def test_frames_of_another_size_and_no_frames_are_errors(footage: Footage, tmp_path: Path) -> None:
+def test_frames_of_another_size_and_no_frames_are_errors(footage, tmp_path):
     smaller = replace(footage, camera=replace(footage.camera, width_px=1280, height_px=720))
     with pytest.raises(BadFrames, match="1920x1080 px, but its camera has 1280x720 px"):
         footage_picture(smaller, 0)
@@ -195,9 +187,7 @@ def test_frames_of_another_size_and_no_frames_are_errors(footage: Footage, tmp_p
     assert not list(tmp_path.glob("*.mp4*"))
 
 
-def test_a_frame_without_an_image_is_black_and_one_without_a_camera_is_bare(
-    footage: Footage,
-) -> None:
+def test_a_frame_without_an_image_is_black_and_one_without_a_camera_is_bare(footage):
     has_camera = np.arange(12) != 4
     view = replace(footage.camera, has_camera=has_camera)
     images = [None if row == 3 else image for row, image in enumerate(footage.images)]
@@ -215,15 +205,13 @@ def test_a_frame_without_an_image_is_black_and_one_without_a_camera_is_bare(
     ],
     ids=["constant", "long", "variable"],
 )
-def test_frames_are_shown_as_long_as_they_last(
-    times_s: np.ndarray, fps_hz: float, rows: list[int], rate_hz: float
-) -> None:
+def test_frames_are_shown_as_long_as_they_last(times_s, fps_hz, rows, rate_hz):
     shown, shown_hz = shown_rows(times_s, fps_hz)
     assert shown.tolist() == rows and shown_hz == rate_hz
 
 
 @given(arrays(float, st.integers(1, 60), elements=st.floats(0.001, 50.0)))
-def test_any_times_give_few_rows_in_order(steps_s: np.ndarray) -> None:
+def test_any_times_give_few_rows_in_order(steps_s):
     times_s = np.cumsum(steps_s)
     fps_hz = 1.0 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
     rows, rate_hz = shown_rows(times_s, fps_hz)
@@ -233,7 +221,7 @@ def test_any_times_give_few_rows_in_order(steps_s: np.ndarray) -> None:
     assert lasts_s >= (times_s[-1] - times_s[0]) * 0.99
 
 
-def test_points_beyond_what_a_lens_can_show_are_left_out() -> None:
+def test_points_beyond_what_a_lens_can_show_are_left_out():
     points = np.array([[0.5, 0.0, 1.0], [5.0, 0.0, 1.0]])
     bent = bent_points(points, Distortion(-0.3, 0.0, 0.5))
     assert bent[0].tolist() == pytest.approx([0.5 * (1 - 0.3 * 0.25), 0.0, 1.0])
@@ -253,7 +241,7 @@ def is_skin(picture: np.ndarray) -> np.ndarray:
     return picture[..., 2].astype(int) - picture[..., 0] > 20
 
 
-def test_the_body_covers_its_silhouette(walk: Callable[..., Motion], small_body: BodyModel) -> None:
+def test_the_body_covers_its_silhouette(walk, small_body):
     motion = walk(30.0, 4)
     motion = replace(motion, pelvis_m=motion.pelvis_m * [0, 0, 1])
     vertices_m = motion_vertices_m(small_body, motion)[2].astype(float)
@@ -265,7 +253,7 @@ def test_the_body_covers_its_silhouette(walk: Callable[..., Motion], small_body:
     assert (found & expected).sum() / (found | expected).sum() > 0.9
 
 
-def test_the_nearer_triangle_hides_the_farther() -> None:
+def test_the_nearer_triangle_hides_the_farther():
     """Two walls across the view; the nearer one is turned from the light and so darker."""
     wall = np.array([[0, -1, 0.2], [0, 1, 0.2], [0, 1, 1.8], [0, -1, 1.8]], dtype=float)
     step = np.array([1.0, 0, 0])
@@ -281,7 +269,7 @@ def test_the_nearer_triangle_hides_the_farther() -> None:
     assert not is_skin(from_behind).any()
 
 
-def test_grid_lines_are_where_whole_metres_are(small_body: BodyModel) -> None:
+def test_grid_lines_are_where_whole_metres_are(small_body):
     """Along a scan over the floor, dark pixels lie on lines x = whole metres."""
     vertices_m = np.array([[0.0, 0, 50], [0.1, 0, 50], [0, 0.1, 50.0]])  # far above the picture
     camera = camera_at((0.4, -3.0, 2.0))
@@ -297,9 +285,7 @@ def test_grid_lines_are_where_whole_metres_are(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0])
-def test_the_camera_keeps_the_person_in_view(
-    turn: float, walk: Callable[..., Motion], small_body: BodyModel
-) -> None:
+def test_the_camera_keeps_the_person_in_view(turn, walk, small_body):
     motion = walk(30.0, 60)
     c, s = np.cos(turn), np.sin(turn)
     rotmat = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
@@ -315,9 +301,7 @@ def test_the_camera_keeps_the_person_in_view(
         assert np.ptp(points[:, 1]) > 40
 
 
-def test_a_person_who_stays_is_filmed_from_the_front(
-    walk: Callable[..., Motion], small_body: BodyModel
-) -> None:
+def test_a_person_who_stays_is_filmed_from_the_front(walk, small_body):
     motion = walk(30.0, 30)
     staying = replace(motion, pelvis_m=np.tile([1.0, 2.0, 0.95], (30, 1)))
     front = (staying.root_rotmats @ (0.0, 0.0, 1.0)).mean(axis=0)[:2]
@@ -330,15 +314,7 @@ def test_a_person_who_stays_is_filmed_from_the_front(
     ("fps_hz", "n_frames", "rate", "n_filmed"),
     [(30.0, 5, 30, 5), (25.0, 5, 25, 5), (60.0, 5, 30, 3), (120.0, 9, 30, 3), (10.0, 3, 10, 3)],
 )
-def test_the_video_runs_in_real_time(
-    fps_hz: float,
-    n_frames: int,
-    rate: int,
-    n_filmed: int,
-    walk: Callable[..., Motion],
-    small_body: BodyModel,
-    tmp_path: Path,
-) -> None:
+def test_the_video_runs_in_real_time(fps_hz, n_frames, rate, n_filmed, walk, small_body, tmp_path):
     motion = walk(fps_hz, n_frames)
     write_body_video(tmp_path / "body.mp4", motion, small_body, (96, 80), "walk")
     with av.open(str(tmp_path / "body.mp4")) as container:
@@ -350,7 +326,7 @@ def test_the_video_runs_in_real_time(
     assert all(frame.shape == (80, 96, 3) and is_skin(frame).sum() > 100 for frame in frames)
 
 
-def test_the_view_from_above_is_a_picture(walk: Callable[..., Motion], tmp_path: Path) -> None:
+def test_the_view_from_above_is_a_picture(walk, tmp_path):
     write_top_view(tmp_path / "path.png", walk(30.0, 40))
     picture = cv2.imread(str(tmp_path / "path.png"))
     assert picture.shape == (600, 600, 3)

@@ -3,7 +3,7 @@
 import json
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -33,9 +33,7 @@ from gmrdata.pages.sets import preview_set
 from gmrdata.read.body_file import save_body
 from gmrdata.stage import workers
 from gmrdata.stage.jobs import Job, Outcome
-from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadFrames, EngineMissing
-from tests.browser import Visit
 from tests.pages.html_pages import Page
 
 
@@ -45,16 +43,16 @@ def read(html: str) -> Page:
 
 
 @pytest.fixture(scope="module")
-def html(report: ReportData) -> str:
+def html(report) -> str:
     return page(report)
 
 
-def test_tags_are_closed_in_order_and_ids_are_unique(html: str) -> None:
+def test_tags_are_closed_in_order_and_ids_are_unique(html):
     ids = read(html).of("id")
     assert len(ids) == len(set(ids)) > 20
 
 
-def test_nothing_is_loaded_from_outside(html: str) -> None:
+def test_nothing_is_loaded_from_outside(html):
     reader = read(html)
     links = reader.of("src", "href", "xlink:href")
     assert len(links) > 20
@@ -63,14 +61,14 @@ def test_nothing_is_loaded_from_outside(html: str) -> None:
     assert not set(reader.tags) & {"script", "link", "iframe", "object", "embed"}
 
 
-def test_anchors_lead_somewhere(html: str) -> None:
+def test_anchors_lead_somewhere(html):
     reader = read(html)
     inner = [value for tag, name, value in reader.values if (tag, name) == ("a", "href")]
     assert inner
     assert {link.removeprefix("#") for link in inner} <= set(reader.of("id"))
 
 
-def test_sections_show_the_figures_that_were_given(html: str) -> None:
+def test_sections_show_the_figures_that_were_given(html):
     sections = read(html).sections
     assert list(sections)[:3] == ["header", "summary", "clip-0"]
     for figure in ("walk_circular", "12/12", "0.123", "4.57", "0.057", "−1.23", "≤ 0.5", "≤ 15"):
@@ -91,13 +89,13 @@ def test_sections_show_the_figures_that_were_given(html: str) -> None:
             assert figure in sections[section], figure
 
 
-def test_same_input_gives_same_bytes(html: str, report: ReportData, tmp_path: Path) -> None:
+def test_same_input_gives_same_bytes(html, report, tmp_path):
     again = write_report(tmp_path / "a.html", report).read_bytes()
     assert again == html.encode()
     assert [p.name for p in tmp_path.iterdir()] == ["a.html"]
 
 
-def test_values_are_escaped(report: ReportData) -> None:
+def test_values_are_escaped(report):
     evil = '<script>alert("&")</script>'
     clip = report.clips[0]
     clip = replace(
@@ -119,9 +117,7 @@ def test_values_are_escaped(report: ReportData) -> None:
     assert all(evil in text for text in reader.sections.values())
 
 
-def test_a_missed_threshold_is_said_in_words(
-    report: ReportData, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missed_threshold_is_said_in_words(report, monkeypatch):
     # The drawings say nothing of it, and five pages of them take their time.
     monkeypatch.setattr(frames, "frame_tiles", lambda *_: [])
     monkeypatch.setattr(report_page, "svg", lambda *_: Markup(""))
@@ -136,7 +132,7 @@ def test_a_missed_threshold_is_said_in_words(
         assert "✗" in summary
 
 
-def test_parts_that_are_missing_leave_no_hole(report: ReportData) -> None:
+def test_parts_that_are_missing_leave_no_hole(report):
     clip = report.clips[1]
     bare = replace(
         clip,
@@ -159,7 +155,7 @@ def test_parts_that_are_missing_leave_no_hole(report: ReportData) -> None:
     assert "does not enter" in reader.sections["clip-0"]
 
 
-def test_frames_without_a_camera_are_named(report: ReportData) -> None:
+def test_frames_without_a_camera_are_named(report):
     clip = report.clips[0]
     camera = clip.pseudo.camera
     assert camera is not None
@@ -182,13 +178,11 @@ def test_frames_without_a_camera_are_named(report: ReportData) -> None:
     assert "6/12" in html
 
 
-def test_a_run_without_a_clip_still_has_a_page(report: ReportData) -> None:
+def test_a_run_without_a_clip_still_has_a_page(report):
     assert "No clip was recovered." in page(replace(report, clips=()))
 
 
-def test_a_missing_image_is_named_and_nothing_is_written(
-    report: ReportData, tmp_path: Path
-) -> None:
+def test_a_missing_image_is_named_and_nothing_is_written(report, tmp_path):
     shutil.copytree(report.clips[1].images_dir, tmp_path / "frames")
     clip = replace(report.clips[1], images_dir=tmp_path / "frames")
     (clip.images_dir / "00011.jpg").unlink()
@@ -200,9 +194,7 @@ def test_a_missing_image_is_named_and_nothing_is_written(
     assert [path.name for path in tmp_path.iterdir()] == ["frames"]
 
 
-def test_a_browser_opens_it_without_a_complaint(
-    html: str, browse: Callable[[Path], Visit], tmp_path: Path
-) -> None:
+def test_a_browser_opens_it_without_a_complaint(html, browse, tmp_path):
     # These are the bytes that `write_report` writes.
     (tmp_path / "report.html").write_bytes(html.encode())
     seen = browse(tmp_path / "report.html")
@@ -218,7 +210,7 @@ def printed(figures: Summary, width: int = 80) -> str:
     return stream.getvalue()
 
 
-def test_summary_holds_the_figures_and_survives_json(report: ReportData, tmp_path: Path) -> None:
+def test_summary_holds_the_figures_and_survives_json(report, tmp_path):
     summary(report).write(tmp_path / "summary.json")
     assert Summary.read(tmp_path / "summary.json") == summary(report)
     figures = json.loads((tmp_path / "summary.json").read_text())
@@ -240,7 +232,7 @@ def test_summary_holds_the_figures_and_survives_json(report: ReportData, tmp_pat
     assert figures["seconds"] == {"render": 61.25, "reconstruct": 40.5, "train": 12.0}
 
 
-def test_rows_show_every_figure(report: ReportData) -> None:
+def test_rows_show_every_figure(report):
     lines = printed(summary(report)).splitlines()
     row = next(line for line in lines if "walk_circular" in line)
     assert row.split() == ["walk_circular", "12/12", "0.123", "4.57", "0.057", "−1.23"]
@@ -250,7 +242,7 @@ def test_rows_show_every_figure(report: ReportData) -> None:
     assert "114 s in all: render 61 s · reconstruct 40 s · train 12 s" in lines[-1]
 
 
-def test_long_names_and_bad_figures_fit_into_80_columns(report: ReportData) -> None:
+def test_long_names_and_bad_figures_fit_into_80_columns(report):
     found = summary(report)
     long = {
         "id": "a_clip_with_a_name_that_goes_on_and_on_and_on",
@@ -268,12 +260,12 @@ def test_long_names_and_bad_figures_fit_into_80_columns(report: ReportData) -> N
         assert figure in text
 
 
-def test_names_are_not_markup(report: ReportData) -> None:
+def test_names_are_not_markup(report):
     clips = (replace(report.clips[0], id="[red]x[/red]"),)
     assert "[red]x[/red]" in printed(summary(replace(report, clips=clips)))
 
 
-def test_parts_that_are_missing_are_left_out(report: ReportData) -> None:
+def test_parts_that_are_missing_are_left_out(report):
     text = printed(summary(replace(report, scores={}, run=replace(report.run, seconds={}))))
     assert "GMR" not in text
     assert "in all" not in text
@@ -296,12 +288,12 @@ GOOD = ClipFigures(
         ({"tme_mm": 15.001}, {"tme_mm"}),
     ],
 )
-def test_thresholds(changed: dict[str, float], missed: set[str]) -> None:
+def test_thresholds(changed, missed):
     met = verdicts(GOOD.model_copy(update=changed))
     assert {key for key, good in met.items() if not good} == missed
 
 
-def test_a_scale_that_does_not_enter_has_no_verdict() -> None:
+def test_a_scale_that_does_not_enter_has_no_verdict():
     unknown = {"camera_rotation_deg": None, "scale_error_percent": None}
     figures = GOOD.model_copy(update=unknown)
     assert "scale_error_percent" not in verdicts(figures)
@@ -311,7 +303,7 @@ def test_a_scale_that_does_not_enter_has_no_verdict() -> None:
 
 
 @pytest.fixture
-def recipe(small_body: BodyModel, tmp_path: Path) -> SyntheticRecipe:
+def recipe(small_body, tmp_path) -> SyntheticRecipe:
     save_body(tmp_path / "small.npz", small_body)
     return SyntheticRecipe.model_validate(
         {
@@ -340,9 +332,7 @@ def check_page(page: Path) -> None:
     assert abs(sheet[:135, :240].astype(int) - sheet[-135:, -240:]).mean() > 2  # and it moves
 
 
-def test_a_preview_stays_in_its_folder_and_is_made_once(
-    recipe: SyntheticRecipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_preview_stays_in_its_folder_and_is_made_once(recipe, tmp_path, monkeypatch):
     out_dir = tmp_path / "out {of} #1"
     page = preview_set(recipe, out_dir)
     assert page == out_dir / "preview/index.html"
@@ -358,12 +348,7 @@ def in_this_process(_: str, jobs: Sequence[Job], *__: object) -> Outcome:
     return Outcome({job.id: job.call(**job.arguments) for job in jobs}, {})
 
 
-def test_without_opengl_cycles_draws_and_that_is_said(
-    recipe: SyntheticRecipe,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_without_opengl_cycles_draws_and_that_is_said(recipe, tmp_path, monkeypatch, capsys):
     find_renderer.cache_clear()
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
     try:

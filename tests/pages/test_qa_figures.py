@@ -37,7 +37,7 @@ def scale_rows(found: Solved) -> list[Row]:
 @pytest.mark.parametrize(
     ("matters", "limit"), [(True, "≤ 6"), (False, "≤ 6, or ≤ 0.02 m/s of the camera's speed")]
 )
-def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limit: str) -> None:
+def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters, limit):
     clip = clip_of(circling())
     vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),)), matters=matters)
     verdict = judged(clip, scale=vague)
@@ -49,7 +49,7 @@ def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limi
 
 @pytest.mark.parametrize("scale", [-2.0, 0.0])
 @pytest.mark.parametrize("matters", [True, False])
-def test_a_scale_that_no_camera_has_is_missed(scale: float, matters: bool) -> None:
+def test_a_scale_that_no_camera_has_is_missed(scale, matters):
     clip = clip_of(circling())
     estimate = fuse((CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),))
     estimate = replace(estimate, scale=scale, matters=matters)
@@ -61,7 +61,7 @@ def test_a_scale_that_no_camera_has_is_missed(scale: float, matters: bool) -> No
     assert sigma.value == ("1" if scale else "inf")
 
 
-def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
+def test_nothing_is_asked_of_cues_where_no_scale_enters():
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict = verdict_of("c", True, (), [""] * 90)
     no_scale = ScaleEstimate(None, None, fuse(APART).cues, matters=False)
@@ -71,7 +71,7 @@ def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
     assert [row.met for row in scale_rows(found)] == [None, None]
 
 
-def test_a_second_solution_stands_beside_its_thresholds() -> None:
+def test_a_second_solution_stands_beside_its_thresholds():
     cameras = good_quality(90, second_share=0.75, agreement=Agreement(12, 0.31, 0.052))
     share, turn, place = [row for row in camera_rows(cameras, PseudoGtConfig().verdict)
                           if "second" in row.name or "places" in row.name]  # fmt: skip
@@ -80,7 +80,7 @@ def test_a_second_solution_stands_beside_its_thresholds() -> None:
     assert (place.value, place.threshold, place.met) == ("5.2", "≤ 3", False)
 
 
-def test_the_weakest_step_stands_beside_its_thresholds() -> None:
+def test_the_weakest_step_stands_beside_its_thresholds():
     cameras = good_quality(90, weakest_step=WeakestStep(40, 52, 0.005, 0.3, 1.2))
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict, no_scale = verdict_of("c", True, (), [""] * 90), ScaleEstimate(None, None, (), False)

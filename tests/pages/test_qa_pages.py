@@ -27,12 +27,12 @@ def draw(made: Any, out_dir: Path) -> None:
 
 
 @pytest.fixture
-def copied_out(made_set: Path, tmp_path: Path) -> Path:
+def copied_out(made_set, tmp_path) -> Path:
     shutil.copytree(made_set, tmp_path / "out")
     return tmp_path / "out"
 
 
-def test_the_index_leads_to_every_page_and_they_to_the_records(made_set: Path) -> None:
+def test_the_index_leads_to_every_page_and_they_to_the_records(made_set):
     index = Page(made_set / "index.html")
     names = ["arc_00", "pan_00"]
     pages = [made_set / "qa" / f"{name}.html" for name in names]
@@ -50,7 +50,7 @@ def test_the_index_leads_to_every_page_and_they_to_the_records(made_set: Path) -
         assert "In 3D" in page.words and path.with_name("view3d") / path.name in page.files
 
 
-def test_a_page_says_the_figures_of_the_record(made_set: Path) -> None:
+def test_a_page_says_the_figures_of_the_record(made_set):
     words = Page(made_set / "qa" / "arc_00.html").words
     record = read_json(made_set / "sequences" / "arc_00" / "pseudo_gt" / "quality.json")
     assert "Person 0: accepted, 36 of 36 frames (100.0%)" in words and "Person 1" in words
@@ -66,7 +66,7 @@ def test_a_page_says_the_figures_of_the_record(made_set: Path) -> None:
     assert "Scale does not enter" in pan and "rotation only (the camera pans)" in pan
 
 
-def test_the_picture_shows_the_mask(made_set: Path, filmed_set: Any) -> None:
+def test_the_picture_shows_the_mask(made_set, filmed_set):
     from gmrdata.pages.batches import TILE_WIDTH_PX, read_tile
 
     files = choose(filmed_set.root, ["arc_00"])[0][0]
@@ -86,9 +86,7 @@ def test_the_picture_shows_the_mask(made_set: Path, filmed_set: Any) -> None:
     assert not changed[~around].any()
 
 
-def test_a_rejected_sequence_is_listed_apart_with_the_figure_that_failed(
-    copied_out: Path, filmed_set: Any
-) -> None:
+def test_a_rejected_sequence_is_listed_apart_with_the_figure_that_failed(copied_out, filmed_set):
     verdict = {"max_reprojection_px": 0.001}
     recipe = filmed_set.recipe()
     sequence = recipe.sequence.model_dump() | {"pseudo_gt": {"verdict": verdict}}
@@ -104,9 +102,7 @@ def test_a_rejected_sequence_is_listed_apart_with_the_figure_that_failed(
     assert "within the thresholds, but rejected" in words
 
 
-def test_what_was_lost_since_costs_a_picture_and_is_named(
-    copied_out: Path, filmed_set: Any, copied_set: Any
-) -> None:
+def test_what_was_lost_since_costs_a_picture_and_is_named(copied_out, filmed_set, copied_set):
     arc = copied_out / "sequences" / "arc_00"
     (arc / "sfm" / "cameras.npz").unlink()
     (arc / "people" / "dataset_camera.npz").write_bytes(b"PK\x03\x04 cut off")
@@ -133,9 +129,7 @@ def test_what_was_lost_since_costs_a_picture_and_is_named(
     assert "quality.json: no such file" in Page(copied_out / "qa" / "pan_00.html").words
 
 
-def test_cuts_and_interpolated_frames_are_found_by_their_images(
-    copied_out: Path, filmed_set: Any
-) -> None:
+def test_cuts_and_interpolated_frames_are_found_by_their_images(copied_out, filmed_set):
     files = choose(filmed_set.root, ["arc_00"])[0][0]
     verdict = Verdicts.read(copied_out / "verdicts.json").sequences[0]
     paths = SetPaths(copied_out)
@@ -165,7 +159,7 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
     assert "Cuts1" in words and "Interpolated frames2" in words
 
 
-def test_a_joined_model_is_listed_with_what_became_of_it(copied_out: Path, filmed_set: Any) -> None:
+def test_a_joined_model_is_listed_with_what_became_of_it(copied_out, filmed_set):
     quality_path = SetPaths(copied_out).pseudo_gt_dir("arc_00") / "quality.json"
     models = [
         {"frames": 30, "kept": True, "reason": "the largest"},

@@ -38,7 +38,7 @@ HOSTILE = (
 )
 
 
-def test_hostile_names_and_reasons_stay_texts(tmp_path: Path) -> None:
+def test_hostile_names_and_reasons_stay_texts(tmp_path):
     verdicts = [
         SequenceVerdict(name, name, False, (f"{name} | {HOSTILE[0]}",), "none", 0.0, None, None)
         for name in HOSTILE
@@ -61,18 +61,18 @@ def test_hostile_names_and_reasons_stay_texts(tmp_path: Path) -> None:
 
 
 @given(st.text(max_size=40))
-def test_a_page_is_always_a_plain_file_of_its_folder(name: str) -> None:
+def test_a_page_is_always_a_plain_file_of_its_folder(name):
     made = page_name(name)
     assert Path("qa", made).parent == Path("qa") and made.endswith(".html")
     assert made.isascii() and not made.startswith(".")
 
 
 @given(st.lists(st.text(max_size=8), min_size=2, max_size=20, unique=True))
-def test_two_names_never_share_a_page(names: list[str]) -> None:
+def test_two_names_never_share_a_page(names):
     assert len({page_name(name) for name in names}) == len(names)
 
 
-def test_reasons_that_differ_in_a_number_are_of_one_kind() -> None:
+def test_reasons_that_differ_in_a_number_are_of_one_kind():
     reasons = [
         ["", "image_00001.jpg is missing", "image_00002.jpg is missing", "the camera jumps", ""],
         ["", "", "no camera was found", "the camera jumps", "the camera jumps"],
@@ -89,7 +89,7 @@ def test_reasons_that_differ_in_a_number_are_of_one_kind() -> None:
     }  # fmt: skip
 
 
-def test_further_kinds_share_the_last_colour() -> None:
+def test_further_kinds_share_the_last_colour():
     names = [f"reason {chr(97 + i)}" for i in range(len(KIND_COLOURS) + 2)]
     colours = [kind.colour for kind in kinds_of([names]).values()]
     assert colours == [*KIND_COLOURS, OTHER_COLOUR, OTHER_COLOUR]
@@ -107,9 +107,7 @@ def moving_camera(n: int) -> np.ndarray:
     arrays(float, 3, elements=st.floats(-50, 50)),
     st.booleans(),
 )
-def test_a_rigidly_moved_path_is_laid_back(
-    rotvec: np.ndarray, shift_m: np.ndarray, in_place: bool
-) -> None:
+def test_a_rigidly_moved_path_is_laid_back(rotvec, shift_m, in_place):
     ours = moving_camera(20)
     if in_place:
         ours[:, :3, 3] = 0.0
@@ -124,7 +122,7 @@ def test_a_rigidly_moved_path_is_laid_back(
     assert np.isnan(aligned.world_from_cam[3]).any()
 
 
-def test_a_difference_is_measured_in_metres_and_never_scaled_away() -> None:
+def test_a_difference_is_measured_in_metres_and_never_scaled_away():
     ours = moving_camera(20)
     theirs = ours.copy()
     theirs[:, :3, 3] *= 1.5
@@ -135,7 +133,7 @@ def test_a_difference_is_measured_in_metres_and_never_scaled_away() -> None:
     assert align_dataset_camera(ours, theirs, np.full(20, False)) is None
 
 
-def test_window_differences_are_those_of_the_moves() -> None:
+def test_window_differences_are_those_of_the_moves():
     ours = moving_camera(20)
     theirs = ours.copy()
     turn = transforms.rigid(Rotation.from_rotvec([0, 0, np.deg2rad(3)]).as_matrix(), np.zeros(3))
@@ -157,7 +155,7 @@ def _across(world_from_cam: np.ndarray) -> np.ndarray:
     return np.asarray(moves[:, :2, 3])
 
 
-def test_the_focal_row_follows_the_check() -> None:
+def test_the_focal_row_follows_the_check():
     from gmrdata.pages.thresholds import focal_row
     from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig, intrinsics_reason
 

@@ -1,7 +1,6 @@
 """The page of a solved video says what was decided and found, and leads to files that are there."""
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,13 +13,11 @@ from gmrdata.pages.footage import BAR_PX, footage_of
 from gmrdata.pages.gather import gather_video
 from gmrdata.pages.solved_page import make_video_page
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, unsolved
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import read_npz, write_npz
 from gmrdata.world.judge import load_record
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig, verdict_of
-from tests.browser import Visit
 from tests.pages.html_pages import Page
 from tests.pages.solved_video import N_ROWS, OFF_PX, fuse_video, solved_video
 
@@ -28,7 +25,7 @@ HOSTILE = "<img src=x onerror='alert(1)'> \"#?%20&amp; caf\udce9"
 
 
 @pytest.fixture
-def copied(finished: Path, tmp_path: Path) -> Path:
+def copied(finished, tmp_path) -> Path:
     return Path(shutil.copytree(finished, tmp_path / "walk"))
 
 
@@ -48,7 +45,7 @@ def drawn(folder: Path) -> Page:
     return page
 
 
-def test_the_page_has_all_parts_and_leads_to_files(finished: Path) -> None:
+def test_the_page_has_all_parts_and_leads_to_files(finished):
     page = Page(finished / "index.html")
     leads_to_files(page)
     assert "can’t be" not in page.words and "Can’t be" not in page.words
@@ -68,7 +65,7 @@ def test_the_page_has_all_parts_and_leads_to_files(finished: Path) -> None:
         assert name in {file.name for file in page.files}
 
 
-def test_the_overlay_has_every_frame(finished: Path) -> None:
+def test_the_overlay_has_every_frame(finished):
     with av.open(str(finished / "overlay" / "overlay.mp4")) as container:
         frames = list(container.decode(video=0))
         assert container.streams.video[0].average_rate == 10
@@ -76,7 +73,7 @@ def test_the_overlay_has_every_frame(finished: Path) -> None:
     assert (frames[0].width, frames[0].height) == (640, 360 + BAR_PX)
 
 
-def test_the_errors_are_those_of_the_observations(finished: Path) -> None:
+def test_the_errors_are_those_of_the_observations(finished):
     from gmrdata.pages.gather import Reader, read_reconstruction
 
     found = read_reconstruction(Reader(), finished / "sfm")
@@ -84,13 +81,13 @@ def test_the_errors_are_those_of_the_observations(finished: Path) -> None:
     assert found.errors_px == pytest.approx(OFF_PX, abs=0.01)
 
 
-def test_a_folder_that_was_moved_still_has_its_page(copied: Path, tmp_path: Path) -> None:
+def test_a_folder_that_was_moved_still_has_its_page(copied, tmp_path):
     moved = tmp_path / "elsewhere"
     copied.rename(moved)
     leads_to_files(Page(moved / "index.html"))
 
 
-def test_what_is_there_is_kept_and_what_changed_is_drawn_again(copied: Path) -> None:
+def test_what_is_there_is_kept_and_what_changed_is_drawn_again(copied):
     overlay = copied / "overlay" / "overlay.mp4"
     before, page = overlay.stat().st_mtime_ns, (copied / "index.html").read_bytes()
     make_video_page(copied)
@@ -102,7 +99,7 @@ def test_what_is_there_is_kept_and_what_changed_is_drawn_again(copied: Path) -> 
     assert overlay.stat().st_mtime_ns > before
 
 
-def test_hostile_names_and_reasons_stay_texts(copied: Path) -> None:
+def test_hostile_names_and_reasons_stay_texts(copied):
     folder = copied.rename(copied.with_name(HOSTILE))
     said = HOSTILE.encode("utf-8", "replace").decode()  # records hold whole characters alone
     person = verdict_of(said, False, (f"because {said}",), [said] * N_ROWS)
@@ -117,9 +114,7 @@ def test_hostile_names_and_reasons_stay_texts(copied: Path) -> None:
     assert f"{HOSTILE}.bvh" in {file.name for file in page.files}
 
 
-def test_a_rejected_video_says_so_first_and_warns_of_its_files(
-    small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_rejected_video_says_so_first_and_warns_of_its_files(small_body, tmp_path):
     config = PseudoGtConfig(verdict=VerdictConfig(min_inliers=101))
     solved_video(tmp_path / "walk", small_body, lost=[9, 10], config=config)
     page = drawn(tmp_path / "walk")
@@ -130,9 +125,7 @@ def test_a_rejected_video_says_so_first_and_warns_of_its_files(
     assert "these files are for looking, not for use" in page.words
 
 
-def test_people_with_the_network_s_motions_are_shown_in_all_frames(
-    small_body: BodyModel, run_dir: Path, tmp_path: Path
-) -> None:
+def test_people_with_the_network_s_motions_are_shown_in_all_frames(small_body, run_dir, tmp_path):
     folder = tmp_path / "walk"
     solved_video(folder, small_body, lost=[9, 10, 11])
     fuse_video(folder, run_dir)
@@ -158,7 +151,7 @@ def test_people_with_the_network_s_motions_are_shown_in_all_frames(
     assert (poster[..., 2] - poster[..., 0] > 60).sum() > 500  # the body: its row has a camera
 
 
-def test_the_network_s_motions_come_and_go(copied: Path, run_dir: Path) -> None:
+def test_the_network_s_motions_come_and_go(copied, run_dir):
     overlay = copied / "overlay" / "overlay.mp4"
     make_video_page(copied)
     before, drawn = (copied / "index.html").read_bytes(), overlay.read_bytes()
@@ -177,9 +170,7 @@ def test_the_network_s_motions_come_and_go(copied: Path, run_dir: Path) -> None:
     assert (copied / "index.html").read_bytes() == before and overlay.read_bytes() == drawn
 
 
-def test_the_network_s_motions_of_other_frames_are_not_shown(
-    copied: Path, run_dir: Path, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_the_network_s_motions_of_other_frames_are_not_shown(copied, run_dir, small_body, tmp_path):
     fused = fuse_video(copied, run_dir)
     clip = load_clip(fused / "person_0.npz")
     other = replace(clip, image_numbers=clip.image_numbers + 1)
@@ -194,7 +185,7 @@ def test_the_network_s_motions_of_other_frames_are_not_shown(
     assert "sigma_0.npz: is of other frames" in words.split("Can’t be read")[1]
 
 
-def test_the_lens_comes_with_its_source_and_its_error(copied: Path) -> None:
+def test_the_lens_comes_with_its_source_and_its_error(copied):
     Intrinsics(
         source="prior", width_px=640, height_px=360, focal_px=554.3, focal_y_px=554.3,
         focal_sigma=0.3, centre_px=(320.0, 180.0), radial_k1=-0.1, radial_k1_sigma=0.02,
@@ -208,7 +199,7 @@ def test_the_lens_comes_with_its_source_and_its_error(copied: Path) -> None:
     assert "intrinsics: intrinsics.json" in page.words
 
 
-def test_cameras_alone(small_body: BodyModel, tmp_path: Path) -> None:
+def test_cameras_alone(small_body, tmp_path):
     solved_video(tmp_path / "walk", small_body, person=False, lost=[5, 6, 7])
     page = drawn(tmp_path / "walk")
     assert f"Cameras: accepted, 21 of {N_ROWS} frames (87.5%)" in page.words
@@ -218,14 +209,14 @@ def test_cameras_alone(small_body: BodyModel, tmp_path: Path) -> None:
     assert page.tags.count("svg") == 3 and page.tags.count("video") == 1
 
 
-def test_a_camera_that_turns_alone(small_body: BodyModel, tmp_path: Path) -> None:
+def test_a_camera_that_turns_alone(small_body, tmp_path):
     solved_video(tmp_path / "walk", small_body, "rotation_only", person=False)
     page = Page(make_video_page(tmp_path / "walk"))
     assert "a grid of directions, 10° apart" in page.words
     assert "Mean reprojection error per frame" not in page.words
 
 
-def test_the_verdict_of_a_video_without_cameras(tmp_path: Path) -> None:
+def test_the_verdict_of_a_video_without_cameras(tmp_path):
     camera = unsolved("no two frames show the same place", 30)
     VideoVerdict(
         images_dir="frames", fps_hz=30.0, accepted=False, reasons=camera.reasons, camera=camera,
@@ -238,7 +229,7 @@ def test_the_verdict_of_a_video_without_cameras(tmp_path: Path) -> None:
     assert "no camera was found, so nothing has a place in the frames" in page.words
 
 
-def test_what_is_missing_is_named_and_costs_its_part_alone(copied: Path, tmp_path: Path) -> None:
+def test_what_is_missing_is_named_and_costs_its_part_alone(copied, tmp_path):
     shutil.rmtree(copied / "frames")
     (copied / "sfm" / "tracks.npz").unlink()
     page = drawn(copied)
@@ -254,14 +245,14 @@ def test_what_is_missing_is_named_and_costs_its_part_alone(copied: Path, tmp_pat
         make_video_page(tmp_path)
 
 
-def test_without_the_body_the_path_is_not_drawn_and_it_is_said(copied: Path) -> None:
+def test_without_the_body_the_path_is_not_drawn_and_it_is_said(copied):
     shutil.rmtree(copied / "body")
     page = Page(make_video_page(copied))
     assert "needs the body small" in page.words.split("Can’t be read")[1]
     assert page.tags.count("video") == 1 and "the body in the frames" not in page.words
 
 
-def test_links_out_of_the_folder_are_not_followed(copied: Path, tmp_path: Path) -> None:
+def test_links_out_of_the_folder_are_not_followed(copied, tmp_path):
     secret = tmp_path / "secret.jpg"
     shutil.move(copied / "frames" / "00110.jpg", secret)
     (copied / "frames" / "00110.jpg").symlink_to(secret)
@@ -272,8 +263,6 @@ def test_links_out_of_the_folder_are_not_followed(copied: Path, tmp_path: Path) 
     assert not [file for file in page.files if file.name in ("a.bvh", "secret.jpg")]
 
 
-def test_a_browser_shows_it_without_the_net(
-    finished: Path, browse: Callable[[Path], Visit]
-) -> None:
+def test_a_browser_shows_it_without_the_net(finished, browse):
     seen = browse(finished / "index.html")
     assert (seen.complaints, seen.requests) == ([], [])

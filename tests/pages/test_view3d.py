@@ -1,27 +1,19 @@
 """The result to turn round: it is drawn, moves with the frame, and needs nothing beside it."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gmrdata.pages.gather import gather_video
-from gmrdata.pages.report_data import ReportData
 from gmrdata.pages.view3d import MOST_FRAMES, View, ViewedPerson, view_of, view_of_clip, write_view
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import MissingInput
-from gmrdata.values.motion import Motion
-from tests.browser import Visit
 from tests.write.takes import HIDDEN, make_take
-
-Photograph = Callable[[Path, str, int], tuple[np.ndarray, Visit]]
 
 
 @pytest.fixture
-def view(walk: Callable[..., Motion], small_body: BodyModel) -> View:
+def view(walk, small_body) -> View:
     """Two people, one with an error bar, the other not always there; a camera with a gap."""
     take = make_take(walk, small_body)
     clips = [
@@ -38,9 +30,7 @@ def view(walk: Callable[..., Motion], small_body: BodyModel) -> View:
 
 
 @pytest.mark.parametrize("width_px", [375, 1280])
-def test_the_frame_moves_the_people(
-    view: View, tmp_path: Path, photograph: Photograph, width_px: int
-) -> None:
+def test_the_frame_moves_the_people(view, tmp_path, photograph, width_px):
     page = write_view(tmp_path / "view3d.html", view)
     first, visit = photograph(page, "0", width_px)
     again, _ = photograph(page, "0", width_px)
@@ -54,7 +44,7 @@ def test_the_frame_moves_the_people(
     assert 0.002 < coloured.mean() < 0.5
 
 
-def test_who_has_no_pose_is_not_drawn(view: View, tmp_path: Path, photograph: Photograph) -> None:
+def test_who_has_no_pose_is_not_drawn(view, tmp_path, photograph):
     alone = replace(view, people=view.people[1:], camera=None)
     page = write_view(tmp_path / "view3d.html", alone)
 
@@ -65,7 +55,7 @@ def test_who_has_no_pose_is_not_drawn(view: View, tmp_path: Path, photograph: Ph
     assert share_coloured(HIDDEN[0]) < 0.5 * share_coloured(0)
 
 
-def test_long_sequences_stay_small(view: View, tmp_path: Path) -> None:
+def test_long_sequences_stay_small(view, tmp_path):
     n_frames = 5000
     rows = np.arange(n_frames) % len(view.times_s)
     clips = [one.clip for one in view.people]
@@ -82,7 +72,7 @@ def test_long_sequences_stay_small(view: View, tmp_path: Path) -> None:
     assert write_view(tmp_path / "view3d.html", long).stat().st_size < 6e6
 
 
-def test_points_stand_in_the_shown_world(finished: Path) -> None:
+def test_points_stand_in_the_shown_world(finished):
     found = gather_video(finished)
     solved = found.reconstruction
     assert solved is not None and found.camera is not None and found.sfm_rows is not None
@@ -94,13 +84,13 @@ def test_points_stand_in_the_shown_world(finished: Path) -> None:
     assert view.people[0].body is not None
 
 
-def test_nothing_to_turn_round(finished: Path) -> None:
+def test_nothing_to_turn_round(finished):
     found = replace(gather_video(finished), camera=None, clips={})
     with pytest.raises(MissingInput, match="nothing to turn round"):
         view_of(found)
 
 
-def test_a_recovered_clip_stands_beside_the_truth(report: ReportData, tmp_path: Path) -> None:
+def test_a_recovered_clip_stands_beside_the_truth(report, tmp_path):
     clip = report.clips[0]
     true, recovered = view_of_clip(clip).people
     known = clip.has_camera

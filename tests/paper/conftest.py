@@ -10,7 +10,6 @@ from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from tests.clip_manifests import write_clips
 
@@ -18,7 +17,7 @@ WriteSet = Callable[..., Path]
 
 
 @pytest.fixture(scope="session")
-def filmed(small_body: BodyModel) -> tuple[Clip, ...]:
+def filmed(small_body) -> tuple[Clip, ...]:
     """Three people over 2 s at 20 fps, each with a camera that circles round; all rows valid."""
     rng = np.random.default_rng(5)
     motions = embedded_motions(small_body, rng, count=3, fps_hz=20.0, duration_s=2.0)
@@ -33,7 +32,7 @@ def filmed(small_body: BodyModel) -> tuple[Clip, ...]:
 
 
 @pytest.fixture(scope="session")
-def write_set(small_body: BodyModel) -> WriteSet:
+def write_set(small_body) -> WriteSet:
     """Write clips and a manifest of them; gives the manifest."""
 
     def write(
@@ -48,7 +47,7 @@ def write_set(small_body: BodyModel) -> WriteSet:
 
 
 @pytest.fixture
-def body_path(tmp_path: Path, small_body: BodyModel) -> Path:
+def body_path(tmp_path, small_body) -> Path:
     """The small body's file."""
     save_body(tmp_path / "body.npz", small_body)
     return tmp_path / "body.npz"

@@ -1,6 +1,5 @@
 """Baselines without training: camera-frame poses as world poses, zero and mean motion."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,7 +25,6 @@ from gmrdata.score.camera_as_world import (
     predict_camera_as_world,
     seen_motion,
 )
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import (
     BadManifest,
@@ -41,7 +39,6 @@ from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.world.compose import metric_cameras, motion_in_camera
 from tests.reconstructions import good_quality, pseudo_gt_quality
 
-WriteSet = Callable[..., Path]
 RECOVERED = CameraAsWorldConfig(camera="recovered")
 
 
@@ -68,7 +65,7 @@ def write_scale(folder: Path, scale: float | None) -> None:
     quality.write(folder / "pseudo_gt" / "quality.json")
 
 
-def test_a_camera_at_rest_sees_the_world_motion(filmed: tuple[Clip, ...]) -> None:
+def test_a_camera_at_rest_sees_the_world_motion(filmed):
     clip = filmed[0]
     still = np.tile(camera_of(clip).world_from_cam[0], (40, 1, 1))
     seen = motion_in_camera(clip.motion, still)
@@ -76,7 +73,7 @@ def test_a_camera_at_rest_sees_the_world_motion(filmed: tuple[Clip, ...]) -> Non
     assert delta_error(as_if_still(seen_motion(clip)[0]), clip.motion) > 0.01
 
 
-def test_its_world_is_upright_as_the_camera_is() -> None:
+def test_its_world_is_upright_as_the_camera_is():
     """What is up in the image is up in the world, and what is far is along +y."""
     seen = Motion(
         np.tile(np.eye(3), (1, 23, 1, 1)), np.eye(3)[None], np.array([[0.1, -0.2, 5.0]]),
@@ -85,9 +82,7 @@ def test_its_world_is_upright_as_the_camera_is() -> None:
     np.testing.assert_allclose(as_if_still(seen).pelvis_m, [[0.1, 5.0, 0.2]])
 
 
-def test_ignored_true_and_recovered(
-    filmed: tuple[Clip, ...], write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_ignored_true_and_recovered(filmed, write_set, tmp_path):
     """Only the camera that is known gives the true motion back, the recovered one where it is."""
     manifest = write_set(tmp_path / "set", filmed[:1])
     true = filmed[0].motion
@@ -113,9 +108,7 @@ def test_ignored_true_and_recovered(
     assert delta_error(part, true_part) < 1e-9
 
 
-def test_rows_without_a_true_camera_are_not_predicted(
-    filmed: tuple[Clip, ...], write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_rows_without_a_true_camera_are_not_predicted(filmed, write_set, tmp_path):
     camera = camera_of(filmed[0])
     has_camera = np.arange(40) != 5
     cameras = np.where(has_camera[:, None, None], camera.world_from_cam, np.nan)
@@ -127,9 +120,7 @@ def test_rows_without_a_true_camera_are_not_predicted(
     assert read_json(made / "predictions.json")["left_out"] == {"walk_1": "no camera sees it"}
 
 
-def test_a_clip_in_the_camera_frame_is_taken_as_it_is(
-    filmed: tuple[Clip, ...], write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_a_clip_in_the_camera_frame_is_taken_as_it_is(filmed, write_set, tmp_path):
     motion = motion_in_camera(filmed[0].motion, camera_of(filmed[0]).world_from_cam)
     manifest = write_set(tmp_path / "set", [replace(filmed[0], motion=motion, camera=None)])
     made = predict_camera_as_world(manifest, tmp_path / "out")
@@ -138,9 +129,7 @@ def test_a_clip_in_the_camera_frame_is_taken_as_it_is(
     assert delta_error(found, as_if_still(motion)) < 1e-9
 
 
-def test_recovered_cameras_that_do_not_fit(
-    filmed: tuple[Clip, ...], write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_recovered_cameras_that_do_not_fit(filmed, write_set, tmp_path):
     manifest = write_set(tmp_path / "set", filmed[:1])
     cameras, out = tmp_path / "cameras", tmp_path / "out"
     with pytest.raises(MissingInput, match="no recovered cameras given. Name --cameras"):
@@ -164,9 +153,7 @@ def test_recovered_cameras_that_do_not_fit(
     assert not out.exists()
 
 
-def test_cameras_that_do_not_travel_need_no_scale(
-    filmed: tuple[Clip, ...], write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_cameras_that_do_not_travel_need_no_scale(filmed, write_set, tmp_path):
     camera = camera_of(filmed[0])
     turning = camera.world_from_cam.copy()
     turning[:, :3, 3] = [1.0, -6.0, 1.5]
@@ -199,9 +186,7 @@ def steady(clip: Clip, rotvec_rad: list[float], delta_m: list[float]) -> Clip:
     return replace(clip, motion=motion)
 
 
-def test_zero_motion_stays_in_the_first_valid_pose(
-    filmed: tuple[Clip, ...], write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_zero_motion_stays_in_the_first_valid_pose(filmed, write_set, tmp_path):
     valid = np.arange(40) >= 3
     valid[20] = False
     clips = [replace(filmed[0], valid=valid), filmed[1]]
@@ -223,9 +208,7 @@ def test_zero_motion_stays_in_the_first_valid_pose(
     assert record["clips"]["walk_0"] == {"fps_hz": 20.0, "n_frames": 40, "n_valid": 36}
 
 
-def test_clips_that_cannot_be_used_are_named(
-    filmed: tuple[Clip, ...], write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_clips_that_cannot_be_used_are_named(filmed, write_set, tmp_path):
     rejected = {"walk_0": Quality(verdict="rejected", reasons=("too few points",))}
     nothing = replace(filmed[1], valid=np.zeros(40, bool))
     manifest = write_set(tmp_path / "set", [filmed[0], nothing, filmed[2]], rejected)
@@ -240,7 +223,7 @@ def test_clips_that_cannot_be_used_are_named(
         predict_zero(manifest, tmp_path / "no")
 
 
-def test_the_mean_of_one_motion_is_that_motion(filmed: tuple[Clip, ...]) -> None:
+def test_the_mean_of_one_motion_is_that_motion(filmed):
     clip = steady(filmed[0], [0.1, -0.3, 0.2], [0.01, -0.02, 0.05])
     mean = mean_motion([clip], 20.0)
     np.testing.assert_allclose(
@@ -252,7 +235,7 @@ def test_the_mean_of_one_motion_is_that_motion(filmed: tuple[Clip, ...]) -> None
     np.testing.assert_allclose(found.clip.motion.root_rotmats, clip.motion.root_rotmats, atol=1e-9)
 
 
-def test_the_mean_minimises_the_chordal_distance(filmed: tuple[Clip, ...]) -> None:
+def test_the_mean_minimises_the_chordal_distance(filmed):
     """No rotation near it has less, and the mean dT is numpy's."""
     mean = mean_motion(filmed, 10.0)
     parts = [
@@ -275,9 +258,7 @@ def test_the_mean_minimises_the_chordal_distance(filmed: tuple[Clip, ...]) -> No
         )
 
 
-def test_at_a_higher_rate_the_mean_is_reached_after_as_many_frames(
-    filmed: tuple[Clip, ...],
-) -> None:
+def test_at_a_higher_rate_the_mean_is_reached_after_as_many_frames(filmed):
     """In every phase: the step is a screw's share, not that of rotation and translation alone."""
     mean = mean_motion([steady(filmed[0], [0.0, 0.8, 0.1], [0.3, 0.0, 0.1])], 20.0)
     fast = replace(filmed[1], motion=replace(filmed[1].motion, fps_hz=60.0))
@@ -288,13 +269,7 @@ def test_at_a_higher_rate_the_mean_is_reached_after_as_many_frames(
         np.testing.assert_allclose(delta_m - mean.delta_m, 0, atol=1e-9)
 
 
-def test_the_verbs(
-    filmed: tuple[Clip, ...],
-    small_body: BodyModel,
-    write_set: WriteSet,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_verbs(filmed, small_body, write_set, tmp_path, capsys):
     manifest = write_set(tmp_path / "set", filmed[:2])
     training = write_set(tmp_path / "training", filmed[2:])
     main(["baseline", "zero", str(manifest), "--out", str(tmp_path / "zero")])
@@ -318,7 +293,7 @@ def test_the_verbs(
         predict_mean(manifest, [training], tmp_path / "again", MeanConfig(fps_hz=20.0))
 
 
-def test_there_is_no_mean_of_nothing(filmed: tuple[Clip, ...]) -> None:
+def test_there_is_no_mean_of_nothing(filmed):
     flicker = replace(filmed[0], valid=np.arange(40) % 2 == 0)
     with pytest.raises(BadManifest, match="none of the 1 training clips has two valid frames"):
         mean_motion([flicker], 20.0)

@@ -1,7 +1,6 @@
 """The non-sequential model: it learns from features that tell, and refuses what does not fit."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,7 +28,6 @@ from gmrdata.paper.joint import (
     training_runs,
 )
 from gmrdata.paper.plan import JointConfig
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import (
     BadCheckpoint,
@@ -43,7 +41,6 @@ from gmrdata.values.files import write_npz
 from gmrdata.values.motion import deltas
 from gmrdata.values.motion_metrics import angles_rad
 
-WriteSet = Callable[..., Path]
 N_FEATURES = 48
 SMALL = JointConfig(
     model=NetworkConfig(layers=1, hidden=48, output_scale=0.1),
@@ -56,7 +53,7 @@ SMALL = JointConfig(
 
 
 @pytest.fixture(scope="module")
-def walks(small_body: BodyModel) -> list[Clip]:
+def walks(small_body) -> list[Clip]:
     """Six generated people at 20 fps, 4 s each."""
     rng = np.random.default_rng(0)
     motions = embedded_motions(small_body, rng, count=6, fps_hz=20.0, duration_s=4.0)
@@ -94,14 +91,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-def test_it_learns(
-    walks: list[Clip],
-    small_body: BodyModel,
-    write_set: WriteSet,
-    body_path: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_it_learns(walks, small_body, write_set, body_path, tmp_path, capsys):
     """On people that it has not seen it beats the mean pose and zero motion by far."""
     training, held_out = walks[:5], walks[5]
     write_features(tmp_path / "features", walks)
@@ -138,9 +128,7 @@ def test_it_learns(
     assert 1000 * np.linalg.norm(delta_m - true_m, axis=1).mean() < 0.6 * still_mm
 
 
-def test_the_same_recipe_gives_the_same_network(
-    walks: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_the_same_recipe_gives_the_same_network(walks, small_body, tmp_path):
     runs = training_runs([(clip, told(clip)) for clip in walks[:2]], 10.0)
     config = SMALL.model_copy(update={"steps": 3})
     for name in ("one", "other"):
@@ -149,9 +137,7 @@ def test_the_same_recipe_gives_the_same_network(
     assert contents(tmp_path / "one") == contents(tmp_path / "other")
 
 
-def test_a_run_that_was_stopped_goes_on_bit_for_bit(
-    walks: list[Clip], small_body: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(walks, small_body, tmp_path, monkeypatch):
     """Stopped in step 6, it goes on from step 4, with the dropout that it would have had."""
     runs = training_runs([(clip, told(clip)) for clip in walks[:2]], 10.0)
     model = SMALL.model.model_copy(update={"layers": 2, "dropout": 0.3})
@@ -177,9 +163,7 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(
     assert steps == list(range(1, 10))
 
 
-def test_what_is_read_is_what_was_written(
-    walks: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_what_is_read_is_what_was_written(walks, small_body, tmp_path):
     runs = training_runs([(walks[0], told(walks[0]))], 10.0)
     model = fit_joint(runs, [small_body], tmp_path, SMALL.model_copy(update={"steps": 2})).eval()
     features = torch.from_numpy(split_rows(runs.frames.poses)[0][:40])[None]
@@ -211,7 +195,7 @@ def test_what_is_read_is_what_was_written(
         load_joint(tmp_path / "nowhere")
 
 
-def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
+def test_padding_and_windows(walks, small_body):
     """A run that is shorter than a window is padded, and the padding does not count."""
     short = replace(walks[0], valid=np.arange(80) < 12)
     runs = joint_runs(short, told(short), 10.0)
@@ -242,7 +226,7 @@ def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
             assert one[1].item() == pytest.approx(other[1].item(), rel=1e-4, abs=1e-9)
 
 
-def test_a_window_played_backwards(walks: list[Clip]) -> None:
+def test_a_window_played_backwards(walks):
     runs = joint_runs(replace(walks[0], valid=np.arange(80) < 12), told(walks[0]), 20.0)
     batches = [
         make_joint_batch(
@@ -257,9 +241,7 @@ def test_a_window_played_backwards(walks: list[Clip]) -> None:
     torch.testing.assert_close(back, ahead.flip(1).transpose(-1, -2))
 
 
-def test_every_run_is_a_sequence_of_its_own(
-    walks: list[Clip], small_body: BodyModel, write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, tmp_path):
     """And one frame alone is a pose; rows beside a gap are not valid at the lower rate."""
     valid = np.ones(80, bool)
     valid[[21, 25]] = False
@@ -280,9 +262,7 @@ def test_every_run_is_a_sequence_of_its_own(
     np.testing.assert_allclose(found.motion.local_rotmats[12], alone.numpy(), atol=1e-5)
 
 
-def test_features_that_do_not_fit(
-    walks: list[Clip], small_body: BodyModel, write_set: WriteSet, tmp_path: Path
-) -> None:
+def test_features_that_do_not_fit(walks, small_body, write_set, tmp_path):
     clip, path = walks[0], tmp_path / "walk_0.npz"
     with pytest.raises(MissingInput, match=r"walk_0.npz: no image features of clip walk_0"):
         load_features(tmp_path, clip)
@@ -316,7 +296,7 @@ def test_features_that_do_not_fit(
         predict_joint(tmp_path / "run", manifest, tmp_path, tmp_path / "out")
 
 
-def test_clips_that_do_not_fit(walks: list[Clip]) -> None:
+def test_clips_that_do_not_fit(walks):
     clip = walks[0]
     odd = replace(clip, motion=replace(clip.motion, fps_hz=25.0))
     with pytest.raises(BadMotionFile, match="25 fps is no whole multiple of 10 fps"):
@@ -326,9 +306,7 @@ def test_clips_that_do_not_fit(walks: list[Clip]) -> None:
         training_runs([(flicker, told(clip))], 20.0)
 
 
-def test_a_step_size_that_is_far_too_large(
-    walks: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_step_size_that_is_far_too_large(walks, small_body, tmp_path):
     runs = training_runs([(walks[0], told(walks[0]))], 10.0)
     with pytest.raises(TrainingDiverged, match="Lower learning_rate, or set gradient_norm"):
         fit_joint(runs, [small_body], tmp_path, SMALL.model_copy(update={"learning_rate": 1e30}))

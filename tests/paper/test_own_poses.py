@@ -1,6 +1,5 @@
 """What the built-in estimator sees of real pictures, in the files that the baselines read."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,9 +39,7 @@ def standing(body: BodyModel, id: str, pelvis_m: tuple[float, float, float]) -> 
 
 
 @pytest.fixture(scope="module")
-def manifest(
-    shared_path: Callable[[str], Path], anny: BodyModel, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def manifest(shared_path, anny, tmp_path_factory) -> Path:
     """A person of a real video whom one picture lacks; nobody; and a clip without images."""
     folder = tmp_path_factory.mktemp("seen")
     images = sorted(shared_path("video/static_people").glob("*.jpg"))[:N_FRAMES]
@@ -85,14 +82,14 @@ def manifest(
 
 
 @pytest.fixture(scope="module")
-def made(manifest: Path, yolox_nano: Path, pose_landmarks: Path) -> Path:
+def made(manifest, yolox_nano, pose_landmarks) -> Path:
     networks = ["--detector", str(yolox_nano), "--landmark-network", str(pose_landmarks)]
     out = manifest.parent / "own"
     main(["baseline", "own_poses", str(manifest), "--out", str(out), *networks])
     return out
 
 
-def test_the_record_says_who_was_seen_and_what_was_left_out(made: Path) -> None:
+def test_the_record_says_who_was_seen_and_what_was_left_out(made):
     record = OwnPosesRecord.read(made / "own_poses.json")
     assert record.clips.keys() == {"person"}
     assert (record.clips["person"].frames, record.clips["person"].seen) == (N_FRAMES, N_FRAMES - 1)
@@ -102,7 +99,7 @@ def test_the_record_says_who_was_seen_and_what_was_left_out(made: Path) -> None:
     }
 
 
-def test_every_baseline_reads_its_file(made: Path, manifest: Path, anny: BodyModel) -> None:
+def test_every_baseline_reads_its_file(made, manifest, anny):
     clip = load_clip(manifest.parent / "person.npz")
     posed, body = load_poses(made / "poses" / "person.npz", clip, [anny])
     assert body is anny and posed.valid.all() and not posed.motion.shape.any()
@@ -119,9 +116,7 @@ def test_every_baseline_reads_its_file(made: Path, manifest: Path, anny: BodyMod
     assert apart[GAP] > 1.5 * apart[[1, 3, 4]].max()
 
 
-def test_the_person_is_placed_by_the_same_landmarks(
-    made: Path, manifest: Path, anny: BodyModel
-) -> None:
+def test_the_person_is_placed_by_the_same_landmarks(made, manifest, anny):
     clip = load_clip(manifest.parent / "person.npz")
     posed, _ = load_poses(made / "poses" / "person.npz", clip, [anny])
     keypoints = clip_keypoints(clip, made / "keypoints" / "person")
@@ -130,13 +125,13 @@ def test_the_person_is_placed_by_the_same_landmarks(
     np.testing.assert_allclose(placed.pelvis_m[:, 2], posed.motion.pelvis_m[:, 2], rtol=0.15)
 
 
-def test_rows_without_a_person_lie_between_their_neighbours() -> None:
+def test_rows_without_a_person_lie_between_their_neighbours():
     between = rows_between(np.array([-1, 1, 2, 5]), 7)
     values = np.array([9.0, 10.0, 20.0, 50.0])[:, None]
     assert between.placed(values)[:, 0].tolist() == [10, 10, 20, 30, 40, 50, 50]
 
 
-def test_the_clips_person_is_who_is_near_it_in_most_frames(anny: BodyModel) -> None:
+def test_the_clips_person_is_who_is_near_it_in_most_frames(anny):
     clip = standing(anny, "a", (0.0, 0.0, 5.0))
 
     def track(numbers: list[int], hips_px: tuple[float, float]) -> Sightings:

@@ -35,7 +35,6 @@ from gmrdata.read.body_file import save_body
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes
 from gmrdata.stage.run import Run
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
@@ -70,7 +69,7 @@ rows:
 """
 
 
-def test_every_table_of_the_paper_loads_and_its_folders_differ() -> None:
+def test_every_table_of_the_paper_loads_and_its_folders_differ():
     names = [name for name in recipes.recipe_names() if name.startswith("paper/")]
     assert names == [f"paper/table{n}" for n in (1, 10, 2, 3, 4, 5, 6, 9)]
     for name in names:
@@ -95,13 +94,13 @@ def test_every_table_of_the_paper_loads_and_its_folders_differ() -> None:
         ("10", "Non-sequential", (3.90, 45.48, 126.83)),
     ],
 )
-def test_figures_are_the_papers(table: str, row: str, figures: tuple[float | None, ...]) -> None:
+def test_figures_are_the_papers(table, row, figures):
     recipe = load_table(table)
     found = {one.name.lower(): one.paper for one in recipe.rows}[row.lower()]
     assert tuple(found.get(metric) for metric in ("ome_deg", "tme_mm", "vme_mm")) == figures
 
 
-def test_rows_at_the_papers_scale_have_its_settings() -> None:
+def test_rows_at_the_papers_scale_have_its_settings():
     """Table 4's first row is Table 3's last; flip is its one difference to the second."""
     table3 = load_table("3")
     table4 = load_table("4")
@@ -117,7 +116,7 @@ def test_rows_at_the_papers_scale_have_its_settings() -> None:
     assert (vertex_alone.translation, vertex_alone.smoothness) == (0.0, 0.0)
 
 
-def test_each_recipe_of_the_paper_sums_its_loss_or_says_that_it_does_not() -> None:
+def test_each_recipe_of_the_paper_sums_its_loss_or_says_that_it_does_not():
     recipe = recipes.load_recipe(recipes.find_recipe("gmr"), GmrRecipe)
     assert (recipe.train.loss.reduction, recipe.train.windows.all_phases) == ("sum", False)
     for name in ("1", "2", "3", "4", "5", "6", "9", "10"):
@@ -132,7 +131,7 @@ def test_each_recipe_of_the_paper_sums_its_loss_or_says_that_it_does_not() -> No
             assert ("means in the loss" in table.scales[scale].note) == (reduction == "mean")
 
 
-def test_table_9_has_both_latent_sizes() -> None:
+def test_table_9_has_both_latent_sizes():
     table = load_table("9")
     plan = plan_table(table, "paper", Given((Path("a.yaml"),), scored=Path("b.yaml")))
     sizes = [
@@ -144,7 +143,7 @@ def test_table_9_has_both_latent_sizes() -> None:
     assert sizes[9:] == [(layers, hidden, 2048) for layers, hidden in nine if hidden < 2048]
 
 
-def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path: Path) -> None:
+def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(TINY.replace("orientation_loss:", "orientation_los:"))
     with pytest.raises(BadRecipe) as caught:
@@ -154,7 +153,7 @@ def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path: Pa
     assert "loss.orientation_los: Extra inputs are not permitted" in str(caught.value)
 
 
-def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path: Path) -> None:
+def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path):
     table5 = load_table("5")
     with pytest.raises(MissingInput) as caught:
         make_table(table5, "small", Given(()), tmp_path, run=Run(workers=1))
@@ -167,7 +166,7 @@ def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path: 
     assert list(plan.trainings) == [f"ours_gt_input/seed_{n}" for n in range(3)]
 
 
-def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves() -> None:
+def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves():
     """Table 6: one score of a set and its twins, two rows."""
     table6 = load_table("6")
     plan = plan_table(table6, "small", Given((Path("a.yaml"),), scored=Path("set.yaml")), (0,))
@@ -186,7 +185,7 @@ def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves() -> None:
         clip_figure("tme_mm", score_record(clips[1:]), "predicted", table6.row(off))
 
 
-def test_a_network_stands_for_the_trainings_of_a_table_that_compares_none() -> None:
+def test_a_network_stands_for_the_trainings_of_a_table_that_compares_none():
     given = Given((), Path("set.yaml"), Path("poses"), Path("keypoints"), network=Path("run"))
     plan = plan_table(load_table("6"), "small", given)
     assert not plan.trainings and not plan.lacking
@@ -198,7 +197,7 @@ def test_a_network_stands_for_the_trainings_of_a_table_that_compares_none() -> N
         plan_table(load_table("4"), "small", given)
 
 
-def test_rows_have_the_name_of_who_estimated() -> None:
+def test_rows_have_the_name_of_who_estimated():
     table5 = load_table("5")
     plan = plan_table(table5, "small", Given((), Path("set.yaml"), estimator="Fit"))
     named = ["Fit-CAM", "Ours(Fit)", "Ours(GT input)", table5.rows[-1].name]
@@ -207,7 +206,7 @@ def test_rows_have_the_name_of_who_estimated() -> None:
     assert [paper.shown_name(row) for row in table5.rows] == [row.name for row in table5.rows]
 
 
-def test_orderings_in_sentences() -> None:
+def test_orderings_in_sentences():
     def row(name: str, paper: float, mean: float) -> TableRow:
         ours = OverSeeds(mean=mean, spread=0.1, by_seed=(mean - 0.1, mean + 0.1))
         return TableRow(
@@ -230,7 +229,7 @@ def test_orderings_in_sentences() -> None:
     ]
 
 
-def test_each_key_of_a_table_is_needed(tmp_path: Path) -> None:
+def test_each_key_of_a_table_is_needed(tmp_path):
     zero = PaperMetrics(ome_deg=None, tme_mm=1.0, vme_mm=1.0)
     ours = OverSeeds(mean=1.0, spread=None, by_seed=(1.0,))
     row = TableRow(
@@ -267,13 +266,13 @@ def test_each_key_of_a_table_is_needed(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def body_path(small_body: BodyModel, tmp_path: Path) -> Path:
+def body_path(small_body, tmp_path) -> Path:
     save_body(tmp_path / "body.npz", small_body)
     return tmp_path / "body.npz"
 
 
 @pytest.fixture
-def write_walks(small_body: BodyModel, tmp_path: Path) -> Callable[..., Path]:
+def write_walks(small_body, tmp_path) -> Callable[..., Path]:
     """A manifest of generated walks, named like CMU's trials."""
 
     def write(name: str, trials: list[str], seed: int) -> Path:
@@ -290,12 +289,7 @@ def write_walks(small_body: BodyModel, tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.mark.slow
-def test_a_table_from_the_command_line_and_again(
-    write_walks: Callable[..., Path],
-    body_path: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_table_from_the_command_line_and_again(write_walks, body_path, tmp_path, capsys):
     """Subject 02 is held out; the second call finds everything made."""
     (tmp_path / "tiny.yaml").write_text(TINY)
     motions, out = write_walks("walks", ["01_01", "01_02", "02_01"], 1), tmp_path / "out"
@@ -347,9 +341,7 @@ def test_a_table_from_the_command_line_and_again(
     assert _written(out) == made
 
 
-def test_the_held_out_set_holds_the_same_motions(
-    write_walks: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):
     motions = write_walks("walks", ["01_01", "02_01", "02_02"], 1)
     path = held_out_set([motions], DataConfig(held_out_subjects=(2,)), tmp_path / "held_out")
     copies = {one.clip.id: one.clip for one in usable_clips(path).clips}
@@ -371,12 +363,8 @@ def _written(out: Path) -> dict[str, int]:
 
 
 def test_every_row_is_made_with_the_network_of_the_package(
-    filmed: tuple[Clip, ...],
-    small_body: BodyModel,
-    write_set: Callable[..., Path],
-    body_path: Path,
-    tmp_path: Path,
-) -> None:
+    filmed, small_body, write_set, body_path, tmp_path
+):
     """With exact poses GMR's two rows agree, and VIBE-CAM's are what the camera sees."""
     clips = [replace(clip, motion=replace(clip.motion, shape=np.zeros(10))) for clip in filmed[:2]]
     manifest = write_set(tmp_path / "set", clips)

@@ -1,8 +1,6 @@
 """2D joints: OpenPose's JSON, and the translation of one frame from them."""
 
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -40,14 +38,14 @@ def seen(
 
 
 @given(st.integers(0, 10**6))
-def test_exact_points_give_the_exact_place(small_body: BodyModel, seed: int) -> None:
+def test_exact_points_give_the_exact_place(small_body, seed):
     joints_m, points, pelvis_m = seen(small_body, seed)
     found_m = place(joints_m, points, INTRINSICS_PX, CONFIG)
     np.testing.assert_allclose(found_m, pelvis_m, atol=1e-6)
 
 
 @given(st.integers(0, 10**6))
-def test_the_closed_form_is_exact_for_exact_points(small_body: BodyModel, seed: int) -> None:
+def test_the_closed_form_is_exact_for_exact_points(small_body, seed):
     joints_m, points, pelvis_m = seen(small_body, seed)
     joints = list(PAIRS.values())
     found_m = closed_form(joints_m[joints], points[joints, :2], points[joints, 2], INTRINSICS_PX)
@@ -71,7 +69,7 @@ def by_differences(
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_noisy_points_give_the_least_reprojection_error(small_body: BodyModel, seed: int) -> None:
+def test_noisy_points_give_the_least_reprojection_error(small_body, seed):
     joints_m, points, pelvis_m = seen(small_body, seed, noise_px=2.0)
     found_m = place(joints_m, points, INTRINSICS_PX, CONFIG)
     expected_m = by_differences(joints_m, points, pelvis_m, CONFIG.robust_px)
@@ -79,7 +77,7 @@ def test_noisy_points_give_the_least_reprojection_error(small_body: BodyModel, s
     assert found_m is not None and np.linalg.norm(found_m - pelvis_m) < 0.4
 
 
-def test_where_it_starts_does_not_matter(small_body: BodyModel) -> None:
+def test_where_it_starts_does_not_matter(small_body):
     joints_m, points, _ = seen(small_body, 3, noise_px=2.0)
     alone_m = place(joints_m, points, INTRINSICS_PX, CONFIG)
     for previous_m in ([0.0, 0.0, 3.0], [2.0, 0.0, 20.0], [0.0, 0.0, -50.0]):
@@ -88,7 +86,7 @@ def test_where_it_starts_does_not_matter(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_one_wild_joint_moves_it_less_than_without_huber(small_body: BodyModel, seed: int) -> None:
+def test_one_wild_joint_moves_it_less_than_without_huber(small_body, seed):
     """Though the closed form starts far off, it ends where a start from the true place does."""
     joints_m, points, pelvis_m = seen(small_body, seed)
     points[PAIRS[4], :2] += [300.0, -200.0]
@@ -101,7 +99,7 @@ def test_one_wild_joint_moves_it_less_than_without_huber(small_body: BodyModel, 
     assert errors_m[0] < 0.25 * errors_m[1]
 
 
-def test_too_few_joints_tell_nothing(small_body: BodyModel) -> None:
+def test_too_few_joints_tell_nothing(small_body):
     joints_m, points, _ = seen(small_body, 2)
     points[list(PAIRS.values())[5:], 2] = 0.29
     assert place(joints_m, points, INTRINSICS_PX, CONFIG) is None
@@ -109,7 +107,7 @@ def test_too_few_joints_tell_nothing(small_body: BodyModel) -> None:
     assert place(joints_m, points, INTRINSICS_PX, at_hand) is not None
 
 
-def test_nobody_is_placed_behind_the_camera(small_body: BodyModel) -> None:
+def test_nobody_is_placed_behind_the_camera(small_body):
     """A person turned inside out, at the place behind the camera, has the same image."""
     joints_m, points, pelvis_m = seen(small_body, 4)
     joints = list(PAIRS.values())
@@ -120,7 +118,7 @@ def test_nobody_is_placed_behind_the_camera(small_body: BodyModel) -> None:
     assert found_m is not None and (found_m - joints_m)[joints, 2].min() > 0
 
 
-def test_parallel_rays_have_no_closed_form() -> None:
+def test_parallel_rays_have_no_closed_form():
     points_px = np.tile([320.0, 240.0], (6, 1))
     joints_m = np.random.default_rng(0).normal(0, 0.3, (6, 3))
     assert closed_form(joints_m, points_px, np.ones(6), INTRINSICS_PX) is None
@@ -134,7 +132,7 @@ BODY_25 = (
 """OpenPose's own names in its own order."""
 
 
-def test_pairs_have_the_same_names() -> None:
+def test_pairs_have_the_same_names():
     sides = {"R": "right_", "L": "left_"}
     for keypoint, joint in PAIRS.items():
         name = BODY_25[keypoint]
@@ -144,7 +142,7 @@ def test_pairs_have_the_same_names() -> None:
 
 
 @pytest.mark.parametrize("n", [25, 21])
-def test_each_keypoint_arrives_at_its_joint(tmp_path: Path, n: int) -> None:
+def test_each_keypoint_arrives_at_its_joint(tmp_path, n):
     """In OpenPose's layout and STAF's; joints without a keypoint have no confidence."""
     path = tmp_path / "00000.json"
     flat = [value for i in range(n) for value in (10.0 * i, 10.0 * i + 1, i / 100)]
@@ -159,7 +157,7 @@ def test_each_keypoint_arrives_at_its_joint(tmp_path: Path, n: int) -> None:
     assert not found.keypoints[unpaired].any()
 
 
-def test_nobody_and_no_track(tmp_path: Path) -> None:
+def test_nobody_and_no_track(tmp_path):
     path = tmp_path / "00000.json"
     path.write_text('{"people": []}')
     assert read_people(path) == []
@@ -186,7 +184,7 @@ FLAT = [1.0, 2.0, 0.5] * 25
         ({"people": [{"pose_keypoints_2d": FLAT, "person_id": ["3"]}]}, "person_id is"),
     ],
 )
-def test_json_of_another_kind(tmp_path: Path, record: Any, words: str) -> None:
+def test_json_of_another_kind(tmp_path, record, words):
     path = tmp_path / "00007_keypoints.json"
     path.write_text(json.dumps(record))
     with pytest.raises(BadKeypoints, match=rf"00007_keypoints.json: .*{words}"):
@@ -194,7 +192,7 @@ def test_json_of_another_kind(tmp_path: Path, record: Any, words: str) -> None:
 
 
 @given(st.integers(0, 400))
-def test_a_truncated_file_is_named(tmp_path_factory: pytest.TempPathFactory, kept: int) -> None:
+def test_a_truncated_file_is_named(tmp_path_factory, kept):
     path = tmp_path_factory.mktemp("cut") / "00007_keypoints.json"
     text = json.dumps({"people": [{"person_id": [0], "pose_keypoints_2d": FLAT}]})
     path.write_text(text[: min(kept, len(text) - 1)])
@@ -207,9 +205,7 @@ def test_a_truncated_file_is_named(tmp_path_factory: pytest.TempPathFactory, kep
     lambda inner: st.lists(inner, max_size=4)
     | st.dictionaries(st.sampled_from(["people", "person_id", "pose_keypoints_2d"]), inner),
 ))  # fmt: skip
-def test_whatever_json_is_read_or_refused(
-    tmp_path_factory: pytest.TempPathFactory, record: Any
-) -> None:
+def test_whatever_json_is_read_or_refused(tmp_path_factory, record):
     path = tmp_path_factory.mktemp("any") / "1.json"
     path.write_text(json.dumps(record))
     try:
@@ -218,7 +214,7 @@ def test_whatever_json_is_read_or_refused(
         assert "1.json" in str(error)
 
 
-def test_frames_are_found_by_number(tmp_path: Path) -> None:
+def test_frames_are_found_by_number(tmp_path):
     for name in ("take2_000000000010_keypoints.json", "00009_keypoints.json", "notes.txt"):
         (tmp_path / name).write_text("{}")
     assert list(keypoint_files(tmp_path)) == [9, 10]

@@ -89,7 +89,7 @@ OURS = [
 
 
 @pytest.fixture
-def manifest_path(tmp_path: Path) -> Path:
+def manifest_path(tmp_path) -> Path:
     return write_ours(tmp_path / "ours" / "threedpw.yaml", OURS)
 
 
@@ -107,7 +107,7 @@ def write_ours(path: Path, clips: list[Clip], kind: str = "pseudo_gt") -> Path:
     )
 
 
-def test_rows_stand_beside_those_of_the_published_table(manifest_path: Path) -> None:
+def test_rows_stand_beside_those_of_the_published_table(manifest_path):
     rows = compare_with_table7(manifest_path)
     table = table_rows(rows)
     assert len(table) == 17 + 1 + 1
@@ -137,7 +137,7 @@ def test_rows_stand_beside_those_of_the_published_table(manifest_path: Path) -> 
     )
 
 
-def test_the_command_takes_a_folder_and_writes_the_rows(manifest_path: Path) -> None:
+def test_the_command_takes_a_folder_and_writes_the_rows(manifest_path):
     (manifest_path.parent / "recipe.yaml").write_text("kind: threedpw\nseed: 3\n")
     (manifest_path.parent / "odd.yaml").write_text("{{{")
     out = manifest_path.parent / "compared.csv"
@@ -168,7 +168,7 @@ def test_the_command_takes_a_folder_and_writes_the_rows(manifest_path: Path) -> 
     assert out.read_bytes() == before
 
 
-def test_what_is_no_pseudo_ground_truth_of_3dpw_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_pseudo_ground_truth_of_3dpw_is_refused(tmp_path):
     with pytest.raises(MissingInput, match=r"holds no manifest \(\.yaml\) of kind pseudo_gt"):
         compare_with_table7(tmp_path)
     with pytest.raises(MissingInput, match="no such manifest"):
@@ -196,9 +196,7 @@ keeps = st.sets(st.integers(0, N - 1)).map(
     table=st.lists(spans, min_size=1, max_size=3, unique=True),
     people=st.lists(st.tuples(keeps, st.booleans()), max_size=2),
 )
-def test_shares_are_those_of_sets_of_frames(
-    table: list[tuple[int, int]], people: list[tuple[list[tuple[int, int]], bool]]
-) -> None:
+def test_shares_are_those_of_sets_of_frames(table, people):
     listed = [listed_of("s", *span) for span in table]
     clips = [
         clip_of("s", who, N, kept, quality=ACCEPTED if good else Quality(verdict="rejected"))

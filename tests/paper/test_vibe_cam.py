@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -46,13 +45,7 @@ def write_poses(folder: Path, clip: Clip, body: BodyModel) -> None:
 
 
 @pytest.fixture
-def files(
-    filmed: tuple[Clip, ...],
-    small_body: BodyModel,
-    write_set: WriteSet,
-    body_path: Path,
-    tmp_path: Path,
-) -> Callable[..., Path]:
+def files(filmed, small_body, write_set, body_path, tmp_path) -> Callable[..., Path]:
     """Write what VIBE-CAM needs of the first clip but keypoints, and a function that runs it."""
     manifest = write_set(tmp_path / "set", filmed[:1])
     write_poses(tmp_path / "poses", filmed[0], small_body)
@@ -82,16 +75,12 @@ class Take:
 
 
 @pytest.fixture
-def take(
-    filmed: tuple[Clip, ...], small_body: BodyModel, write_set: WriteSet, tmp_path: Path
-) -> Take:
+def take(filmed, small_body, write_set, tmp_path) -> Take:
     return Take(filmed, small_body, write_set, tmp_path)
 
 
 @pytest.mark.parametrize("n", [25, 21])
-def test_exact_keypoints_give_the_true_translation(
-    take: Take, files: Callable[..., Path], n: int
-) -> None:
+def test_exact_keypoints_give_the_true_translation(take, files, n):
     write_frames(take.path / "keypoints" / "walk_0", take.clips[0], take.body, n=n)
     made = files()
     found = load_clip(made / "predictions" / "walk_0.npz")
@@ -104,7 +93,7 @@ def test_exact_keypoints_give_the_true_translation(
     assert record["not_predicted"] == []
 
 
-def test_two_pixels_of_noise(take: Take, files: Callable[..., Path]) -> None:
+def test_two_pixels_of_noise(take, files):
     """At 3.7 m before a camera of 640x480 and 60 degrees, the median error is 17 mm, in depth."""
     rng = np.random.default_rng(0)
     folder = take.path / "keypoints" / "walk_0"
@@ -119,7 +108,7 @@ def test_two_pixels_of_noise(take: Take, files: Callable[..., Path]) -> None:
     assert record["median_residual_px"] == pytest.approx(2 * 1.18, rel=0.1)
 
 
-def test_rows_without_keypoints_are_not_predicted(take: Take, files: Callable[..., Path]) -> None:
+def test_rows_without_keypoints_are_not_predicted(take, files):
     clip, folder = take.clips[0], take.path / "keypoints" / "walk_0"
     write_frames(folder, clip, take.body)
     points_px = project_joints(clip, take.body).image_px
@@ -143,7 +132,7 @@ def test_rows_without_keypoints_are_not_predicted(take: Take, files: Callable[..
     ]
 
 
-def test_two_people(take: Take, files: Callable[..., Path]) -> None:
+def test_two_people(take, files):
     """By track where one is named, wherever it stands in the list; else the more confident."""
     clip, folder = take.clips[0], take.path / "keypoints" / "walk_0"
     points_px = project_joints(clip, take.body).image_px
@@ -162,9 +151,7 @@ def test_two_people(take: Take, files: Callable[..., Path]) -> None:
         files(VibeCamConfig(person_ids={"run_1": 3}))
 
 
-def test_keypoints_of_smaller_images_are_scaled_when_that_is_said(
-    take: Take, files: Callable[..., Path]
-) -> None:
+def test_keypoints_of_smaller_images_are_scaled_when_that_is_said(take, files):
     clip, folder = take.clips[0], take.path / "keypoints" / "walk_0"
     points_px = project_joints(clip, take.body).image_px
     for row, frame_px in enumerate(points_px):
@@ -176,7 +163,7 @@ def test_keypoints_of_smaller_images_are_scaled_when_that_is_said(
         files(VibeCamConfig(image_size_px=(320, 320)))
 
 
-def test_keypoints_that_cannot_be_of_the_clip(take: Take) -> None:
+def test_keypoints_that_cannot_be_of_the_clip(take):
     clip = take.clips[0]
     points_px = project_joints(clip, take.body).image_px
     for factor, words in (
@@ -204,7 +191,7 @@ def test_keypoints_that_cannot_be_of_the_clip(take: Take) -> None:
         clip_keypoints(replace(clip, camera=None), take.path / "nobody")
 
 
-def test_a_truncated_or_missing_file_leaves_nothing(take: Take, files: Callable[..., Path]) -> None:
+def test_a_truncated_or_missing_file_leaves_nothing(take, files):
     folder = take.path / "keypoints" / "walk_0"
     with pytest.raises(MissingInput, match="keypoints/walk_0: no such"):
         files()
@@ -219,7 +206,7 @@ def test_a_truncated_or_missing_file_leaves_nothing(take: Take, files: Callable[
     assert not (take.path / "out").exists()
 
 
-def test_poses_that_do_not_fit(take: Take, files: Callable[..., Path]) -> None:
+def test_poses_that_do_not_fit(take, files):
     clip, path = take.clips[0], take.path / "poses" / "walk_0.npz"
     write_frames(take.path / "keypoints" / "walk_0", clip, take.body)
     rest_pelvis_m = take.body.rest_pelvis_m(clip.motion.shape)
@@ -237,7 +224,7 @@ def test_poses_that_do_not_fit(take: Take, files: Callable[..., Path]) -> None:
     refused(replace(posed, image_numbers=posed.image_numbers + 1), "of other images than clip")
 
 
-def test_rows_without_a_pose(take: Take, files: Callable[..., Path]) -> None:
+def test_rows_without_a_pose(take, files):
     write_frames(take.path / "keypoints" / "walk_0", take.clips[0], take.body)
     path = take.path / "poses" / "walk_0.npz"
     posed = load_clip(path)
@@ -251,7 +238,7 @@ def test_rows_without_a_pose(take: Take, files: Callable[..., Path]) -> None:
     np.testing.assert_array_equal(np.flatnonzero(~found.valid), [4, 9])
 
 
-def test_the_verb(take: Take, body_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_verb(take, body_path, capsys):
     manifest = take.write_set(take.path / "set", take.clips[:1])
     write_poses(take.path / "poses", take.clips[0], take.body)
     write_frames(take.path / "keypoints" / "walk_0", take.clips[0], take.body)
@@ -267,7 +254,7 @@ def test_the_verb(take: Take, body_path: Path, capsys: pytest.CaptureFixture[str
 
 
 @pytest.fixture(scope="module")
-def takes(filmed: tuple[Clip, ...]) -> tuple[Clip, Clip]:
+def takes(filmed) -> tuple[Clip, Clip]:
     """One motion: camera on, camera off."""
     on = filmed[0]
     off = static_twin(camera_of(on), on.motion.pelvis_m)
@@ -293,7 +280,7 @@ def turn_deg(clip: Clip) -> float:
     return float(np.rad2deg(angles_rad(rotmats[2:] @ rotmats[:-2].swapaxes(1, 2))).mean())
 
 
-def test_gmr_sees_the_same_motion_with_the_camera_on_and_off(takes: tuple[Clip, Clip]) -> None:
+def test_gmr_sees_the_same_motion_with_the_camera_on_and_off(takes):
     torch.manual_seed(0)
     gmr = TrainedGmr(Gmr(ModelConfig(layers=2, hidden=16)).eval(), 20.0, "untrained", 0)
     on, off = (seen_by_its_camera(clip) for clip in takes)
@@ -307,9 +294,7 @@ def test_gmr_sees_the_same_motion_with_the_camera_on_and_off(takes: tuple[Clip, 
     assert not np.allclose(predict_world_motion(gmr, other).pelvis_m, found[0].pelvis_m, atol=1e-3)
 
 
-def test_camera_frame_poses_are_right_for_the_camera_at_rest_alone(
-    take: Take, takes: tuple[Clip, Clip]
-) -> None:
+def test_camera_frame_poses_are_right_for_the_camera_at_rest_alone(take, takes):
     made = predict_camera_as_world(take.write_set(take.path / "set", takes), take.path / "out")
     on, off = (
         scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, take.body)
@@ -320,7 +305,7 @@ def test_camera_frame_poses_are_right_for_the_camera_at_rest_alone(
     assert on[1] > 50 and on[2] > 50
 
 
-def test_so_is_vibe_cam(take: Take, takes: tuple[Clip, Clip], body_path: Path) -> None:
+def test_so_is_vibe_cam(take, takes, body_path):
     """With exact poses and keypoints all that is left of its error is the camera's motion."""
     for clip in takes:
         posed = seen_by_its_camera(clip)
@@ -366,9 +351,7 @@ MEAN = {
         (VibeCamPredictions, {}, PLACED),
     ],
 )
-def test_each_key_of_predictions_is_needed(
-    record: type[Predictions], figures: dict[str, Any], of_clip: dict[str, Any], tmp_path: Path
-) -> None:
+def test_each_key_of_predictions_is_needed(record, figures, of_clip, tmp_path):
     found = record.model_validate(
         {
             "method": "a baseline",

@@ -10,14 +10,13 @@ from onnx import OperatorSetIdProto, TensorProto, helper
 
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.following import Networks
-from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
 
 OnnxWriter = Callable[..., bytes]
 
 
 @pytest.fixture(scope="session")
-def dog_dir(shared_path: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dog_dir(shared_path, tmp_path_factory) -> Path:
     """The first four frames of a real video of a dog, half size."""
     folder = tmp_path_factory.mktemp("dog")
     video = cv2.VideoCapture(str(shared_path("video/dog.mp4")))
@@ -31,19 +30,19 @@ def dog_dir(shared_path: Callable[[str], Path], tmp_path_factory: pytest.TempPat
 
 
 @pytest.fixture(scope="session")
-def standing_people(shared_path: Callable[[str], Path]) -> list[Path]:
+def standing_people(shared_path) -> list[Path]:
     """Images of a real video of people who hardly move."""
     return sorted(shared_path("video/static_people").glob("*.jpg"))
 
 
 @pytest.fixture(scope="session")
-def networks(yolox_nano: Path, pose_landmarks: Path) -> Networks:
+def networks(yolox_nano, pose_landmarks) -> Networks:
     """The two by which people are followed."""
     return Networks(yolox_nano, pose_landmarks)
 
 
 @pytest.fixture
-def grey_dir(tmp_path: Path) -> Path:
+def grey_dir(tmp_path) -> Path:
     """Two frames without anybody."""
     (tmp_path / "grey").mkdir()
     for n in range(2):
@@ -72,7 +71,7 @@ def onnx_bytes() -> OnnxWriter:
 
 
 @pytest.fixture
-def noise_dir(tmp_path: Path) -> Path:
+def noise_dir(tmp_path) -> Path:
     """Three frames of noise, 64x48."""
     folder = tmp_path / "frames"
     folder.mkdir()
@@ -84,7 +83,7 @@ def noise_dir(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def walk(anny: BodyModel) -> Motion:
+def walk(anny) -> Motion:
     """Two seconds of somebody who walks, before a camera that stands 4 m away."""
     motion = make_gait("walk", 2.0, 15.0, anny, np.random.default_rng(1))
     # x right, y down, z forward: the camera looks along the world's y, 4 m from the middle.

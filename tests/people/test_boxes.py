@@ -40,13 +40,13 @@ def found(*rows: tuple[float, float, float, float, float, int]) -> Detections:
     return Detections(table[:, :4], table[:, 4], table[:, 5].astype(np.int64))
 
 
-def test_overlap_of_known_boxes() -> None:
+def test_overlap_of_known_boxes():
     a = np.array([[0.0, 0.0, 4.0, 2.0], [5.0, 5.0, 5.0, 5.0]])
     b = np.array([[2.0, 0.0, 6.0, 2.0], [0.0, 0.0, 4.0, 2.0], [5.0, 5.0, 5.0, 5.0]])
     np.testing.assert_allclose(box_iou(a, b), [[4 / 12, 1.0, 0.0], [0.0, 0.0, 0.0]])
 
 
-def test_the_weaker_of_two_boxes_of_one_class_goes() -> None:
+def test_the_weaker_of_two_boxes_of_one_class_goes():
     every = found(
         (0, 0, 10, 10, 0.5, DOG),
         (0, 0, 10, 11, 0.9, DOG),  # 10/11 with the first
@@ -60,7 +60,7 @@ def test_the_weaker_of_two_boxes_of_one_class_goes() -> None:
     assert len(keep_best(found(), 0.5)) == 0
 
 
-def test_boxes_grow_by_their_shorter_side_and_a_margin() -> None:
+def test_boxes_grow_by_their_shorter_side_and_a_margin():
     boxes_px = np.array([[10.0, 20.0, 30.0, 120.0]])
     np.testing.assert_allclose(grow(boxes_px, 0.1, 3), [[5.0, 15.0, 35.0, 125.0]])
     assert grow(np.zeros((0, 4)), 0.1, 3).shape == (0, 4)
@@ -72,9 +72,7 @@ def test_boxes_grow_by_their_shorter_side_and_a_margin() -> None:
         max_size=4,
     )
 )
-def test_exactly_the_pixels_that_a_box_touches_are_filled(
-    boxes: list[tuple[float, float, float, float]],
-) -> None:
+def test_exactly_the_pixels_that_a_box_touches_are_filled(boxes):
     boxes_px = np.array([(x, y, x + w, y + h) for x, y, w, h in boxes]).reshape(-1, 4)
     mask = fill_boxes(boxes_px, (12, 9))
     y, x = np.mgrid[:9, :12]
@@ -86,7 +84,7 @@ def test_exactly_the_pixels_that_a_box_touches_are_filled(
     assert set(np.unique(mask)) <= {0, 255}
 
 
-def test_detections_come_back_from_json() -> None:
+def test_detections_come_back_from_json():
     one = found((1.234567, 2, 3, 4, 0.876543, DOG))
     back = detections_from_json(detections_as_json(one))
     np.testing.assert_array_equal(back.boxes_px, [[1.23, 2, 3, 4]])
@@ -94,7 +92,7 @@ def test_detections_come_back_from_json() -> None:
     assert detections_from_json(detections_as_json(found())).boxes_px.shape == (0, 4)
 
 
-def test_coco_has_80_classes_with_its_category_numbers() -> None:
+def test_coco_has_80_classes_with_its_category_numbers():
     assert (len(COCO_NAMES), len(set(COCO_NAMES)), len(CATEGORY_NUMBERS)) == (80, 80, 80)
     number = dict(zip(COCO_NAMES, CATEGORY_NUMBERS, strict=True))
     # Known from the data set's own annotation files.
@@ -113,36 +111,36 @@ def lefts(boxes_px: np.ndarray) -> list[float]:
     return [float(left) for left in boxes_px[:, 0]]
 
 
-def test_a_missed_frame_gets_a_box_halfway() -> None:
+def test_a_missed_frame_gets_a_box_halfway():
     made = track(frames_of([(0, 0.9)], NO_BOX, [(4, 0.9)]), 0.5, CONFIG)
     np.testing.assert_allclose(made[1].filled_px, [[2, 0, 12, 10]])
     assert [frame.rows.tolist() for frame in made] == [[0], [], [0]]
 
 
-def test_a_gap_is_filled_in_proportion_to_time_up_to_the_limit() -> None:
+def test_a_gap_is_filled_in_proportion_to_time_up_to_the_limit():
     made = track(frames_of([(0, 0.9)], NO_BOX, NO_BOX, [(3, 0.9)]), 0.5, CONFIG)
     assert [lefts(frame.filled_px) for frame in made] == [[], [1.0], [2.0], []]
     long = track(frames_of([(0, 0.9)], NO_BOX, NO_BOX, NO_BOX, [(3, 0.9)]), 0.5, CONFIG)
     assert [lefts(frame.filled_px) for frame in long] == [[]] * 5
 
 
-def test_a_weak_box_counts_only_in_a_track_that_is_sure_elsewhere() -> None:
+def test_a_weak_box_counts_only_in_a_track_that_is_sure_elsewhere():
     made = track(frames_of([(0, 0.2), (50, 0.2)], [(1, 0.6), (50, 0.3)]), 0.5, CONFIG)
     assert [frame.rows.tolist() for frame in made] == [[0], [0]]
 
 
-def test_the_first_and_last_box_are_held() -> None:
+def test_the_first_and_last_box_are_held():
     held = CONFIG.model_copy(update={"hold_frames": 1})
     made = track(frames_of(NO_BOX, NO_BOX, [(0, 0.9)], [(1, 0.9)], NO_BOX, NO_BOX), 0.5, held)
     assert [lefts(frame.filled_px) for frame in made] == [[], [0.0], [], [], [1.0], []]
 
 
-def test_two_people_who_pass_keep_their_tracks() -> None:
+def test_two_people_who_pass_keep_their_tracks():
     frames = frames_of([(0, 0.9), (6, 0.9)], [(7, 0.9), (1, 0.9)])
     assert sorted(link(frames, CONFIG)) == [[(0, 0), (1, 1)], [(0, 1), (1, 0)]]
 
 
-def test_nothing_found_is_nothing_masked() -> None:
+def test_nothing_found_is_nothing_masked():
     made = track(frames_of(NO_BOX, NO_BOX), 0.5, TrackConfig())
     assert [(len(frame.rows), frame.filled_px.shape) for frame in made] == [(0, (0, 4))] * 2
 
@@ -151,9 +149,7 @@ boxes = st.lists(st.tuples(st.integers(0, 60), st.floats(0.1, 1.0)), max_size=4)
 
 
 @given(frames=st.lists(boxes, min_size=1, max_size=8), gap=st.integers(0, 3))
-def test_every_box_is_in_one_track_and_tracks_obey_the_limits(
-    frames: list[list[tuple[float, float]]], gap: int
-) -> None:
+def test_every_box_is_in_one_track_and_tracks_obey_the_limits(frames, gap):
     config = CONFIG.model_copy(update={"max_gap_frames": gap})
     made = frames_of(*frames)
     tracks = link(made, config)
@@ -167,7 +163,7 @@ def test_every_box_is_in_one_track_and_tracks_obey_the_limits(
 
 
 @pytest.mark.parametrize("bad", [{"link_iou": 0}, {"max_gap_frames": -1}, {"hold": 1}])
-def test_wrong_settings_are_refused(bad: dict[str, float]) -> None:
+def test_wrong_settings_are_refused(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
         TrackConfig.model_validate(bad)
 
@@ -182,7 +178,7 @@ def silent_answer(n_cells: int = N_CELLS) -> np.ndarray:
     return np.zeros((1, n_cells, 85))
 
 
-def test_a_picture_of_twice_the_size_is_halved_into_the_corner_on_grey() -> None:
+def test_a_picture_of_twice_the_size_is_halved_into_the_corner_on_grey():
     image = np.random.default_rng(0).integers(0, 256, (80, 192, 3), dtype=np.uint8)
     blob, scales = letterbox(image, INPUT_PX)
     # Bilinear sampling at half the size looks midway between two pixels: the mean of four.
@@ -193,13 +189,13 @@ def test_a_picture_of_twice_the_size_is_halved_into_the_corner_on_grey() -> None
     assert (blob[0, :, 40:] == 114).all()
 
 
-def test_channels_stay_in_order_and_values_unscaled() -> None:
+def test_channels_stay_in_order_and_values_unscaled():
     blob, _ = letterbox(np.full((64, 96, 3), (10, 20, 250), np.uint8), INPUT_PX)
     assert [set(np.unique(channel)) for channel in blob[0]] == [{10.0}, {20.0}, {250.0}]
 
 
 @given(width=st.integers(1, 600), height=st.integers(1, 600))
-def test_any_picture_fits_with_its_aspect_kept(width: int, height: int) -> None:
+def test_any_picture_fits_with_its_aspect_kept(width, height):
     image = np.zeros((height, width, 3), np.uint8)
     blob, scales = letterbox(image, INPUT_PX)
     reduced = np.array([width, height]) * scales
@@ -211,7 +207,7 @@ def test_any_picture_fits_with_its_aspect_kept(width: int, height: int) -> None:
     assert (blob == 0).sum() == 3 * round(reduced[0]) * round(reduced[1])
 
 
-def test_cells_are_counted_row_by_row_from_the_finest_grid() -> None:
+def test_cells_are_counted_row_by_row_from_the_finest_grid():
     corners, widths = cells(INPUT_PX)
     expected = [
         (x, y, stride)
@@ -222,7 +218,7 @@ def test_cells_are_counted_row_by_row_from_the_finest_grid() -> None:
     np.testing.assert_array_equal(np.concatenate([corners, widths], axis=1), expected)
 
 
-def test_a_row_means_what_the_definition_says() -> None:
+def test_a_row_means_what_the_definition_says():
     output = silent_answer()
     row = 12 * 8 + 2 * 6 + 5  # second grid, third row, sixth column
     output[0, row, :5] = [0.25, -0.5, math.log(2.0), math.log(0.5), 0.8]
@@ -236,7 +232,7 @@ def test_a_row_means_what_the_definition_says() -> None:
     assert COCO_NAMES[found.classes[0]] == "dog"
 
 
-def test_the_best_of_the_wanted_classes_counts() -> None:
+def test_the_best_of_the_wanted_classes_counts():
     output = silent_answer()
     output[0, 3, 4] = 1.0
     output[0, 3, 5 + COCO_NAMES.index("teddy bear")] = 0.6
@@ -254,9 +250,7 @@ def test_the_best_of_the_wanted_classes_counts() -> None:
     size=st.tuples(st.floats(0.5, 500), st.floats(0.5, 500)),
     scale=st.tuples(st.floats(0.01, 4), st.floats(0.01, 4)),
 )
-def test_decoding_inverts_encoding(
-    row: int, centre: tuple[float, float], size: tuple[float, float], scale: tuple[float, float]
-) -> None:
+def test_decoding_inverts_encoding(row, centre, size, scale):
     corners, widths = cells(INPUT_PX)
     output = silent_answer()
     output[0, row, :2] = np.array(centre) / widths[row] - corners[row]
@@ -277,13 +271,13 @@ def test_decoding_inverts_encoding(
         (np.full((1, N_CELLS, 85), -1.0), "scores are not between 0 and 1"),
     ],
 )
-def test_other_layouts_are_told(answer: np.ndarray, said: str) -> None:
+def test_other_layouts_are_told(answer, said):
     problem = problem_with(answer, INPUT_PX)
     assert problem is not None
     assert re.search(said, problem)
 
 
-def test_decoded_answers_are_told_from_raw_ones() -> None:
+def test_decoded_answers_are_told_from_raw_ones():
     output = silent_answer()
     assert problem_with(output, INPUT_PX) is None
     output[..., 2:4] = 40.0  # a box of 40 px, where its logarithm belongs

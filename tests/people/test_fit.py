@@ -24,7 +24,7 @@ def laid(seen: SeenLandmarks, walk: Motion, body: BodyModel) -> FittedPose:
     return found
 
 
-def test_exact_landmarks_give_the_pose_and_the_place(walk: Motion, anny: BodyModel) -> None:
+def test_exact_landmarks_give_the_pose_and_the_place(walk, anny):
     found = laid(seen_exactly(walk, anny), walk, anny)
     assert aligned_mm(walk, anny, found.rotmats) < 25
     np.testing.assert_allclose(found.pelvis_m, walk.pelvis_m, atol=0.06)
@@ -32,9 +32,7 @@ def test_exact_landmarks_give_the_pose_and_the_place(walk: Motion, anny: BodyMod
     assert np.rad2deg(np.arccos(((cosines - 1) / 2).clip(-1, 1))).max() < 15
 
 
-def test_a_body_that_is_a_tenth_too_large_stands_a_tenth_too_far(
-    walk: Motion, anny: BodyModel
-) -> None:
+def test_a_body_that_is_a_tenth_too_large_stands_a_tenth_too_far(walk, anny):
     seen = seen_exactly(walk, anny)
     rest_joints_m = anny.rest_joints_m(walk.shape)
     one = fit(seen, rest_joints_m, TRUE_DEPTHS)
@@ -42,7 +40,7 @@ def test_a_body_that_is_a_tenth_too_large_stands_a_tenth_too_far(
     np.testing.assert_allclose(larger.pelvis_m, 1.1 * one.pelvis_m, atol=0.02)
 
 
-def test_frame_rates_give_the_same_motion(walk: Motion, anny: BodyModel) -> None:
+def test_frame_rates_give_the_same_motion(walk, anny):
     """Before, joints moved by a tenth of a metre at 15 Hz and by millimetres at 60."""
     fast = resample(walk, 60.0)
     seen = seen_exactly(fast, anny)
@@ -55,7 +53,7 @@ def test_frame_rates_give_the_same_motion(walk: Motion, anny: BodyModel) -> None
     np.testing.assert_allclose(whole.pelvis_m[::4], quarter.pelvis_m, atol=0.05)
 
 
-def test_a_frame_of_wild_landmarks_is_bridged(walk: Motion, anny: BodyModel) -> None:
+def test_a_frame_of_wild_landmarks_is_bridged(walk, anny):
     seen = seen_exactly(walk, anny)
     world_m, rays = seen.world_m.copy(), seen.rays.copy()
     rng = np.random.default_rng(0)
@@ -69,15 +67,13 @@ def test_a_frame_of_wild_landmarks_is_bridged(walk: Motion, anny: BodyModel) -> 
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
-def test_a_few_frames_are_enough(n: int, walk: Motion, anny: BodyModel) -> None:
+def test_a_few_frames_are_enough(n, walk, anny):
     found = laid(seen_exactly(walk, anny).take(slice(4, 4 + n)), walk, anny)
     assert found.rotmats.shape == (n, 24, 3, 3)
     np.testing.assert_allclose(found.pelvis_m, walk.pelvis_m[4 : 4 + n], atol=0.1)
 
 
-def test_windows_of_a_long_track_meet(
-    walk: Motion, anny: BodyModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_windows_of_a_long_track_meet(walk, anny, monkeypatch):
     seen = seen_exactly(walk, anny)
     whole = laid(seen, walk, anny)
     monkeypatch.setattr(fitting, "WINDOW", 16)

@@ -16,7 +16,6 @@ from gmrdata.people.following import (
     SIGHTINGS_FILE,
     FollowConfig,
     FollowedRecord,
-    Networks,
     PersonFacts,
     Sightings,
     _Follower,
@@ -30,7 +29,6 @@ from gmrdata.people.onnx import OnnxConfig, open_detector
 from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import list_images, read_color, read_frames, read_gray
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadRecord
 
@@ -39,7 +37,7 @@ CONFIG = FollowConfig(min_frames=3)
 
 
 @pytest.fixture(scope="module")
-def frames_dir(standing_people: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def frames_dir(standing_people, tmp_path_factory) -> Path:
     """The middle of the first frames of a real video of people who hardly move."""
     folder = tmp_path_factory.mktemp("people")
     for n, path in enumerate(standing_people[:N_FRAMES]):
@@ -48,15 +46,13 @@ def frames_dir(standing_people: list[Path], tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.fixture(scope="module")
-def followed_dir(
-    frames_dir: Path, networks: Networks, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def followed_dir(frames_dir, networks, tmp_path_factory) -> Path:
     return follow_people(
         read_frames(frames_dir), tmp_path_factory.mktemp("f") / "out", CONFIG, networks
     )
 
 
-def test_people_are_followed(followed_dir: Path) -> None:
+def test_people_are_followed(followed_dir):
     record, tracks = FollowedRecord.read(followed_dir / FOLLOWED_FILE), load_tracks(followed_dir)
     assert record.images == (7, 8, 9, 10) and len(tracks) == len(record.people) >= 2
     assert record.people[0] == PersonFacts(images=N_FRAMES, seen=((7, 10),), may_be=())
@@ -70,7 +66,7 @@ def test_people_are_followed(followed_dir: Path) -> None:
     assert min(apart_px, default=99.0) > 10
 
 
-def test_each_sighting_has_its_outline_and_colours(followed_dir: Path, frames_dir: Path) -> None:
+def test_each_sighting_has_its_outline_and_colours(followed_dir, frames_dir):
     everybody = Sightings.read(followed_dir / SIGHTINGS_FILE)
     images = dict(zip((7, 8, 9, 10), list_images(frames_dir), strict=True))
     assert len(list(followed_dir.glob("outlines/*.png"))) == len(everybody)
@@ -83,7 +79,7 @@ def test_each_sighting_has_its_outline_and_colours(followed_dir: Path, frames_di
     np.testing.assert_allclose(everybody.colours.sum(axis=1), 1, atol=2e-3)
 
 
-def test_landmarks_are_a_standing_person_s(followed_dir: Path) -> None:
+def test_landmarks_are_a_standing_person_s(followed_dir):
     """Head above hips above feet, in pixels and in metres; a thigh is as long as a thigh."""
     track = load_tracks(followed_dir)[0]
     at = {name: n for n, name in enumerate(LANDMARKS)}
@@ -98,12 +94,8 @@ def test_landmarks_are_a_standing_person_s(followed_dir: Path) -> None:
 
 
 def test_a_stopped_run_goes_on_where_it_was(
-    followed_dir: Path,
-    frames_dir: Path,
-    networks: Networks,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    followed_dir, frames_dir, networks, tmp_path, monkeypatch
+):
     whole, seen = _Follower._turn, []
 
     def stopped(*given: object) -> object:
@@ -123,8 +115,8 @@ def test_a_stopped_run_goes_on_where_it_was(
 
 
 def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at(
-    frames_dir: Path, networks: Networks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    frames_dir, networks, tmp_path, monkeypatch
+):
     """The detector is blind but for the last frame."""
     detected = _Follower._turn
 
@@ -139,15 +131,13 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
     assert record.images == (8, 9, 10) and record.people[0].seen == ((8, 10),)
 
 
-def test_a_video_without_people_leaves_a_record_without_people(
-    networks: Networks, grey_dir: Path, tmp_path: Path
-) -> None:
+def test_a_video_without_people_leaves_a_record_without_people(networks, grey_dir, tmp_path):
     made = follow_people(read_frames(grey_dir), tmp_path / "out", CONFIG, networks)
     assert FollowedRecord.read(made / FOLLOWED_FILE).people == ()
     assert load_tracks(made) == []
 
 
-def test_a_changed_file_is_refused(followed_dir: Path, tmp_path: Path) -> None:
+def test_a_changed_file_is_refused(followed_dir, tmp_path):
     arrays = dict(np.load(followed_dir / SIGHTINGS_FILE))
     np.savez(tmp_path / SIGHTINGS_FILE, **arrays | {"scores": arrays["scores"][1:]})
     with pytest.raises(BadRecord, match=r"sightings\.npz: array 'scores' has shape"):
@@ -203,18 +193,18 @@ LATE = 20 + LINKS.max_gap_frames
     ],
     ids=["found again", "another", "twice as large", "too late", "at one time", "two who cross"],
 )
-def test_pieces_of_one_person_are_joined(pieces: list[Piece], people: list[list[int]]) -> None:
+def test_pieces_of_one_person_are_joined(pieces, people):
     assert join_pieces(pieces, LINKS) == people
 
 
-def test_a_track_is_cut_where_another_takes_over() -> None:
+def test_a_track_is_cut_where_another_takes_over():
     taken = together(piece(0, 20, 0.0), piece(20, 15, 40.0, BLUE), piece(35, 20, 70.0))
     assert cuts_in(taken, LINKS) == [20, 35]
     assert cuts_in(piece(0, 20, 0.0), LINKS) == []
     assert cuts_in(piece(0, 1, 0.0), LINKS) == []
 
 
-def test_place_size_and_time_count_with_the_colours() -> None:
+def test_place_size_and_time_count_with_the_colours():
     """Who turns in one place may change its colours; after a while, or elsewhere, it is unsure."""
     turned = like_red(0.31)
     assert cuts_in(together(piece(0, 20, 0.0), piece(20, 20, 40.0, turned)), LINKS) == [20]
@@ -228,7 +218,7 @@ def test_place_size_and_time_count_with_the_colours() -> None:
     assert unsure_pairs([before, elsewhere], LINKS) == [(0, 1)]
 
 
-def test_the_dancer_whose_colours_change_at_frame_357_is_one_person() -> None:
+def test_the_dancer_whose_colours_change_at_frame_357_is_one_person():
     """Numbers of the real dancer about that frame: the track is cut there, and joined again."""
     with np.load(Path(__file__).with_name("dancer_colours.npz")) as file:
         dancer = Piece(file["image_numbers"], file["crops"], file["colours"])
@@ -237,7 +227,7 @@ def test_the_dancer_whose_colours_change_at_frame_357_is_one_person() -> None:
     assert join_pieces([dancer.part(0, at), dancer.part(at)], LINKS) == [[0, 1]]
 
 
-def test_who_is_seen_together_or_in_other_colours_is_surely_two() -> None:
+def test_who_is_seen_together_or_in_other_colours_is_surely_two():
     assert unsure_pairs([piece(0, 20, 0.0), piece(19, 20, 400.0)], LINKS) == []
     assert unsure_pairs([piece(0, 20, 0.0), piece(30, 20, 60.0, BLUE)], LINKS) == []
     assert unsure_pairs([piece(0, 20, 0.0), piece(300, 20, 60.0)], LINKS) == [(0, 1)]
@@ -247,7 +237,7 @@ N_RENDERED_FRAMES = 5
 
 
 @pytest.fixture(scope="module")
-def rendered(anny: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def rendered(anny, tmp_path_factory) -> Path:
     """`frames` and exact `masks` of a dressed person of 150 px who walks through a room."""
     folder = tmp_path_factory.mktemp("rendered")
     rng = np.random.default_rng(3)
@@ -261,7 +251,7 @@ def rendered(anny: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def masked(networks: Networks, tmp_path: Path) -> Callable[..., np.ndarray]:
+def masked(networks, tmp_path) -> Callable[..., np.ndarray]:
     """The masks (T, H, W) bool of a folder of frames, not widened."""
 
     def run(frames: Path, **settings: float) -> np.ndarray:
@@ -284,9 +274,7 @@ def iou_and_recall(found: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.
 
 
 @pytest.mark.slow
-def test_outlines_are_those_of_the_rendered_person(
-    rendered: Path, masked: Callable[..., np.ndarray]
-) -> None:
+def test_outlines_are_those_of_the_rendered_person(rendered, masked):
     iou, recall = iou_and_recall(masked(rendered / "frames"), read_masks(rendered / "masks"))
     assert len(iou) == N_RENDERED_FRAMES
     assert iou.mean() >= 0.85 and iou.min() >= 0.8
@@ -295,8 +283,8 @@ def test_outlines_are_those_of_the_rendered_person(
 
 @pytest.mark.slow
 def test_whom_the_detector_sees_in_one_frame_is_followed_to_the_first_and_the_last(
-    rendered: Path, yolox_nano: Path, masked: Callable[..., np.ndarray], tmp_path: Path
-) -> None:
+    rendered, yolox_nano, masked, tmp_path
+):
     """A second person, the first one's mirror image, stands on the right from frame 1 on."""
     (tmp_path / "frames").mkdir()
     detect = open_detector(yolox_nano, OnnxConfig(classes=("person",)))
@@ -318,9 +306,7 @@ def test_whom_the_detector_sees_in_one_frame_is_followed_to_the_first_and_the_la
     assert iou.mean() >= 0.8 and recall.mean() >= 0.85 and recall.min() >= 0.75
 
 
-def test_nobody_gives_empty_masks_and_is_said(
-    masked: Callable[..., np.ndarray], noise_dir: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_nobody_gives_empty_masks_and_is_said(masked, noise_dir, capsys):
     found = masked(noise_dir)
     assert found.shape == (3, 48, 64) and not found.any()
     said = " ".join(capsys.readouterr().err.split())
@@ -328,11 +314,8 @@ def test_nobody_gives_empty_masks_and_is_said(
 
 
 def test_whom_the_landmark_network_does_not_see_gets_the_box(
-    yolox_nano: Path,
-    shared_path: Callable[[str], Path],
-    masked: Callable[..., np.ndarray],
-    tmp_path: Path,
-) -> None:
+    yolox_nano, shared_path, masked, tmp_path
+):
     """No score reaches 1, so that nobody counts as seen."""
     (tmp_path / "frames").mkdir()
     detect = open_detector(yolox_nano, OnnxConfig(classes=("person",), weak_score=0.35))

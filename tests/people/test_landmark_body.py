@@ -12,10 +12,10 @@ from gmrdata.people.landmark_body import (
     offsets_of,
 )
 from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.values.body import JOINT, BodyModel, leg_length_m
+from gmrdata.values.body import JOINT, leg_length_m
 
 
-def test_the_offsets_that_travel_have_two_like_sides() -> None:
+def test_the_offsets_that_travel_have_two_like_sides():
     offsets_m = landmark_offsets_m()
     other_side_m = offsets_m[list(MIRRORED_LANDMARKS)] * [-1.0, 1.0, 1.0]
     np.testing.assert_allclose((offsets_m + other_side_m) / 2, offsets_m, atol=1e-4)
@@ -27,7 +27,7 @@ def test_the_offsets_that_travel_have_two_like_sides() -> None:
     assert offsets_m[11, 1] > 0.02 and offsets_m[29, 1] < -0.05
 
 
-def test_landmarks_lie_where_anatomy_has_them(anny: BodyModel) -> None:
+def test_landmarks_lie_where_anatomy_has_them(anny):
     """On a body in its rest pose: the nose in front of the head, ears beside it, heels behind."""
     rest_joints_m = anny.rest_joints_m(np.zeros(anny.n_shape))
     found = landmarks_about(np.tile(np.eye(3), (1, 24, 1, 1)), rest_joints_m)[0]
@@ -40,7 +40,7 @@ def test_landmarks_lie_where_anatomy_has_them(anny: BodyModel) -> None:
     assert at["left_hip"][0] > 0.05 and at["left_shoulder"][0] > at["left_hip"][0]
 
 
-def test_offsets_grow_with_the_legs(anny: BodyModel) -> None:
+def test_offsets_grow_with_the_legs(anny):
     rest_joints_m = anny.rest_joints_m(np.zeros(anny.n_shape))
     grown = offsets_of(rest_joints_m * (1.5 * LEG_M / leg_length_m(rest_joints_m)))
     np.testing.assert_allclose(grown, 1.5 * landmark_offsets_m(), rtol=1e-6)
@@ -57,7 +57,7 @@ def seen_of(points_m: np.ndarray) -> SeenLandmarks:
     return SeenLandmarks(np.arange(len(rays)) / 15, rays, points_m, np.ones(rays.shape[:2]))
 
 
-def test_a_person_is_seen_along_its_own_ray() -> None:
+def test_a_person_is_seen_along_its_own_ray():
     points_m = cloud(0)
     points_m[:, [23, 24]] = [[0.1, 0.05, 4.0], [-0.1, 0.05, 4.0]]
     one = seen_of(points_m)

@@ -1,7 +1,6 @@
 """The landmark network's real weights and broken ones."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import cv2
 import flatbuffers
@@ -61,23 +60,19 @@ def another_network() -> bytes:
         (lambda whole: another_network(), r"not BlazePose GHUM: its outputs have \[196608\]"),
     ],
 )
-def test_a_broken_file_and_another_network_are_told(
-    broken: Callable[[bytes], bytes], said: str, pose_landmarks: Path, tmp_path: Path
-) -> None:
+def test_a_broken_file_and_another_network_are_told(broken, said, pose_landmarks, tmp_path):
     model = tmp_path / "mine.tflite"
     model.write_bytes(broken(pose_landmarks.read_bytes()))
     with pytest.raises(BadDetector, match=rf"mine\.tflite: {said}.*`gmrdata fetch models` gets it"):
         open_landmark_network(model)
 
 
-def test_a_missing_file_is_named_with_the_command(tmp_path: Path) -> None:
+def test_a_missing_file_is_named_with_the_command(tmp_path):
     with pytest.raises(MissingInput, match=r"no\.tflite: .* `gmrdata fetch models` gets it"):
         open_landmark_network(tmp_path / "no.tflite")
 
 
-def test_a_person_in_a_picture_on_its_side_has_the_same_outline(
-    pose_landmarks: Path, shared_path: Callable[[str], Path]
-) -> None:
+def test_a_person_in_a_picture_on_its_side_has_the_same_outline(pose_landmarks, shared_path):
     """The crop that the landmarks give is turned as the person is, so it has the same content."""
     look = open_landmark_network(pose_landmarks)
     image = read_color(shared_path("video/static_people/00001.jpg"))

@@ -11,7 +11,6 @@ from gmrdata.people.local_poses import LocalPosesConfig, local_poses
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import read_frames
 from gmrdata.read.systems.result import read_system
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import Filmed, FrameSet
@@ -33,9 +32,7 @@ def posed(images_dir: Path, frames: FrameSet, out_dir: Path, networks: Networks)
 
 
 @pytest.fixture(scope="module")
-def poses_dir(
-    standing_people: list[Path], networks: Networks, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def poses_dir(standing_people, networks, tmp_path_factory) -> Path:
     """One person of a real video, in a part of its pictures."""
     folder = tmp_path_factory.mktemp("local_poses")
     (folder / "frames").mkdir()
@@ -44,7 +41,7 @@ def poses_dir(
     return posed(folder / "frames", TIMES, folder, networks)
 
 
-def test_the_stage_of_bodies_reads_them(poses_dir: Path, anny: BodyModel) -> None:
+def test_the_stage_of_bodies_reads_them(poses_dir, anny):
     record, people = load_local_poses(poses_dir)
     found = read_system(poses_dir, "camera")
     assert found.system == "gmrdata" and len(found.people) == len(people) >= 1
@@ -61,7 +58,7 @@ def test_the_stage_of_bodies_reads_them(poses_dir: Path, anny: BodyModel) -> Non
     assert (place.transl_m[:, 2] > 1).all() and (place.transl_m[:, 2] < 12).all()
 
 
-def test_the_body_lies_on_the_person(poses_dir: Path, anny: BodyModel) -> None:
+def test_the_body_lies_on_the_person(poses_dir, anny):
     _, people = load_local_poses(poses_dir)
     image_px = load_tracks(poses_dir.with_name("followed"))[0].image_px
     rotmats = np.concatenate([people[0].root_rotmats[:, None], people[0].local_rotmats], axis=1)
@@ -74,16 +71,14 @@ def test_the_body_lies_on_the_person(poses_dir: Path, anny: BodyModel) -> None:
     assert off_px.mean() < 0.12 * height_px
 
 
-def test_another_video_s_poses_are_refused(poses_dir: Path) -> None:
+def test_another_video_s_poses_are_refused(poses_dir):
     seen = read_system(poses_dir).people[0].in_camera
     assert seen is not None
     with pytest.raises(BadMotionFile, match="it is another video's"):
         assumed_place(seen, (1920, 1080), poses_dir)
 
 
-def test_a_video_without_people_has_no_bodies(
-    networks: Networks, grey_dir: Path, tmp_path: Path
-) -> None:
+def test_a_video_without_people_has_no_bodies(networks, grey_dir, tmp_path):
     made = posed(grey_dir, frame_set(np.arange(2), (160, 120), 15.0), tmp_path, networks)
     assert LocalPosesRecord.read(made / POSES_FILE).people == 0
     with pytest.raises(BadMotionFile, match="nobody is seen"):

@@ -51,7 +51,7 @@ SCENE = (
 )
 
 
-def test_scores_classes_and_threshold_choose_the_instances() -> None:
+def test_scores_classes_and_threshold_choose_the_instances():
     found = instances_of(answer(*SCENE), MaskRcnnConfig(weak_score=0.2))
     assert [COCO_NAMES[index] for index in found.found.classes] == ["person", "dog"]
     np.testing.assert_array_equal(found.found.boxes_px, [[5, 5, 15, 40], [30, 20, 45, 35]])
@@ -62,14 +62,14 @@ def test_scores_classes_and_threshold_choose_the_instances() -> None:
     assert [COCO_NAMES[index] for index in chairs.found.classes] == ["chair"]
 
 
-def test_nothing_found_is_an_empty_mask() -> None:
+def test_nothing_found_is_an_empty_mask():
     none = instances_of(answer(), MaskRcnnConfig())
     choice = TrackedFrame(np.zeros(0, np.int64), np.zeros((0, 4)))
     mask = united_mask(none, choice, (64, 48), 8)
     assert (mask.shape, mask.any()) == ((48, 64), False)
 
 
-def test_instances_and_filled_boxes_are_united_and_widened() -> None:
+def test_instances_and_filled_boxes_are_united_and_widened():
     masks = np.zeros((3, 48, 64), bool)
     masks[0, 10, 10] = masks[1, 20, 20] = masks[2, 30, 30] = True
     found = Instances(Detections(np.zeros((3, 4)), np.ones(3), np.zeros(3, np.int64)), masks)
@@ -97,8 +97,8 @@ def recorded(answers: list[Answer]) -> Callable[..., maskrcnn.Segmenter]:
 
 
 def test_the_stage_masks_every_frame_and_fills_the_one_that_was_missed(
-    noise_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    noise_dir, tmp_path, monkeypatch
+):
     person, later = ("person", 0.9, (10, 10, 20, 40)), ("person", 0.3, (14, 10, 24, 40))
     monkeypatch.setattr(
         maskrcnn, "open_segmenter", recorded([answer(person), answer(), answer(later)])
@@ -118,9 +118,7 @@ def test_the_stage_masks_every_frame_and_fills_the_one_that_was_missed(
     ]
 
 
-def test_a_stopped_run_keeps_the_frames_it_has(
-    noise_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_run_keeps_the_frames_it_has(noise_dir, tmp_path, monkeypatch):
     every = [answer(("person", 0.9, (x, 10, x + 10, 40))) for x in (10, 12, 14)]
     monkeypatch.setattr(maskrcnn, "open_segmenter", recorded(every[:2]))
     with pytest.raises(StopIteration):
@@ -152,8 +150,8 @@ class Runs:
     ],
 )
 def test_weights_of_another_kind_or_with_code_in_them_are_refused(
-    content: object, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    content, said, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "w.pt"
     if isinstance(content, bytes):
@@ -165,7 +163,7 @@ def test_weights_of_another_kind_or_with_code_in_them_are_refused(
     assert not (tmp_path / "was_run").exists()
 
 
-def test_weights_are_loaded_and_missing_ones_named(tmp_path: Path) -> None:
+def test_weights_are_loaded_and_missing_ones_named(tmp_path):
     network = torch.nn.Linear(2, 2)
     with pytest.raises(MissingInput, match=r"no\.pt"):
         maskrcnn._load_weights(network, "linear", tmp_path / "no.pt")
@@ -174,9 +172,7 @@ def test_weights_are_loaded_and_missing_ones_named(tmp_path: Path) -> None:
     assert float(network.weight.detach().sum()) == 4.0
 
 
-def test_without_torchvision_the_remedy_is_told(
-    noise_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_torchvision_the_remedy_is_told(noise_dir, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "torchvision", None)
     monkeypatch.delitem(sys.modules, "torchvision.models", raising=False)
     with pytest.raises(MissingExtra, match="pip install torchvision; or mask with"):
@@ -184,9 +180,7 @@ def test_without_torchvision_the_remedy_is_told(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_torchvision_that_does_not_fit_torch_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_torchvision_that_does_not_fit_torch_is_told(tmp_path, monkeypatch):
     """What the released wheel does beside the CPU build of torch: RuntimeError on import."""
     package = tmp_path / "torchvision"
     package.mkdir()
@@ -199,7 +193,7 @@ def test_a_torchvision_that_does_not_fit_torch_is_told(
         open_segmenter(None, MaskRcnnConfig())
 
 
-def test_torchvisions_compiled_operators_are_exact() -> None:
+def test_torchvisions_compiled_operators_are_exact():
     ops = pytest.importorskip("torchvision.ops", exc_type=Exception)
     boxes = torch.tensor([[0.0, 0, 10, 10], [0, 0, 10, 9], [20, 20, 30, 30]])
     scores = torch.tensor([0.8, 0.9, 0.7])
@@ -212,7 +206,7 @@ def test_torchvisions_compiled_operators_are_exact() -> None:
 
 
 @pytest.mark.slow
-def test_the_real_network_answers_as_the_logic_expects(tmp_path: Path) -> None:
+def test_the_real_network_answers_as_the_logic_expects(tmp_path):
     """Random weights: what they see is nonsense, but names, shapes and ranges are the network's."""
     try:
         detection = maskrcnn._import_detection()

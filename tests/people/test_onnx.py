@@ -39,7 +39,7 @@ def threads() -> Iterator[Callable[[int], None]]:
 
 
 @pytest.fixture
-def model(tmp_path: Path) -> Path:
+def model(tmp_path) -> Path:
     """Where a test puts a network."""
     return tmp_path / "net.onnx"
 
@@ -69,7 +69,7 @@ def best_dog_read_directly(model: Path, image: np.ndarray) -> tuple[list[float],
     return box, float(dog[row])
 
 
-def test_the_dog_is_where_a_direct_reading_finds_it(yolox_nano: Path, dog_dir: Path) -> None:
+def test_the_dog_is_where_a_direct_reading_finds_it(yolox_nano, dog_dir):
     image = read_color(dog_dir / "00003.png")
     found = open_detector(yolox_nano, OnnxConfig(classes=("dog",)))(image)
     box_px, score = best_dog_read_directly(yolox_nano, image)
@@ -80,9 +80,7 @@ def test_the_dog_is_where_a_direct_reading_finds_it(yolox_nano: Path, dog_dir: P
     assert COCO_NAMES[found.classes[best]] == "dog"
 
 
-def test_masks_cover_the_dog_in_every_frame(
-    yolox_nano: Path, dog_dir: Path, tmp_path: Path
-) -> None:
+def test_masks_cover_the_dog_in_every_frame(yolox_nano, dog_dir, tmp_path):
     out_dir = onnx_masks(yolox_nano, read_frames(dog_dir), tmp_path / "masks", OnnxConfig())
     record = json.loads((out_dir / DETECTIONS_FILE).read_text())["frames"]
     for path in sorted(dog_dir.glob("*.png")):
@@ -99,9 +97,7 @@ def test_masks_cover_the_dog_in_every_frame(
     assert record["00000"]["masked"]
 
 
-def test_two_runs_and_two_thread_counts_give_the_same_bytes(
-    yolox_nano: Path, dog_dir: Path, tmp_path: Path, threads: Callable[[int], None]
-) -> None:
+def test_two_runs_and_two_thread_counts_give_the_same_bytes(yolox_nano, dog_dir, tmp_path, threads):
     made = []
     for run, count in enumerate((1, 1, 2)):
         threads(count)
@@ -111,7 +107,7 @@ def test_two_runs_and_two_thread_counts_give_the_same_bytes(
     assert made[0] == made[1] == made[2]
 
 
-def test_a_second_input_size_only_adds(yolox_nano: Path, dog_dir: Path) -> None:
+def test_a_second_input_size_only_adds(yolox_nano, dog_dir):
     image = read_color(dog_dir / "00003.png")
     sizes_px = ((416, 416), (640, 384))
     one = open_detector(yolox_nano, OnnxConfig(classes=("dog",)))(image)
@@ -125,9 +121,7 @@ def test_a_second_input_size_only_adds(yolox_nano: Path, dog_dir: Path) -> None:
     )
 
 
-def test_a_stopped_run_goes_on_at_the_next_frame(
-    yolox_nano: Path, dog_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_run_goes_on_at_the_next_frame(yolox_nano, dog_dir, tmp_path, monkeypatch):
     seen: list[int] = []
 
     def stopping(limit: int) -> Callable[..., onnx.Detector]:
@@ -157,9 +151,7 @@ def test_a_stopped_run_goes_on_at_the_next_frame(
     assert all((whole / n).read_bytes() == (resumed / n).read_bytes() for n in names)
 
 
-def test_another_model_or_recipe_asks_for_redo(
-    yolox_nano: Path, dog_dir: Path, tmp_path: Path
-) -> None:
+def test_another_model_or_recipe_asks_for_redo(yolox_nano, dog_dir, tmp_path):
     small = tmp_path / "frames"
     small.mkdir()
     for name in ("00000.png", "00001.png"):
@@ -188,9 +180,7 @@ def test_another_model_or_recipe_asks_for_redo(
         (lambda b: b"\x80\x04\x95" + b[:999], "not an ONNX file"),
     ],
 )
-def test_a_broken_model_is_told(
-    cut: Callable[[bytes], bytes], said: str, yolox_nano: Path, noise_dir: Path, model: Path
-) -> None:
+def test_a_broken_model_is_told(cut, said, yolox_nano, noise_dir, model):
     model.write_bytes(cut(yolox_nano.read_bytes()))
     with pytest.raises(BadDetector, match=said) as caught:
         onnx_masks(model, read_frames(noise_dir), model.with_name("out"), OnnxConfig())
@@ -209,27 +199,20 @@ def test_a_broken_model_is_told(
         ([("x", (1, 3, 64, 64))], "NoSuchOperator", "OpenCV can't (open|run) this network"),
     ],
 )
-def test_a_network_of_another_layout_is_told(
-    inputs: list[tuple[str, tuple[int | str, ...]]],
-    operator: str,
-    said: str,
-    onnx_bytes: Callable[..., bytes],
-    noise_dir: Path,
-    model: Path,
-) -> None:
+def test_a_network_of_another_layout_is_told(inputs, operator, said, onnx_bytes, noise_dir, model):
     model.write_bytes(onnx_bytes(*inputs, operator=operator))
     with pytest.raises(BadDetector, match=said):
         onnx_masks(model, read_frames(noise_dir), model.with_name("out"), OnnxConfig())
 
 
-def test_a_missing_model_is_named(noise_dir: Path, model: Path) -> None:
+def test_a_missing_model_is_named(noise_dir, model):
     with pytest.raises(MissingInput, match=r"net\.onnx: no such model file"):
         read_inputs(model)
     with pytest.raises(MissingInput, match=r"net\.onnx"):
         onnx_masks(model, read_frames(noise_dir), model.with_name("out"), OnnxConfig())
 
 
-def test_grey_and_16_bit_frames_are_read(yolox_nano: Path, dog_dir: Path, tmp_path: Path) -> None:
+def test_grey_and_16_bit_frames_are_read(yolox_nano, dog_dir, tmp_path):
     frames = tmp_path / "frames"
     frames.mkdir()
     grey = cv2.imread(str(dog_dir / "00003.png"), cv2.IMREAD_GRAYSCALE)
@@ -243,9 +226,7 @@ def test_grey_and_16_bit_frames_are_read(yolox_nano: Path, dog_dir: Path, tmp_pa
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n" + b"\x00" * 40, b"GIF89a" * 20])
-def test_a_broken_frame_is_named(
-    content: bytes, onnx_bytes: Callable[..., bytes], noise_dir: Path, model: Path
-) -> None:
+def test_a_broken_frame_is_named(content, onnx_bytes, noise_dir, model):
     (noise_dir / "00001.png").write_bytes(content)
     model.write_bytes(onnx_bytes(("x", (1, 3, 64, 64))))
     with pytest.raises(BadFrames, match=r"00001\.png"):
@@ -262,33 +243,31 @@ def test_a_broken_frame_is_named(
         ({"min_scroe": 0.5}, "Extra inputs"),
     ],
 )
-def test_wrong_recipes_are_refused(bad: dict[str, object], said: str) -> None:
+def test_wrong_recipes_are_refused(bad, said):
     with pytest.raises(ValueError, match=said):
         OnnxConfig.model_validate(bad)
 
 
-def test_a_wide_frame_lies_in_the_upper_part_of_the_input(dog_dir: Path) -> None:
+def test_a_wide_frame_lies_in_the_upper_part_of_the_input(dog_dir):
     image = read_color(dog_dir / "00003.png")
     blob, scales = letterbox(image, (416, 416))
     np.testing.assert_allclose(scales, [0.65, 0.65])
     assert (blob[0, :, 234:] == 114).all()
 
 
-def test_the_real_weights_want_a_square_of_416_px(yolox_nano: Path) -> None:
+def test_the_real_weights_want_a_square_of_416_px(yolox_nano):
     assert read_inputs(yolox_nano) == [OnnxInput("images", (1, 3, 416, 416))]
 
 
 @IN_ONE_FOLDER
 @given(shape=st.lists(st.one_of(st.integers(1, 2**40), st.just("n")), max_size=6))
-def test_shapes_come_back(
-    shape: list[int | str], onnx_bytes: Callable[..., bytes], model: Path
-) -> None:
+def test_shapes_come_back(shape, onnx_bytes, model):
     model.write_bytes(onnx_bytes(("x", tuple(shape)), ("w", (3,)), weights=("w",)))
     expected = tuple(size if isinstance(size, int) else None for size in shape)
     assert read_inputs(model) == [OnnxInput("x", expected)]
 
 
-def test_every_cut_of_a_file_is_told(onnx_bytes: Callable[..., bytes], model: Path) -> None:
+def test_every_cut_of_a_file_is_told(onnx_bytes, model):
     whole = onnx_bytes(("x", (1, 3, 64, 64)))
     graph_end = len(whole) - 4  # the last four bytes are the operator set
     for size in range(graph_end):
@@ -299,7 +278,7 @@ def test_every_cut_of_a_file_is_told(onnx_bytes: Callable[..., bytes], model: Pa
 
 @IN_ONE_FOLDER
 @given(content=st.binary(max_size=200))
-def test_noise_is_refused_or_has_no_crash(content: bytes, model: Path) -> None:
+def test_noise_is_refused_or_has_no_crash(content, model):
     model.write_bytes(content)
     try:
         assert all(isinstance(known, OnnxInput) for known in read_inputs(model))
@@ -334,19 +313,19 @@ def network(side_px: int = 64, count: int = 1, dims: tuple[int, ...] = (1,)) -> 
         (network(dims=(-1, -1)), "'w' should be"),
     ],
 )
-def test_absurd_sizes_are_refused(hostile: ModelProto, said: str, model: Path) -> None:
+def test_absurd_sizes_are_refused(hostile, said, model):
     model.write_bytes(hostile.SerializeToString())
     with pytest.raises(BadDetector, match=rf"net\.onnx: .*{said}"):
         open_detector(model, OnnxConfig())
 
 
-def test_plain_networks_are_not(yolox_nano: Path, model: Path) -> None:
+def test_plain_networks_are_not(yolox_nano, model):
     model.write_bytes(network().SerializeToString())
     for plain in (model, yolox_nano):
         check_sizes(plain)
 
 
-def test_a_file_larger_than_any_network_is_not_read(model: Path) -> None:
+def test_a_file_larger_than_any_network_is_not_read(model):
     with model.open("wb") as file:
         file.truncate(models.MOST_NETWORK_BYTES + models.MIB)
     with pytest.raises(BadDetector, match="has 513 MiB, and 512 MiB are the most"):

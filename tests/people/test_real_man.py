@@ -41,9 +41,7 @@ def mean_rest_m(body: BodyModel) -> np.ndarray:
 
 
 @pytest.mark.parametrize("every", [1, 4])
-def test_the_body_lies_on_the_man_at_any_frame_rate(
-    every: int, numbers: dict[str, np.ndarray], anny: BodyModel
-) -> None:
+def test_the_body_lies_on_the_man_at_any_frame_rate(every, numbers, anny):
     """A fit of 60 steps moved joints by 2 mm at 60 Hz and by 90 at 15."""
     found = fit(seen_by("heavy", numbers, every), mean_rest_m(anny), FitConfig())
     assert found.converged
@@ -55,18 +53,14 @@ def test_the_body_lies_on_the_man_at_any_frame_rate(
     assert 0.94 < np.median(ratio) < 1.03
 
 
-def test_a_view_that_was_seen_right_has_no_doubts(
-    numbers: dict[str, np.ndarray], anny: BodyModel
-) -> None:
+def test_a_view_that_was_seen_right_has_no_doubts(numbers, anny):
     seen = seen_by("heavy", numbers)
     sure, doubt = sure_frames(seen, anny, LocalPosesConfig())
     assert sure.all() and not doubt
     assert not looks_reversed(seen, mean_rest_m(anny), FitConfig())
 
 
-def test_a_view_that_is_partly_reversed_is_doubted(
-    numbers: dict[str, np.ndarray], anny: BodyModel
-) -> None:
+def test_a_view_that_is_partly_reversed_is_doubted(numbers, anny):
     sure, doubt = sure_frames(seen_by("lite", numbers), anny, LocalPosesConfig())
     assert sure.all() and doubt == "front and back may be exchanged in 60 of 60 frames"
 
@@ -79,18 +73,14 @@ def spoiled(seen: SeenLandmarks, frames: slice) -> SeenLandmarks:
     return SeenLandmarks(seen.times_s, rays, world_m, seen.visibility)
 
 
-def test_a_few_reversed_frames_are_left_out(
-    numbers: dict[str, np.ndarray], anny: BodyModel
-) -> None:
+def test_a_few_reversed_frames_are_left_out(numbers, anny):
     seen = spoiled(seen_by("heavy", numbers), slice(34, 40))
     sure, doubt = sure_frames(seen, anny, LocalPosesConfig())
     assert np.flatnonzero(~sure).tolist() == [*range(34, 40)] and not doubt
 
 
 @pytest.mark.parametrize("at", [slice(0, 36), slice(24, 60)])
-def test_a_long_run_that_looks_the_other_way_is_told(
-    at: slice, numbers: dict[str, np.ndarray]
-) -> None:
+def test_a_long_run_that_looks_the_other_way_is_told(at, numbers):
     """Six tenths of a second each way: the fewer frames are unsure, and too many to go on."""
     seen = seen_by("heavy", numbers)
     late = SeenLandmarks(seen.times_s * 2, seen.rays, seen.world_m, seen.visibility)
@@ -98,14 +88,12 @@ def test_a_long_run_that_looks_the_other_way_is_told(
     assert unsure.sum() == 24 and len(set(unsure[at])) == 1
 
 
-def test_a_view_that_is_reversed_throughout_is_doubted(
-    numbers: dict[str, np.ndarray], anny: BodyModel
-) -> None:
+def test_a_view_that_is_reversed_throughout_is_doubted(numbers, anny):
     seen = mirrored(seen_by("heavy", numbers))
     assert sure_frames(seen, anny, LocalPosesConfig())[1].startswith("a body that looks the other")
 
 
-def test_who_stands_with_bent_knees_stands_on_the_floor(anny: BodyModel) -> None:
+def test_who_stands_with_bent_knees_stands_on_the_floor(anny):
     """Every 16th frame of a dancer, as heavy sees him, and up and the camera's height over the
     floor by a phone's LiDAR [m].  Legs that were drawn to their rest pose put him 8 cm below it."""
     with np.load(Path(__file__).with_name("dancer_bent.npz")) as file:

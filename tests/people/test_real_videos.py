@@ -1,7 +1,6 @@
 """From real video to cameras: what moves is masked by the detector, the rest gives the path."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -23,9 +22,7 @@ def cameras_of(frames: Path, model: Path, focal_px: float, out: Path) -> Path:
     return reconstruct(read, masks, Lens.centred(focal_px, read.size_px), out / "sfm", SfmConfig())
 
 
-def test_a_moving_camera_round_a_dog_gets_all_its_cameras(
-    shared_path: Callable[[str], Path], yolox_nano: Path, tmp_path: Path
-) -> None:
+def test_a_moving_camera_round_a_dog_gets_all_its_cameras(shared_path, yolox_nano, tmp_path):
     """Every sixth frame at 3/8 of its size; COLMAP's own calibration of this video gives 929 px."""
     (tmp_path / "frames").mkdir()
     video = cv2.VideoCapture(str(shared_path("video/dog.mp4")))
@@ -44,8 +41,8 @@ def test_a_moving_camera_round_a_dog_gets_all_its_cameras(
 
 
 def test_a_still_phone_with_people_in_view_has_no_invented_motion(
-    shared_path: Callable[[str], Path], yolox_nano: Path, tmp_path: Path
-) -> None:
+    shared_path, yolox_nano, tmp_path
+):
     """Every third of the frames; the focal length is not known, and a usual one serves."""
     (tmp_path / "frames").mkdir()
     people_dir = shared_path("video/static_people")

@@ -42,7 +42,7 @@ def square(x_px: float, y_px: float, side_px: float, depth_m: float) -> np.ndarr
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 
 
-def test_a_square_covers_exactly_its_pixels() -> None:
+def test_a_square_covers_exactly_its_pixels():
     # Image corners on pixel centres: those pixels and all between are inside.
     mask = silhouette(square(40.5, 30.5, 20, 2.0), FACES, INTRINSICS_PX, (160, 120))
     expected = np.zeros((120, 160), np.uint8)
@@ -50,13 +50,13 @@ def test_a_square_covers_exactly_its_pixels() -> None:
     assert np.array_equal(mask, expected)
 
 
-def test_faces_behind_the_camera_leave_no_trace() -> None:
+def test_faces_behind_the_camera_leave_no_trace():
     mask = silhouette(square(40.5, 30.5, 20, -2.0), FACES, INTRINSICS_PX, (160, 120))
     assert not mask.any()
 
 
 @pytest.fixture
-def camera_clip(small_body: BodyModel) -> Clip:
+def camera_clip(small_body) -> Clip:
     """A person 4 m in front of the camera who turns a little."""
     n = 3
     turn = np.linspace(0, 0.6, n)
@@ -80,7 +80,7 @@ def camera_clip(small_body: BodyModel) -> Clip:
 
 
 @pytest.fixture
-def images_dir(tmp_path: Path) -> Path:
+def images_dir(tmp_path) -> Path:
     folder = tmp_path / "frames"
     folder.mkdir()
     for i in (5, 6, 7):
@@ -92,7 +92,7 @@ Masked = Callable[..., Path]
 
 
 @pytest.fixture
-def masked(small_body: BodyModel, images_dir: Path, tmp_path: Path) -> Masked:
+def masked(small_body, images_dir, tmp_path) -> Masked:
     """Masks of clips of the small body."""
 
     def run(*clips: Clip, left_out: tuple[int, ...] = (), **settings: object) -> Path:
@@ -110,9 +110,7 @@ def masked(small_body: BodyModel, images_dir: Path, tmp_path: Path) -> Masked:
     return run
 
 
-def test_every_vertex_of_the_body_is_masked(
-    camera_clip: Clip, small_body: BodyModel, masked: Masked
-) -> None:
+def test_every_vertex_of_the_body_is_masked(camera_clip, small_body, masked):
     out_dir = masked(camera_clip, dilate_px=2)
     vertices_m = motion_vertices_m(small_body, camera_clip.motion)
     for row, number in enumerate(camera_clip.image_numbers):
@@ -127,9 +125,7 @@ def test_every_vertex_of_the_body_is_masked(
         assert rows.min() > points_px[:, 1].min() - 5 and rows.max() < points_px[:, 1].max() + 5
 
 
-def test_an_image_without_a_pose_is_an_error_unless_it_is_left_out(
-    camera_clip: Clip, masked: Masked
-) -> None:
+def test_an_image_without_a_pose_is_an_error_unless_it_is_left_out(camera_clip, masked):
     clip = replace(camera_clip, image_numbers=np.array([5, 6, -1]))
     with pytest.raises(BadFrames, match=r"image_00007\.jpg: .*has no pose"):
         masked(clip)
@@ -137,9 +133,7 @@ def test_an_image_without_a_pose_is_an_error_unless_it_is_left_out(
     assert sorted(p.name for p in made.glob("*.png")) == ["image_00005.png", "image_00006.png"]
 
 
-def test_clips_of_another_size_or_in_the_world_and_nobody_are_errors(
-    camera_clip: Clip, masked: Masked, tmp_path: Path
-) -> None:
+def test_clips_of_another_size_or_in_the_world_and_nobody_are_errors(camera_clip, masked, tmp_path):
     assert camera_clip.camera is not None
     turned = replace(camera_clip.camera, width_px=120, height_px=160)
     with pytest.raises(BadFrames, match="160x120 px, but .* says 120x160 px"):
@@ -151,7 +145,7 @@ def test_clips_of_another_size_or_in_the_world_and_nobody_are_errors(
     assert not list(tmp_path.rglob("masks"))
 
 
-def test_two_people_are_masked_both(camera_clip: Clip, masked: Masked) -> None:
+def test_two_people_are_masked_both(camera_clip, masked):
     moved_m = camera_clip.motion.pelvis_m + np.array([0.6, 0.0, 0.5])
     other = replace(camera_clip, motion=replace(camera_clip.motion, pelvis_m=moved_m))
     alone, both = [masked(clip) for clip in (camera_clip, other)], masked(camera_clip, other)
@@ -161,9 +155,7 @@ def test_two_people_are_masked_both(camera_clip: Clip, masked: Masked) -> None:
         assert (masks[0] != masks[1]).any()
 
 
-def test_where_a_body_is_not_valid_its_neighbours_are_masked(
-    camera_clip: Clip, masked: Masked
-) -> None:
+def test_where_a_body_is_not_valid_its_neighbours_are_masked(camera_clip, masked):
     masks = masked(replace(camera_clip, valid=np.array([True, False, True])))
     before, between, after = (read_gray(path) for path in sorted(masks.glob("*.png")))
     assert np.array_equal(between, before | after)
@@ -171,8 +163,8 @@ def test_where_a_body_is_not_valid_its_neighbours_are_masked(
 
 @pytest.mark.parametrize(("without_body", "value"), [("everything", 255), ("nothing", 0)])
 def test_a_body_that_is_unknown_for_long_masks_all_or_nothing(
-    without_body: str, value: int, camera_clip: Clip, masked: Masked
-) -> None:
+    without_body, value, camera_clip, masked
+):
     pelvis_m = camera_clip.motion.pelvis_m.copy()
     pelvis_m[1] = np.nan
     motion = replace(camera_clip.motion, pelvis_m=pelvis_m)
@@ -181,7 +173,7 @@ def test_a_body_that_is_unknown_for_long_masks_all_or_nothing(
     assert (read_gray(sorted(masks.glob("*.png"))[1]) == value).all()
 
 
-def test_rows_that_show_where_a_person_may_be() -> None:
+def test_rows_that_show_where_a_person_may_be():
     valid = np.array([False, True, False, False, True, False, False, False])
     assert rows_that_show(valid, 1, 5) == [1]
     assert rows_that_show(valid, 2, 2) == [1, 4]
@@ -202,7 +194,7 @@ def disc(radius_px: int) -> np.ndarray:
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
 
 
-def test_dots_cover_what_filled_triangles_cover(small_body: BodyModel) -> None:
+def test_dots_cover_what_filled_triangles_cover(small_body):
     vertices_m, size_px = far_body(small_body), (640, 480)
     intrinsics_px = intrinsics_from_fov(60.0, *size_px)
     filled = silhouette(vertices_m, small_body.faces, intrinsics_px, size_px)
@@ -217,9 +209,7 @@ def test_dots_cover_what_filled_triangles_cover(small_body: BodyModel) -> None:
     spots=st.lists(st.tuples(st.integers(0, 29), st.integers(0, 39)), max_size=4),
     radius_px=st.integers(0, 9),
 )
-def test_dilation_of_the_occupied_part_is_that_of_all(
-    spots: list[tuple[int, int]], radius_px: int
-) -> None:
+def test_dilation_of_the_occupied_part_is_that_of_all(spots, radius_px):
     mask = np.zeros((30, 40), np.uint8)
     for spot in spots:
         mask[spot] = 255
@@ -227,7 +217,7 @@ def test_dilation_of_the_occupied_part_is_that_of_all(
 
 
 @pytest.mark.parametrize("dilate_px", [0, 8])
-def test_a_corner_that_is_no_number_leaves_no_trace(dilate_px: int) -> None:
+def test_a_corner_that_is_no_number_leaves_no_trace(dilate_px):
     corners_m = square(40.5, 30.5, 20, 2.0)
     corners_m[1, 0] = np.nan  # a corner of the first triangle alone
     mask = silhouette(corners_m, FACES, INTRINSICS_PX, (160, 120), dilate_px)

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -35,11 +34,11 @@ from gmrdata.solve.request import SequenceConfig
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 
 
-def test_the_body_is_the_source_unless_others_are_named() -> None:
+def test_the_body_is_the_source_unless_others_are_named():
     assert SequenceConfig().masks.sources == (SilhouetteSource(),)
 
 
-def test_a_recipe_says_the_kinds_and_their_settings() -> None:
+def test_a_recipe_says_the_kinds_and_their_settings():
     config = MasksConfig.model_validate(
         {
             "max_masked_share": 0.5,
@@ -67,12 +66,12 @@ def test_a_recipe_says_the_kinds_and_their_settings() -> None:
         ([], "at least 1 item"),
     ],
 )
-def test_wrong_sources_are_refused(sources: list[dict[str, object]], said: str) -> None:
+def test_wrong_sources_are_refused(sources, said):
     with pytest.raises(ValidationError, match=said):
         MasksConfig.model_validate({"sources": sources})
 
 
-def test_a_command_line_names_sources(tmp_path: Path) -> None:
+def test_a_command_line_names_sources(tmp_path):
     model = tmp_path / "m.onnx"
     names = ("silhouette", "onnx", "person", "maskrcnn", str(tmp_path))
     config = masks_named(names, detector=model, landmark_network=Path("l"), classes=("dog",))
@@ -85,7 +84,7 @@ def test_a_command_line_names_sources(tmp_path: Path) -> None:
     )
 
 
-def test_a_recipe_file_brings_its_settings(tmp_path: Path) -> None:
+def test_a_recipe_file_brings_its_settings(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(
         "recipe: masks\nmax_masked_share: 0.4\nsources: [{kind: onnx, model: m.onnx}]\n"
@@ -107,14 +106,12 @@ def test_a_recipe_file_brings_its_settings(tmp_path: Path) -> None:
         (("onnx",), {"maskrcnn": Path("w")}, BadRecipe, "--maskrcnn is for mask"),
     ],
 )
-def test_wrong_command_lines_are_told(
-    names: tuple[str, ...], options: dict[str, object], error: type[Exception], said: str
-) -> None:
+def test_wrong_command_lines_are_told(names, options, error, said):
     with pytest.raises(error, match=said):
         masks_named(names, **options)
 
 
-def test_two_folders_are_united_and_stand_in_the_record(noise_dir: Path, tmp_path: Path) -> None:
+def test_two_folders_are_united_and_stand_in_the_record(noise_dir, tmp_path):
     for name, column in (("a", 3), ("b", 40)):
         (tmp_path / name).mkdir()
         for i in range(3):
@@ -136,7 +133,7 @@ def test_two_folders_are_united_and_stand_in_the_record(noise_dir: Path, tmp_pat
     assert masks_seconds(out_dir) == pytest.approx(sum(seconds))
 
 
-def test_left_out_images_get_no_mask_and_make_no_error(noise_dir: Path, tmp_path: Path) -> None:
+def test_left_out_images_get_no_mask_and_make_no_error(noise_dir, tmp_path):
     (noise_dir / "00001.png").write_bytes(b"")
     (tmp_path / "a").mkdir()
     for i in (0, 2):
@@ -157,18 +154,14 @@ def test_left_out_images_get_no_mask_and_make_no_error(noise_dir: Path, tmp_path
     ],
 )
 def test_a_network_that_was_not_fetched_is_named_with_the_command(
-    source: OnnxSource | PersonSource,
-    lacks: str,
-    noise_dir: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    source, lacks, noise_dir, tmp_path, monkeypatch
+):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     with pytest.raises(MissingInput, match=f"{lacks}: no such model file; `gmrdata fetch models`"):
         make_masks(read_frames(noise_dir), tmp_path / "masks", MasksConfig(sources=(source,)))
 
 
-def test_a_silhouette_needs_the_body(noise_dir: Path, tmp_path: Path) -> None:
+def test_a_silhouette_needs_the_body(noise_dir, tmp_path):
     with pytest.raises(MissingInput, match="pass --camera-body"):
         make_masks(read_frames(noise_dir), tmp_path / "masks", MasksConfig())
 
@@ -199,9 +192,7 @@ def top_part(share: float) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["{}.png", "{}.png.png"])
 @pytest.mark.parametrize("masked_value", [0, 255])
-def test_both_senses_and_namings_become_ours(
-    name: str, masked_value: int, noise_dir: Path, tmp_path: Path
-) -> None:
+def test_both_senses_and_namings_become_ours(name, masked_value, noise_dir, tmp_path):
     mask = np.where(DYNAMIC, masked_value, 255 - masked_value).astype(np.uint8)
     masks = put(tmp_path / "masks", *[mask] * 3, name=name)
     config = FolderMaskConfig.model_validate({"masked_value": masked_value})
@@ -210,7 +201,7 @@ def test_both_senses_and_namings_become_ours(
         assert np.array_equal(read_gray(out_dir / f"{stem}.png"), 255 * DYNAMIC)
 
 
-def test_masks_are_widened_by_a_disc(noise_dir: Path, tmp_path: Path) -> None:
+def test_masks_are_widened_by_a_disc(noise_dir, tmp_path):
     masks = put(tmp_path / "masks", *[DYNAMIC * np.uint8(255)] * 3)
     out_dir = folder_masks(
         masks, read_frames(noise_dir), tmp_path / "out", FolderMaskConfig(dilate_px=3)
@@ -220,9 +211,6 @@ def test_masks_are_widened_by_a_disc(noise_dir: Path, tmp_path: Path) -> None:
     y, x = np.mgrid[:48, :64]
     nearest = np.min(np.hypot(y[..., None] - rows, x[..., None] - columns), axis=-1)
     assert mask[nearest <= 2.5].all() and not mask[nearest > 3.5].any()
-
-
-Stage = Callable[[Path, Path, Path], Path]
 
 
 def as_ours(masks: Path, images: Path, out: Path) -> Path:
@@ -247,13 +235,8 @@ def as_one(masks: Path, images: Path, out: Path) -> Path:
     ],
 )
 def test_a_missing_folder_or_mask_and_one_of_another_size_are_named(
-    stage: Stage,
-    masks: list[np.ndarray] | None,
-    error: type[Exception],
-    said: str,
-    noise_dir: Path,
-    tmp_path: Path,
-) -> None:
+    stage, masks, error, said, noise_dir, tmp_path
+):
     if masks is not None:
         put(tmp_path / "masks", *masks)
     with pytest.raises(error, match=said):
@@ -261,9 +244,7 @@ def test_a_missing_folder_or_mask_and_one_of_another_size_are_named(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_pixel_is_masked_if_any_source_says_so(
-    noise_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_pixel_is_masked_if_any_source_says_so(noise_dir, tmp_path, capsys):
     a = put(tmp_path / "a", left_part(0.25), left_part(0.5), left_part(0))
     b = put(tmp_path / "b", top_part(0.5), top_part(0), top_part(0))
     out_dir = unite_masks(
@@ -281,9 +262,7 @@ def test_a_pixel_is_masked_if_any_source_says_so(
     assert "nothing is masked in frame 00002 (1 of 3). If somebody is to be seen there" in said
 
 
-def test_a_mask_that_covers_everything_is_reported_with_the_frame(
-    noise_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_mask_that_covers_everything_is_reported_with_the_frame(noise_dir, tmp_path, capsys):
     # Neither covers too much alone, both together do.
     a = put(tmp_path / "a", left_part(0.1), left_part(0.5), left_part(0.5))
     b = put(tmp_path / "b", top_part(0), 255 - left_part(0.5), top_part(0.5))
@@ -302,7 +281,7 @@ def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_frames_are_masked_and_shown(yolox_nano: Path, dog_dir: Path, tmp_path: Path) -> None:
+def test_frames_are_masked_and_shown(yolox_nano, dog_dir, tmp_path):
     out = tmp_path / "out"
     answer = gmrdata("masks", dog_dir, "--out", out, "--detector", yolox_nano, "--classes", "dog")
     assert answer.returncode == 0, answer.stderr
@@ -322,7 +301,7 @@ def fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return " ".join(capsys.readouterr().err.split())
 
 
-def test_a_video_and_a_folder_of_masks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_video_and_a_folder_of_masks(tmp_path, capsys):
     video = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10, (64, 48))
     (tmp_path / "made").mkdir()
     for i in range(3):
@@ -356,14 +335,7 @@ def test_a_video_and_a_folder_of_masks(tmp_path: Path, capsys: pytest.CaptureFix
         (("--masks",), "nothing given. Name a source of masks"),
     ],
 )
-def test_what_is_missing_is_told(
-    arguments: tuple[str, ...],
-    said: str,
-    noise_dir: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_is_missing_is_told(arguments, said, noise_dir, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert said in fails(capsys, "masks", noise_dir, "--out", tmp_path / "out", *arguments)
     assert not (tmp_path / "out" / "masks").exists()

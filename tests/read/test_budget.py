@@ -23,7 +23,7 @@ from gmrdata.values.files import read_npz
 from gmrdata.values.limits import MIB, Budget
 
 
-def test_what_a_file_may_ask_for_grows_with_it_up_to_a_ceiling() -> None:
+def test_what_a_file_may_ask_for_grows_with_it_up_to_a_ceiling():
     small, large, huge = (Budget.of_size(size) for size in (1, 20 * MIB, 4096 * MIB))
     assert small.bytes_left == 256 * MIB and small.numbers_left == 32 * MIB
     assert large.bytes_left == 64 * 20 * MIB and large.numbers_left == 8 * 20 * MIB
@@ -63,14 +63,14 @@ def _small_numbers(path: Path) -> None:
         (_small_numbers, "holds more numbers"),
     ],
 )
-def test_npz_beyond_the_budget(write: Callable[[Path], None], said: str, tmp_path: Path) -> None:
+def test_npz_beyond_the_budget(write, said, tmp_path):
     path = tmp_path / "a.npz"
     write(path)
     with pytest.raises(BadMotionFile, match=rf"a\.npz: {said}"):
         read_npz(path)
 
 
-def test_our_own_masks_may_be_small_beside_what_they_hold(tmp_path: Path) -> None:
+def test_our_own_masks_may_be_small_beside_what_they_hold(tmp_path):
     _small_numbers(tmp_path / "a.npz")
     assert read_npz(tmp_path / "a.npz", Budget.ceiling())["poses"].size == 40 * MIB
 
@@ -137,7 +137,7 @@ PICKLES: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", sorted(PICKLES))
-def test_pickles_beyond_the_budget(name: str, tmp_path: Path) -> None:
+def test_pickles_beyond_the_budget(name, tmp_path):
     data, said = PICKLES[name]
     path = tmp_path / "some.pkl"
     path.write_bytes(data)
@@ -145,7 +145,7 @@ def test_pickles_beyond_the_budget(name: str, tmp_path: Path) -> None:
         load_plain(path)
 
 
-def test_compressed_files_that_ask_for_memory_or_end_early(tmp_path: Path) -> None:
+def test_compressed_files_that_ask_for_memory_or_end_early(tmp_path):
     path = tmp_path / "some.pkl"
     whole = lzma.compress(pickle.dumps([1, 2]), format=lzma.FORMAT_ALONE)
     path.write_bytes(whole)
@@ -158,7 +158,7 @@ def test_compressed_files_that_ask_for_memory_or_end_early(tmp_path: Path) -> No
         load_plain(path)
 
 
-def test_what_is_shared_and_small_is_read(tmp_path: Path) -> None:
+def test_what_is_shared_and_small_is_read(tmp_path):
     path = tmp_path / "some.pkl"
     array = np.arange(1000.0)
     keys = {(1, "a"): 1, 2**59: 2, 0.5: 3, None: 4, b"x": 5, True: 6}
@@ -174,7 +174,7 @@ def saved(path: Path, value: Any) -> Path:
     return path
 
 
-def test_tensors_are_what_torch_reads(tmp_path: Path) -> None:
+def test_tensors_are_what_torch_reads(tmp_path):
     torch.manual_seed(0)
     tensors = {
         "plain": torch.randn(4, 3),
@@ -210,7 +210,7 @@ ODD_TENSORS: dict[str, Callable[[], Any]] = {
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("kind", sorted(ODD_TENSORS))
-def test_tensors_beyond_the_budget_and_of_other_kinds(kind: str, tmp_path: Path) -> None:
+def test_tensors_beyond_the_budget_and_of_other_kinds(kind, tmp_path):
     path = saved(tmp_path / "some.pt", ODD_TENSORS[kind]())
     said = "holds more numbers" if kind in ("repeated", "often") else "wants something"
     with pytest.raises(GmrdataError, match=rf"some\.pt: {said}"):
@@ -229,9 +229,7 @@ def test_tensors_beyond_the_budget_and_of_other_kinds(kind: str, tmp_path: Path)
         ({"a/data.pkl": b"}X\1\0\0\0a"}, "EOFError"),
     ],
 )
-def test_archives_that_torch_does_not_write(
-    files: dict[str, bytes], said: str, tmp_path: Path
-) -> None:
+def test_archives_that_torch_does_not_write(files, said, tmp_path):
     with zipfile.ZipFile(tmp_path / "some.pt", "w") as archive:
         for name, content in files.items():
             archive.writestr(name, content)
@@ -239,7 +237,7 @@ def test_archives_that_torch_does_not_write(
         load_tensors(tmp_path / "some.pt")
 
 
-def test_an_array_whose_header_is_no_text_of_python(tmp_path: Path) -> None:
+def test_an_array_whose_header_is_no_text_of_python(tmp_path):
     np.savez(tmp_path / "a.npz", poses=np.zeros(3))
     data = (tmp_path / "a.npz").read_bytes()
     with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:
@@ -249,7 +247,7 @@ def test_an_array_whose_header_is_no_text_of_python(tmp_path: Path) -> None:
         read_npz(tmp_path / "b.npz")
 
 
-def test_a_file_in_an_archive_that_is_no_array(tmp_path: Path) -> None:
+def test_a_file_in_an_archive_that_is_no_array(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
         archive.writestr("poses.npy", b"no array")
     with pytest.raises(BadMotionFile, match=r"a\.npz: not a readable \.npz .*'poses' is no array"):

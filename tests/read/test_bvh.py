@@ -1,6 +1,5 @@
 """BVH: what was written is read; broken files say where and what to do."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -104,9 +103,7 @@ def _fk(source: SourceMotion) -> np.ndarray:
 
 @in_one_folder(60)
 @given(skeleton=_skeletons())
-def test_a_written_skeleton_is_read_as_the_format_means_it(
-    skeleton, write_bvh: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_written_skeleton_is_read_as_the_format_means_it(skeleton, write_bvh, tmp_path):
     names, parents, offsets, channels, rows = skeleton
     path = write_bvh(tmp_path / "a.bvh", names, parents, offsets, channels, rows)
     if sum(map(len, channels)) == 0:
@@ -120,7 +117,7 @@ def test_a_written_skeleton_is_read_as_the_format_means_it(
     np.testing.assert_allclose(_fk(source), expected, atol=1e-9)
 
 
-def test_units_rate_and_end_sites(tmp_path: Path) -> None:
+def test_units_rate_and_end_sites(tmp_path):
     path = tmp_path / "a.bvh"
     path.write_text(GOOD)
     source = read_bvh(path)
@@ -131,7 +128,7 @@ def test_units_rate_and_end_sites(tmp_path: Path) -> None:
     assert read_bvh(path, fps_hz=25, unit_m=1.0).fps_hz == 25.0
 
 
-def test_offsets_that_stand_in_the_channels_alone_are_found(tmp_path: Path) -> None:
+def test_offsets_that_stand_in_the_channels_alone_are_found(tmp_path):
     """As FBX converters write: every OFFSET is zero, and each joint has its place in each frame."""
     good = tmp_path / "good.bvh"
     good.write_text(GOOD)
@@ -146,7 +143,7 @@ def test_offsets_that_stand_in_the_channels_alone_are_found(tmp_path: Path) -> N
     np.testing.assert_array_equal(found.translations_m, expected.translations_m)
 
 
-def test_windows_line_ends_tabs_and_joined_braces_are_the_same_file(tmp_path: Path) -> None:
+def test_windows_line_ends_tabs_and_joined_braces_are_the_same_file(tmp_path):
     plain, odd = tmp_path / "a.bvh", tmp_path / "b.bvh"
     plain.write_text(GOOD)
     odd.write_text(
@@ -185,7 +182,7 @@ def test_windows_line_ends_tabs_and_joined_braces_are_the_same_file(tmp_path: Pa
         ("ROOT a", "JOINT a", r":2: JOINT a is not inside the one ROOT"),
     ],
 )
-def test_broken_files_say_where_and_why(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_broken_files_say_where_and_why(tmp_path, old, new, words):
     assert old in GOOD
     path = tmp_path / "a.bvh"
     path.write_text(GOOD.replace(old, new, 1))
@@ -196,7 +193,7 @@ def test_broken_files_say_where_and_why(tmp_path: Path, old: str, new: str, word
 
 @in_one_folder(150)
 @given(data=st.data())
-def test_damage_never_raises_anything_else(data, tmp_path: Path) -> None:
+def test_damage_never_raises_anything_else(data, tmp_path):
     source = read_or_refused(tmp_path / "a.bvh", part_replaced(data, GOOD.encode()), read_bvh)
     if source is not None:
         assert np.isfinite(source.local_rotmats).all() and np.isfinite(source.translations_m).all()
@@ -208,7 +205,7 @@ def _with_rows(path: Path, rows: list[str]) -> Path:
     return path
 
 
-def test_an_added_rest_pose_is_dropped_and_a_start_at_rest_is_not(tmp_path: Path) -> None:
+def test_an_added_rest_pose_is_dropped_and_a_start_at_rest_is_not(tmp_path):
     path = tmp_path / "a.bvh"
     added = read_bvh(_with_rows(path, ["1 2 3 0 0 0 8 0", "1 2 3 5 1 2 30 9", "1 2 3 5 1 2 30 8"]))
     assert added.n_frames == 2
@@ -257,7 +254,7 @@ LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\n"
         (lambda: GOOD + "\n" * 1_100_000, r"a\.bvh: 1100[0-9]* lines, nearly all of them empty"),
     ],
 )
-def test_what_is_no_motion_at_all(make: Callable[[], str], words: str, tmp_path: Path) -> None:
+def test_what_is_no_motion_at_all(make, words, tmp_path):
     (tmp_path / "a.bvh").write_text(make())
     with pytest.raises(BadMotionFile, match=words):
         read_bvh(tmp_path / "a.bvh")

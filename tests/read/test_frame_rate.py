@@ -22,17 +22,17 @@ from gmrdata.values.errors import BadMotionFile
      ("0.0166667", 60), ("1.66667e-2", 60), ("0.010", 100), ("0.0333667", 29.97),
      ("0.0039062", 256), ("0.0341131", 1 / 0.0341131)],
 )  # fmt: skip
-def test_printed_frame_times(text: str, fps_hz: float) -> None:
+def test_printed_frame_times(text, fps_hz):
     assert rate_of_frame_time_hz(text, Path("a.bvh"), 1) == fps_hz
 
 
 @given(st.integers(5, 1000), st.integers(7, 12))
-def test_every_whole_rate_survives_printing(fps_hz: int, decimals: int) -> None:
+def test_every_whole_rate_survives_printing(fps_hz, decimals):
     assert rate_of_frame_time_hz(f"{1 / fps_hz:.{decimals}f}", Path("a.bvh"), 1) == fps_hz
 
 
 @pytest.mark.parametrize("fps_hz", [23.976, 29.97, 59.94, 119.88, 30000 / 1001, 60000 / 1001, 12.5])
-def test_rates_that_are_not_whole_survive_in_full(fps_hz: float) -> None:
+def test_rates_that_are_not_whole_survive_in_full(fps_hz):
     assert rate_of_frame_time_hz(f"{1 / fps_hz:.20f}", Path("a.bvh"), 1) == fps_hz
 
 
@@ -42,19 +42,19 @@ def test_rates_that_are_not_whole_survive_in_full(fps_hz: float) -> None:
      ("33_01.amc", 33, 60), ("35_01.amc", 35, 120), ("walk.bvh", None, 120),
      ("02_034.bvh", None, 120)],
 )  # fmt: skip
-def test_cmus_index(name: str, subject: int | None, fps_hz: float) -> None:
+def test_cmus_index(name, subject, fps_hz):
     assert cmu_subject(Path(name)) == subject
     assert cmu_rate_hz(Path(name)) == fps_hz
 
 
 @pytest.mark.parametrize("fps_hz", [0.0, -30.0, 10000.0, float("nan"), float("inf")])
-def test_absurd_rates(fps_hz: float) -> None:
+def test_absurd_rates(fps_hz):
     with pytest.raises(BadMotionFile, match=r"a\.bvh.*fps-hz"):
         check_rate_hz(fps_hz, Path("a.bvh"))
 
 
 @pytest.mark.parametrize("text", ["1.0", "0.5", "0.0001", "-0.03", "nan"])
-def test_a_header_that_nobody_set_is_no_rate(text: str) -> None:
+def test_a_header_that_nobody_set_is_no_rate(text):
     with pytest.raises(BadMotionFile, match=r"a\.bvh:8: .*is no rate.*with --fps-hz"):
         rate_of_frame_time_hz(text, Path("a.bvh"), 8)
 
@@ -92,7 +92,7 @@ Frame Time: {time}
     [("62_11.bvh", ".0083333", 60), ("62_11.bvh", "0.0333333", 30), ("walk.bvh", ".0083333", 120),
      ("jumping_jacks.bvh", "0.0333333", 30)],
 )  # fmt: skip
-def test_cmus_joints_alone_are_no_rate(tmp_path: Path, name: str, time: str, fps_hz: float) -> None:
+def test_cmus_joints_alone_are_no_rate(tmp_path, name, time, fps_hz):
     path = tmp_path / name
     path.write_text(CMU_LIKE.format(time=time))
     assert read_bvh(path).fps_hz == fps_hz

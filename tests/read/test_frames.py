@@ -2,7 +2,6 @@
 
 import struct
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -35,7 +34,7 @@ def put(folder: Path, *names: str, size_px: tuple[int, int] = (40, 30)) -> list[
     return [folder / name for name in names]
 
 
-def test_frames_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+def test_frames_come_in_the_order_of_their_numbers(tmp_path):
     put(tmp_path, "image_10.jpg", "image_9.jpg", "image_8.png", "image_11.jpeg")
     (tmp_path / "notes.txt").write_text("12")
     names = [path.name for path in list_images(tmp_path)]
@@ -44,12 +43,12 @@ def test_frames_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
 
 
 @given(st.integers(0, 10**8), st.sampled_from(["image_", "", "seq2_cam03-", "a.b"]))
-def test_the_number_is_the_last_one_in_the_name(number: int, prefix: str) -> None:
+def test_the_number_is_the_last_one_in_the_name(number, prefix):
     assert image_number(Path(f"clip/{prefix}{number:05d}.jpg")) == number
 
 
 @given(st.integers(1, 300), st.integers(1, 300), st.sampled_from([".jpg", ".png"]))
-def test_header_sizes_are_what_opencv_decodes(width: int, height: int, suffix: str) -> None:
+def test_header_sizes_are_what_opencv_decodes(width, height, suffix):
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
@@ -62,7 +61,7 @@ THUMBNAIL = b"\xff\xe1" + (1000).to_bytes(2, "big") + b"\xff\xc0" * 499
 
 
 @pytest.mark.parametrize("more", [THUMBNAIL, b"\xff\xff"], ids=["metadata", "fill bytes"])
-def test_a_jpeg_with_more_before_its_header_is_read(more: bytes, tmp_path: Path) -> None:
+def test_a_jpeg_with_more_before_its_header_is_read(more, tmp_path):
     (path,) = put(tmp_path, "0.jpg")
     plain = path.read_bytes()
     path.write_bytes(plain[:2] + more + plain[2:])
@@ -87,9 +86,7 @@ def with_exif(path: Path, orientation: int, order: str = "MM") -> Path:
 
 @pytest.mark.parametrize("order", ["MM", "II"])
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_each_reader_turns_by_exif_as_viewers_do(
-    tmp_path: Path, orientation: int, order: str
-) -> None:
+def test_each_reader_turns_by_exif_as_viewers_do(tmp_path, orientation, order):
     """OpenCV's and Pillow's own turning are the oracles; PNG and JPEG have one rule."""
     from PIL import Image, ImageOps
 
@@ -109,7 +106,7 @@ def test_each_reader_turns_by_exif_as_viewers_do(
 
 
 @given(st.binary(max_size=60))
-def test_exif_that_is_nonsense_is_upright_or_turned(tail: bytes) -> None:
+def test_exif_that_is_nonsense_is_upright_or_turned(tail):
     for tiff in (b"MM\0*" + tail, b"II*\0" + tail, tail):
         length = (len(tiff) + 8).to_bytes(2, "big")
         jpeg = b"\xff\xd8\xff\xe1" + length + b"Exif\0\0" + tiff
@@ -131,26 +128,26 @@ def test_exif_that_is_nonsense_is_upright_or_turned(tail: bytes) -> None:
         ("IMG_20240101_0003.jpg", 3),
     ],
 )
-def test_a_size_in_the_name_is_no_number_of_a_frame(name: str, number: int) -> None:
+def test_a_size_in_the_name_is_no_number_of_a_frame(name, number):
     """It is where the name has no other number."""
     assert image_number(Path(name)) == number
 
 
-def test_what_macos_puts_beside_files_is_left_out(tmp_path: Path) -> None:
+def test_what_macos_puts_beside_files_is_left_out(tmp_path):
     put(tmp_path, "frame0001_18x24.jpg", "frame0002_18x24.jpg")
     for name in ("._frame0001_18x24.jpg", "._frame0003_18x24.jpg", ".DS_Store"):
         (tmp_path / name).write_bytes(b"\0\5\x16\7")
     assert [path.name[:9] for path in list_images(tmp_path)] == ["frame0001", "frame0002"]
 
 
-def test_an_image_whose_name_is_no_text_is_named(tmp_path: Path) -> None:
+def test_an_image_whose_name_is_no_text_is_named(tmp_path):
     put(tmp_path, "1.jpg", "2.jpg")
     (tmp_path / "2.jpg").rename(tmp_path / "caf\udce9_2.jpg")
     with pytest.raises(BadFrames, match=r"caf\\xe9_2\.jpg: .*Rename it"):
         list_images(tmp_path)
 
 
-def test_a_missing_folder_and_no_images(tmp_path: Path) -> None:
+def test_a_missing_folder_and_no_images(tmp_path):
     with pytest.raises(MissingInput, match="no such folder of images"):
         list_images(tmp_path / "nothing")
     with pytest.raises(BadFrames, match="at least 2 frames"):
@@ -169,13 +166,13 @@ def test_a_missing_folder_and_no_images(tmp_path: Path) -> None:
         (["a.jpg", "1.jpg"], "a.jpg: no number in the name"),
     ],
 )
-def test_numbers_that_do_not_run_through(names: list[str], said: str, tmp_path: Path) -> None:
+def test_numbers_that_do_not_run_through(names, said, tmp_path):
     put(tmp_path, *names)
     with pytest.raises(BadFrames, match=said):
         list_images(tmp_path)
 
 
-def test_left_out_numbers_are_not_listed_and_not_missed(tmp_path: Path) -> None:
+def test_left_out_numbers_are_not_listed_and_not_missed(tmp_path):
     put(tmp_path, "1.jpg", "2.jpg", "4.jpg", "5.jpg", "5.png", "8.jpg")
     left_out = {3, 5, 6, 7, 99}
     names = [path.name for path in list_images(tmp_path, left_out)]
@@ -188,7 +185,7 @@ def test_left_out_numbers_are_not_listed_and_not_missed(tmp_path: Path) -> None:
         list_images(tmp_path, (1, 2, 4, 5))
 
 
-def test_one_frame_of_another_size_is_named(tmp_path: Path) -> None:
+def test_one_frame_of_another_size_is_named(tmp_path):
     paths = put(tmp_path, "1.jpg", "2.jpg") + put(tmp_path, "0.png", size_px=(30, 40))
     with pytest.raises(BadFrames, match=r"0\.png: 30x40 px, other frames are 40x30 px"):
         check_images(sorted(paths))
@@ -208,9 +205,7 @@ NO_IMAGE = "truncated or not an image"
         (".jpg", lambda _: b"", "empty file"),
     ],
 )
-def test_broken_frames_are_named(
-    suffix: str, damaged: Callable[[bytes], bytes], said: str, tmp_path: Path
-) -> None:
+def test_broken_frames_are_named(suffix, damaged, said, tmp_path):
     paths = put(tmp_path, f"0{suffix}", f"1{suffix}")
     paths[1].write_bytes(damaged(paths[1].read_bytes()))
     with pytest.raises(BadFrames, match=rf"1\{suffix}: {said}"):
@@ -218,7 +213,7 @@ def test_broken_frames_are_named(
 
 
 @given(st.binary(max_size=200), st.sampled_from([b"\xff\xd8", b"\x89PNG\r\n\x1a\n", b""]))
-def test_random_bytes_never_crash_the_check(content: bytes, start: bytes) -> None:
+def test_random_bytes_never_crash_the_check(content, start):
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
@@ -231,7 +226,7 @@ def test_random_bytes_never_crash_the_check(content: bytes, start: bytes) -> Non
         assert width > 0 and height > 0
 
 
-def test_gray_images_are_read_back_as_written(tmp_path: Path) -> None:
+def test_gray_images_are_read_back_as_written(tmp_path):
     mask = np.random.default_rng(1).integers(0, 255, (12, 17)).astype(np.uint8)
     write_gray(tmp_path / "m.png", mask)
     assert np.array_equal(read_gray(tmp_path / "m.png", (17, 12)), mask)
@@ -252,9 +247,7 @@ def png_header(width: int, height: int) -> bytes:
 
 
 @pytest.mark.parametrize("size_px", [(30_000, 30_000), (2**31 - 1, 2**31 - 1), (2**31 - 1, 1)])
-def test_a_header_that_claims_any_size_takes_no_memory(
-    size_px: tuple[int, int], tmp_path: Path
-) -> None:
+def test_a_header_that_claims_any_size_takes_no_memory(size_px, tmp_path):
     whole = png_header(*size_px)
     for name, content in (("0.png", whole), ("1.png", whole[:60])):
         (tmp_path / name).write_bytes(content)
@@ -264,7 +257,7 @@ def test_a_header_that_claims_any_size_takes_no_memory(
         check_images([tmp_path / "0.png"])
 
 
-def test_pictures_of_other_kinds_are_not_decoded(tmp_path: Path) -> None:
+def test_pictures_of_other_kinds_are_not_decoded(tmp_path):
     """OpenCV tells them by their content; what a header of theirs claims is not known here."""
     put(tmp_path, "0.bmp")
     (tmp_path / "0.bmp").rename(tmp_path / "0.png")
@@ -272,13 +265,13 @@ def test_pictures_of_other_kinds_are_not_decoded(tmp_path: Path) -> None:
         read_gray(tmp_path / "0.png")
 
 
-def test_a_gap_of_a_billion_numbers_is_said_at_once(tmp_path: Path) -> None:
+def test_a_gap_of_a_billion_numbers_is_said_at_once(tmp_path):
     put(tmp_path, "1.png", "000000999999999.png")
     with pytest.raises(BadFrames, match="frame 4 to 999999998 missing between 1 and 999999999"):
         list_images(tmp_path, left_out={2, 3, 7})
 
 
-def test_a_path_whose_bytes_are_no_text_is_read_and_written(tmp_path: Path) -> None:
+def test_a_path_whose_bytes_are_no_text_is_read_and_written(tmp_path):
     folder = tmp_path / "caf\udce9"
     folder.mkdir()
     image = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)

@@ -2,8 +2,6 @@
 
 import json
 import tarfile
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -50,7 +48,7 @@ def table(cameras: np.ndarray) -> str:
 
 
 @pytest.mark.parametrize("kind", ["record3d", "odometry", "table"])
-def test_up_is_in_the_cameras_axes(kind: str, cameras: np.ndarray, tmp_path: Path) -> None:
+def test_up_is_in_the_cameras_axes(kind, cameras, tmp_path):
     texts = {
         "record3d": json.dumps(record3d(cameras)),
         "odometry": odometry(cameras),
@@ -62,14 +60,12 @@ def test_up_is_in_the_cameras_axes(kind: str, cameras: np.ndarray, tmp_path: Pat
     assert np.isnan(up_cam[3]).all()  # the file ends before
 
 
-def test_an_upright_camera_has_up_at_minus_y(tmp_path: Path) -> None:
+def test_an_upright_camera_has_up_at_minus_y(tmp_path):
     (tmp_path / "a.csv").write_text("frame,x,y,z\n0,0,9.8,0\n1,0,1,0\n")
     assert read_gravity(tmp_path / "a.csv", np.arange(2)).tolist() == [[0, -1, 0]] * 2
 
 
-def test_a_phone_feels_the_floor_that_its_lidar_measured(
-    shared_path: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_a_phone_feels_the_floor_that_its_lidar_measured(shared_path, tmp_path):
     with tarfile.open(shared_path("video/dance.tar")) as tar:
         content = tar.extractfile("dance/metadata")
         assert content is not None
@@ -101,7 +97,7 @@ def test_a_phone_feels_the_floor_that_its_lidar_measured(
         ('{"initPose"', "delimiter"),
     ],
 )
-def test_what_is_no_gravity_is_refused(text: str, said: str, tmp_path: Path) -> None:
+def test_what_is_no_gravity_is_refused(text, said, tmp_path):
     path = tmp_path / "felt.csv"
     path.write_text(text)
     with pytest.raises(BadIntrinsics) as caught:
@@ -109,7 +105,7 @@ def test_what_is_no_gravity_is_refused(text: str, said: str, tmp_path: Path) -> 
     assert said in str(caught.value) and str(path) in str(caught.value)
 
 
-def test_other_bytes_and_no_file_are_refused(tmp_path: Path) -> None:
+def test_other_bytes_and_no_file_are_refused(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"\x00\x00\x00\x18ftyp\xff\xfe")
     with pytest.raises(BadIntrinsics, match="record3d's metadata"):
         read_gravity(tmp_path / "a.mp4", FRAMES)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.read.threedpw_files import SequenceArrays, read_sequence_file
+from gmrdata.read.threedpw_files import read_sequence_file
 from gmrdata.threedpw.regenerate import sequence_rows
 from gmrdata.values.errors import BrokenPickle, UnsafePickle
 from gmrdata.write.threedpw import write_sequence_file
@@ -33,14 +33,14 @@ class Calls:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, monkeypatch) -> Path:
     """The folder in which a hostile pickle would leave its mark."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
-def content(walk_arrays: SequenceArrays, tmp_path: Path) -> dict[str, Any]:
+def content(walk_arrays, tmp_path) -> dict[str, Any]:
     write_sequence_file(tmp_path / "good.pkl", walk_arrays)
     return dict(pickle.loads((tmp_path / "good.pkl").read_bytes(), encoding="latin1"))
 
@@ -64,9 +64,7 @@ PLACES: dict[str, Callable[[dict[str, Any], Any], Any]] = {
 @pytest.mark.parametrize("protocol", [0, 1, 2, 4, 5])
 @pytest.mark.parametrize("place", sorted(PLACES))
 @pytest.mark.parametrize("call", [SYSTEM, EVAL], ids=["system", "eval"])
-def test_a_call_anywhere_in_a_sequence_is_refused_by_name(
-    content: dict[str, Any], here: Path, protocol: int, place: str, call: Calls
-) -> None:
+def test_a_call_anywhere_in_a_sequence_is_refused_by_name(content, here, protocol, place, call):
     data = pickle.dumps(PLACES[place](content, call), protocol)
     (here / "some.pkl").write_bytes(data)
     with pytest.raises(UnsafePickle, match=r"some\.pkl: wants to import '\S+\.(system|eval)'"):
@@ -113,7 +111,7 @@ TRICKS = {
 
 
 @pytest.mark.parametrize("trick", sorted(TRICKS))
-def test_known_tricks_are_refused(here: Path, trick: str) -> None:
+def test_known_tricks_are_refused(here, trick):
     (here / "some.pkl").write_bytes(TRICKS[trick])
     with pytest.raises(UnsafePickle, match=r"some\.pkl: "):
         read_sequence_file(here / "some.pkl")
@@ -121,9 +119,7 @@ def test_known_tricks_are_refused(here: Path, trick: str) -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.5, 0.9, 0.9999])
-def test_a_truncated_file_is_an_error(
-    here: Path, walk_arrays: SequenceArrays, share: float
-) -> None:
+def test_a_truncated_file_is_an_error(here, walk_arrays, share):
     path = here / "some.pkl"
     write_sequence_file(path, walk_arrays)
     data = path.read_bytes()
@@ -132,9 +128,7 @@ def test_a_truncated_file_is_an_error(
         read_sequence_file(path)
 
 
-def test_arrays_that_claim_absurd_sizes_are_refused_without_the_memory(
-    here: Path, walk_arrays: SequenceArrays
-) -> None:
+def test_arrays_that_claim_absurd_sizes_are_refused_without_the_memory(here, walk_arrays):
     path = here / "some.pkl"
     write_sequence_file(path, walk_arrays)
     shape = b"(K\x1eK\x48t"  # (30, 72), the first array with that shape
@@ -146,9 +140,7 @@ def test_arrays_that_claim_absurd_sizes_are_refused_without_the_memory(
 
 
 @given(data=st.data())
-def test_changed_bytes_give_arrays_or_an_error_that_says_so(
-    walk_arrays: SequenceArrays, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
-) -> None:
+def test_changed_bytes_give_arrays_or_an_error_that_says_so(walk_arrays, tmp_path_factory, data):
     """Whatever a few changed bytes make of a file: never another kind of error."""
     path = tmp_path_factory.getbasetemp() / "changed.pkl"
     write_sequence_file(path, walk_arrays)
@@ -164,9 +156,7 @@ def test_changed_bytes_give_arrays_or_an_error_that_says_so(
         assert all(person.poses_rad.shape == (arrays.n_frames, 72) for person in arrays.people)
 
 
-def test_a_hostile_sequence_does_not_stop_the_others(
-    make_dataset: Callable[..., Path], here: Path, content: dict[str, Any]
-) -> None:
+def test_a_hostile_sequence_does_not_stop_the_others(make_dataset, here, content):
     root = make_dataset()
     hostile = root / "sequenceFiles" / "train" / "a_hostile_00.pkl"
     hostile.write_bytes(pickle.dumps(content | {"notes": SYSTEM}, 2))

@@ -42,7 +42,7 @@ def remuxed(video: Path, out: Path, keep: Callable[[int, Any], bool]) -> Path:
     return out
 
 
-def test_a_picture_of_one_pixel(tmp_path: Path) -> None:
+def test_a_picture_of_one_pixel(tmp_path):
     ones = [np.full((1, 1, 3), 30 * i, np.uint8) for i in range(3)]
     images, record = read(raw("ffv1", "bgr0", ones, tmp_path / "a.mkv"))
     assert record.size_px == (1, 1) and [int(im[0, 0, 0]) for im in images] == [0, 30, 60]
@@ -57,7 +57,7 @@ def test_a_picture_of_one_pixel(tmp_path: Path) -> None:
         ("deep.mkv", "ffv1", "yuv420p16le"),
     ],
 )
-def test_other_pixel_formats(tmp_path: Path, name: str, codec: str, pixel_format: str) -> None:
+def test_other_pixel_formats(tmp_path, name, codec, pixel_format):
     given = [cv2.GaussianBlur(textured(i), (0, 0), 3) for i in range(3)]
     images, record = read(raw(codec, pixel_format, given, tmp_path / name))
     assert record.pixel_format == pixel_format and len(images) == 3
@@ -66,7 +66,7 @@ def test_other_pixel_formats(tmp_path: Path, name: str, codec: str, pixel_format
         assert np.abs(cv2.cvtColor(seen, cv2.COLOR_BGR2GRAY) - true).mean() < 4
 
 
-def test_high_dynamic_range_is_read_at_ten_bits(tmp_path: Path) -> None:
+def test_high_dynamic_range_is_read_at_ten_bits(tmp_path):
     """Its tones are not mapped: features need none of that, and nothing is clipped."""
     tags = {"color_primaries": "bt2020", "color_trc": "smpte2084", "colorspace": "bt2020nc"}
     video = make_video(tmp_path / "a.mkv", None, "libx264", "yuv420p10le", options=tags)
@@ -75,7 +75,7 @@ def test_high_dynamic_range_is_read_at_ten_bits(tmp_path: Path) -> None:
     assert images[0][30, 50].max() < images[7][30, 50].max() < 60
 
 
-def test_a_count_of_frames_that_is_far_too_large(tmp_path: Path) -> None:
+def test_a_count_of_frames_that_is_far_too_large(tmp_path):
     video = make_video(tmp_path / "a.mp4")
     content = bytearray(video.read_bytes())
     at = content.index(b"stsz") + 12  # version, size, then the count (ISO 14496-12, 8.7.3)
@@ -86,7 +86,7 @@ def test_a_count_of_frames_that_is_far_too_large(tmp_path: Path) -> None:
         read(video)
 
 
-def test_a_size_that_changes_in_the_middle(tmp_path: Path) -> None:
+def test_a_size_that_changes_in_the_middle(tmp_path):
     sizes_px = 4 * [(64, 48)] + 4 * [(96, 64)]
     with av.open(str(tmp_path / "a.mkv"), "w") as container:
         stream: Any = container.add_stream("mjpeg", rate=25)
@@ -103,7 +103,7 @@ def test_a_size_that_changes_in_the_middle(tmp_path: Path) -> None:
     assert len(read(tmp_path / "a.mkv", to_s=0.13)[0]) == 4
 
 
-def test_two_streams_one_behind_the_other(tmp_path: Path) -> None:
+def test_two_streams_one_behind_the_other(tmp_path):
     small, large = make_video(tmp_path / "a.ts"), make_video(tmp_path / "b.ts")
     both = tmp_path / "both.ts"
     both.write_bytes(small.read_bytes() + large.read_bytes())
@@ -111,7 +111,7 @@ def test_two_streams_one_behind_the_other(tmp_path: Path) -> None:
         read(both)
 
 
-def test_a_stream_without_its_first_key_frame(tmp_path: Path) -> None:
+def test_a_stream_without_its_first_key_frame(tmp_path):
     whole = make_video(tmp_path / "a.mp4", [textured(i) for i in range(24)], options={"g": "8"})
     headless = remuxed(whole, tmp_path / "b.mp4", lambda place, _: place > 0)
     with pytest.raises(BadFrames, match=r"23 frames by .* but 1\d can be"):
@@ -124,7 +124,7 @@ def test_a_stream_without_its_first_key_frame(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["b.mkv", "b.mp4", "b.ts"])
-def test_pictures_that_a_cut_took_the_others_from_are_not_lost(tmp_path: Path, name: str) -> None:
+def test_pictures_that_a_cut_took_the_others_from_are_not_lost(tmp_path, name):
     """An open group of pictures begins with some that no player shows once it is the first."""
     how = {"bf": "3", "x264-params": "open-gop=1:scenecut=0:b-pyramid=none:keyint=24"}
     pictures = [textured(i) for i in range(72)]
@@ -142,13 +142,13 @@ def test_pictures_that_a_cut_took_the_others_from_are_not_lost(tmp_path: Path, n
     assert (part.n_expected, part.n_lost) == (13, 0)
 
 
-def test_a_broadcast_begins_anywhere(tmp_path: Path) -> None:
+def test_a_broadcast_begins_anywhere(tmp_path):
     whole = make_video(tmp_path / "a.ts", [textured(i) for i in range(60)], options={"g": "20"})
     images, record = read(remuxed(whole, tmp_path / "b.ts", lambda place, _: place > 2))
     assert (len(images), record.n_expected) == (40, 40)
 
 
-def test_times_below_zero_and_a_late_start(tmp_path: Path) -> None:
+def test_times_below_zero_and_a_late_start(tmp_path):
     for first in (-50, 9000):
         ticks = [first + i for i in range(8)]
         video = make_video(tmp_path / f"{abs(first)}.mkv", ticks=ticks)
@@ -156,14 +156,14 @@ def test_times_below_zero_and_a_late_start(tmp_path: Path) -> None:
         assert record.times_s == pytest.approx([0.04 * i for i in range(8)], abs=1e-3)
 
 
-def test_a_still_of_an_hour_between_two_takes_keeps_its_times(tmp_path: Path) -> None:
+def test_a_still_of_an_hour_between_two_takes_keeps_its_times(tmp_path):
     video = make_video(tmp_path / "a.mkv", ticks=[0, 1, 2, 3, 90_000, 90_001, 90_002, 90_003])
     _, record = read(video)
     assert record.times_s[4] - record.times_s[3] == pytest.approx(3599.88, abs=0.01)
     assert record.rate_hz == pytest.approx(25, rel=0.03)
 
 
-def test_a_song_with_a_cover_is_no_video(tmp_path: Path) -> None:
+def test_a_song_with_a_cover_is_no_video(tmp_path):
     with av.open(str(tmp_path / "a.mp3"), "w") as container:
         sound: Any = container.add_stream("mp3", rate=16000)
         cover: Any = container.add_stream("png", rate=1)
@@ -180,14 +180,14 @@ def test_a_song_with_a_cover_is_no_video(tmp_path: Path) -> None:
         read(tmp_path / "a.mp3")
 
 
-def test_a_moving_gif(tmp_path: Path) -> None:
+def test_a_moving_gif(tmp_path):
     images, record = read(
         raw("gif", "rgb8", [picture(3 * i) for i in range(6)], tmp_path / "a.gif")
     )
     assert len(images) == 6 and record.codec == "gif"
 
 
-def test_rubbish_behind_a_video_does_not_matter_and_zeros_inside_do(tmp_path: Path) -> None:
+def test_rubbish_behind_a_video_does_not_matter_and_zeros_inside_do(tmp_path):
     video = make_video(tmp_path / "a.mp4", [textured(i) for i in range(8)])
     content = video.read_bytes()
     (tmp_path / "b.mp4").write_bytes(content + os.urandom(5000))
@@ -200,7 +200,7 @@ def test_rubbish_behind_a_video_does_not_matter_and_zeros_inside_do(tmp_path: Pa
         read(tmp_path / "c.mp4")
 
 
-def test_what_is_no_file_is_named(tmp_path: Path) -> None:
+def test_what_is_no_file_is_named(tmp_path):
     (tmp_path / "folder.mp4").mkdir()
     (tmp_path / "gone.mp4").symlink_to(tmp_path / "nowhere.mp4")
     os.mkfifo(tmp_path / "pipe.mp4")
@@ -209,7 +209,7 @@ def test_what_is_no_file_is_named(tmp_path: Path) -> None:
             extract_video(tmp_path / name, tmp_path / "frames")
 
 
-def test_bytes_changed_anywhere_give_frames_or_a_clear_error(tmp_path: Path) -> None:
+def test_bytes_changed_anywhere_give_frames_or_a_clear_error(tmp_path):
     video = make_video(tmp_path / "a.mp4", [textured(i) for i in range(6)])
     content, rng = video.read_bytes(), np.random.default_rng(0)
     for number in range(25):

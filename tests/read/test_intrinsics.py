@@ -34,9 +34,7 @@ def text_file(folder: Path, name: str, text: str) -> Path:
         ("1 SIMPLE_RADIAL 1280 960 1200 640 480 -0.15", (600, 600), -0.15),
     ],
 )
-def test_colmaps_cameras_are_read_at_the_size_of_the_frames(
-    tmp_path: Path, line: str, focal_px: tuple[float, float], k1: float
-) -> None:
+def test_colmaps_cameras_are_read_at_the_size_of_the_frames(tmp_path, line, focal_px, k1):
     found = read_intrinsics(text_file(tmp_path, "cameras.txt", line), SIZE_PX)
     assert found.focal_px == focal_px
     assert found.centre_px == (320, 240)
@@ -45,7 +43,7 @@ def test_colmaps_cameras_are_read_at_the_size_of_the_frames(
 
 
 @pytest.mark.parametrize("model", ["PINHOLE", "SIMPLE_RADIAL"])
-def test_what_colmap_writes_is_read_from_its_folder(tmp_path: Path, model: str) -> None:
+def test_what_colmap_writes_is_read_from_its_folder(tmp_path, model):
     params = {"PINHOLE": [600.0, 605, 322, 239], "SIMPLE_RADIAL": [600.0, 322, 239, -0.1]}[model]
     written = pycolmap.Reconstruction()
     written.add_camera_with_trivial_rig(
@@ -60,7 +58,7 @@ def test_what_colmap_writes_is_read_from_its_folder(tmp_path: Path, model: str) 
     assert from_binary.radial == (0 if model == "PINHOLE" else -0.1, 0)
 
 
-def test_opencvs_own_file_is_read_by_its_count_of_pixels(tmp_path: Path) -> None:
+def test_opencvs_own_file_is_read_by_its_count_of_pixels(tmp_path):
     path = tmp_path / "camera.yaml"
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     storage.write("image_width", 640)
@@ -74,7 +72,7 @@ def test_opencvs_own_file_is_read_by_its_count_of_pixels(tmp_path: Path) -> None
     assert found.radial == (-0.12, 0)
 
 
-def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path: Path) -> None:
+def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path):
     ros = (
         "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
         "  data: [600, 0, 319.5, 0, 605, 239.5, 0, 0, 1]\n"
@@ -126,16 +124,14 @@ def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path: Path) -> None:
         ("%YAML:1.0\n---\ncamera_matrix: 3\n", "can't be read"),
     ],
 )
-def test_what_is_no_calibration_of_these_frames_is_refused(
-    tmp_path: Path, text: str, said: str
-) -> None:
+def test_what_is_no_calibration_of_these_frames_is_refused(tmp_path, text, said):
     path = text_file(tmp_path, "cameras.txt", text)
     with pytest.raises(BadIntrinsics, match=r"cameras\.txt.*; ") as error:
         read_intrinsics(path, SIZE_PX)
     assert said in str(error.value)
 
 
-def test_a_cut_off_file_and_none_are_refused(tmp_path: Path) -> None:
+def test_a_cut_off_file_and_none_are_refused(tmp_path):
     path = tmp_path / "cameras.bin"
     for content in (b"", b"\x01", struct.pack("<QIiQQ", 1, 1, 1, 640, 480) + b"\0" * 9):
         path.write_bytes(content)
@@ -155,7 +151,7 @@ def jpeg_with(folder: Path, tags: dict[int, object]) -> Path:
     return path
 
 
-def test_exif_gives_the_focal_length_on_film_or_on_the_sensor(tmp_path: Path) -> None:
+def test_exif_gives_the_focal_length_on_film_or_on_the_sensor(tmp_path):
     from PIL.TiffImagePlugin import IFDRational
 
     def noted(tags: dict[int, object]) -> Lens | None:
@@ -178,7 +174,7 @@ def test_exif_gives_the_focal_length_on_film_or_on_the_sensor(tmp_path: Path) ->
         assert exif_lens(path, SIZE_PX) in (None, film)
 
 
-def test_a_phones_video_gives_it_too(tmp_path: Path) -> None:
+def test_a_phones_video_gives_it_too(tmp_path):
     import av
 
     path = tmp_path / "phone.mov"

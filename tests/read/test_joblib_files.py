@@ -64,13 +64,7 @@ def read(folder: Path, data: bytes) -> Any:
     protocol=st.integers(2, 5),
     aligned=st.booleans(),
 )
-def test_arrays_come_back_as_they_were(
-    array: np.ndarray,
-    fortran: bool,
-    protocol: int,
-    aligned: bool,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+def test_arrays_come_back_as_they_were(array, fortran, protocol, aligned, tmp_path_factory):
     written = np.asarray(array, order="F" if fortran else "C")
     data = joblib_bytes([written, "between", {"again": written}], protocol, aligned=aligned)
     first, between, last = read(tmp_path_factory.getbasetemp(), data)
@@ -82,7 +76,7 @@ def test_arrays_come_back_as_they_were(
 
 
 @pytest.mark.parametrize("packer", sorted(PACKERS))
-def test_compressed_files_are_told_by_their_first_bytes(packer: str, tmp_path: Path) -> None:
+def test_compressed_files_are_told_by_their_first_bytes(packer, tmp_path):
     value = {3: {"pose": np.arange(144.0).reshape(2, 72), "frame_ids": np.arange(2)}}
     found = read(tmp_path, PACKERS[packer](joblib_bytes(value)))
     assert np.array_equal(found[3]["pose"], value[3]["pose"])
@@ -90,7 +84,7 @@ def test_compressed_files_are_told_by_their_first_bytes(packer: str, tmp_path: P
 
 
 @pytest.mark.parametrize("packer", sorted(PACKERS))
-def test_every_truncation_is_an_error(packer: str, tmp_path: Path) -> None:
+def test_every_truncation_is_an_error(packer, tmp_path):
     data = PACKERS[packer](joblib_bytes({"a": np.arange(3.0), "b": [1, "x"]}))
     for length in range(len(data)):
         with pytest.raises((BrokenPickle, UnsafePickle), match=r"some\.pkl"):
@@ -98,7 +92,7 @@ def test_every_truncation_is_an_error(packer: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("written", [BY_JOBLIB, BY_JOBLIB_PACKED])
-def test_files_that_joblib_itself_wrote(written: str, tmp_path: Path) -> None:
+def test_files_that_joblib_itself_wrote(written, tmp_path):
     found = read(tmp_path, b64decode(written))
     assert list(found) == [1]
     assert found[1]["pose"].dtype == np.float32
@@ -107,7 +101,7 @@ def test_files_that_joblib_itself_wrote(written: str, tmp_path: Path) -> None:
     assert joblib_bytes(found) == b64decode(BY_JOBLIB)
 
 
-def test_a_default_dict_with_numpys_integers_as_keys(tmp_path: Path) -> None:
+def test_a_default_dict_with_numpys_integers_as_keys(tmp_path):
     """As WHAM has it."""
     people: defaultdict[Any, dict[str, Any]] = defaultdict(dict)
     people[np.int64(7)]["betas"] = np.ones((2, 10), np.float32)
@@ -117,7 +111,7 @@ def test_a_default_dict_with_numpys_integers_as_keys(tmp_path: Path) -> None:
     assert np.array_equal(found[7]["betas"], np.ones((2, 10)))
 
 
-def test_an_entry_that_two_places_share_stays_shared(tmp_path: Path) -> None:
+def test_an_entry_that_two_places_share_stays_shared(tmp_path):
     """As PHALP has the pose of a track that is not seen."""
     smpl = {"body_pose": np.zeros((23, 3, 3))}
     found = read(tmp_path, joblib_bytes([[smpl], [smpl]]))
@@ -133,7 +127,7 @@ class _Call:
 
 
 @pytest.mark.parametrize("protocol", range(2, 6))
-def test_a_call_is_refused_and_not_run(protocol: int, tmp_path: Path) -> None:
+def test_a_call_is_refused_and_not_run(protocol, tmp_path):
     touched = tmp_path / "touched"
     hidden = np.array([_Call(touched), 1], dtype=object)
     for value in (_Call(touched), {"a": np.ones(2), "b": _Call(touched)}, [hidden]):
@@ -176,21 +170,19 @@ def wrapper(subclass: bytes, shape: bytes, dtype: bytes = F8) -> bytes:
         (b"\x80\x02c__builtin__\ndict\n)R.", UnsafePickle),
     ],
 )
-def test_a_misused_wrapper_is_refused(data: bytes, error: type[Exception], tmp_path: Path) -> None:
+def test_a_misused_wrapper_is_refused(data, error, tmp_path):
     with pytest.raises(error, match=r"some\.pkl"):
         read(tmp_path, data)
 
 
-def test_the_spelt_out_wrapper_itself_is_read(tmp_path: Path) -> None:
+def test_the_spelt_out_wrapper_itself_is_read(tmp_path):
     """So that the refusals above are of what is wrong in each."""
     data = wrapper(b"cnumpy\nndarray\n", b"(I2\nt") + np.array([1.5, -2.0]).tobytes() + b"."
     assert read(tmp_path, data).tolist() == [1.5, -2.0]
 
 
 @pytest.mark.parametrize("packer", ["zlib", "gzip", "bz2", "xz"])
-def test_a_file_that_unpacks_without_end_is_refused(
-    packer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_unpacks_without_end_is_refused(packer, tmp_path, monkeypatch):
     monkeypatch.setattr(limits, "FREE_BYTES", 3 << 20)
     with pytest.raises(BrokenPickle, match=r"some\.pkl: unpacks to more bytes than"):
         read(tmp_path, PACKERS[packer](bytes(5 << 20)))

@@ -1,8 +1,7 @@
 """Lens files as many programs write them: the right pinhole, or a refusal by the model's name."""
 
 import json
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
 import cv2
 import numpy as np
@@ -295,7 +294,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", READ | PINHOLES)
-def test_a_pinhole_is_read_whoever_wrote_it(tmp_path: Path, name: str) -> None:
+def test_a_pinhole_is_read_whoever_wrote_it(tmp_path, name):
     (tmp_path / name).write_text((READ | PINHOLES)[name])
     lens = read_intrinsics(tmp_path / name, SIZE_PX)
     assert lens.focal_px == pytest.approx((600, 605))
@@ -304,7 +303,7 @@ def test_a_pinhole_is_read_whoever_wrote_it(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_such_pinhole_is_refused_by_its_name(tmp_path: Path, name: str) -> None:
+def test_what_is_no_such_pinhole_is_refused_by_its_name(tmp_path, name):
     content, said = REFUSED[name]
     (tmp_path / name).write_text(content)
     with pytest.raises(BadIntrinsics) as error:
@@ -312,7 +311,7 @@ def test_what_is_no_such_pinhole_is_refused_by_its_name(tmp_path: Path, name: st
     assert said in str(error.value) and str(tmp_path / name) in str(error.value)
 
 
-def test_what_python_saves_is_read_too(tmp_path: Path) -> None:
+def test_what_python_saves_is_read_too(tmp_path):
     matrix, terms = np.array(K), np.array([[-0.1, 0, 0, 0, 0]])
     np.savez(tmp_path / "calibration.npz", mtx=matrix, dist=terms, rvecs=np.zeros((9, 3, 1)))
     (tmp_path / "wide.p").write_bytes(python2_pickle({"mtx": matrix, "dist": terms}))
@@ -327,7 +326,7 @@ def test_what_python_saves_is_read_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["yaml", "xml", "json"])
-def test_each_of_opencvs_formats(tmp_path: Path, suffix: str) -> None:
+def test_each_of_opencvs_formats(tmp_path, suffix):
     path = tmp_path / f"camera.{suffix}"
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     storage.write("camera_matrix", np.array(K))
@@ -348,9 +347,7 @@ def test_each_of_opencvs_formats(tmp_path: Path, suffix: str) -> None:
         ("intrinsics_unclear/cv_python.json", None),
     ],
 )
-def test_files_that_reports_led_to(
-    shared_path: Callable[[str], Path], place: str, said: str | None
-) -> None:
+def test_files_that_reports_led_to(shared_path, place, said):
     path = shared_path(f"odd/{place}")
     if said is None:
         lens = read_intrinsics(path, (360, 480))

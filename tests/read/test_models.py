@@ -1,6 +1,5 @@
 """The networks' files: fetched from a real server on this machine, verified, found again."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ NAMES = ["pose_landmark_heavy.tflite", "yolox_nano.onnx"]
 
 
 @pytest.fixture
-def server(file_server: Server, shared_path: Callable[[str], Path]) -> Server:
+def server(file_server, shared_path) -> Server:
     """Serves the published files."""
     for model in MODELS:
         file_server.files[f"/{model.name}"] = shared_path(f"models/{model.name}").read_bytes()
@@ -25,7 +24,7 @@ def server(file_server: Server, shared_path: Callable[[str], Path]) -> Server:
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def cache(tmp_path, monkeypatch) -> Path:
     """The folder in which models are looked for, which is not there yet."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path / "cache" / "gmrdata" / "models"
@@ -41,9 +40,7 @@ def names(out: Path) -> list[str]:
     return sorted(path.name for path in out.iterdir())
 
 
-def test_the_command_fetches_once_and_says_where_they_are(
-    server: Server, cache: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_fetches_once_and_says_where_they_are(server, cache, capsys):
     for _ in range(2):
         cli.main(["fetch", "models", "--base-url", server.url])
         told = capsys.readouterr().out.split()
@@ -54,7 +51,7 @@ def test_the_command_fetches_once_and_says_where_they_are(
         assert find_model(model).read_bytes() == server.files[f"/{model.name}"]
 
 
-def test_a_folder_of_this_machine_is_a_mirror(server: Server, tmp_path: Path) -> None:
+def test_a_folder_of_this_machine_is_a_mirror(server, tmp_path):
     folder = tmp_path / "mirror"
     folder.mkdir()
     for name, content in server.files.items():
@@ -66,9 +63,7 @@ def test_a_folder_of_this_machine_is_a_mirror(server: Server, tmp_path: Path) ->
         fetch_models(tmp_path / "models", FetchConfig(base_url=str(tmp_path / "gone")))
 
 
-def test_a_dry_run_tells_the_published_addresses_and_what_is_there(
-    server: Server, cache: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dry_run_tells_the_published_addresses_and_what_is_there(server, cache, capsys):
     assert not cache.exists()
     rows = models.plan_models(cache, FetchConfig())[1]
     assert rows == [
@@ -84,9 +79,7 @@ def test_a_dry_run_tells_the_published_addresses_and_what_is_there(
     assert "pose_landmark_heavy.tflite" in capsys.readouterr().out
 
 
-def test_a_stopped_run_leaves_no_half_file_and_a_later_one_goes_on(
-    server: Server, cache: Path
-) -> None:
+def test_a_stopped_run_leaves_no_half_file_and_a_later_one_goes_on(server, cache):
     server.answers["/yolox_nano.onnx"] = [drop_half, status(503)]
     with pytest.raises(FetchFailed, match=r"503.*The same command goes on"):
         fetch(server, cache)
@@ -99,7 +92,7 @@ def test_a_stopped_run_leaves_no_half_file_and_a_later_one_goes_on(
     assert names(cache) == NAMES and find_model(YOLOX_NANO) == cache / "yolox_nano.onnx"
 
 
-def test_another_content_is_refused_and_the_other_file_comes(server: Server, cache: Path) -> None:
+def test_another_content_is_refused_and_the_other_file_comes(server, cache):
     server.files["/yolox_nano.onnx"] += b"\0"
     with pytest.raises(
         FetchFailed, match=r"/yolox_nano\.onnx: not the published file: its SHA-256"
@@ -108,7 +101,7 @@ def test_another_content_is_refused_and_the_other_file_comes(server: Server, cac
     assert names(cache) == ["pose_landmark_heavy.tflite"]
 
 
-def test_a_file_of_another_content_is_kept_without_redo(server: Server, cache: Path) -> None:
+def test_a_file_of_another_content_is_kept_without_redo(server, cache):
     cache.mkdir(parents=True)
     (cache / "yolox_nano.onnx").write_text("mine")
     with pytest.raises(FetchFailed, match="another hash: move it away, or pass --redo"):
@@ -121,7 +114,7 @@ def test_a_file_of_another_content_is_kept_without_redo(server: Server, cache: P
     assert find_model(YOLOX_NANO).read_bytes() == server.files["/yolox_nano.onnx"]
 
 
-def test_wrong_command_lines_are_told(cache: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_command_lines_are_told(cache, capsys):
     with pytest.raises(SystemExit):
         cli.main(["fetch", "models", "02_03"])
     assert "trials and --list are for fetch cmu" in capsys.readouterr().err

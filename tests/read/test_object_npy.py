@@ -16,9 +16,7 @@ from tests.damage import bytes_changed, in_one_folder, read_or_refused
 
 @given(data=st.data())
 @in_one_folder(60)
-def test_a_damaged_file_of_tram_is_an_error_or_reads_as_it_was(
-    data: st.DataObject, tmp_path: Path
-) -> None:
+def test_a_damaged_file_of_tram_is_an_error_or_reads_as_it_was(data, tmp_path):
     """Nothing of what it holds is run, and no number of its tensors is read beyond its bytes."""
     path = tmp_path / "hps_track_0.npy"
     tensors = {"pred_rotmat": torch.eye(3).repeat(2, 24, 1, 1), "frame": torch.arange(2)}
@@ -30,7 +28,7 @@ def test_a_damaged_file_of_tram_is_an_error_or_reads_as_it_was(
         assert found is None or isinstance(found, dict)
 
 
-def test_tensors_of_any_step_and_type_are_arrays(tmp_path: Path) -> None:
+def test_tensors_of_any_step_and_type_are_arrays(tmp_path):
     path = tmp_path / "x.npy"
     whole = torch.arange(24.0).reshape(2, 3, 4)
     tensors = {

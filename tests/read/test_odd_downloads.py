@@ -11,7 +11,7 @@ import pytest
 
 from gmrdata.read.download import FetchConfig, download, folder_address
 from gmrdata.values.errors import BadRecipe, FetchFailed
-from tests.fixtures.file_server import Server, redirect
+from tests.fixtures.file_server import redirect
 
 HEAD = b"HTTP/1.1 200 OK\r\n"
 
@@ -63,9 +63,7 @@ def trickle() -> Iterator[tuple[str, list[bytes]]]:
     ],
     ids=["headers", "no length", "length", "chunks"],
 )
-def test_a_server_that_trickles_ends(
-    answer: bytes, trickle: tuple[str, list[bytes]], tmp_path: Path
-) -> None:
+def test_a_server_that_trickles_ends(answer, trickle, tmp_path):
     url, told = trickle
     told.append(answer)
     start_s = time.monotonic()
@@ -75,13 +73,13 @@ def test_a_server_that_trickles_ends(
     assert not (tmp_path / "a").exists()
 
 
-def test_all_attempts_have_an_end(trickle: tuple[str, list[bytes]], tmp_path: Path) -> None:
+def test_all_attempts_have_an_end(trickle, tmp_path):
     trickle[1].append(HEAD)
     with pytest.raises(FetchFailed, match="gave up after 1 attempts"):
         _get(trickle[0], tmp_path / "a", file_limit_s=0.1, total_limit_s=0.05, attempts=1000)
 
 
-def test_an_answer_without_end_is_refused(file_server: Server, tmp_path: Path) -> None:
+def test_an_answer_without_end_is_refused(file_server, tmp_path):
     file_server.files["/a"] = bytes(5000)
     with pytest.raises(FetchFailed, match="5000 bytes are more than 1000"):
         _get(f"{file_server.url}/a", tmp_path / "a", largest_bytes=1000)
@@ -94,20 +92,18 @@ def test_an_answer_without_end_is_refused(file_server: Server, tmp_path: Path) -
         "http://h:99999999/", "http://h:x/", "http://", "http://h/\x00", "http://:80/", "file:///a",
     ],
 )  # fmt: skip
-def test_addresses_that_are_none(url: str) -> None:
+def test_addresses_that_are_none(url):
     with pytest.raises(BadRecipe, match=r"--base-url .*must be an http"):
         folder_address(url)
 
 
-def test_addresses_that_are_some() -> None:
+def test_addresses_that_are_some():
     for url in ("http://[::1]:8080/a", "https://xn--bcher-kva.example/%C3%A4"):
         assert folder_address(f"{url}/") == url
 
 
 @pytest.mark.parametrize("place", ["http://[::1", "http://h:99999999/", "http://b\xfccher./"])
-def test_redirects_to_addresses_that_are_none(
-    place: str, file_server: Server, tmp_path: Path
-) -> None:
+def test_redirects_to_addresses_that_are_none(place, file_server, tmp_path):
     file_server.files["/a"] = b"a"
     file_server.answers["/a"] = [redirect(place)]
     with pytest.raises(FetchFailed, match=f"{file_server.url}/a: "):

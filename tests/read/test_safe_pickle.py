@@ -37,9 +37,7 @@ def named(module: str, name: str) -> bytes:
     fortran=st.booleans(),
     protocol=st.sampled_from(PROTOCOLS),
 )
-def test_numpy_arrays_come_back_as_they_were(
-    array: np.ndarray, fortran: bool, protocol: int, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_numpy_arrays_come_back_as_they_were(array, fortran, protocol, tmp_path_factory):
     written = np.asarray(array, order="F" if fortran else "C")
     found = read(tmp_path_factory.getbasetemp(), pickle.dumps(written, protocol))
     assert (found.shape, found.dtype, found.tobytes()) == (
@@ -66,16 +64,14 @@ nested = st.recursive(
 
 
 @given(value=nested, protocol=st.sampled_from(PROTOCOLS))
-def test_containers_come_back_as_they_were(
-    value: Any, protocol: int, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_containers_come_back_as_they_were(value, protocol, tmp_path_factory):
     found = read(tmp_path_factory.getbasetemp(), pickle.dumps(value, protocol))
     assert found == value
     assert repr(type(found)) == repr(type(value))
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_scalars_object_arrays_and_sparse_matrices(tmp_path: Path, protocol: int) -> None:
+def test_scalars_object_arrays_and_sparse_matrices(tmp_path, protocol):
     objects = np.array([[1, "x", None], [np.ones(2), {"a": b"z"}, (3,)]], dtype=object)
     value = {
         "scalar": np.float32(2.5),
@@ -95,14 +91,14 @@ def test_scalars_object_arrays_and_sparse_matrices(tmp_path: Path, protocol: int
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_an_ordered_dict_is_a_dict(tmp_path: Path, protocol: int) -> None:
+def test_an_ordered_dict_is_a_dict(tmp_path, protocol):
     value = OrderedDict(b=OrderedDict(), a=1)
     assert list(read(tmp_path, pickle.dumps(value, protocol)).items()) == [("b", {}), ("a", 1)]
     python_2 = named("collections", "OrderedDict") + b"((l(lS'b'\naI1\naa(lS'a'\naI2\naatR."
     assert list(read(tmp_path, python_2).items()) == [("b", 1), ("a", 2)]
 
 
-def test_python_2_text_pickle_with_binary_array(tmp_path: Path) -> None:
+def test_python_2_text_pickle_with_binary_array(tmp_path):
     """Protocol 0 of Python 2: raw bytes as an escaped string, `copy_reg`, and numpy's old names."""
     data = (
         b"(dp0\nS'poses'\np1\ncnumpy.core.multiarray\n_reconstruct\np2\n(cnumpy\nndarray\np3\n"
@@ -137,7 +133,7 @@ def chumpy_pickle(value: object, protocol: int) -> bytes:
 
 
 @pytest.mark.parametrize("protocol", range(4))
-def test_chumpy_arrays_become_numpy_arrays(tmp_path: Path, protocol: int) -> None:
+def test_chumpy_arrays_become_numpy_arrays(tmp_path, protocol):
     array = np.arange(12.0).reshape(2, 3, 2)
     leaf, chosen = Ch(), Select()
     leaf.__dict__ |= CHUMPY_STATE | {"x": array}
@@ -184,9 +180,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("wanted", sorted(HOSTILE))
-def test_hostile_import_is_named_and_not_run(
-    wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hostile_import_is_named_and_not_run(wanted, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UnsafePickle) as caught:
         read(tmp_path, HOSTILE[wanted])
@@ -233,13 +227,13 @@ MISUSED = {
 
 
 @pytest.mark.parametrize("misuse", sorted(MISUSED))
-def test_admitted_names_cannot_be_misused(misuse: str, tmp_path: Path) -> None:
+def test_admitted_names_cannot_be_misused(misuse, tmp_path):
     with pytest.raises(UnsafePickle, match=r"some\.pkl"):
         read(tmp_path, MISUSED[misuse])
     assert not (tmp_path / TOUCH).exists()
 
 
-def test_object_array_cannot_carry_a_call(tmp_path: Path) -> None:
+def test_object_array_cannot_carry_a_call(tmp_path):
     class Call:
         def __reduce__(self) -> tuple[Any, ...]:
             return exec, (f"open({str(tmp_path / TOUCH)!r}, 'w')",)
@@ -281,17 +275,17 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("kind", sorted(BROKEN))
-def test_broken_file_is_an_error_that_names_it(kind: str, tmp_path: Path) -> None:
+def test_broken_file_is_an_error_that_names_it(kind, tmp_path):
     with pytest.raises(BrokenPickle, match=r"some\.pkl: truncated or not a pickle"):
         read(tmp_path, BROKEN[kind])
 
 
-def test_missing_file(tmp_path: Path) -> None:
+def test_missing_file(tmp_path):
     with pytest.raises(MissingInput, match=r"none\.pkl"):
         load_plain(tmp_path / "none.pkl")
 
 
-def test_sparse_index_outside_its_shape_is_refused(tmp_path: Path) -> None:
+def test_sparse_index_outside_its_shape_is_refused(tmp_path):
     """scipy writes outside its memory when such a matrix is made dense."""
     matrix = sparse.csc_matrix(np.eye(3))
     matrix.indices = np.array([0, 1_000_000, 2], dtype=np.int32)
@@ -300,7 +294,7 @@ def test_sparse_index_outside_its_shape_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_every_truncation_is_an_error(tmp_path: Path, protocol: int) -> None:
+def test_every_truncation_is_an_error(tmp_path, protocol):
     data = pickle.dumps({"a": np.arange(3.0), "b": ["x", (1, 2.5)], "c": {4}}, protocol)
     for length in range(len(data)):
         with pytest.raises((BrokenPickle, UnsafePickle)):
@@ -308,9 +302,7 @@ def test_every_truncation_is_an_error(tmp_path: Path, protocol: int) -> None:
 
 
 @given(data=st.data())
-def test_changed_bytes_never_reach_anything_else(
-    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_changed_bytes_never_reach_anything_else(data, tmp_path_factory):
     """Whatever a few changed bytes make of a file, it is read as plain data or refused."""
     protocol = data.draw(st.sampled_from(PROTOCOLS))
     content = pickle.dumps({"a": np.arange(3.0), "b": [1, "x", (2.5, None)]}, protocol)
@@ -331,7 +323,7 @@ def assert_plain(value: Any) -> None:
         assert value is None or isinstance(value, plain_kinds | np.dtype)
 
 
-def test_shared_parts_stay_shared_and_do_not_multiply(tmp_path: Path) -> None:
+def test_shared_parts_stay_shared_and_do_not_multiply(tmp_path):
     value: list[Any] = [np.arange(3.0)]
     for _ in range(20):
         value = [value, value]
@@ -340,7 +332,7 @@ def test_shared_parts_stay_shared_and_do_not_multiply(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("protocol", [0, 1, 2, 4, 5])
-def test_texts_that_no_file_or_page_can_hold(protocol: int, tmp_path: Path) -> None:
+def test_texts_that_no_file_or_page_can_hold(protocol, tmp_path):
     path = tmp_path / "a.pkl"
     letters = np.array([97, 0x110000], np.uint32).view("U2")
     for value, what in (({"a\ud800": 1}, "half of a surrogate"), (letters, "a text of no letters")):

@@ -1,7 +1,6 @@
 """SMPL's files, on a random model in SMPL's format: the real one may not be passed on."""
 
 import pickle  # noqa: TID251  The tests write SMPL's pickle.
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.read.bodies import load_body, read_smpl
 from gmrdata.read.body_file import read_body, save_body
-from gmrdata.values.body import PARENTS, BodyModel
+from gmrdata.values.body import PARENTS
 from gmrdata.values.errors import BadBodyFile, UnsafePickle
 from gmrdata.values.skinning_torch import place, posed_vertices
 from tests.smpl_models import smpl_arrays
@@ -100,7 +99,7 @@ def smpl_vertices_by_the_paper(
     return np.array(posed), np.array([g[:3, 3] for g in world]) + trans
 
 
-def test_forward_is_the_published_one(official: dict[str, Any], tmp_path: Path) -> None:
+def test_forward_is_the_published_one(official, tmp_path):
     body = read_smpl(write_pickle(tmp_path / "SMPL_NEUTRAL.pkl", official))
     rng = np.random.default_rng(1)
     for _ in range(2):
@@ -125,7 +124,7 @@ def assert_equal_bodies(one: Any, other: Any) -> None:
 
 
 @pytest.mark.parametrize("protocol", [0, 2, 4, 5])
-def test_pickle_and_npz_load_equal(official: dict[str, Any], tmp_path: Path, protocol: int) -> None:
+def test_pickle_and_npz_load_equal(official, tmp_path, protocol):
     if protocol == 0:  # text: keep the file small
         official = official | {"posedirs": np.zeros((N_VERTICES, 3, 207), dtype=np.float16)}
     pickled = load_body(str(write_pickle(tmp_path / "SMPL_FEMALE.pkl", official, protocol)))
@@ -150,9 +149,7 @@ def test_pickle_and_npz_load_equal(official: dict[str, Any], tmp_path: Path, pro
         ("basicModel_neutral_lbs_10_207_0_v1.0.0", "smpl-neutral"),
     ],
 )
-def test_gender_stands_in_the_name_of_file_or_folder(
-    official: dict[str, Any], tmp_path: Path, file: str, name: str
-) -> None:
+def test_gender_stands_in_the_name_of_file_or_folder(official, tmp_path, file, name):
     path = tmp_path / f"{file}.npz"
     path.parent.mkdir(exist_ok=True)
     assert load_body(str(write_npz(path, few_vertices(official)))).name == name
@@ -188,9 +185,7 @@ def with_fingers(model: dict[str, Any]) -> dict[str, Any]:
     return model | changed | {"kintree_table": np.stack([tree, np.arange(52)])}
 
 
-def test_smplh_is_the_same_body_with_hands_of_one_piece(
-    official: dict[str, Any], tmp_path: Path
-) -> None:
+def test_smplh_is_the_same_body_with_hands_of_one_piece(official, tmp_path):
     model = few_vertices(official)
     smpl = load_body(str(write_npz(tmp_path / "SMPL_FEMALE.npz", model)))
     (tmp_path / "female").mkdir()
@@ -217,9 +212,7 @@ def test_smplh_is_the_same_body_with_hands_of_one_piece(
         ({"kintree_table": np.zeros((2, 24), dtype=np.uint32)}, "not SMPL's tree"),
     ],
 )
-def test_another_file_is_refused_by_name(
-    official: dict[str, Any], tmp_path: Path, suffix: str, change: dict[str, Any], message: str
-) -> None:
+def test_another_file_is_refused_by_name(official, tmp_path, suffix, change, message):
     small = official | {"posedirs": np.zeros((N_VERTICES, 3, 207), dtype=np.float16)} | change
     arrays = {key: value for key, value in small.items() if value is not None}
     path = tmp_path / f"SMPL_MALE.{suffix}"
@@ -231,14 +224,14 @@ def test_another_file_is_refused_by_name(
 
 @pytest.mark.parametrize("content", [b"", b"\x80\x02", b"not a model", pickle.dumps([1, 2], 2)])
 @pytest.mark.parametrize("suffix", ["pkl", "npz"])
-def test_broken_file_is_refused_by_name(tmp_path: Path, suffix: str, content: bytes) -> None:
+def test_broken_file_is_refused_by_name(tmp_path, suffix, content):
     path = tmp_path / f"SMPL_MALE.{suffix}"
     path.write_bytes(content)
     with pytest.raises(BadBodyFile, match=r"SMPL_MALE\."):
         load_body(str(path))
 
 
-def test_huge_sparse_regressor_is_refused(official: dict[str, Any], tmp_path: Path) -> None:
+def test_huge_sparse_regressor_is_refused(official, tmp_path):
     """A few bytes may claim a matrix that fills the memory once it is dense."""
     huge = sparse.csr_matrix((24, 2**31 - 1))
     path = write_pickle(tmp_path / "SMPL_MALE.pkl", official | {"J_regressor": huge})
@@ -246,7 +239,7 @@ def test_huge_sparse_regressor_is_refused(official: dict[str, Any], tmp_path: Pa
         load_body(str(path))
 
 
-def test_hostile_pickle_is_refused_by_name(tmp_path: Path) -> None:
+def test_hostile_pickle_is_refused_by_name(tmp_path):
     path = tmp_path / "SMPL_MALE.pkl"
     path.write_bytes(b"cos\nsystem\n(S'true'\ntR.")
     with pytest.raises(UnsafePickle, match=r"SMPL_MALE\.pkl: wants to import 'os\.system'"):
@@ -254,9 +247,7 @@ def test_hostile_pickle_is_refused_by_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("shape", [(448, 3, 10), (224, 10), (224, 2, 10), ()])
-def test_directions_that_do_not_fit_the_template(
-    shape: tuple[int, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_directions_that_do_not_fit_the_template(shape, small_body, tmp_path):
     arrays = smpl_arrays(small_body, 1.0, 10) | {"shapedirs": np.zeros(shape)}
     path = write_pickle(tmp_path / "SMPL_MALE.pkl", arrays)
     with pytest.raises(BadBodyFile, match=r"SMPL_MALE\.pkl: .* do not fit together"):
@@ -264,7 +255,7 @@ def test_directions_that_do_not_fit_the_template(
 
 
 @pytest.mark.parametrize("key", ["v_template", "f", "weights", "J_regressor", "kintree_table"])
-def test_a_number_in_place_of_an_array(key: str, small_body: BodyModel, tmp_path: Path) -> None:
+def test_a_number_in_place_of_an_array(key, small_body, tmp_path):
     path = write_npz(tmp_path / "SMPL_MALE.npz", smpl_arrays(small_body, 1.0, 10) | {key: 2.0})
     with pytest.raises(BadBodyFile, match=r"SMPL_MALE\.npz: "):
         read_smpl(path)
@@ -283,9 +274,7 @@ def test_a_number_in_place_of_an_array(key: str, small_body: BodyModel, tmp_path
         ),
     ],
 )
-def test_an_array_of_no_numbers_and_a_text(
-    key: str, changed: Callable[[Any], Any], said: str, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_an_array_of_no_numbers_and_a_text(key, changed, said, small_body, tmp_path):
     save_body(tmp_path / "a.npz", small_body)
     arrays = dict(np.load(tmp_path / "a.npz"))
     np.savez(tmp_path / "b.npz", **arrays | {key: changed(arrays[key])})

@@ -17,7 +17,7 @@ Content = dict[str, Any]
 
 
 @pytest.fixture
-def content(walk_arrays: SequenceArrays, tmp_path: Path) -> Content:
+def content(walk_arrays, tmp_path) -> Content:
     """The dictionary of a good file."""
     write_sequence_file(tmp_path / "good.pkl", walk_arrays)
     return dict(pickle.loads((tmp_path / "good.pkl").read_bytes(), encoding="latin1"))
@@ -30,13 +30,13 @@ def read(tmp_path: Path, content: object, protocol: int = 2) -> SequenceArrays:
 
 
 @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
-def test_any_protocol_of_pickle_is_read(content: Content, tmp_path: Path, protocol: int) -> None:
+def test_any_protocol_of_pickle_is_read(content, tmp_path, protocol):
     found = read(tmp_path, content, protocol)
     assert np.array_equal(found.people[1].poses_rad, content["poses"][1])
     assert found.people[0].campose_valid.tolist() == [bool(v) for v in content["campose_valid"][0]]
 
 
-def test_cam_poses_is_world_to_camera(content: Content, tmp_path: Path) -> None:
+def test_cam_poses_is_world_to_camera(content, tmp_path):
     """The keypoints were made from the joints in the world, so only one direction can meet them."""
     found = read(tmp_path, content)
     person = found.people[0]
@@ -52,7 +52,7 @@ def test_cam_poses_is_world_to_camera(content: Content, tmp_path: Path) -> None:
         assert (np.abs(wrist_px - person.poses2d_px[:, 4, :2]).max() < 1e-6) == hits
 
 
-def test_poses2d_has_its_axes_put_right_in_either_order(content: Content, tmp_path: Path) -> None:
+def test_poses2d_has_its_axes_put_right_in_either_order(content, tmp_path):
     files_order = read(tmp_path, content)
     readme_order = [points.transpose(0, 2, 1) for points in content.pop("poses2d")]
     found = read(tmp_path, content | {"poses2D": readme_order})
@@ -66,34 +66,30 @@ def test_poses2d_has_its_axes_put_right_in_either_order(content: Content, tmp_pa
     [["f", "m"], [b"f", b"m"], [np.array("f"), np.str_("m")], ("f", "m"), ["female", "Male"]],
 )
 @pytest.mark.parametrize("key", ["genders", "gender"])
-def test_gender_by_either_key_and_any_kind_of_string(
-    content: Content, tmp_path: Path, given: list[object], key: str
-) -> None:
+def test_gender_by_either_key_and_any_kind_of_string(content, tmp_path, given, key):
     del content["genders"]
     found = read(tmp_path, content | {key: given})
     assert [person.gender for person in found.people] == ["female", "male"]
 
 
 @pytest.mark.parametrize("sequence", [np.array("abc"), np.array(["abc"]), b"abc", np.str_("abc")])
-def test_the_name_may_be_any_kind_of_string(
-    content: Content, tmp_path: Path, sequence: object
-) -> None:
+def test_the_name_may_be_any_kind_of_string(content, tmp_path, sequence):
     assert read(tmp_path, content | {"sequence": sequence}).name == "abc"
 
 
-def test_longer_betas_are_kept_for_the_body_to_choose(content: Content, tmp_path: Path) -> None:
+def test_longer_betas_are_kept_for_the_body_to_choose(content, tmp_path):
     content["betas"] = [np.arange(300.0) / 300, np.arange(10.0)]
     found = read(tmp_path, content)
     assert [len(person.betas) for person in found.people] == [300, 10]
 
 
-def test_one_person(content: Content, tmp_path: Path) -> None:
+def test_one_person(content, tmp_path):
     one = {key: value[:1] if isinstance(value, list) else value for key, value in content.items()}
     found = read(tmp_path, one)
     assert [person.gender for person in found.people] == ["female"]
 
 
-def test_single_precision_and_big_endian_are_read(content: Content, tmp_path: Path) -> None:
+def test_single_precision_and_big_endian_are_read(content, tmp_path):
     content["poses"] = [poses.astype(">f4") for poses in content["poses"]]
     content["campose_valid"] = [valid.astype(bool) for valid in content["campose_valid"]]
     poses_rad = read(tmp_path, content).people[0].poses_rad
@@ -101,7 +97,7 @@ def test_single_precision_and_big_endian_are_read(content: Content, tmp_path: Pa
     assert np.array_equal(poses_rad, content["poses"][0].astype(np.float64))
 
 
-def test_nan_in_poses_is_kept(content: Content, tmp_path: Path) -> None:
+def test_nan_in_poses_is_kept(content, tmp_path):
     content["poses"][0][3, 5] = np.nan
     assert np.isnan(read(tmp_path, content).people[0].poses_rad).sum() == 1
 
@@ -111,7 +107,7 @@ def test_nan_in_poses_is_kept(content: Content, tmp_path: Path) -> None:
     ["sequence", "poses", "trans", "betas", "genders", "poses2d", "campose_valid", "cam_poses",
      "cam_intrinsics", "img_frame_ids"],
 )  # fmt: skip
-def test_a_missing_key_is_named(content: Content, tmp_path: Path, key: str) -> None:
+def test_a_missing_key_is_named(content, tmp_path, key):
     del content[key]
     with pytest.raises(BadSequence, match=rf"some\.pkl: .*lacks '{key}'"):
         read(tmp_path, content)
@@ -120,9 +116,7 @@ def test_a_missing_key_is_named(content: Content, tmp_path: Path, key: str) -> N
 @pytest.mark.parametrize(
     "key", ["poses_60Hz", "trans_60Hz", "betas_clothed", "v_template_clothed", "jointPositions"]
 )
-def test_what_the_stages_do_not_need_may_be_missing(
-    content: Content, tmp_path: Path, key: str
-) -> None:
+def test_what_the_stages_do_not_need_may_be_missing(content, tmp_path, key):
     del content[key]
     assert read(tmp_path, content).n_frames == 30
 
@@ -176,17 +170,13 @@ BROKEN: dict[str, tuple[str, Callable[[Content], object]]] = {
 
 
 @pytest.mark.parametrize("broken", sorted(BROKEN))
-def test_a_broken_array_is_named_with_its_file_and_a_remedy(
-    content: Content, tmp_path: Path, broken: str
-) -> None:
+def test_a_broken_array_is_named_with_its_file_and_a_remedy(content, tmp_path, broken):
     key, change = BROKEN[broken]
     with pytest.raises(BadSequence, match=rf"some\.pkl: .*{key}.*get the file again from 3DPW"):
         read(tmp_path, change(content))
 
 
-def test_a_file_that_is_too_large_is_not_opened(
-    content: Content, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_is_too_large_is_not_opened(content, tmp_path, monkeypatch):
     monkeypatch.setattr(parse, "LARGEST_FILE_BYTES", 1000)
     with pytest.raises(BadSequence, match="bytes, which no sequence of 3DPW has"):
         read(tmp_path, content)

@@ -1,8 +1,6 @@
 """Images of a sequence: missing, broken, of another size or orientation."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.values.errors import BadFrames, BadSequence, MissingInput
 
 NAME = "courtyard_walk_00"
-Make = Callable[..., Path]
 
 
 def with_centre(arrays: SequenceArrays, x_px: float, y_px: float) -> SequenceArrays:
@@ -21,13 +18,13 @@ def with_centre(arrays: SequenceArrays, x_px: float, y_px: float) -> SequenceArr
     return replace(arrays, intrinsics_px=intrinsics_px)
 
 
-def test_the_size_is_that_of_the_images(make_dataset: Make) -> None:
+def test_the_size_is_that_of_the_images(make_dataset):
     sequence = read_sequence(make_dataset(), NAME)
     assert (sequence.images.width_px, sequence.images.height_px) == (90, 160)
     assert sequence.problems == () and set(sequence.images.faults) == {""}
 
 
-def test_rows_belong_to_images_by_number_and_not_by_img_frame_ids(make_dataset: Make) -> None:
+def test_rows_belong_to_images_by_number_and_not_by_img_frame_ids(make_dataset):
     sequence = read_sequence(make_dataset(), NAME)
     assert sequence.arrays.img_frame_ids.tolist() == list(range(0, 60, 2))
     assert [path.name for path in sequence.images.paths[:3]] == [
@@ -37,15 +34,13 @@ def test_rows_belong_to_images_by_number_and_not_by_img_frame_ids(make_dataset: 
     ]
 
 
-def test_landscape_sequences_are_read(make_dataset: Make, walk_arrays: SequenceArrays) -> None:
+def test_landscape_sequences_are_read(make_dataset, walk_arrays):
     root = make_dataset(with_centre(walk_arrays, 80.0, 45.0), size_px=(160, 90))
     images = read_sequence(root, NAME).images
     assert (images.width_px, images.height_px) == (160, 90)
 
 
-def test_broken_images_are_faults_of_their_rows(
-    make_dataset: Make, jpeg: Callable[[int, int], bytes]
-) -> None:
+def test_broken_images_are_faults_of_their_rows(make_dataset, jpeg):
     root = make_dataset()
     folder = root / "imageFiles" / NAME
     whole = jpeg(90, 160)
@@ -67,7 +62,7 @@ def test_broken_images_are_faults_of_their_rows(
     assert sequence.problems == ("5 of 30 images can't be used", "1 images beyond the last row")
 
 
-def test_no_images_at_all(make_dataset: Make) -> None:
+def test_no_images_at_all(make_dataset):
     root = make_dataset()
     folder = root / "imageFiles" / NAME
     for path in folder.iterdir():
@@ -89,9 +84,7 @@ def test_no_images_at_all(make_dataset: Make) -> None:
         (45.0, 20.0, "that of other images"),
     ],
 )
-def test_intrinsics_of_other_images_are_refused(
-    make_dataset: Make, walk_arrays: SequenceArrays, x_px: float, y_px: float, said: str
-) -> None:
+def test_intrinsics_of_other_images_are_refused(make_dataset, walk_arrays, x_px, y_px, said):
     root = make_dataset(with_centre(walk_arrays, x_px, y_px))
     with pytest.raises(
         BadSequence, match=rf"{NAME}\.pkl: cam_intrinsics .*90x160 px: it is {said}"
@@ -103,9 +96,7 @@ def with_second(arrays: SequenceArrays, **changes: object) -> SequenceArrays:
     return replace(arrays, people=(arrays.people[0], replace(arrays.people[1], **changes)))  # type: ignore[arg-type]
 
 
-def test_odd_60_hz_arrays_are_problems_and_no_errors(
-    make_dataset: Make, walk_arrays: SequenceArrays, tmp_path: Path
-) -> None:
+def test_odd_60_hz_arrays_are_problems_and_no_errors(make_dataset, walk_arrays, tmp_path):
     poses, trans = walk_arrays.people[1].poses_60hz_rad, walk_arrays.people[1].trans_60hz_m
     assert poses is not None and trans is not None
     cases = (

@@ -1,13 +1,12 @@
 """Finding sequences, and never leaving the dataset's folder."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from gmrdata.read.threedpw import read_sequence
-from gmrdata.read.threedpw_files import SequenceArrays, find_sequence, find_sequences
+from gmrdata.read.threedpw_files import find_sequence, find_sequences
 from gmrdata.values.errors import BadSequence, MissingInput
 
 NAME = "courtyard_walk_00"
@@ -18,7 +17,7 @@ def touch(path: Path) -> None:
     path.touch()
 
 
-def test_sequences_of_the_three_splits_are_found_in_order(tmp_path: Path) -> None:
+def test_sequences_of_the_three_splits_are_found_in_order(tmp_path):
     for where in ("test/b", "train/z", "train/a", "validation/c", "all/a", "test/.hidden"):
         touch(tmp_path / "sequenceFiles" / f"{where}.pkl")
     touch(tmp_path / "sequenceFiles" / "train" / "notes.txt")
@@ -38,7 +37,7 @@ def test_sequences_of_the_three_splits_are_found_in_order(tmp_path: Path) -> Non
         ("sequenceFiles/test/a.txt", r"no \.pkl in test"),
     ],
 )
-def test_what_is_missing_is_said(tmp_path: Path, there: str | None, said: str) -> None:
+def test_what_is_missing_is_said(tmp_path, there, said):
     root = tmp_path / "3DPW"
     if there is not None:
         touch(root / there)
@@ -46,7 +45,7 @@ def test_what_is_missing_is_said(tmp_path: Path, there: str | None, said: str) -
         find_sequences(root)
 
 
-def test_unknown_names_and_names_of_two_splits_are_refused(tmp_path: Path) -> None:
+def test_unknown_names_and_names_of_two_splits_are_refused(tmp_path):
     touch(tmp_path / "sequenceFiles" / "train" / "a.pkl")
     touch(tmp_path / "sequenceFiles" / "test" / "a.pkl")
     with pytest.raises(MissingInput, match="no sequence 'b'"):
@@ -56,7 +55,7 @@ def test_unknown_names_and_names_of_two_splits_are_refused(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["../a", "a/b", "..", "", ".a", "/etc/passwd", "a\\b", "a\n", "é"])
-def test_names_that_are_paths_are_refused(tmp_path: Path, name: str) -> None:
+def test_names_that_are_paths_are_refused(tmp_path, name):
     touch(tmp_path / "sequenceFiles" / "train" / "a.pkl")
     with pytest.raises(BadSequence, match="no name of a sequence"):
         find_sequence(tmp_path, name)
@@ -71,9 +70,7 @@ def test_names_that_are_paths_are_refused(tmp_path: Path, name: str) -> None:
         f"imageFiles/{NAME}",
     ],
 )
-def test_links_out_of_the_root_are_not_followed(
-    make_dataset: Callable[..., Path], tmp_path: Path, linked: str
-) -> None:
+def test_links_out_of_the_root_are_not_followed(make_dataset, tmp_path, linked):
     root = make_dataset()
     outside = tmp_path / "outside"
     (root / linked).rename(outside)
@@ -82,9 +79,7 @@ def test_links_out_of_the_root_are_not_followed(
         read_sequence(root, NAME)
 
 
-def test_a_link_to_an_image_outside_is_a_missing_image(
-    make_dataset: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_link_to_an_image_outside_is_a_missing_image(make_dataset, tmp_path):
     root = make_dataset()
     image = root / "imageFiles" / NAME / "image_00004.jpg"
     image.rename(tmp_path / "else.jpg")
@@ -94,9 +89,7 @@ def test_a_link_to_an_image_outside_is_a_missing_image(
     assert faults[4] == "image_00004.jpg is a link out of the dataset"
 
 
-def test_links_inside_and_a_linked_root_are_fine(
-    make_dataset: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_links_inside_and_a_linked_root_are_fine(make_dataset, tmp_path):
     root = make_dataset()
     folder = root / "imageFiles" / NAME
     folder.rename(root / "images")
@@ -105,7 +98,7 @@ def test_links_inside_and_a_linked_root_are_fine(
     assert read_sequence(tmp_path / "link", NAME).problems == ()
 
 
-def test_a_circle_of_links_is_an_error(make_dataset: Callable[..., Path]) -> None:
+def test_a_circle_of_links_is_an_error(make_dataset):
     root = make_dataset()
     folder = root / "sequenceFiles" / "validation"
     folder.symlink_to(root / "other")
@@ -118,9 +111,7 @@ def test_a_circle_of_links_is_an_error(make_dataset: Callable[..., Path]) -> Non
         read_sequence(root, NAME)
 
 
-def test_a_file_that_says_another_name_is_a_problem(
-    make_dataset: Callable[..., Path], walk_arrays: SequenceArrays
-) -> None:
+def test_a_file_that_says_another_name_is_a_problem(make_dataset, walk_arrays):
     root = make_dataset(replace(walk_arrays, name="other"))
     for folder, suffix in (("sequenceFiles/train", ".pkl"), ("imageFiles", "")):
         (root / folder / f"other{suffix}").rename(root / folder / f"{NAME}{suffix}")

@@ -1,8 +1,6 @@
 """The named rules for valid frames, and the reasons of frames that can't be used."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -15,7 +13,6 @@ from gmrdata.read.threedpw import (
     read_sequence,
     unusable_reasons,
 )
-from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.values.errors import BadRecipe
 from gmrdata.write.threedpw import write_sequence
 
@@ -36,7 +33,7 @@ CASES: list[tuple[int, list[float], set[str]]] = [
 ]
 
 
-def test_each_rule_keeps_the_frames_that_it_says(walk_arrays: SequenceArrays) -> None:
+def test_each_rule_keeps_the_frames_that_it_says(walk_arrays):
     points_px = np.zeros((len(CASES), 18, 3))
     for row, (_, confidences, _) in enumerate(CASES):
         points_px[row, : len(confidences)] = 50.0
@@ -51,14 +48,12 @@ def test_each_rule_keeps_the_frames_that_it_says(walk_arrays: SequenceArrays) ->
         assert kept == [rule in rules for _, _, rules in CASES], rule
 
 
-def test_an_unknown_rule_is_refused(walk_arrays: SequenceArrays) -> None:
+def test_an_unknown_rule_is_refused(walk_arrays):
     with pytest.raises(BadRecipe, match="no rule 'mine' .*campose_valid, 3dpw_eval"):
         frames_by_rule(walk_arrays.people[0], "mine")  # type: ignore[arg-type]
 
 
-def test_every_frame_that_can_not_be_used_says_why(
-    make_dataset: Callable[..., Path], walk_arrays: SequenceArrays
-) -> None:
+def test_every_frame_that_can_not_be_used_says_why(make_dataset, walk_arrays):
     first = walk_arrays.people[0]
     cameras, poses, trans = (
         a.copy() for a in (walk_arrays.cam_from_world, first.poses_rad, first.trans_m)
@@ -94,9 +89,7 @@ def test_every_frame_that_can_not_be_used_says_why(
     assert [(start, stop) for start, stop, _ in other] == [(0, 1), (1, 3), (3, 4), (4, 5), (20, 21)]
 
 
-def test_two_people_have_valid_frames_of_their_own(
-    make_dataset: Callable[..., Path], walk_arrays: SequenceArrays
-) -> None:
+def test_two_people_have_valid_frames_of_their_own(make_dataset, walk_arrays):
     second = replace(walk_arrays.people[1], campose_valid=np.arange(30) >= 20)
     root = make_dataset(replace(walk_arrays, people=(walk_arrays.people[0], second)))
     sequence = read_sequence(root, NAME)
@@ -104,15 +97,13 @@ def test_two_people_have_valid_frames_of_their_own(
     assert dropped_ranges(unusable_reasons(sequence, 1)) == [(0, 20, "campose_valid is 0")]
 
 
-def test_ranges_cover_what_is_dropped() -> None:
+def test_ranges_cover_what_is_dropped():
     assert dropped_ranges([]) == []
     assert dropped_ranges(["", ""]) == []
     assert dropped_ranges(["a", "a", "", "b", "a"]) == [(0, 2, "a"), (3, 4, "b"), (4, 5, "a")]
 
 
-def test_rewriting_a_sequence_replaces_it(
-    make_dataset: Callable[..., Path], walk_arrays: SequenceArrays
-) -> None:
+def test_rewriting_a_sequence_replaces_it(make_dataset, walk_arrays):
     root = make_dataset()
     one = replace(walk_arrays, people=walk_arrays.people[:1])
     write_sequence(root, "train", one)

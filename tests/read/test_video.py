@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -45,7 +45,7 @@ def red_quarter(image: Path) -> tuple[int, int]:
     return int(rows.mean() > height / 2), int(columns.mean() > width / 2)
 
 
-def test_every_frame_is_written_under_its_number(tmp_path: Path) -> None:
+def test_every_frame_is_written_under_its_number(tmp_path):
     video = make_video(
         tmp_path / "a.mp4", [np.full((48, 64, 3), 20 * i, np.uint8) for i in range(7)]
     )
@@ -83,9 +83,7 @@ def same_priority() -> Iterator[None]:
         ("a.avi", "mjpeg", "yuvj420p", "mjpeg"),
     ],
 )
-def test_codecs_and_containers(
-    tmp_path: Path, name: str, codec: str, pixel_format: str, codec_read: str
-) -> None:
+def test_codecs_and_containers(tmp_path, name, codec, pixel_format, codec_read):
     try:
         av.codec.Codec(codec, "w")
     except av.codec.codec.UnknownCodecError:
@@ -104,7 +102,7 @@ def test_codecs_and_containers(
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.mkv"])
 @pytest.mark.parametrize("colorspace", [None, "bt709"])
-def test_frames_are_those_of_opencv(tmp_path: Path, name: str, colorspace: str | None) -> None:
+def test_frames_are_those_of_opencv(tmp_path, name, colorspace):
     """Plain videos give the same bytes as with the reader of before, OpenCV 4's.
 
     It did not look at the tag, as OpenCV 5 does: its frames are those of the video without one.
@@ -123,9 +121,7 @@ def test_frames_are_those_of_opencv(tmp_path: Path, name: str, colorspace: str |
 @pytest.mark.parametrize(
     ("rotation_deg", "quarter"), [(0, (0, 0)), (90, (1, 0)), (180, (1, 1)), (-90, (0, 1))]
 )
-def test_a_turned_video_is_upright(
-    tmp_path: Path, rotation_deg: int, quarter: tuple[int, int]
-) -> None:
+def test_a_turned_video_is_upright(tmp_path, rotation_deg, quarter):
     """Angles of the file are counter-clockwise, as FFmpeg has them."""
     images, record = extracted(make_video(tmp_path / "a.mp4", rotation_deg=rotation_deg))
     assert red_quarter(images[0]) == quarter
@@ -135,14 +131,14 @@ def test_a_turned_video_is_upright(
     assert cv2.imread(str(images[0])).shape[1::-1] == size_px
 
 
-def test_a_video_at_another_angle_is_refused(tmp_path: Path) -> None:
+def test_a_video_at_another_angle_is_refused(tmp_path):
     with pytest.raises(BadFrames, match="no quarter turn"):
         extracted(make_video(tmp_path / "a.mp4", rotation_deg=45))
 
 
 @pytest.mark.parametrize("matrix", [[[a, 0], [0, d]] for a in (1, -1) for d in (1, -1)])
 @pytest.mark.parametrize("is_swapped", [False, True])
-def test_turning_follows_the_matrix(matrix: list[list[int]], is_swapped: bool) -> None:
+def test_turning_follows_the_matrix(matrix, is_swapped):
     """A corner (x, y) from the middle goes where the matrix maps it; mirrored ones too."""
     shown_from_stored = np.array(matrix)[:, :: -1 if is_swapped else 1]
     image = np.zeros((4, 6), np.uint8)
@@ -152,7 +148,7 @@ def test_turning_follows_the_matrix(matrix: list[list[int]], is_swapped: bool) -
     assert (column > 0, row > 0) == (expected[0] > 0, expected[1] > 0)
 
 
-def test_odd_sizes_and_long_pixels(tmp_path: Path) -> None:
+def test_odd_sizes_and_long_pixels(tmp_path):
     images = [picture(i, (65, 49)) for i in range(3)]
     _, record = extracted(make_video(tmp_path / "a.mkv", images, "ffv1", "yuv444p"))
     assert record.size_px == (65, 49)
@@ -162,7 +158,7 @@ def test_odd_sizes_and_long_pixels(tmp_path: Path) -> None:
     assert red_quarter(images_px[0]) == (0, 0)
 
 
-def test_interlaced_frames_lose_their_combs(tmp_path: Path) -> None:
+def test_interlaced_frames_lose_their_combs(tmp_path):
     """Rows of two times: even ones of a bar that stands here, odd ones of one that stands there."""
     images = []
     for number in range(6):
@@ -182,7 +178,7 @@ def test_interlaced_frames_lose_their_combs(tmp_path: Path) -> None:
     assert len(early) == n_early.n_expected == 3
 
 
-def test_each_frame_keeps_its_own_time(tmp_path: Path) -> None:
+def test_each_frame_keeps_its_own_time(tmp_path):
     ticks = [0, 1, 2, 5, 6, 9]
     images = [picture(i) for i in range(6)]
     _, record = extracted(make_video(tmp_path / "a.mp4", images, ticks=ticks))
@@ -201,9 +197,7 @@ def test_each_frame_keeps_its_own_time(tmp_path: Path) -> None:
         ({"from_s": 0.08, "to_s": 0.2, "every": 2}, [2, 4], ["00001", "00002"]),
     ],
 )
-def test_a_part_of_a_video(
-    tmp_path: Path, config: dict[str, object], numbers: list[int], names: list[str]
-) -> None:
+def test_a_part_of_a_video(tmp_path, config, numbers, names):
     images, record = extracted(make_video(tmp_path / "a.mp4"), **config)
     assert list(record.numbers) == numbers and record.n_lost == 0
     assert record.times_s == pytest.approx([number / 25 for number in numbers])
@@ -222,9 +216,7 @@ def test_a_part_of_a_video(
         (lambda n: min(n, 20), ""),
     ],
 )
-def test_frames_that_repeat_are_said(
-    of_frame: Callable[[int], int], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_frames_that_repeat_are_said(of_frame, said, tmp_path, capsys):
     """As converters make 120 of 30 frames a second, or 30 of 24; a picture may stand still, too."""
     path = make_video(tmp_path / "clip.mp4", [textured(of_frame(n)) for n in range(40)])
     extracted(path)
@@ -232,14 +224,14 @@ def test_frames_that_repeat_are_said(
     assert said in answer and bool(said) == ("repeat" in answer)
 
 
-def test_a_part_of_nothing_is_refused(tmp_path: Path) -> None:
+def test_a_part_of_nothing_is_refused(tmp_path):
     with pytest.raises(BadFrames, match="0 frames could be read.*the video has 8, up to 0.28 s"):
         extracted(make_video(tmp_path / "a.mp4"), from_s=3)
     with pytest.raises(ValueError, match="not after from_s"):
         VideoConfig(from_s=2, to_s=1)
 
 
-def test_a_folder_is_taken_whole(tmp_path: Path) -> None:
+def test_a_folder_is_taken_whole(tmp_path):
     for number in range(2):
         write_gray(tmp_path / f"{number}.png", np.zeros((4, 6), np.uint8))
     frames = as_frames(tmp_path, tmp_path / "frames", VideoConfig())
@@ -254,7 +246,7 @@ def long_video(path: Path, **options: str) -> Path:
     return make_video(path, images, options={"g": "12", "crf": "10"} | options)
 
 
-def test_a_hole_in_the_middle_is_counted(tmp_path: Path) -> None:
+def test_a_hole_in_the_middle_is_counted(tmp_path):
     """OpenCV's reader stopped there without a word."""
     video = long_video(tmp_path / "a.mp4", bf="2")
     with_hole(video, video.stat().st_size // 3, 3000)
@@ -269,7 +261,7 @@ def test_a_hole_in_the_middle_is_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.mkv", "a.mp4"])
-def test_a_file_that_was_cut_off(tmp_path: Path, name: str) -> None:
+def test_a_file_that_was_cut_off(tmp_path, name):
     """Matroska has no count of frames but says how long it is."""
     images = [textured(i) for i in range(48)]
     faststart = {"movflags": "faststart"} if name == "a.mp4" else {}
@@ -281,7 +273,7 @@ def test_a_file_that_was_cut_off(tmp_path: Path, name: str) -> None:
     assert record.n_expected == 48 and record.n_lost == 48 - record.n_decoded
 
 
-def test_a_transport_stream_with_lost_packets(tmp_path: Path) -> None:
+def test_a_transport_stream_with_lost_packets(tmp_path):
     video = long_video(tmp_path / "a.ts")
     content = video.read_bytes()
     at = len(content) // 188 // 3 * 188
@@ -291,9 +283,7 @@ def test_a_transport_stream_with_lost_packets(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("n_frames", [0, 1])
-def test_fewer_than_two_frames_are_refused_and_leave_no_folder(
-    tmp_path: Path, n_frames: int
-) -> None:
+def test_fewer_than_two_frames_are_refused_and_leave_no_folder(tmp_path, n_frames):
     video = make_video(tmp_path / "a.mkv", [picture(i) for i in range(max(1, n_frames))])
     config = VideoConfig(from_s=0.0 if n_frames else 9.0)
     with pytest.raises(BadFrames, match=f"{n_frames} frames could be read"):
@@ -301,7 +291,7 @@ def test_fewer_than_two_frames_are_refused_and_leave_no_folder(
     assert not (tmp_path / "frames").exists()
 
 
-def test_what_is_no_video_is_named(tmp_path: Path) -> None:
+def test_what_is_no_video_is_named(tmp_path):
     with pytest.raises(MissingInput, match=r"no\.mp4"):
         extract_video(tmp_path / "no.mp4", tmp_path / "frames")
     playlist = f"#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n{make_video(tmp_path / 'b.ts')}\n"
@@ -319,7 +309,7 @@ def test_what_is_no_video_is_named(tmp_path: Path) -> None:
             extract_video(tmp_path / name, tmp_path / "frames")
 
 
-def test_what_is_no_whole_video_says_what_to_do(tmp_path: Path) -> None:
+def test_what_is_no_whole_video_says_what_to_do(tmp_path):
     whole = make_video(tmp_path / "whole.mp4").read_bytes()
     at_index, at_data = whole.index(b"moov") - 4, whole.index(b"mdat") - 4
     still_open = whole[:at_data] + bytes(4) + whole[at_data + 4 : at_index]
@@ -340,7 +330,7 @@ def test_what_is_no_whole_video_says_what_to_do(tmp_path: Path) -> None:
                 read(tmp_path / name)
 
 
-def test_a_recording_that_says_no_length_is_counted(tmp_path: Path) -> None:
+def test_a_recording_that_says_no_length_is_counted(tmp_path):
     """As browsers write them."""
     video = make_video(tmp_path / "a.webm", codec="libvpx", muxer={"live": "1"})
     assert count_images(video, VideoConfig()) == (8, (64, 48))
@@ -349,16 +339,14 @@ def test_a_recording_that_says_no_length_is_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["mkv_frame_rate/obs60.mkv", "mkv_frame_rate/base.mkv"])
-def test_milliseconds_of_a_real_recorder(
-    shared_path: Callable[[str], Path], tmp_path: Path, place: str
-) -> None:
+def test_milliseconds_of_a_real_recorder(shared_path, tmp_path, place):
     rate_hz = 60.0 if "60" in place else 30.0
     frames = as_frames(shared_path(f"odd/{place}"), tmp_path / "frames", VideoConfig(every=2))
     assert (frames.rate_hz, frames.video_hz) == (rate_hz / 2, rate_hz)
     assert frames.times_s[-1] == pytest.approx(88 / rate_hz, abs=1e-6)
 
 
-def test_a_file_of_sound_has_no_video(tmp_path: Path) -> None:
+def test_a_file_of_sound_has_no_video(tmp_path):
     with av.open(str(tmp_path / "a.mp4"), "w") as container:
         stream = container.add_stream("aac", rate=16000)
         sound = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
@@ -369,12 +357,12 @@ def test_a_file_of_sound_has_no_video(tmp_path: Path) -> None:
         extracted(tmp_path / "a.mp4")
 
 
-def test_a_wrong_suffix_does_not_matter(tmp_path: Path) -> None:
+def test_a_wrong_suffix_does_not_matter(tmp_path):
     video = make_video(tmp_path / "a.mkv").rename(tmp_path / "a.jpeg.mp4")
     assert len(extracted(video)[0]) == 8
 
 
-def test_absurd_rates_and_sizes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_absurd_rates_and_sizes(tmp_path, monkeypatch):
     fast = make_video(tmp_path / "fast.mp4", rate_hz=9000)
     with pytest.raises(BadFrames, match=r"90\d\d(\.\d+)? frames per second"):
         extracted(fast)
@@ -393,7 +381,7 @@ def test_absurd_rates_and_sizes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
                 extracted(plain)
 
 
-def test_a_header_that_lies_about_the_size(tmp_path: Path) -> None:
+def test_a_header_that_lies_about_the_size(tmp_path):
     """The pictures' own size counts, not the container's."""
     video = make_video(tmp_path / "a.mp4")
     entry = video.read_bytes().index(b"avc1", video.read_bytes().index(b"stsd"))
@@ -407,12 +395,12 @@ def test_a_header_that_lies_about_the_size(tmp_path: Path) -> None:
     assert record.size_px == (64, 48) and len(images) == 8
 
 
-def test_the_record_needs_each_key(tmp_path: Path) -> None:
+def test_the_record_needs_each_key(tmp_path):
     _, record = extracted(make_video(tmp_path / "a.mp4"))
     assert_each_key_is_needed(record, tmp_path / VIDEO_FILE)
 
 
-def test_a_real_video(shared_path: Callable[[str], Path], tmp_path: Path) -> None:
+def test_a_real_video(shared_path, tmp_path):
     config = VideoConfig(from_s=1.0, to_s=1.2)
     frames = extract_video(shared_path("video/dog.mp4"), tmp_path / "frames", config)
     images = sorted(frames.glob("*.jpg"))

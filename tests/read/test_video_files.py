@@ -15,7 +15,7 @@ def filled(folder: Path, *names: str) -> Path:
     return folder
 
 
-def test_one_video_is_no_batch(tmp_path: Path) -> None:
+def test_one_video_is_no_batch(tmp_path):
     images = filled(tmp_path / "frames", "0.jpg", "1.jpg")
     odd = filled(tmp_path, "...mp4") / "...mp4"
     assert find_videos([images]) is None and find_videos([odd]) is None
@@ -24,7 +24,7 @@ def test_one_video_is_no_batch(tmp_path: Path) -> None:
         find_videos([images, tmp_path / "gone"])
 
 
-def test_files_of_folders_and_folders_of_images_are_videos(tmp_path: Path) -> None:
+def test_files_of_folders_and_folders_of_images_are_videos(tmp_path):
     clips = filled(tmp_path / "clips", "b.mp4", "a b.MOV", ".hidden.mp4", "notes.txt")
     filled(clips / "more", "c.mp4")
     images = filled(tmp_path / "frames.d", "0.jpg", "10.jpg")
@@ -54,7 +54,7 @@ def test_files_of_folders_and_folders_of_images_are_videos(tmp_path: Path) -> No
         ((f"{151 * 'a'}.mp4",), "150 bytes at most"),
     ],
 )
-def test_what_can_be_no_batch_is_refused(names: tuple[str, ...], said: str, tmp_path: Path) -> None:
+def test_what_can_be_no_batch_is_refused(names, said, tmp_path):
     clips = filled(tmp_path / "clips", *names)
     sources = [clips / names[0], clips / names[0]] if names[0].startswith(".") else [clips]
     with pytest.raises(BadRecipe, match=said):
@@ -65,7 +65,7 @@ def found(*names: str) -> FoundVideos:
     return FoundVideos(tuple(NamedVideo(name, Path(f"/{name}.mp4")) for name in names), ())
 
 
-def test_poses_are_found_by_name_as_systems_leave_them(tmp_path: Path) -> None:
+def test_poses_are_found_by_name_as_systems_leave_them(tmp_path):
     folder = filled(tmp_path / "poses", "a.pkl", "b.PT", "nobody.pkl", "notes.txt")
     filled(folder / "c", "wham_output.pkl", "slam.pth")
     filled(folder / "d", "camera.npy")
@@ -87,9 +87,7 @@ def test_poses_are_found_by_name_as_systems_leave_them(tmp_path: Path) -> None:
         (("a/vibe_output.pkl", "a/wham_output.pkl"), BadRecipe, "Leave the poses of one system"),
     ],
 )
-def test_poses_that_nobody_can_tell_apart_are_refused(
-    names: tuple[str, ...], error: type[Exception], said: str, tmp_path: Path
-) -> None:
+def test_poses_that_nobody_can_tell_apart_are_refused(names, error, said, tmp_path):
     for name in names:
         filled((tmp_path / "poses" / name).parent, Path(name).name)
     with pytest.raises(error, match=said):

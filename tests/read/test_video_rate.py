@@ -22,9 +22,7 @@ def frame_times_s(rate_hz: float, tick_s: float, shown: Sequence[int] | np.ndarr
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
 @pytest.mark.parametrize("lost", [[], [1, 7, 8, 40, *range(60, 90)]], ids=["whole", "with gaps"])
 @pytest.mark.parametrize("counted_s", [None, 1 / 16000], ids=["", "made into mp4"])
-def test_a_rate_is_the_cameras_not_that_of_rounded_times(
-    tick: str, rate_hz: float, lost: list[int], counted_s: float | None
-) -> None:
+def test_a_rate_is_the_cameras_not_that_of_rounded_times(tick, rate_hz, lost, counted_s):
     shown = np.setdiff1d(np.arange(2, 400), np.add(lost, 2))
     times_s = frame_times_s(rate_hz, TICKS_S[tick], shown)
     for stated_hz in ([rate_hz], [], [25.0], [rate_hz * 0.99, 1000.0]):
@@ -43,18 +41,18 @@ def test_a_rate_is_the_cameras_not_that_of_rounded_times(
         ([0, 0.01, 0.02], [1000, 100], 100),
     ],
 )
-def test_two_frames_and_more(times_s: list[float], stated_hz: list[float], rate_hz: float) -> None:
+def test_two_frames_and_more(times_s, stated_hz, rate_hz):
     assert rated(np.array(times_s), 1e-3, stated_hz)[0] == rate_hz
 
 
 @pytest.mark.parametrize("counted_s", [1e-3, 1 / 15360])
 @pytest.mark.parametrize("rate_hz", [60, 60 * NTSC, 50, 30, 30 * NTSC, 120])
-def test_the_mean_rate_of_a_short_clip_in_milliseconds(rate_hz: float, counted_s: float) -> None:
+def test_the_mean_rate_of_a_short_clip_in_milliseconds(rate_hz, counted_s):
     times_s = frame_times_s(rate_hz, 1e-3, range(90))
     assert rated(times_s, counted_s, [89 / times_s[-1]])[0] == pytest.approx(rate_hz, rel=1e-9)
 
 
-def test_a_rate_that_varies_is_left_as_it_is() -> None:
+def test_a_rate_that_varies_is_left_as_it_is():
     rng = np.random.default_rng(0)
     steps_s = {
         "a phone in the dark": [1 / 30] * 90 + [1 / 24] * 60,

@@ -71,7 +71,7 @@ def compared(paths: Sequence[Path], out: Path, **options: Any) -> dict[str, Any]
     return dict(read_json(compare(paths, out, CompareConfig(**options))))
 
 
-def test_differences_are_taken_clip_by_clip(tmp_path: Path) -> None:
+def test_differences_are_taken_clip_by_clip(tmp_path):
     found = compared(three(tmp_path), tmp_path / "out")
     assert found["runs"] == ["paper", "ours", "third"]
     assert found["clips"] == ["x", "yy", "zzz"]
@@ -87,7 +87,7 @@ def test_differences_are_taken_clip_by_clip(tmp_path: Path) -> None:
     assert set(found["metrics"]) == {"ome_deg", "tme_mm", "vme_mm"}
 
 
-def test_its_files(tmp_path: Path) -> None:
+def test_its_files(tmp_path):
     paths, out = three(tmp_path), tmp_path / "out"
     compared(paths, out)
     write_comparison_page(out / "comparison.json", paths)
@@ -107,7 +107,7 @@ def test_its_files(tmp_path: Path) -> None:
         compare(paths[:2], out)
 
 
-def test_a_protocol_is_compared_where_all_have_it(tmp_path: Path) -> None:
+def test_a_protocol_is_compared_where_all_have_it(tmp_path):
     wham, tram = of_protocol("wham", "rte_percent"), PROTOCOLS["tram"]
     values = {"x": 10.0, "yy": 20.0}
     paths = [
@@ -119,7 +119,7 @@ def test_a_protocol_is_compared_where_all_have_it(tmp_path: Path) -> None:
     assert found["protocol"] is None and "rte_percent" not in found["metrics"]
 
 
-def test_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
+def test_runs_of_one_name_are_told_apart(tmp_path):
     values = {"x": 1.0, "yy": 2.0}
     paths = [write_scores(tmp_path / folder, values) for folder in ("a", "b", "c/b")]
     assert compared(paths[:2], tmp_path / "2")["runs"] == ["run (a)", "run (b)"]
@@ -130,7 +130,7 @@ def test_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
         compared(paths, tmp_path / "bad", names=("old", "new"))
 
 
-def test_what_can_not_be_compared_is_refused(tmp_path: Path) -> None:
+def test_what_can_not_be_compared_is_refused(tmp_path):
     values = {"x": 1.0, "yy": 2.0}
     first = write_scores(tmp_path / "a", values)
     older = tmp_path / "e" / "scores.json"
@@ -149,9 +149,7 @@ def test_what_can_not_be_compared_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_the_verb(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_verb(tmp_path, capsys, monkeypatch):
     paths = three(tmp_path)
     monkeypatch.setattr(answers, "width", 200)  # a narrow table breaks its rows
     main(["compare", *map(str, paths), "--out", str(tmp_path / "out")])
@@ -163,7 +161,7 @@ def test_the_verb(
 RESAMPLES = 500
 
 
-def test_interval_of_a_mean_is_scipys() -> None:
+def test_interval_of_a_mean_is_scipys():
     """The same generator draws the same clips, so the ends are the same numbers."""
     values = np.random.default_rng(3).gamma(2.0, 2.0, 12)
     oracle = bootstrap(
@@ -176,7 +174,7 @@ def test_interval_of_a_mean_is_scipys() -> None:
     np.testing.assert_allclose(columns, np.outer(tuple(oracle), [1, 2]), rtol=1e-9)
 
 
-def test_interval_of_a_pooled_mean_is_scipys() -> None:
+def test_interval_of_a_pooled_mean_is_scipys():
     """Clips of other lengths: a ratio of two sums, drawn together."""
     rng = np.random.default_rng(4)
     sums, weights = rng.gamma(5.0, 2.0, 9), rng.integers(1, 40, 9).astype(float)
@@ -197,12 +195,12 @@ def test_interval_of_a_pooled_mean_is_scipys() -> None:
 
 @settings(max_examples=20)
 @given(st.integers(2, 12), st.integers(0, 1000))
-def test_each_resample_draws_as_many_clips_as_there_are(n_clips: int, seed: int) -> None:
+def test_each_resample_draws_as_many_clips_as_there_are(n_clips, seed):
     counts = resampled_counts(n_clips, 50, np.random.default_rng(seed))
     assert counts.shape == (50, n_clips) and (counts.sum(axis=1) == n_clips).all()
 
 
-def test_one_clip_has_no_interval() -> None:
+def test_one_clip_has_no_interval():
     counts = resampled_counts(1, 100, np.random.default_rng(0))
     assert ratio_interval(np.array([3.0]), np.ones(1), counts) is None
     counts = resampled_counts(3, 100, np.random.default_rng(0))
@@ -210,7 +208,7 @@ def test_one_clip_has_no_interval() -> None:
     assert mean_intervals(np.array([[1.0, 2.0]]), counts[:, :1]) is None
 
 
-def test_clips_without_a_figure_do_not_count() -> None:
+def test_clips_without_a_figure_do_not_count():
     counts = resampled_counts(3, 200, np.random.default_rng(0))
     low, high = ratio_interval(np.array([2.0, 6.0, 0.0]), np.array([1.0, 1.0, 0.0]), counts) or (
         0,
@@ -225,7 +223,7 @@ def runs_compared(first: list[float], other: list[float], seed: int = 0):  # typ
     )
 
 
-def test_four_clips_that_all_got_better() -> None:
+def test_four_clips_that_all_got_better():
     """Of the 16 ways to give the signs, two have a mean as far from 0."""
     found = runs_compared([4.0, 5.0, 6.0, 7.0], [3.0, 4.5, 5.0, 5.0])
     assert found.n_clips == 4
@@ -235,7 +233,7 @@ def test_four_clips_that_all_got_better() -> None:
     assert -2 <= found.interval95[0] < found.interval95[1] <= -0.5
 
 
-def test_p_is_the_share_of_all_sign_flips() -> None:
+def test_p_is_the_share_of_all_sign_flips():
     rng = np.random.default_rng(2)
     first, other = rng.normal(5, 1, (2, 9))
     differences = other - first
@@ -244,17 +242,17 @@ def test_p_is_the_share_of_all_sign_flips() -> None:
     assert runs_compared(list(first), list(other)).p_value == pytest.approx(expected)
 
 
-def test_runs_that_are_the_same_do_not_differ() -> None:
+def test_runs_that_are_the_same_do_not_differ():
     found = runs_compared([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
     assert (found.difference, found.interval95, found.p_value) == (0.0, (0.0, 0.0), 1.0)
 
 
-def test_one_clip_says_nothing() -> None:
+def test_one_clip_says_nothing():
     found = runs_compared([1.0], [3.0])
     assert (found.difference, found.interval95, found.p_value) == (2.0, None, None)
 
 
-def test_the_same_seed_gives_the_same_numbers() -> None:
+def test_the_same_seed_gives_the_same_numbers():
     rng = np.random.default_rng(5)
     first, other = (list(values) for values in rng.normal(5, 1, (2, 30)))
     assert runs_compared(first, other, 1) == runs_compared(first, other, 1)

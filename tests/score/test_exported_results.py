@@ -1,21 +1,15 @@
 """What this project exports in WHAM's and GVHMR's layout is scored as no error."""
 
-from pathlib import Path
-
 import numpy as np
 
 from gmrdata.read.systems.result import read_system
-from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip
 from gmrdata.write.systems import TrackedPerson, write_gvhmr, write_wham
 from tests.score.test_results import FRAMES, N, body, data, only, rest, score, true
 
 __all__ = ["body", "data", "true"]  # fixtures
 
 
-def test_what_this_project_exports_is_scored_as_no_error(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_what_this_project_exports_is_scored_as_no_error(tmp_path, data, body, true):
     """Their camera's frame too, so that figures there are of its own camera."""
     rows = np.arange(N) != 30
     person = TrackedPerson(true.motion, rest(body, true), rows, FRAMES)
@@ -28,9 +22,7 @@ def test_what_this_project_exports_is_scored_as_no_error(
     assert clip.protocol is not None and (clip.protocol.predicted["mpjpe_mm"] or 1) < 1e-2
 
 
-def test_a_video_of_gvhmr_keeps_the_frames_that_count(
-    tmp_path: Path, true: Clip, body: BodyModel
-) -> None:
+def test_a_video_of_gvhmr_keeps_the_frames_that_count(tmp_path, true, body):
     valid = np.arange(N) > 3
     person = TrackedPerson(true.motion, rest(body, true), valid, np.arange(N))
     path = tmp_path / "hmr4d_results.pt"

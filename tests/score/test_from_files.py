@@ -32,7 +32,7 @@ TURN = Rotation.from_euler("xyz", [20, 30, 200], degrees=True).as_matrix()
 
 
 @pytest.fixture(scope="module")
-def true(small_body: BodyModel) -> Clip:
+def true(small_body) -> Clip:
     (motion,) = embedded_motions(
         small_body, np.random.default_rng(0), count=1, fps_hz=30.0, duration_s=2.0
     )
@@ -58,9 +58,7 @@ def read(
     return found
 
 
-def test_the_truth_in_another_world_has_no_error(
-    tmp_path: Path, small_body: BodyModel, true: Clip
-) -> None:
+def test_the_truth_in_another_world_has_no_error(tmp_path, small_body, true):
     found = read(tmp_path, small_body, true, moved(true))
     assert [run.true.n_frames for run in found.runs] == [20]
     assert [[run.true.n_frames for run in world] for world in found.worlds] == [[60]]
@@ -73,9 +71,7 @@ def test_the_truth_in_another_world_has_no_error(
         assert errors.protocol["zero"][metric].mean() > 1
 
 
-def test_frames_without_a_prediction_are_an_error_or_dropped(
-    tmp_path: Path, small_body: BodyModel, true: Clip
-) -> None:
+def test_frames_without_a_prediction_are_an_error_or_dropped(tmp_path, small_body, true):
     """Rows without a prediction may hold NaN."""
     has = ~np.isin(np.arange(60), [30, 31])
     other = moved(true).motion
@@ -101,9 +97,7 @@ def test_frames_without_a_prediction_are_an_error_or_dropped(
     np.testing.assert_allclose(errors.protocol["predicted"]["rte_percent"], 0, atol=1e-6)
 
 
-def test_a_prediction_that_ends_early_lacks_frames(
-    tmp_path: Path, small_body: BodyModel, true: Clip
-) -> None:
+def test_a_prediction_that_ends_early_lacks_frames(tmp_path, small_body, true):
     short = replace(
         moved(true),
         motion=moved(true).motion.take(slice(0, 50), 30.0),
@@ -116,16 +110,14 @@ def test_a_prediction_that_ends_early_lacks_frames(
     assert (found.dropped_frames, found.runs[0].true.n_frames) == (10, 17)
 
 
-def test_frames_that_the_truth_lacks_are_not_missed(
-    tmp_path: Path, small_body: BodyModel, true: Clip
-) -> None:
+def test_frames_that_the_truth_lacks_are_not_missed(tmp_path, small_body, true):
     gap = replace(true, valid=np.arange(60) != 30)
     found = read(tmp_path, small_body, gap, replace(moved(gap), valid=np.ones(60, bool)))
     assert found.dropped_frames == 0
     assert [run.true.n_frames for run in found.runs] == [10, 10]
 
 
-def test_a_prediction_at_a_lower_rate(tmp_path: Path, small_body: BodyModel, true: Clip) -> None:
+def test_a_prediction_at_a_lower_rate(tmp_path, small_body, true):
     """Every third row at 10 fps; a gap of the truth between two of them is still a gap."""
     slow = replace(
         moved(true),
@@ -145,9 +137,7 @@ def test_a_prediction_at_a_lower_rate(tmp_path: Path, small_body: BodyModel, tru
     assert found.dropped_frames == 0
 
 
-def test_a_protocols_rate_is_taken_where_it_divides(
-    tmp_path: Path, small_body: BodyModel, true: Clip
-) -> None:
+def test_a_protocols_rate_is_taken_where_it_divides(tmp_path, small_body, true):
     rates = {}
     for wanted_hz in (10.0, 20.0, 30.0, None):
         found = read(tmp_path, small_body, true, moved(true), protocol_fps_hz=wanted_hz)
@@ -155,7 +145,7 @@ def test_a_protocols_rate_is_taken_where_it_divides(
     assert rates == {10.0: 10.0, 20.0: 30.0, 30.0: 30.0, None: 30.0}
 
 
-def test_what_can_not_be_scored_is_named(tmp_path: Path, small_body: BodyModel, true: Clip) -> None:
+def test_what_can_not_be_scored_is_named(tmp_path, small_body, true):
     other = moved(true)
     nan = replace(other, motion=replace(other.motion, pelvis_m=other.motion.pelvis_m.copy()))
     nan.motion.pelvis_m[7, 1] = np.nan
@@ -177,7 +167,7 @@ def test_what_can_not_be_scored_is_named(tmp_path: Path, small_body: BodyModel, 
         file_clip(tmp_path, UsableClip(true, "linear"), Pairing(10.0))
 
 
-def test_a_missing_file_is_named(tmp_path: Path, true: Clip) -> None:
+def test_a_missing_file_is_named(tmp_path, true):
     one, dropping = UsableClip(replace(true, id="b"), "linear"), Pairing(10.0, drop_missing=True)
     assert file_clip(tmp_path, one, dropping) == "no prediction b.npz"
     with pytest.raises(BadMotionFile, match=r"no prediction b\.npz"):
@@ -187,7 +177,7 @@ def test_a_missing_file_is_named(tmp_path: Path, true: Clip) -> None:
 
 
 @pytest.fixture(scope="module")
-def person(small_body: BodyModel) -> tuple[Clip, Clip]:
+def person(small_body) -> tuple[Clip, Clip]:
     return made_people(small_body, 1, gaps=True)[0]
 
 
@@ -218,9 +208,7 @@ def means(errors: ClipErrors) -> dict[str, float]:
             if len(values)}  # fmt: skip
 
 
-def test_the_truth_in_the_cameras_frame_has_no_error(
-    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
-) -> None:
+def test_the_truth_in_the_cameras_frame_has_no_error(tmp_path, small_body, person):
     true = person[0]
     seen = in_camera(replace(true, valid=np.ones(250, bool)), true)
     for name in ("wham", "emdb", "vibe"):
@@ -234,9 +222,7 @@ def test_the_truth_in_the_cameras_frame_has_no_error(
     assert "ate_m" not in means(found) and "mpjpe_mm" in means(found)
 
 
-def test_a_camera_of_its_own_changes_mpjpe_and_not_pa_mpjpe(
-    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
-) -> None:
+def test_a_camera_of_its_own_changes_mpjpe_and_not_pa_mpjpe(tmp_path, small_body, person):
     true, predicted = person
     own = scored(tmp_path, small_body, true, predicted, "tram")
     without = replace(predicted, camera=None)
@@ -258,9 +244,7 @@ def test_a_camera_of_its_own_changes_mpjpe_and_not_pa_mpjpe(
     assert means(world)["accel_error_m_per_s2"] != pytest.approx(b["accel_error_m_per_s2"])
 
 
-def test_a_camera_that_stands_has_no_scale(
-    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
-) -> None:
+def test_a_camera_that_stands_has_no_scale(tmp_path, small_body, person):
     true, predicted = person
     camera = camera_of(predicted)
     still = replace(camera, world_from_cam=np.tile(camera.world_from_cam[:1], (250, 1, 1)))
@@ -270,9 +254,7 @@ def test_a_camera_that_stands_has_no_scale(
     assert "ate_m" not in found and found["ate_s_m"] == pytest.approx(spread_m)
 
 
-def test_joints_from_the_mesh(
-    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
-) -> None:
+def test_joints_from_the_mesh(tmp_path, small_body, person):
     """A regressor that takes single vertices: the joints' errors are those of the vertices."""
     true, predicted = person
     matrix = np.zeros((24, len(small_body.template_m)))
@@ -296,7 +278,7 @@ def test_joints_from_the_mesh(
             with_mesh_joints(PROTOCOLS[name], n_rows)  # type: ignore[index]
 
 
-def test_deviations_are_switched_by_name() -> None:
+def test_deviations_are_switched_by_name():
     found = protocol_as("tram", ("gaps", "smoothing"))
     assert (found.gaps, found.smoothing_frames, found.camera) == ("joined", 3.0, "any")
     assert (found.original, found.deviations) == (("gaps", "smoothing"), ("camera",))
@@ -309,7 +291,7 @@ def test_deviations_are_switched_by_name() -> None:
         ScoreConfig(original=("gaps",)).its_protocol()
 
 
-def test_people_of_a_network_can_not_be_put_into_a_video() -> None:
+def test_people_of_a_network_can_not_be_put_into_a_video():
     protocol = protocol_as("slahmr", ("people",))
     nothing = ClipErrors("a", "none", {}, pairs={"predicted": [_pair_without_frames()]})
     with pytest.raises(BadRecipe, match="Write its predictions to files"):
@@ -321,7 +303,7 @@ def _pair_without_frames() -> WorldPair:
     return WorldPair(one, one, ((0, 3),), 30.0)
 
 
-def test_emdb_1_and_emdb_2_in_one_run(tmp_path: Path, small_body: BodyModel) -> None:
+def test_emdb_1_and_emdb_2_in_one_run(tmp_path, small_body):
     """Poses are taken of EMDB 1, paths of EMDB 2, as its authors take them."""
     body = save_smpl(tmp_path / "smpl" / "male.npz", small_body, "male")
     body_path, root, second = tmp_path / "smpl" / "male.npz", tmp_path / "EMDB", "P7_57_rock_chair"
@@ -349,9 +331,7 @@ def test_emdb_1_and_emdb_2_in_one_run(tmp_path: Path, small_body: BodyModel) -> 
     assert "| all EMDB 1 |" in text and "--original gaps camera" in text
 
 
-def test_a_regressor_file_is_checked(
-    tmp_path: Path, small_body: BodyModel, person: tuple[Clip, Clip]
-) -> None:
+def test_a_regressor_file_is_checked(tmp_path, small_body, person):
     true, predicted = person
     manifest_path = write_clips(tmp_path / "data", small_body, [true])
     save_clip(tmp_path / f"{true.id}.npz", predicted, small_body.rest_pelvis_m(true.motion.shape))

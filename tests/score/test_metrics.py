@@ -63,12 +63,12 @@ def aligned_mm(predicted_m: np.ndarray, true_m: np.ndarray, **changes: Any) -> n
         ("joined", 0, []),
     ],
 )
-def test_segments(remainder: Any, n_frames: int, expected: list[tuple[int, int]]) -> None:
+def test_segments(remainder, n_frames, expected):
     """As the loops of the released code cut them."""
     assert segments_of(n_frames, 100, remainder) == expected
 
 
-def test_another_world_and_scale_is_no_error_of_mpjpe() -> None:
+def test_another_world_and_scale_is_no_error_of_mpjpe():
     true_m = bodies_m(6)
     turn = Rotation.from_euler("xyz", [10, 20, 130], degrees=True).as_matrix()
     moved_m = 1.01 * true_m @ turn.T + [3.0, -2.0, 1.0]
@@ -80,7 +80,7 @@ def test_another_world_and_scale_is_no_error_of_mpjpe() -> None:
     assert aligned_mm(moved_m, true_m, scale=False).max() > 1
 
 
-def test_w_mpjpe_shows_drift_after_the_first_two_frames() -> None:
+def test_w_mpjpe_shows_drift_after_the_first_two_frames():
     """Frame 2 is off by (30, 40, 0) mm, frame 3 by twice that."""
     true_m = bodies_m(4)
     predicted_m = true_m.copy()
@@ -98,7 +98,7 @@ def test_w_mpjpe_shows_drift_after_the_first_two_frames() -> None:
 
 @settings(max_examples=25)
 @given(seeds)
-def test_alignment_is_evos(seed: int) -> None:
+def test_alignment_is_evos(seed):
     rng = np.random.default_rng(seed)
     true_m, predicted_m = rng.normal(0, 1, (2, 5, 4, 3))
     for first_frames, scale in ((2, True), (None, True), (2, False)):
@@ -112,7 +112,7 @@ def test_alignment_is_evos(seed: int) -> None:
         np.testing.assert_allclose(found_mm, expected_mm, rtol=1e-9)
 
 
-def test_rte_of_a_straight_walk_with_one_percent_of_scale_error() -> None:
+def test_rte_of_a_straight_walk_with_one_percent_of_scale_error():
     """4 m long; aligned at its middle, the ends are 20 mm off: 0.5 % of the length."""
     true_m = walk_m(5)
     found = root_errors_percent(1.01 * true_m + [7.0, 8.0, 9.0], true_m, [(0, 5)])
@@ -120,11 +120,11 @@ def test_rte_of_a_straight_walk_with_one_percent_of_scale_error() -> None:
     assert found.mean() == pytest.approx(0.3)
 
 
-def test_rte_of_a_path_without_length_is_not_defined() -> None:
+def test_rte_of_a_path_without_length_is_not_defined():
     assert root_errors_percent(walk_m(5), np.zeros((5, 3)), [(0, 5)]).shape == (0,)
 
 
-def test_a_jump_over_a_gap_is_no_part_of_the_path() -> None:
+def test_a_jump_over_a_gap_is_no_part_of_the_path():
     true_m = walk_m(6)
     true_m[3:, 0] += 100.0
     found = root_errors_percent(true_m + np.array([0, 0, 1.0]), true_m, [(0, 3), (3, 6)])
@@ -136,7 +136,7 @@ def test_a_jump_over_a_gap_is_no_part_of_the_path() -> None:
     assert found.max() == pytest.approx(1.0, abs=0.01)
 
 
-def test_roe_begins_at_zero_and_shows_what_comes_after() -> None:
+def test_roe_begins_at_zero_and_shows_what_comes_after():
     true = Rotation.from_euler("z", [[0], [10], [20]], degrees=True).as_matrix()
     predicted = Rotation.from_euler("z", [[50], [61], [67]], degrees=True).as_matrix()
     found = root_orientation_errors_deg(predicted, true)
@@ -145,7 +145,7 @@ def test_roe_begins_at_zero_and_shows_what_comes_after() -> None:
 
 @settings(max_examples=25)
 @given(seeds)
-def test_erve_is_tme(seed: int) -> None:
+def test_erve_is_tme(seed):
     rng = np.random.default_rng(seed)
     rotmats = Rotation.random(8, random_state=seed).as_matrix().reshape(2, 4, 3, 3)
     places_m = rng.normal(0, 1, (2, 4, 3))
@@ -156,7 +156,7 @@ def test_erve_is_tme(seed: int) -> None:
     np.testing.assert_allclose(found, translation_errors_mm(predicted_m, true_m), rtol=1e-9)
 
 
-def test_erve_of_a_walk_that_is_too_fast() -> None:
+def test_erve_of_a_walk_that_is_too_fast():
     """Steps of 31 in place of 30 mm, in a world that is turned by 90 degrees."""
     turn = Rotation.from_euler("z", 90, degrees=True).as_matrix()
     turns, still = np.tile(turn, (4, 1, 1)), np.tile(np.eye(3), (4, 1, 1))
@@ -167,7 +167,7 @@ def test_erve_of_a_walk_that_is_too_fast() -> None:
 
 
 @pytest.mark.parametrize("fps_hz", [10.0, 30.0])
-def test_jitter_of_a_cubic_is_its_third_derivative(fps_hz: float) -> None:
+def test_jitter_of_a_cubic_is_its_third_derivative(fps_hz):
     """x = 5 t^3 m has a jerk of 30 m/s^3, whatever the rate; one of two joints stands still."""
     times_s = np.arange(7) / fps_hz
     joints_m = np.zeros((7, 2, 3))
@@ -177,7 +177,7 @@ def test_jitter_of_a_cubic_is_its_third_derivative(fps_hz: float) -> None:
     np.testing.assert_allclose(found, 30 / 2 / 10, rtol=1e-9)
 
 
-def test_feet_slide_only_where_the_true_ones_stand() -> None:
+def test_feet_slide_only_where_the_true_ones_stand():
     """The true foot stands, takes a step of 20 mm, stands; the predicted one slides 3 mm a frame.
 
     A true step of 9.9 mm still counts as standing, one of 10 mm does not.
@@ -193,7 +193,7 @@ def test_feet_slide_only_where_the_true_ones_stand() -> None:
     np.testing.assert_allclose(found, [3] * 5, rtol=1e-9)
 
 
-def test_nothing_is_differentiated_over_a_gap() -> None:
+def test_nothing_is_differentiated_over_a_gap():
     """The second half is 100 m away and turned round, in truth and prediction alike."""
     rng = np.random.default_rng(0)
     joints_m = rng.normal(0, 1, (12, 3, 3))
@@ -215,7 +215,7 @@ def test_nothing_is_differentiated_over_a_gap() -> None:
 
 @settings(max_examples=25)
 @given(seeds)
-def test_a_rigid_move_of_a_world_changes_nothing(seed: int) -> None:
+def test_a_rigid_move_of_a_world_changes_nothing(seed):
     rng = np.random.default_rng(seed)
     true_m, predicted_m = rng.normal(0, 1, (2, 9, 5, 3))
     rotmats = Rotation.random(18, random_state=seed).as_matrix().reshape(2, 9, 3, 3)
@@ -245,7 +245,7 @@ RNG = np.random.default_rng(3)
 POINTS_M = RNG.normal(0, 0.4, (6, 24, 3))
 
 
-def test_points_are_measured_from_the_hips() -> None:
+def test_points_are_measured_from_the_hips():
     moved = POINTS_M + RNG.normal(0, 1, (6, 1, 3))
     moved[:, 5] += [0.0, 0.24, 0.0]
     from_hips = [one - metrics.hips_m(one, (1, 2)) for one in (moved, POINTS_M)]
@@ -254,7 +254,7 @@ def test_points_are_measured_from_the_hips() -> None:
 
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
-def test_many_similarities_are_those_of_one_set_each(seed: int) -> None:
+def test_many_similarities_are_those_of_one_set_each(seed):
     rng = np.random.default_rng(seed)
     a_m, b_m = rng.normal(0, 1, (2, 5, 7, 3))
     found = fit_similarities(a_m, b_m)
@@ -265,7 +265,7 @@ def test_many_similarities_are_those_of_one_set_each(seed: int) -> None:
         np.testing.assert_allclose(found.apply(b_m)[row], one.apply(b_m[row]), atol=1e-9)
 
 
-def test_a_similarity_of_each_frame_has_no_aligned_error() -> None:
+def test_a_similarity_of_each_frame_has_no_aligned_error():
     rotmats = Rotation.random(6, random_state=1).as_matrix()
     moved = (1.3 * POINTS_M) @ np.swapaxes(rotmats, 1, 2) + RNG.normal(0, 1, (6, 1, 3))
     best = fit_similarities(POINTS_M, moved)
@@ -273,7 +273,7 @@ def test_a_similarity_of_each_frame_has_no_aligned_error() -> None:
     np.testing.assert_allclose(best.scales, 1 / 1.3)
 
 
-def test_angles_are_means_over_joints() -> None:
+def test_angles_are_means_over_joints():
     """One of four joints is turned by 60 degrees."""
     true = Rotation.random(8, random_state=2).as_matrix().reshape(2, 4, 3, 3)
     turned = true.copy()
@@ -281,7 +281,7 @@ def test_angles_are_means_over_joints() -> None:
     np.testing.assert_allclose(metrics.joint_angle_errors_deg(turned, true), 15)
 
 
-def test_accelerations_of_a_parabola_and_over_gaps() -> None:
+def test_accelerations_of_a_parabola_and_over_gaps():
     """x = t^2 of one of two joints: 2 m per frame^2, half of it in the mean."""
     places_m = np.zeros((10, 2, 3))
     places_m[:, 0, 0] = np.arange(10.0) ** 2
@@ -297,7 +297,7 @@ def test_accelerations_of_a_parabola_and_over_gaps() -> None:
 
 
 @pytest.mark.parametrize(("scale", "expected"), [(True, 0.0), (False, 0.1)])
-def test_a_camera_path_that_is_too_long(scale: bool, expected: float) -> None:
+def test_a_camera_path_that_is_too_long(scale, expected):
     """Places at -1, 0 and 1 m that are predicted 15 % too far apart: 0.15, 0 and 0.15 m."""
     true_m = np.array([[-1.0, 0, 0], [0, 0, 0], [1.0, 0, 0]])
     found = metrics.path_error_m(1.15 * true_m + 3.0, true_m, scale=scale)

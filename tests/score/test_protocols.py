@@ -14,7 +14,7 @@ from gmrdata.score.clip_errors import SMPL_FEET, foot_vertices
 from gmrdata.score.protocol_values import SeenBody, WorldBody, WorldPair, protocol_values
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.table import METRIC_WORDS
-from gmrdata.values.body import JOINT, JOINT_NAMES, BodyModel
+from gmrdata.values.body import JOINT, JOINT_NAMES
 from tests.score.made_people import made_people, made_regressor, our_figures
 
 STILL = np.eye(3)
@@ -41,13 +41,13 @@ def pair(predicted_m: np.ndarray, true_m: np.ndarray, fps_hz: float = 30.0) -> W
     return WorldPair(body(predicted_m), body(true_m), ((0, len(true_m)),), fps_hz)
 
 
-def test_each_name_has_a_protocol_and_each_metric_its_words() -> None:
+def test_each_name_has_a_protocol_and_each_metric_its_words():
     assert set(PROTOCOLS) == set(get_args(ProtocolName))
     assert all(name == protocol.name for name, protocol in PROTOCOLS.items())
     assert {m for protocol in PROTOCOLS.values() for m in protocol.metrics} < METRIC_WORDS.keys()
 
 
-def test_the_truth_has_no_error_in_any_protocol() -> None:
+def test_the_truth_has_no_error_in_any_protocol():
     true_m = standing_m(230) + np.arange(230)[:, None, None] * [0.03, 0.0, 0.0]
     moved_m = true_m @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [4.0, 5.0, 6.0]
     turned = replace(
@@ -65,7 +65,7 @@ def test_the_truth_has_no_error_in_any_protocol() -> None:
             assert len(values)
 
 
-def test_the_rest_after_the_last_segment() -> None:
+def test_the_rest_after_the_last_segment():
     """250 frames that are perfect up to 230 and 100 mm off in the last 20 frames.
 
     wham has 50 frames of their own, tram 149 without the last, slahmr one segment of 150.
@@ -85,7 +85,7 @@ def test_the_rest_after_the_last_segment() -> None:
     np.testing.assert_allclose(found["slahmr"], [0, 100 * 20 / 150], atol=1e-9)
 
 
-def test_slahmr_looks_at_fourteen_joints() -> None:
+def test_slahmr_looks_at_fourteen_joints():
     """A root and a hand that are off don't matter to it, a wrist does."""
     true_m = standing_m(101)
     predicted_m = true_m.copy()
@@ -102,7 +102,7 @@ def test_slahmr_looks_at_fourteen_joints() -> None:
     np.testing.assert_allclose(found["w_mpjpe_mm"], 140 / 14 * 51 / 101, rtol=1e-9)
 
 
-def test_jitter_of_whole_bodies_and_emdbs() -> None:
+def test_jitter_of_whole_bodies_and_emdbs():
     """All joints but the pelvis fly along x = t^3: 6 m/s^3, the pelvis stands.
 
     wham: 23 of 24 joints.  emdb: nine count as still, so 15 of 24, and each clip counts once.
@@ -127,7 +127,7 @@ def test_jitter_of_whole_bodies_and_emdbs() -> None:
     )
 
 
-def test_rte_counts_the_scale_that_mpjpe_hides() -> None:
+def test_rte_counts_the_scale_that_mpjpe_hides():
     """A straight walk of 99 steps of 30 mm, 1 % too long: at its ends 0.5 % of the length."""
     true_m = standing_m(100) + np.arange(100)[:, None, None] * [0.03, 0.0, 0.0]
     found = protocol_values(PROTOCOLS["wham"], pair(1.01 * true_m, true_m))
@@ -136,12 +136,12 @@ def test_rte_counts_the_scale_that_mpjpe_hides() -> None:
     np.testing.assert_allclose(found["erve_mm_per_frame"], 0.3, rtol=1e-9)
 
 
-def test_a_body_that_stands_has_no_rte() -> None:
+def test_a_body_that_stands_has_no_rte():
     found = protocol_values(PROTOCOLS["tram"], pair(standing_m(120), standing_m(120)))
     assert len(found["rte_percent"]) == 0 and len(found["w_mpjpe_mm"]) == 119
 
 
-def test_feet_of_a_body(small_body: BodyModel) -> None:
+def test_feet_of_a_body(small_body):
     """Toe and heel of each foot, low, on its side, the toe in front."""
     rows = foot_vertices(small_body)
     places_m = small_body.template_m[list(rows)]
@@ -154,7 +154,7 @@ def test_feet_of_a_body(small_body: BodyModel) -> None:
     assert foot_vertices(whole) == SMPL_FEET
 
 
-def test_emdb_ignores_the_joints_that_its_code_names() -> None:
+def test_emdb_ignores_the_joints_that_its_code_names():
     """ignored_joints_idxs of eth-ait/emdb, evaluation_metrics.py."""
     assert PROTOCOLS["emdb"].zeroed_joints == (0, 7, 8, 10, 11, 20, 21, 22, 23)
     assert len(JOINT_NAMES) == 24
@@ -204,7 +204,7 @@ def made_up_body(phase: float) -> WorldBody:
 @pytest.mark.parametrize(
     ("name", "metric"), [(name, metric) for name, found in RELEASED.items() for metric in found]
 )
-def test_the_figure_is_the_released_codes(name: str, metric: str) -> None:
+def test_the_figure_is_the_released_codes(name, metric):
     pair = WorldPair(made_up_body(0.4), made_up_body(0.0), ((0, N_FRAMES),), 30.0)
     found = protocol_values(PROTOCOLS[name], pair)[metric]  # type: ignore[index]
     assert found.mean() == pytest.approx(RELEASED[name][metric], rel=1e-9)
@@ -219,9 +219,7 @@ FIGURES = json.loads(Path(__file__).with_name("released_figures.json").read_text
 @pytest.mark.parametrize(
     ("case", "name"), [(case, name) for case in FIGURES for name in FIGURES[case]]
 )
-def test_files_are_scored_as_released_code_scores_them(
-    case: str, name: str, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_files_are_scored_as_released_code_scores_them(case, name, small_body, tmp_path):
     """One person without gaps, and two with gaps; read from files, in the original's mode."""
     people, matrix = made_people(small_body, int(case[0]), gaps="with gaps" in case), None
     if "mesh" in case:
@@ -245,9 +243,7 @@ def test_files_are_scored_as_released_code_scores_them(
         ("vibe", "accel_error_mm_per_frame2"),
     ],
 )
-def test_each_deviation_changes_a_figure_until_it_is_switched(
-    name: str, metric: str, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_each_deviation_changes_a_figure_until_it_is_switched(name, metric, small_body, tmp_path):
     people = made_people(small_body, 2, gaps=True)
     found = our_figures(name, small_body, people, tmp_path, original=())  # type: ignore[arg-type]
     figure = FIGURES["2 people, with gaps"][name][metric]

@@ -36,11 +36,11 @@ def full(name: str = "run") -> Scores:
     return found.model_copy(update={"skipped": {"c": "rejected"}})
 
 
-def test_each_key_of_scores_is_needed(tmp_path: Path) -> None:
+def test_each_key_of_scores_is_needed(tmp_path):
     assert_each_key_is_needed(full(), tmp_path / "scores.json", free=("skipped",))
 
 
-def test_each_key_of_a_networks_scores_is_needed(tmp_path: Path) -> None:
+def test_each_key_of_a_networks_scores_is_needed(tmp_path):
     network = {
         "kind": "network",
         "run": "gmr",
@@ -53,7 +53,7 @@ def test_each_key_of_a_networks_scores_is_needed(tmp_path: Path) -> None:
     assert_each_key_is_needed(found, tmp_path / "scores.json", free)
 
 
-def test_each_key_of_a_comparison_is_needed(tmp_path: Path) -> None:
+def test_each_key_of_a_comparison_is_needed(tmp_path):
     both = [full("first"), full("other")]
     found = compare_records(both, [tmp_path, tmp_path], ["first", "other"], CompareConfig())
     assert_each_key_is_needed(found, tmp_path / "comparison.json")
@@ -62,16 +62,14 @@ def test_each_key_of_a_comparison_is_needed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("record", "older"), [(Scores, "gmrdata-scores/3"), (Comparison, "gmrdata-comparison/1")]
 )
-def test_an_older_version_is_refused_with_the_remedy(
-    record: type[Scores] | type[Comparison], older: str, tmp_path: Path
-) -> None:
+def test_an_older_version_is_refused_with_the_remedy(record, older, tmp_path):
     path = tmp_path / "older.json"
     path.write_text(json.dumps({"format": older, "clips": []}))
     with pytest.raises(BadRecord, match=f"older.json: `format` is '{older}', .* with --redo"):
         record.read(path)
 
 
-def test_what_does_not_fit_together_is_refused(tmp_path: Path) -> None:
+def test_what_does_not_fit_together_is_refused(tmp_path):
     path = tmp_path / "scores.json"
     full().write(path)
     whole = json.loads(path.read_text())
@@ -142,7 +140,7 @@ def found_scores() -> Scores:
     return found
 
 
-def test_each_row_gets_the_floor_of_its_class() -> None:
+def test_each_row_gets_the_floor_of_its_class():
     found = found_scores().model_dump(mode="json")
     linear, static, circular = found["clips"]
     of_linear = {"of": "linear", "ome_deg": 0.2, "tme_mm": 4.0, "vme_mm": 5.0}
@@ -165,7 +163,7 @@ def test_each_row_gets_the_floor_of_its_class() -> None:
     assert found["clips"][0]["predicted"] == scores_beside_floor().clips[0].predicted.model_dump()
 
 
-def test_the_table_has_the_floor_beside_gmr_and_zero_motion() -> None:
+def test_the_table_has_the_floor_beside_gmr_and_zero_motion():
     headings, rows = score_rows(found_scores())
     assert headings[-2:] == ("with no motion at all", "pseudo ground truth's own")
     assert rows[0] == (
@@ -193,7 +191,7 @@ def manifest(folder: Path, kind: str) -> Path:
     )
 
 
-def test_a_floor_is_for_pseudo_ground_truth_of_its_rate(tmp_path: Path) -> None:
+def test_a_floor_is_for_pseudo_ground_truth_of_its_rate(tmp_path):
     path = tmp_path / "floor.json"
     write_json(path, floor().model_dump(mode="json"))
     pseudo = manifest(tmp_path / "pseudo", "pseudo_gt")
@@ -238,7 +236,7 @@ def table(heading: str) -> list[list[str]]:
 
 
 @pytest.mark.parametrize("name", [name for name in PROTOCOLS if PROTOCOLS[name].metrics])
-def test_the_table_has_the_protocols_metrics(name: str) -> None:
+def test_the_table_has_the_protocols_metrics(name):
     headings, *rows = table("Protocols and their metrics")
     column, said = headings.index(name), set()
     for row in rows:
@@ -248,7 +246,7 @@ def test_the_table_has_the_protocols_metrics(name: str) -> None:
     assert said == set(PROTOCOLS[name].metrics)  # type: ignore[index]
 
 
-def test_each_deviation_has_its_option_and_protocols() -> None:
+def test_each_deviation_has_its_option_and_protocols():
     _, *rows = table("Deviations, and the option that switches each")
     said = {row[0].strip("`"): set(row[1].split(", ")) for row in rows if "--" not in row[0]}
     known: dict[str, set[str]] = {}
@@ -265,7 +263,7 @@ def _changed(path: Path, **changes: Any) -> Path:
 
 
 @pytest.mark.parametrize("key", ["predicted", "zero"])
-def test_ragged_curves(key: str, tmp_path: Path) -> None:
+def test_ragged_curves(key, tmp_path):
     path = _changed(tmp_path / "scores.json")
     content = json.loads(path.read_text())
     content["over_time"][key]["vertex_mm"].append(1.0)
@@ -275,20 +273,20 @@ def test_ragged_curves(key: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["\ud800", "a\udfffb"])
-def test_half_characters(name: str, tmp_path: Path) -> None:
+def test_half_characters(name, tmp_path):
     path = _changed(tmp_path / "scores.json", name=name)
     with pytest.raises(BadRecord, match=r"scores\.json: .* half of a surrogate pair"):
         Scores.read(path)
 
 
 @pytest.mark.parametrize("name", ["$", "a $\\frac$ b", "$x^$", "_hidden", "é <b>"])
-def test_names_are_shown_as_they_are(name: str, tmp_path: Path) -> None:
+def test_names_are_shown_as_they_are(name, tmp_path):
     page = scores_page(Scores.read(_changed(tmp_path / "scores.json", name=name)))
     shown = name.replace("<b>", "&lt;b&gt;")
     assert page.count(shown) >= 2  # in the heading and in the plot's legend
 
 
-def test_lines_of_json(tmp_path: Path) -> None:
+def test_lines_of_json(tmp_path):
     path = tmp_path / "metrics.jsonl"
     path.write_text('{"step": 1, "loss": 2.0}\n{"step": 2}\n')
     assert read_json_lines(path) == [{"step": 1, "loss": 2.0}, {"step": 2}]

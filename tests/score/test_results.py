@@ -44,12 +44,12 @@ def yaw_rotmats(angles_deg: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def body(small_body: BodyModel) -> BodyModel:
+def body(small_body) -> BodyModel:
     return replace(small_body, name="smpl-neutral")
 
 
 @pytest.fixture(scope="module")
-def true(body: BodyModel) -> Clip:
+def true(body) -> Clip:
     """A walk with straight hands, seen by a camera that turns and travels."""
     (motion,) = embedded_motions(body, np.random.default_rng(0), count=1, fps_hz=30, duration_s=2)
     local = motion.local_rotmats.copy()
@@ -69,7 +69,7 @@ def true(body: BodyModel) -> Clip:
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory, body: BodyModel, true: Clip) -> Path:
+def data(tmp_path_factory, body, true) -> Path:
     """Folder with a manifest of the clip, and its body."""
     folder = tmp_path_factory.mktemp("data")
     write_clips(folder, body, [true], camera_motions=["linear"])
@@ -141,9 +141,7 @@ WRITE: dict[str, Callable[[Path, BodyModel, Clip], Path]] = {
 
 
 @pytest.mark.parametrize("system", WRITE)
-def test_the_truth_as_each_system_writes_it_has_no_error(
-    system: str, tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_the_truth_as_each_system_writes_it_has_no_error(system, tmp_path, data, body, true):
     WRITE[system](tmp_path / "results" / true.id, body, true)
     made = score(data, tmp_path / "results", tmp_path / "out", protocol="tram", camera="true")
     scores = only(made)
@@ -168,9 +166,7 @@ def test_the_truth_as_each_system_writes_it_has_no_error(
         assert figures["ate_s_m"] == pytest.approx(0, abs=1e-6)
 
 
-def test_phalps_people_are_placed_by_their_crops(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_phalps_people_are_placed_by_their_crops(tmp_path, data, body, true):
     """As its demo names the file, with the person that the picture shows best."""
     assert true.camera is not None
     seen = files.seen_person(true.motion, true.camera, body, FRAMES)
@@ -183,9 +179,7 @@ def test_phalps_people_are_placed_by_their_crops(
     assert scores.clips[0].predicted.tme_mm < 0.5 * scores.clips[0].zero.tme_mm
 
 
-def test_an_injected_error_is_measured_exactly(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_an_injected_error_is_measured_exactly(tmp_path, data, body, true):
     """One degree of yaw a frame too much, and 12 mm a frame along y."""
     yaws = yaw_rotmats(np.arange(N))
     turned = replace(true.motion, root_rotmats=yaws @ true.motion.root_rotmats)
@@ -200,9 +194,7 @@ def test_an_injected_error_is_measured_exactly(
     assert clip.predicted.ome_deg < 1e-4
 
 
-def test_three_systems_of_one_sequence_are_compared_by_one_command(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_three_systems_of_one_sequence_are_compared_by_one_command(tmp_path, data, body, true):
     folder = tmp_path / "results"
     wham(folder, body, true)
     drift_m = 0.012 * np.arange(N)[:, None] * [0, 1, 0]
@@ -231,9 +223,7 @@ def test_three_systems_of_one_sequence_are_compared_by_one_command(
     )
 
 
-def test_sets_in_folders_beside_clips_of_gmrdata(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_sets_in_folders_beside_clips_of_gmrdata(tmp_path, data, body, true):
     folder = tmp_path / "results"
     wham(folder / "wham_v1" / true.id, body, true)
     wham(folder / "wham_v2", body, true).rename(folder / "wham_v2" / f"{true.id}.pkl")
@@ -246,9 +236,7 @@ def test_sets_in_folders_beside_clips_of_gmrdata(
         score(data, folder, tmp_path / "other")
 
 
-def test_several_people_need_a_name(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_several_people_need_a_name(tmp_path, data, body, true):
     still = replace(true.motion, pelvis_m=0 * true.motion.pelvis_m)
     people = {0: (still, FRAMES), 4: (true.motion, FRAMES)}
     path = files.write_wham(tmp_path / "x.pkl", people, rest(body, true))
@@ -267,9 +255,7 @@ def test_several_people_need_a_name(
     assert (found.person, found.people, found.used_frames) == ("person_4", 2, N)
 
 
-def test_people_of_one_sequence_are_told_by_names_alone(
-    tmp_path: Path, body: BodyModel, true: Clip
-) -> None:
+def test_people_of_one_sequence_are_told_by_names_alone(tmp_path, body, true):
     """A result of one person may be of either; the last of several is who is left."""
     first, second = (ClipName(f"walk.p{n}", "walk", str(n), 2) for n in range(2))
     later = replace(first, id="walk.p0.later")  # another part of the take
@@ -297,9 +283,7 @@ def test_people_of_one_sequence_are_told_by_names_alone(
     assert people_of_clips(found, clips, {})["walk.p1"].name == "person_5"
 
 
-def test_frames_are_matched_by_number_and_the_missing_are_said(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_frames_are_matched_by_number_and_the_missing_are_said(tmp_path, data, body, true):
     """Five frames lack, and ten are not the clip's."""
     rows = np.r_[0:20, 25:60]
     frames = np.r_[FRAMES[rows], 70:80]
@@ -319,9 +303,7 @@ def test_frames_are_matched_by_number_and_the_missing_are_said(
         score(data, other, tmp_path / "late")
 
 
-def test_sets_with_other_gaps_are_compared_on_their_common_frames(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_sets_with_other_gaps_are_compared_on_their_common_frames(tmp_path, data, body, true):
     folder = tmp_path / "results"
     rows = np.r_[0:20, 25:60]
     people = {0: (true.motion.take(rows), FRAMES[rows])}
@@ -341,18 +323,14 @@ def test_sets_with_other_gaps_are_compared_on_their_common_frames(
         ([1, 10, 11, 13], 0, [10, 11, -1, 13]),
     ],
 )
-def test_frames_of_images(
-    true: Clip, images: list[int] | None, first_image: int | None, expected: list[int]
-) -> None:
+def test_frames_of_images(true, images, first_image, expected):
     clip = replace(true, image_numbers=np.array([10, 11, -1, 13]))
     assert frames_of_rows(clip, images, first_image).tolist() == expected
     no_images = replace(true, image_numbers=np.full(4, -1))
     assert frames_of_rows(no_images, images, first_image).tolist() == [0, 1, 2, 3]
 
 
-def test_an_amass_like_file_has_its_own_rate(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_an_amass_like_file_has_its_own_rate(tmp_path, data, body, true):
     slow = true.motion.take(slice(0, None, 3), 10.0)
     path = files.write_amass(tmp_path / f"{true.id}.npz", slow, rest(body, true))
     scores = only(score(data, path, tmp_path / "out", fps_hz=10.0))
@@ -368,7 +346,7 @@ def test_an_amass_like_file_has_its_own_rate(
         score(data, wrong, tmp_path / "wrong")
 
 
-def test_what_is_not_there_is_said(tmp_path: Path, data: Path, body: BodyModel, true: Clip) -> None:
+def test_what_is_not_there_is_said(tmp_path, data, body, true):
     (tmp_path / "empty").mkdir()
     with pytest.raises(MissingInput, match=r"no result named after .*walk\.p0.*docs/scores\.md"):
         score(data, tmp_path / "empty", tmp_path / "out")
@@ -392,9 +370,7 @@ def test_what_is_not_there_is_said(tmp_path: Path, data: Path, body: BodyModel, 
         (("--first-image", "-1"), "--first-image -1: give 0 or more"),
     ],
 )
-def test_flags_that_say_nothing(
-    flags: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_flags_that_say_nothing(flags, said, tmp_path, capsys):
     manifest_path = tmp_path / "manifest.yaml"
     manifest_path.touch()
     asked = ("evaluate", str(tmp_path), str(manifest_path), "--out", str(tmp_path / "out"))
@@ -403,9 +379,7 @@ def test_flags_that_say_nothing(
     assert said in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_person_outside_of_trams_cameras_is_refused(
-    tmp_path: Path, body: BodyModel, true: Clip
-) -> None:
+def test_a_person_outside_of_trams_cameras_is_refused(tmp_path, body, true):
     folder = tram(tmp_path / "run", body, true)
     camera = {"world_cam_R": np.tile(np.eye(3), (9, 1, 1)), "world_cam_T": np.zeros((9, 3))}
     np.save(folder / "camera.npy", camera)  # type: ignore[arg-type]
@@ -420,9 +394,7 @@ BROKEN = ("nan", "short", "no_key", "wrong_width", "text", "frames_not_rising", 
 @settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_a_broken_result_is_an_error_that_names_the_file(
-    data: st.DataObject, tmp_path: Path
-) -> None:
+def test_a_broken_result_is_an_error_that_names_the_file(data, tmp_path):
     n = data.draw(st.integers(1, 5))
     keys = {"pose_world": 72, "trans_world": 3, "betas": 10}
     person: dict[str, Any] = {key: np.zeros((n, width)) for key, width in keys.items()}
@@ -453,16 +425,14 @@ def test_a_broken_result_is_an_error_that_names_the_file(
         read_system(path, "world")
 
 
-def test_figures_are_json(tmp_path: Path, data: Path, body: BodyModel, true: Clip) -> None:
+def test_figures_are_json(tmp_path, data, body, true):
     path = wham(tmp_path, body, true)
     (scores,) = score(data, path, tmp_path / "out").scores
     said = json.loads(scores.read_text())["model"]
     assert said["kind"] == "results" and said["clips"][true.id]["file"] == "wham_output.pkl"
 
 
-def test_results_are_never_looked_for_outside_or_under_two_names(
-    tmp_path: Path, body: BodyModel, true: Clip
-) -> None:
+def test_results_are_never_looked_for_outside_or_under_two_names(tmp_path, body, true):
     assert ClipName("a", "../../etc/..").names() == ("a",)
     assert ClipName("P0_09", "P0/09").names() == ("P0_09", "09")
     wham(tmp_path / "09", body, true)
@@ -476,9 +446,7 @@ def test_results_are_never_looked_for_outside_or_under_two_names(
         find_result_sets(tmp_path, clips[:1])
 
 
-def test_tram_on_emdb_and_its_cameras(
-    tmp_path: Path, data: Path, body: BodyModel, true: Clip
-) -> None:
+def test_tram_on_emdb_and_its_cameras(tmp_path, data, body, true):
     """`smpl/<sequence>.npz` has a row for every image, and `camera/` lies beside."""
     motion = before(true.motion)
     assert true.camera is not None

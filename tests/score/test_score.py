@@ -62,7 +62,7 @@ CAMERA_MOTIONS = ("circular", "linear", "circular")
 
 
 @pytest.fixture(scope="module")
-def clips(small_body: BodyModel) -> list[Clip]:
+def clips(small_body) -> list[Clip]:
     motions = embedded_motions(
         small_body, np.random.default_rng(0), count=3, fps_hz=30.0, duration_s=2.0
     )
@@ -86,13 +86,13 @@ def write_clips(
 
 
 @pytest.fixture
-def run_dir(tmp_path: Path) -> Path:
+def run_dir(tmp_path) -> Path:
     keep_gmr(tmp_path / "run", 1, *stepped_gmr(ModelConfig(layers=1, hidden=6)))
     return tmp_path / "run"
 
 
 @pytest.fixture
-def body_path(tmp_path: Path, small_body: BodyModel) -> Path:
+def body_path(tmp_path, small_body) -> Path:
     save_body(tmp_path / "body.npz", small_body)
     return tmp_path / "body.npz"
 
@@ -118,9 +118,7 @@ class Oracle:
         return delta_rotmats @ yaw, delta_m + np.array([0, 0, 0.01])
 
 
-def test_known_errors_get_known_scores(
-    clips: list[Clip], small_body: BodyModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_known_errors_get_known_scores(clips, small_body, monkeypatch):
     """And zero motion's score is the motion's own size, gaps left out."""
     oracle = Oracle(clips)
     monkeypatch.setattr("gmrdata.gmr.predict.predict_deltas", oracle.predict)
@@ -148,9 +146,7 @@ def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
     return one
 
 
-def test_vme_is_the_distance_between_placed_meshes(
-    clips: list[Clip], small_body: BodyModel, run_dir: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_vme_is_the_distance_between_placed_meshes(clips, small_body, run_dir, monkeypatch):
     """Against meshes of the body model itself: M([dA, L], beta, dT), frame by frame."""
     from gmrdata.gmr.predict import predict_deltas
 
@@ -170,7 +166,7 @@ def test_vme_is_the_distance_between_placed_meshes(
     np.testing.assert_allclose(one.errors["predicted"]["vme_mm"], expected_mm, rtol=1e-4)
 
 
-def test_pooled_and_mean_of_clips_differ_as_they_should() -> None:
+def test_pooled_and_mean_of_clips_differ_as_they_should():
     def errors(
         clip_id: str, camera_motion: str, values: list[float], motion_type: str | None = None
     ) -> ClipErrors:
@@ -211,9 +207,7 @@ def test_pooled_and_mean_of_clips_differ_as_they_should() -> None:
     assert over_time["predicted"]["interval95_mm"] == [[0, 4, 4], [0, 7, 9]]
 
 
-def test_scores_json(
-    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
-) -> None:
+def test_scores_json(clips, small_body, run_dir, body_path, tmp_path):
     rejected = Quality(verdict="rejected", reasons=("too few points",))
     manifest_path = write_clips(tmp_path / "data", small_body, clips, {"clip_1": rejected})
     path = score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
@@ -240,14 +234,8 @@ def test_scores_json(
 
 
 def test_a_floor_is_part_of_what_was_asked(
-    clips: list[Clip],
-    small_body: BodyModel,
-    run_dir: Path,
-    body_path: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    clips, small_body, run_dir, body_path, tmp_path, capsys, monkeypatch
+):
     """Beside scores that are far above it, and again beside the same below it."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips, kind="pseudo_gt")
     out_dir, floor_path = tmp_path / "scores", tmp_path / "floor.json"
@@ -281,8 +269,8 @@ def test_a_floor_is_part_of_what_was_asked(
 
 
 def test_the_best_weights_are_scored_when_asked_for(
-    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
-) -> None:
+    clips, small_body, run_dir, body_path, tmp_path
+):
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     best = ScoreConfig(which="best")
     with pytest.raises(BadCheckpoint, match="no best weights"):
@@ -313,9 +301,7 @@ def add_best_weights(run_dir: Path) -> None:
     keep_gmr(run_dir, 2, model, optimizer, best=best)
 
 
-def test_the_camera_does_not_matter(
-    clips: list[Clip], small_body: BodyModel, run_dir: Path
-) -> None:
+def test_the_camera_does_not_matter(clips, small_body, run_dir):
     """The prediction for a clip is the same, whatever its root does."""
     gmr: TrainedGmr = load_gmr(run_dir)
     clip = clips[0]
@@ -326,8 +312,8 @@ def test_the_camera_does_not_matter(
 
 
 def test_clips_of_another_body_or_without_motions_are_refused(
-    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
-) -> None:
+    clips, small_body, run_dir, body_path, tmp_path
+):
     other = replace(clips[0], motion=replace(clips[0].motion, body="giant"))
     manifest_path = write_clips(tmp_path / "giant", small_body, [other])
     with pytest.raises(BadManifest, match="clip clip_0: of body giant"):
@@ -339,9 +325,7 @@ def test_clips_of_another_body_or_without_motions_are_refused(
     assert not (tmp_path / "scores").exists()
 
 
-def test_the_truth_as_a_prediction_scores_zero_in_all_files(
-    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
-) -> None:
+def test_the_truth_as_a_prediction_scores_zero_in_all_files(clips, small_body, body_path, tmp_path):
     """By the verb: JSON, CSV, Markdown and HTML, a protocol's figures among them."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     out_dir = tmp_path / "scores"
@@ -370,9 +354,7 @@ def test_the_truth_as_a_prediction_scores_zero_in_all_files(
     assert (out_dir / "over_time.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_predictions_that_are_missing(
-    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
-) -> None:
+def test_predictions_that_are_missing(clips, small_body, body_path, tmp_path):
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     write_clips(tmp_path / "vibe_cam" / "predictions", small_body, clips[:1])
     given = (tmp_path / "vibe_cam" / "predictions", manifest_path, tmp_path / "scores")
@@ -389,9 +371,9 @@ def test_predictions_that_are_missing(
 
 
 def test_predictions_of_another_body_need_that_body(
-    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    clips, small_body, body_path, tmp_path,
+    monkeypatch
+):  # fmt: skip
     """A body that is 4 % larger: no motion error, but one of the vertices."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips[:1])
     large = replace(
@@ -417,9 +399,7 @@ def test_predictions_of_another_body_need_that_body(
         score(*given[:2], tmp_path / "other", **bodies | {"predictions_body_path": "half.npz"})
 
 
-def test_a_trial_of_the_published_list_has_its_type(
-    clips: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_trial_of_the_published_list_has_its_type(clips, small_body, tmp_path):
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     assert motion_types(usable_clips(manifest_path).manifest) == {}
     text = manifest_path.read_text().replace("dataset: gmrdata", "dataset: CMU")
@@ -428,9 +408,7 @@ def test_a_trial_of_the_published_list_has_its_type(
     assert motion_types(usable_clips(manifest_path).manifest) == {"clip_0": "run/jog"}
 
 
-def test_the_network_in_the_package_by_its_word(
-    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
-) -> None:
+def test_the_network_in_the_package_by_its_word(clips, small_body, body_path, tmp_path):
     manifest_path = write_clips(tmp_path / "data", small_body, clips[:1])
     asked = ["evaluate", "bundled", str(manifest_path), "--out", str(tmp_path / "out")]
     main([*asked, "--body", str(body_path)])
@@ -455,9 +433,9 @@ def test_the_network_in_the_package_by_its_word(
     ],
 )
 def test_the_verb_says_what_it_needs(
-    given: tuple[str, ...], said: str, code: int, tmp_path: Path,
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    given, said, code, tmp_path,
+    capsys, monkeypatch
+):  # fmt: skip
     monkeypatch.chdir(tmp_path)
     Path("folder").mkdir()
     Path("there.yaml").touch()
@@ -469,8 +447,8 @@ def test_the_verb_says_what_it_needs(
 
 
 def test_clips_that_are_too_short_for_a_protocol_have_no_figure(
-    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
-) -> None:
+    clips, small_body, run_dir, body_path, tmp_path
+):
     """2 s at the network's 10 fps are less than tram's 100 frames; RTE and ERVE there are."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     config = ScoreConfig(protocol="tram")

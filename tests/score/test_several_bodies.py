@@ -18,7 +18,7 @@ from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.records import Scores
 from gmrdata.score.score import score
 from gmrdata.stage.run import Run
-from gmrdata.values.body import BodyModel, body_of, with_vertices
+from gmrdata.values.body import body_of, with_vertices
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile
 from gmrdata.write.amass import write_amass
@@ -50,7 +50,7 @@ def amass_arrays(gender: str, n_frames: int = 40) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, small_body: BodyModel) -> Path:
+def made(tmp_path_factory, small_body) -> Path:
     """`smpl`, `amass/motions.yaml` and `emdb/emdb.yaml`."""
     root = tmp_path_factory.mktemp("several_bodies")
     write_smpl_folder(root / "smpl", small_body)
@@ -66,7 +66,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, small_body: BodyModel) -> Pat
     return root
 
 
-def test_amass_keeps_all_betas_and_comes_out_as_it_went_in(made: Path, tmp_path: Path) -> None:
+def test_amass_keeps_all_betas_and_comes_out_as_it_went_in(made, tmp_path):
     bodies = load_bodies(str(made / "smpl"))
     for clip in load_clips(made / "amass" / "motions.yaml"):
         arrays = amass_arrays(clip.motion.gender)
@@ -80,7 +80,7 @@ def test_amass_keeps_all_betas_and_comes_out_as_it_went_in(made: Path, tmp_path:
             assert (again["gender"], again["mocap_framerate"]) == (arrays["gender"], 60.0)
 
 
-def test_one_training_and_one_scoring(made: Path, tmp_path: Path) -> None:
+def test_one_training_and_one_scoring(made, tmp_path):
     manifests = [made / "amass" / "motions.yaml", made / "emdb" / "emdb.yaml"]
     smpl = made / "smpl"
     run_dir = train(manifests, tmp_path / "run", CONFIG, body_path=smpl, held_out_paths=manifests)
@@ -97,7 +97,7 @@ def test_one_training_and_one_scoring(made: Path, tmp_path: Path) -> None:
         assert one.predicted.vme_mm == pytest.approx(other.predicted.vme_mm, rel=1e-5)
 
 
-def test_each_prediction_is_posed_on_its_own_body(made: Path, tmp_path: Path) -> None:
+def test_each_prediction_is_posed_on_its_own_body(made, tmp_path):
     """A perfect prediction has no error; the same on another gender's body has one."""
     manifest, bodies = made / "emdb" / "emdb.yaml", load_bodies(str(made / "smpl"))
     for clip in load_clips(manifest):
@@ -111,9 +111,7 @@ def test_each_prediction_is_posed_on_its_own_body(made: Path, tmp_path: Path) ->
     assert all(clip.predicted.vme_mm < 1e-4 for clip in Scores.read(found).clips)
 
 
-def test_without_the_body_of_a_gender_the_neutral_one_stands_in(
-    made: Path, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_without_the_body_of_a_gender_the_neutral_one_stands_in(made, small_body, tmp_path):
     folder = tmp_path / "smpl"
     write_smpl_folder(folder, small_body, n_shape=12)
     (folder / "male" / "model.npz").unlink()
@@ -137,9 +135,7 @@ def test_without_the_body_of_a_gender_the_neutral_one_stands_in(
         make_library((made / "AMASS",), str(tmp_path / "two"), tmp_path / "none", run=HERE)
 
 
-def test_bodies_of_different_meshes_are_refused(
-    made: Path, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_bodies_of_different_meshes_are_refused(made, small_body, tmp_path):
     folder = tmp_path / "smpl"
     write_smpl_folder(folder, small_body)
     (folder / "male" / "model.npz").unlink()

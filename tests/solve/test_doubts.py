@@ -1,7 +1,6 @@
 """What a video's own times, lost frames and lens change in the verdict on it."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,14 +41,14 @@ def walk(body: BodyModel, n: int = 10, fps_hz: float = 10.0) -> Clip:
     return Clip("walk", motion, np.ones(n, dtype=bool), np.arange(n), None)
 
 
-def test_even_times_of_the_bodys_rate_are_no_doubt(anny: BodyModel) -> None:
+def test_even_times_of_the_bodys_rate_are_no_doubt(anny):
     clip = walk(anny)
     jitter = 0.1 * np.arange(clip.motion.n_frames) + 0.005 * (np.arange(clip.motion.n_frames) % 2)
     doubts = video_doubts(video(jitter.tolist()), [clip])
     assert doubts.sequence == () and not any(doubts.frames[0])
 
 
-def test_a_frame_that_came_late_is_not_used(anny: BodyModel) -> None:
+def test_a_frame_that_came_late_is_not_used(anny):
     clip = walk(anny)
     times_s = 0.1 * np.arange(clip.motion.n_frames)
     times_s[4:] += 0.1
@@ -60,7 +59,7 @@ def test_a_frame_that_came_late_is_not_used(anny: BodyModel) -> None:
         assert frames[4] == "shown 0.200 s after the image before, not 0.100 s"
 
 
-def test_a_stretch_at_another_rate_is_not_used(anny: BodyModel) -> None:
+def test_a_stretch_at_another_rate_is_not_used(anny):
     """A phone in the dark takes fewer images: each step is within reason, but not their speed."""
     clip = walk(anny, 40)
     steps_s = np.where(np.arange(clip.motion.n_frames - 1) < 25, 0.1, 0.1 / 0.88)
@@ -70,7 +69,7 @@ def test_a_stretch_at_another_rate_is_not_used(anny: BodyModel) -> None:
     assert doubts.frames[0][30] == "among images at 8.8 per second, not 10"
 
 
-def test_another_rate_is_named(anny: BodyModel) -> None:
+def test_another_rate_is_named(anny):
     clip = walk(anny)
     times_s = (0.04 * np.arange(clip.motion.n_frames)).tolist()
     doubts = video_doubts(video(times_s), [clip])
@@ -83,7 +82,7 @@ def test_another_rate_is_named(anny: BodyModel) -> None:
     assert video_doubts(video(times_s, every=2), [half]).sequence == ()
 
 
-def test_lost_frames_reject(anny: BodyModel, tmp_path: Path) -> None:
+def test_lost_frames_reject(anny, tmp_path):
     clip = walk(anny)
     times_s = (0.1 * np.arange(clip.motion.n_frames)).tolist()
     record = video(times_s, n_lost=5)
@@ -121,6 +120,6 @@ def most(source: Source, sigma: float) -> float:
     ],
 )
 def test_a_background_may_ask_for_another_focal_length_by_the_error_of_one_that_is_not_given(
-    source: Source, sigma: float, deviation: float
-) -> None:
+    source, sigma, deviation
+):
     assert most(source, sigma) == deviation

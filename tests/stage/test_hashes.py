@@ -1,7 +1,6 @@
 """Inputs that are as they were are not read again; any that may not be are."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,11 +12,9 @@ from gmrdata.values.errors import StaleOutput
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.records import Config
 
-Stage = Callable[..., Path]
-
 
 @pytest.fixture
-def hashed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def hashed(monkeypatch) -> list[str]:
     """Names of the files that are hashed; those just written count as old ones."""
     names: list[str] = []
 
@@ -32,7 +29,7 @@ def hashed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.fixture
-def frames(tmp_path: Path) -> Path:
+def frames(tmp_path) -> Path:
     folder = tmp_path / "frames"
     folder.mkdir()
     for number in range(3):
@@ -50,18 +47,14 @@ def forget() -> None:
     store._HASHED.clear()
 
 
-def test_each_file_is_hashed_once_by_all_stages_of_a_process(
-    frames: Path, hashed: list[str]
-) -> None:
+def test_each_file_is_hashed_once_by_all_stages_of_a_process(frames, hashed):
     for name in ("people", "masks", "sfm", "people"):
         stage(frames, name)
     assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
 
 
 @pytest.mark.parametrize("redo", [False, True])
-def test_the_next_process_hashes_nothing_unless_all_is_made_again(
-    frames: Path, hashed: list[str], redo: bool
-) -> None:
+def test_the_next_process_hashes_nothing_unless_all_is_made_again(frames, hashed, redo):
     stage(frames)
     forget()
     hashed.clear()
@@ -69,7 +62,7 @@ def test_the_next_process_hashes_nothing_unless_all_is_made_again(
     assert hashed == (["0.jpg", "1.jpg", "2.jpg"] if redo else [])
 
 
-def test_a_change_of_the_same_size_and_time_is_noticed(frames: Path, hashed: list[str]) -> None:
+def test_a_change_of_the_same_size_and_time_is_noticed(frames, hashed):
     """Anybody can set a file's time, but not the system's own."""
     stage(frames)
     before = (frames / "1.jpg").stat()
@@ -81,9 +74,7 @@ def test_a_change_of_the_same_size_and_time_is_noticed(frames: Path, hashed: lis
     assert hashed == ["1.jpg"]
 
 
-def test_a_file_that_was_just_written_is_hashed_again(
-    frames: Path, hashed: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_was_just_written_is_hashed_again(frames, hashed, monkeypatch):
     """A second write within the clock's grain would leave no trace."""
     monkeypatch.setattr(store, "FRESH_NS", 10**12)
     stage(frames)
@@ -91,7 +82,7 @@ def test_a_file_that_was_just_written_is_hashed_again(
     assert hashed == 2 * ["0.jpg", "1.jpg", "2.jpg"]
 
 
-def test_a_copy_elsewhere_is_hashed_and_remembered(frames: Path, hashed: list[str]) -> None:
+def test_a_copy_elsewhere_is_hashed_and_remembered(frames, hashed):
     stage(frames)
     for path in frames.iterdir():
         path.with_suffix(".new").write_bytes(path.read_bytes())
@@ -105,7 +96,7 @@ def test_a_copy_elsewhere_is_hashed_and_remembered(frames: Path, hashed: list[st
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "gmrdata-inputs/1", "files": {"a": 1}}'])
-def test_a_broken_memory_costs_only_time(frames: Path, hashed: list[str], content: str) -> None:
+def test_a_broken_memory_costs_only_time(frames, hashed, content):
     stage(frames)
     forget()
     hashed.clear()
@@ -114,7 +105,7 @@ def test_a_broken_memory_costs_only_time(frames: Path, hashed: list[str], conten
     assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
 
 
-def test_a_look_makes_nothing(frames: Path, hashed: list[str]) -> None:
+def test_a_look_makes_nothing(frames, hashed):
     with pytest.raises(NotMade):
         stage(frames, only_look=True)
     assert [path.name for path in frames.parent.iterdir()] == ["frames"]

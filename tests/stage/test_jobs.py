@@ -69,9 +69,7 @@ def two_workers() -> Iterator[Pool]:
         yield pool
 
 
-def test_jobs_run_in_other_processes_and_give_their_results(
-    two_workers: Pool, tmp_path: Path
-) -> None:
+def test_jobs_run_in_other_processes_and_give_their_results(two_workers, tmp_path):
     jobs = [Job(f"clip{i}", write_process_id, {"path": tmp_path / f"{i}"}) for i in range(4)]
     results = run_jobs("writing", jobs, two_workers, tmp_path / "failed")
     assert list(results) == ["clip0", "clip1", "clip2", "clip3"]
@@ -80,7 +78,7 @@ def test_jobs_run_in_other_processes_and_give_their_results(
     assert not (tmp_path / "failed").exists()
 
 
-def test_one_failure_is_recorded_and_the_others_finish(two_workers: Pool, tmp_path: Path) -> None:
+def test_one_failure_is_recorded_and_the_others_finish(two_workers, tmp_path):
     jobs = [
         Job("bad", fail_on_purpose, {"name": "7.jpg"}),
         Job("worse", fail_unforeseen),
@@ -96,7 +94,7 @@ def test_one_failure_is_recorded_and_the_others_finish(two_workers: Pool, tmp_pa
     assert (tmp_path / "done").exists()
 
 
-def test_a_crash_is_tried_again_and_bad_input_is_not(two_workers: Pool, tmp_path: Path) -> None:
+def test_a_crash_is_tried_again_and_bad_input_is_not(two_workers, tmp_path):
     failed = tmp_path / "failed"
     failed.mkdir()
     (failed / "once.txt").write_text("what went wrong in an earlier run")
@@ -118,7 +116,7 @@ def test_a_crash_is_tried_again_and_bad_input_is_not(two_workers: Pool, tmp_path
     assert files == outcome.reasons
 
 
-def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path: Path) -> None:
+def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path):
     jobs = [
         Job("hungry", kill_own_process),
         Job("good", write_process_id, {"path": tmp_path / "done"}),
@@ -134,7 +132,7 @@ def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path: Path) -> None:
     assert outcome.reasons["hungry"].startswith("its worker process was killed again and again")
 
 
-def test_a_worker_that_dies_once_is_replaced(tmp_path: Path) -> None:
+def test_a_worker_that_dies_once_is_replaced(tmp_path):
     jobs = [
         Job(str(i), kill_own_process_once, {"path": tmp_path / str(i), "dies": i == 1})
         for i in range(4)
@@ -145,7 +143,7 @@ def test_a_worker_that_dies_once_is_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "1").read_text() == "xx"
 
 
-def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
+def test_a_running_scheduler_is_used(tmp_path):
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         with worker_pool(Run(scheduler=address)) as pool:
@@ -156,9 +154,7 @@ def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])  # without a certificate
-def test_no_scheduler_at_the_address_is_a_clear_error(
-    monkeypatch: pytest.MonkeyPatch, protocol: str
-) -> None:
+def test_no_scheduler_at_the_address_is_a_clear_error(monkeypatch, protocol):
     monkeypatch.setattr(workers, "CONNECT_S", 0.5)
     with (
         pytest.raises(StageFailed, match=f"no Dask scheduler at {protocol}://127.0.0.1:9"),
@@ -167,7 +163,7 @@ def test_no_scheduler_at_the_address_is_a_clear_error(
         pool.client()
 
 
-def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path: Path) -> None:
+def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path):
     for name, n_files in (("a", 2), ("b.partial", 3)):
         (tmp_path / name / "frames").mkdir(parents=True)
         for i in range(n_files):
@@ -182,9 +178,7 @@ def see_no_mark(path: Path) -> bool:
     return not path.name.startswith(".workers-") and IS_FILE(path)
 
 
-def test_workers_that_do_not_see_the_folder_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_that_do_not_see_the_folder_are_named(tmp_path, monkeypatch):
     """They run in this process here, so that a disk can be taken away from them."""
     monkeypatch.setattr(console, "quiet", False)  # which a worker makes it
     jobs = [Job("a", write_process_id, {"path": tmp_path / "a"})]
@@ -201,7 +195,7 @@ def test_workers_that_do_not_see_the_folder_are_named(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a"]
 
 
-def test_workers_with_another_version_are_named(tmp_path: Path) -> None:
+def test_workers_with_another_version_are_named(tmp_path):
     """A worker of a real process, in which another version of scipy is installed."""
     (tmp_path / "site" / "scipy-0.1.dist-info").mkdir(parents=True)
     metadata = "Metadata-Version: 2.1\nName: scipy\nVersion: 0.1\n"
@@ -225,9 +219,7 @@ def test_workers_with_another_version_are_named(tmp_path: Path) -> None:
             worker.wait()
 
 
-def test_a_cluster_without_workers_is_a_clear_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_without_workers_is_a_clear_error(tmp_path, monkeypatch):
     monkeypatch.setattr(workers, "FIRST_WORKER_S", 0.2)
     with (
         LocalCluster(n_workers=0, dashboard_address=None) as cluster,
@@ -237,9 +229,7 @@ def test_a_cluster_without_workers_is_a_clear_error(
         run_jobs("a", [Job("a", write_process_id, {"path": tmp_path})], pool, tmp_path / "failed")
 
 
-def test_a_worker_has_its_share_of_the_cores(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_has_its_share_of_the_cores(tmp_path, monkeypatch):
     with worker_pool(Run(workers=2)) as pool:
         jobs = [Job("clip", own_cores, {})]
         found = run_jobs("counting", jobs, pool, tmp_path / "failed")
@@ -250,7 +240,7 @@ def test_a_worker_has_its_share_of_the_cores(
         assert own_cores() == expected
 
 
-def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_come_in_the_order_of_the_items(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "4")
     together = threading.Barrier(4, timeout=20)
 
@@ -262,7 +252,7 @@ def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch)
     assert in_threads(backwards, range(4)) == [0, 1, 4, 9]
 
 
-def test_an_error_stops_what_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_stops_what_is_not_begun(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     begun = []
 
@@ -277,23 +267,23 @@ def test_an_error_stops_what_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> No
     assert len(begun) < 10
 
 
-def test_items_pass_through(capsys: pytest.CaptureFixture[str]) -> None:
+def test_items_pass_through(capsys):
     assert list(track(range(5), "counting")) == [0, 1, 2, 3, 4]
     assert list(track(iter("abc"), "letters", total=3)) == ["a", "b", "c"]
     assert capsys.readouterr().out == ""
 
 
-def test_an_error_in_the_loop_comes_through() -> None:
+def test_an_error_in_the_loop_comes_through():
     with pytest.raises(ArithmeticError):
         for _ in track([1, 2], "failing"):
             raise ArithmeticError
 
 
-def test_brackets_are_text_and_no_markup() -> None:
+def test_brackets_are_text_and_no_markup():
     assert list(track([1], "checking [/b].yaml")) == [1]
 
 
-def test_bar_counts() -> None:
+def test_bar_counts():
     with progress_bar() as bar:
         task = bar.add_task("counting", total=4)
         bar.advance(task, 3)

@@ -16,9 +16,7 @@ from gmrdata.stage import progress
         (True, 0.0, []),
     ],
 )
-def test_a_log_file_gets_lines(
-    monkeypatch: pytest.MonkeyPatch, terminal: bool, every_s: float, lines: list[str]
-) -> None:
+def test_a_log_file_gets_lines(monkeypatch, terminal, every_s, lines):
     written = io.StringIO()
     console = Console(file=written, force_terminal=terminal, width=200)
     monkeypatch.setattr(progress, "console", console)
@@ -32,7 +30,7 @@ def test_a_log_file_gets_lines(
     assert all(line.endswith(("gone", "left")) for line in said)
 
 
-def test_tracked_items_get_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tracked_items_get_lines(monkeypatch):
     written = io.StringIO()
     monkeypatch.setattr(progress, "console", Console(file=written, force_terminal=False, width=200))
     monkeypatch.setattr(progress, "LINE_EVERY_S", 0.0)

@@ -1,6 +1,5 @@
 """Recipes: those that travel load; wrong ones are refused with their reason or limit."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,7 +22,6 @@ from gmrdata.stage.run import DEFAULT_RUN
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.errors import BadRecipe, MissingInput
-from gmrdata.values.records import Config
 
 MODELS = {
     "demo": DemoRecipe,
@@ -37,13 +35,13 @@ MODELS = {
 
 
 @pytest.mark.parametrize("name", recipes.recipe_names())
-def test_each_recipe_that_travels_with_gmrdata_loads(name: str) -> None:
+def test_each_recipe_that_travels_with_gmrdata_loads(name):
     path = find_recipe(name)
     loaded = load_recipe(path, MODELS[recipe_kind(path)])
     assert loaded.model_dump()["recipe"] == recipe_kind(path)
 
 
-def test_the_demo_has_the_three_cameras() -> None:
+def test_the_demo_has_the_three_cameras():
     demo = load_recipe(find_recipe("demo"), DemoRecipe)
     assert [clip.programme.kind for clip in demo.clips] == ["circular", "linear", "panning"]
 
@@ -71,9 +69,7 @@ def test_the_demo_has_the_three_cameras() -> None:
         ),
     ],
 )
-def test_a_wrong_recipe_is_refused_with_file_and_place(
-    tmp_path: Path, text: str, message: str
-) -> None:
+def test_a_wrong_recipe_is_refused_with_file_and_place(tmp_path, text, message):
     path = tmp_path / "mine.yaml"
     path.write_text(text, encoding="latin1")
     with pytest.raises(BadRecipe) as caught:
@@ -82,7 +78,7 @@ def test_a_wrong_recipe_is_refused_with_file_and_place(
     assert message in str(caught.value)
 
 
-def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -> None:
+def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("recipe: sing\n")
     with pytest.raises(BadRecipe, match="unknown kind 'sing'; there are demo, synthetic, threed"):
@@ -94,9 +90,7 @@ def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -
         find_recipe("nothing")
 
 
-def test_a_published_list_is_rendered_as_far_as_its_motions_are_there(
-    cmu_dir: Path, tmp_path: Path
-) -> None:
+def test_a_published_list_is_rendered_as_far_as_its_motions_are_there(cmu_dir, tmp_path):
     recipe = load_recipe(find_recipe("synthetic"), SyntheticRecipe)
     selection = select(recipe, cmu_dir)
     assert [take.id for take in selection.takes] == ["02_03", "08_02", "08_04", "08_05"]
@@ -106,7 +100,7 @@ def test_a_published_list_is_rendered_as_far_as_its_motions_are_there(
         run("synthetic", tmp_path / "out", run=DEFAULT_RUN)
 
 
-def test_a_gmr_recipe_without_manifests_says_what_to_do(tmp_path: Path) -> None:
+def test_a_gmr_recipe_without_manifests_says_what_to_do(tmp_path):
     with pytest.raises(MissingInput, match="this recipe needs --manifest"):
         run("gmr", tmp_path / "out", run=DEFAULT_RUN)
 
@@ -134,19 +128,19 @@ def test_a_gmr_recipe_without_manifests_says_what_to_do(tmp_path: Path) -> None:
         (SilhouetteConfig, {"dilate_px": 10**9}, "dilate_px\n.*equal to 1000"),
     ],
 )
-def test_absurd_sizes(kind: type[Config], values: dict[str, Any], said: str) -> None:
+def test_absurd_sizes(kind, values, said):
     with pytest.raises(ValidationError, match=said):
         kind.model_validate(values)
 
 
-def test_a_recipe_names_file_key_and_limit(tmp_path: Path) -> None:
+def test_a_recipe_names_file_key_and_limit(tmp_path):
     path = tmp_path / "gmr.yaml"
     path.write_text(yaml.safe_dump({"recipe": "gmr", "train": {"model": {"hidden": 10**6}}}))
     with pytest.raises(BadRecipe, match=r"gmr\.yaml: 1 wrong:\n  train\.model\.hidden: .* 65536"):
         load_recipe(path, GmrRecipe)
 
 
-def test_a_hundred_thousand_clips_are_no_problem() -> None:
+def test_a_hundred_thousand_clips_are_no_problem():
     clip = {"gait": "walk", "programme": {"kind": "static"}}
     clips = [{"id": f"c{n}", **clip} for n in range(1000)] * 100
     recipe: dict[str, Any] = {"recipe": "synthetic", "name": "many", "clips": clips}

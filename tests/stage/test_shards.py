@@ -79,26 +79,26 @@ def of_share(index: int, count: int) -> list[str]:
 
 
 @given(st.sets(st.text(max_size=8), max_size=60), st.integers(1, 9))
-def test_each_job_is_in_one_share_whatever_the_others_are(ids: set[str], count: int) -> None:
+def test_each_job_is_in_one_share_whatever_the_others_are(ids, count):
     shares = {index: {id for id in ids if Shard(index, count).of(id) == index}
               for index in range(1, count + 1)}  # fmt: skip
     assert sorted(id for share in shares.values() for id in share) == sorted(ids)
     assert all(Shard(0, count).of(id) in shares for id in ids)
 
 
-def test_shares_of_many_clips_are_about_even_and_stay_as_they_are() -> None:
+def test_shares_of_many_clips_are_about_even_and_stay_as_they_are():
     found = [Shard(1, 4).of(f"clip_{number:05d}") for number in range(10_000)]
     assert all(abs(found.count(index) - 2500) < 150 for index in range(1, 5))
     assert found[:12] == [1, 3, 3, 4, 1, 1, 1, 3, 1, 1, 4, 4]
 
 
 @pytest.mark.parametrize("text", ["", "2", "5/4", "1/0", "a/b", "-1/2", "1/2/3", "1.0/2", "١/٢x"])
-def test_a_shard_that_is_none_is_refused(text: str) -> None:
+def test_a_shard_that_is_none_is_refused(text):
     with pytest.raises(BadRecipe, match="give it as 2/4"):
         Shard.parse(text)
 
 
-def test_who_finds_all_made_gets_the_whole(tmp_path: Path) -> None:
+def test_who_finds_all_made_gets_the_whole(tmp_path):
     listed = re.escape(f"shard 1/3: {', '.join(of_share(1, 3))}")
     for shard in ("2/3", "3/3"):
         with pytest.raises(OthersLeft, match=listed) as left:
@@ -115,7 +115,7 @@ def test_who_finds_all_made_gets_the_whole(tmp_path: Path) -> None:
     assert logged(tmp_path) == [f"old {id}" for id in IDS]
 
 
-def test_what_failed_is_known_to_who_merges(tmp_path: Path) -> None:
+def test_what_failed_is_known_to_who_merges(tmp_path):
     failing = (of_share(1, 2)[0], of_share(2, 2)[0])
     with pytest.raises(OthersLeft, match=f"{failing[0]}: not an image") as left:
         batch(tmp_path, "1/2", failing=failing)
@@ -133,7 +133,7 @@ def test_what_failed_is_known_to_who_merges(tmp_path: Path) -> None:
     assert not list((tmp_path / "failed").iterdir())
 
 
-def test_a_killed_shard_is_started_again(tmp_path: Path) -> None:
+def test_a_killed_shard_is_started_again(tmp_path):
     dies = child(tmp_path, "1/2", "old", 60.0)
     deadline_s = time.monotonic() + 60
     while not (tmp_path / "log").exists():
@@ -148,7 +148,7 @@ def test_a_killed_shard_is_started_again(tmp_path: Path) -> None:
     assert {(tmp_path / id / "a.txt").read_text() for id in IDS} == {f"old {id}" for id in IDS}
 
 
-def test_two_shards_at_once_and_one_of_them_twice(tmp_path: Path) -> None:
+def test_two_shards_at_once_and_one_of_them_twice(tmp_path):
     """The clips of the share that two processes have are made once: the second waits."""
     begun = [child(tmp_path, shard, "old", 0.1) for shard in ("1/2", "2/2", "2/2")]
     said = [process.communicate(timeout=120)[0].strip() for process in begun]
@@ -156,7 +156,7 @@ def test_two_shards_at_once_and_one_of_them_twice(tmp_path: Path) -> None:
     assert logged(tmp_path) == [f"old {id}" for id in IDS]
 
 
-def test_a_shard_that_redoes_does_its_own_share_alone(tmp_path: Path) -> None:
+def test_a_shard_that_redoes_does_its_own_share_alone(tmp_path):
     """What others made by the old recipe does not count as done."""
     for shard in ("1/2", "2/2"):
         try:
@@ -182,7 +182,7 @@ with locked(Path(sys.argv[1])):
 """
 
 
-def test_a_killed_process_gives_its_lock_back(tmp_path: Path) -> None:
+def test_a_killed_process_gives_its_lock_back(tmp_path):
     out = tmp_path / "out"
     holder = subprocess.Popen([sys.executable, "-c", HOLDS, str(out)], stdout=subprocess.PIPE)
     assert holder.stdout is not None and holder.stdout.readline() == b"held\n"
@@ -206,9 +206,7 @@ def test_a_killed_process_gives_its_lock_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("number", "passes"), [(errno.ENOLCK, True), (errno.EIO, False)])
-def test_a_disk_without_locks_stops_nobody(
-    number: int, passes: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_without_locks_stops_nobody(number, passes, tmp_path, monkeypatch):
     def refuse(*_: object) -> None:
         raise OSError(number, os.strerror(number))
 
@@ -244,9 +242,7 @@ store.run_stage("test", root / "out", store.Config(), {}, work)
 
 
 @pytest.mark.parametrize("resumable", [False, True])
-def test_two_machines_that_make_the_same_stage_leave_one_whole_folder(
-    resumable: bool, tmp_path: Path
-) -> None:
+def test_two_machines_that_make_the_same_stage_leave_one_whole_folder(resumable, tmp_path):
     """The first is slow, as one that was cut off; the second begins and ends in between."""
     slow, quick = (
         [sys.executable, "-c", MAKES, str(tmp_path), host, str(resumable), wait_s]

@@ -78,7 +78,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_stage_is_complete_with_its_record(tmp_path: Path) -> None:
+def test_stage_is_complete_with_its_record(tmp_path):
     (tmp_path / "in.txt").write_text("in")
     out_dir = run_stage(
         "test", tmp_path / "a" / "out", Recipe(), {"text": tmp_path / "in.txt"}, Counter()
@@ -93,14 +93,14 @@ def test_stage_is_complete_with_its_record(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("redo", [False, True])
-def test_same_recipe_does_nothing_even_with_redo(tmp_path: Path, redo: bool) -> None:
+def test_same_recipe_does_nothing_even_with_redo(tmp_path, redo):
     work = Counter()
     for _ in range(3):
         made(tmp_path / "out", work, run=Run(redo=redo))
     assert work.runs == 1
 
 
-def test_changed_recipe_names_the_key(tmp_path: Path) -> None:
+def test_changed_recipe_names_the_key(tmp_path):
     made(tmp_path / "out", Counter())
     with pytest.raises(
         StaleOutput, match=r"out: made with other values of config\.inner\.radius_px\."
@@ -108,7 +108,7 @@ def test_changed_recipe_names_the_key(tmp_path: Path) -> None:
         made(tmp_path / "out", Counter(), Recipe(inner=Inner(radius_px=4)))
 
 
-def test_changed_input_names_the_input(tmp_path: Path) -> None:
+def test_changed_input_names_the_input(tmp_path):
     (tmp_path / "frames").mkdir()
     (tmp_path / "frames" / "0.jpg").write_bytes(b"a")
     inputs = {"frames": tmp_path / "frames"}
@@ -118,7 +118,7 @@ def test_changed_input_names_the_input(tmp_path: Path) -> None:
         run_stage("test", tmp_path / "out", Recipe(), inputs, Counter())
 
 
-def test_redo_replaces_the_result(tmp_path: Path) -> None:
+def test_redo_replaces_the_result(tmp_path):
     work = Counter()
     made(tmp_path / "out", work)
     made(tmp_path / "out", work, Recipe(seed=1), run=Run(redo=True))
@@ -127,7 +127,7 @@ def test_redo_replaces_the_result(tmp_path: Path) -> None:
     assert names(tmp_path) == ["out"]
 
 
-def test_failed_redo_keeps_the_old_result(tmp_path: Path) -> None:
+def test_failed_redo_keeps_the_old_result(tmp_path):
     made(tmp_path / "out", Counter())
 
     def fail(partial: Path) -> None:
@@ -140,7 +140,7 @@ def test_failed_redo_keeps_the_old_result(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("redo", [False, True])
-def test_a_folder_that_no_stage_made_is_never_touched(tmp_path: Path, redo: bool) -> None:
+def test_a_folder_that_no_stage_made_is_never_touched(tmp_path, redo):
     """`--out ~/photos --redo` must not delete photos."""
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "holiday.jpg").write_bytes(b"dear to someone")
@@ -149,19 +149,19 @@ def test_a_folder_that_no_stage_made_is_never_touched(tmp_path: Path, redo: bool
     assert (tmp_path / "photos" / "holiday.jpg").read_bytes() == b"dear to someone"
 
 
-def test_a_file_in_the_way(tmp_path: Path) -> None:
+def test_a_file_in_the_way(tmp_path):
     (tmp_path / "out").write_text("notes")
     with pytest.raises(StaleOutput, match="no gmrdata stage made it"):
         made(tmp_path / "out", Counter(), run=Run(redo=True))
     assert (tmp_path / "out").read_text() == "notes"
 
 
-def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
+def test_an_empty_folder_may_be_filled(tmp_path):
     (tmp_path / "out").mkdir()
     assert names(made(tmp_path / "out", Counter())) == ["result.txt", "stage.json"]
 
 
-def test_a_cut_off_record_is_stale(tmp_path: Path) -> None:
+def test_a_cut_off_record_is_stale(tmp_path):
     made(tmp_path / "out", Counter())
     record = tmp_path / "out" / "stage.json"
     record.write_text(record.read_text()[:20])
@@ -171,13 +171,13 @@ def test_a_cut_off_record_is_stale(tmp_path: Path) -> None:
         stage_seconds(tmp_path / "out")
 
 
-def test_missing_input(tmp_path: Path) -> None:
+def test_missing_input(tmp_path):
     with pytest.raises(MissingInput, match=r"nothing: no such file"):
         run_stage("test", tmp_path / "out", Recipe(), {"x": tmp_path / "nothing"}, Counter())
     assert names(tmp_path) == []
 
 
-def test_an_exception_leaves_no_result(tmp_path: Path) -> None:
+def test_an_exception_leaves_no_result(tmp_path):
     def fail(partial: Path) -> None:
         (partial / "half.txt").write_text("half")
         raise ArithmeticError
@@ -206,7 +206,7 @@ class Steps:
             self.written.append(step)
 
 
-def test_resumable_work_goes_on(tmp_path: Path) -> None:
+def test_resumable_work_goes_on(tmp_path):
     steps = Steps()
     with pytest.raises(KeyboardInterrupt):
         made(tmp_path / "out", Resumable(steps))
@@ -218,7 +218,7 @@ def test_resumable_work_goes_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("seed", "resumable"), [(1, True), (0, False)])
-def test_other_work_starts_anew(tmp_path: Path, seed: int, resumable: bool) -> None:
+def test_other_work_starts_anew(tmp_path, seed, resumable):
     steps = Steps()
     with pytest.raises(KeyboardInterrupt):
         made(tmp_path / "out", Resumable(steps))
@@ -258,7 +258,7 @@ def wait_for(path: Path, process: subprocess.Popen[bytes]) -> None:
         time.sleep(0.01)
 
 
-def test_kill_9_leaves_no_result(tmp_path: Path) -> None:
+def test_kill_9_leaves_no_result(tmp_path):
     process = child(tmp_path, 60)
     wait_for(tmp_path / "working", process)
     process.send_signal(signal.SIGKILL)
@@ -271,7 +271,7 @@ def test_kill_9_leaves_no_result(tmp_path: Path) -> None:
     assert names(tmp_path) == ["out", "runs.txt", "working"]
 
 
-def test_two_processes_at_once_work_once(tmp_path: Path) -> None:
+def test_two_processes_at_once_work_once(tmp_path):
     first = child(tmp_path, 1.0)
     wait_for(tmp_path / "working", first)
     second = child(tmp_path, 1.0)
@@ -279,7 +279,7 @@ def test_two_processes_at_once_work_once(tmp_path: Path) -> None:
     assert (tmp_path / "runs.txt").read_text() == "run\n"
 
 
-def test_a_kill_between_the_two_renames_is_mended(tmp_path: Path) -> None:
+def test_a_kill_between_the_two_renames_is_mended(tmp_path):
     """A redo retires the old result by a rename; what is left of it is not in the way later."""
     made(tmp_path / "out", Counter())
     (tmp_path / "out").rename(tmp_path / ".out.old")
@@ -303,7 +303,7 @@ except OSError as error:
 
 
 @pytest.mark.parametrize("old", [None, b"the old content"])
-def test_no_space_leaves_the_old_file_or_none(tmp_path: Path, old: bytes | None) -> None:
+def test_no_space_leaves_the_old_file_or_none(tmp_path, old):
     """A size limit ends a write in the middle as a full disk does."""
     path = tmp_path / "a.npz"
     if old is not None:
@@ -314,14 +314,14 @@ def test_no_space_leaves_the_old_file_or_none(tmp_path: Path, old: bytes | None)
     assert old is None or path.read_bytes() == old
 
 
-def test_atomic_path_cleans_up_after_an_exception(tmp_path: Path) -> None:
+def test_atomic_path_cleans_up_after_an_exception(tmp_path):
     with pytest.raises(ArithmeticError), atomic_path(tmp_path / "a.txt") as temporary:
         temporary.write_text("half")
         raise ArithmeticError
     assert names(tmp_path) == []
 
 
-def test_atomic_path_keeps_the_suffix(tmp_path: Path) -> None:
+def test_atomic_path_keeps_the_suffix(tmp_path):
     """Writers such as OpenCV choose the format by the suffix."""
     with atomic_path(tmp_path / "a.png") as temporary:
         assert temporary.suffix == ".png"
@@ -329,7 +329,7 @@ def test_atomic_path_keeps_the_suffix(tmp_path: Path) -> None:
     assert names(tmp_path) == ["a.png"]
 
 
-def test_json_is_whole_sorted_and_finite(tmp_path: Path) -> None:
+def test_json_is_whole_sorted_and_finite(tmp_path):
     write_json(tmp_path / "a.json", {"b": 1, "a": "ü"})
     assert list(json.loads((tmp_path / "a.json").read_text())) == ["a", "b"]
     with pytest.raises(ValueError, match="Out of range float"):
@@ -339,7 +339,7 @@ def test_json_is_whole_sorted_and_finite(tmp_path: Path) -> None:
         read_json(tmp_path / "b.json")
 
 
-def test_hash_of_a_folder_follows_names_and_contents_only(tmp_path: Path) -> None:
+def test_hash_of_a_folder_follows_names_and_contents_only(tmp_path):
     folder = tmp_path / "a"
     write_text(folder / "x" / "1.txt", "one")
     before = sha256_of_path(folder)
@@ -354,14 +354,14 @@ def test_hash_of_a_folder_follows_names_and_contents_only(tmp_path: Path) -> Non
     assert sha256_of_path(folder) != renamed
 
 
-def test_sha256_is_the_known_one(tmp_path: Path) -> None:
+def test_sha256_is_the_known_one(tmp_path):
     (tmp_path / "abc").write_bytes(b"abc")
     assert sha256_of_file(tmp_path / "abc") == (
         "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     )
 
 
-def test_commit_without_git(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_commit_without_git(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     store.git_commit.cache_clear()
     made(tmp_path / "out", Counter())
@@ -370,7 +370,7 @@ def test_commit_without_git(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     assert store.STAGE_FILE == "stage.json"
 
 
-def test_arrays_on_a_disk_that_fills_up_end_with_an_error_and_no_file(tmp_path: Path) -> None:
+def test_arrays_on_a_disk_that_fills_up_end_with_an_error_and_no_file(tmp_path):
     """zipfile used to print a traceback of its own when it was thrown away."""
     script = (
         "import resource, numpy; from pathlib import Path\n"
@@ -393,7 +393,7 @@ def test_arrays_on_a_disk_that_fills_up_end_with_an_error_and_no_file(tmp_path: 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_only_what_killed_processes_left_is_removed(tmp_path: Path) -> None:
+def test_only_what_killed_processes_left_is_removed(tmp_path):
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     orphan = tmp_path / f".index.html.{host_word()}-{dead.pid}-140.tmp.html"
@@ -446,12 +446,12 @@ RECORDS: tuple[Record, ...] = (
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: type(record).__name__)
-def test_each_key_of_a_record_is_needed(record: Record, tmp_path: Path) -> None:
+def test_each_key_of_a_record_is_needed(record, tmp_path):
     names = ("inputs", "packages", "config", "masked_share", "masked_share.0", "files", "frames")
     assert_each_key_is_needed(record, tmp_path / "record.json", names)
 
 
-def test_a_folder_of_an_older_version_asks_for_redo(tmp_path: Path) -> None:
+def test_a_folder_of_an_older_version_asks_for_redo(tmp_path):
     out_dir = run_stage("test", tmp_path / "out", Config(), {}, lambda _: None)
     record = read_json(out_dir / "stage.json")
     del record["format"], record["facts"]

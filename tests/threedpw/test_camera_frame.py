@@ -1,8 +1,6 @@
 """People as the camera sees them, against SMPL's own formula, the keypoints and the exact clips."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,22 +10,20 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.read.openpose import OPENPOSE_JOINTS
 from gmrdata.read.threedpw import Sequence3DPW, read_sequence
-from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.threedpw.clips import WORLD_FROM_3DPW, camera_clip, fitting_body, shape_of, world_clip
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam
-from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, rigid
 from gmrdata.world.compose import motion_in_camera, motion_in_world
 
 NAME = "courtyard_walk_00"
-Make = Callable[..., Path]
 
 
 @pytest.fixture
-def sequence(make_dataset: Make) -> Sequence3DPW:
+def sequence(make_dataset) -> Sequence3DPW:
     return read_sequence(make_dataset(), NAME)
 
 
@@ -36,9 +32,7 @@ def smpl_named(body: BodyModel, name: str) -> BodyModel:
 
 
 @pytest.mark.parametrize("person", [0, 1])
-def test_vertices_are_those_of_smpls_formula_moved_by_cam_poses(
-    sequence: Sequence3DPW, small_body: BodyModel, person: int
-) -> None:
+def test_vertices_are_those_of_smpls_formula_moved_by_cam_poses(sequence, small_body, person):
     """x = R (v - J0) + J0 + trans in the world, then cam_poses: no pelvis in it but J0's."""
     clip = camera_clip(sequence, person, [small_body])
     given_person = sequence.arrays.people[person]
@@ -56,7 +50,7 @@ def test_vertices_are_those_of_smpls_formula_moved_by_cam_poses(
 
 
 @given(seed=st.integers(0, 10_000))
-def test_the_pelvis_convention_is_the_rule_for_trans(seed: int) -> None:
+def test_the_pelvis_convention_is_the_rule_for_trans(seed):
     """R' = A R and t' = A (J0 + t) + b - J0 say the same as moving the pelvis."""
     rng = np.random.default_rng(seed)
     a, r = Rotation.random(2, random_state=seed).as_matrix()
@@ -66,7 +60,7 @@ def test_the_pelvis_convention_is_the_rule_for_trans(seed: int) -> None:
     assert np.allclose(a @ r @ (vertex - j0) + j0 + trans, moved, atol=1e-12)
 
 
-def test_the_camera_clip_meets_the_keypoints(sequence: Sequence3DPW, small_body: BodyModel) -> None:
+def test_the_camera_clip_meets_the_keypoints(sequence, small_body):
     for person in (0, 1):
         clip = camera_clip(sequence, person, [small_body])
         joints_m = motion_joints_m(small_body, clip.motion)[:, list(OPENPOSE_JOINTS.values())]
@@ -77,9 +71,7 @@ def test_the_camera_clip_meets_the_keypoints(sequence: Sequence3DPW, small_body:
         assert np.abs(off_px[seen]).max() < 1e-6
 
 
-def test_what_was_written_from_clips_comes_back(
-    sequence: Sequence3DPW, small_body: BodyModel, walkers: list[Clip]
-) -> None:
+def test_what_was_written_from_clips_comes_back(sequence, small_body, walkers):
     for person, exact in enumerate(walkers):
         camera = camera_of(exact)
         expected = motion_in_camera(exact.motion, camera.world_from_cam)
@@ -99,9 +91,7 @@ def test_what_was_written_from_clips_comes_back(
         assert np.array_equal(found.intrinsics_px, camera.intrinsics_px)
 
 
-def test_the_datasets_world_is_turned_z_up(
-    sequence: Sequence3DPW, small_body: BodyModel, walkers: list[Clip]
-) -> None:
+def test_the_datasets_world_is_turned_z_up(sequence, small_body, walkers):
     assert np.allclose(WORLD_FROM_3DPW @ (0, 1, 0, 1), (0, 0, 1, 1))
     for person, exact in enumerate(walkers):
         clip = world_clip(sequence, person, [small_body])
@@ -116,8 +106,8 @@ def test_the_datasets_world_is_turned_z_up(
 
 
 def test_unusable_frames_are_not_valid_and_the_clip_can_be_stored(
-    make_dataset: Make, walk_arrays: SequenceArrays, small_body: BodyModel, tmp_path: Path
-) -> None:
+    make_dataset, walk_arrays, small_body, tmp_path
+):
     first = walk_arrays.people[0]
     cameras, poses = walk_arrays.cam_from_world.copy(), first.poses_rad.copy()
     trans = first.trans_m.copy()
@@ -143,9 +133,7 @@ def test_unusable_frames_are_not_valid_and_the_clip_can_be_stored(
     assert np.abs(off_m[clip.valid]).max() < 1e-12
 
 
-def test_the_body_of_the_persons_gender_is_taken(
-    walk_arrays: SequenceArrays, small_body: BodyModel
-) -> None:
+def test_the_body_of_the_persons_gender_is_taken(walk_arrays, small_body):
     bodies = [smpl_named(small_body, f"smpl-{gender}") for gender in ("neutral", "male", "female")]
     female, male = walk_arrays.people
     assert fitting_body(female, bodies, "x").name == "smpl-female"
@@ -154,9 +142,7 @@ def test_the_body_of_the_persons_gender_is_taken(
         fitting_body(female, bodies[:2], "x")
 
 
-def test_a_body_that_the_file_was_not_made_with_is_refused(
-    walk_arrays: SequenceArrays, small_body: BodyModel
-) -> None:
+def test_a_body_that_the_file_was_not_made_with_is_refused(walk_arrays, small_body):
     person = walk_arrays.people[0]
     elsewhere = replace(small_body, joints_template_m=small_body.joints_template_m + 0.05)
     with pytest.raises(BadBodyFile, match="87 mm from that of jointPositions"):
@@ -170,9 +156,7 @@ def test_a_body_that_the_file_was_not_made_with_is_refused(
         fitting_body(person, [more], "x")
 
 
-def test_longer_betas_are_cut_to_the_bodys(
-    walk_arrays: SequenceArrays, small_body: BodyModel
-) -> None:
+def test_longer_betas_are_cut_to_the_bodys(walk_arrays, small_body):
     person = walk_arrays.people[1]
     longer = replace(person, betas=np.concatenate([person.betas, np.full(290, 7.0)]))
     assert np.array_equal(shape_of(longer, small_body), person.betas)

@@ -106,9 +106,7 @@ def estimate_of(sequence: Sequence3DPW, body: BodyModel) -> FocalEstimate:
 
 @pytest.mark.parametrize("factor", [0.7, 1.0, 1.3])
 @pytest.mark.parametrize("programme", ["circular", "static"])
-def test_exact_input_gives_the_exact_focal_length(
-    small_body: BodyModel, programme: str, factor: float
-) -> None:
+def test_exact_input_gives_the_exact_focal_length(small_body, programme, factor):
     sequence = twin(small_body, PROGRAMMES[programme], 0, faults=EXACT, noise_px=0.0)
     estimate = estimate_of(with_k(sequence, factor), small_body)
     assert estimate.factor == pytest.approx(1 / factor, abs=2e-4)
@@ -119,8 +117,8 @@ def test_exact_input_gives_the_exact_focal_length(
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("programme", list(PROGRAMMES))
 def test_right_intrinsics_pass_and_wrong_ones_are_named_with_the_true_factor(
-    small_body: BodyModel, programme: str, seed: int
-) -> None:
+    small_body, programme, seed
+):
     sequence = twin(small_body, PROGRAMMES[programme], seed, people=1 + seed % 2)
     right = estimate_of(sequence, small_body)
     assert abs(right.factor - 1) < 3 * right.sigma
@@ -134,9 +132,7 @@ def test_right_intrinsics_pass_and_wrong_ones_are_named_with_the_true_factor(
         assert f"ask for a focal length {wrong.factor:.2f} times that of cam_intrinsics" in said
 
 
-def test_joints_that_a_detector_sees_elsewhere_are_no_wrong_focal_length(
-    small_body: BodyModel,
-) -> None:
+def test_joints_that_a_detector_sees_elsewhere_are_no_wrong_focal_length(small_body):
     """OpenPose's hips are higher and its shoulders lower and further in: a body 15 % smaller."""
     for seed, name in enumerate(PROGRAMMES):
         sequence = twin(small_body, PROGRAMMES[name], seed)
@@ -152,7 +148,7 @@ def test_joints_that_a_detector_sees_elsewhere_are_no_wrong_focal_length(
         assert said is not None
 
 
-def test_keypoints_of_somebody_else_are_outvoted(small_body: BodyModel) -> None:
+def test_keypoints_of_somebody_else_are_outvoted(small_body):
     sequence = twin(small_body, Circular(), 4)
     points_px = sequence.arrays.people[0].poses2d_px.copy()
     points_px[30:60, :, 0] += 180.0  # a passer-by was taken for the person
@@ -163,16 +159,14 @@ def test_keypoints_of_somebody_else_are_outvoted(small_body: BodyModel) -> None:
     assert intrinsics_reason(estimate, CONFIG) is not None
 
 
-def test_a_shifted_principal_point_is_no_wrong_focal_length(small_body: BodyModel) -> None:
+def test_a_shifted_principal_point_is_no_wrong_focal_length(small_body):
     sequence = twin(small_body, Static(), 5)
     estimate = estimate_of(with_k(sequence, 1.0, (-15.0, 10.0)), small_body)
     assert intrinsics_reason(estimate, CONFIG) is None
     assert estimate.shift_px == pytest.approx((15.0, -10.0), abs=12.0)
 
 
-def test_frames_that_are_not_valid_and_keypoints_without_confidence_do_not_count(
-    small_body: BodyModel,
-) -> None:
+def test_frames_that_are_not_valid_and_keypoints_without_confidence_do_not_count(small_body):
     sequence = twin(small_body, Panning(), 6)
     person = sequence.arrays.people[0]
     spoilt_px, trans_m = person.poses2d_px.copy(), person.trans_m.copy()
@@ -191,7 +185,7 @@ def test_frames_that_are_not_valid_and_keypoints_without_confidence_do_not_count
     )
 
 
-def test_a_body_that_is_lost_far_outside_the_image_does_not_count(small_body: BodyModel) -> None:
+def test_a_body_that_is_lost_far_outside_the_image_does_not_count(small_body):
     """Leverage is what makes few frames count much: a wrong pose close to the camera has it."""
     sequence = twin(small_body, Circular(), 8)
     person = sequence.arrays.people[0]
@@ -204,7 +198,7 @@ def test_a_body_that_is_lost_far_outside_the_image_does_not_count(small_body: Bo
     assert lost == estimate_of(without, small_body)
 
 
-def test_too_few_keypoints_say_nothing(small_body: BodyModel) -> None:
+def test_too_few_keypoints_say_nothing(small_body):
     sequence = twin(small_body, Circular(), 7)
     person = sequence.arrays.people[0]
     few_px = np.where(np.arange(N_FRAMES)[:, None, None] < 20, person.poses2d_px, 0.0)
@@ -220,9 +214,7 @@ def test_too_few_keypoints_say_nothing(small_body: BodyModel) -> None:
     [(0.77, 0.02, True), (0.77, 0.05, False), (1.3, 0.06, True), (0.89, 0.003, True),
      (0.91, 0.001, False), (1.099, 0.0, False)],
 )  # fmt: skip
-def test_the_deviation_must_pass_its_limit_by_three_sigma(
-    factor: float, sigma: float, speaks: bool
-) -> None:
+def test_the_deviation_must_pass_its_limit_by_three_sigma(factor, sigma, speaks):
     estimate = FocalEstimate(factor, sigma, (0.0, 0.0), 2.0, 1000)
     said = intrinsics_reason(estimate, CONFIG)
     assert (said is not None) == speaks

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -27,7 +26,7 @@ def clip_path(out_dir: Path, name: str, person: int) -> Path:
     return out_dir / "sequences" / name / "pseudo_gt" / f"person_{person}.npz"
 
 
-def test_every_sequence_has_a_verdict_and_the_manifest_is_good(made_set: Path) -> None:
+def test_every_sequence_has_a_verdict_and_the_manifest_is_good(made_set):
     rows = {row["sequence"]: row for row in read_json(made_set / "verdicts.json")["sequences"]}
     assert rows["arc_00"]["accepted"] and rows["arc_00"]["camera_motion"] == "circular"
     assert rows["pan_00"]["accepted"] and rows["pan_00"]["camera_motion"] == "panning"
@@ -40,7 +39,7 @@ def test_every_sequence_has_a_verdict_and_the_manifest_is_good(made_set: Path) -
         assert clip.quality.figures["kept_share"] > 0.9
 
 
-def test_two_people_share_one_right_world(made_set: Path, filmed_set: Any) -> None:
+def test_two_people_share_one_right_world(made_set, filmed_set):
     found = [load_clip(clip_path(made_set, "arc_00", person)) for person in (0, 1)]
     true = filmed_set.truth["arc_00"]
     for pseudo, exact in zip(found, true, strict=True):
@@ -54,7 +53,7 @@ def test_two_people_share_one_right_world(made_set: Path, filmed_set: Any) -> No
 
 
 @pytest.fixture(scope="module")
-def made_by_two(filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made_by_two(filmed_set, tmp_path_factory) -> Path:
     """The same by two workers, for the tests that run it again."""
     out_dir = tmp_path_factory.mktemp("two") / "out"
     regenerate_set(filmed_set.recipe(workers=2), filmed_set.root, out_dir)
@@ -62,7 +61,7 @@ def made_by_two(filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return out_dir
 
 
-def test_two_workers_make_the_same_bytes(made_set: Path, made_by_two: Path) -> None:
+def test_two_workers_make_the_same_bytes(made_set, made_by_two):
     pages = ["index.html", "qa/arc_00.html", "qa/pan_00.html"]
     for path in ["pseudo_gt.yaml", "verdicts.json", *pages]:
         assert (made_by_two / path).read_bytes() == (made_set / path).read_bytes()
@@ -71,9 +70,7 @@ def test_two_workers_make_the_same_bytes(made_set: Path, made_by_two: Path) -> N
         assert other.read_bytes() == path.read_bytes(), path
 
 
-def test_a_second_run_does_nothing_and_a_dry_run_says_so(
-    made_by_two: Path, filmed_set: Any
-) -> None:
+def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_by_two, filmed_set):
     recipe = filmed_set.recipe(workers=2)
     before = {path: path.stat().st_mtime_ns for path in (made_by_two / "sequences").rglob("*")}
     written = ["pseudo_gt.yaml", "index.html", "qa/arc_00.html", "qa/pan_00.html"]
@@ -88,11 +85,8 @@ def test_a_second_run_does_nothing_and_a_dry_run_says_so(
 
 
 def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
-    made_by_two: Path,
-    filmed_set: Any,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    made_by_two, filmed_set, monkeypatch, capsys
+):
     recipe = filmed_set.recipe(workers=2)
     monkeypatch.delattr(workers, "_local_client")
     pages = {path: path.stat().st_mtime_ns for path in made_by_two.rglob("*.html")}
@@ -102,7 +96,7 @@ def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
     assert pages and {path: path.stat().st_mtime_ns for path in pages} == pages
 
 
-def test_bad_sequences_do_not_stop_the_others(copied_set: Any, tmp_path: Path) -> None:
+def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
     arc, pan = (copied_set.root / "sequenceFiles" / "train" / f"{n}_00.pkl" for n in ("arc", "pan"))
     truncated = arc.with_name("torn_00.pkl")
     truncated.write_bytes(arc.read_bytes()[:2000])
@@ -146,7 +140,7 @@ def test_bad_sequences_do_not_stop_the_others(copied_set: Any, tmp_path: Path) -
     assert stage.stat().st_mtime_ns == before
 
 
-def test_a_sequence_that_is_not_there_is_an_error(filmed_set: Any, tmp_path: Path) -> None:
+def test_a_sequence_that_is_not_there_is_an_error(filmed_set, tmp_path):
     with pytest.raises(MissingInput, match="no sequence nowhere_00"):
         regenerate_set(
             filmed_set.recipe(sequences=["nowhere_00"]), filmed_set.root, tmp_path / "out"
@@ -154,7 +148,7 @@ def test_a_sequence_that_is_not_there_is_an_error(filmed_set: Any, tmp_path: Pat
     assert not (tmp_path / "out").exists()
 
 
-def test_a_dry_run_says_which_stages_are_to_do(filmed_set: Any, tmp_path: Path) -> None:
+def test_a_dry_run_says_which_stages_are_to_do(filmed_set, tmp_path):
     command = [sys.executable, "-m", "gmrdata", "threedpw", "regenerate"]
     command += ["--threedpw", str(filmed_set.root)]
     done = subprocess.run(

@@ -5,7 +5,6 @@ import pickle  # noqa: TID251  The oracle: what every other reader of 3DPW uses.
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -30,13 +29,12 @@ from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadRecipe, BadSequence
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.write.threedpw import write_sequence
-from tests.fixtures.filmed_sets import Made
 
 MM, RAD = 1e-4, 1.7e-4  # 0.1 mm, 0.01 degrees
 
 
 @pytest.fixture(scope="module")
-def gappy(walkers: list[Clip]) -> list[Clip]:
+def gappy(walkers) -> list[Clip]:
     """The walkers without a camera in frames 3 and 4, and the second without motion in frame 20."""
     camera = camera_of(walkers[0])
     has_camera = ~np.isin(np.arange(camera.n_frames), (3, 4))
@@ -50,14 +48,12 @@ def gappy(walkers: list[Clip]) -> list[Clip]:
 
 
 @pytest.fixture(scope="module")
-def arrays(gappy: list[Clip], small_body: BodyModel) -> SequenceArrays:
+def arrays(gappy, small_body) -> SequenceArrays:
     unseen = [np.zeros((30, 18, 3))] * 2
     return sequence_arrays("walk_00", gappy, [small_body] * 2, ["female", "male"], unseen)
 
 
-def test_what_is_not_known_is_nan_and_not_valid(
-    arrays: SequenceArrays, gappy: list[Clip], walk_arrays: SequenceArrays
-) -> None:
+def test_what_is_not_known_is_nan_and_not_valid(arrays, gappy, walk_arrays):
     bare = [3, 4]
     assert np.flatnonzero(np.isnan(arrays.cam_from_world).any(axis=(1, 2))).tolist() == bare
     first, second = arrays.people
@@ -73,9 +69,7 @@ def test_what_is_not_known_is_nan_and_not_valid(
     assert np.isfinite(second.poses_60hz_rad[42:]).all()
 
 
-def test_keypoints_and_templates_of_3dpws_own_file(
-    arrays: SequenceArrays, walk_arrays: SequenceArrays
-) -> None:
+def test_keypoints_and_templates_of_3dpws_own_file(arrays, walk_arrays):
     found = with_original(arrays, walk_arrays)
     for one, own, theirs in zip(found.people, arrays.people, walk_arrays.people, strict=True):
         assert one.poses2d_px is theirs.poses2d_px and one.trans_m is own.trans_m
@@ -84,9 +78,7 @@ def test_keypoints_and_templates_of_3dpws_own_file(
         with_original(arrays, replace(walk_arrays, people=walk_arrays.people[:1]))
 
 
-def test_a_regenerated_set_becomes_3dpw_again(
-    filmed_set: Made, made_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_regenerated_set_becomes_3dpw_again(filmed_set, made_set, tmp_path, capsys):
     out = tmp_path / "out"
     flags = ["--to", "3dpw", "--threedpw", str(filmed_set.root), "--out", str(out)]
     main(["export", str(made_set), *flags])
@@ -132,7 +124,6 @@ def _require_same(
 
 
 NAME = "courtyard_walk_00"
-Make = Callable[..., Path]
 
 
 def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -142,9 +133,7 @@ def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture
-def mixed_root(
-    make_dataset: Make, walk_arrays: SequenceArrays, jpeg: Callable[[int, int], bytes]
-) -> Path:
+def mixed_root(make_dataset, walk_arrays, jpeg) -> Path:
     """A good sequence, one with oddities, and five that can't be read."""
     root = make_dataset()
     odd = replace(walk_arrays, name="odd_00", people=walk_arrays.people[:1])
@@ -161,7 +150,7 @@ def mixed_root(
     return root
 
 
-def test_the_list_shows_every_sequence_and_ends_with_1(mixed_root: Path) -> None:
+def test_the_list_shows_every_sequence_and_ends_with_1(mixed_root):
     answer = gmrdata("threedpw", "list", "--threedpw", mixed_root)
     assert answer.returncode == 1
     assert "Traceback" not in answer.stderr
@@ -176,7 +165,7 @@ def test_the_list_shows_every_sequence_and_ends_with_1(mixed_root: Path) -> None
     assert "\x1b" not in answer.stdout
 
 
-def test_rows_of_good_and_odd_sequences(mixed_root: Path) -> None:
+def test_rows_of_good_and_odd_sequences(mixed_root):
     rows, n_bad = sequence_rows(mixed_root, "campose_valid")
     assert n_bad == 6
     by_name = {row[0]: row for row in rows if row[2] != "-"}
@@ -192,15 +181,13 @@ def test_rows_of_good_and_odd_sequences(mixed_root: Path) -> None:
     assert n_bad == 4
 
 
-def test_a_good_folder_ends_with_0(make_dataset: Make) -> None:
+def test_a_good_folder_ends_with_0(make_dataset):
     answer = gmrdata("threedpw", "list", "--threedpw", make_dataset())
     assert answer.returncode == 0, answer.stderr
     assert "90.0 %, 100.0 %" in answer.stdout
 
 
-def test_show_gives_the_ranges_and_reasons_of_each_person(
-    make_dataset: Make, walk_arrays: SequenceArrays
-) -> None:
+def test_show_gives_the_ranges_and_reasons_of_each_person(make_dataset, walk_arrays):
     root = make_dataset()
     SequenceFiles(root, NAME, "train").image_path(29).unlink()
     rows, problems = range_rows(root, NAME, "campose_valid")
@@ -217,9 +204,7 @@ def test_show_gives_the_ranges_and_reasons_of_each_person(
     assert "campose_valid is 0" in answer.stdout and "1 of 30 images" in answer.stdout
 
 
-def test_rules_change_the_share_and_unknown_ones_are_refused(
-    make_dataset: Make, walk_arrays: SequenceArrays
-) -> None:
+def test_rules_change_the_share_and_unknown_ones_are_refused(make_dataset, walk_arrays):
     undetected = replace(
         walk_arrays.people[1],
         poses2d_px=np.where(
@@ -249,13 +234,13 @@ def frames(parts: list[FrameRange]) -> set[int]:
 
 
 @given(a=ranges, b=ranges)
-def test_counts_are_those_of_sets_of_frames(a: list[FrameRange], b: list[FrameRange]) -> None:
+def test_counts_are_those_of_sets_of_frames(a, b):
     assert n_frames(a) == len(frames(a))
     assert n_shared(a, b) == n_shared(b, a) == len(frames(a) & frames(b))
 
 
 @given(a=ranges)
-def test_merged_ranges_hold_the_same_frames_and_do_not_meet(a: list[FrameRange]) -> None:
+def test_merged_ranges_hold_the_same_frames_and_do_not_meet(a):
     parts = merged(a)
     assert {row for start, stop in parts for row in range(start, stop)} == frames(a)
     assert all(stop < later for (_, stop), (later, _) in pairwise(parts))

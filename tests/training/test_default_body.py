@@ -22,10 +22,10 @@ from benchmarks.training.default_body import (
 )
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.body_file import save_body
-from gmrdata.values.body import JOINT_NAMES, PHENOTYPES, BodyModel
+from gmrdata.values.body import JOINT_NAMES, PHENOTYPES
 
 
-def test_each_joint_has_its_own_mixamo_bone() -> None:
+def test_each_joint_has_its_own_mixamo_bone():
     bones = [BONES[joint] for joint in JOINT_NAMES]
     assert len(set(bones)) == 24
     assert BONES["spine3"] == "mixamorig:Spine2"
@@ -33,7 +33,7 @@ def test_each_joint_has_its_own_mixamo_bone() -> None:
     assert BONES["right_hand"] == "mixamorig:RightHandMiddle1"
 
 
-def test_principal_directions_find_what_bodies_were_made_of() -> None:
+def test_principal_directions_find_what_bodies_were_made_of():
     rng = np.random.default_rng(0)
     mean_m = rng.normal(size=(40, 3))
     axes = np.linalg.qr(rng.normal(size=(120, 3)))[0]
@@ -49,7 +49,7 @@ def test_principal_directions_find_what_bodies_were_made_of() -> None:
         np.testing.assert_allclose(dirs_m[..., k], sign * direction, atol=1e-10)
 
 
-def test_last_bits_of_sums_do_not_reach_the_file() -> None:
+def test_last_bits_of_sums_do_not_reach_the_file():
     """Two builds on one machine once differed by 1e-20 m in vertices of the midline."""
     lengths_m = np.array([0.0, 0.25, -1.3, 1e-4])
     noise_m = np.array([-1.4e-20, 3e-17, -2e-16, 1e-19])
@@ -64,9 +64,7 @@ def modified_ns(folder: Path) -> dict[Path, int]:
 if find_spec("anny"):
 
     @pytest.mark.slow
-    def test_building_again_gives_the_same_file_and_leaves_nothing(
-        anny: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_building_again_gives_the_same_file_and_leaves_nothing(anny, tmp_path, monkeypatch):
         """Offline, with a killed build's leftovers in the way."""
         from anny.paths import get_anny_cache_path, get_anny_root_dir
 
@@ -99,9 +97,7 @@ if find_spec("anny"):
         assert {p for p in after if after[p] != package.get(p) and p.is_file()} == set()
 
     @pytest.mark.slow
-    def test_the_linear_people_are_annys_to_half_a_millimetre(
-        anny: BodyModel, tmp_path: Path
-    ) -> None:
+    def test_the_linear_people_are_annys_to_half_a_millimetre(anny, tmp_path):
         """Against Anny's own mesh, for people that the body was not made from."""
         with default_body._anny_cache_in(tmp_path / "cache"):
             source = default_body._read_anny()

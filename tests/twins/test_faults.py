@@ -1,6 +1,5 @@
 """The faults of a twin's dataset side, each measured against its stated bounds."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -11,7 +10,6 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.twins.faults import (
     FEWEST_JOINTS,
@@ -28,7 +26,6 @@ from gmrdata.twins.faults import (
     with_joint_noise,
     with_root_error,
 )
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadFrames, BadSequence
@@ -72,7 +69,7 @@ def angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @given(seed=seeds)
-def test_the_drift_is_common_and_of_the_stated_size(seed: int) -> None:
+def test_the_drift_is_common_and_of_the_stated_size(seed):
     clips = [walker(seed), walker(seed + 1, offset_m=1.0)]
     faulty = dataset_side(clips, NO_INVALID, np.random.default_rng(seed))
     drifts = [
@@ -93,7 +90,7 @@ def test_the_drift_is_common_and_of_the_stated_size(seed: int) -> None:
 
 
 @given(seed=seeds)
-def test_the_camera_frame_body_stays_right_up_to_the_root_error(seed: int) -> None:
+def test_the_camera_frame_body_stays_right_up_to_the_root_error(seed):
     clips = [walker(seed), walker(seed + 1, offset_m=1.0)]
     faulty = dataset_side(clips, NO_INVALID, np.random.default_rng(seed))
     for wrong, exact in zip(faulty, clips, strict=True):
@@ -107,7 +104,7 @@ def test_the_camera_frame_body_stays_right_up_to_the_root_error(seed: int) -> No
         assert step_m.max() < 0.0025
 
 
-def test_without_errors_of_its_own_the_dataset_shows_the_exact_body() -> None:
+def test_without_errors_of_its_own_the_dataset_shows_the_exact_body():
     only_drift = FaultConfig(
         root_error_m=(0, 0), root_error_deg=(0, 0), joint_noise_deg=(0, 0), invalid_runs=(0, 0)
     )
@@ -121,7 +118,7 @@ def test_without_errors_of_its_own_the_dataset_shows_the_exact_body() -> None:
 
 @settings(max_examples=25)
 @given(seed=seeds)
-def test_joint_noise_has_the_stated_rms_in_every_joint(seed: int) -> None:
+def test_joint_noise_has_the_stated_rms_in_every_joint(seed):
     exact = walker(seed)
     noisy = with_joint_noise(exact, FaultConfig(), np.random.default_rng(seed))
     off_deg = angles_deg(exact.motion.local_rotmats, noisy.motion.local_rotmats)
@@ -132,7 +129,7 @@ def test_joint_noise_has_the_stated_rms_in_every_joint(seed: int) -> None:
 
 
 @pytest.mark.parametrize("period_s", [2.0, 4.0])
-def test_no_part_of_the_noise_is_faster_than_its_period(period_s: float) -> None:
+def test_no_part_of_the_noise_is_faster_than_its_period(period_s):
     """The spectrum over 10 minutes, beyond the window's own width."""
     waves = smooth_noise(18_000, 30.0, period_s, 6, np.random.default_rng(1))
     power = np.abs(np.fft.rfft(waves * np.hanning(18_000)[:, None], axis=0)) ** 2
@@ -143,7 +140,7 @@ def test_no_part_of_the_noise_is_faster_than_its_period(period_s: float) -> None
     assert power[slow].sum() / power.sum() < 1e-6
 
 
-def test_the_root_error_has_periods_of_four_seconds_and_more() -> None:
+def test_the_root_error_has_periods_of_four_seconds_and_more():
     exact = walker(0, n_frames=9000)
     wrong = with_root_error(exact, FaultConfig(), np.random.default_rng(4))
     errors = in_camera(wrong).pelvis_m - in_camera(exact).pelvis_m
@@ -153,7 +150,7 @@ def test_the_root_error_has_periods_of_four_seconds_and_more() -> None:
 
 
 @given(seed=seeds)
-def test_invalid_frames_are_marked_and_wrong_and_all_others_untouched(seed: int) -> None:
+def test_invalid_frames_are_marked_and_wrong_and_all_others_untouched(seed):
     exact = walker(seed)
     wrong = with_invalid_frames(exact, FaultConfig(), np.random.default_rng(seed))
     off_m = np.linalg.norm(wrong.motion.pelvis_m - exact.motion.pelvis_m, axis=1)
@@ -163,7 +160,7 @@ def test_invalid_frames_are_marked_and_wrong_and_all_others_untouched(seed: int)
     assert np.array_equal(wrong.motion.root_rotmats, exact.motion.root_rotmats)
 
 
-def test_frames_that_were_invalid_stay_so() -> None:
+def test_frames_that_were_invalid_stay_so():
     exact = walker(0)
     valid = np.arange(150) >= 20
     wrong = with_invalid_frames(
@@ -172,13 +169,13 @@ def test_frames_that_were_invalid_stay_so() -> None:
     assert not wrong.valid[:20].any()
 
 
-def test_a_clip_shorter_than_a_run_is_invalid_as_a_whole() -> None:
+def test_a_clip_shorter_than_a_run_is_invalid_as_a_whole():
     config = FaultConfig(invalid_runs=(1, 1), invalid_frames=(15, 15))
     wrong = with_invalid_frames(walker(0, n_frames=5), config, np.random.default_rng(0))
     assert not wrong.valid.any()
 
 
-def test_the_same_seed_gives_the_same_bytes_and_the_inputs_stay_as_they_were() -> None:
+def test_the_same_seed_gives_the_same_bytes_and_the_inputs_stay_as_they_were():
     exact = walker(7)
     before = exact.motion.pelvis_m.copy(), exact.motion.local_rotmats.copy()
     one, two, other = (
@@ -191,7 +188,7 @@ def test_the_same_seed_gives_the_same_bytes_and_the_inputs_stay_as_they_were() -
     assert np.array_equal(exact.motion.local_rotmats, before[1])
 
 
-def test_drift_turns_about_the_vertical_more_than_it_tilts() -> None:
+def test_drift_turns_about_the_vertical_more_than_it_tilts():
     for seed in range(20):
         turns = drift(150, np.zeros(3), FaultConfig(), np.random.default_rng(seed))[-1, :3, :3]
         axis = Rotation.from_matrix(turns).as_rotvec()
@@ -202,12 +199,12 @@ def test_drift_turns_about_the_vertical_more_than_it_tilts() -> None:
     "values",
     [{"drift_m": (0.8, 0.2)}, {"drift_deg": (-1, 2)}, {"root_error_period_s": 0}, {"x": 1}],
 )
-def test_a_wrong_recipe_is_refused(values: dict[str, object]) -> None:
+def test_a_wrong_recipe_is_refused(values):
     with pytest.raises(ValidationError):
         FaultConfig.model_validate(values)
 
 
-def test_clips_without_a_world_or_a_camera_are_refused() -> None:
+def test_clips_without_a_world_or_a_camera_are_refused():
     exact = walker(0)
     camera = replace(camera_of(exact), has_camera=np.arange(150) > 3)
     for bad in (
@@ -218,7 +215,7 @@ def test_clips_without_a_world_or_a_camera_are_refused() -> None:
             dataset_side([bad], FaultConfig(), np.random.default_rng(0))
 
 
-def test_60_hz_arrays_hold_the_30_hz_rows_and_their_middles(walk_arrays: SequenceArrays) -> None:
+def test_60_hz_arrays_hold_the_30_hz_rows_and_their_middles(walk_arrays):
     person = walk_arrays.people[0]
     poses, trans = person.poses_60hz_rad, person.trans_60hz_m
     assert poses is not None and trans is not None
@@ -229,9 +226,7 @@ def test_60_hz_arrays_hold_the_30_hz_rows_and_their_middles(walk_arrays: Sequenc
     assert np.array_equal(trans[-1], trans[-2])  # nothing comes after the last frame
 
 
-def test_people_share_the_camera_and_stand_on_a_y_up_floor(
-    walk_arrays: SequenceArrays, small_body: BodyModel, walkers: list[Clip]
-) -> None:
+def test_people_share_the_camera_and_stand_on_a_y_up_floor(walk_arrays, small_body, walkers):
     for person, clip in zip(walk_arrays.people, walkers, strict=True):
         joints_m = person.joints_world_m
         assert joints_m is not None
@@ -242,9 +237,7 @@ def test_people_share_the_camera_and_stand_on_a_y_up_floor(
         assert person.template_clothed_m.shape == small_body.template_m.shape
 
 
-def test_keypoints_are_noisy_cut_at_the_border_and_gone_below_six(
-    walkers: list[Clip], small_body: BodyModel
-) -> None:
+def test_keypoints_are_noisy_cut_at_the_border_and_gone_below_six(walkers, small_body):
     clip = walkers[0]
     joints_m = motion_joints_m(small_body, clip.motion)
     camera = camera_of(clip)
@@ -281,9 +274,7 @@ def other_camera(clip: Clip) -> Clip:
         (other_camera, "has another camera"),
     ],
 )
-def test_clips_that_are_no_sequence_are_refused(
-    walkers: list[Clip], small_body: BodyModel, change: Callable[[Clip], Clip], said: str
-) -> None:
+def test_clips_that_are_no_sequence_are_refused(walkers, small_body, change, said):
     points_px = [np.zeros((30, 18, 3))] * 2
     with pytest.raises(BadSequence, match=rf"seq: clip walk\.p1 .*{said}"):
         sequence_arrays(
@@ -299,14 +290,14 @@ def gains_of(seed: int, n_frames: int = 150, config: ExposureConfig = CONFIG) ->
 
 
 @given(seed=st.integers(0, 2**32), n_frames=st.integers(1, 300))
-def test_gains_stay_in_their_range(seed: int, n_frames: int) -> None:
+def test_gains_stay_in_their_range(seed, n_frames):
     gains = gains_of(seed, n_frames)
     assert gains.shape == (n_frames,)
     assert gains.min() >= 0.7 and gains.max() <= 1.4
 
 
 @given(seed=st.integers(0, 2**32))
-def test_a_sequence_uses_most_of_the_range_with_one_fast_correction(seed: int) -> None:
+def test_a_sequence_uses_most_of_the_range_with_one_fast_correction(seed):
     logs = np.log(gains_of(seed, config=ExposureConfig(steps=(1, 1))))
     assert np.ptp(logs) >= 0.59 * np.log(2.0)
     in_half_a_second = np.abs(logs[15:] - logs[:-15]).max()
@@ -314,12 +305,12 @@ def test_a_sequence_uses_most_of_the_range_with_one_fast_correction(seed: int) -
     assert np.abs(np.diff(logs)).max() < 0.5 * np.ptp(logs)  # no cut from one frame to the next
 
 
-def test_the_same_seed_gives_the_same_gains() -> None:
+def test_the_same_seed_gives_the_same_gains():
     assert np.array_equal(gains_of(3), gains_of(3))
     assert not np.array_equal(gains_of(3), gains_of(4))
 
 
-def test_no_range_is_no_change() -> None:
+def test_no_range_is_no_change():
     assert (gains_of(0, config=ExposureConfig(gain=(1.0, 1.0))) == 1.0).all()
 
 
@@ -334,9 +325,7 @@ def test_no_range_is_no_change() -> None:
         (0, 1.4, 0),
     ],
 )
-def test_light_is_multiplied_and_not_the_encoded_value(
-    value: int, gain: float, expected: int
-) -> None:
+def test_light_is_multiplied_and_not_the_encoded_value(value, gain, expected):
     _, encoded = cv2.imencode(".jpg", np.full((16, 24, 3), value, dtype=np.uint8))
     found = cv2.imdecode(
         np.frombuffer(exposed_jpeg(encoded.tobytes(), gain, 100), dtype=np.uint8), cv2.IMREAD_COLOR
@@ -345,7 +334,7 @@ def test_light_is_multiplied_and_not_the_encoded_value(
     assert np.abs(found.astype(int) - expected).max() <= 1
 
 
-def test_bytes_that_are_no_image_are_refused() -> None:
+def test_bytes_that_are_no_image_are_refused():
     with pytest.raises(BadFrames, match="cannot be decoded"):
         exposed_jpeg(b"\xff\xd8 no jpeg", 1.1, 92)
 
@@ -353,6 +342,6 @@ def test_bytes_that_are_no_image_are_refused() -> None:
 @pytest.mark.parametrize(
     "wrong", [{"gain": (1.4, 0.7)}, {"gain": (0, 1)}, {"step_s": (0, 1)}, {"steps": (2, 1)}]
 )
-def test_ranges_the_wrong_way_round_are_refused(wrong: dict[str, tuple[float, float]]) -> None:
+def test_ranges_the_wrong_way_round_are_refused(wrong):
     with pytest.raises(ValueError, match=r"least|above 0"):
         ExposureConfig.model_validate(wrong)

@@ -44,7 +44,7 @@ def write_truth(made: Any, folder: Path, classes: dict[str, str]) -> None:
 
 
 @pytest.fixture(scope="module")
-def place(filmed_set: Any, made_set: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def place(filmed_set, made_set, tmp_path_factory) -> Path:
     """A folder with `twins`, a recipe, and the output of the verb.
 
     The verb goes on with a regeneration that was stopped before the last stage of `pan_00`.
@@ -74,9 +74,7 @@ def floor_verb(folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, env=wide)
 
 
-def test_a_dry_run_says_what_is_done(
-    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_dry_run_says_what_is_done(place, capsys, monkeypatch):
     monkeypatch.setattr(console, "width", 200)
     main(words(place, "--dry-run"))
     said = capsys.readouterr().out
@@ -87,7 +85,7 @@ def test_a_dry_run_says_what_is_done(
     assert not (place / "other").exists()
 
 
-def test_the_figures_are_those_of_the_manifests_clips(place: Path, filmed_set: Any) -> None:
+def test_the_figures_are_those_of_the_manifests_clips(place, filmed_set):
     floor = Floor.read(place / "out" / "floor.json")
     rows = {row.id: row for row in floor.sequences}
     assert {name: row.class_true for name, row in rows.items()} == CLASSES
@@ -108,7 +106,7 @@ def test_the_figures_are_those_of_the_manifests_clips(place: Path, filmed_set: A
     assert floor.overall.vme_mm == pytest.approx(weighted_mm / n_motions, rel=1e-5)
 
 
-def test_small_errors_all_accepted_and_the_scale_where_it_enters(place: Path) -> None:
+def test_small_errors_all_accepted_and_the_scale_where_it_enters(place):
     floor = Floor.read(place / "out" / "floor.json")
     arc, pan = floor.classes["circular"], floor.classes["panning"]
     assert (arc.accepted, pan.accepted, floor.overall.class_right) == (1, 1, 2)
@@ -121,16 +119,14 @@ def test_small_errors_all_accepted_and_the_scale_where_it_enters(place: Path) ->
     assert floor.seed is None and floor.recipe["recipe"] == "threedpw"
 
 
-def test_the_table_is_printed(place: Path) -> None:
+def test_the_table_is_printed(place):
     said = (place / "said.txt").read_text(encoding="utf-8")
     for text in ("OME [deg]", "arc_00", "all panning", "2/2 right"):
         assert text in said
     assert said.rstrip().endswith("floor.json")
 
 
-def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(
-    place: Path, filmed_set: Any
-) -> None:
+def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(place, filmed_set):
     path = place / "out" / "floor.json"
     before = path.read_bytes()
     main(words(place))
@@ -165,7 +161,7 @@ def read_floor_bytes(content: bytes, folder: Path) -> Any:
     return Floor.read(folder / "before.json")
 
 
-def test_twins_without_truth_are_refused_before_the_work(filmed_set: Any, tmp_path: Path) -> None:
+def test_twins_without_truth_are_refused_before_the_work(filmed_set, tmp_path):
     recipe = filmed_set.recipe()
     with pytest.raises(MissingInput, match=r"twins\.json"):
         floor_of_twins(tmp_path / "twins", recipe, tmp_path / "out")
@@ -179,7 +175,7 @@ def test_twins_without_truth_are_refused_before_the_work(filmed_set: Any, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
-def test_a_body_that_the_recipe_lacks_is_named(place: Path, filmed_set: Any) -> None:
+def test_a_body_that_the_recipe_lacks_is_named(place, filmed_set):
     twins = read_truth(place / "twins")
     none_named = filmed_set.recipe().model_copy(update={"bodies": ()})
     with pytest.raises(BadBodyFile, match="which is not among the recipe's"):

@@ -1,7 +1,6 @@
 """Rows put together, the record on disk, and the table."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -88,7 +87,7 @@ def floor() -> Floor:
     )
 
 
-def test_a_class_is_the_mean_over_everyones_motions(floor: Floor) -> None:
+def test_a_class_is_the_mean_over_everyones_motions(floor):
     linear = floor.classes["linear"]
     pooled = (1.0 * 30 + 4.0 * 10 + 2.0 * 40) / 80
     assert linear.ome_deg == pooled and linear.tme_mm == 10 * pooled
@@ -101,7 +100,7 @@ def test_a_class_is_the_mean_over_everyones_motions(floor: Floor) -> None:
     assert linear.seconds_per_frame == 0.75
 
 
-def test_rejected_sequences_count_in_the_kept_share_alone(floor: Floor) -> None:
+def test_rejected_sequences_count_in_the_kept_share_alone(floor):
     assert list(floor.classes) == ["linear", "small", "static"]
     small = floor.classes["small"]
     assert (small.accepted, small.n_motions, small.kept_share) == (0, 0, 0.0)
@@ -112,7 +111,7 @@ def test_rejected_sequences_count_in_the_kept_share_alone(floor: Floor) -> None:
     assert overall.kept_share == pytest.approx(170 / 250)
 
 
-def test_the_file_holds_what_was_measured(floor: Floor, tmp_path: Path) -> None:
+def test_the_file_holds_what_was_measured(floor, tmp_path):
     path = tmp_path / "floor.json"
     write_json(path, floor.model_dump(mode="json"))
     assert Floor.read(path) == floor
@@ -135,9 +134,7 @@ def test_the_file_holds_what_was_measured(floor: Floor, tmp_path: Path) -> None:
         ({"more": 1}, "has an unknown key `more`"),
     ],
 )
-def test_another_file_is_refused(
-    floor: Floor, tmp_path: Path, change: dict[str, Any], message: str
-) -> None:
+def test_another_file_is_refused(floor, tmp_path, change, message):
     path = tmp_path / "floor.json"
     write_json(path, floor.model_dump(mode="json") | change)
     with pytest.raises(BadRecord, match=f"floor.json: {message}"):
@@ -149,11 +146,11 @@ def test_another_file_is_refused(
         Floor.read(tmp_path / "no.json")
 
 
-def test_each_key_of_the_file_is_needed(floor: Floor, tmp_path: Path) -> None:
+def test_each_key_of_the_file_is_needed(floor, tmp_path):
     assert_each_key_is_needed(floor, tmp_path / "floor.json", ("recipe", "classes"))
 
 
-def test_the_table(floor: Floor) -> None:
+def test_the_table(floor):
     rows = floor_rows(floor)
     assert {len(cells) for cells in rows} == {len(HEADINGS)}
     assert rows[0] == (

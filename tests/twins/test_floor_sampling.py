@@ -1,14 +1,12 @@
 """What may be asked of drawn twins."""
 
-from pathlib import Path
-
 import pytest
 
 from gmrdata.twins.sampling import FILM, film_of, twin_recipe
 from gmrdata.values.errors import BadRecipe
 
 
-def test_sizes_by_name_and_by_number() -> None:
+def test_sizes_by_name_and_by_number():
     assert film_of("small", 150) == FILM
     full = film_of("full", 60)
     assert (full.width_px, full.height_px, full.duration_s) == (1080, 1920, 2.0)
@@ -19,17 +17,17 @@ def test_sizes_by_name_and_by_number() -> None:
 
 
 @pytest.mark.parametrize("size", ["big", "180", "180x", "0x320", "180x320x3", "-180x320", "63x64"])
-def test_other_sizes_are_refused(size: str) -> None:
+def test_other_sizes_are_refused(size):
     with pytest.raises(BadRecipe, match=f"--size {size}: give small, full, or"):
         film_of(size, 150)
 
 
-def test_too_few_frames_are_refused() -> None:
+def test_too_few_frames_are_refused():
     with pytest.raises(BadRecipe, match="--clip-frames 59: give 60 or more"):
         film_of("small", 59)
 
 
-def test_a_negative_seed_and_no_sequences_are_refused(tmp_path: Path) -> None:
+def test_a_negative_seed_and_no_sequences_are_refused(tmp_path):
     with pytest.raises(BadRecipe, match="--seed -1: give 0 or more"):
         twin_recipe(2, -1, tmp_path)
     with pytest.raises(BadRecipe, match="0 sequences: ask for at least one"):
@@ -37,7 +35,7 @@ def test_a_negative_seed_and_no_sequences_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_seed_chooses_and_the_workers_do_not(cmu_dir: Path) -> None:
+def test_the_seed_chooses_and_the_workers_do_not(cmu_dir):
     film = film_of("180x320", 60)
     drawn = twin_recipe(2, 7, cmu_dir, film=film, workers=1)
     assert drawn.set.film == film and drawn.set.seed == 7 and drawn.set.workers == 1

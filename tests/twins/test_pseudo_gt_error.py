@@ -14,7 +14,6 @@ from gmrdata.twins.pseudo_gt_error import (
     within_2sigma,
 )
 from gmrdata.values import transforms
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import StageFailed
@@ -28,7 +27,7 @@ PSEUDO_FROM_TRUE = transforms.rigid(
 
 
 @pytest.fixture(scope="module")
-def true_clip(small_body: BodyModel) -> Clip:
+def true_clip(small_body) -> Clip:
     """A walk seen by a camera that moves on a curve and turns."""
     motion = make_gait("walk", 4.0, 10.0, small_body, np.random.default_rng(0))
     n = motion.n_frames
@@ -56,7 +55,7 @@ def moved(clip: Clip, pseudo_from_true: np.ndarray, scale: float = 1.0) -> Clip:
     )
 
 
-def test_another_world_is_no_error(true_clip: Clip) -> None:
+def test_another_world_is_no_error(true_clip):
     found = compare_clips(moved(true_clip, PSEUDO_FROM_TRUE), true_clip)
     assert found.ome_deg == pytest.approx(0, abs=1e-6)
     assert found.tme_mm == pytest.approx(0, abs=1e-9)
@@ -70,7 +69,7 @@ def test_another_world_is_no_error(true_clip: Clip) -> None:
 
 
 @pytest.mark.parametrize("scale", [0.9, 1.0, 1.02, 1.25])
-def test_scale_error_has_its_size_and_sign(true_clip: Clip, scale: float) -> None:
+def test_scale_error_has_its_size_and_sign(true_clip, scale):
     found = compare_clips(moved(true_clip, PSEUDO_FROM_TRUE, scale), true_clip)
     assert found.scale_error_percent == pytest.approx(100 * (scale - 1), abs=1e-8)
     steps_mm = 1000 * np.linalg.norm(np.diff(true_clip.motion.pelvis_m, axis=0), axis=1)
@@ -83,7 +82,7 @@ def test_scale_error_has_its_size_and_sign(true_clip: Clip, scale: float) -> Non
     assert found.camera_path_mm == pytest.approx(abs(scale - 1) * away_mm.mean(), abs=1e-9)
 
 
-def test_motion_errors_are_those_put_in(true_clip: Clip) -> None:
+def test_motion_errors_are_those_put_in(true_clip):
     """A world that turns by half a degree from frame to frame."""
     yaw = Rotation.from_euler("z", 0.5 * np.arange(40)[:, None], degrees=True).as_matrix()
     pseudo = replace(
@@ -95,7 +94,7 @@ def test_motion_errors_are_those_put_in(true_clip: Clip) -> None:
     assert (found.n_motions, found.vme_mm) == (39, None)
 
 
-def test_vertices_slip_as_far_as_the_world(true_clip: Clip, small_body: BodyModel) -> None:
+def test_vertices_slip_as_far_as_the_world(true_clip, small_body):
     """A world that slips by 3 mm from frame to frame moves every vertex by 3 mm."""
     slip_m = 0.003 * np.arange(40)[:, None] * np.array([0.6, 0.0, 0.8])
     pelvis_m = true_clip.motion.pelvis_m + slip_m
@@ -105,9 +104,7 @@ def test_vertices_slip_as_far_as_the_world(true_clip: Clip, small_body: BodyMode
     assert found.vme_mm == pytest.approx(3, abs=1e-4)
 
 
-def test_vertices_turn_with_the_world_in_the_true_pose(
-    true_clip: Clip, small_body: BodyModel
-) -> None:
+def test_vertices_turn_with_the_world_in_the_true_pose(true_clip, small_body):
     """VME against meshes of the body itself, and of another local pose there is no error."""
     yaw = Rotation.from_euler("z", 2.0 * np.arange(40)[:, None], degrees=True).as_matrix()
     turned = replace(true_clip.motion, root_rotmats=yaw @ true_clip.motion.root_rotmats)
@@ -124,7 +121,7 @@ def test_vertices_turn_with_the_world_in_the_true_pose(
     assert found.vme_mm == pytest.approx(expected_mm, rel=1e-4) and expected_mm > 5
 
 
-def test_camera_rotation_error_is_after_one_best_rotation(true_clip: Clip) -> None:
+def test_camera_rotation_error_is_after_one_best_rotation(true_clip):
     """Cameras rolled by +2 and -2 deg in turn: their best common rotation is none, the error 2."""
     assert true_clip.camera is not None
     roll_deg = np.where(np.arange(40) % 2, 2.0, -2.0)[:, None]
@@ -140,7 +137,7 @@ def test_camera_rotation_error_is_after_one_best_rotation(true_clip: Clip) -> No
     assert compare_clips(pseudo, still).camera_rotation_deg == pytest.approx(2.0, abs=1e-6)
 
 
-def test_no_motion_is_taken_across_a_gap(true_clip: Clip) -> None:
+def test_no_motion_is_taken_across_a_gap(true_clip):
     """The world slips by a metre in a gap; only a difference across it would show that."""
     valid = np.ones(40, bool)
     valid[20] = False
@@ -154,7 +151,7 @@ def test_no_motion_is_taken_across_a_gap(true_clip: Clip) -> None:
     assert found.frames == 39
 
 
-def test_rows_are_paired_by_image_number(true_clip: Clip) -> None:
+def test_rows_are_paired_by_image_number(true_clip):
     """A pseudo clip of images 5, 6, 7 and 20, 21 has three motions."""
     rows = np.array([5, 6, 7, 20, 21])
     assert true_clip.camera is not None
@@ -175,7 +172,7 @@ def test_rows_are_paired_by_image_number(true_clip: Clip) -> None:
     assert (found.frames, found.frames_with_camera) == (5, 4)
 
 
-def test_no_scale_without_camera_motion_or_positions(true_clip: Clip) -> None:
+def test_no_scale_without_camera_motion_or_positions(true_clip):
     assert true_clip.camera is not None
     cameras = true_clip.camera.world_from_cam.copy()
     cameras[:, :3, 3] = [0.3, 0.2, 0.1]
@@ -188,14 +185,14 @@ def test_no_scale_without_camera_motion_or_positions(true_clip: Clip) -> None:
     assert compare_clips(almost, almost).scale_error_percent is None
 
 
-def test_no_camera_figures_without_cameras(true_clip: Clip) -> None:
+def test_no_camera_figures_without_cameras(true_clip):
     found = compare_clips(replace(true_clip, camera=None), true_clip)
     assert found.camera_rotation_deg is None and found.camera_path_mm is None
     assert found.scale_error_percent is None
     assert found.frames_with_camera == 0
 
 
-def test_trajectory_error_is_evos_ape_after_the_same_alignment(true_clip: Clip) -> None:
+def test_trajectory_error_is_evos_ape_after_the_same_alignment(true_clip):
     trajectory = pytest.importorskip("evo.core.trajectory")
     evo_metrics = pytest.importorskip("evo.core.metrics")
     noise_m = np.random.default_rng(0).normal(0, 0.02, (40, 3))
@@ -224,7 +221,7 @@ def test_trajectory_error_is_evos_ape_after_the_same_alignment(true_clip: Clip) 
     )
 
 
-def test_clips_that_cannot_be_compared(true_clip: Clip) -> None:
+def test_clips_that_cannot_be_compared(true_clip):
     other_rate = replace(true_clip, motion=replace(true_clip.motion, fps_hz=30.0))
     with pytest.raises(StageFailed, match="30 fps, but its truth walk has 10 fps"):
         compare_clips(other_rate, true_clip)
@@ -250,7 +247,7 @@ def thirty_hz(true_clip: Clip) -> tuple[Clip, Clip]:
     return true, replace(true, motion=replace(true.motion, pelvis_m=pelvis_m))
 
 
-def test_at_a_third_of_the_rate_every_phase_counts(true_clip: Clip) -> None:
+def test_at_a_third_of_the_rate_every_phase_counts(true_clip):
     true, pseudo = thirty_hz(true_clip)
     # At 30 fps two of three motions are 3 mm off; at 10 fps each phase is off as a whole or not.
     assert compare_clips(pseudo, true).tme_mm == pytest.approx(2.0, abs=0.1)
@@ -258,7 +255,7 @@ def test_at_a_third_of_the_rate_every_phase_counts(true_clip: Clip) -> None:
     assert compare_clips(true_clip, true_clip, fps_hz=10.0).ome_deg == pytest.approx(0, abs=1e-6)
 
 
-def test_at_a_third_of_the_rate_no_motion_crosses_a_gap(true_clip: Clip) -> None:
+def test_at_a_third_of_the_rate_no_motion_crosses_a_gap(true_clip):
     true, pseudo = thirty_hz(true_clip)
     pelvis_m = pseudo.motion.pelvis_m.copy()
     pelvis_m[13:] += 1.0
@@ -268,7 +265,7 @@ def test_at_a_third_of_the_rate_no_motion_crosses_a_gap(true_clip: Clip) -> None
     assert compare_clips(pseudo, true, fps_hz=10.0).tme_mm == pytest.approx(0, abs=1e-9)
 
 
-def test_a_rate_that_does_not_divide_the_clips_is_refused(true_clip: Clip) -> None:
+def test_a_rate_that_does_not_divide_the_clips_is_refused(true_clip):
     with pytest.raises(StageFailed, match="10 fps is no multiple of 4 fps"):
         compare_clips(true_clip, true_clip, fps_hz=4.0)
 
@@ -278,7 +275,7 @@ ACCEPTED = RecoveredSequence("pass_00", "linear", accepted=True, seconds=1)
 
 
 @pytest.fixture(scope="module")
-def truth(small_body: BodyModel) -> list[Clip]:
+def truth(small_body) -> list[Clip]:
     """Two people, 40 frames at 30 fps, and a camera that passes them."""
     along = np.linspace(0, 1, N)
     turn_rad = np.stack([0.1 * along, 1 + 0.5 * along, np.zeros(N)], axis=1)
@@ -319,9 +316,7 @@ def scaled(clip: Clip, factor: float) -> Clip:
     )
 
 
-def test_a_sequence_shows_the_person_who_fares_worst(
-    truth: list[Clip], small_body: BodyModel
-) -> None:
+def test_a_sequence_shows_the_person_who_fares_worst(truth, small_body):
     """0.1 and 0.2 deg per frame are 0.3 and 0.6 deg per motion at 10 fps."""
     found = [turning(truth[0], 0.1), turning(truth[1], 0.2)]
     recovered = RecoveredSequence(
@@ -343,7 +338,7 @@ def test_a_sequence_shows_the_person_who_fares_worst(
 
 
 @pytest.mark.parametrize(("sigma_share", "inside"), [(0.011, True), (0.009, False)])
-def test_two_percent_too_large(truth: list[Clip], sigma_share: float, inside: bool) -> None:
+def test_two_percent_too_large(truth, sigma_share, inside):
     found = [scaled(clip, 1.02) for clip in truth]
     # The true factor is 5: 5.1 was found.
     measured = replace(ACCEPTED, scale=5.1, scale_sigma=5 * sigma_share)
@@ -354,7 +349,7 @@ def test_two_percent_too_large(truth: list[Clip], sigma_share: float, inside: bo
     assert row.vme_mm is None
 
 
-def test_motions_are_between_kept_frames_alone(truth: list[Clip]) -> None:
+def test_motions_are_between_kept_frames_alone(truth):
     """Frame 20 is not kept, and the world slips by a metre there: 4 of 37 motions would tell."""
     valid = np.arange(N) != 20
     pelvis_m = truth[0].motion.pelvis_m + (np.arange(N) > 20)[:, None] * [1.0, 0, 0]
@@ -365,7 +360,7 @@ def test_motions_are_between_kept_frames_alone(truth: list[Clip]) -> None:
     assert row.kept_share == 39 / 40
 
 
-def test_what_was_not_recovered_has_no_errors(truth: list[Clip]) -> None:
+def test_what_was_not_recovered_has_no_errors(truth):
     rejected = replace(truth[0], valid=np.zeros(N, bool))
     in_camera = replace(truth[1], motion=replace(truth[1].motion, frame="camera"))
     flicker = replace(truth[1], valid=np.arange(N) % 4 < 2)
@@ -377,13 +372,13 @@ def test_what_was_not_recovered_has_no_errors(truth: list[Clip]) -> None:
     assert row.kept_share == 0.25
 
 
-def test_clips_of_another_video_are_an_error_not_a_gap(truth: list[Clip]) -> None:
+def test_clips_of_another_video_are_an_error_not_a_gap(truth):
     other = replace(truth[0], motion=replace(truth[0].motion, fps_hz=25.0))
     with pytest.raises(StageFailed, match="25 fps"):
         sequence_errors(ACCEPTED, [other], truth[:1])
 
 
-def test_without_an_error_bar_there_is_no_answer() -> None:
+def test_without_an_error_bar_there_is_no_answer():
     assert within_2sigma(None, 1.0, 0.1) is None
     assert within_2sigma(1.0, None, 0.1) is None
     assert within_2sigma(1.0, 1.0, None) is None

@@ -13,7 +13,6 @@ from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.threedpw.clips import camera_clip, world_clip
 from gmrdata.twins.faults import ExposureConfig, FaultConfig
 from gmrdata.twins.twin_set import FilmedPeople, TwinConfig, write_twin
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadFrames, BadSequence
 from gmrdata.world.compose import motion_in_camera
@@ -30,7 +29,7 @@ def light_of(value: float) -> float:
 
 
 @pytest.fixture
-def frames(tmp_path: Path, jpeg: Callable[[int, int], bytes]) -> list[Path]:
+def frames(tmp_path, jpeg) -> list[Path]:
     paths = [tmp_path / "rendered" / f"{row:05d}.jpg" for row in range(30)]
     paths[0].parent.mkdir()
     for row, path in enumerate(paths):
@@ -39,7 +38,7 @@ def frames(tmp_path: Path, jpeg: Callable[[int, int], bytes]) -> list[Path]:
 
 
 @pytest.fixture
-def write(tmp_path: Path, walkers: list[Clip], frames: list[Path], small_body: BodyModel) -> Write:
+def write(tmp_path, walkers, frames, small_body) -> Write:
     def make(
         out: str = "a",
         clips: list[Clip] = walkers,
@@ -57,8 +56,8 @@ def write(tmp_path: Path, walkers: list[Clip], frames: list[Path], small_body: B
 
 
 def test_the_dataset_side_drifts_and_its_camera_frame_bodies_are_nearly_right(
-    write: Write, walkers: list[Clip], small_body: BodyModel
-) -> None:
+    write, walkers, small_body
+):
     files = write()
     sequence = read_sequence(files.root, "twin_00")
     assert sequence.problems == ()
@@ -74,8 +73,8 @@ def test_the_dataset_side_drifts_and_its_camera_frame_bodies_are_nearly_right(
 
 
 def test_the_truth_is_kept_and_the_images_are_those_that_were_rendered(
-    write: Write, walkers: list[Clip], frames: list[Path], tmp_path: Path
-) -> None:
+    write, walkers, frames, tmp_path
+):
     files = write()
     for person, exact in enumerate(walkers):
         truth = load_clip(tmp_path / "a" / "truth" / f"twin_00.p{person}.npz")
@@ -87,9 +86,7 @@ def test_the_truth_is_kept_and_the_images_are_those_that_were_rendered(
         assert files.image_path(row).read_bytes() == frame.read_bytes()
 
 
-def test_exposure_changes_the_images_as_planned_and_nothing_else(
-    write: Write, tmp_path: Path
-) -> None:
+def test_exposure_changes_the_images_as_planned_and_nothing_else(write, tmp_path):
     plain, exposed = write("a"), write("b", config=CONFIG.model_copy(update={"exposure": EXPOSURE}))
     assert plain.pickle_path.read_bytes() == exposed.pickle_path.read_bytes()
     gains = np.load(tmp_path / "b" / "truth" / "twin_00.exposure.npz")["gains"]
@@ -100,9 +97,7 @@ def test_exposure_changes_the_images_as_planned_and_nothing_else(
     assert (np.load(tmp_path / "a" / "truth" / "twin_00.exposure.npz")["gains"] == 1.0).all()
 
 
-def test_the_keypoints_are_those_of_the_true_person(
-    write: Write, walkers: list[Clip], small_body: BodyModel
-) -> None:
+def test_the_keypoints_are_those_of_the_true_person(write, walkers, small_body):
     from gmrdata.read.openpose import OPENPOSE_JOINTS
     from gmrdata.values.camera import project
     from gmrdata.values.skinning import motion_joints_m
@@ -117,15 +112,15 @@ def test_the_keypoints_are_those_of_the_true_person(
         assert (found[..., :2] - true_px)[seen].std() == pytest.approx(2.0, rel=0.15)
 
 
-def test_the_same_seed_gives_the_same_bytes(write: Write) -> None:
+def test_the_same_seed_gives_the_same_bytes(write):
     one, two, other = write("a"), write("b"), write("c", seed=1)
     data = [files.pickle_path.read_bytes() for files in (one, two, other)]
     assert data[0] == data[1] != data[2]
 
 
 def test_frames_that_are_not_the_cameras_are_refused_and_no_sequence_is_left(
-    write: Write, frames: list[Path], jpeg: Callable[[int, int], bytes], tmp_path: Path
-) -> None:
+    write, frames, jpeg, tmp_path
+):
     with pytest.raises(BadFrames, match="29 images for 30 frames"):
         write(frames=frames[:-1])
     with pytest.raises(BadFrames, match=r"3DPW's images are \.jpg"):
@@ -139,7 +134,7 @@ def test_frames_that_are_not_the_cameras_are_refused_and_no_sequence_is_left(
     assert not list((tmp_path / "a").rglob("*.pkl"))
 
 
-def test_clips_of_another_rate_are_refused(write: Write, walkers: list[Clip]) -> None:
+def test_clips_of_another_rate_are_refused(write, walkers):
     slow = [replace(clip, motion=replace(clip.motion, fps_hz=10.0)) for clip in walkers]
     with pytest.raises(BadSequence, match="at 10 Hz"):
         write(clips=slow)

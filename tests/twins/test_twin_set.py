@@ -29,7 +29,6 @@ from gmrdata.twins.twin_set import (
     read_truth,
     write_sequence_twin,
 )
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadRecord, BadSequence, MissingInput, StageFailed, StaleOutput
@@ -71,16 +70,12 @@ def wrong(**changes: object) -> dict[str, object]:
         ({"clips": []}, "splits: no clips park_walk_00"),
     ],
 )
-def test_a_set_that_does_not_fit_the_layout_is_refused(
-    changes: dict[str, object], message: str
-) -> None:
+def test_a_set_that_does_not_fit_the_layout_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         TwinRecipe.model_validate(wrong(**changes))
 
 
-def test_a_dry_run_lists_the_sequences_and_makes_nothing(
-    tmp_path: Path, anny: BodyModel, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dry_run_lists_the_sequences_and_makes_nothing(tmp_path, anny, capsys):
     main(["threedpw", "twin", "twins_small", "--out", str(tmp_path), "--dry-run", "--no-probe"])
     said = capsys.readouterr().out
     assert "courtyard_together_00" in said and "2 clips, 48 frames; to do: 2 clips" in said
@@ -88,7 +83,7 @@ def test_a_dry_run_lists_the_sequences_and_makes_nothing(
 
 
 @pytest.fixture(scope="module")
-def out(tmp_path_factory: pytest.TempPathFactory, anny: BodyModel) -> Path:
+def out(tmp_path_factory, anny) -> Path:
     folder = tmp_path_factory.mktemp("twins")
     recipe = folder / "smaller.yaml"
     recipe.write_text(yaml.safe_dump(RECIPE.model_dump(mode="json")), encoding="utf-8")
@@ -109,7 +104,7 @@ def files_of(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-def test_the_reader_finds_sequences_without_a_problem(out: Path) -> None:
+def test_the_reader_finds_sequences_without_a_problem(out):
     rows, n_bad = sequence_rows(out / "3DPW", "campose_valid")
     assert n_bad == 0 and [row[0] for row in rows] == [ONE, TWO]
     for name, n_people, split in ((TWO, 2, "test"), (ONE, 1, "train")):
@@ -122,9 +117,7 @@ def test_the_reader_finds_sequences_without_a_problem(out: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "person"), PEOPLE)
-def test_camera_frame_bodies_are_the_truth_within_the_faults(
-    out: Path, name: str, person: int
-) -> None:
+def test_camera_frame_bodies_are_the_truth_within_the_faults(out, name, person):
     truth = truth_of(out, name, person)
     body = read_body(out / "render_set" / "body" / "body.npz")
     found = camera_clip(read_sequence(out / "3DPW", name), person, [body])
@@ -144,9 +137,7 @@ def test_camera_frame_bodies_are_the_truth_within_the_faults(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "person"), PEOPLE)
-def test_each_annotated_person_is_where_the_image_shows_that_person(
-    out: Path, name: str, person: int
-) -> None:
+def test_each_annotated_person_is_where_the_image_shows_that_person(out, name, person):
     truth = truth_of(out, name, person)
     camera = camera_of(truth)
     pelvis_px = project(camera.world_from_cam, truth.motion.pelvis_m[:, None], camera.intrinsics_px)
@@ -160,7 +151,7 @@ def test_each_annotated_person_is_where_the_image_shows_that_person(
 
 
 @pytest.mark.slow
-def test_the_index_says_what_each_sequence_is(out: Path) -> None:
+def test_the_index_says_what_each_sequence_is(out):
     two, one = read_json(out / "truth" / "twins.json")["sequences"]
     assert (two["name"], two["class_true"], two["trial"], two["people"]) == (
         TWO,
@@ -172,7 +163,7 @@ def test_the_index_says_what_each_sequence_is(out: Path) -> None:
 
 
 @pytest.mark.slow
-def test_exposure_changes_the_frames_as_planned_and_the_shutter_was_open(out: Path) -> None:
+def test_exposure_changes_the_frames_as_planned_and_the_shutter_was_open(out):
     for name in (TWO, ONE):
         rendered = out / "render_set" / "render" / name
         assert read_json(rendered / "stage.json")["config"]["shutter"] == 0.5
@@ -195,7 +186,7 @@ def brightness(path: Path) -> float:
 
 
 @pytest.mark.slow
-def test_once_more_does_nothing(out: Path) -> None:
+def test_once_more_does_nothing(out):
     def times_ns() -> dict[Path, int]:
         paths = [p for part in ("3DPW", "truth", "render_set/render") for p in out.glob(part)]
         files = [f for p in paths for f in p.rglob("*") if not f.name.startswith(".")]
@@ -207,7 +198,7 @@ def test_once_more_does_nothing(out: Path) -> None:
 
 
 @pytest.mark.slow
-def test_faults_hang_on_the_seed_and_the_name_alone(out: Path, tmp_path: Path) -> None:
+def test_faults_hang_on_the_seed_and_the_name_alone(out, tmp_path):
     clips = RECIPE.set.clips
     reversed_set = RECIPE.set.model_copy(update={"clips": clips[::-1]})
     for folder, recipe, order in (
@@ -230,9 +221,7 @@ def reseeded(seed: int) -> TwinRecipe:
 
 
 @pytest.mark.slow
-def test_another_split_is_refused_and_with_redo_leaves_no_second_file(
-    out: Path, tmp_path: Path
-) -> None:
+def test_another_split_is_refused_and_with_redo_leaves_no_second_file(out, tmp_path):
     shutil.copytree(out, tmp_path / "copy")
     moved = RECIPE.model_copy(update={"splits": {}})
     clip = RECIPE.set.clips[1]
@@ -245,7 +234,7 @@ def test_another_split_is_refused_and_with_redo_leaves_no_second_file(
 
 
 @pytest.mark.slow
-def test_a_clip_that_fails_is_named_and_the_others_are_written(out: Path, tmp_path: Path) -> None:
+def test_a_clip_that_fails_is_named_and_the_others_are_written(out, tmp_path):
     shutil.copytree(out / "render_set", tmp_path / "render_set")
     programme = {"kind": "linear", "speed_m_per_s": 50.0}
     gone = SyntheticClip.model_validate({"id": "gone_00", "gait": "walk", "programme": programme})
@@ -268,7 +257,7 @@ def about(name: str, kind: str, people: int) -> dict[str, Any]:
     return {"name": name, "class_true": kind, "people": people, "trial": "gait walk"} | seen
 
 
-def test_people_come_in_order(tmp_path: Path, small_body: BodyModel) -> None:
+def test_people_come_in_order(tmp_path, small_body):
     rows = [about("park_00", "linear", 2), about("park", "static", 1)]
     write_index(tmp_path, {"format": "gmrdata-twins/1", "sequences": rows})
     motion = make_gait("walk", 0.5, 30.0, small_body, np.random.default_rng(0))
@@ -298,25 +287,25 @@ def test_people_come_in_order(tmp_path: Path, small_body: BodyModel) -> None:
         ({"format": "gmrdata-twins/1", "sequences": [1]}, "`sequences.0` is wrong"),
     ],
 )
-def test_a_broken_index_is_named(tmp_path: Path, record: Any, said: str) -> None:
+def test_a_broken_index_is_named(tmp_path, record, said):
     write_index(tmp_path, record)
     with pytest.raises(BadRecord, match=rf"twins\.json: .*{said}"):
         read_truth(tmp_path)
 
 
-def test_names_lead_nowhere_else(tmp_path: Path) -> None:
+def test_names_lead_nowhere_else(tmp_path):
     rows = [about("../../x", "linear", 1)]
     write_index(tmp_path, {"format": "gmrdata-twins/1", "sequences": rows})
     with pytest.raises(BadSequence, match="is no name of a sequence"):
         read_truth(tmp_path)
 
 
-def test_a_folder_without_index_is_no_twin_set(tmp_path: Path) -> None:
+def test_a_folder_without_index_is_no_twin_set(tmp_path):
     with pytest.raises(MissingInput, match="give a folder that `gmrdata threedpw twin` made"):
         read_truth(tmp_path)
 
 
-def test_each_key_of_the_index_is_needed(tmp_path: Path) -> None:
+def test_each_key_of_the_index_is_needed(tmp_path):
     sequence = TwinSequence(
         "park_00", "static", "gait walk", 1, SceneConfig(), camera_programme("static")
     )

@@ -15,7 +15,7 @@ INTRINSICS_PX = np.array([[612.5, 0.0, 301.25], [0.0, 598.0, 187.75], [0.0, 0.0,
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_project_agrees_with_opencv(seed: int) -> None:
+def test_project_agrees_with_opencv(seed):
     rng = np.random.default_rng(seed)
     world_from_cam = rigid(Rotation.random(random_state=rng).as_matrix(), rng.normal(0, 3, 3))
     points_cam_m = rng.uniform([-2, -2, 0.5], [2, 2, 9], (20, 3))
@@ -29,7 +29,7 @@ def test_project_agrees_with_opencv(seed: int) -> None:
     np.testing.assert_allclose(actual_px, expected_px[:, 0], atol=1e-6)
 
 
-def test_pixel_convention_is_colmaps() -> None:
+def test_pixel_convention_is_colmaps():
     camera = pycolmap.Camera.create_from_model_name(1, "SIMPLE_PINHOLE", 500.0, 640, 360)
     calibration = camera.calibration_matrix()
     np.testing.assert_array_equal(calibration[:2, 2], [320.0, 180.0])  # no half pixel taken off
@@ -40,14 +40,14 @@ def test_pixel_convention_is_colmaps() -> None:
     np.testing.assert_allclose(project_cam(points_cam_m, own), expected_px, atol=1e-9)
 
 
-def test_points_behind_the_camera_are_nan() -> None:
+def test_points_behind_the_camera_are_nan():
     points_px = project_cam(np.array([[0.1, 0.2, -1.0], [0.1, 0.2, 0.0], [0, 0, 1]]), INTRINSICS_PX)
     assert np.isnan(points_px[:2]).all()
     np.testing.assert_allclose(points_px[2], INTRINSICS_PX[:2, 2])
 
 
 @pytest.mark.parametrize("hfov_deg", [20.0, 60.0, 110.0])
-def test_fov_spans_the_width(hfov_deg: float) -> None:
+def test_fov_spans_the_width(hfov_deg):
     intrinsics_px = intrinsics_from_fov(hfov_deg, 640, 360)
     half_rad = np.deg2rad(hfov_deg) / 2
     edges = np.array(
@@ -58,7 +58,7 @@ def test_fov_spans_the_width(hfov_deg: float) -> None:
     )
 
 
-def test_centres_are_the_translations() -> None:
+def test_centres_are_the_translations():
     world_from_cam = rigid(np.eye(3), np.arange(6.0).reshape(2, 3))
     camera = CameraPath(INTRINSICS_PX, 640, 360, world_from_cam, np.ones(2, dtype=bool))
     assert camera.n_frames == 2

@@ -1,7 +1,6 @@
 """The class of a camera's motion, from paths whose class is known."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ from gmrdata.film.programmes import (
 )
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera_motion import MotionClassConfig, classify, motion_figures
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.transforms import rigid
@@ -44,7 +42,7 @@ PROGRAMMES: tuple[Programme, ...] = (
 
 
 @pytest.mark.parametrize("programme", PROGRAMMES, ids=str)
-def test_programmes_are_of_their_own_class(programme: Programme, small_body: BodyModel) -> None:
+def test_programmes_are_of_their_own_class(programme, small_body):
     for seed in range(4):
         rng = np.random.default_rng(seed)
         motion = film_motion(make_gait("walk", 4.8, 30.0, small_body, rng), FILM)
@@ -55,9 +53,7 @@ def test_programmes_are_of_their_own_class(programme: Programme, small_body: Bod
 
 
 @pytest.mark.parametrize("trial", ["02_03", "08_02", "05_01", "16_15", "35_10"])
-def test_so_are_those_that_film_captured_motions(
-    trial: str, cmu_dir: Path, small_body: BodyModel
-) -> None:
+def test_so_are_those_that_film_captured_motions(trial, cmu_dir, small_body):
     path = next(path for path in sorted(cmu_dir.rglob(f"{trial}.*")) if path.suffix != ".asf")
     motion = film_motion(read_motion(path, small_body), FILM)
     for programme in PROGRAMMES:
@@ -71,7 +67,7 @@ def cameras_on(places_m: np.ndarray, yaw_rad: np.ndarray) -> np.ndarray:
     return rigid(Rotation.from_rotvec(yaw_rad[:, None] * [0.0, 0.0, 1.0]).as_matrix(), places_m)
 
 
-def test_figures_are_those_of_the_path() -> None:
+def test_figures_are_those_of_the_path():
     angles = np.deg2rad(np.arange(0, 61))
     places_m = np.c_[2 * np.cos(angles), 2 * np.sin(angles), np.full(61, 1.5)]
     person_m = np.tile([0.0, 0.0, 1.5], (61, 1))
@@ -103,9 +99,7 @@ def walk_and_cameras(seed: int, kind: int) -> tuple[np.ndarray, np.ndarray]:
     seed=st.integers(0, 5),
     kind=st.sampled_from(range(len(PROGRAMMES))),
 )
-def test_the_world_and_the_direction_of_time_do_not_matter(
-    yaw: float, shift: tuple[float, float], seed: int, kind: int
-) -> None:
+def test_the_world_and_the_direction_of_time_do_not_matter(yaw, shift, seed, kind):
     pelvis_m, cameras = walk_and_cameras(seed, kind)
     world = rigid(Rotation.from_euler("z", yaw).as_matrix(), np.array([*shift, 0.0]))
     moved_m = pelvis_m @ world[:3, :3].T + world[:3, 3]
@@ -114,13 +108,13 @@ def test_the_world_and_the_direction_of_time_do_not_matter(
     assert classify(cameras[::-1], pelvis_m[::-1], 10.0, CONFIG)[0] == before
 
 
-def test_one_frame_is_a_static_camera() -> None:
+def test_one_frame_is_a_static_camera():
     found, figures = classify(np.eye(4)[None], np.array([[0.0, 3.0, 1.0]]), 30.0, CONFIG)
     assert found == "static" and figures.path_m == 0.0
 
 
 @pytest.mark.parametrize("length", [0, 3])
-def test_what_is_no_path_is_refused(length: int) -> None:
+def test_what_is_no_path_is_refused(length):
     cameras = np.tile(np.eye(4), (length, 1, 1))
     with pytest.raises(BadMotionFile, match="finite cameras"):
         classify(cameras, np.full((length, 3), np.nan), 30.0, CONFIG)

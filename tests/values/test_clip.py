@@ -50,13 +50,7 @@ def a_clip(n_frames: int = 5, seed: int = 0, with_camera: bool = True, far_m: fl
     with_camera=st.booleans(),
     far_m=st.sampled_from([0.0, 1.0, 1000.0]),
 )
-def test_round_trip(
-    n_frames: int,
-    seed: int,
-    with_camera: bool,
-    far_m: float,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+def test_round_trip(n_frames, seed, with_camera, far_m, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "round_trip.npz"
     clip = a_clip(n_frames, seed, with_camera, far_m)
     rest_pelvis_m = np.random.default_rng(seed).normal(size=3)
@@ -78,7 +72,7 @@ def test_round_trip(
             np.testing.assert_array_equal(getattr(found.camera, field), getattr(clip.camera, field))
 
 
-def test_trans_is_smpls_and_not_the_pelvis(tmp_path: Path) -> None:
+def test_trans_is_smpls_and_not_the_pelvis(tmp_path):
     """A reader of AMASS files that adds J0 gets the pelvis; one that doesn't gets `transl`."""
     clip, rest_pelvis_m = a_clip(), np.array([0.01, -0.2, 0.03])
     save_clip(tmp_path / "c.npz", clip, rest_pelvis_m)
@@ -92,7 +86,7 @@ def test_trans_is_smpls_and_not_the_pelvis(tmp_path: Path) -> None:
         assert str(archive["gender"]) == "female"
 
 
-def test_same_clip_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_same_clip_gives_the_same_bytes(tmp_path):
     for name in ("a", "b"):
         save_clip(tmp_path / f"{name}.npz", a_clip(), np.zeros(3))
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
@@ -100,7 +94,7 @@ def test_same_clip_gives_the_same_bytes(tmp_path: Path) -> None:
         assert {entry.date_time[0] for entry in archive.infolist()} == {1980}  # no time inside
 
 
-def test_rows_without_a_motion_stay_unknown(tmp_path: Path) -> None:
+def test_rows_without_a_motion_stay_unknown(tmp_path):
     """Pseudo ground truth has no root where it has no camera; scipy refuses NaN matrices."""
     clip = a_clip()
     root_rotmats, pelvis_m = clip.motion.root_rotmats.copy(), clip.motion.pelvis_m.copy()
@@ -148,50 +142,50 @@ def damaged(tmp_path: Path, **changed: object) -> Path:
         ("trans", None),
     ],
 )
-def test_arrays_that_do_not_fit(tmp_path: Path, key: str, value: np.ndarray | None) -> None:
+def test_arrays_that_do_not_fit(tmp_path, key, value):
     path = damaged(tmp_path, **{key: value})
     with pytest.raises(BadMotionFile, match=r"damaged\.npz: .*"):
         load_clip(path)
 
 
 @pytest.mark.parametrize("key", [*_SHAPES, *_CAMERA_SHAPES])
-def test_each_array_is_needed_and_named(tmp_path: Path, key: str) -> None:
+def test_each_array_is_needed_and_named(tmp_path, key):
     said = "has no `format`.*--redo" if key == "format" else f"has no array '{key}'"
     with pytest.raises(BadMotionFile, match=rf"damaged\.npz: {said}"):
         load_clip(damaged(tmp_path, **{key: None}))
 
 
-def test_a_clip_of_another_format_or_with_more_in_it(tmp_path: Path) -> None:
+def test_a_clip_of_another_format_or_with_more_in_it(tmp_path):
     with pytest.raises(BadMotionFile, match=r"`format` is 'gmrdata-clip/9', not 'gmrdata-clip/1'"):
         load_clip(damaged(tmp_path, format=np.array("gmrdata-clip/9")))
     with pytest.raises(BadMotionFile, match="has an unknown array 'confidence'"):
         load_clip(damaged(tmp_path, confidence=np.ones(5)))
 
 
-def test_rows_are_found_by_the_number_of_their_image() -> None:
+def test_rows_are_found_by_the_number_of_their_image():
     numbers, wanted = np.array([4, -1, 5, 9]), np.array([9, 4, -1, 7, 5])
     assert rows_of_numbers(numbers, wanted).tolist() == [3, 0, -1, -1, 2]
     assert rows_of_numbers(numbers, np.zeros(0, int)).dtype.kind == "i"
 
 
-def test_no_frames(tmp_path: Path) -> None:
+def test_no_frames(tmp_path):
     with pytest.raises(BadMotionFile, match="no frames"):
         save_clip(tmp_path / "c.npz", a_clip(0, with_camera=False), np.zeros(3))
 
 
-def test_saving_what_does_not_fit_writes_nothing(tmp_path: Path) -> None:
+def test_saving_what_does_not_fit_writes_nothing(tmp_path):
     clip = replace(a_clip(), valid=np.ones(4, dtype=bool))
     with pytest.raises(BadMotionFile, match="'valid' has shape"):
         save_clip(tmp_path / "c.npz", clip, np.zeros(3))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_missing_file(tmp_path: Path) -> None:
+def test_missing_file(tmp_path):
     with pytest.raises(MissingInput, match=r"nothing\.npz"):
         load_clip(tmp_path / "nothing.npz")
 
 
-def test_every_truncation_is_refused(tmp_path: Path) -> None:
+def test_every_truncation_is_refused(tmp_path):
     path = tmp_path / "c.npz"
     save_clip(path, a_clip(2), np.zeros(3))
     content = path.read_bytes()
@@ -208,7 +202,7 @@ class Trap:
         return (Path("trap_was_sprung").touch, ())
 
 
-def test_pickled_objects_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pickled_objects_are_not_opened(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = damaged(tmp_path, betas=np.array([Trap()], dtype=object))
     with pytest.raises(BadMotionFile, match="not a readable .npz of plain arrays"):
@@ -243,14 +237,14 @@ def _that_claims_more_than_any_memory() -> bytes:
     [b"", b"text", b"PK\x03\x04" + bytes(100), _of_one_array(), _of_damaged_data(),
      _that_claims_more_than_any_memory()],
 )  # fmt: skip
-def test_what_is_no_readable_npz(content: bytes, tmp_path: Path) -> None:
+def test_what_is_no_readable_npz(content, tmp_path):
     (tmp_path / "c.npz").write_bytes(content)
     with pytest.raises(BadMotionFile, match="not a readable"):
         read_npz(tmp_path / "c.npz")
 
 
 @pytest.mark.parametrize("code", [0xD800, 0x110000, 0xFFFFFFFF])
-def test_texts_of_no_letters(code: int, tmp_path: Path) -> None:
+def test_texts_of_no_letters(code, tmp_path):
     """Python's own texts can't hold these: to look at one ends in a SystemError."""
     letters = np.array("abc")
     for name, dtype in (("little", "<u4"), ("big", ">u4")):
@@ -263,7 +257,7 @@ def test_texts_of_no_letters(code: int, tmp_path: Path) -> None:
         assert str(read_npz(path)["gender"]) == "abc"
 
 
-def test_npz_bomb_is_refused_unopened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_npz_bomb_is_refused_unopened(tmp_path, monkeypatch):
     path = tmp_path / "c.npz"
     np.savez_compressed(path, a=np.zeros(200_000))
     monkeypatch.setattr(limits, "FREE_BYTES", 1_000_000)

@@ -37,7 +37,7 @@ def yaw(degrees: float, n: int = 1) -> np.ndarray:
     return np.tile(Rotation.from_euler("y", degrees, degrees=True).as_matrix(), (n, 1, 1))
 
 
-def test_one_degree_of_yaw_per_frame() -> None:
+def test_one_degree_of_yaw_per_frame():
     assert ome_deg(yaw(1.0, 5), yaw(0.0, 5)) == pytest.approx(1.0, abs=1e-12)
     assert ome_deg(yaw(-1.0, 5), yaw(1.0, 5)) == pytest.approx(2.0, abs=1e-12)
     # The mean over motions, not their sum: (1 + 0 + 5) / 3.
@@ -45,11 +45,11 @@ def test_one_degree_of_yaw_per_frame() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-6, 1e-3, 90.0, 179.999, 180.0])
-def test_angles_are_exact_from_0_to_180(degrees: float) -> None:
+def test_angles_are_exact_from_0_to_180(degrees):
     assert ome_deg(yaw(degrees), yaw(0.0)) == pytest.approx(degrees, abs=1e-9)
 
 
-def test_ten_millimetres() -> None:
+def test_ten_millimetres():
     """The length of the difference (6, 0, 8) mm, and a mean of lengths over motions."""
     true_m = np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 0.0]])
     off_m = true_m + np.array([[0.006, 0.0, 0.008], [0.0, 0.0, 0.0]])
@@ -57,7 +57,7 @@ def test_ten_millimetres() -> None:
     assert tme_mm(off_m[:1], true_m[:1]) == pytest.approx(10.0, abs=1e-10)
 
 
-def test_a_vertex_at_a_known_radius() -> None:
+def test_a_vertex_at_a_known_radius():
     """Turned by 1 deg, a vertex 1 m off the axis moves 2 sin(0.5 deg) m, one on it nothing."""
     vertices_m = np.array([[[1.0, 0.7, 0.0], [0.0, 3.0, 0.0]]])
     chord_mm = 2000 * np.sin(np.deg2rad(0.5))
@@ -68,7 +68,7 @@ def test_a_vertex_at_a_known_radius() -> None:
     assert found == pytest.approx((np.hypot(chord_mm, 10) + 10) / 2, abs=1e-10)
 
 
-def test_vertices_of_a_predicted_local_pose_count() -> None:
+def test_vertices_of_a_predicted_local_pose_count():
     """Eq. 17 compares whole meshes: with equal motions, only the local pose's error is left."""
     true_vertices_m = np.zeros((1, 4, 3))
     predicted_vertices_m = true_vertices_m + np.array([0.0, 0.03, 0.04])
@@ -81,7 +81,7 @@ seeds = st.integers(0, 2**31 - 1)
 
 
 @given(seeds)
-def test_they_are_the_papers_formulas(seed: int) -> None:
+def test_they_are_the_papers_formulas(seed):
     """Against the equations as loops, with scipy's log map."""
     rng = np.random.default_rng(seed)
     n, v = 4, 6
@@ -111,7 +111,7 @@ def test_they_are_the_papers_formulas(seed: int) -> None:
 
 
 @given(seeds)
-def test_vme_of_a_pure_translation_is_tme(seed: int) -> None:
+def test_vme_of_a_pure_translation_is_tme(seed):
     rng = np.random.default_rng(seed)
     rotmats = Rotation.random(3, random_state=seed).as_matrix()
     predicted_m, true_m = rng.normal(0, 1, (2, 3, 3))
@@ -120,7 +120,7 @@ def test_vme_of_a_pure_translation_is_tme(seed: int) -> None:
     np.testing.assert_allclose(found, 1000 * np.linalg.norm(predicted_m - true_m, axis=1))
 
 
-def test_angles_keep_the_batch_shape() -> None:
+def test_angles_keep_the_batch_shape():
     rotation = Rotation.random(6, random_state=0)
     found = angles_rad(rotation.as_matrix().reshape(2, 3, 3, 3))
     np.testing.assert_allclose(found, rotation.magnitude().reshape(2, 3), rtol=1e-12)

@@ -1,6 +1,6 @@
 """No path that a file names may lead out of its folder."""
 
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 import pytest
 from hypothesis import given
@@ -10,7 +10,7 @@ from gmrdata.values.files import resolve_inside, safe_relative
 
 
 @given(text=st.text(st.sampled_from("ab./\\:~\n \0é"), max_size=10))
-def test_what_passes_stays_below(text: str) -> None:
+def test_what_passes_stays_below(text):
     try:
         safe = safe_relative(text)
     except ValueError:
@@ -23,7 +23,7 @@ def test_what_passes_stays_below(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["a", "a/b.c", "a b/ü", "...", "~/x", "-rf"])
-def test_plain_paths_pass(text: str) -> None:
+def test_plain_paths_pass(text):
     assert safe_relative(text) == text
 
 
@@ -44,12 +44,12 @@ def test_plain_paths_pass(text: str) -> None:
         "a/" + "é" * 128,
     ],
 )
-def test_others_do_not(text: str) -> None:
+def test_others_do_not(text):
     with pytest.raises(ValueError, match="path"):
         safe_relative(text)
 
 
-def test_link_to_a_neighbour_whose_name_begins_alike(tmp_path: Path) -> None:
+def test_link_to_a_neighbour_whose_name_begins_alike(tmp_path):
     """`/set` is not above `/settings`, although the text of one begins with the other."""
     (tmp_path / "set").mkdir()
     (tmp_path / "settings").mkdir()
@@ -58,7 +58,7 @@ def test_link_to_a_neighbour_whose_name_begins_alike(tmp_path: Path) -> None:
         resolve_inside(tmp_path / "set", "link/x")
 
 
-def test_root_that_is_itself_a_link(tmp_path: Path) -> None:
+def test_root_that_is_itself_a_link(tmp_path):
     (tmp_path / "real").mkdir()
     (tmp_path / "real" / "x").write_text("x")
     (tmp_path / "root").symlink_to(tmp_path / "real")

@@ -2,7 +2,6 @@
 
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 import yaml
@@ -27,12 +26,12 @@ VALUES = {
 
 
 @pytest.mark.parametrize("text", sorted(VALUES))
-def test_what_a_scalar_means(text: str) -> None:
+def test_what_a_scalar_means(text):
     found = parse(f"a: {text}\n")[0]["a"]
     assert found == VALUES[text] and type(found) is type(VALUES[text])
 
 
-def test_keys_are_texts_and_lines_are_known() -> None:
+def test_keys_are_texts_and_lines_are_known():
     value, lines = parse("1: a\n02: b\ntrue: c\n'<<': d\nlast:\n- e\n- f: g\n")
     assert value == {"1": "a", "02": "b", "true": "c", "<<": "d", "last": ["e", {"f": "g"}]}
     assert lines[("last", 1, "f")] == 7
@@ -62,7 +61,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", sorted(BAD))
-def test_what_is_refused(name: str, tmp_path: Path) -> None:
+def test_what_is_refused(name, tmp_path):
     text, line, said = BAD[name]
     start_s = time.monotonic()
     with pytest.raises(NotPlain, match=said) as caught:
@@ -86,11 +85,11 @@ plain = st.recursive(
 
 
 @given(value=plain)
-def test_what_pyyaml_writes_is_read(value: object) -> None:
+def test_what_pyyaml_writes_is_read(value):
     assert parse(yaml.safe_dump(value, allow_unicode=True))[0] == value
 
 
 @given(text=st.text("ab01:-.,[]{}&*!<#|>'\"\n \t~%@", max_size=40))
-def test_any_text_is_read_or_refused(text: str) -> None:
+def test_any_text_is_read_or_refused(text):
     with suppress(NotPlain):
         parse(text)

@@ -32,12 +32,12 @@ def edited(path: Path, **changes: Any) -> Path:
     return path
 
 
-def test_a_record_comes_back(tmp_path: Path) -> None:
+def test_a_record_comes_back(tmp_path):
     RECORD.write(tmp_path / "a.json")
     assert Measured.read(tmp_path / "a.json") == RECORD
 
 
-def test_a_record_that_says_the_same_is_left_alone(tmp_path: Path) -> None:
+def test_a_record_that_says_the_same_is_left_alone(tmp_path):
     path = tmp_path / "a.json"
     RECORD.write(path)
     before = path.stat()
@@ -48,25 +48,25 @@ def test_a_record_that_says_the_same_is_left_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", ["format", "share", "focal_factor"])
-def test_a_missing_key_is_named(tmp_path: Path, key: str) -> None:
+def test_a_missing_key_is_named(tmp_path, key):
     path = edited(tmp_path / "a.json", **{key: "gone"})
     with pytest.raises(BadRecord, match=rf"a\.json: has no .*`{key}`"):
         Measured.read(path)
 
 
-def test_an_unknown_key_is_named(tmp_path: Path) -> None:
+def test_an_unknown_key_is_named(tmp_path):
     with pytest.raises(BadRecord, match=r"a\.json: has an unknown key `shares`"):
         Measured.read(edited(tmp_path / "a.json", shares=1.0))
 
 
 @pytest.mark.parametrize("share", ["much", None, float("nan"), float("inf")])
-def test_a_wrong_value_is_named(tmp_path: Path, share: Any) -> None:
+def test_a_wrong_value_is_named(tmp_path, share):
     with pytest.raises(BadRecord, match=r"a\.json: `share` is wrong"):
         Measured.read(edited(tmp_path / "a.json", share=share))
 
 
 @pytest.mark.parametrize("text", ["[]", "3", '{"format": "gmrdata-other/1"}'])
-def test_another_format_is_refused(tmp_path: Path, text: str) -> None:
+def test_another_format_is_refused(tmp_path, text):
     path = tmp_path / "a.json"
     path.write_text(text)
     with pytest.raises(BadRecord, match="gmrdata-measured/1"):
@@ -77,17 +77,17 @@ def test_another_format_is_refused(tmp_path: Path, text: str) -> None:
     ("text", "read"),
     [("H\udcfcft", r"H\xfcft"), ("\U0001f4fc", "\U0001f4fc"), (r"\udcfc", r"\udcfc")],
 )
-def test_a_name_that_is_no_text_stays_readable(tmp_path: Path, text: str, read: str) -> None:
+def test_a_name_that_is_no_text_stays_readable(tmp_path, text, read):
     write_json(tmp_path / "a.json", {"file": text})
     assert read_json(tmp_path / "a.json") == {"file": read}
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
+def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(MissingInput, match=r"a\.json"):
         Measured.read(tmp_path / "a.json")
 
 
-def test_arrays_come_back_without_their_tag(tmp_path: Path) -> None:
+def test_arrays_come_back_without_their_tag(tmp_path):
     write_npz(tmp_path / "a.npz", {"format": "gmrdata-rows/1", "rows": np.arange(3)})
     arrays = read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ROWS)
     assert list(arrays) == ["rows"] and arrays["rows"].tolist() == [0, 1, 2]
@@ -102,7 +102,7 @@ def test_arrays_come_back_without_their_tag(tmp_path: Path) -> None:
         ({"format": "gmrdata-rows/1", "rows": 1, "more": 2}, "unknown array 'more'"),
     ],
 )
-def test_arrays_that_are_not_the_record(tmp_path: Path, arrays: dict[str, Any], said: str) -> None:
+def test_arrays_that_are_not_the_record(tmp_path, arrays, said):
     write_npz(tmp_path / "a.npz", arrays)
     with pytest.raises(BadRecord, match=said):
         read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ROWS)

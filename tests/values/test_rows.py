@@ -9,7 +9,7 @@ from gmrdata.values.clip import text_runs, texts_of
 
 
 @given(st.lists(st.sampled_from(["", "a", "b"]), max_size=30))
-def test_runs_tile_the_rows_and_give_the_texts_back(texts: list[str]) -> None:
+def test_runs_tile_the_rows_and_give_the_texts_back(texts):
     runs = text_runs(texts)
     assert [start for start, _, _ in runs] == [0, *[stop for _, stop, _ in runs]][: len(runs)]
     assert all(a[2] != b[2] for a, b in pairwise(runs))

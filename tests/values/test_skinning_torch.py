@@ -51,7 +51,7 @@ def with_pose_dirs(body: BodyModel, rng: np.random.Generator) -> BodyModel:
     )
 
 
-def test_identity_pose_gives_the_template_from_the_pelvis(small_body: BodyModel) -> None:
+def test_identity_pose_gives_the_template_from_the_pelvis(small_body):
     shape, local = torch.zeros(10).double(), torch.eye(3).double().expand(23, 3, 3)
     vertices_m = posed_vertices(small_body, shape, local).numpy()
     joints_m, rotations = posed_joints(small_body, shape, local)
@@ -63,9 +63,7 @@ def test_identity_pose_gives_the_template_from_the_pelvis(small_body: BodyModel)
 
 @settings(max_examples=20)
 @given(seed=seeds)
-def test_joints_are_vertices_of_a_body_skinned_to_one_joint_each(
-    seed: int, small_body: BodyModel
-) -> None:
+def test_joints_are_vertices_of_a_body_skinned_to_one_joint_each(seed, small_body):
     skeleton = dataclasses.replace(
         small_body,
         template_m=small_body.joints_template_m,
@@ -80,7 +78,7 @@ def test_joints_are_vertices_of_a_body_skinned_to_one_joint_each(
 
 @settings(max_examples=20)
 @given(seed=seeds)
-def test_bones_keep_their_length_and_rotations_chain(seed: int, small_body: BodyModel) -> None:
+def test_bones_keep_their_length_and_rotations_chain(seed, small_body):
     shape, local = random_pose(np.random.default_rng(seed))
     joints_m, rotations = posed_joints(small_body, shape, local)
     rest_m = small_body.rest_joints_m(shape.numpy())
@@ -91,7 +89,7 @@ def test_bones_keep_their_length_and_rotations_chain(seed: int, small_body: Body
         torch.testing.assert_close(rotations[joint], rotations[parent] @ local[joint - 1])
 
 
-def test_a_raised_left_arm_moves_the_left_arm_only(small_body: BodyModel) -> None:
+def test_a_raised_left_arm_moves_the_left_arm_only(small_body):
     local = torch.eye(3).double().repeat(23, 1, 1)
     quarter = Rotation.from_euler("z", 90, degrees=True).as_matrix()
     local[JOINT["left_shoulder"] - 1] = torch.as_tensor(quarter)
@@ -107,7 +105,7 @@ def test_a_raised_left_arm_moves_the_left_arm_only(small_body: BodyModel) -> Non
 
 @settings(max_examples=20)
 @given(seed=seeds)
-def test_mirrored_pose_gives_the_mirrored_body(seed: int, small_body: BodyModel) -> None:
+def test_mirrored_pose_gives_the_mirrored_body(seed, small_body):
     """About the body's own middle plane, which need not pass through the rest frame's origin."""
     _, local = random_pose(np.random.default_rng(seed))
     flip = torch.as_tensor(np.diag(FLIP))
@@ -125,9 +123,7 @@ def test_mirrored_pose_gives_the_mirrored_body(seed: int, small_body: BodyModel)
 
 @settings(max_examples=20)
 @given(seed=seeds)
-def test_placing_is_rigid_and_puts_the_pelvis_where_it_is_told(
-    seed: int, small_body: BodyModel
-) -> None:
+def test_placing_is_rigid_and_puts_the_pelvis_where_it_is_told(seed, small_body):
     rng = np.random.default_rng(seed)
     shape, local = random_pose(rng, 3)
     root, pelvis_m = (
@@ -146,7 +142,7 @@ def test_placing_is_rigid_and_puts_the_pelvis_where_it_is_told(
     torch.testing.assert_close(again_m, placed_m @ turn.T + shift_m)
 
 
-def test_pose_blend_shapes_add_before_skinning(small_body: BodyModel) -> None:
+def test_pose_blend_shapes_add_before_skinning(small_body):
     """One entry of one rotation, read off its direction (Loper et al. 2015, eq. 9)."""
     body = with_pose_dirs(small_body, np.random.default_rng(1))
     assert body.pose_dirs_m is not None
@@ -164,7 +160,7 @@ def test_pose_blend_shapes_add_before_skinning(small_body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize("posed", [False, True])
-def test_float32_agrees_with_float64(small_body: BodyModel, posed: bool) -> None:
+def test_float32_agrees_with_float64(small_body, posed):
     rng = np.random.default_rng(3)
     body = with_pose_dirs(small_body, rng) if posed else small_body
     shape, local = random_pose(rng, 4)
@@ -174,7 +170,7 @@ def test_float32_agrees_with_float64(small_body: BodyModel, posed: bool) -> None
     torch.testing.assert_close(single_m.double(), exact_m, atol=3e-6, rtol=0)
 
 
-def test_batches_broadcast_and_agree_with_single_poses(small_body: BodyModel) -> None:
+def test_batches_broadcast_and_agree_with_single_poses(small_body):
     shape, local = random_pose(np.random.default_rng(4), 2, 3)
     together_m = posed_vertices(small_body, shape[:, :1], local)
     assert together_m.shape == (2, 3, len(small_body.template_m), 3)
@@ -186,7 +182,7 @@ def test_batches_broadcast_and_agree_with_single_poses(small_body: BodyModel) ->
     assert rotations.shape == (2, 3, 24, 3, 3)
 
 
-def test_gradients_are_those_of_finite_differences(small_body: BodyModel) -> None:
+def test_gradients_are_those_of_finite_differences(small_body):
     rng = np.random.default_rng(5)
     few = rng.choice(len(small_body.template_m), 5, replace=False)
     body = dataclasses.replace(
@@ -202,9 +198,7 @@ def test_gradients_are_those_of_finite_differences(small_body: BodyModel) -> Non
     )
 
 
-def test_motions_are_placed_frame_by_frame(
-    small_body: BodyModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_motions_are_placed_frame_by_frame(small_body, monkeypatch):
     motion = random_motion(np.random.default_rng(6), 7)
     monkeypatch.setattr(skin, "CHUNK_BYTES", 3 * len(small_body.template_m) * 48)
     joints_m = motion_joints_m(small_body, motion)
@@ -224,7 +218,7 @@ def test_motions_are_placed_frame_by_frame(
     assert motion_vertices_m(small_body, motion, np.zeros(7, dtype=bool)).shape[0] == 0
 
 
-def test_numpy_bends_a_body_with_the_pose_as_torch_does(small_body: BodyModel) -> None:
+def test_numpy_bends_a_body_with_the_pose_as_torch_does(small_body):
     rng = np.random.default_rng(8)
     bends_m = 0.01 * rng.normal(size=(len(small_body.template_m), 3, 207))
     body = dataclasses.replace(small_body, pose_dirs_m=bends_m)
@@ -237,14 +231,14 @@ def test_numpy_bends_a_body_with_the_pose_as_torch_does(small_body: BodyModel) -
     np.testing.assert_allclose(motion_joints_m(body, motion), expected_m, atol=1e-12)
 
 
-def test_wrong_sizes_are_named(small_body: BodyModel) -> None:
+def test_wrong_sizes_are_named(small_body):
     with pytest.raises(ValueError, match="body small has 10 shape coefficients"):
         posed_joints(small_body, torch.zeros(16), torch.eye(3).expand(23, 3, 3))
     with pytest.raises(ValueError, match=r"a pose is \(\.\.\., 23, 3, 3\) rotations"):
         posed_vertices(small_body, torch.zeros(10), torch.eye(3).expand(24, 3, 3))
 
 
-def test_a_body_is_not_kept_alive_by_its_tensors(small_body: BodyModel) -> None:
+def test_a_body_is_not_kept_alive_by_its_tensors(small_body):
     body = dataclasses.replace(small_body, name="short-lived")
     posed_joints(body, torch.zeros(10), torch.eye(3).expand(23, 3, 3))
     gone = weakref.ref(body)

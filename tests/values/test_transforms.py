@@ -19,7 +19,7 @@ def random_rigid(seed: int, n: int) -> np.ndarray:
 
 
 @given(seeds)
-def test_inverse(seed: int) -> None:
+def test_inverse(seed):
     a_from_b = random_rigid(seed, 5)
     identity = np.broadcast_to(np.eye(4), (5, 4, 4))
     np.testing.assert_allclose(transforms.invert(a_from_b) @ a_from_b, identity, atol=1e-12)
@@ -28,7 +28,7 @@ def test_inverse(seed: int) -> None:
 
 
 @given(seeds)
-def test_apply_of_a_product_is_apply_twice(seed: int) -> None:
+def test_apply_of_a_product_is_apply_twice(seed):
     a_from_b, b_from_c = random_rigid(seed, 4), random_rigid(seed // 2 + 1, 4)
     points_c = np.random.default_rng(seed).normal(0, 5, (4, 7, 3))
     np.testing.assert_allclose(
@@ -39,7 +39,7 @@ def test_apply_of_a_product_is_apply_twice(seed: int) -> None:
 
 
 @given(seeds)
-def test_agrees_with_scipy(seed: int) -> None:
+def test_agrees_with_scipy(seed):
     scipy_transform = pytest.importorskip("scipy.spatial.transform")
     if not hasattr(scipy_transform, "RigidTransform"):
         pytest.skip("RigidTransform came with scipy 1.16")
@@ -54,7 +54,7 @@ def test_agrees_with_scipy(seed: int) -> None:
     np.testing.assert_allclose(a_from_b @ b_from_c, (oracle * other).as_matrix(), atol=1e-11)
 
 
-def test_rigid_broadcasts_one_rotation_over_many_translations() -> None:
+def test_rigid_broadcasts_one_rotation_over_many_translations():
     translations = np.arange(6.0).reshape(2, 3)
     a_from_b = transforms.rigid(np.eye(3), translations)
     assert a_from_b.shape == (2, 4, 4)
@@ -63,7 +63,7 @@ def test_rigid_broadcasts_one_rotation_over_many_translations() -> None:
 
 
 @pytest.mark.parametrize("axes", ["XYZ", "ZXY", "YX", "X", "xyz", "zyx", "yz", "z"])
-def test_angles_about_axes_are_scipys(axes: str) -> None:
+def test_angles_about_axes_are_scipys(axes):
     angles_deg = np.random.default_rng(0).uniform(-400, 400, (5, 40, len(axes)))
     angles_deg[0, :9] = np.arange(-360, 450, 90)[:, None]
     expected = Rotation.from_euler(axes, angles_deg.reshape(-1, len(axes)), degrees=True)
@@ -72,7 +72,7 @@ def test_angles_about_axes_are_scipys(axes: str) -> None:
     np.testing.assert_allclose(found.reshape(-1, 3, 3), expected.as_matrix(), rtol=0, atol=2e-15)
 
 
-def test_between_is_two_products() -> None:
+def test_between_is_two_products():
     rng = np.random.default_rng(0)
     left, right, rotmats = (
         rng.normal(size=(3, 3)),
@@ -87,7 +87,7 @@ def test_between_is_two_products() -> None:
     )
 
 
-def test_angles_of_any_length_are_exact_at_0_and_180_degrees() -> None:
+def test_angles_of_any_length_are_exact_at_0_and_180_degrees():
     x, y = np.eye(3)[:2]
     others = np.stack([2.0 * x, 3.0 * y, -x, x + y, 1e-9 * y + x])
     found = transforms.angles_deg(5.0 * x, others)
@@ -97,7 +97,7 @@ def test_angles_of_any_length_are_exact_at_0_and_180_degrees() -> None:
 @pytest.mark.parametrize(
     ("a", "b"), [((1, 0, 0), (0, 2, 0)), ((1, 2, 3), (-1, -2, -3)), ((0, 1, 0), (0, 5, 0))]
 )
-def test_smallest_rotation(a: tuple, b: tuple) -> None:
+def test_smallest_rotation(a, b):
     a, b = np.array(a, dtype=float), np.array(b, dtype=float)
     rotation = transforms.smallest_rotation(a, b)
     np.testing.assert_allclose(rotation @ a / np.linalg.norm(a), b / np.linalg.norm(b), atol=1e-12)
@@ -107,7 +107,7 @@ def test_smallest_rotation(a: tuple, b: tuple) -> None:
 
 
 @pytest.mark.parametrize("angle_rad", [0.0, 1e-9, 1e-4, 1e-3, 0.7, 3.0, np.pi, 9.0])
-def test_rotations_are_scipys_to_the_last_bit(angle_rad: float) -> None:
+def test_rotations_are_scipys_to_the_last_bit(angle_rad):
     rng = np.random.default_rng(0)
     axes = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(994, 3))])
     rotvecs = angle_rad * axes / np.linalg.norm(axes, axis=1, keepdims=True)

@@ -9,23 +9,20 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.score.predictions import still_motion
 from gmrdata.values import motion_metrics as vertices
-from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.motion_metrics import run_vertex_errors
 from gmrdata.values.skinning import motion_vertices_m
 
 
 @pytest.fixture(scope="module")
-def walk(small_body: BodyModel) -> Motion:
+def walk(small_body) -> Motion:
     (motion,) = embedded_motions(
         small_body, np.random.default_rng(0), count=1, fps_hz=10.0, duration_s=2.0
     )
     return motion
 
 
-def test_an_error_per_step_adds_up(
-    walk: Motion, small_body: BodyModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_error_per_step_adds_up(walk, small_body, monkeypatch):
     """10 mm too far up in each of 19 steps: VME 10 mm, and 10 mm per frame over time."""
     monkeypatch.setattr(vertices, "CHUNK_BYTES", len(small_body.template_m) * 24 * 8 * 7)
     n = walk.n_frames
@@ -35,7 +32,7 @@ def test_an_error_per_step_adds_up(
     np.testing.assert_allclose(found.over_time_mm, 10.0 * np.arange(n), atol=1e-8)
 
 
-def test_the_predictions_world_does_not_matter(walk: Motion, small_body: BodyModel) -> None:
+def test_the_predictions_world_does_not_matter(walk, small_body):
     turn = Rotation.from_euler("xyz", [20, 30, 200], degrees=True).as_matrix()
     moved = replace(
         walk, root_rotmats=turn @ walk.root_rotmats, pelvis_m=walk.pelvis_m @ turn.T + 5.0
@@ -45,9 +42,7 @@ def test_the_predictions_world_does_not_matter(walk: Motion, small_body: BodyMod
     np.testing.assert_allclose(found.over_time_mm, 0, atol=1e-8)
 
 
-def test_over_time_is_the_distance_of_the_accumulated_meshes(
-    walk: Motion, small_body: BodyModel
-) -> None:
+def test_over_time_is_the_distance_of_the_accumulated_meshes(walk, small_body):
     """Against meshes of the body model, of motions accumulated by eqs. 3-4, own pose included."""
     rng = np.random.default_rng(1)
     delta_rotmats, delta_m = deltas(walk.root_rotmats, walk.pelvis_m)
@@ -73,7 +68,7 @@ def test_over_time_is_the_distance_of_the_accumulated_meshes(
     assert found.over_time_mm[0] > 1  # of the local pose alone
 
 
-def test_zero_motion_stays_at_the_first_pose(walk: Motion) -> None:
+def test_zero_motion_stays_at_the_first_pose(walk):
     still = still_motion(walk, walk)
     np.testing.assert_array_equal(still.root_rotmats, np.tile(walk.root_rotmats[0], (20, 1, 1)))
     np.testing.assert_array_equal(still.pelvis_m, np.tile(walk.pelvis_m[0], (20, 1)))

@@ -1,6 +1,5 @@
 """A reconstruction's cameras and points in the metric world of the clip that was made of it."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from gmrdata.cameras import files
 from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecord
 from gmrdata.world.compose import load_background, load_background_tracks
 from tests.reconstructions import good_quality
@@ -31,7 +30,7 @@ def in_sfm(camera: CameraPath) -> CameraPath:
 
 
 @pytest.fixture
-def sfm_dir(walkers: list[Clip], tmp_path: Path) -> Path:
+def sfm_dir(walkers, tmp_path) -> Path:
     clip = walkers[0]
     marks = np.zeros(N_FRAMES, dtype=bool)
     cameras = files.SfmCameras(in_sfm(camera_of(clip)), "full", clip.image_numbers, marks)
@@ -41,7 +40,7 @@ def sfm_dir(walkers: list[Clip], tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_points_and_cameras_are_in_the_clips_world(walkers: list[Clip], sfm_dir: Path) -> None:
+def test_points_and_cameras_are_in_the_clips_world(walkers, sfm_dir):
     clip = walkers[0]
     found = load_background(sfm_dir, clip)
     np.testing.assert_allclose(
@@ -53,7 +52,7 @@ def test_points_and_cameras_are_in_the_clips_world(walkers: list[Clip], sfm_dir:
     np.testing.assert_allclose(again.points_m, found.points_m, atol=1e-9)
 
 
-def test_without_a_clip_it_is_in_its_own_world(walkers: list[Clip], sfm_dir: Path) -> None:
+def test_without_a_clip_it_is_in_its_own_world(walkers, sfm_dir):
     found = load_background(sfm_dir, None)
     assert np.array_equal(found.points_m, POINTS)
     expected = in_sfm(camera_of(walkers[0])).world_from_cam
@@ -68,9 +67,7 @@ def test_without_a_clip_it_is_in_its_own_world(walkers: list[Clip], sfm_dir: Pat
         (lambda m: np.full_like(m, np.nan), "has no frame of clip"),
     ],
 )
-def test_a_clip_of_other_cameras_is_refused(
-    change: Callable[[np.ndarray], np.ndarray], said: str, walkers: list[Clip], sfm_dir: Path
-) -> None:
+def test_a_clip_of_other_cameras_is_refused(change, said, walkers, sfm_dir):
     camera = camera_of(walkers[0])
     world_from_cam = change(camera.world_from_cam)
     known = np.isfinite(world_from_cam[:, 0, 0])
@@ -82,9 +79,7 @@ def test_a_clip_of_other_cameras_is_refused(
 
 
 @pytest.mark.parametrize(("row", "point"), [(N_FRAMES, 0), (0, len(POINTS))])
-def test_tracks_of_another_reconstruction_are_refused(
-    row: int, point: int, walkers: list[Clip], sfm_dir: Path
-) -> None:
+def test_tracks_of_another_reconstruction_are_refused(row, point, walkers, sfm_dir):
     found = load_background(sfm_dir, walkers[0])
     names = tuple(f"{number:05d}.jpg" for number in range(N_FRAMES))
     good = Tracks(

@@ -24,12 +24,12 @@ N_FRAMES, SIZE_PX = 24, (640, 360)
 
 
 @pytest.fixture(scope="module")
-def neutral(small_body: BodyModel) -> BodyModel:
+def neutral(small_body) -> BodyModel:
     return replace(small_body, name="smpl-neutral")
 
 
 @pytest.fixture(scope="module")
-def seen(neutral: BodyModel) -> Seen:
+def seen(neutral) -> Seen:
     motion = make_gait("walk", N_FRAMES / 10, 10.0, neutral, np.random.default_rng(2))
     motion = replace(motion.take(slice(0, N_FRAMES)), body=neutral.name)
     rng = np.random.default_rng(0)
@@ -71,9 +71,7 @@ def made(
     return record
 
 
-def test_every_image_has_a_row_and_gaps_are_filled_but_not_valid(
-    seen: Seen, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_every_image_has_a_row_and_gaps_are_filled_but_not_valid(seen, neutral, tmp_path):
     known = np.r_[2:9, 12:N_FRAMES]
     record = made(tmp_path, [rows_of(seen, known, known)], video(np.arange(N_FRAMES)), neutral)
     clip = load_clip(tmp_path / "bodies" / "person_0.npz")
@@ -90,9 +88,7 @@ def test_every_image_has_a_row_and_gaps_are_filled_but_not_valid(
     assert not record.notes and not record.left_out
 
 
-def test_poses_of_every_second_frame_are_interpolated(
-    seen: Seen, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_poses_of_every_second_frame_are_interpolated(seen, neutral, tmp_path):
     """The file's frame 5 is the video's frame 10."""
     half = np.arange(0, N_FRAMES, 2)
     people = [rows_of(seen, half, np.arange(len(half)))]
@@ -108,9 +104,7 @@ def test_poses_of_every_second_frame_are_interpolated(
     assert np.abs(turned).max() < 0.1
 
 
-def test_images_of_every_second_frame_take_their_own_rows(
-    seen: Seen, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_images_of_every_second_frame_take_their_own_rows(seen, neutral, tmp_path):
     half = np.arange(0, N_FRAMES, 2)
     made(tmp_path, [seen], video(half), neutral)
     clip = load_clip(tmp_path / "bodies" / "person_0.npz")
@@ -118,25 +112,19 @@ def test_images_of_every_second_frame_take_their_own_rows(
     np.testing.assert_allclose(clip.motion.pelvis_m, seen.motion.pelvis_m[half], atol=0.01)
 
 
-def test_who_is_hardly_seen_is_left_out_and_named(
-    seen: Seen, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_who_is_hardly_seen_is_left_out_and_named(seen, neutral, tmp_path):
     few = np.arange(3)
     record = made(tmp_path, [rows_of(seen, few, few), seen], video(np.arange(N_FRAMES)), neutral)
     assert [person.name for person in record.people] == ["person_1"]
     assert record.left_out == ("person_0 is seen in 3 images alone",)
 
 
-def test_another_body_stands_in_and_says_so(
-    seen: Seen, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_another_body_stands_in_and_says_so(seen, small_body, tmp_path):
     record = made(tmp_path, [seen], video(np.arange(N_FRAMES)), small_body)
     assert "size of the mean" in record.notes[0] and "--body" in record.notes[0]
 
 
-def test_a_height_that_is_told_moves_who_has_it(
-    seen: Seen, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_a_height_that_is_told_moves_who_has_it(seen, neutral, tmp_path):
     frames, heights = video(np.arange(N_FRAMES)), heights_of({"person_0": 1.5, "anna": 1.7})
     plain, told = tmp_path / "plain", tmp_path / "told"
     (before,) = made(plain, [seen], frames, neutral).people
@@ -157,21 +145,12 @@ def test_a_height_that_is_told_moves_who_has_it(
         (np.arange(100, 124), None, "no person has a pose in two of the video's frames 100-123"),
     ],
 )
-def test_a_file_of_another_video_is_refused(
-    frames: np.ndarray,
-    n_frames: int | None,
-    said: str,
-    seen: Seen,
-    neutral: BodyModel,
-    tmp_path: Path,
-) -> None:
+def test_a_file_of_another_video_is_refused(frames, n_frames, said, seen, neutral, tmp_path):
     with pytest.raises(BadMotionFile, match=said):
         made(tmp_path, [seen], video(frames, n_frames), neutral)
 
 
-def test_somebody_behind_the_camera_is_refused(
-    seen: Seen, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_somebody_behind_the_camera_is_refused(seen, neutral, tmp_path):
     people = system_files.wham_people([seen])
     for person in people.values():
         person["trans"] = -person["trans"]

@@ -59,7 +59,7 @@ def random_cameras(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 @given(st.integers(0, 10**6), st.integers(2, 8), st.floats(0.01, 100))
-def test_into_the_camera_and_back_is_the_same_motion(seed: int, n: int, scale: float) -> None:
+def test_into_the_camera_and_back_is_the_same_motion(seed, n, scale):
     rng = np.random.default_rng(seed)
     motion, cameras = random_motion(rng, n), random_cameras(rng, n)
     person = motion_in_camera(motion, cameras)
@@ -72,7 +72,7 @@ def test_into_the_camera_and_back_is_the_same_motion(seed: int, n: int, scale: f
 
 
 @given(st.integers(0, 10**6))
-def test_eqs_7_and_8_are_taken_literally(seed: int) -> None:
+def test_eqs_7_and_8_are_taken_literally(seed):
     rng = np.random.default_rng(seed)
     cameras = random_cameras(rng, 4)
     person = replace(random_motion(rng, 4), frame="camera")
@@ -83,7 +83,7 @@ def test_eqs_7_and_8_are_taken_literally(seed: int) -> None:
         assert np.allclose(world.pelvis_m[i], r_col @ person.pelvis_m[i] + 2.5 * t_col, atol=1e-12)
 
 
-def test_smpl_trans_in_place_of_the_pelvis_costs_11_8_mm_per_frame() -> None:
+def test_smpl_trans_in_place_of_the_pelvis_costs_11_8_mm_per_frame():
     """A camera that tilts at 30 degrees/s films a still person, at 10 fps."""
     n, fps_hz = 20, 10.0
     angles_rad = np.deg2rad(30.0) * np.arange(n) / fps_hz
@@ -103,7 +103,7 @@ def test_smpl_trans_in_place_of_the_pelvis_costs_11_8_mm_per_frame() -> None:
     assert errors_mm == pytest.approx(11.8, abs=0.1)
 
 
-def test_the_frame_of_reference_is_checked() -> None:
+def test_the_frame_of_reference_is_checked():
     rng = np.random.default_rng(0)
     motion, cameras = random_motion(rng, 3), random_cameras(rng, 3)
     with pytest.raises(ValueError, match="in the world frame, expected the camera frame"):
@@ -171,7 +171,7 @@ def made(tmp_path: Path, clip: Clip, body: BodyModel, geometry: str, lost: list[
     return make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
-def test_exact_cameras_give_back_the_true_motion(small_body: BodyModel, tmp_path: Path) -> None:
+def test_exact_cameras_give_back_the_true_motion(small_body, tmp_path):
     true = true_clip(small_body, Circular())
     out_dir = made(tmp_path, true, small_body, "full", [])
     found, quality = load_clip(out_dir / person_file(0)), read_json(out_dir / "quality.json")
@@ -190,7 +190,7 @@ def test_exact_cameras_give_back_the_true_motion(small_body: BodyModel, tmp_path
     assert found.motion.pelvis_m[0, :2] == pytest.approx([0, 0], abs=1e-9)
 
 
-def test_a_pan_needs_no_scale(small_body: BodyModel, tmp_path: Path) -> None:
+def test_a_pan_needs_no_scale(small_body, tmp_path):
     true = true_clip(small_body, Panning())
     out_dir = made(tmp_path, true, small_body, "rotation_only", [])
     quality = read_json(out_dir / "quality.json")
@@ -200,9 +200,7 @@ def test_a_pan_needs_no_scale(small_body: BodyModel, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("rise_m", "way_m"), [(0.0, 0.0), (0.8, 0.0), (-0.8, 0.0), (0.0, 24.0)])
-def test_nobody_sinks_into_the_floor(
-    small_body: BodyModel, tmp_path: Path, rise_m: float, way_m: float
-) -> None:
+def test_nobody_sinks_into_the_floor(small_body, tmp_path, rise_m, way_m):
     """Up and down steps, and where no foot stands."""
     true = true_clip(small_body, Panning())
     shares = np.linspace(0, 1, true.motion.n_frames)[:, None]
@@ -219,9 +217,7 @@ def test_nobody_sinks_into_the_floor(
     assert ((level.soles_above_m or 0.0) > 0.5) == (level.remark is not None) == bool(rise_m)
 
 
-def test_frames_without_a_camera_are_not_valid_but_finite(
-    small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_frames_without_a_camera_are_not_valid_but_finite(small_body, tmp_path):
     true = true_clip(small_body, Circular())
     lost = [0, 7, 8, true.motion.n_frames - 1]
     found = load_clip(made(tmp_path, true, small_body, "full", lost) / person_file(0))
@@ -238,7 +234,7 @@ def test_frames_without_a_camera_are_not_valid_but_finite(
     assert error.frames_with_camera == true.motion.n_frames - 4 and error.tme_mm < 3.0
 
 
-def test_gaps_are_filled_between_neighbours() -> None:
+def test_gaps_are_filled_between_neighbours():
     rotmats = Rotation.from_rotvec([[0, 0, 0.1 * i] for i in range(5)]).as_matrix()
     cameras = transforms.rigid(rotmats, np.arange(15.0).reshape(5, 3))
     holes = cameras.copy()
@@ -248,14 +244,14 @@ def test_gaps_are_filled_between_neighbours() -> None:
     assert filled[[0, 4]] == pytest.approx(cameras[[1, 3]], abs=1e-12)
 
 
-def test_no_common_frame_is_an_error(small_body: BodyModel, tmp_path: Path) -> None:
+def test_no_common_frame_is_an_error(small_body, tmp_path):
     true = true_clip(small_body, Circular())
     with pytest.raises(NoReconstruction, match="walk: no two frames have both pose and camera"):
         made(tmp_path, true, small_body, "full", list(range(true.motion.n_frames)))
     assert not (tmp_path / "out").exists()
 
 
-def test_clips_that_do_not_fit_are_refused(small_body: BodyModel, tmp_path: Path) -> None:
+def test_clips_that_do_not_fit_are_refused(small_body, tmp_path):
     true = true_clip(small_body, Circular())
     sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
     later = replace(as_input(true), image_numbers=true.image_numbers + 1)
@@ -268,9 +264,7 @@ def test_clips_that_do_not_fit_are_refused(small_body: BodyModel, tmp_path: Path
             make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
-def test_what_the_phone_felt_levels_the_world_and_another_videos_is_refused(
-    small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_what_the_phone_felt_levels_the_world_and_another_videos_is_refused(small_body, tmp_path):
     true = true_clip(small_body, Circular())
     assert true.camera is not None
     up_cam = true.camera.world_from_cam[:, 2, :3]  # the third row: the world's z in each camera

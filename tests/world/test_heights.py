@@ -31,20 +31,20 @@ def leap(fps_hz: float, speed_m_per_s: float) -> tuple[np.ndarray, np.ndarray, t
 
 @pytest.mark.parametrize("speed_m_per_s", [1.5, 2.0, 3.0])
 @pytest.mark.parametrize("fps_hz", [25.0, 30.0])
-def test_a_leap_is_one_flight(fps_hz: float, speed_m_per_s: float) -> None:
+def test_a_leap_is_one_flight(fps_hz, speed_m_per_s):
     on_floor_m, seen_m, (start, stop) = leap(fps_hz, speed_m_per_s)
     ((found_start, found_stop),) = flights(on_floor_m, seen_m, fps_hz)
     assert abs(found_start - start) <= 1 and abs(found_stop - stop) <= 1
 
 
 @pytest.mark.parametrize("height_m", [0.1, 0.36])
-def test_what_rises_too_slowly_is_no_flight(height_m: float) -> None:
+def test_what_rises_too_slowly_is_no_flight(height_m):
     on_floor_m, at_s = np.full(90, 0.95), np.arange(90) / 30
     assert flights(on_floor_m, on_floor_m + height_m * np.sin(np.pi * at_s) ** 2, 30.0) == []
 
 
 @pytest.fixture
-def walk(small_body: BodyModel) -> Motion:
+def walk(small_body) -> Motion:
     return make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(0))
 
 
@@ -62,14 +62,14 @@ def raised(motion: Motion, heights_m: np.ndarray) -> Motion:
     return replace(motion, pelvis_m=motion.pelvis_m + heights_m[:, None] * [0.0, 0.0, 1.0])
 
 
-def test_a_walk_stays_as_it_is(walk: Motion, small_body: BodyModel) -> None:
+def test_a_walk_stays_as_it_is(walk, small_body):
     found = on_one_floor(small_body, walk, standing_m(small_body, walk), SIGMA_RAD)
     assert found is not None
     apart_m = found.pelvis_m[:, 2] - walk.pelvis_m[:, 2]
     assert np.abs(apart_m - apart_m.mean()).max() < 0.01 and abs(apart_m.mean()) < 0.02
 
 
-def test_who_hovers_is_put_on_the_floor(walk: Motion, small_body: BodyModel) -> None:
+def test_who_hovers_is_put_on_the_floor(walk, small_body):
     """As a network had it of a man in jumping jacks: up and down by 0.36 m, once a second."""
     at_s = np.arange(walk.n_frames) / walk.fps_hz
     seen = raised(walk, 0.36 * np.sin(np.pi * at_s) ** 2)
@@ -80,7 +80,7 @@ def test_who_hovers_is_put_on_the_floor(walk: Motion, small_body: BodyModel) -> 
     assert abs(np.median(lowest_m(small_body, found))) < 0.01
 
 
-def test_a_drift_is_taken_away_and_steps_are_not(walk: Motion, small_body: BodyModel) -> None:
+def test_a_drift_is_taken_away_and_steps_are_not(walk, small_body):
     share = np.linspace(0, 1, walk.n_frames)
     drifting = raised(walk, 0.12 * share)
     found = on_one_floor(small_body, drifting, standing_m(small_body, drifting), SIGMA_RAD)
@@ -91,9 +91,7 @@ def test_a_drift_is_taken_away_and_steps_are_not(walk: Motion, small_body: BodyM
 
 @pytest.mark.parametrize("axis", ["x", "y"])
 @pytest.mark.parametrize("angle_deg", [-1.5, 1.5])
-def test_a_floor_that_rises_under_a_walk_is_level(
-    walk: Motion, small_body: BodyModel, axis: str, angle_deg: float
-) -> None:
+def test_a_floor_that_rises_under_a_walk_is_level(walk, small_body, axis, angle_deg):
     tilt = Rotation.from_euler(axis, angle_deg, degrees=True).as_matrix()
     pelvis_m = walk.pelvis_m @ tilt.T
     seen = replace(walk, root_rotmats=tilt @ walk.root_rotmats, pelvis_m=pelvis_m)

@@ -52,9 +52,7 @@ def turned(motion: Motion, degrees: float) -> Motion:
 
 
 @pytest.mark.parametrize("kind", ["walk", "side_step", "stand"])
-def test_without_ground_up_is_where_a_persons_mass_is_above_its_feet(
-    small_body: BodyModel, kind: str
-) -> None:
+def test_without_ground_up_is_where_a_persons_mass_is_above_its_feet(small_body, kind):
     motion = standing_still(small_body, 240)
     if kind != "stand":
         motion = make_gait(kind, 8.0, 30.0, small_body, np.random.default_rng(0))
@@ -74,7 +72,7 @@ def standing_still(body: BodyModel, n: int) -> Motion:
     return Motion(local, root, pelvis_m, shape, 30.0, *person, frame="world", source="rest")
 
 
-def test_who_sits_tells_up_by_the_trunk(small_body: BodyModel) -> None:
+def test_who_sits_tells_up_by_the_trunk(small_body):
     motion = standing_still(small_body, 60)
     local = motion.local_rotmats.copy()
     for side in ("left", "right"):
@@ -85,28 +83,26 @@ def test_who_sits_tells_up_by_the_trunk(small_body: BodyModel) -> None:
     assert angle_deg(up, UP) < 10.0 and level.sigma_deg == pytest.approx(12 * np.sqrt(2), rel=1e-2)
 
 
-def test_two_people_tell_more_than_one_and_share_what_their_system_errs(
-    small_body: BodyModel,
-) -> None:
+def test_two_people_tell_more_than_one_and_share_what_their_system_errs(small_body):
     motion = standing_still(small_body, 300)
     one, two = (up_of(body_cue([small_body] * n, [motion] * n), [])[1] for n in (1, 2))
     assert two.sigma_deg == pytest.approx(np.sqrt(0.75) * one.sigma_deg, rel=1e-3)
 
 
-def test_soles_all_round_correct_leaning_bodies() -> None:
+def test_soles_all_round_correct_leaning_bodies():
     cue = contact_cue(square_m(), 60, leaning(6.0), 0.02)
     assert cue is not None
     up, level = up_of(bodies_that_lean(6.0), [cue])
     assert angle_deg(up, UP) < 0.3 and level.sigma_deg < 0.5
 
 
-def test_soles_of_one_stance_tell_as_much_as_one_point() -> None:
+def test_soles_of_one_stance_tell_as_much_as_one_point():
     many, few = (contact_cue(square_m(), n, UP, 0.02) for n in (60, 6))
     assert many is not None and few is not None
     assert np.trace(many.precision) == pytest.approx(10 * np.trace(few.precision))
 
 
-def test_soles_along_a_line_correct_the_tilt_along_it_only() -> None:
+def test_soles_along_a_line_correct_the_tilt_along_it_only():
     line_m = np.column_stack([np.zeros(30), np.linspace(0, 4, 30), np.zeros(30)])
     for soles_m, left_deg in ((line_m, 0.0), (line_m[:, [1, 0, 2]], 6.0)):
         cue = contact_cue(soles_m, 30, leaning(6.0), 0.02)
@@ -115,7 +111,7 @@ def test_soles_along_a_line_correct_the_tilt_along_it_only() -> None:
         assert angle_deg(up, leaning(left_deg)) < 0.2
 
 
-def test_soles_on_steps_and_too_few_are_no_plane() -> None:
+def test_soles_on_steps_and_too_few_are_no_plane():
     rng = np.random.default_rng(0)
     jumps_m = np.column_stack([rng.uniform(-1, 1, (40, 2)), rng.choice([0.0, 0.5], 40)])
     assert contact_cue(jumps_m, 40, UP, 0.02) is None
@@ -140,7 +136,7 @@ def on_steps_m(*heights_m: float) -> np.ndarray:
         ([-0.08, 0.0, 0.08], 0.0),  # errors, not steps: nobody shall hover
     ],
 )
-def test_no_sole_that_stands_is_far_below_the_floor(heights_m: list[float], floor_m: float) -> None:
+def test_no_sole_that_stands_is_far_below_the_floor(heights_m, floor_m):
     soles_m = on_steps_m(*heights_m)
     level = up_of(BODIES, [])[1]
     for up, unit in ((UP, soles_m), (-UP, -soles_m)):
@@ -155,7 +151,7 @@ def test_no_sole_that_stands_is_far_below_the_floor(heights_m: list[float], floo
     )
 
 
-def test_where_no_foot_stands_the_floor_is_where_soles_come_lowest() -> None:
+def test_where_no_foot_stands_the_floor_is_where_soles_come_lowest():
     soles_m = np.zeros((50, 2, 3, 3))
     soles_m[..., 2] = np.abs(np.sin(np.arange(50)))[:, None, None] + [[0.9], [0.1]]
     soles_m[7] = np.nan
@@ -164,7 +160,7 @@ def test_where_no_foot_stands_the_floor_is_where_soles_come_lowest() -> None:
 
 
 @pytest.mark.parametrize(("slope_deg", "level"), [(0, True), (5, True), (18, False), (30, False)])
-def test_a_ground_that_is_steep_stays_as_it_is(slope_deg: float, level: bool) -> None:
+def test_a_ground_that_is_steep_stays_as_it_is(slope_deg, level):
     """What bodies may lean by is taken for level; a slope and stairs are not made so."""
     ground = ground_cue(leaning(slope_deg), square_m(400) @ _turn(slope_deg).T, 0.01)
     up, found = up_of(BODIES, [ground])
@@ -178,7 +174,7 @@ def _turn(degrees: float) -> np.ndarray:
 
 
 @given(st.integers(0, 10**6))
-def test_any_world_becomes_level(seed: int) -> None:
+def test_any_world_becomes_level(seed):
     rng = np.random.default_rng(seed)
     world = Rotation.random(random_state=rng.integers(1 << 30)).as_matrix()
     shift_m = rng.normal(0, 10, 3)
@@ -194,7 +190,7 @@ def test_any_world_becomes_level(seed: int) -> None:
     assert np.linalg.det(level[:3, :3]) == pytest.approx(1.0)
 
 
-def test_a_camera_that_looks_straight_down_is_no_problem() -> None:
+def test_a_camera_that_looks_straight_down_is_no_problem():
     level = level_from_world(UP, 0.0, UP, -UP)
     assert np.allclose(level[:3, :3] @ level[:3, :3].T, np.eye(3), atol=1e-12)
 
@@ -211,7 +207,7 @@ def felt(up: np.ndarray, sigma_deg: float = 0.0, n: int = 40) -> UpCue:
     return cue
 
 
-def test_gravity_levels_leaning_bodies_also_on_a_slope() -> None:
+def test_gravity_levels_leaning_bodies_also_on_a_slope():
     slope = ground_cue(leaning(18), square_m(400) @ _turn(18).T, 0.01)
     for ground in ([], [slope]):
         up, level = up_of(bodies_that_lean(6.0), ground, felt(UP))
@@ -222,13 +218,13 @@ def test_gravity_levels_leaning_bodies_also_on_a_slope() -> None:
         assert not any(one.used for one in level.cues[2:])
 
 
-def test_gravity_and_a_level_ground_share_what_they_err_by() -> None:
+def test_gravity_and_a_level_ground_share_what_they_err_by():
     ground = ground_cue(leaning(1.0), square_m(400) @ _turn(1.0).T, 0.01)
     up, level = up_of(BODIES, [ground], felt(UP))
     assert 0.2 < angle_deg(up, UP) < 0.5 and level.cues[2].used
     assert level.sigma_deg < 0.6
 
 
-def test_gravity_is_as_unsure_as_it_differs() -> None:
+def test_gravity_is_as_unsure_as_it_differs():
     assert np.trace(felt(UP, 4.0).precision) < np.trace(felt(UP).precision) / 30
     assert gravity_cue(np.tile(np.eye(4), (3, 1, 1)), np.full((3, 3), np.nan)) is None

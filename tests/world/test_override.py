@@ -22,7 +22,6 @@ from gmrdata.world.recipe import (
     Dropped,
     Override,
     PseudoGtConfig,
-    Verdict,
     load_dataset_camera,
     overridden,
     save_dataset_camera,
@@ -57,16 +56,14 @@ ACCEPTED = verdict_of("c", True, (), NO_CAMERA)
         (REJECTED, "rejected", "x", ("a person decided: x", *REJECTED.reasons)),
     ],
 )  # fmt: skip
-def test_a_person_decides_and_overruled_reasons_stay(
-    before: Verdict, decided: str, because: str, reasons: tuple[str, ...]
-) -> None:
+def test_a_person_decides_and_overruled_reasons_stay(before, decided, because, reasons):
     override = Override.model_validate({"verdict": decided, "because": because})
     verdict = overridden(before, override, USABLE)
     assert verdict == verdict_of("c", decided == "accepted", reasons, NO_CAMERA)
     assert verdict.dropped == before.dropped
 
 
-def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:
+def test_ranges_alone_leave_the_verdict_to_the_thresholds():
     override = Override(because="looked at it", keep=((14, 17),), drop=((0, 2), (16, 18)))
     unusable = np.arange(N) == 14
     reasons = ["" if row < 13 else "the camera jumps" for row in range(N)]
@@ -88,7 +85,7 @@ def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:
         assert verdict.kept.mean() == 12 / 20
 
 
-def test_a_frame_that_cannot_be_used_says_so_even_where_nothing_had_a_reason() -> None:
+def test_a_frame_that_cannot_be_used_says_so_even_where_nothing_had_a_reason():
     override = Override(because="all good", keep=((0, N),))
     unusable = np.arange(N) < 3
     verdict = overridden(verdict_of("c", True, (), [""] * N), override, unusable)
@@ -96,7 +93,7 @@ def test_a_frame_that_cannot_be_used_says_so_even_where_nothing_had_a_reason() -
     assert [bool(reason) for reason in verdict.frame_reasons] == unusable.tolist()
 
 
-def test_nobody_can_accept_a_sequence_without_frames() -> None:
+def test_nobody_can_accept_a_sequence_without_frames():
     override = Override(verdict="accepted", because="I like it", drop=((0, 15),))
     verdict = overridden(REJECTED, override, np.arange(N) >= 15)
     assert not verdict.accepted
@@ -107,7 +104,7 @@ def test_nobody_can_accept_a_sequence_without_frames() -> None:
     assert (verdict.accepted, verdict.reasons) == (False, ("no frame can be used",))
 
 
-def test_ranges_beyond_the_sequence_are_refused() -> None:
+def test_ranges_beyond_the_sequence_are_refused():
     override = Override(because="x", keep=((15, 21),))
     with pytest.raises(BadRecipe, match=r"keep 15\.\.21: the sequence has 20 frames"):
         overridden(ACCEPTED, override, USABLE)
@@ -125,12 +122,12 @@ def test_ranges_beyond_the_sequence_are_refused() -> None:
         ({"because": "x", "drop": ((0, 5),), "kept": ()}, "kept"),
     ],
 )
-def test_an_override_that_makes_no_sense_is_refused(fields: dict[str, object], said: str) -> None:
+def test_an_override_that_makes_no_sense_is_refused(fields, said):
     with pytest.raises(ValidationError, match=said):
         Override.model_validate(fields)
 
 
-def test_an_override_comes_back_from_json() -> None:
+def test_an_override_comes_back_from_json():
     override = Override(verdict="rejected", because="x", keep=((1, 4),), drop=((2, 3), (7, 9)))
     assert Override.model_validate_json(override.model_dump_json()) == override
 
@@ -150,13 +147,7 @@ texts = st.lists(st.sampled_from(["", "", "jumps", "few inliers"]), min_size=N, 
     before=texts,
     decided=st.sampled_from(["accepted", "rejected"]),
 )
-def test_what_is_kept_is_what_sets_of_frames_say(
-    keep: tuple[tuple[int, int], ...],
-    drop: tuple[tuple[int, int], ...],
-    unusable: np.ndarray,
-    before: list[str],
-    decided: str,
-) -> None:
+def test_what_is_kept_is_what_sets_of_frames_say(keep, drop, unusable, before, decided):
     override = Override.model_validate(
         {"verdict": decided, "because": "seen", "keep": keep, "drop": drop}
     )
@@ -197,7 +188,7 @@ def sfm_of(tmp_path: Path, body: BodyModel, figures: Any) -> tuple[Path, tuple[P
     return sfm_dir, (person_files(tmp_path, as_input(clip), body),)
 
 
-def test_55_px_under_another_name_are_not_accepted(small_body: BodyModel, tmp_path: Path) -> None:
+def test_55_px_under_another_name_are_not_accepted(small_body, tmp_path):
     """A missing figure once counted as 0 px, and the sequence as good."""
 
     def renamed(figures: dict[str, Any]) -> dict[str, Any]:
@@ -210,7 +201,7 @@ def test_55_px_under_another_name_are_not_accepted(small_body: BodyModel, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
-def test_55_px_are_rejected(small_body: BodyModel, tmp_path: Path) -> None:
+def test_55_px_are_rejected(small_body, tmp_path):
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda said: said | {"mean_reprojection_px": 55})
     record = load_record(
         make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
@@ -220,9 +211,7 @@ def test_55_px_are_rejected(small_body: BodyModel, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", [path for path in KEYS if path[0] == "cameras"], ids=str)
-def test_no_figure_of_the_reconstruction_can_be_left_out(
-    key: tuple[str | int, ...], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_no_figure_of_the_reconstruction_can_be_left_out(key, small_body, tmp_path):
     if len(key) == 1:
         return
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda said: without(said, key[1:]))
@@ -242,15 +231,13 @@ def test_no_figure_of_the_reconstruction_can_be_left_out(
         (good_quality(7).model_dump(mode="json"), "its files are of different frames"),
     ],
 )
-def test_figures_of_an_older_version_and_of_other_frames(
-    figures: dict[str, Any], said: str, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_figures_of_an_older_version_and_of_other_frames(figures, said, small_body, tmp_path):
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda _: figures)
     with pytest.raises(BadRecord, match=said):
         make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
-def test_what_is_written_comes_back(small_body: BodyModel, tmp_path: Path) -> None:
+def test_what_is_written_comes_back(small_body, tmp_path):
     true = true_clip(small_body, Circular())
     record = load_record(made(tmp_path, true, small_body, "full", [0, 7]))
     assert record.cameras is not None and record.cameras.frames == true.motion.n_frames
@@ -262,7 +249,7 @@ def test_what_is_written_comes_back(small_body: BodyModel, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("path", KEYS, ids=lambda path: ".".join(map(str, path)))
-def test_each_key_is_needed_and_named(tmp_path: Path, path: tuple[str | int, ...]) -> None:
+def test_each_key_is_needed_and_named(tmp_path, path):
     file = tmp_path / QUALITY_FILE
     file.write_text(json.dumps(without(RECORD.model_dump(mode="json"), path)))
     named = rf"quality\.json: has no .*`{'.'.join(map(str, path))}`.*--redo"
@@ -279,14 +266,14 @@ def test_each_key_is_needed_and_named(tmp_path: Path, path: tuple[str | int, ...
         ({"verdict": "accepted"}, "unknown key `verdict`"),
     ],
 )
-def test_records_that_cannot_be(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
+def test_records_that_cannot_be(tmp_path, changes, said):
     text = json.dumps(RECORD.model_dump(mode="json") | changes)
     (tmp_path / QUALITY_FILE).write_text(text)
     with pytest.raises(BadRecord, match=said):
         load_record(tmp_path)
 
 
-def test_a_manifest_says_the_same_figures() -> None:
+def test_a_manifest_says_the_same_figures():
     quality = quality_record(RECORD, 0)
     assert (quality.geometry, quality.verdict, quality.scale) == ("full", "accepted", 2.5)
     assert (quality.reprojection_error_px, quality.inliers) == (0.3, 200.0)
@@ -296,7 +283,7 @@ def test_a_manifest_says_the_same_figures() -> None:
     assert quality.figures["interpolated_frames"] == 0.0
 
 
-def test_a_sequence_without_a_reconstruction_drops_every_row(tmp_path: Path) -> None:
+def test_a_sequence_without_a_reconstruction_drops_every_row(tmp_path):
     rejected = verdict_of("walk", False, ("no model",), ["black", "black", ""])
     unsolved_quality([rejected]).write(tmp_path / QUALITY_FILE)
     record = load_record(tmp_path)
@@ -308,7 +295,7 @@ def test_a_sequence_without_a_reconstruction_drops_every_row(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("key", ["format", "frames", "sequence"])
-def test_each_doubt_is_needed_and_named(tmp_path: Path, key: str) -> None:
+def test_each_doubt_is_needed_and_named(tmp_path, key):
     file = tmp_path / "doubts.json"
     DOUBTS.write(file)
     assert Doubts.read(file) == DOUBTS
@@ -318,7 +305,7 @@ def test_each_doubt_is_needed_and_named(tmp_path: Path, key: str) -> None:
 
 
 @pytest.mark.parametrize("key", ["format", "world_from_cam"])
-def test_each_array_of_the_dataset_camera_is_needed_and_named(tmp_path: Path, key: str) -> None:
+def test_each_array_of_the_dataset_camera_is_needed_and_named(tmp_path, key):
     file = tmp_path / "dataset_camera.npz"
     save_dataset_camera(file, np.tile(np.eye(4), (3, 1, 1)))
     assert load_dataset_camera(file).shape == (3, 4, 4)
@@ -328,9 +315,7 @@ def test_each_array_of_the_dataset_camera_is_needed_and_named(tmp_path: Path, ke
         load_dataset_camera(file)
 
 
-def test_doubts_and_cameras_of_other_frames_are_refused(
-    small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_doubts_and_cameras_of_other_frames_are_refused(small_body, tmp_path):
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda said: said)
     config, out_dir = PseudoGtConfig(), tmp_path / "out"
     DOUBTS.write(tmp_path / "doubts.json")

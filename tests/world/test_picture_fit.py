@@ -44,7 +44,7 @@ VERDICT = VerdictConfig()
 
 
 @pytest.fixture(scope="module")
-def walker(small_body: BodyModel) -> Clip:
+def walker(small_body) -> Clip:
     """Four seconds of a walk before a camera that follows it, in the camera frame."""
     motion = make_gait("walk", 4.0, 10.0, small_body, np.random.default_rng(2))
     rng = np.random.default_rng(0)
@@ -92,14 +92,12 @@ def draw_masks(
 
 
 @pytest.fixture(scope="module")
-def masks(
-    walker: Clip, small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory
-) -> PeopleMasks:
+def masks(walker, small_body, tmp_path_factory) -> PeopleMasks:
     return draw_masks(tmp_path_factory.mktemp("masks") / "person", [walker], small_body)
 
 
 @pytest.fixture
-def fit(small_body: BodyModel, masks: PeopleMasks) -> Callable[[Clip], PictureFit]:
+def fit(small_body, masks) -> Callable[[Clip], PictureFit]:
     def fit_one(clip: Clip) -> PictureFit:
         (found,) = picture_fits([clip], [small_body], masks, VERDICT)
         assert found is not None
@@ -108,32 +106,28 @@ def fit(small_body: BodyModel, masks: PeopleMasks) -> Callable[[Clip], PictureFi
     return fit_one
 
 
-def test_the_right_body_lies_on_the_person(walker: Clip, fit: Callable[[Clip], PictureFit]) -> None:
+def test_the_right_body_lies_on_the_person(walker, fit):
     found = fit(walker)
     assert found.overlap > 0.97 and (found.off_frames, found.late_frames) == (0, 0)
     assert found.frames == 40 == walker.motion.n_frames
 
 
-def test_a_body_elsewhere_and_one_out_of_the_picture_lie_on_nobody(
-    walker: Clip, fit: Callable[[Clip], PictureFit]
-) -> None:
+def test_a_body_elsewhere_and_one_out_of_the_picture_lie_on_nobody(walker, fit):
     for side_m in (0.6, 2.0, 50.0):
         found = fit(beside(walker, side_m))
         assert found.off_frames == found.frames and found.overlap < 0.4
 
 
 @pytest.mark.parametrize("rows", [8, -8])
-def test_a_body_of_other_frames_says_by_how_many(
-    walker: Clip, fit: Callable[[Clip], PictureFit], rows: int
-) -> None:
+def test_a_body_of_other_frames_says_by_how_many(walker, fit, rows):
     found = fit(later(walker, rows))
     assert found.late_frames == -rows
     assert found.late_overlap > 0.97 and found.late_overlap - found.overlap > 0.08
 
 
 def test_who_is_seen_for_a_moment_is_compared_in_those_frames(
-    walker: Clip, small_body: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    walker, small_body, tmp_path, monkeypatch
+):
     monkeypatch.setattr(picture_fit, "MOST_FRAMES", 10)
     other = beside(walker, 0.5)
     brief = replace(other, valid=other.valid & (np.arange(len(other.valid)) >= 34))
@@ -142,9 +136,7 @@ def test_who_is_seen_for_a_moment_is_compared_in_those_frames(
     assert found is not None and (found.frames, found.off_frames) == (6, 0)
 
 
-def test_two_people_are_each_held_against_their_own(
-    walker: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_two_people_are_each_held_against_their_own(walker, small_body, tmp_path):
     both = [walker, beside(walker, 0.5)]
     seen = draw_masks(tmp_path / "person", both, small_body)
     for found in picture_fits(both, [small_body] * 2, seen, VERDICT):
@@ -155,9 +147,7 @@ def test_two_people_are_each_held_against_their_own(
     assert beside_all is not None and beside_all.off_frames == beside_all.frames
 
 
-def test_boxes_are_compared_with_boxes(
-    walker: Clip, small_body: BodyModel, masks: PeopleMasks, tmp_path: Path
-) -> None:
+def test_boxes_are_compared_with_boxes(walker, small_body, masks, tmp_path):
     import cv2
 
     for path in masks.masks_dir.iterdir():
@@ -190,9 +180,7 @@ def followed(folder: Path, clip: Clip, body: BodyModel) -> Path:
     return folder
 
 
-def test_limbs_elsewhere_in_a_like_outline_are_off(
-    walker: Clip, small_body: BodyModel, masks: PeopleMasks, tmp_path: Path
-) -> None:
+def test_limbs_elsewhere_in_a_like_outline_are_off(walker, small_body, masks, tmp_path):
     """Someone else in a like pose was accepted; here one who faces the other way."""
     motion = walker.motion
     about = replace(motion, root_rotmats=motion.root_rotmats * [-1.0, 1.0, -1.0])
@@ -206,9 +194,7 @@ def test_limbs_elsewhere_in_a_like_outline_are_off(
     assert turned is not None and turned.off_frames > 30
 
 
-def test_where_hardly_anybody_is_seen_nothing_is_said(
-    walker: Clip, small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_where_hardly_anybody_is_seen_nothing_is_said(walker, small_body, tmp_path):
     n = walker.motion.n_frames
     seen = draw_masks(tmp_path / "person", [walker], small_body, empty=n - 4)
     assert picture_fits([walker], [small_body], seen, VERDICT) == [None]
@@ -216,7 +202,7 @@ def test_where_hardly_anybody_is_seen_nothing_is_said(
     assert picture_fits([nobody], [small_body], seen, VERDICT) == [None]
 
 
-def test_only_masks_that_were_made_without_the_body_count(tmp_path: Path) -> None:
+def test_only_masks_that_were_made_without_the_body_count(tmp_path):
     body, folder = SilhouetteSource(), FolderSource(path=tmp_path)
     person, boxes = PersonSource(dilate_px=5), OnnxSource()
     assert people_masks(tmp_path / "masks", MasksConfig(sources=(body, folder))) is None
@@ -226,9 +212,7 @@ def test_only_masks_that_were_made_without_the_body_count(tmp_path: Path) -> Non
     assert found is not None and found.boxed and found.masks_dir.name == "onnx"
 
 
-def test_the_verdict_and_the_record_of_a_late_body_say_so(
-    small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_the_verdict_and_the_record_of_a_late_body_say_so(small_body, tmp_path):
     true = true_clip(small_body, Circular())
     seen = as_input(true)
     camera = camera_of(seen)

@@ -30,12 +30,12 @@ SYSTEMS = ("vibe", "wham", "gvhmr", "tram", "phalp")
 
 
 @pytest.fixture(scope="module")
-def neutral(small_body: BodyModel) -> BodyModel:
+def neutral(small_body) -> BodyModel:
     return replace(small_body, name="smpl-neutral")
 
 
 @pytest.fixture(scope="module")
-def walk(neutral: BodyModel) -> Clip:
+def walk(neutral) -> Clip:
     """Somebody at the side of the picture, 3 m away."""
     motion = make_gait("walk", 1.2, 10.0, neutral, np.random.default_rng(2))
     motion = replace(motion, body=neutral.name)
@@ -81,9 +81,7 @@ class Files:
 
 
 @pytest.fixture(scope="module")
-def files(
-    walk: Clip, neutral: BodyModel, tmp_path_factory: pytest.TempPathFactory
-) -> dict[float, dict[str, Path]]:
+def files(walk, neutral, tmp_path_factory) -> dict[float, dict[str, Path]]:
     """By distortion and system."""
     assert walk.camera is not None
     made = {}
@@ -96,9 +94,7 @@ def files(
 
 @pytest.mark.parametrize("k1", [0.0, K1])
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_a_person_stands_where_the_picture_shows_it(
-    system: str, k1: float, files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel
-) -> None:
+def test_a_person_stands_where_the_picture_shows_it(system, k1, files, walk, neutral):
     found = read(files[k1][system])
     assert found.system == system
     assert walk.camera is not None
@@ -114,9 +110,7 @@ def test_a_person_stands_where_the_picture_shows_it(
     np.testing.assert_allclose(person.local_rotmats[:, :21], true.local_rotmats[:, :21], atol=1e-5)
 
 
-def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(
-    files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel
-) -> None:
+def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(files, walk, neutral):
     assert walk.camera is not None
     true = system_files.seen_person(walk.motion, walk.camera, neutral).motion
     placed = placed_by(files[K1]["wham"], neutral, walk.camera.lens)
@@ -125,8 +119,8 @@ def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(
 
 
 def test_a_file_of_vibe_with_its_drawing_camera_alone_gives_nearly_the_same(
-    files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel, tmp_path: Path
-) -> None:
+    files, walk, neutral, tmp_path
+):
     """`orig_cam` is a tenth too small, and says nothing of the crop's middle."""
     assert walk.camera is not None
     seen = system_files.seen_person(walk.motion, walk.camera, neutral)
@@ -139,9 +133,7 @@ def test_a_file_of_vibe_with_its_drawing_camera_alone_gives_nearly_the_same(
     assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.02
 
 
-def test_phalp_of_the_whole_picture_is_the_same_person(
-    walk: Clip, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_phalp_of_the_whole_picture_is_the_same_person(walk, neutral, tmp_path):
     """Where the crop is not in the file, `camera` tells the same."""
     assert walk.camera is not None
     seen = system_files.seen_person(walk.motion, walk.camera, neutral)
@@ -154,9 +146,7 @@ def test_phalp_of_the_whole_picture_is_the_same_person(
     assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.01
 
 
-def test_phalps_scale_as_a_share_of_the_picture_is_the_same_crop(
-    files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_phalps_scale_as_a_share_of_the_picture_is_the_same_crop(files, walk, neutral, tmp_path):
     """As 4D-Humans' own demo writes it: one number, the crop's side over the longer side."""
     assert walk.camera is not None
     seen = system_files.seen_person(walk.motion, walk.camera, neutral)
@@ -174,9 +164,7 @@ def test_phalps_scale_as_a_share_of_the_picture_is_the_same_crop(
     assert (np.linalg.norm(other.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.005
 
 
-def test_the_size_comes_from_the_file_on_smpls_neutral_body_alone(
-    files: dict[float, dict[str, Path]], neutral: BodyModel, small_body: BodyModel
-) -> None:
+def test_the_size_comes_from_the_file_on_smpls_neutral_body_alone(files, neutral, small_body):
     path = files[0.0]["wham"]
     person = read(path).people[0]
     person = replace(person, betas=np.tile(np.eye(10)[0] * 2, (len(person.frame_numbers), 1)))
@@ -185,9 +173,7 @@ def test_the_size_comes_from_the_file_on_smpls_neutral_body_alone(
     assert not place_body(person, small_body, lens, SIZE_PX, path).shape.any()
 
 
-def test_a_copy_of_another_size_is_the_same_video_and_another_shape_is_not(
-    files: dict[float, dict[str, Path]],
-) -> None:
+def test_a_copy_of_another_size_is_the_same_video_and_another_shape_is_not(files):
     """TRAM, GVHMR and PHALP say how large their images are."""
     for system in ("tram", "gvhmr", "phalp"):
         path = files[0.0][system]
@@ -231,7 +217,7 @@ def world_alone() -> dict[Any, Any]:
         ([1, 2], "holds no dict"),
     ],
 )
-def test_a_broken_file_is_named_with_the_fault(content: Any, said: str, tmp_path: Path) -> None:
+def test_a_broken_file_is_named_with_the_fault(content, said, tmp_path):
     path = tmp_path / "vibe_output.pkl"
     path.write_bytes(joblib_bytes(content))
     with pytest.raises(BadMotionFile, match=said) as error:
@@ -239,9 +225,7 @@ def test_a_broken_file_is_named_with_the_fault(content: Any, said: str, tmp_path
     assert str(path) in str(error.value)
 
 
-def test_what_a_result_lacks_is_named(
-    files: dict[float, dict[str, Path]], tmp_path: Path, walk: Clip, neutral: BodyModel
-) -> None:
+def test_what_a_result_lacks_is_named(files, tmp_path, walk, neutral):
     assert walk.camera is not None
     seen = system_files.seen_person(walk.motion, walk.camera, neutral)
     whole = system_files.gvhmr_result(seen)
@@ -264,9 +248,7 @@ def test_what_a_result_lacks_is_named(
 
 
 @given(data=st.data())
-def test_any_cut_or_changed_file_is_read_or_refused(
-    data: st.DataObject, files: dict[float, dict[str, Path]], tmp_path_factory: Any
-) -> None:
+def test_any_cut_or_changed_file_is_read_or_refused(data, files, tmp_path_factory):
     system = data.draw(st.sampled_from(["vibe", "wham", "gvhmr", "phalp"]))
     content = bytearray(files[0.0][system].read_bytes())
     at = data.draw(st.integers(0, len(content) - 1))
@@ -282,9 +264,7 @@ def test_any_cut_or_changed_file_is_read_or_refused(
         assert path.name in str(error)
 
 
-def test_several_people_with_gaps_keep_their_frames(
-    walk: Clip, neutral: BodyModel, tmp_path: Path
-) -> None:
+def test_several_people_with_gaps_keep_their_frames(walk, neutral, tmp_path):
     assert walk.camera is not None
     camera, n = walk.camera, walk.motion.n_frames
     some = np.array([0, 1, 2, 5, 6, 9])

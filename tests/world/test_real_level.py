@@ -36,18 +36,14 @@ def motion_of(name: str, numbers: dict[str, np.ndarray], body: BodyModel) -> Mot
 
 
 @pytest.mark.parametrize(("name", "trunk_deg", "most_deg"), [("man", 15, 5), ("dancer", 8, 3)])
-def test_masses_above_feet_tell_up_where_trunks_lean(
-    name: str, trunk_deg: float, most_deg: float, numbers: dict[str, np.ndarray], anny: BodyModel
-) -> None:
+def test_masses_above_feet_tell_up_where_trunks_lean(name, trunk_deg, most_deg, numbers, anny):
     motion, true = motion_of(name, numbers, anny), numbers[f"{name}_up"]
     assert angle_deg(motion.root_rotmats[:, :, 1].mean(axis=0), true) > trunk_deg
     up, level = up_of(body_cue([anny], [motion]), [])
     assert angle_deg(up, true) < min(most_deg, 2 * level.sigma_deg)
 
 
-def test_the_dancers_floor_levels_the_world(
-    numbers: dict[str, np.ndarray], anny: BodyModel
-) -> None:
+def test_the_dancers_floor_levels_the_world(numbers, anny):
     motion, config = motion_of("dancer", numbers, anny), ScaleConfig()
     soles_m = foot_points_m(anny, motion)[:, :, SOLE_POINTS]
     feet_m = soles_m[standing(soles_m, config.slip_m(motion.fps_hz))]

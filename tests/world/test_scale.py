@@ -69,9 +69,7 @@ def scale_of(
 @pytest.mark.parametrize("programme", ["circular", "linear"])
 @pytest.mark.parametrize("gait", ["walk", "run", "circle", "side_step"])
 @pytest.mark.parametrize("metres_per_unit", [0.13, 7.0])
-def test_scale_is_found_to_two_percent(
-    gait: str, programme: str, metres_per_unit: float, small_body: BodyModel
-) -> None:
+def test_scale_is_found_to_two_percent(gait, programme, metres_per_unit, small_body):
     motion, path = filmed(gait, programme, small_body, seed=3)
     found = seen_through(path, metres_per_unit, 0.002, 0.0003, seed=1)
     estimate = scale_of(small_body, motion, path, found)
@@ -80,7 +78,7 @@ def test_scale_is_found_to_two_percent(
     assert cue.name == "planted_feet" and cue.support >= 5 and cue.residual_m < 0.01
 
 
-def test_the_unit_of_length_does_not_matter(small_body: BodyModel) -> None:
+def test_the_unit_of_length_does_not_matter(small_body):
     motion, path = filmed("walk", "circular", small_body, seed=0)
     scales = []
     for unit in (1.0, 1e-3, 1e3):
@@ -91,7 +89,7 @@ def test_the_unit_of_length_does_not_matter(small_body: BodyModel) -> None:
     assert np.ptp(scales, axis=0) == pytest.approx([0, 0], abs=1e-6)
 
 
-def test_errors_stay_within_their_bars(small_body: BodyModel) -> None:
+def test_errors_stay_within_their_bars(small_body):
     inside, total = 0, 0
     for seed in range(6):
         for programme in PROGRAMMES:
@@ -105,7 +103,7 @@ def test_errors_stay_within_their_bars(small_body: BodyModel) -> None:
     assert total == 12 and inside >= 11
 
 
-def test_frames_without_a_camera_are_left_out(small_body: BodyModel) -> None:
+def test_frames_without_a_camera_are_left_out(small_body):
     motion, path = filmed("walk", "circular", small_body, seed=0)
     found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
     found.world_from_cam[[0, 9, 10, 30]] = np.nan
@@ -113,7 +111,7 @@ def test_frames_without_a_camera_are_left_out(small_body: BodyModel) -> None:
     assert estimate.scale == pytest.approx(3.0, rel=0.01)
 
 
-def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body: BodyModel) -> None:
+def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body):
     motion, path = filmed("walk", "circular", small_body, seed=0)
     person = motion_in_camera(motion, path.world_from_cam)
     estimate = estimate_scale(
@@ -122,7 +120,7 @@ def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body: BodyModel
     assert estimate.scale is None and estimate.sigma is None and estimate.cues == ()
 
 
-def test_a_camera_that_does_not_move_has_no_scale(small_body: BodyModel) -> None:
+def test_a_camera_that_does_not_move_has_no_scale(small_body):
     motion, path = filmed("walk", "circular", small_body, seed=0)
     still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
     with pytest.raises(NoReconstruction, match="camera hardly moves"):
@@ -130,9 +128,7 @@ def test_a_camera_that_does_not_move_has_no_scale(small_body: BodyModel) -> None
 
 
 @pytest.mark.parametrize(("way_m", "known"), [(0.004, False), (1.0, True)])
-def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(
-    small_body: BodyModel, way_m: float, known: bool
-) -> None:
+def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(small_body, way_m, known):
     """Feet of a noisy body move by centimetres, which a hand-held camera does as well."""
     motion, path = filmed("walk", "circular", small_body, seed=0)
     rng = np.random.default_rng(2)
@@ -149,7 +145,7 @@ def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(
     assert known or not estimate.matters
 
 
-def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> None:
+def test_an_unknown_scale_that_would_matter_is_kept(small_body):
     """For the verdict to reject it."""
     motion, path = filmed("walk", "circular", small_body, seed=0)
     estimate = scale_of(small_body, motion, path, config=ScaleConfig(body_share=0.8))
@@ -164,7 +160,7 @@ def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> No
         assert estimate.scale == pytest.approx(1.0, rel=0.02) and estimate.matters == matters
 
 
-def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
+def test_feet_that_never_rest_give_no_scale(small_body):
     motion, path = filmed("walk", "circular", small_body, seed=0)
     rng = np.random.default_rng(0)
     flying = replace(motion, pelvis_m=rng.normal(0, 3.0, motion.pelvis_m.shape))
@@ -172,7 +168,7 @@ def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
         scale_of(small_body, flying, path, config=ScaleConfig(min_stances=4))
 
 
-def test_cues_are_weighted_by_their_variances() -> None:
+def test_cues_are_weighted_by_their_variances():
     near = CueEstimate("planted_feet", 2.0, 0.1, 5, 0.01, None)
     far = CueEstimate("other", 3.0, 0.2, 5, 0.01, None)
     fused = fuse((near, far))
@@ -186,7 +182,7 @@ def test_cues_are_weighted_by_their_variances() -> None:
     assert alone.disagreement is None and alone.sigma == pytest.approx(0.1)
 
 
-def test_sole_points_lie_on_the_ground_while_they_stand(small_body: BodyModel) -> None:
+def test_sole_points_lie_on_the_ground_while_they_stand(small_body):
     motion = make_gait("walk", 2.0, 60.0, small_body, np.random.default_rng(0))
     soles_m = foot_points_m(small_body, motion)[:, :, SOLE_POINTS]
     down = standing(soles_m, 0.002)
@@ -198,7 +194,7 @@ def test_sole_points_lie_on_the_ground_while_they_stand(small_body: BodyModel) -
     assert (np.diff(along, axis=1) > 0).all()
 
 
-def test_sole_points_are_the_lowest_of_a_round_sole(anny: BodyModel) -> None:
+def test_sole_points_are_the_lowest_of_a_round_sole(anny):
     """The hindmost and the foremost points of the default body's soles are 13 mm higher."""
     shape = np.zeros(anny.n_shape)
     local, root = np.tile(np.eye(3), (1, 23, 1, 1)), np.eye(3)[None]
@@ -210,7 +206,7 @@ def test_sole_points_are_the_lowest_of_a_round_sole(anny: BodyModel) -> None:
     assert (np.diff(soles_m[..., 2], axis=1) > 0.03).all()
 
 
-def test_two_people_give_a_cue_each(small_body: BodyModel) -> None:
+def test_two_people_give_a_cue_each(small_body):
     motion, path = filmed("walk", "circular", small_body, seed=0)
     other, _ = filmed("side_step", "circular", small_body, seed=1)
     found = seen_through(path, 3.0, 0.002, 0.0003, seed=0)
@@ -227,7 +223,7 @@ def test_two_people_give_a_cue_each(small_body: BodyModel) -> None:
     assert estimate.scale == pytest.approx(3.0, rel=0.02)
 
 
-def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body: BodyModel) -> None:
+def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body):
     motion, path = filmed("walk", "circular", small_body, seed=0)
     found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
     person = motion_in_camera(motion, path.world_from_cam)
@@ -237,7 +233,7 @@ def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body: Bo
     assert [cue.person for cue in estimate.cues] == [1]
 
 
-def test_what_cues_share_is_not_lowered_by_their_number() -> None:
+def test_what_cues_share_is_not_lowered_by_their_number():
     cues = tuple(CueEstimate(f"cue_{i}", 2.0, 0.02, 9, 0.01, None) for i in range(100))
     assert fuse(cues).sigma == pytest.approx(0.002)
     assert fuse(cues, 0.01).sigma == pytest.approx(np.hypot(0.002, 0.02))
@@ -286,9 +282,7 @@ def ground_cue(
 
 @pytest.mark.parametrize("programme", [Circular(), Linear(), Small()], ids=str)
 @pytest.mark.parametrize("rough", [0.85, 1.0, 1.15])
-def test_soles_on_the_ground_tell_the_scale(
-    programme: Programme, rough: float, small_body: BodyModel
-) -> None:
+def test_soles_on_the_ground_tell_the_scale(programme, rough, small_body):
     motion, path = walk(small_body, programme)
     cue = ground_cue(motion, path, scenery(motion, 0.01, 600), small_body, rough * UNIT_M)
     assert cue is not None and cue.name == "ground_contact" and cue.support > 50
@@ -297,9 +291,7 @@ def test_soles_on_the_ground_tell_the_scale(
 
 
 @pytest.mark.parametrize("lean_deg", [12, 24])
-def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(
-    lean_deg: float, small_body: BodyModel
-) -> None:
+def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(lean_deg, small_body):
     """The left foot is on the ground heel and all; the right one, in front, waits 4 cm above it."""
     motion, path = walk(small_body, Circular())
     middle_m = motion.pelvis_m.mean(axis=0) * [1, 1, 0]
@@ -315,7 +307,7 @@ def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(
     assert cue is not None and cue.scale == pytest.approx(UNIT_M, rel=1e-4)
 
 
-def test_without_a_ground_there_is_no_such_cue(small_body: BodyModel) -> None:
+def test_without_a_ground_there_is_no_such_cue(small_body):
     motion, path = walk(small_body, Circular())
     wall_m = scenery(motion, 0.01, 0)[60:]
     assert ground_cue(motion, path, wall_m, small_body, UNIT_M) is None
@@ -338,7 +330,7 @@ def drifting(path: CameraPath, drift_m: float, seed: int) -> np.ndarray:
     return np.asarray(turned @ dataset_camera)
 
 
-def test_a_data_sets_own_path_tells_the_scale_where_it_drifts_little(small_body: BodyModel) -> None:
+def test_a_data_sets_own_path_tells_the_scale_where_it_drifts_little(small_body):
     inside = 0
     for seed in range(8):
         _, path = walk(small_body, Circular(), seed)
@@ -352,7 +344,7 @@ def test_a_data_sets_own_path_tells_the_scale_where_it_drifts_little(small_body:
     assert inside >= 7
 
 
-def test_frames_that_either_path_lacks_are_left_out(small_body: BodyModel) -> None:
+def test_frames_that_either_path_lacks_are_left_out(small_body):
     _, path = walk(small_body, Linear())
     found, _ = reconstructed(path, np.zeros((0, 3)))
     found.world_from_cam[5:9] = np.nan
@@ -366,7 +358,7 @@ def test_frames_that_either_path_lacks_are_left_out(small_body: BodyModel) -> No
     assert short_windows_scale(replace(path, world_from_cam=still), still, 30.0, CONFIG) is None
 
 
-def test_all_cues_together_are_better_than_feet_alone(small_body: BodyModel) -> None:
+def test_all_cues_together_are_better_than_feet_alone(small_body):
     motion, path = walk(small_body, Circular())
     found, points = reconstructed(path, scenery(motion, 0.01, 600))
     person = motion_in_camera(motion, path.world_from_cam)
@@ -385,7 +377,7 @@ def test_all_cues_together_are_better_than_feet_alone(small_body: BodyModel) -> 
     assert every.disagreement is not None and every.disagreement < 2
 
 
-def test_the_ground_is_found_though_steps_are_too_short(anny: BodyModel) -> None:
+def test_the_ground_is_found_though_steps_are_too_short(anny):
     """As of poses from pictures, whose planted feet seem to creep."""
     motion, path = walk(anny, Circular(rate_deg_per_s=25.0))
     local = motion.local_rotmats.copy()

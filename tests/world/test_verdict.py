@@ -72,7 +72,7 @@ def changed(clip: Clip, rows: slice, value: Any) -> Clip:
     return clip_of(world_from_cam)
 
 
-def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
+def test_a_good_sequence_is_accepted_whole(clip):
     dataset_camera = circling() @ rigid(Rotation.from_rotvec([0, 1.0, 0]).as_matrix(), np.zeros(3))
     same_motion = rigid(np.eye(3), np.array([5.0, 1, 0])) @ circling()
     for other in (None, same_motion):
@@ -119,17 +119,15 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ),
     ],
 )
-def test_a_sequence_that_misses_a_threshold_is_rejected_with_both_figures(
-    clip: Clip, figures: dict[str, Any], reason: str
-) -> None:
+def test_a_sequence_that_misses_a_threshold_is_rejected_with_both_figures(clip, figures, reason):
     verdict = judged(clip, good_quality(N, **figures))
     assert not verdict.accepted and len(verdict.reasons) == 1 and reason in verdict.reasons[0]
 
 
 @pytest.mark.parametrize(("loose", "moving"), [(0.0014, 0.05), (0.0002, 0.6), (0.005, 0.0)])
 def test_a_gap_where_nothing_moves_and_a_crowd_before_what_holds_firmly_are_accepted(
-    clip: Clip, loose: float, moving: float
-) -> None:
+    clip, loose, moving
+):
     quality = good_quality(N, weakest_step=WeakestStep(40, 52, loose, moving, 2.6))
     assert judged(clip, quality).accepted
 
@@ -137,14 +135,12 @@ def test_a_gap_where_nothing_moves_and_a_crowd_before_what_holds_firmly_are_acce
 @pytest.mark.parametrize(
     ("factor", "sigma"), [(None, None), (0.77, 0.12), (1.009, 0.001), (1.0, 0.02), (0.97, 0.013)]
 )
-def test_a_focal_length_that_may_be_right_rejects_nothing(
-    clip: Clip, factor: float | None, sigma: float | None
-) -> None:
+def test_a_focal_length_that_may_be_right_rejects_nothing(clip, factor, sigma):
     figures = {"focal_factor": factor, "focal_sigma": sigma}
     assert judged(clip, good_quality(N, **figures)).accepted
 
 
-def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
+def test_an_uncertain_scale_and_cues_that_disagree_reject(clip):
     vague = fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),))
     assert "uncertain by 10.0%" in judged(clip, scale=vague).reasons[0]
     apart = fuse(
@@ -162,7 +158,7 @@ def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
 
 
 @pytest.mark.parametrize("scale", [-2.0, 0.0, float("nan")])
-def test_a_scale_that_no_camera_has_rejects(clip: Clip, scale: float) -> None:
+def test_a_scale_that_no_camera_has_rejects(clip, scale):
     for matters in (True, False):
         estimate = ScaleEstimate(scale, 0.02, (), matters=matters)
         (reason,) = judged(clip, scale=estimate).reasons
@@ -186,21 +182,19 @@ def test_a_scale_that_no_camera_has_rejects(clip: Clip, scale: float) -> None:
         (PictureFit(40, 20, 0.5, 4, 0.6, 0, ()), "the body is 4 frames late"),
     ],
 )  # fmt: skip
-def test_a_body_that_lies_on_nobody_or_on_people_of_other_frames_rejects(
-    clip: Clip, fit: PictureFit, reason: str
-) -> None:
+def test_a_body_that_lies_on_nobody_or_on_people_of_other_frames_rejects(clip, fit, reason):
     verdict = judged(clip, fit=fit)
     assert len(verdict.reasons) == 1 and reason in verdict.reasons[0]
 
 
-def test_a_frame_in_which_the_body_is_beside_the_person_is_not_kept(clip: Clip) -> None:
+def test_a_frame_in_which_the_body_is_beside_the_person_is_not_kept(clip):
     verdict = judged(clip, fit=PictureFit(40, 3, 0.8, 0, 0.8, 0, (27, 28, 50)))
     assert verdict.accepted and np.flatnonzero(~verdict.kept).tolist() == [27, 28, 50]
     assert "does not lie on the person" in verdict.frame_reasons[50]
 
 
 @pytest.mark.parametrize("what", ["place", "turn"])
-def test_a_frame_to_which_the_body_jumps_is_not_kept(clip: Clip, what: str) -> None:
+def test_a_frame_to_which_the_body_jumps_is_not_kept(clip, what):
     """Front and back are exchanged from frame 30 on, or the person is 2 m away."""
     motion = clip.motion
     root_rotmats, pelvis_m = motion.root_rotmats.copy(), motion.pelvis_m.copy()
@@ -214,7 +208,7 @@ def test_a_frame_to_which_the_body_jumps_is_not_kept(clip: Clip, what: str) -> N
     assert verdict.frame_reasons[30] == "the body jumps"
 
 
-def test_a_body_that_lies_on_the_person_is_accepted(clip: Clip) -> None:
+def test_a_body_that_lies_on_the_person_is_accepted(clip):
     for fit in (
         PictureFit(40, 2, 0.71, 0, 0.71, 0, ()),
         PictureFit(9, 2, 0.55, 1, 0.58, 0, ()),
@@ -223,7 +217,7 @@ def test_a_body_that_lies_on_the_person_is_accepted(clip: Clip) -> None:
         assert judged(clip, fit=fit).accepted
 
 
-def test_who_is_beside_the_person_or_doubted_tells_nothing_of_the_world(clip: Clip) -> None:
+def test_who_is_beside_the_person_or_doubted_tells_nothing_of_the_world(clip):
     """A bottle on a desk was followed for 11 frames, and its feet made a dancer's scale 3 % larger
     and 11 % uncertain."""
     right = PictureFit(90, 2, 0.8, 0, 0.8, 0, (27, 28))
@@ -239,7 +233,7 @@ def test_who_is_beside_the_person_or_doubted_tells_nothing_of_the_world(clip: Cl
     assert known((doubted, doubted), right, right) == [90, 90]
 
 
-def test_a_statue_that_travels_rejects_and_one_that_stands_does_not(clip: Clip) -> None:
+def test_a_statue_that_travels_rejects_and_one_that_stands_does_not(clip):
     way_m = 3.0 * np.linspace(0, 1, N)[:, None] * [1.0, 0.0, 0.0]
     statue = replace(clip, motion=replace(clip.motion, pelvis_m=way_m))
     (reason,) = judged(statue).reasons
@@ -268,9 +262,7 @@ FEW = [10 if 30 <= row < 35 or 40 <= row < 45 else 200 for row in range(N)]
         ),
     ],
 )  # fmt: skip
-def test_frames_are_dropped_with_the_reason(
-    clip: Clip, lost: slice, figures: dict[str, Any], unusable: int, dropped: list[Dropped]
-) -> None:
+def test_frames_are_dropped_with_the_reason(clip, lost, figures, unusable, dropped):
     """Without a camera; not vouched for by the data set; with few inliers, and too short beside."""
     texts = ["campose_valid is 0" if row < unusable else "" for row in range(N)]
     verdict = judged(changed(clip, lost, np.nan), good_quality(N, **figures), unusable=texts)
@@ -279,7 +271,7 @@ def test_frames_are_dropped_with_the_reason(
     assert verdict.kept.mean() == pytest.approx((N - left_out) / N)
 
 
-def test_a_jump_drops_the_frames_beside_it(clip: Clip) -> None:
+def test_a_jump_drops_the_frames_beside_it(clip):
     after = camera_of(clip).world_from_cam[50:].copy()
     after[:, :3, 3] += [0.0, 0.0, 0.5]  # 15 m/s for one frame
     verdict = judged(changed(clip, slice(50, N), after))
@@ -290,7 +282,7 @@ def test_a_jump_drops_the_frames_beside_it(clip: Clip) -> None:
     assert verdict.dropped == (Dropped(49, 51, "the camera jumps"),)
 
 
-def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip: Clip) -> None:
+def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip):
     time = np.linspace(0, 1, N)
     drift = rigid(
         Rotation.from_rotvec(np.deg2rad(8) * time[:, None] * [0.0, 0.0, 1.0]).as_matrix(),
@@ -304,13 +296,13 @@ def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip: Clip
     assert judged(clip, dataset_camera=unknown).accepted
 
 
-def test_no_usable_frame_is_a_rejection(clip: Clip) -> None:
+def test_no_usable_frame_is_a_rejection(clip):
     verdict = judged(replace(clip, id="x"), unusable=["bad"] * N)
     assert not verdict.accepted and verdict.kept.mean() == 0.0
     assert verdict.dropped == (Dropped(0, N, "bad"),)
 
 
-def test_frames_beyond_a_cut_say_so(clip: Clip) -> None:
+def test_frames_beyond_a_cut_say_so(clip):
     lost = changed(clip, slice(60, N), np.nan)
     verdict = judged(lost, good_quality(N, cuts_after_frames=[59]))
     assert verdict.accepted
@@ -318,7 +310,7 @@ def test_frames_beyond_a_cut_say_so(clip: Clip) -> None:
     assert (run.start, run.stop) == (60, N) and "beyond a cut" in run.reason
 
 
-def test_frames_without_an_image_are_dropped(clip: Clip) -> None:
+def test_frames_without_an_image_are_dropped(clip):
     """The reconstruction has fewer rows then, so its figures are looked up by row."""
     rows = np.r_[np.arange(50), -1, np.arange(50, N - 1)]
     inliers = [200] * 50 + [3] + [200] * (N - 52)
@@ -330,19 +322,19 @@ def test_frames_without_an_image_are_dropped(clip: Clip) -> None:
     ]
 
 
-def test_doubts_about_the_data_set_reject_the_sequence(clip: Clip) -> None:
+def test_doubts_about_the_data_set_reject_the_sequence(clip):
     verdict = judged(clip, doubts=("the intrinsics are wrong",))
     assert not verdict.accepted and verdict.reasons == ("the intrinsics are wrong",)
 
 
-def test_few_valid_frames_are_not_held_against_a_sequence(clip: Clip) -> None:
+def test_few_valid_frames_are_not_held_against_a_sequence(clip):
     unusable = ["campose_valid is 0"] * 60 + [""] * 30
     verdict = judged(clip, unusable=unusable)
     assert verdict.accepted and verdict.kept.mean() == pytest.approx(1 / 3)
     assert np.array_equal(verdict.kept, np.arange(N) >= 60)
 
 
-def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
+def test_a_verdict_as_a_record_gives_its_frames_back(clip):
     verdict = judged(changed(clip, slice(40, 52), np.nan))
     assert verdict.id == "c" and verdict.kept_frames == N - 12 and verdict.accepted
     (run,) = verdict.dropped
@@ -351,13 +343,13 @@ def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
     assert [reason != "" for reason in verdict.frame_reasons] == (~verdict.kept).tolist() == lost
 
 
-def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
+def test_interpolated_frames_have_no_inliers_of_their_own(clip):
     inliers = [200] * 40 + [0] * 3 + [200] * (N - 43)
     figures = {"inliers_per_frame": inliers, "interpolated": [40, 41, 42]}
     assert judged(clip, good_quality(N, **figures)).kept.all()
 
 
-def test_images_out_of_order_say_so(clip: Clip) -> None:
+def test_images_out_of_order_say_so(clip):
     order = np.random.default_rng(0).permutation(N)
     slow = VerdictConfig(max_speed_m_per_s=3.0)
     for cameras in (circling(), circling() * [1.0, 1.0, 1.0, 0.0]):
@@ -368,7 +360,7 @@ def test_images_out_of_order_say_so(clip: Clip) -> None:
     assert any("images out of order" in reason for reason in verdict.reasons)
 
 
-def test_cameras_that_jump_in_order_are_not_called_out_of_order(clip: Clip) -> None:
+def test_cameras_that_jump_in_order_are_not_called_out_of_order(clip):
     jumping = camera_of(clip).world_from_cam.copy()
     jumping[::9, :3, 3] += [0.0, 0.0, 0.5]
     (reason,) = judged(clip_of(jumping), config=VerdictConfig()).reasons
@@ -378,7 +370,7 @@ def test_cameras_that_jump_in_order_are_not_called_out_of_order(clip: Clip) -> N
     assert "0.70 times the one in use" in focal and "the focal length is wrong" in jumps
 
 
-def test_a_background_that_moves_is_named(clip: Clip) -> None:
+def test_a_background_that_moves_is_named(clip):
     """A sea's and a crowd's figures, and those of a large person."""
     for step, is_named in (
         (WeakestStep(36, 45, 0.0032, 0.56, 1.03), True),
@@ -390,7 +382,7 @@ def test_a_background_that_moves_is_named(clip: Clip) -> None:
         assert reasons and len(named) == is_named
 
 
-def test_black_images_are_named(clip: Clip) -> None:
+def test_black_images_are_named(clip):
     lost = changed(clip, slice(50, N), np.nan)
     figures = {"registered_share": 50 / N, "featureless": list(range(50, N))}
     verdict = judged(lost, good_quality(N, **figures))

@@ -1,15 +1,13 @@
 """Blender's own importers play the written GLB, BVH and USD files: an independent reader."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gmrdata.values.body import JOINT, JOINT_NAMES, BodyModel
+from gmrdata.values.body import JOINT, JOINT_NAMES
 from gmrdata.values.joint_names import MIXAMO
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
@@ -22,9 +20,7 @@ ROWS = [0, 7, 11]
 OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def test_blender_plays_what_was_written(
-    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_blender_plays_what_was_written(walk, small_body, tmp_path):
     """Of one person, so that the importer's objects need no names."""
     take = make_take(walk, small_body, 25.0)
     person, camera = take.people[0], take.camera

@@ -45,7 +45,7 @@ def models(folder: Path) -> list[Any]:
     return [pycolmap.Reconstruction(str(folder / name)) for name in (BINARY_FOLDER, TEXT_FOLDER)]
 
 
-def test_pycolmap_reads_cameras_points_and_tracks(camera: CameraPath, tmp_path: Path) -> None:
+def test_pycolmap_reads_cameras_points_and_tracks(camera, tmp_path):
     points = some_points(camera)
     write_colmap(tmp_path, camera, NAMES, points)
     for model in models(tmp_path):
@@ -66,9 +66,7 @@ def test_pycolmap_reads_cameras_points_and_tracks(camera: CameraPath, tmp_path: 
 
 
 @pytest.mark.parametrize("lens", [None, Distortion(0.1, -0.05, 0.1)])
-def test_the_error_of_the_model_is_that_of_the_tracks(
-    camera: CameraPath, lens: Distortion | None, tmp_path: Path
-) -> None:
+def test_the_error_of_the_model_is_that_of_the_tracks(camera, lens, tmp_path):
     points = some_points(camera)
     radial = None if lens is None else (lens.k1, lens.k2)
     write_colmap(tmp_path, camera, NAMES, points, radial=radial)
@@ -86,9 +84,7 @@ def test_the_error_of_the_model_is_that_of_the_tracks(
         assert 0.3 < expected_px < (1.0 if lens is None else 20.0)
 
 
-def test_frames_without_an_image_are_left_out_and_points_may_lack(
-    camera: CameraPath, tmp_path: Path
-) -> None:
+def test_frames_without_an_image_are_left_out_and_points_may_lack(camera, tmp_path):
     write_colmap(tmp_path, camera, [None, *NAMES[1:]])
     for model in models(tmp_path):
         assert (model.num_reg_images(), model.num_points3D()) == (N_FRAMES - 2, 0)
@@ -96,9 +92,7 @@ def test_frames_without_an_image_are_left_out_and_points_may_lack(
         write_colmap(tmp_path, camera, [None, None, NAMES[2], None, None, None])
 
 
-def test_points_that_nothing_sees_have_no_error_and_are_left_out(
-    camera: CameraPath, tmp_path: Path
-) -> None:
+def test_points_that_nothing_sees_have_no_error_and_are_left_out(camera, tmp_path):
     points = some_points(camera)
     more = ColmapPoints(
         np.concatenate([points.world_m, np.ones((5, 3))]),
@@ -108,7 +102,7 @@ def test_points_that_nothing_sees_have_no_error_and_are_left_out(
     assert all(model.num_points3D() == N_POINTS for model in models(tmp_path))
 
 
-def test_points_get_the_colours_of_the_images(camera: CameraPath, tmp_path: Path) -> None:
+def test_points_get_the_colours_of_the_images(camera, tmp_path):
     images_dir = tmp_path / "images"
     images_dir.mkdir()
     blue_green_red = np.full((480, 640, 3), (200, 100, 50), np.uint8)

@@ -1,7 +1,6 @@
 """Clips as EMDB's files: opened by pickle itself, and read back to the clip."""
 
 import pickle  # noqa: TID251  The oracle: what EMDB's own scripts open the files with.
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,12 +21,12 @@ MM, RAD = 1e-4, 1.7e-4  # 0.1 mm, 0.01 degrees
 
 
 @pytest.fixture(scope="module")
-def body(small_body: BodyModel) -> BodyModel:
+def body(small_body) -> BodyModel:
     return replace(small_body, name="smpl-female")
 
 
 @pytest.fixture(scope="module")
-def clip(walkers: list[Clip], body: BodyModel) -> Clip:
+def clip(walkers, body) -> Clip:
     """A walk in which frames 2 and 10 to 12 are not valid, 4 has no motion and 6 no camera."""
     motion = replace(walkers[0].motion, body=body.name, gender="female")
     camera, valid = camera_of(walkers[0]), walkers[0].valid.copy()
@@ -39,7 +38,7 @@ def clip(walkers: list[Clip], body: BodyModel) -> Clip:
 
 
 @pytest.fixture
-def path(clip: Clip, body: BodyModel, tmp_path: Path) -> Path:
+def path(clip, body, tmp_path) -> Path:
     subject, take = emdb_name(NAME)
     path = tmp_path / subject / take / f"{NAME}_data.pkl"
     sequence = emdb_sequence(NAME, clip, body, (False, True))
@@ -47,7 +46,7 @@ def path(clip: Clip, body: BodyModel, tmp_path: Path) -> Path:
     return path
 
 
-def test_pickle_itself_finds_every_key_of_emdb(path: Path, clip: Clip, body: BodyModel) -> None:
+def test_pickle_itself_finds_every_key_of_emdb(path, clip, body):
     found = pickle.loads(path.read_bytes())
     n = clip.motion.n_frames
     assert (found["gender"], found["name"], found["n_frames"]) == ("female", NAME, n)
@@ -80,7 +79,7 @@ def test_pickle_itself_finds_every_key_of_emdb(path: Path, clip: Clip, body: Bod
     assert world_m[:, 1].max() - world_m[:, 1].min() > 1.5  # y is up
 
 
-def test_the_clip_comes_back(path: Path, clip: Clip, body: BodyModel) -> None:
+def test_the_clip_comes_back(path, clip, body):
     assert find_sequences(path.parents[2]) == [path]
     sequence = read_emdb(path)
     back = sequence_clip(NAME, sequence, body)
@@ -107,16 +106,12 @@ def test_the_clip_comes_back(path: Path, clip: Clip, body: BodyModel) -> None:
         (lambda m: replace(m, frame="camera"), "in the camera's frame"),
     ],
 )
-def test_what_emdb_has_no_place_for_is_refused(
-    clip: Clip, body: BodyModel, change: Callable[..., object], said: str
-) -> None:
+def test_what_emdb_has_no_place_for_is_refused(clip, body, change, said):
     with pytest.raises(BadSequence, match=said):
         emdb_sequence(NAME, replace(clip, motion=change(clip.motion)), body, (True, True))
 
 
-def test_a_good_frame_without_numbers_is_refused(
-    clip: Clip, body: BodyModel, tmp_path: Path
-) -> None:
+def test_a_good_frame_without_numbers_is_refused(clip, body, tmp_path):
     sequence = emdb_sequence(NAME, clip, body, (True, True))
     sequence = replace(sequence, good=np.ones_like(sequence.good))
     with pytest.raises(BadSequence, match="frame 4 is called good"):
@@ -124,6 +119,6 @@ def test_a_good_frame_without_numbers_is_refused(
     assert not list(tmp_path.iterdir())
 
 
-def test_names_of_others_get_a_subject() -> None:
+def test_names_of_others_get_a_subject():
     assert emdb_name("P12_80_walk") == ("P12", "80_walk")
     assert emdb_name("gait_3") == ("P0", "gait_3")

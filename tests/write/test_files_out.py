@@ -2,7 +2,6 @@
 
 import json
 import struct
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -68,13 +67,8 @@ def some_motion(
     n_frames=st.integers(2, 6),
 )
 def test_bvh_comes_back_through_our_reader(
-    seed: int,
-    spread_rad: float,
-    fps_hz: float,
-    n_frames: int,
-    small_body: BodyModel,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+    seed, spread_rad, fps_hz, n_frames, small_body, tmp_path_factory
+):
     motion = some_motion(small_body, n_frames, seed, spread_rad, fps_hz)
     path = tmp_path_factory.getbasetemp() / "some.bvh"
     write_bvh(path, motion, small_body)
@@ -97,9 +91,7 @@ def test_bvh_comes_back_through_our_reader(
 
 
 @pytest.mark.parametrize("shape_given", [True, False])
-def test_bvh_of_a_walk_comes_back_onto_the_body(
-    shape_given: bool, walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_bvh_of_a_walk_comes_back_onto_the_body(shape_given, walk, small_body, tmp_path):
     """All of it, feet, shape, world and rate: the file's skeleton is the body's own."""
     shape = np.random.default_rng(3).normal(0, 1, small_body.n_shape)
     motion = replace(walk(29.97, 40), shape=shape)
@@ -118,9 +110,7 @@ def test_bvh_of_a_walk_comes_back_onto_the_body(
     assert np.abs(off_m).max() < 1e-6
 
 
-def test_another_skeleton_is_not_taken_for_the_bodys_own(
-    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_another_skeleton_is_not_taken_for_the_bodys_own(walk, small_body, tmp_path):
     motion = walk(30.0, 40)
     joints_m = small_body.joints_template_m.copy()
     joints_m[JOINT["left_foot"]] += [0.0, 0.001, 0.0]
@@ -139,14 +129,8 @@ def test_another_skeleton_is_not_taken_for_the_bodys_own(
     fps_hz=st.sampled_from([10.0, 29.97, 59.94, 60.0, 120.0]),
 )
 def test_amass_in_and_out_again_has_the_same_numbers(
-    seed: int,
-    gender: str,
-    on: str,
-    n_betas: int,
-    fps_hz: float,
-    small_body: BodyModel,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+    seed, gender, on, n_betas, fps_hz, small_body, tmp_path_factory
+):
     """On its own body all of them; on one of another gender or kind all but betas and gender."""
     rng, folder = np.random.default_rng(seed), tmp_path_factory.getbasetemp()
     poses = np.zeros((4, 52, 3))
@@ -186,9 +170,7 @@ def grown_body(body: BodyModel, n_shape: int) -> BodyModel:
 
 
 @pytest.mark.parametrize("name", ["small", "smpl-neutral"])
-def test_amass_comes_back_through_our_reader(
-    name: str, walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_amass_comes_back_through_our_reader(name, walk, small_body, tmp_path):
     body = replace(small_body, name=name)
     motion = replace(walk(30.0, 20), body=name)
     write_amass(tmp_path / "walk.npz", motion, body)
@@ -286,9 +268,7 @@ def written_glb(path: Path, motion: Motion, body: BodyModel) -> Glb:
     return Glb(path.read_bytes())
 
 
-def test_glb_moves_as_the_body_does(
-    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_glb_moves_as_the_body_does(walk, small_body, tmp_path):
     motion = walk(30.0, 40)
     glb = written_glb(tmp_path / "body.glb", motion, small_body)
     vertices_m = motion_vertices_m(small_body, motion)
@@ -300,7 +280,7 @@ def test_glb_moves_as_the_body_does(
     assert [parents[joint] for joint in range(1, 24)] == list(PARENTS[1:])
 
 
-def test_glb_turns_the_short_way_between_frames(small_body: BodyModel, tmp_path: Path) -> None:
+def test_glb_turns_the_short_way_between_frames(small_body, tmp_path):
     """Quaternions whose signs jumped would swing through half a turn between two frames."""
     motion = some_motion(small_body, 5, 1, 2.0, 10.0)
     glb = written_glb(tmp_path / "body.glb", motion, small_body)
@@ -310,9 +290,7 @@ def test_glb_turns_the_short_way_between_frames(small_body: BodyModel, tmp_path:
         assert ((quaternions[1:] * quaternions[:-1]).sum(axis=1) >= 0).all()
 
 
-def test_trimesh_opens_the_glb(
-    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_trimesh_opens_the_glb(walk, small_body, tmp_path):
     motion = walk(30.0, 10)
     write_glb(tmp_path / "body.glb", motion, small_body)
     scene = trimesh.load(tmp_path / "body.glb", process=False)
@@ -323,9 +301,7 @@ def test_trimesh_opens_the_glb(
     assert {"left_knee", "z_up_world", "body"} <= set(scene.graph.nodes)
 
 
-def test_the_same_motion_gives_the_same_bytes(
-    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_the_same_motion_gives_the_same_bytes(walk, small_body, tmp_path):
     motion = walk(30.0, 10)
     for name, write in (("a.bvh", write_bvh), ("a.glb", write_glb), ("a.npz", write_amass)):
         for path in (tmp_path / name, tmp_path / f"again_{name}"):

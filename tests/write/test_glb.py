@@ -1,14 +1,11 @@
 """A GLB with a camera and with frames that are left out, read again by pygltflib."""
 
-from pathlib import Path
-
 import numpy as np
 import pygltflib
 import pytest
 
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.write.glb import write_glb
-from gmrdata.write.take import Take
 from tests.write.takes import HIDDEN, INTRINSICS_PX, N_FRAMES, SIZE_PX
 
 
@@ -30,7 +27,7 @@ def array(document: pygltflib.GLTF2, number: int) -> np.ndarray:
     return np.frombuffer(blob, "<f4", accessor.count * columns, start).reshape(-1, columns)
 
 
-def test_frames_without_a_pose_or_a_camera_have_no_sample(take: Take, tmp_path: Path) -> None:
+def test_frames_without_a_pose_or_a_camera_have_no_sample(take, tmp_path):
     person, camera = take.people[1], take.camera
     assert camera is not None
     path = tmp_path / "take.glb"
@@ -50,9 +47,7 @@ def test_frames_without_a_pose_or_a_camera_have_no_sample(take: Take, tmp_path: 
     assert film.perspective.aspectRatio == pytest.approx((80 / 150) / (48 / 160))
 
 
-def test_a_frame_without_a_pose_is_refused_where_it_is_not_left_out(
-    take: Take, tmp_path: Path
-) -> None:
+def test_a_frame_without_a_pose_is_refused_where_it_is_not_left_out(take, tmp_path):
     person = take.people[1]
     with pytest.raises(BadMotionFile, match="NaN in a frame"):
         write_glb(tmp_path / "take.glb", person.motion, person.body)

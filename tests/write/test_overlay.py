@@ -22,7 +22,7 @@ WITHOUT_IMAGE = 2
 
 
 @pytest.fixture(scope="module")
-def images(tmp_path_factory: pytest.TempPathFactory) -> list[Path | None]:
+def images(tmp_path_factory) -> list[Path | None]:
     """Dark grey frames, one of which is missing."""
     folder, paths = tmp_path_factory.mktemp("frames"), []
     for row in range(N_FRAMES):
@@ -40,9 +40,7 @@ def silhouette_of(take: Take, person: Performer, row: int) -> np.ndarray:
     return silhouette(vertices_cam_m, faces, intrinsics_px, SIZE_PX) > 0
 
 
-def test_bodies_cover_their_silhouettes(
-    take: Take, images: list[Path | None], tmp_path: Path
-) -> None:
+def test_bodies_cover_their_silhouettes(take, images, tmp_path):
     write_overlay(tmp_path / "clip.mp4", take, images)
     with av.open(str(tmp_path / "clip.mp4")) as container:
         stream = container.streams.video[0]
@@ -63,9 +61,7 @@ def test_bodies_cover_their_silhouettes(
         assert (covered & expected).sum() > 0.95 * (covered | expected).sum() > 500
 
 
-def test_the_path_lies_on_the_floor_and_has_the_gap(
-    take: Take, images: list[Path | None], tmp_path: Path
-) -> None:
+def test_the_path_lies_on_the_floor_and_has_the_gap(take, images, tmp_path):
     """Seen from above, in a frame in which the person is hidden."""
     second, camera = take.people[1], take.camera
     assert camera is not None
@@ -88,9 +84,7 @@ def test_the_path_lies_on_the_floor_and_has_the_gap(
     assert not drawn[int(between[1]), int(between[0])]
 
 
-def test_what_cannot_be_drawn_is_said(
-    take: Take, images: list[Path | None], tmp_path: Path
-) -> None:
+def test_what_cannot_be_drawn_is_said(take, images, tmp_path):
     small = tmp_path / "small.png"
     cv2.imwrite(str(small), np.zeros((48, 64, 3), np.uint8))
     for shown, frames, error, why in (

@@ -2,7 +2,6 @@
 
 import pickle  # noqa: TID251  The oracle: what others open the files with.
 import pickletools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -31,9 +30,7 @@ def values(text: st.SearchStrategy[str]) -> st.SearchStrategy[Any]:
 
 
 @given(value=values(st.text(st.characters(max_codepoint=255), max_size=300)))
-def test_values_of_python_2_survive_for_both_readers(
-    value: object, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_values_of_python_2_survive_for_both_readers(value, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "value2.pkl"
     path.write_bytes(python2_pickle(value))
     for found in (load_plain(path), pickle.loads(path.read_bytes(), encoding="latin1")):
@@ -41,9 +38,7 @@ def test_values_of_python_2_survive_for_both_readers(
 
 
 @given(value=values(st.text(st.characters(exclude_categories=["Cs"]), max_size=300)))
-def test_values_of_python_3_need_no_encoding(
-    value: object, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_values_of_python_3_need_no_encoding(value, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "value3.pkl"
     path.write_bytes(python3_pickle(value))
     for found in (load_plain(path), pickle.loads(path.read_bytes())):
@@ -61,7 +56,7 @@ def names_of_numpy_alone(data: bytes) -> list[Any]:
     return opcodes
 
 
-def test_python_3_files_import_three_names_of_numpy() -> None:
+def test_python_3_files_import_three_names_of_numpy():
     opcodes = names_of_numpy_alone(python3_pickle({"a": [np.zeros(3)], "b": "x", "c": True}))
     assert opcodes[0][1] == 4
 
@@ -70,11 +65,11 @@ def test_python_3_files_import_three_names_of_numpy() -> None:
 @pytest.mark.parametrize(
     "value", [None, 1.5, (1,), {1, 2}, b"x", 1 << 40, np.array([None]), np.array(["x"])]
 )
-def test_nothing_else_is_written(value: object, make: Callable[[Any], bytes]) -> None:
+def test_nothing_else_is_written(value, make):
     with pytest.raises(ValueError):
         make(value)
 
 
-def test_python_2_has_no_other_alphabets() -> None:
+def test_python_2_has_no_other_alphabets():
     with pytest.raises(ValueError):
         python2_pickle("日")

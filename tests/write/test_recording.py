@@ -22,7 +22,7 @@ SHOWN_FROM_WORLD = np.array([[0.0, -1, 0, 2], [1, 0, 0, 3], [0, 0, 1, 0.5], [0, 
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
+def files(tmp_path_factory) -> Files:
     """A frame and a mask for each row but the last."""
     folder, rng = tmp_path_factory.mktemp("frames"), np.random.default_rng(0)
     images: list[Path | None] = []
@@ -39,7 +39,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
 
 
 @pytest.fixture(scope="module")
-def recording(take: Take, files: Files, tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+def recording(take, files, tmp_path_factory) -> Recorded:
     path = tmp_path_factory.mktemp("rrd") / "take.rrd"
     write_recording(
         path,
@@ -51,7 +51,7 @@ def recording(take: Take, files: Files, tmp_path_factory: pytest.TempPathFactory
     return Recorded(path)
 
 
-def test_bodies_are_where_ours_are(recording: Recorded, take: Take) -> None:
+def test_bodies_are_where_ours_are(recording, take):
     for person in take.people:
         entity = f"world/truth/{person.name}"
         joints_m = motion_joints_m(person.body, person.motion)
@@ -70,7 +70,7 @@ def test_bodies_are_where_ours_are(recording: Recorded, take: Take) -> None:
         assert np.array_equal(faces, person.body.faces)
 
 
-def test_what_is_not_known_is_not_shown(recording: Recorded) -> None:
+def test_what_is_not_known_is_not_shown(recording):
     """A viewer goes on showing what was logged last, until it is cleared."""
     everywhere = set(range(N_FRAMES))
     for part, component in (
@@ -89,7 +89,7 @@ def test_what_is_not_known_is_not_shown(recording: Recorded) -> None:
     assert everywhere - shown == {N_FRAMES - 1}
 
 
-def test_the_camera_is_ours(recording: Recorded, take: Take) -> None:
+def test_the_camera_is_ours(recording, take):
     camera = take.camera
     assert camera is not None
     for name in ("result", "truth"):
@@ -105,7 +105,7 @@ def test_the_camera_is_ours(recording: Recorded, take: Take) -> None:
     np.testing.assert_allclose(recording.transforms("world/truth")[None], SHOWN_FROM_WORLD)
 
 
-def test_frames_and_masks_are_the_files(recording: Recorded, files: Files) -> None:
+def test_frames_and_masks_are_the_files(recording, files):
     entity = "world/result/camera/image"
     blobs = recording.values(entity, "EncodedImage:blob")
     masks = recording.values(f"{entity}/mask", "SegmentationImage:buffer")
@@ -119,13 +119,13 @@ def test_frames_and_masks_are_the_files(recording: Recorded, files: Files) -> No
     assert "world/truth/camera/image/mask" not in recording.entities()
 
 
-def test_times_are_the_frames_over_their_rate(recording: Recorded) -> None:
+def test_times_are_the_frames_over_their_rate(recording):
     times_s = recording.times_s("world/result/person/joints", "Points3D:positions")
     assert list(times_s) == list(range(N_FRAMES))
     np.testing.assert_allclose(list(times_s.values()), np.arange(N_FRAMES) / 29.97, atol=1e-6)
 
 
-def test_frames_without_a_camera_are_there(take: Take, files: Files, tmp_path: Path) -> None:
+def test_frames_without_a_camera_are_there(take, files, tmp_path):
     write_recording(
         tmp_path / "a.rrd", [replace(take, camera=None)], images=files[0], masks=files[1]
     )
@@ -135,9 +135,7 @@ def test_frames_without_a_camera_are_there(take: Take, files: Files, tmp_path: P
     assert not recorded.values(entity, "Pinhole:image_from_camera")
 
 
-def test_what_cannot_be_written_is_said(
-    take: Take, files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_written_is_said(take, files, tmp_path, monkeypatch):
     images, masks = files
     small = tmp_path / "small" / "00000.jpg"
     small.parent.mkdir()

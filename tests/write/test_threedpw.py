@@ -1,9 +1,7 @@
 """What is written is what is read, by this package and by pickle itself."""
 
 import pickle  # noqa: TID251  The oracle: what every other reader of 3DPW uses.
-from collections.abc import Callable
 from dataclasses import fields, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -76,17 +74,13 @@ def sequences(draw: st.DrawFn) -> SequenceArrays:
 
 
 @given(arrays=sequences())
-def test_reading_gives_back_what_was_written(
-    arrays: SequenceArrays, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_reading_gives_back_what_was_written(arrays, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "some.pkl"
     write_sequence_file(path, arrays)
     assert same(read_sequence_file(path), arrays)
 
 
-def test_pickle_itself_finds_every_key_in_3dpws_form(
-    walk_arrays: SequenceArrays, tmp_path: Path
-) -> None:
+def test_pickle_itself_finds_every_key_in_3dpws_form(walk_arrays, tmp_path):
     files = write_sequence(tmp_path, "test", walk_arrays)
     data = files.pickle_path.read_bytes()
     found = pickle.loads(data, encoding="latin1")  # as every loader of 3DPW does
@@ -106,18 +100,14 @@ def test_pickle_itself_finds_every_key_in_3dpws_form(
         pickle.loads(data)
 
 
-def test_the_file_is_protocol_2_and_imports_three_names_of_numpy(
-    walk_arrays: SequenceArrays, tmp_path: Path
-) -> None:
+def test_the_file_is_protocol_2_and_imports_three_names_of_numpy(walk_arrays, tmp_path):
     data = write_sequence(tmp_path, "test", walk_arrays).pickle_path.read_bytes()
     opcodes = names_of_numpy_alone(data)
     assert opcodes[0][0].name == "PROTO" and opcodes[0][1] == 2
     assert not [opcode for opcode, _, _ in opcodes if "UNICODE" in opcode.name]
 
 
-def test_the_same_arrays_give_the_same_bytes_and_no_half_file(
-    walk_arrays: SequenceArrays, tmp_path: Path
-) -> None:
+def test_the_same_arrays_give_the_same_bytes_and_no_half_file(walk_arrays, tmp_path):
     one = write_sequence(tmp_path / "a", "train", walk_arrays).pickle_path
     two = write_sequence(tmp_path / "b", "train", walk_arrays).pickle_path
     assert one.read_bytes() == two.read_bytes()
@@ -136,17 +126,12 @@ def test_the_same_arrays_give_the_same_bytes_and_no_half_file(
         ),
     ],
 )
-def test_what_3dpw_has_no_place_for_is_refused(
-    walk_arrays: SequenceArrays,
-    change: Callable[[SequenceArrays], SequenceArrays],
-    said: str,
-    tmp_path: Path,
-) -> None:
+def test_what_3dpw_has_no_place_for_is_refused(walk_arrays, change, said, tmp_path):
     with pytest.raises(BadSequence, match=said):
         write_sequence_file(tmp_path / "a.pkl", change(walk_arrays))
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unknown_split_is_refused(walk_arrays: SequenceArrays, tmp_path: Path) -> None:
+def test_an_unknown_split_is_refused(walk_arrays, tmp_path):
     with pytest.raises(BadSequence, match="no split 'all'"):
         write_sequence(tmp_path, "all", walk_arrays)

@@ -1,7 +1,5 @@
 """Trajectories, opened by evo and by torch's safe loader."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -19,7 +17,7 @@ def some_poses(n: int) -> np.ndarray:
     return transforms.rigid(rotmats, rng.normal(0, 50, (n, 3)))
 
 
-def test_evo_reads_tum_and_kitti_trajectories(tmp_path: Path) -> None:
+def test_evo_reads_tum_and_kitti_trajectories(tmp_path):
     poses, times_s = some_poses(40), np.arange(40) / 30 + 100.0
     write_tum(tmp_path / "tum.txt", poses, times_s)
     write_kitti(tmp_path / "kitti.txt", poses)
@@ -30,7 +28,7 @@ def test_evo_reads_tum_and_kitti_trajectories(tmp_path: Path) -> None:
     np.testing.assert_allclose(tum.timestamps, times_s, atol=1e-9)
 
 
-def test_torch_reads_gem_x_cameras_without_running_anything(tmp_path: Path) -> None:
+def test_torch_reads_gem_x_cameras_without_running_anything(tmp_path):
     poses = some_poses(12)
     write_gem_x(tmp_path / "camera.pt", poses)
     cam_from_world = torch.load(tmp_path / "camera.pt", weights_only=True)
@@ -39,7 +37,7 @@ def test_torch_reads_gem_x_cameras_without_running_anything(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("writer", [write_kitti, write_gem_x])
-def test_a_pose_that_is_not_finite_is_an_error_and_leaves_no_file(writer, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_pose_that_is_not_finite_is_an_error_and_leaves_no_file(writer, tmp_path):  # type: ignore[no-untyped-def]
     poses = some_poses(5)
     poses[3, 0, 3] = np.nan
     with pytest.raises(BadMotionFile, match="pose 3 is not finite"):

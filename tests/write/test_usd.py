@@ -9,28 +9,27 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, UsdSkel
 from scipy.spatial.transform import Rotation
 
-from gmrdata.values.body import JOINT_NAMES, BodyModel
+from gmrdata.values.body import JOINT_NAMES
 from gmrdata.values.camera import project
 from gmrdata.values.errors import BadMotionFile, MissingExtra
 from gmrdata.values.skinning import global_rotmats, motion_joints_m, motion_vertices_m
-from gmrdata.write.take import Take
 from gmrdata.write.usd import PARENTS, write_usd
 from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX
 
 
 @pytest.fixture(scope="module")
-def path(take: Take, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(take, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("usd") / "take.usdc"
     write_usd(path, take)
     return path
 
 
 @pytest.fixture(scope="module")
-def stage(path: Path) -> Usd.Stage:
+def stage(path) -> Usd.Stage:
     return Usd.Stage.Open(str(path))
 
 
-def test_the_stage_says_its_units_and_frames(stage: Usd.Stage) -> None:
+def test_the_stage_says_its_units_and_frames(stage):
     assert UsdGeom.GetStageUpAxis(stage) == "Z"
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     assert stage.GetTimeCodesPerSecond() == stage.GetFramesPerSecond() == 29.97
@@ -39,9 +38,7 @@ def test_the_stage_says_its_units_and_frames(stage: Usd.Stage) -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1])
-def test_joints_turn_and_stand_as_the_motion_does(
-    stage: Usd.Stage, take: Take, number: int
-) -> None:
+def test_joints_turn_and_stand_as_the_motion_does(stage, take, number):
     person = take.people[number]
     cache = UsdSkel.Cache()
     root = UsdSkel.Root.Get(stage, f"/World/{person.name}")
@@ -60,7 +57,7 @@ def test_joints_turn_and_stand_as_the_motion_does(
     assert visible == person.shown.tolist()
 
 
-def test_the_skin_follows(stage: Usd.Stage, take: Take, small_body: BodyModel) -> None:
+def test_the_skin_follows(stage, take, small_body):
     cache = UsdSkel.Cache()
     cache.Populate(UsdSkel.Root.Get(stage, "/World/person"), Usd.PrimDefaultPredicate)
     skeleton = cache.GetSkelQuery(UsdSkel.Skeleton.Get(stage, "/World/person/skeleton"))
@@ -76,7 +73,7 @@ def test_the_skin_follows(stage: Usd.Stage, take: Take, small_body: BodyModel) -
     )
 
 
-def test_the_camera_sees_what_ours_sees(stage: Usd.Stage, take: Take) -> None:
+def test_the_camera_sees_what_ours_sees(stage, take):
     """Through the frustum that OpenUSD makes of apertures, offsets and focal length."""
     film, camera = UsdGeom.Camera.Get(stage, "/World/camera"), take.camera
     assert camera is not None
@@ -96,7 +93,7 @@ def test_the_camera_sees_what_ours_sees(stage: Usd.Stage, take: Take) -> None:
     assert samples == [row for row in range(N_FRAMES) if row != HIDDEN[-1]]
 
 
-def test_people_whose_names_usd_makes_one_stay_two(take: Take, tmp_path: Path) -> None:
+def test_people_whose_names_usd_makes_one_stay_two(take, tmp_path):
     names = ("a.b", "a-b", "camera")
     people = [take.people[0]._replace(name=name) for name in names]
     write_usd(tmp_path / "three.usda", replace(take, people=tuple(people)))
@@ -109,15 +106,13 @@ def test_people_whose_names_usd_makes_one_stay_two(take: Take, tmp_path: Path) -
     assert people_found == ["a_b", "a_b_", "camera_"] and found["camera"] == "Camera"
 
 
-def test_the_same_take_gives_the_same_bytes(take: Take, path: Path, tmp_path: Path) -> None:
+def test_the_same_take_gives_the_same_bytes(take, path, tmp_path):
     write_usd(tmp_path / "again.usdc", take)
     assert (tmp_path / "again.usdc").read_bytes() == path.read_bytes()
     assert [file.name for file in tmp_path.iterdir()] == ["again.usdc"]
 
 
-def test_what_cannot_be_written_is_said(
-    take: Take, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_written_is_said(take, tmp_path, monkeypatch):
     first, second = take.people
     in_camera = first._replace(motion=replace(first.motion, frame="camera"))
     broken = second._replace(shown=np.ones(N_FRAMES, dtype=bool))

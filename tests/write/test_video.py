@@ -1,7 +1,6 @@
 """Videos that are written: what a decoder finds in them, equal bytes, and bad frames."""
 
 from fractions import Fraction
-from pathlib import Path
 
 import av
 import cv2
@@ -26,7 +25,7 @@ def pictures(n: int, height_px: int = 48, width_px: int = 64) -> list[np.ndarray
 @pytest.mark.parametrize(
     ("fps_hz", "rate"), [(10.0, Fraction(10)), (30000 / 1001, Fraction(30000, 1001))]
 )
-def test_a_decoder_finds_the_frames(tmp_path: Path, fps_hz: float, rate: Fraction) -> None:
+def test_a_decoder_finds_the_frames(tmp_path, fps_hz, rate):
     frames = pictures(7)
     assert write_video(iter(frames), tmp_path / "a.mp4", fps_hz) == 7
     with av.open(str(tmp_path / "a.mp4")) as container:
@@ -39,20 +38,20 @@ def test_a_decoder_finds_the_frames(tmp_path: Path, fps_hz: float, rate: Fractio
         assert np.abs(frame.astype(float) - expected).mean() < 4
 
 
-def test_equal_frames_give_equal_bytes(tmp_path: Path) -> None:
+def test_equal_frames_give_equal_bytes(tmp_path):
     for name in ("a.mp4", "b.mp4"):
         write_video(pictures(12), tmp_path / name, 10.0)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
-def test_odd_sizes_grow_by_a_pixel(tmp_path: Path) -> None:
+def test_odd_sizes_grow_by_a_pixel(tmp_path):
     write_video(pictures(3, 47, 63), tmp_path / "a.mp4", 10.0)
     with av.open(str(tmp_path / "a.mp4")) as container:
         context = container.streams.video[0].codec_context
         assert (context.width, context.height) == (64, 48)
 
 
-def test_images_in_files(tmp_path: Path) -> None:
+def test_images_in_files(tmp_path):
     for i, frame in enumerate(pictures(3)):
         cv2.imwrite(str(tmp_path / f"{i:05d}.png"), frame[..., ::-1])
     paths = sorted(tmp_path.glob("*.png"))
@@ -74,13 +73,13 @@ def test_images_in_files(tmp_path: Path) -> None:
         ([np.zeros((48, 64, 3), np.uint8), np.zeros((48, 66, 3), np.uint8)], "ones before"),
     ],
 )
-def test_frames_that_make_no_video(tmp_path: Path, frames: list[np.ndarray], reason: str) -> None:
+def test_frames_that_make_no_video(tmp_path, frames, reason):
     with pytest.raises(BadFrames, match=reason):
         write_video(frames, tmp_path / "a.mp4", 10.0)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("fps_hz", [0.0, -5.0, float("nan"), float("inf")])
-def test_rates_that_make_no_video(tmp_path: Path, fps_hz: float) -> None:
+def test_rates_that_make_no_video(tmp_path, fps_hz):
     with pytest.raises(BadFrames, match="frames per second"):
         write_video(pictures(2), tmp_path / "a.mp4", fps_hz)

@@ -1,8 +1,5 @@
 """A path solved again, how far two agree, and which are out of order."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
@@ -62,14 +59,14 @@ def lens(source: Source, sigma: float, objections: tuple[str, ...] = ()) -> Intr
     )
 
 
-def test_the_spread_of_turns_is_that_about_their_mean() -> None:
+def test_the_spread_of_turns_is_that_about_their_mean():
     assert turn_spread_deg(pan(60.0).path.world_from_cam) == pytest.approx(
         60 / np.sqrt(12), rel=0.06
     )
     assert turn_spread_deg(np.full((3, 4, 4), np.nan)) == 0
 
 
-def test_a_wide_pan_with_a_guessed_lens_rejects_and_a_small_one_only_says_so() -> None:
+def test_a_wide_pan_with_a_guessed_lens_rejects_and_a_small_one_only_says_so():
     guess = lens("prior", 0.3)
     (reason,) = lens_reasons(pan(60.0), guess, CONFIG)
     assert reason.startswith("the focal length is known to ±30% only, so the camera's turns, 17.")
@@ -79,14 +76,14 @@ def test_a_wide_pan_with_a_guessed_lens_rejects_and_a_small_one_only_says_so() -
     assert "1088 px, is a guess to ±30%" in note and "turns are to ±0.5 degrees" in note
 
 
-def test_points_hold_the_turns_of_a_camera_that_travels_unless_its_lens_is_a_guess() -> None:
+def test_points_hold_the_turns_of_a_camera_that_travels_unless_its_lens_is_a_guess():
     wide, known = pan(150.0, "full"), lens("self_calibrated", 0.05)
     assert list(lens_reasons(wide, known, CONFIG)) == lens_notes(wide, known) == []
     assert len(list(lens_reasons(pan(150.0), known, CONFIG))) == 1
     assert len(list(lens_reasons(wide, lens("prior", 0.3), CONFIG))) == 1
 
 
-def test_what_speaks_against_a_given_lens_is_a_reason() -> None:
+def test_what_speaks_against_a_given_lens_is_a_reason():
     given = lens("given", 0.01, ("the frames ask for 435 px, not 635",))
     assert list(lens_reasons(pan(5.0), given, CONFIG)) == ["the frames ask for 435 px, not 635"]
 
@@ -109,7 +106,7 @@ def elsewhere(cameras: np.ndarray) -> np.ndarray:
     return other
 
 
-def test_the_same_path_in_another_world_agrees_and_gaps_do_not_count() -> None:
+def test_the_same_path_in_another_world_agrees_and_gaps_do_not_count():
     other = elsewhere(path())
     other[::2] = np.nan
     found = agreement(path(), other, 0.0)
@@ -117,7 +114,7 @@ def test_the_same_path_in_another_world_agrees_and_gaps_do_not_count() -> None:
     assert found.turn_deg < 1e-6 and found.place_share < 1e-9
 
 
-def test_another_turn_and_another_way_are_told_in_degrees_and_shares() -> None:
+def test_another_turn_and_another_way_are_told_in_degrees_and_shares():
     turned = path()
     turned[:, :3, :3] @= Rotation.from_rotvec(np.deg2rad(6) * (TIME > 0.5) * [1, 0, 0]).as_matrix()
     found = agreement(path(), elsewhere(turned), 0.0)
@@ -133,7 +130,7 @@ def test_another_turn_and_another_way_are_told_in_degrees_and_shares() -> None:
     assert found is not None and found.place_share > 0.25
 
 
-def test_a_camera_that_hardly_travels_need_not_have_a_path() -> None:
+def test_a_camera_that_hardly_travels_need_not_have_a_path():
     rng = np.random.default_rng(0)
     shaky = [path() for _ in range(2)]
     for cameras in shaky:
@@ -147,7 +144,7 @@ def test_a_camera_that_hardly_travels_need_not_have_a_path() -> None:
     assert found is not None and found.place_share > 0.1
 
 
-def test_too_few_common_cameras_say_nothing() -> None:
+def test_too_few_common_cameras_say_nothing():
     few = path()
     few[3:] = np.nan
     assert agreement(path(), few, 0.0) is None
@@ -183,20 +180,20 @@ def share(first_px: np.ndarray, second_px: np.ndarray, turn: np.ndarray, n_free:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 3.0, 25.0])
-def test_a_camera_that_turns_explains_all_that_stays_in_sight(degrees: float) -> None:
+def test_a_camera_that_turns_explains_all_that_stays_in_sight(degrees):
     first_px = everywhere(np.random.default_rng(0))
     turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
     assert share(first_px, turned_px(first_px, turn), turn, len(first_px)) == 1.0
 
 
-def test_what_stays_while_all_else_moves_counts_by_its_part_of_the_picture() -> None:
+def test_what_stays_while_all_else_moves_counts_by_its_part_of_the_picture():
     first_px = everywhere(np.random.default_rng(1))
     logo = (first_px < np.array(SIZE_PX) / [2, 4]).all(axis=1)
     second_px = first_px + np.where(logo, 0.0, 9.0)[:, None]
     assert share(first_px, second_px, np.eye(3), len(first_px)) == 1 / 8
 
 
-def test_what_masks_cover_need_not_be_explained() -> None:
+def test_what_masks_cover_need_not_be_explained():
     first_px = everywhere(np.random.default_rng(2))
     masked = first_px[:, 0] > SIZE_PX[0] / 2
     first_px = np.concatenate([first_px[~masked], first_px[masked]])
@@ -205,7 +202,7 @@ def test_what_masks_cover_need_not_be_explained() -> None:
     assert share(first_px, second_px, np.eye(3), int((~masked).sum())) == 1.0
 
 
-def test_without_matched_neighbours_nothing_is_said() -> None:
+def test_without_matched_neighbours_nothing_is_said():
     nobody = RotationOnly(
         np.tile(np.eye(3), (3, 1, 1)), np.ones(3, dtype=bool), np.zeros(0), np.zeros(0),
         np.zeros((0, 2)), csr_array((9, 9)),
@@ -219,9 +216,7 @@ SOLVED = SolvedAgain("backward, the video", "full", Agreement(12, 0.1, 0.005), "
 
 
 @pytest.mark.slow
-def test_a_filmed_pan_agrees_with_itself_and_not_with_another_turn(
-    pan: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_filmed_pan_agrees_with_itself_and_not_with_another_turn(pan, tmp_path, monkeypatch):
     frames, masks = pan.taken(), pan.masks_dir
     sfm = reconstruct(frames, masks, pan.lens, tmp_path / "sfm", SMALL)
     out = solve_again(sfm, frames, masks, tmp_path / "again", SMALL)
@@ -241,7 +236,7 @@ def test_a_filmed_pan_agrees_with_itself_and_not_with_another_turn(
     assert reason.startswith("backward, the video gives another path: the camera turns")
 
 
-def test_each_disagreement_is_a_reason_and_names_the_way() -> None:
+def test_each_disagreement_is_a_reason_and_names_the_way():
     turned = SolvedAgain("backward, the video", "full", Agreement(12, 1.6, 0.01), "")
     lost = SolvedAgain("with another seed, the video", None, None, "no two frames match")
     record = AgainRecord(solutions=(SOLVED, turned, lost))
@@ -250,13 +245,13 @@ def test_each_disagreement_is_a_reason_and_names_the_way() -> None:
     assert nothing == "with another seed, the video gives no path to compare: no two frames match"
 
 
-def test_the_record_needs_each_key(tmp_path: Path) -> None:
+def test_the_record_needs_each_key(tmp_path):
     lost = SolvedAgain("backward", None, None, "no two frames match")
     assert_each_key_is_needed(AgainRecord(solutions=(SOLVED, lost)), tmp_path / AGAIN_FILE)
 
 
 @pytest.mark.parametrize("n", [5, 6])
-def test_the_ways_take_the_frames_they_say(n: int) -> None:
+def test_the_ways_take_the_frames_they_say(n):
     rows = [way.rows(n).tolist() for way in again.WAYS]
     assert rows[0] == list(range(n))[::-1] and rows[1] == list(range(0, n, 2))
     assert rows[2] == rows[3] == list(range(n)) and len({way.seed for way in again.WAYS}) == 3

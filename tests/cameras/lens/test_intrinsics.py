@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -64,7 +63,7 @@ def made(
 
 
 @pytest.fixture
-def shown(monkeypatch: pytest.MonkeyPatch) -> Callable[[SelfCalibration], None]:
+def shown(monkeypatch) -> Callable[[SelfCalibration], None]:
     """Let the frames show something."""
 
     def show(found: SelfCalibration) -> None:
@@ -73,14 +72,14 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> Callable[[SelfCalibration], None]:
     return show
 
 
-def test_what_is_given_is_taken(tmp_path: Path) -> None:
+def test_what_is_given_is_taken(tmp_path):
     lens = made(tmp_path, given=GivenIntrinsics(fov_deg=90.0))
     assert lens.source == "given" and lens.focal_px == pytest.approx(320.0)
     assert np.allclose(lens.lens.matrix_px, [[320, 0, 320], [0, 320, 240], [0, 0, 1]])
     assert lens.focal_observable is None and lens.asked is None and not lens.is_guess
 
 
-def test_a_file_and_our_own_record_are_taken(tmp_path: Path) -> None:
+def test_a_file_and_our_own_record_are_taken(tmp_path):
     path = tmp_path / "cameras.txt"
     path.write_text("1 OPENCV 640 480 600 605 322 239 -0.15 0 0 0\n")
     lens = made(tmp_path, given=GivenIntrinsics(file=path))
@@ -92,7 +91,7 @@ def test_a_file_and_our_own_record_are_taken(tmp_path: Path) -> None:
     assert lens.lens.radial == (-0.15, 0) and lens.lens.size_px == (640, 480)
 
 
-def test_the_cameras_note_comes_next(tmp_path: Path) -> None:
+def test_the_cameras_note_comes_next(tmp_path):
     lens = made(tmp_path, film_mm=26)
     assert lens.source == "metadata" and lens.focal_sigma == 0.05
     assert lens.focal_px == pytest.approx(480.7, abs=0.1)
@@ -104,7 +103,7 @@ def made_given_wins(folder: Path) -> Intrinsics:
     return made(folder, film_mm=26, given=GivenIntrinsics(focal_px=500.0))
 
 
-def test_then_the_frames_and_then_a_guess_that_says_so(tmp_path: Path, shown: Any) -> None:
+def test_then_the_frames_and_then_a_guess_that_says_so(tmp_path, shown):
     (tmp_path / "a").mkdir()
     shown(FOUND)
     lens = made(tmp_path / "a", config=IntrinsicsConfig())
@@ -118,7 +117,7 @@ def test_then_the_frames_and_then_a_guess_that_says_so(tmp_path: Path, shown: An
     assert any("as uncertain" in note for note in lens.notes)
 
 
-def test_a_guess_takes_the_little_that_the_frames_show(tmp_path: Path, shown: Any) -> None:
+def test_a_guess_takes_the_little_that_the_frames_show(tmp_path, shown):
     # A pan of 7 degrees over a street: 1.16 to 11 %, where a usual lens has 0.85 to 30 %.
     weak = replace(FOUND, focal=1.16, focal_sigma=0.11, reason="only to 11 %")
     shown(weak)
@@ -145,9 +144,7 @@ def test_a_guess_takes_the_little_that_the_frames_show(tmp_path: Path, shown: An
         ("PINHOLE 640 480 448 448 320 240", (-0.1, 0.01), False),
     ],
 )
-def test_a_given_distortion_is_held_against_the_frames(
-    tmp_path: Path, shown: Any, line: str, asked: tuple[float, float], is_other: bool
-) -> None:
+def test_a_given_distortion_is_held_against_the_frames(tmp_path, shown, line, asked, is_other):
     """A matrix alone says nothing of it."""
     shown(replace(FOUND, radial_k1=asked[0], radial_k1_sigma=asked[1]))
     (path := tmp_path / "cameras.txt").write_text(f"1 {line}\n")
@@ -160,9 +157,7 @@ def test_a_given_distortion_is_held_against_the_frames(
 
 
 @pytest.mark.parametrize("focal_px", [980.0, 635.0, 435.0 / 1.06])
-def test_a_wrong_given_focal_length_is_objected_to(
-    tmp_path: Path, shown: Any, focal_px: float
-) -> None:
+def test_a_wrong_given_focal_length_is_objected_to(tmp_path, shown, focal_px):
     shown(replace(FOUND, focal=435 / 640, focal_sigma=0.015))
     lens = made(tmp_path, config=IntrinsicsConfig(), given=GivenIntrinsics(focal_px=focal_px))
     assert lens.source == "given" and lens.focal_px == focal_px
@@ -170,7 +165,7 @@ def test_a_wrong_given_focal_length_is_objected_to(
     assert "435 px ± 1.5 %" in objection and "not that of these frames" in objection
 
 
-def test_a_right_one_and_a_rough_note_are_not(tmp_path: Path, shown: Any) -> None:
+def test_a_right_one_and_a_rough_note_are_not(tmp_path, shown):
     shown(FOUND)
     given = GivenIntrinsics(focal_px=455.0)
     lens = made(tmp_path, config=IntrinsicsConfig(), given=given)
@@ -183,7 +178,7 @@ def test_a_right_one_and_a_rough_note_are_not(tmp_path: Path, shown: Any) -> Non
 
 
 @pytest.mark.parametrize("given", [{}, {"focal_px": 500.0, "fov_deg": 60.0}, {"fov_deg": 180.0}])
-def test_one_of_them_is_given(given: dict[str, float]) -> None:
+def test_one_of_them_is_given(given):
     with pytest.raises(ValidationError):
         GivenIntrinsics(**given)  # type: ignore[arg-type]
 
@@ -196,14 +191,14 @@ def test_one_of_them_is_given(given: dict[str, float]) -> None:
         ("1 SIMPLE_RADIAL 640 480 300 320 240 -0.3", "folds the corners"),
     ],
 )
-def test_a_lens_that_cant_be_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_a_lens_that_cant_be_is_refused(tmp_path, text, said):
     path = tmp_path / "cameras.txt"
     path.write_text(text)
     with pytest.raises(BadIntrinsics, match=said):
         made(tmp_path, given=GivenIntrinsics(file=path))
 
 
-def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path: Path) -> None:
+def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path):
     made(tmp_path, given=GivenIntrinsics(focal_px=500.0))
     path = tmp_path / "out" / "intrinsics.json"
     value = json.loads(path.read_text())
@@ -217,7 +212,7 @@ def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path: Path) ->
         load_intrinsics(tmp_path / "out")
 
 
-def test_a_filmed_arc_shows_its_lens(film: Any, tmp_path: Path) -> None:
+def test_a_filmed_arc_shows_its_lens(film, tmp_path):
     """From frames to record: nothing is given, and a wrong one would be objected to."""
     filmed = film("arc", 12)
     made_dir = find_intrinsics(
@@ -298,7 +293,7 @@ def require_lens(found: SelfCalibration, focal_px: float, k1: float) -> None:
 
 
 @pytest.mark.parametrize(("focal_px", "k1"), [(435.0, 0.0), (1100.0, -0.14)])
-def test_a_moving_camera_shows_its_lens(tmp_path: Path, focal_px: float, k1: float) -> None:
+def test_a_moving_camera_shows_its_lens(tmp_path, focal_px, k1):
     frames, matches = filmed_cloud(tmp_path, focal_px, k1)
     found = by_mapping(frames, matches, tmp_path, CONFIG)
     require_lens(found, focal_px, k1)
@@ -307,27 +302,27 @@ def test_a_moving_camera_shows_its_lens(tmp_path: Path, focal_px: float, k1: flo
 
 
 @pytest.mark.parametrize(("focal_px", "k1"), [(435.0, 0.0), (560.0, -0.15)])
-def test_a_turning_camera_shows_its_lens(focal_px: float, k1: float) -> None:
+def test_a_turning_camera_shows_its_lens(focal_px, k1):
     frames, matches = turned(30.0, focal_px, k1)
     found, verdict = by_turning(frames, matches, CONFIG)
     assert verdict == "rotation_only"
     require_lens(found, focal_px, k1)
 
 
-def test_a_turn_of_a_few_degrees_does_not(tmp_path: Path) -> None:
+def test_a_turn_of_a_few_degrees_does_not(tmp_path):
     frames, matches = turned(1.5, 560.0, 0.0, drift_m=0.005)
     found, _ = by_turning(frames, matches, CONFIG)
     assert not found.observable
     assert found.focal is None or "only to" in found.reason
 
 
-def test_a_turn_of_half_a_degree_says_little_however_well_it_fits() -> None:
+def test_a_turn_of_half_a_degree_says_little_however_well_it_fits():
     # A phone at rest before a street: 0.46 to 5 % by its covariance; phones have 0.65 to 0.95.
     found, _ = by_turning(*turned(0.45, 560.0, 0.0), CONFIG)
     assert not found.observable and not found.focal_sigma < 0.15
 
 
-def test_what_only_one_start_leads_to_is_not_taken() -> None:
+def test_what_only_one_start_leads_to_is_not_taken():
     def errors(radial: bool) -> tuple[float, float, float, float]:
         return -0.6, 0.09, 0.0, 0.01
 
@@ -338,12 +333,12 @@ def test_what_only_one_start_leads_to_is_not_taken() -> None:
     assert again.focal == pytest.approx(np.exp(-0.6)) and "only to 9 %" in again.reason
 
 
-def test_a_still_camera_is_known() -> None:
+def test_a_still_camera_is_known():
     assert is_still(turned(0.0, 560.0, 0.0)[1])
     assert not is_still(turned(1.5, 560.0, 0.0)[1])
 
 
-def test_what_explains_more_of_the_matches_is_likelier() -> None:
+def test_what_explains_more_of_the_matches_is_likelier():
     # A pan in the hand whose focal length is 1.281: a model of it is poor, and says it is sure.
     turning = found("rotation_only", 1.306, 0.028, cost=0.94)
     mapped = found("full", 1.184, 0.016, cost=1.57)
@@ -361,7 +356,7 @@ def found(motion: CameraMotion, focal: float, sigma: float, cost: float) -> Self
     return SelfCalibration(motion, focal, sigma, 0.0, 0.01, starts, "")
 
 
-def test_starts_settle_where_the_best_is_found_twice_and_nothing_comes_near() -> None:
+def test_starts_settle_where_the_best_is_found_twice_and_nothing_comes_near():
     def fit(focal: float, cost: float) -> _Fit:
         return _Fit(focal, 0.0, cost, 12, None)
 

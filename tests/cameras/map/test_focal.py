@@ -1,9 +1,7 @@
 """The focal length that a reconstruction or a pan chooses: COLMAP's synthetic ones, filmed and
 drawn ones whose camera is known."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -65,7 +63,7 @@ def distorted(model: Any, k1: float, k2: float = 0.0) -> Any:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_right_intrinsics_are_kept_within_the_standard_error(seed: int) -> None:
+def test_right_intrinsics_are_kept_within_the_standard_error(seed):
     freed = freed_focal(with_focal(synthetic(seed), 1.0))
     assert freed is not None and freed.radial_k1 is not None and freed.radial_k1_sigma is not None
     assert 0.0125 < freed.sigma < 0.02
@@ -74,13 +72,13 @@ def test_right_intrinsics_are_kept_within_the_standard_error(seed: int) -> None:
 
 
 @pytest.mark.parametrize("factor", [2.2, 1.3, 1.05, 1 / 1.05, 1 / 1.3, 1 / 2.2])
-def test_wrong_intrinsics_are_undone(factor: float) -> None:
+def test_wrong_intrinsics_are_undone(factor):
     freed = freed_focal(with_focal(synthetic(3), factor))
     assert freed is not None
     assert freed.factor == pytest.approx(1 / factor, rel=0.01)
 
 
-def test_the_standard_error_is_that_of_many_noises() -> None:
+def test_the_standard_error_is_that_of_many_noises():
     """Errors of single image points are independent here, so the covariance is right as it is."""
     found = [freed_focal(with_focal(synthetic(seed), 1.0)) for seed in range(10, 20)]
     factors = np.array([freed.factor for freed in found if freed is not None])
@@ -90,7 +88,7 @@ def test_the_standard_error_is_that_of_many_noises() -> None:
     assert 0.5 < pulls.std() < 1.7
 
 
-def test_the_model_stays_as_it_is_and_the_figures_repeat() -> None:
+def test_the_model_stays_as_it_is_and_the_figures_repeat():
     model = with_focal(synthetic(4), 1.1)
     before = {i: model.image(i).cam_from_world().matrix() for i in model.reg_image_ids()}
     first, second = freed_focal(model), freed_focal(model)
@@ -102,7 +100,7 @@ def test_the_model_stays_as_it_is_and_the_figures_repeat() -> None:
 
 
 @pytest.mark.parametrize("k1", [0.06, -0.2])
-def test_distortion_is_measured_and_is_not_taken_for_a_focal_length(k1: float) -> None:
+def test_distortion_is_measured_and_is_not_taken_for_a_focal_length(k1):
     model = distorted(synthetic(5), k1)
     bundle_adjuster(model).solve()
     freed = freed_focal(model)
@@ -111,7 +109,7 @@ def test_distortion_is_measured_and_is_not_taken_for_a_focal_length(k1: float) -
     assert abs(freed.factor - 1.0) < 2 * freed.sigma
 
 
-def test_a_lens_with_two_focal_lengths_is_kept() -> None:
+def test_a_lens_with_two_focal_lengths_is_kept():
     model = synthetic(6)
     (camera,) = model.cameras.values()
     fx, fy, cx, cy = camera.params
@@ -124,7 +122,7 @@ def test_a_lens_with_two_focal_lengths_is_kept() -> None:
 
 
 @pytest.mark.parametrize("stretch", [1.0, 1.1])
-def test_a_lens_is_found_and_its_image_points_are_put_right(stretch: float) -> None:
+def test_a_lens_is_found_and_its_image_points_are_put_right(stretch):
     """On pixels that are square and such that are not."""
     truth = synthetic(7)
     (camera,) = truth.cameras.values()
@@ -157,16 +155,14 @@ def test_a_lens_is_found_and_its_image_points_are_put_right(stretch: float) -> N
 
 
 @pytest.mark.parametrize(("frames", "k2"), [(12, 0.0), (12, 0.003), (4, -0.2), (12, -4.0)])
-def test_no_lens_is_taken_that_hardly_helps_has_few_points_or_folds_the_picture(
-    frames: int, k2: float
-) -> None:
+def test_no_lens_is_taken_that_hardly_helps_has_few_points_or_folds_the_picture(frames, k2):
     model = distorted(synthetic(8, frames), 0.0, k2)
     bundle_adjuster(model).solve()
     same, lens = with_lens(model, SfmConfig().distortion)
     assert same is model and lens is None
 
 
-def test_nothing_is_said_of_an_empty_model() -> None:
+def test_nothing_is_said_of_an_empty_model():
     assert freed_focal(pycolmap.Reconstruction()) is None
 
 
@@ -179,9 +175,7 @@ def test_nothing_is_said_of_an_empty_model() -> None:
         ("pan", 1.0, "rotation_only", 2),
     ],
 )
-def test_a_film_names_its_focal_length(
-    kind: str, factor: float, geometry: str, sigmas: float, film: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_film_names_its_focal_length(kind, factor, geometry, sigmas, film, tmp_path):
     filmed = film(kind, 12)
     given = replace(filmed, intrinsics_px=filmed.intrinsics_px * [[factor], [factor], [1.0]])
     given.intrinsics_px[:2, 2] = filmed.intrinsics_px[:2, 2]
@@ -229,7 +223,7 @@ def freed(matches: Matches, factor: float) -> FreedFocal | None:
 
 
 @pytest.mark.parametrize("factor", [1.3, 1.0, 1 / 1.3])
-def test_exact_matches_give_the_exact_focal_length(factor: float) -> None:
+def test_exact_matches_give_the_exact_focal_length(factor):
     found = freed(panned(20.0, 0.0), factor)
     assert found is not None
     assert found.factor == pytest.approx(1 / factor, rel=1e-5)
@@ -237,9 +231,7 @@ def test_exact_matches_give_the_exact_focal_length(factor: float) -> None:
 
 @pytest.mark.parametrize("factor", [1.3, 1.0, 1 / 1.3])
 @pytest.mark.parametrize("turn_deg", [8.0, 40.0])
-def test_noise_and_a_drift_in_the_hand_stay_within_the_standard_error(
-    turn_deg: float, factor: float
-) -> None:
+def test_noise_and_a_drift_in_the_hand_stay_within_the_standard_error(turn_deg, factor):
     for seed in range(3):
         found = freed(panned(turn_deg, 0.4, seed, drift_m=0.01), factor)
         assert found is not None and found.sigma is not None
@@ -247,12 +239,12 @@ def test_noise_and_a_drift_in_the_hand_stay_within_the_standard_error(
         assert abs(found.factor - 1 / factor) < 2 * found.sigma
 
 
-def test_a_camera_that_does_not_turn_says_nothing() -> None:
+def test_a_camera_that_does_not_turn_says_nothing():
     assert freed(panned(0.0, 0.4), 1.0) is None
     assert freed(panned(0.0, 0.0), 1.0) is None
 
 
-def test_wrong_matches_are_outvoted() -> None:
+def test_wrong_matches_are_outvoted():
     matches = panned(30.0, 0.4)
     rng = np.random.default_rng(1)
     for points_px in matches.keypoints_px:
@@ -264,7 +256,7 @@ def test_wrong_matches_are_outvoted() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_turn_of_half_a_degree_says_next_to_nothing(seed: int) -> None:
+def test_a_turn_of_half_a_degree_says_next_to_nothing(seed):
     """A phone held still before people, by 0.3 degrees either way, was said to have half its focal
     length, to 3 %."""
     found = freed(panned(0.6, 0.1, seed, drift_m=0.005), 1.0)

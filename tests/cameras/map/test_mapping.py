@@ -1,7 +1,6 @@
 """Both mappers, frames that they leave out, and models of two scales, made on purpose."""
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +29,7 @@ SMALL = SfmConfig(max_features=400, first_octave=-1)
 
 
 @pytest.fixture(scope="module")
-def arc(film: Callable[[str, int], Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+def arc(film, tmp_path_factory) -> Any:
     """Filmed frames, their matches and the folder with COLMAP's database."""
     filmed = film("arc", 10)
     work_dir = tmp_path_factory.mktemp("arc_work")
@@ -45,7 +44,7 @@ def relative_angles_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
     return np.rad2deg(2 * np.arcsin(chord / np.sqrt(8)))
 
 
-def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
+def test_both_mappers_find_the_same_cameras(arc):
     filmed, frames, matches, work_dir = arc
     mappers: tuple[Mapper, ...] = ("global", "incremental")
     for name in mappers:
@@ -57,8 +56,8 @@ def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
 
 
 def test_many_keyframes_are_placed_by_their_longest_tracks_and_see_all_points(
-    arc: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+    arc, monkeypatch, tmp_path
+):
     filmed, frames, matches, work_dir = arc
     long = SMALL.mapping.model_copy(update={"long_frames": len(frames.images)})
     config = SMALL.model_copy(update={"mapping": long})
@@ -78,18 +77,16 @@ def test_many_keyframes_are_placed_by_their_longest_tracks_and_see_all_points(
     ("n_frames", "parts"),
     [(3, [(0, 3)]), (100, [(0, 100)]), (196, [(0, 82), (57, 139), (114, 196)])],
 )
-def test_many_keyframes_are_mapped_in_parts_that_overlap(
-    n_frames: int, parts: list[tuple[int, int]]
-) -> None:
+def test_many_keyframes_are_mapped_in_parts_that_overlap(n_frames, parts):
     assert parts_of(n_frames, MappingConfig()) == parts
 
 
-def test_a_part_reaches_further_than_it_overlaps() -> None:
+def test_a_part_reaches_further_than_it_overlaps():
     with pytest.raises(ValidationError, match="part_overlap must be less than part_frames"):
         MappingConfig(part_frames=25)
 
 
-def test_parts_become_one_model_as_good_as_that_of_all(arc: Any, tmp_path: Path) -> None:
+def test_parts_become_one_model_as_good_as_that_of_all(arc, tmp_path):
     filmed, frames, matches, work_dir = arc
     parts = SMALL.mapping.model_copy(update={"part_frames": 7, "part_overlap": 4})
     config = SMALL.model_copy(update={"mapping": parts})
@@ -102,8 +99,8 @@ def test_parts_become_one_model_as_good_as_that_of_all(arc: Any, tmp_path: Path)
 
 
 def test_the_incremental_mapper_steps_in_where_the_global_one_leaves_frames_out(
-    arc: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+    arc, monkeypatch, tmp_path
+):
     _, frames, matches, work_dir = arc
     run = mapping._run
     monkeypatch.setattr(
@@ -114,7 +111,7 @@ def test_the_incremental_mapper_steps_in_where_the_global_one_leaves_frames_out(
     assert mapped is not None and mapped.mapper == "incremental" and mapped.has_camera.all()
 
 
-def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc: Any, tmp_path: Path) -> None:
+def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc, tmp_path):
     filmed, frames, matches, work_dir = arc
     turning = solve_rotation_only(matches, filmed.intrinsics_px, 2.0, np.random.default_rng(0))
     shutil.copy(work_dir / "database.db", tmp_path)
@@ -144,9 +141,7 @@ def film_swaying(reach_m: float, folder: Path) -> tuple[Filmed, Frames, Matches]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reach_m", [0.08, 0.07, 0.0])
-def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
-    reach_m: float, tmp_path: Path
-) -> None:
+def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(reach_m, tmp_path):
     filmed, frames, matches = film_swaying(reach_m, tmp_path)
     mapped = mapping.map_frames(frames, matches, tmp_path, SWAYING)
     if reach_m == 0:
@@ -158,8 +153,8 @@ def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
 
 @pytest.mark.slow
 def test_a_second_solution_of_a_camera_that_hardly_travels_is_not_given_up_with_one_mapper(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     """Of a pan in a street the global mapper found all keyframes and of two in three none: a right
     path was rejected, since nothing confirmed it."""
     _, frames, matches = film_swaying(0.07, tmp_path)
@@ -179,7 +174,7 @@ def test_a_second_solution_of_a_camera_that_hardly_travels_is_not_given_up_with_
     assert first.mapper == "small_parallax" and np.isnan(nothing).all()
 
 
-def test_cameras_that_few_points_hold_are_forgotten() -> None:
+def test_cameras_that_few_points_hold_are_forgotten():
     nothing = {row: np.zeros((0, 2), np.int32) for row in range(3)}
     cameras = np.tile(np.eye(4), (3, 1, 1))
     placed = Placed(cameras, np.array([40, 14, 15]), np.zeros((0, 3)), nothing)
@@ -188,7 +183,7 @@ def test_cameras_that_few_points_hold_are_forgotten() -> None:
     assert np.isfinite(cameras[[0, 2]]).all() and placed.inliers.tolist() == [40, 0, 15]
 
 
-def test_a_frame_whose_inside_is_broken_is_named(dolly: Any, tmp_path: Path) -> None:
+def test_a_frame_whose_inside_is_broken_is_named(dolly, tmp_path):
     folder = tmp_path / "frames"
     folder.mkdir()
     for image in list_images(dolly.images_dir)[:3]:
@@ -242,26 +237,26 @@ def along(start: float, stop: float) -> np.ndarray:
 STRAIGHT = np.linspace(0, 1, N)[:, None] * [1.0, 0.1, 0.2]
 
 
-def test_points_hold_two_sides_as_the_sum_of_their_variances_says() -> None:
+def test_points_hold_two_sides_as_the_sum_of_their_variances_says():
     rng = np.random.default_rng(0)
     left, right = (a @ np.swapaxes(a, 1, 2) for a in rng.normal(size=(2, 5, 3, 4)))
     expected = np.linalg.inv(np.linalg.inv(left) + np.linalg.inv(right))
     np.testing.assert_allclose(_held(left, left + right), expected, rtol=1e-6)
 
 
-def test_a_model_of_one_scale_passes() -> None:
+def test_a_model_of_one_scale_passes():
     step = found(*solved(STRAIGHT, along(0, 1)))
     assert step.before == step.after + 3 and 0.00005 < step.loose_share < FIRM
 
 
-def test_halves_without_a_common_point_are_found() -> None:
+def test_halves_without_a_common_point_are_found():
     sees = along(0, 1)
     sees[:9, 150:], sees[9:, :150] = False, False
     step = found(*solved(STRAIGHT, sees))
     assert (step.after, step.before) == (24, 27) and step.loose_share > 1
 
 
-def test_halves_that_share_one_frame_have_no_common_scale() -> None:
+def test_halves_that_share_one_frame_have_no_common_scale():
     """Frame 9 sees the points of both, but nothing that is seen on both sides of it."""
     sees = along(0, 1)
     sees[:9, 150:], sees[10:, :150] = False, False
@@ -269,12 +264,12 @@ def test_halves_that_share_one_frame_have_no_common_scale() -> None:
     assert step.after in (24, 27) and step.loose_share > 0.05
 
 
-def test_a_camera_that_rests_at_first_is_held_by_what_it_sees() -> None:
+def test_a_camera_that_rests_at_first_is_held_by_what_it_sees():
     resting = np.concatenate([np.zeros((9, 3)), STRAIGHT[:11]])
     assert found(*solved(resting, np.ones((N, POINTS), dtype=bool))).loose_share < FIRM
 
 
-def test_a_step_from_rest_that_nothing_holds_is_found() -> None:
+def test_a_step_from_rest_that_nothing_holds_is_found():
     """17 frames at rest and then 5.8 m in one step."""
     centres = np.concatenate([np.zeros((17, 3)), [5.8, 0, 0] + 0.1 * STRAIGHT[:3]])
     sees = np.ones((N, POINTS), dtype=bool)
@@ -286,7 +281,7 @@ def test_a_step_from_rest_that_nothing_holds_is_found() -> None:
 
 
 @pytest.mark.parametrize("away_m", [1e3, 1e4, 1e5, 1e6])
-def test_cameras_that_a_broken_model_puts_far_away_are_found(away_m: float) -> None:
+def test_cameras_that_a_broken_model_puts_far_away_are_found(away_m):
     """Rounding once made variances negative there, and the stage ended with another error."""
     mapped, matches = solved(STRAIGHT, along(0, 1))
     cameras = mapped.world_from_cam.copy()
@@ -305,7 +300,7 @@ def test_cameras_that_a_broken_model_puts_far_away_are_found(away_m: float) -> N
     assert (step.after, step.before) == (51, 54) and step.loose_share > 1
 
 
-def test_points_that_a_model_does_not_explain_hold_nothing() -> None:
+def test_points_that_a_model_does_not_explain_hold_nothing():
     mapped, matches = solved(STRAIGHT, along(0, 1))
     first, last = np.arange(POINTS) < 150, np.arange(POINTS) >= 150
     off_px = [
@@ -316,7 +311,7 @@ def test_points_that_a_model_does_not_explain_hold_nothing() -> None:
     assert (step.after, step.before) == (24, 27) and step.loose_share > 1
 
 
-def test_a_piece_of_another_scale_sees_everything_at_another_distance() -> None:
+def test_a_piece_of_another_scale_sees_everything_at_another_distance():
     """Frames 0-8 are 9.7 times as large, and false points hold them firmly to the others."""
     mapped, matches = solved(STRAIGHT, np.ones((N, POINTS), dtype=bool))
     assert 1 <= found(mapped, matches).distance_ratio < 1.2
@@ -328,7 +323,7 @@ def test_a_piece_of_another_scale_sees_everything_at_another_distance() -> None:
     assert step.distance_ratio == pytest.approx(9.7, rel=0.1)
 
 
-def test_the_share_of_matches_that_move_otherwise_is_that_of_the_worst_tenth_of_pairs() -> None:
+def test_the_share_of_matches_that_move_otherwise_is_that_of_the_worst_tenth_of_pairs():
     mapped, matches = solved(STRAIGHT, np.ones((N, POINTS), dtype=bool))
     every = np.tile(np.arange(POINTS)[:, None], 2)
     pairs = [PairMatches(row, row + 1, every, "CALIBRATED") for row in range(N - 1)]
@@ -345,16 +340,14 @@ def test_the_share_of_matches_that_move_otherwise_is_that_of_the_worst_tenth_of_
     assert found(kept, Matches(matches.keypoints_px, pairs)).moving_share == 0
 
 
-def test_fewer_than_two_cameras_have_no_step() -> None:
+def test_fewer_than_two_cameras_have_no_step():
     mapped, matches = solved(STRAIGHT, along(0, 1))
     alone = replace(mapped, seen={4: mapped.seen[4], 5: mapped.seen[5][:0]})
     assert weakest_step(alone, matches, np.arange(N), K_PX, 2.0) is None
 
 
 @pytest.fixture(scope="module")
-def dolly_model(
-    film: Callable[[str, int], Any], tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Solution, Matches, np.ndarray]:
+def dolly_model(film, tmp_path_factory) -> tuple[Solution, Matches, np.ndarray]:
     filmed, work_dir = film("dolly", 14), tmp_path_factory.mktemp("one_scale")
     config = SfmConfig(max_features=400, first_octave=-1)
     frames = filmed.frames
@@ -380,9 +373,7 @@ def rescaled(model: tuple[Solution, Matches, np.ndarray], last: int, scale: floa
 
 
 @pytest.mark.parametrize("scale", [0.1, 2.5, 9.7])
-def test_a_real_model_with_one_half_rescaled_is_found(
-    dolly_model: tuple[Solution, Matches, np.ndarray], scale: float
-) -> None:
+def test_a_real_model_with_one_half_rescaled_is_found(dolly_model, scale):
     mapped, matches, intrinsics_px = dolly_model
     right = weakest_step(mapped, matches, np.arange(14), intrinsics_px, 2.0)
     assert right is not None and right.loose_share < FIRM
@@ -392,7 +383,7 @@ def test_a_real_model_with_one_half_rescaled_is_found(
     assert step.after in (5, 6, 7)
 
 
-def test_running_medians_are_the_medians_of_all_up_to_each_group() -> None:
+def test_running_medians_are_the_medians_of_all_up_to_each_group():
     values = np.random.default_rng(0).integers(0, 40, 200).astype(float)
     starts = np.array([0, 1, 2, 9, 50, 51, 199, 200])
     expected = [np.median(values[:stop]) for stop in starts[1:]]

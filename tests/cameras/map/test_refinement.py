@@ -75,14 +75,14 @@ class Scene:
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Path]:
+def scene(tmp_path_factory) -> tuple[Scene, Path]:
     """The scene, and the folder of its database."""
     drawn, folder = Scene(), tmp_path_factory.mktemp("drawn")
     drawn.write_database(folder / DATABASE_FILE)
     return drawn, folder
 
 
-def test_a_keyframe_is_weak_below_a_share_of_its_matched_points(scene: tuple[Scene, Path]) -> None:
+def test_a_keyframe_is_weak_below_a_share_of_its_matched_points(scene):
     drawn, _ = scene
     least = round(CONFIG.mapping.least_held * N_POINTS)
     assert not has_weak(drawn.model(N_POINTS), drawn.matches, FRAMES, CONFIG)
@@ -90,7 +90,7 @@ def test_a_keyframe_is_weak_below_a_share_of_its_matched_points(scene: tuple[Sce
     assert has_weak(drawn.model(least - 1), drawn.matches, FRAMES, CONFIG)
 
 
-def test_points_are_found_again_and_bring_a_weak_keyframe_back(scene: tuple[Scene, Path]) -> None:
+def test_points_are_found_again_and_bring_a_weak_keyframe_back(scene):
     """A keyframe of photos round a fox kept 53 points of far background, and was 134 mm off."""
     drawn, folder = scene
     model, _ = refined_model([drawn.model(20)], FRAMES, drawn.matches, folder, CONFIG)
@@ -101,7 +101,7 @@ def test_points_are_found_again_and_bring_a_weak_keyframe_back(scene: tuple[Scen
     assert drawn.error(model) < 0.005 and drawn.error(model) < drawn.error(left) / 3
 
 
-def test_a_model_of_a_part_of_the_images_finds_points_again(scene: tuple[Scene, Path]) -> None:
+def test_a_model_of_a_part_of_the_images_finds_points_again(scene):
     """COLMAP ended with the matches of an image that a model doesn't have."""
     drawn, folder = scene
     n = N_FRAMES - 1
@@ -140,7 +140,7 @@ def error(model: Any, places: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_short_path_does_not_follow_what_is_far_off(seed: int) -> None:
+def test_a_short_path_does_not_follow_what_is_far_off(seed):
     model, places = filmed(0.06, seed)
     before = error(model, places)
     loss_px = sharpen(model, SfmConfig())
@@ -148,12 +148,12 @@ def test_a_short_path_does_not_follow_what_is_far_off(seed: int) -> None:
     assert error(model, places) < 0.6 * before
 
 
-def test_a_long_path_stays_as_it_is() -> None:
+def test_a_long_path_stays_as_it_is():
     model, places = filmed(4.0, 0)
     before = error(model, places)
     assert sharpen(model, SfmConfig()) == LOSS_PX
     assert error(model, places) == before
 
 
-def test_an_empty_model_is_no_error() -> None:
+def test_an_empty_model_is_no_error():
     assert sharpen(pycolmap.Reconstruction(), SfmConfig()) == LOSS_PX

@@ -63,7 +63,7 @@ def angles_deg(found: np.ndarray, true: np.ndarray, root: int) -> np.ndarray:
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=25)
-def test_a_pair_of_views_gives_back_its_exact_rotation(seed: int) -> None:
+def test_a_pair_of_views_gives_back_its_exact_rotation(seed):
     rng = np.random.default_rng(seed)
     rotation = Rotation.from_rotvec(rng.normal(0, 0.3, 3)).as_matrix()
     rays = unit_rays(rng.uniform([0, 0], [640, 360], (60, 2)), INTRINSICS_PX)
@@ -75,7 +75,7 @@ def test_a_pair_of_views_gives_back_its_exact_rotation(seed: int) -> None:
     assert agree.sum() >= 40 and np.linalg.det(found) == pytest.approx(1.0)
 
 
-def test_exact_matches_give_exact_rotations() -> None:
+def test_exact_matches_give_exact_rotations():
     true = panning_rotations(9)
     matches = turning_matches(true, 0.0, 0.0, np.random.default_rng(0))
     solution = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
@@ -84,7 +84,7 @@ def test_exact_matches_give_exact_rotations() -> None:
     assert solution.residuals_px.max() < 1e-6
 
 
-def test_noise_and_wrong_matches_are_averaged_out() -> None:
+def test_noise_and_wrong_matches_are_averaged_out():
     true = panning_rotations(9)
     matches = turning_matches(true, 0.5, 0.2, np.random.default_rng(0))
     solution = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
@@ -95,7 +95,7 @@ def test_noise_and_wrong_matches_are_averaged_out() -> None:
     assert (solution.pair_medians_px < 1.5).all()
 
 
-def test_frames_without_matches_have_no_camera() -> None:
+def test_frames_without_matches_have_no_camera():
     true = panning_rotations(9)
     matches = turning_matches(true, 0.1, 0.0, np.random.default_rng(0))
     kept = [pair for pair in matches.pairs if 8 not in (pair.first, pair.second)]
@@ -119,7 +119,7 @@ print(hashlib.sha256(solution.world_from_cam_rotmats.tobytes()).hexdigest())
 """
 
 
-def test_the_number_of_blas_threads_does_not_change_a_bit() -> None:
+def test_the_number_of_blas_threads_does_not_change_a_bit():
     """A dense solver's sums depend on its threads; two workers on one machine must agree.
 
     They do for 180 unknowns, from few matches as from many.

@@ -1,9 +1,6 @@
 """The prior on acceleration: what it leaves alone, and that it helps, where the truth is known."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -74,7 +71,7 @@ def smoothed(cameras: np.ndarray, held_by: csr_array, *cuts: int) -> tuple[np.nd
     return smooth_cameras(cameras, held_by, np.zeros(6 * n), timeline(n, *cuts), UNIT, CONFIG)
 
 
-def test_information_is_the_inverse_covariance_of_least_squares() -> None:
+def test_information_is_the_inverse_covariance_of_least_squares():
     # The camera is found again from noisy image points many times: its scatter is what was said.
     rng = np.random.default_rng(0)
     camera, points, exact_px = a_camera(rng)
@@ -90,7 +87,7 @@ def test_information_is_the_inverse_covariance_of_least_squares() -> None:
     assert noise_px(noise * rng.normal(size=(100_000, 2))) == pytest.approx(noise, rel=0.01)
 
 
-def test_a_step_along_the_slope_leads_to_the_camera() -> None:
+def test_a_step_along_the_slope_leads_to_the_camera():
     true, points, image_px = a_camera(np.random.default_rng(1))
     turn_rad, step = np.array([3e-5, -2e-5, 1e-5]), np.array([1e-4, 2e-4, -1e-4])
     off = true.copy()
@@ -101,7 +98,7 @@ def test_a_step_along_the_slope_leads_to_the_camera() -> None:
     assert back == pytest.approx(np.concatenate([turn_rad, step]), rel=2e-3, abs=1e-8)
 
 
-def test_a_steady_path_is_left_as_it_is() -> None:
+def test_a_steady_path_is_left_as_it_is():
     true = steady(40)
     result, figures = smoothed(true, held(40, 0.01, 1e-4))
     assert result == pytest.approx(true, abs=1e-12)
@@ -114,7 +111,7 @@ def test_a_steady_path_is_left_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("shake_hz", [0.5, 1.0, 2.0])
-def test_the_shake_of_a_hand_survives(shake_hz: float) -> None:
+def test_the_shake_of_a_hand_survives(shake_hz):
     n, fps_hz = 150, 30.0
     wave = np.sin(2 * np.pi * shake_hz * np.arange(n) / fps_hz)[:, None]
     true = path(0.3 * wave * [1.0, -0.5, 0.2], 0.01 * wave * [1.0, 0.3, -0.6])
@@ -127,7 +124,7 @@ def test_the_shake_of_a_hand_survives(shake_hz: float) -> None:
     assert np.abs(result - true)[inner, :3, 3].max() < 0.02 * 0.01
 
 
-def test_noise_goes_down_at_every_step_of_time() -> None:
+def test_noise_goes_down_at_every_step_of_time():
     rng, n = np.random.default_rng(2), 150
     wave = np.sin(2 * np.pi * np.arange(n) / 30)[:, None]
     sway = path(0.3 * wave * [1.0, -0.5, 0.2], 0.01 * wave * [1.0, 0.3, -0.6])
@@ -140,7 +137,7 @@ def test_noise_goes_down_at_every_step_of_time() -> None:
         assert after[0] < before[0] and after[1] < before[1]
 
 
-def test_a_badly_held_camera_follows_the_others_and_they_do_not_follow_it() -> None:
+def test_a_badly_held_camera_follows_the_others_and_they_do_not_follow_it():
     true, n = steady(30), 30
     noisy = true.copy()
     noisy[12, :3, 3] += 0.3 * UNIT
@@ -150,7 +147,7 @@ def test_a_badly_held_camera_follows_the_others_and_they_do_not_follow_it() -> N
     assert np.abs(result[:, :3, 3] - true[:, :3, 3]).max() < 1e-3 * UNIT
 
 
-def test_a_jump_at_a_cut_stays() -> None:
+def test_a_jump_at_a_cut_stays():
     true = steady(40)
     true[20:, :3, 3] += 1.0
     weak = held(40, 0.1, 1e-2)
@@ -160,7 +157,7 @@ def test_a_jump_at_a_cut_stays() -> None:
     assert np.abs(uncut - true).max() > 0.01
 
 
-def test_uneven_steps_and_missing_cameras() -> None:
+def test_uneven_steps_and_missing_cameras():
     numbers = np.array([0, 1, 2, 4, 5, 6, 9, 10, 11, 12, 13, 14])
     even = steady(15)
     true = even[numbers]
@@ -179,13 +176,13 @@ def test_uneven_steps_and_missing_cameras() -> None:
     assert [2, 3, 5] in few.rows.tolist() and not any(5 in row[:2] for row in few.rows.tolist())
 
 
-def test_too_few_frames_are_left_alone() -> None:
+def test_too_few_frames_are_left_alone():
     true = steady(5)
     result, figures = smoothed(true, held(5, 1, 1))
     assert result is true and figures == NOT_SMOOTHED
 
 
-def test_a_turning_camera_is_smoothed_by_its_matches() -> None:
+def test_a_turning_camera_is_smoothed_by_its_matches():
     rng, n = np.random.default_rng(3), 40
     true = path(np.arange(n)[:, None] * [0.0, 0.5, 0.1], np.zeros((n, 3)))
     points = rng.uniform([-20, -6, 20], [20, 6, 40], (400, 3))
@@ -220,9 +217,7 @@ def test_a_turning_camera_is_smoothed_by_its_matches() -> None:
 
 
 @pytest.mark.slow
-def test_filmed_motions_get_better(
-    film: Callable[[str, int], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_filmed_motions_get_better(film, tmp_path, monkeypatch):
     filmed = film("arc", 40)
     solve_keyframes_once(monkeypatch)
     errors = []

@@ -1,6 +1,5 @@
 """What mappers leave: frames between placed ones, keyframes that jump, models that share frames."""
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -52,7 +51,7 @@ def lost(true: np.ndarray, rows: list[int]) -> tuple[np.ndarray, np.ndarray]:
     return world_from_cam, has_camera
 
 
-def test_a_cubic_path_is_met_and_what_was_filled_is_told() -> None:
+def test_a_cubic_path_is_met_and_what_was_filled_is_told():
     true = cubic_path(np.arange(20.0))
     world_from_cam, has_camera = lost(true, [5, 6, 7, 12])
     filled, interpolated = fill_short_gaps(world_from_cam, Timeline(np.arange(20), NO_CUTS), 3)
@@ -61,7 +60,7 @@ def test_a_cubic_path_is_met_and_what_was_filled_is_told() -> None:
     assert np.array_equal(filled[has_camera], world_from_cam[has_camera])
 
 
-def test_long_gaps_ends_and_cuts_stay_open() -> None:
+def test_long_gaps_ends_and_cuts_stay_open():
     true = cubic_path(np.arange(20.0))
     rows = [0, 1, 4, 8, 9, 10, 11, 15, 19]
     world_from_cam, _ = lost(true, rows)
@@ -81,7 +80,7 @@ def test_long_gaps_ends_and_cuts_stay_open() -> None:
     assert not none.any() and np.array_equal(nothing, world_from_cam, equal_nan=True)
 
 
-def test_left_out_images_count_in_the_gap_and_in_time() -> None:
+def test_left_out_images_count_in_the_gap_and_in_time():
     numbers = np.array([0, 1, 2, 3, 6, 7, 8, 9, 10])
     true = cubic_path(numbers.astype(np.float64))
     world_from_cam, _ = lost(true, [4])
@@ -97,9 +96,7 @@ def test_left_out_images_count_in_the_gap_and_in_time() -> None:
     st.sets(st.integers(0, 29), max_size=4),
     st.integers(0, 6),
 )
-def test_any_gaps_are_filled_with_rigid_cameras(
-    placed: list[bool], cuts: set[int], max_gap: int
-) -> None:
+def test_any_gaps_are_filled_with_rigid_cameras(placed, cuts, max_gap):
     has_camera = np.array(placed, dtype=bool)
     world_from_cam, _ = lost(
         cubic_path(np.arange(float(len(placed)))), np.flatnonzero(~has_camera).tolist()
@@ -117,9 +114,7 @@ def test_any_gaps_are_filled_with_rigid_cameras(
         assert after - before - 1 <= max_gap and not cuts & set(range(before, after))
 
 
-def test_frames_that_cannot_be_placed_are_interpolated_and_marked(
-    film: Callable[[str, int], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_frames_that_cannot_be_placed_are_interpolated_and_marked(film, tmp_path, monkeypatch):
     filmed = film("dolly", 24)
     config = SfmConfig(max_features=1200, keyframe_step=0.1, min_keyframes=3)
     # No frame between keyframes sees so many points.
@@ -142,7 +137,7 @@ def test_frames_that_cannot_be_placed_are_interpolated_and_marked(
     assert filmed.centre_errors_m(filled.path.centres_world_m).max() < 0.015
 
 
-def test_marks_are_kept(tmp_path: Path) -> None:
+def test_marks_are_kept(tmp_path):
     marks = np.array([False, True, False])
     cameras = CameraPath(np.eye(3), 4, 3, np.tile(np.eye(4), (3, 1, 1)), np.ones(3, dtype=bool))
     save_cameras(tmp_path / "cameras.npz", SfmCameras(cameras, "full", np.arange(3), marks))
@@ -166,7 +161,7 @@ def walk(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 18))
-def test_only_what_lies_far_from_the_path_has_jumped(seed: int, at: int) -> None:
+def test_only_what_lies_far_from_the_path_has_jumped(seed, at):
     places, numbers = walk(seed)
     places[at] += [0, 0.2, 0]
     assert jumps(places, numbers, JUMP)[0] == at
@@ -175,14 +170,14 @@ def test_only_what_lies_far_from_the_path_has_jumped(seed: int, at: int) -> None
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 6.0), st.floats(1e-3, 1e3))
-def test_a_jump_is_one_in_any_frame_and_unit(seed: int, turn_rad: float, unit: float) -> None:
+def test_a_jump_is_one_in_any_frame_and_unit(seed, turn_rad, unit):
     places, numbers = walk(seed)
     places[9] += [0, 0.2, 0]
     turned = unit * Rotation.from_euler("y", turn_rad).apply(places)
     np.testing.assert_array_equal(jumps(turned, numbers, JUMP), jumps(places, numbers, JUMP))
 
 
-def test_few_cameras_do_not_tell_what_is_usual() -> None:
+def test_few_cameras_do_not_tell_what_is_usual():
     places, numbers = walk(0)
     places[2] += [0, 9, 0]
     assert not len(jumps(places[: FEWEST - 1], numbers[: FEWEST - 1], JUMP))
@@ -204,7 +199,7 @@ def stuck() -> tuple[Any, np.ndarray]:
     return model_of(cameras, points, image_px), places
 
 
-def test_a_camera_that_adjustment_leaves_elsewhere_comes_back(stuck: tuple[Any, Any]) -> None:
+def test_a_camera_that_adjustment_leaves_elsewhere_comes_back(stuck):
     model, places = stuck
     mended = mend_jumps(model, FRAMES, CONFIG)
     left = places_of(model)
@@ -214,9 +209,7 @@ def test_a_camera_that_adjustment_leaves_elsewhere_comes_back(stuck: tuple[Any, 
     assert np.linalg.norm(fit.apply(found) - places, axis=1).max() < 0.01
 
 
-def test_less_cost_is_not_enough_where_points_are_lost(
-    stuck: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_less_cost_is_not_enough_where_points_are_lost(stuck, monkeypatch):
     """Points behind the camera can cost less: one every tenth frame came out 383 mm off for 12."""
     model, _ = stuck
     counts = iter([200, 199, 198, 197])
@@ -224,7 +217,7 @@ def test_less_cost_is_not_enough_where_points_are_lost(
     assert mend_jumps(model, FRAMES, CONFIG) is model
 
 
-def test_points_behind_the_camera_are_not_explained(stuck: tuple[Any, Any]) -> None:
+def test_points_behind_the_camera_are_not_explained(stuck):
     model, _ = stuck
     before = jumps_module._explained(model, 2.0)
     assert before == pytest.approx((N_FRAMES - 1) * 200, rel=0.01)
@@ -233,7 +226,7 @@ def test_points_behind_the_camera_are_not_explained(stuck: tuple[Any, Any]) -> N
     assert jumps_module._explained(model, 1e9) == 0
 
 
-def test_a_path_without_a_jump_stays_as_it_is(stuck: tuple[Any, Any]) -> None:
+def test_a_path_without_a_jump_stays_as_it_is(stuck):
     model, places = stuck
     jumps_module._put(model, JUMPED + 1, transforms.rigid(np.eye(3), places[JUMPED]))
     before = places_of(model)
@@ -241,7 +234,7 @@ def test_a_path_without_a_jump_stays_as_it_is(stuck: tuple[Any, Any]) -> None:
     np.testing.assert_array_equal(places_of(model), before)
 
 
-def test_a_camera_that_has_lost_its_points_stays_where_it_is(stuck: tuple[Any, Any]) -> None:
+def test_a_camera_that_has_lost_its_points_stays_where_it_is(stuck):
     model, _ = stuck
     for row, spot in enumerate(model.image(JUMPED + 1).points2D):
         if spot.has_point3D():
@@ -257,7 +250,7 @@ N_SHARED_FRAMES = 14
 
 
 @pytest.fixture(scope="module")
-def filmed_parts(film: Callable[[str, int], Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+def filmed_parts(film, tmp_path_factory) -> Any:
     """A dolly shot, its matches, and a mapper of any of its frames."""
     filmed = film("dolly", N_SHARED_FRAMES)
     work_dir = tmp_path_factory.mktemp("parts")
@@ -297,7 +290,7 @@ def errors_m(model: Any, world_from_cam: np.ndarray) -> np.ndarray:
     return np.linalg.norm(fit_similarity(true, centres, scale=True).apply(centres) - true, axis=1)
 
 
-def test_two_models_that_share_frames_become_one(filmed_parts: Any) -> None:
+def test_two_models_that_share_frames_become_one(filmed_parts):
     filmed, *_, part = filmed_parts
     large, small = part(range(9)), part(range(6, N_SHARED_FRAMES))
     n_points = (large.num_points3D(), small.num_points3D())
@@ -321,7 +314,7 @@ def test_two_models_that_share_frames_become_one(filmed_parts: Any) -> None:
     assert (large.num_reg_images(), small.num_reg_images()) == (9, 8)
 
 
-def test_shared_cameras_give_the_similarity_however_far_points_are() -> None:
+def test_shared_cameras_give_the_similarity_however_far_points_are():
     rng = np.random.default_rng(0)
     cameras, points = transforms.rigid(np.eye(3), rng.normal(0, 1, (5, 3))), drawn_points(40, rng)
     whole = model_of(cameras, points, seen_px(cameras, points))
@@ -333,7 +326,7 @@ def test_shared_cameras_give_the_similarity_however_far_points_are() -> None:
     assert _by_cameras(whole, model, [3]) == []
 
 
-def test_a_model_may_be_joined_through_another(filmed_parts: Any) -> None:
+def test_a_model_may_be_joined_through_another(filmed_parts):
     filmed, *_, part = filmed_parts
     first, middle, last = part(range(7)), part(range(4, 10)), part(range(7, N_SHARED_FRAMES))
     whole, records = join_models([last, middle, first], SMALL)
@@ -343,7 +336,7 @@ def test_a_model_may_be_joined_through_another(filmed_parts: Any) -> None:
     assert errors_m(whole, filmed.world_from_cam).max() < 0.03
 
 
-def test_models_without_a_common_frame_are_dropped_with_the_reason(filmed_parts: Any) -> None:
+def test_models_without_a_common_frame_are_dropped_with_the_reason(filmed_parts):
     *_, part = filmed_parts
     whole, records = join_models([part(range(8, N_SHARED_FRAMES)), part(range(8))], SMALL)
     assert [(r.frames, r.kept) for r in records] == [(8, True), (6, False)]
@@ -351,7 +344,7 @@ def test_models_without_a_common_frame_are_dropped_with_the_reason(filmed_parts:
     assert centres_of(whole)[0] == list(range(8))
 
 
-def test_a_bent_model_is_dropped_with_the_reason(filmed_parts: Any) -> None:
+def test_a_bent_model_is_dropped_with_the_reason(filmed_parts):
     *_, part = filmed_parts
     large, bent = part(range(9)), part(range(6, N_SHARED_FRAMES))
     rng = np.random.default_rng(0)
@@ -368,9 +361,7 @@ def test_a_bent_model_is_dropped_with_the_reason(filmed_parts: Any) -> None:
     assert records[1].reason.startswith("shares 3 frames but only ")
 
 
-def test_the_mapper_joins_and_adjusts(
-    filmed_parts: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_mapper_joins_and_adjusts(filmed_parts, monkeypatch, tmp_path):
     filmed, frames, matches, part = filmed_parts
     models = {0: part(range(9)), 1: part(range(6, N_SHARED_FRAMES))}
     monkeypatch.setattr(
@@ -388,7 +379,7 @@ def test_the_mapper_joins_and_adjusts(
     assert np.array_equal(mapped[0].world_from_cam, mapped[1].world_from_cam)
 
 
-def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours() -> None:
+def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours():
     rng = np.random.default_rng(0)
     intrinsics_px = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
     points = rng.uniform([-2, -1, 4], [2, 1, 7], (80, 3))

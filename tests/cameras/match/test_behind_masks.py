@@ -56,7 +56,7 @@ def came_back(frames: Frames, matches: Matches, work_dir: Path) -> list[tuple[in
 
 
 @pytest.fixture(scope="module")
-def walking(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def walking(tmp_path_factory) -> Any:
     """A person who walks, by filled boxes: the film, its frames, matches and their folder."""
     folder, along = tmp_path_factory.mktemp("walking"), np.linspace(0, 1, N_FRAMES)
     film = filmed(folder, np.stack([-0.8 + 1.6 * along, 0 * along + 0.4, 0 * along], axis=1))
@@ -72,7 +72,7 @@ def on_the_person(film: Filmed, seen: list[tuple[int, np.ndarray]]) -> int:
     return sum(inner[row][int(y), int(x)] > 0 for row, (x, y) in seen)
 
 
-def test_features_inside_masks_come_last_and_are_not_matched(walking: Any) -> None:
+def test_features_inside_masks_come_last_and_are_not_matched(walking):
     _, frames, matches, _ = walking
     for row, image in enumerate(frames.images):
         column, line = matches.keypoints_px[row].astype(int).T
@@ -85,14 +85,14 @@ def test_features_inside_masks_come_last_and_are_not_matched(walking: Any) -> No
         assert pair.features[:, 1].max() < matches.n_free[pair.second]
 
 
-def test_the_room_inside_a_filled_box_comes_back_and_the_person_does_not(walking: Any) -> None:
+def test_the_room_inside_a_filled_box_comes_back_and_the_person_does_not(walking):
     film, frames, matches, work_dir = walking
     seen = came_back(frames, matches, work_dir)
     assert len(seen) > 100
     assert on_the_person(film, seen) == 0
 
 
-def test_a_person_who_stands_still_stays_out(tmp_path: Path) -> None:
+def test_a_person_who_stands_still_stays_out(tmp_path):
     film = filmed(tmp_path, np.tile([0.0, 0.4, 0.0], (N_FRAMES, 1)))
     frames = boxed(film, tmp_path / "boxes")
     seen = came_back(frames, match_frames(frames, tmp_path, SMALL), tmp_path)
@@ -100,15 +100,13 @@ def test_a_person_who_stands_still_stays_out(tmp_path: Path) -> None:
     assert on_the_person(film, seen) == 0
 
 
-def test_neighbours_that_match_need_nothing_from_inside_masks(walking: Any) -> None:
+def test_neighbours_that_match_need_nothing_from_inside_masks(walking):
     _, frames, matches, work_dir = walking
     assert match_behind_masks(matches, frames, work_dir, SMALL) is matches
 
 
 @pytest.mark.parametrize("walks", [True, False])
-def test_what_masks_hide_is_matched_with_what_they_show_and_the_person_is_not(
-    walks: bool, tmp_path: Path
-) -> None:
+def test_what_masks_hide_is_matched_with_what_they_show_and_the_person_is_not(walks, tmp_path):
     along = np.linspace(0, 1, N_FRAMES) if walks else np.full(N_FRAMES, 0.5)
     film = filmed(tmp_path, np.stack([-0.8 + 1.6 * along, 0 * along + 0.4, 0 * along], axis=1))
     frames = boxed(film, tmp_path / "boxes")
@@ -131,7 +129,7 @@ def test_what_masks_hide_is_matched_with_what_they_show_and_the_person_is_not(
     assert on_the_person(film, seen) == 0
 
 
-def test_a_feature_shows_one_of_two_points_that_look_the_same() -> None:
+def test_a_feature_shows_one_of_two_points_that_look_the_same():
     """A feature was given two points, and COLMAP ended the stage: a dancer cut to 432x576."""
     looks = np.zeros((3, 128), np.float32)
     looks[:2, 0] = looks[2, 1] = 1
@@ -140,7 +138,7 @@ def test_a_feature_shows_one_of_two_points_that_look_the_same() -> None:
     assert _alike(point, feature, looks, looks_here, 0.9) == [(0, 1), (2, 0)]
 
 
-def test_without_masks_nothing_is_sought(walking: Any, tmp_path: Path) -> None:
+def test_without_masks_nothing_is_sought(walking, tmp_path):
     _, frames, _, _ = walking
     whole = replace(frames.some(np.arange(3)), masks_dir=None)
     matches = match_frames(whole, tmp_path, SMALL)
@@ -149,7 +147,7 @@ def test_without_masks_nothing_is_sought(walking: Any, tmp_path: Path) -> None:
     assert see_again(None, matches, whole, SMALL.masks) == 0
 
 
-def test_a_black_frame_between_others_has_no_features(walking: Any, tmp_path: Path) -> None:
+def test_a_black_frame_between_others_has_no_features(walking, tmp_path):
     film, frames, _, _ = walking
     for kind in ("frames", "masks"):
         (tmp_path / kind).mkdir()

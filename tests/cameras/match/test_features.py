@@ -48,7 +48,7 @@ def keypoints_of(database_path: Path) -> dict[str, np.ndarray]:
         return {image.name: database.read_keypoints(image.image_id) for image in images}
 
 
-def test_features_are_those_of_each_frame_alone(tmp_path: Path) -> None:
+def test_features_are_those_of_each_frame_alone(tmp_path):
     """COLMAP's extractor gave a frame the orientations of the frame before it."""
     images = coarse_noise(tmp_path / "frames", 12)
     frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
@@ -62,9 +62,7 @@ def test_features_are_those_of_each_frame_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("asked", "octave"), [(None, -1), (0, 0)])
-def test_features_are_those_of_colmap_for_a_single_frame(
-    asked: int | None, octave: int, tmp_path: Path
-) -> None:
+def test_features_are_those_of_colmap_for_a_single_frame(asked, octave, tmp_path):
     """Of a small frame, which is doubled if nobody says otherwise."""
     images = coarse_noise(tmp_path / "frames", 1)
     frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
@@ -81,12 +79,12 @@ def test_features_are_those_of_colmap_for_a_single_frame(
     assert found.n_free == [len(expected)]
 
 
-def test_frames_of_a_quarter_of_a_megapixel_are_taken_as_they_are() -> None:
+def test_frames_of_a_quarter_of_a_megapixel_are_taken_as_they_are():
     assert [_first_octave(size_px, SfmConfig()) for size_px in ((499, 500), (500, 500))] == [-1, 0]
     assert _first_octave((160, 120), SfmConfig(first_octave=1)) == 1
 
 
-def test_features_inside_masks_are_last_and_have_no_descriptors(tmp_path: Path) -> None:
+def test_features_inside_masks_are_last_and_have_no_descriptors(tmp_path):
     images = coarse_noise(tmp_path / "frames", 2)
     mask = np.zeros((120, 160), np.uint8)
     mask[:, :70] = 255
@@ -121,7 +119,7 @@ def blobs() -> np.ndarray:
     return np.round(image).astype(np.uint8)
 
 
-def test_features_of_large_frames_are_where_the_frame_has_them(tmp_path: Path) -> None:
+def test_features_of_large_frames_are_where_the_frame_has_them(tmp_path):
     """By OpenCV's SIFT on half the size, whose (0, 0) is the centre of a pixel."""
     cv2.imwrite(str(tmp_path / "00000.png"), blobs())
     frames = Frames([tmp_path / "00000.png"], None, SMALL_INTRINSICS_PX, LARGE_PX)
@@ -138,9 +136,7 @@ def test_features_of_large_frames_are_where_the_frame_has_them(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(("masked_px", "weak_too"), [(0, False), (641, True)])
-def test_weak_features_are_taken_where_masks_leave_few(
-    masked_px: int, weak_too: bool, tmp_path: Path
-) -> None:
+def test_weak_features_are_taken_where_masks_leave_few(masked_px, weak_too, tmp_path):
     """Firm texture on the left, which a mask may hide, and a weak one on the right."""
     rng = np.random.default_rng(0)
     coarse = rng.integers(-100, 101, (214, 321)).astype(np.float32)
@@ -158,7 +154,7 @@ def test_weak_features_are_taken_where_masks_leave_few(
     assert n_weak > 600 if weak_too else n_weak < 150
 
 
-def test_a_place_has_as_many_directions_as_are_asked_for(tmp_path: Path) -> None:
+def test_a_place_has_as_many_directions_as_are_asked_for(tmp_path):
     rng = np.random.default_rng(0)
     coarse = rng.integers(0, 255, (80, 120)).astype(np.uint8)
     image = cv2.resize(coarse, LARGE_PX, interpolation=cv2.INTER_CUBIC)
@@ -213,9 +209,7 @@ def guessed_px(after_from_before: np.ndarray, off_px: float = 0.5) -> np.ndarray
     st.floats(0.85, 1.2), st.floats(-0.15, 0.15),
     st.tuples(st.floats(-20, 20), st.floats(-20, 20)), st.integers(0, 20),
 )  # fmt: skip
-def test_a_patch_is_found_as_it_turns_and_grows(
-    growth: float, turn_rad: float, shift_px: tuple[float, float], seed: int
-) -> None:
+def test_a_patch_is_found_as_it_turns_and_grows(growth, turn_rad, shift_px, seed):
     move, image = similar(growth, turn_rad, shift_px), texture(seed)
     found_px, rests = follow_patches(image, seen_after(image, move), POINTS_PX, guessed_px(move))
     assert rests.mean() > 0.8
@@ -223,7 +217,7 @@ def test_a_patch_is_found_as_it_turns_and_grows(
     assert np.percentile(errors_px(found_px, move)[rests], 90) < 0.2
 
 
-def test_a_patch_that_may_only_shift_goes_too_far_where_it_grows() -> None:
+def test_a_patch_that_may_only_shift_goes_too_far_where_it_grows():
     """As on a car's path, where the two differed by 0.8 px in one match of ten."""
     image, move = texture(0), similar(1.12, 0.0, (3.0, -2.0))
     after = seen_after(image, move)
@@ -233,7 +227,7 @@ def test_a_patch_that_may_only_shift_goes_too_far_where_it_grows() -> None:
     assert np.percentile(errors_px(grown_px, move)[ok & rests], 90) < 0.1
 
 
-def test_patches_are_where_opencv_finds_them() -> None:
+def test_patches_are_where_opencv_finds_them():
     """OpenCV's own alignment (enhanced correlation, Evangelidis and Psarakis 2008), one by one."""
     image, move = texture(3), similar(1.06, 0.05, (4.0, 1.0))
     after, guess_px = seen_after(image, move), guessed_px(move)
@@ -256,14 +250,14 @@ def test_patches_are_where_opencv_finds_them() -> None:
     assert np.median(apart_px) < 0.05
 
 
-def test_what_is_not_there_does_not_come_to_rest_near_it() -> None:
+def test_what_is_not_there_does_not_come_to_rest_near_it():
     image, other = texture(1), texture(2)
     found_px, rests = follow_patches(image, other, POINTS_PX, POINTS_PX)
     near = np.linalg.norm(found_px - POINTS_PX, axis=1) < 0.5
     assert (rests & near).mean() < 0.1
 
 
-def test_no_points_and_no_texture_are_no_error() -> None:
+def test_no_points_and_no_texture_are_no_error():
     image = np.full((50, 60), 128, np.uint8)
     found_px, rests = follow_patches(image, image, np.zeros((0, 2)), np.zeros((0, 2)))
     assert found_px.shape == (0, 2) and rests.shape == (0,)
@@ -275,7 +269,7 @@ SHIFTS_PX = np.array([0.0, 3.3, 6.85, 10.4])
 
 
 @pytest.fixture
-def found(tmp_path: Path) -> tuple[Matches, Frames, Path]:
+def found(tmp_path) -> tuple[Matches, Frames, Path]:
     """Four shifted pictures, and what COLMAP finds and matches in them."""
     images = write_pictures(
         tmp_path / "frames", [shifted(texture(0), by_px) for by_px in SHIFTS_PX]
@@ -295,7 +289,7 @@ def keypoint_errors_px(matches: Matches) -> np.ndarray:
     return np.concatenate(errors)
 
 
-def test_features_move_as_their_pictures_do(found: tuple[Matches, Frames, Path]) -> None:
+def test_features_move_as_their_pictures_do(found):
     """Features of one blob in shifted pictures differ little: noise of SIFT is laid over them."""
     matches, frames, work_dir = found
     rng = np.random.default_rng(0)
@@ -311,7 +305,7 @@ def test_features_move_as_their_pictures_do(found: tuple[Matches, Frames, Path])
     assert np.median(np.linalg.norm(apart_px, axis=1)) < 0.5
 
 
-def test_the_mappers_see_the_same_points(found: tuple[Matches, Frames, Path]) -> None:
+def test_the_mappers_see_the_same_points(found):
     matches, frames, work_dir = found
     after = adjust_keypoints(matches, frames, work_dir)
     with closing(pycolmap.Database.open(work_dir / DATABASE_FILE)) as database:
@@ -323,9 +317,7 @@ def test_the_mappers_see_the_same_points(found: tuple[Matches, Frames, Path]) ->
     assert after.pairs is matches.pairs
 
 
-def test_what_moves_in_a_mask_moves_no_point(
-    found: tuple[Matches, Frames, Path], tmp_path: Path
-) -> None:
+def test_what_moves_in_a_mask_moves_no_point(found, tmp_path):
     matches, frames, work_dir = found
     masks_dir, mask = tmp_path / "masks", np.zeros(SIZE_PX[::-1], np.uint8)
     mask[:, :120] = 255
@@ -337,9 +329,7 @@ def test_what_moves_in_a_mask_moves_no_point(
     assert np.abs(after_px[~masked] - before_px[~masked]).max() > 0.01
 
 
-def test_a_patch_that_is_found_elsewhere_counts_for_nothing(
-    found: tuple[Matches, Frames, Path],
-) -> None:
+def test_a_patch_that_is_found_elsewhere_counts_for_nothing(found):
     """A wrong match: the feature that it names is nowhere near."""
     matches, frames, work_dir = found
     wrong = [
@@ -353,7 +343,7 @@ def test_a_patch_that_is_found_elsewhere_counts_for_nothing(
     assert (np.linalg.norm(moved_px, axis=1) > 1e-6).mean() < 0.02
 
 
-def test_without_neighbours_nothing_moves(found: tuple[Matches, Frames, Path]) -> None:
+def test_without_neighbours_nothing_moves(found):
     matches, frames, work_dir = found
     far = [pair for pair in matches.pairs if pair.second > pair.first + 1]
     after = adjust_keypoints(replace(matches, pairs=far), frames, work_dir)
@@ -362,7 +352,7 @@ def test_without_neighbours_nothing_moves(found: tuple[Matches, Frames, Path]) -
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 30))
-def test_the_fit_is_that_of_numpy(seed: int, m: int) -> None:
+def test_the_fit_is_that_of_numpy(seed, m):
     rng = np.random.default_rng(seed)
     places_px = rng.uniform(0, 100, (12, 2))
     measured = Motions(rng.integers(0, 6, m), rng.integers(6, 12, m), rng.normal(0, 5, (m, 2)))

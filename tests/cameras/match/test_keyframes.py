@@ -1,8 +1,6 @@
 """Keyframes and the frames between them, on pictures that are shifted by known amounts."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -56,7 +54,7 @@ def grid_px(first: float, step: float) -> np.ndarray:
     return np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
 
 
-def test_points_are_followed_to_a_tenth_of_a_pixel() -> None:
+def test_points_are_followed_to_a_tenth_of_a_pixel():
     image = texture(0)
     points_px = grid_px(40.0, 20)
     found_px, ok = follow(shifted(image, 0), shifted(image, 6.25), points_px)
@@ -66,7 +64,7 @@ def test_points_are_followed_to_a_tenth_of_a_pixel() -> None:
     assert np.abs(again_px[ok] - (points_px[ok] - [6.25, 0])).max() < 0.1
 
 
-def test_what_is_on_another_picture_is_not_found() -> None:
+def test_what_is_on_another_picture_is_not_found():
     points_px = grid_px(40.0, 20)
     _, ok = follow(shifted(texture(0), 0), shifted(texture(1), 0), points_px)
     assert ok.mean() < 0.1
@@ -75,14 +73,14 @@ def test_what_is_on_another_picture_is_not_found() -> None:
     assert follow(texture(0), texture(1), np.zeros((0, 2)))[0].shape == (0, 2)
 
 
-def test_a_point_is_free_inside_the_frame_and_outside_the_mask() -> None:
+def test_a_point_is_free_inside_the_frame_and_outside_the_mask():
     free = np.ones((4, 6), dtype=bool)
     free[1, 2] = False
     points_px = np.array([[0.0, 0.0], [5.9, 3.9], [6.0, 1.0], [-0.1, 1.0], [2.5, 1.5], [3.0, 1.5]])
     assert is_free(points_px, free).tolist() == [True, True, False, False, False, True]
 
 
-def test_keyframes_come_as_fast_as_the_background_moves(tmp_path: Path) -> None:
+def test_keyframes_come_as_fast_as_the_background_moves(tmp_path):
     image, step = texture(0), 4.0
     frames = write_pictures(tmp_path / "frames", [shifted(image, step * row) for row in range(25)])
     config = SfmConfig(keyframe_step=11.5 / 240, keyframe_gap=100, min_keyframes=2)
@@ -112,7 +110,7 @@ def points_seen(intrinsics_px: np.ndarray, place: list[float], turn_deg: float) 
     return project(camera, np.concatenate([near, far]), intrinsics_px)
 
 
-def test_parallax_is_what_a_turn_leaves_and_a_walking_person_has_none() -> None:
+def test_parallax_is_what_a_turn_leaves_and_a_walking_person_has_none():
     start_px = points_seen(INTRINSICS_PX, [0.0, 0.0, 0.0], 0.0)
     turned_px = points_seen(INTRINSICS_PX, [0.0, 0.0, 0.0], 5.0)
     assert parallax_px(start_px, turned_px, INTRINSICS_PX).max() < 0.01
@@ -127,7 +125,7 @@ def test_parallax_is_what_a_turn_leaves_and_a_walking_person_has_none() -> None:
     assert parallax_px(start_px[:19], moved_px[:19], INTRINSICS_PX).tolist() == [0.0] * 19
 
 
-def test_masked_parts_do_not_count(tmp_path: Path) -> None:
+def test_masked_parts_do_not_count(tmp_path):
     background, person = texture(0), texture(1)
     pictures, mask = [], np.zeros(SIZE_PX[::-1], np.uint8)
     mask[:, 36:216] = 255
@@ -149,7 +147,7 @@ MATCHED = ((3, 4), (4, 8))
 """What lies before the second cut has matches behind it, but not across it alone."""
 
 
-def test_a_cut_and_black_frames_are_noticed(tmp_path: Path) -> None:
+def test_a_cut_and_black_frames_are_noticed(tmp_path):
     pictures = [shifted(texture(0), row) for row in range(4)]
     pictures += [shifted(texture(1), row) for row in range(4)]
     pictures += [np.zeros(SIZE_PX[::-1], np.uint8)] * 3
@@ -165,7 +163,7 @@ def test_a_cut_and_black_frames_are_noticed(tmp_path: Path) -> None:
     assert keys.but_matched(Matches(points_px, pairs)).cuts.tolist() == [7]
 
 
-def test_a_low_frame_rate_is_no_cut_where_features_match(tmp_path: Path) -> None:
+def test_a_low_frame_rate_is_no_cut_where_features_match(tmp_path):
     pictures = [shifted(texture(seed), 110.0 * row) for seed in (0, 1) for row in range(4)]
     frames, config = (
         given(write_pictures(tmp_path / "frames", pictures)),
@@ -178,7 +176,7 @@ def test_a_low_frame_rate_is_no_cut_where_features_match(tmp_path: Path) -> None
     assert keys.but_matched(matches).cuts.tolist() == [3]
 
 
-def test_features_are_followed_into_the_frames_between(tmp_path: Path) -> None:
+def test_features_are_followed_into_the_frames_between(tmp_path):
     image = texture(0)
     frames = write_pictures(tmp_path / "frames", [shifted(image, 2.5 * row) for row in range(5)])
     points_px = grid_px(45.0, 30)
@@ -200,9 +198,7 @@ def test_features_are_followed_into_the_frames_between(tmp_path: Path) -> None:
         assert n - 1 not in (pair.features[:, 0] if pair.first == 0 else pair.features[:, 1])
 
 
-def test_frames_between_get_cameras_as_good_as_keyframes(
-    film: Callable[[str, int], Any], tmp_path: Path
-) -> None:
+def test_frames_between_get_cameras_as_good_as_keyframes(film, tmp_path):
     filmed = film("dolly", 24)
     config = SfmConfig(max_features=400, first_octave=-1, keyframe_step=0.1, min_keyframes=3)
     out_dir = filmed.solved(tmp_path / "sfm", config)
@@ -216,7 +212,7 @@ def test_frames_between_get_cameras_as_good_as_keyframes(
     assert np.rad2deg(chord).max() < 0.2
 
 
-def test_a_camera_that_stands_still_is_static(tmp_path: Path) -> None:
+def test_a_camera_that_stands_still_is_static(tmp_path):
     rng = np.random.default_rng(0)
     image = texture(0)
     noisy = [

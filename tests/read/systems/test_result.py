@@ -108,7 +108,7 @@ def amass(path: Path, **change: Any) -> Path:
     return path / "x.npz"
 
 
-def test_vibe_saw_a_tenth_more_than_its_box(tmp_path: Path) -> None:
+def test_vibe_saw_a_tenth_more_than_its_box(tmp_path):
     """A box of 200 px whose middle is 100 px right of that of 640x480 px, as demo.py writes it."""
     crop, half_px = np.array([0.8, 0.1, -0.2]), np.array([320, 240])
     scales = crop[0] * 200 / (2 * half_px)
@@ -135,7 +135,7 @@ def test_vibe_saw_a_tenth_more_than_its_box(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.in_picture, wider)
 
 
-def test_gem_x_is_off_somas_t_pose_and_has_two_necks(tmp_path: Path) -> None:
+def test_gem_x_is_off_somas_t_pose_and_has_two_necks(tmp_path):
     """LeftArm is SOMA's joint 12, Neck1 and Neck2 are 4 and 5, RightToeBase is 75."""
     pose = np.zeros((T, 77, 3))
     pose[:, 12], pose[:, 4], pose[:, 5], pose[:, 75] = (
@@ -162,7 +162,7 @@ def test_gem_x_is_off_somas_t_pose_and_has_two_necks(tmp_path: Path) -> None:
     assert z_up @ person.in_world.transl_m[0] == pytest.approx([1, -3, 2])
 
 
-def test_the_joints_of_mhr_lie_along_the_limbs() -> None:
+def test_the_joints_of_mhr_lie_along_the_limbs():
     """MHR's limbs lie along their joints' own x axis; a T-pose's are down, or to the sides."""
     sides = {"left": 1.0, "right": -1.0}
     for side, sign in sides.items():
@@ -172,7 +172,7 @@ def test_the_joints_of_mhr_lie_along_the_limbs() -> None:
             assert turn.apply(bone) == pytest.approx([sign, 0, 0], abs=0.04), (side, part)
 
 
-def test_sam_3d_body_shows_the_camera_and_stands(tmp_path: Path) -> None:
+def test_sam_3d_body_shows_the_camera_and_stands(tmp_path):
     rows = sam3d_rows()
     (person,) = read_system(sam3d(tmp_path), "camera").people
     assert person.in_camera is not None and isinstance(person.in_camera.camera, Pinhole)
@@ -210,9 +210,7 @@ def test_sam_3d_body_shows_the_camera_and_stands(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_rows_of_sam_3d_body_that_are_unclear(
-    change: Callable[[dict[str, Any]], Any], said: str, tmp_path: Path
-) -> None:
+def test_rows_of_sam_3d_body_that_are_unclear(change, said, tmp_path):
     """facebookresearch/sam-3d-body#32, #68, MHR#38: somebody turned one of two that go together."""
     rows = {key: value[0] for key, value in sam3d_rows().items()}
     path = system_files.write_joblib(tmp_path / "rows.pkl", change(rows))
@@ -257,7 +255,7 @@ def _part(system: str) -> Part:
 
 
 @pytest.mark.parametrize("system", WRITERS)
-def test_whole_results_are_read(system: str, tmp_path: Path) -> None:
+def test_whole_results_are_read(system, tmp_path):
     found = read_system(WRITERS[system][0](tmp_path), _part(system))
     assert found.system == system
     assert [len(one.frame_numbers) for one in found.people] == [T] * len(found.people)
@@ -265,7 +263,7 @@ def test_whole_results_are_read(system: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("system", "key"), PARTS)
 @pytest.mark.parametrize("how", ["nan", "short", "flat", "gone"])
-def test_a_broken_part_is_refused(system: str, key: str, how: str, tmp_path: Path) -> None:
+def test_a_broken_part_is_refused(system, key, how, tmp_path):
     path = WRITERS[system][0](tmp_path, **{key: how})
     if how == "gone" and key in OPTIONAL:
         assert read_system(path, _part(system)).people
@@ -276,13 +274,13 @@ def test_a_broken_part_is_refused(system: str, key: str, how: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize(("system", "key"), [part for part in PARTS if part[1] in AXIS_ANGLES])
-def test_axis_angles_in_degrees_are_refused(system: str, key: str, tmp_path: Path) -> None:
+def test_axis_angles_in_degrees_are_refused(system, key, tmp_path):
     path = WRITERS[system][0](tmp_path, **{key: "degrees"})
     with pytest.raises(BadMotionFile, match=f"turns of up to 104 in .*{key}.*: degrees, where"):
         read_system(path, "world")
 
 
-def test_a_folder_that_is_no_result_is_named(tmp_path: Path) -> None:
+def test_a_folder_that_is_no_result_is_named(tmp_path):
     with pytest.raises(MissingInput, match=r"no camera\.npy and hps/hps_track_<k>\.npy"):
         read_system(tmp_path)
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
@@ -297,7 +295,7 @@ def test_a_folder_that_is_no_result_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [0, 1.5, "x", None, [], [[1]], {"pred_joint_coords": 1}])
-def test_pictures_that_are_none(content: Any, tmp_path: Path) -> None:
+def test_pictures_that_are_none(content, tmp_path):
     """Found by changed files: a picture that is a number, or a row that lacks its places."""
     rows = {key: value[0] for key, value in sam3d_rows().items()}
     path = system_files.write_joblib(tmp_path / "rows.pkl", [rows, content])
@@ -308,7 +306,7 @@ def test_pictures_that_are_none(content: Any, tmp_path: Path) -> None:
         read_system(path)
 
 
-def test_a_dict_that_numpy_saved_is_the_same(tmp_path: Path) -> None:
+def test_a_dict_that_numpy_saved_is_the_same(tmp_path):
     """`np.save(path, result)`, as people keep any system's result."""
     rows = {key: value[0] for key, value in sam3d_rows().items()}
     np.save(tmp_path / "rows.npy", {"0.jpg": [rows]})  # type: ignore[arg-type]
@@ -316,7 +314,7 @@ def test_a_dict_that_numpy_saved_is_the_same(tmp_path: Path) -> None:
     assert person.frame_numbers.tolist() == [0]
 
 
-def test_pickled_motions_of_mosh_and_aist_are_read(tmp_path: Path) -> None:
+def test_pickled_motions_of_mosh_and_aist_are_read(tmp_path):
     """AIST++'s world has y up, and its path is as large as its scaling says."""
     rng = np.random.default_rng(0)
     poses, trans = rng.normal(0, 0.3, (5, 72)), rng.normal(0, 1, (5, 3))

@@ -2,7 +2,6 @@
 
 import pickle  # noqa: TID251  The oracle: joblib.load is this for a file without its own arrays.
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.result import read_system
-from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert, rigid
@@ -23,7 +21,7 @@ SMPLX_PELVIS_M = [0.0031, -0.3514, 0.0120]
 
 
 @pytest.fixture(scope="module")
-def people(walkers: list[Clip], small_body: BodyModel) -> list[TrackedPerson]:
+def people(walkers, small_body) -> list[TrackedPerson]:
     """Two walkers, of whom the second is not in frames 5 to 7."""
     n = np.arange(walkers[0].motion.n_frames)
     rows = [n >= 0, (n < 5) | (n > 7)]
@@ -42,9 +40,7 @@ def rotmats(rotvecs: np.ndarray) -> np.ndarray:
     return Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(len(rotvecs), -1, 3, 3)
 
 
-def test_wham_by_plain_pickle(
-    people: list[TrackedPerson], walkers: list[Clip], small_body: BodyModel, tmp_path: Path
-) -> None:
+def test_wham_by_plain_pickle(people, walkers, small_body, tmp_path):
     path, camera = tmp_path / "walk" / "wham_output.pkl", camera_of(walkers[0])
     write_wham(path, people, camera)
     found = pickle.loads(path.read_bytes())
@@ -74,7 +70,7 @@ def test_wham_by_plain_pickle(
             assert np.abs(motion_joints_m(small_body, seen) - wanted_m).max() < MM
 
 
-def test_wham_comes_back(people: list[TrackedPerson], tmp_path: Path) -> None:
+def test_wham_comes_back(people, tmp_path):
     path = tmp_path / "wham_output.pkl"
     write_wham(path, people, None)
     assert "pose" not in pickle.loads(path.read_bytes())[0]
@@ -91,9 +87,7 @@ def test_wham_comes_back(people: list[TrackedPerson], tmp_path: Path) -> None:
         assert (found.betas_body, path.name) == (motion.body, "wham_output.pkl")
 
 
-def test_gvhmr_by_torchs_safe_loader(
-    people: list[TrackedPerson], walkers: list[Clip], tmp_path: Path
-) -> None:
+def test_gvhmr_by_torchs_safe_loader(people, walkers, tmp_path):
     path, person, camera = tmp_path / "hmr4d_results.pt", people[1], camera_of(walkers[0])
     has = np.arange(camera.n_frames) != 9
     known = np.where(has[:, None, None], camera.world_from_cam, np.nan)
@@ -123,7 +117,7 @@ def test_gvhmr_by_torchs_safe_loader(
         assert not params["betas"].any()
 
 
-def test_gvhmr_comes_back(people: list[TrackedPerson], tmp_path: Path) -> None:
+def test_gvhmr_comes_back(people, tmp_path):
     path = tmp_path / "hmr4d_results.pt"
     write_gvhmr(path, people[1], None)
     assert set(torch.load(path, weights_only=True)) == {"smpl_params_global", "valid"}
@@ -138,9 +132,7 @@ def test_gvhmr_comes_back(people: list[TrackedPerson], tmp_path: Path) -> None:
     assert np.abs(pelvis_m - motion.pelvis_m[rows]).max() < MM
 
 
-def test_frames_without_a_motion_are_left_out_or_refused(
-    people: list[TrackedPerson], tmp_path: Path
-) -> None:
+def test_frames_without_a_motion_are_left_out_or_refused(people, tmp_path):
     pelvis_m = people[1].motion.pelvis_m.copy()
     pelvis_m[6] = np.nan
     gap = replace(people[1], motion=replace(people[1].motion, pelvis_m=pelvis_m))
