@@ -16,6 +16,7 @@ from gmrdata.pages.frames import draw_mask_outline
 from gmrdata.pages.solved import Solved
 from gmrdata.read.frames import read_gray
 from gmrdata.solve.plan import MOST_PICTURES
+from gmrdata.stage.jobs import made_ahead
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, bent, project_cam
@@ -92,7 +93,7 @@ def write_footage(path: Path, footage: Footage) -> int:
     if not any(footage.images):
         raise BadFrames("there is no frame to draw over")
     rows, rate_hz = shown_rows(footage.times_s, footage.fps_hz)
-    pictures = (footage_picture(footage, row)[..., ::-1] for row in rows.tolist())
+    pictures = made_ahead(lambda row: footage_picture(footage, row)[..., ::-1], rows.tolist())
     shown = track(pictures, "drawing over frames", len(rows))
     # What is read while it plays, and what is there before, are together no more than the file.
     of_file = MOST_BYTES * 8 / 1000

@@ -9,10 +9,12 @@ back to where the person came into view.  Where a person is lost and found again
 the pieces.
 """
 
+import json
 import shutil
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -31,6 +33,7 @@ from gmrdata.people.landmark_network import (
 )
 from gmrdata.people.linking import (
     Detection,
+    Detections,
     LinkConfig,
     Piece,
     box_iou,
@@ -39,13 +42,14 @@ from gmrdata.people.linking import (
     join_pieces,
     unsure_pairs,
 )
-from gmrdata.people.onnx import OnnxConfig, detect_all
+from gmrdata.people.onnx import Detector, OnnxConfig, detect_once, open_detector
 from gmrdata.read.frames import read_color, write_gray
 from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
+from gmrdata.stage.jobs import made_ahead
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
-from gmrdata.values.files import read_json, write_json, write_npz
+from gmrdata.values.files import read_json, write_npz, write_text
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import (
     PART,
@@ -116,7 +120,7 @@ class Sightings:
     def __len__(self) -> int:
         return len(self.pieces)
 
-    def take(self, rows: np.ndarray) -> Self:
+    def take(self, rows: np.ndarray | slice) -> Self:
         """Some of them, by place or by what is true of them."""
         return type(self)(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
@@ -131,6 +135,11 @@ class Sightings:
                 for key, (kinds, shape) in _SHAPES.items()
             }
         )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Of one or more, one after the other."""
+        return cls(**{key: np.concatenate([getattr(one, key) for one in parts]) for key in _SHAPES})
 
     def write(self, path: Path) -> None:
         """Write them as an .npz without pickled objects."""
@@ -213,15 +222,14 @@ def follow_people(
         look = open_landmark_network(networks.landmarks)
         least = config.min_detector_score
         people = OnnxConfig(classes=("person",), min_score=least, weak_score=least)
-        found = detect_all(networks.detector, frames.paths, partial, people)
-        boxes_px = [one.boxes_px for one in found]
-        whole = _Follower(frames, boxes_px, partial, config, look).all_sightings()
-        known, facts, seldom = _known_people(whole, frames.numbers, config)
+        detect = open_detector(networks.detector, people)
+        follower = _Follower(frames, partial, config, detect, look)
+        known, facts, seldom = _known_people(follower.all_sightings(), frames.numbers, config)
         known.write(partial / SIGHTINGS_FILE)
         FollowedRecord(
             size_px=frames.size_px,
             images=tuple(frames.numbers.tolist()),
-            detections=tuple(map(detections_as_json, found)),
+            detections=tuple(map(detections_as_json, follower.detections)),
             people=facts,
             left_out=seldom,
         ).write(partial / FOLLOWED_FILE)
@@ -248,10 +256,11 @@ class _Follower:
     """People of a sequence while they are followed."""
 
     frames: FrameSet
-    boxes_px: list[np.ndarray]  # (N, 4) of the detector, by frame [px]
     folder: Path
     config: FollowConfig
+    detect: Detector
     look: LandmarkNetwork
+    detections: list[Detections] = field(default_factory=list)  # of the frames gone through
     n_pieces: int = 0
     met_px: defaultdict[int, dict[int, np.ndarray]] = field(
         default_factory=lambda: defaultdict(dict)
@@ -261,27 +270,35 @@ class _Follower:
     def all_sightings(self) -> Sightings:
         """Go through the frames once, and from each newcomer back."""
         row_of = {number: row for row, number in enumerate(self.frames.numbers.tolist())}
-        everybody: list[Seen] = []
+        everybody: list[Sightings] = []
         before: list[Seen] = []
-        for row, image in enumerate(with_bar(self.frames.paths, "following people")):
-            path = self.folder / FRAMES_FOLDER / f"{image.stem}.json"
+        images = self.frames.paths
+        # The detector is a frame or two ahead of the landmark network.
+        looked = made_ahead(partial(detect_once, self.detect, partial=self.folder), images)
+        for row, (picture, detections) in enumerate(
+            with_bar(looked, "following people", len(images))
+        ):
+            self.detections.append(detections)
+            path = self.folder / FRAMES_FOLDER / f"{images[row].stem}.json"
             if not path.is_file():
-                write_json(path, self._turn(before, read_color(image), row))
+                picture = read_color(images[row]) if picture is None else picture
+                # Without line breaks, which Python's own slow encoder writes.
+                write_text(path, json.dumps(self._turn(before, picture, row), allow_nan=False))
             # Read back, so that a resumed run works on the very same numbers.
             found: list[Seen] = read_json(path)
             for one in found:
                 self.met_px[row_of[one["image_numbers"]]][one["pieces"]] = one["boxes_px"]
             self.n_pieces = max([self.n_pieces, *(one["pieces"] + 1 for one in found)])
             before = [one for one in found if row_of[one["image_numbers"]] == row]
-            everybody += found
-        everybody.sort(key=lambda one: (one["image_numbers"], one["pieces"]))
-        return Sightings.of(everybody)
+            everybody.append(Sightings.of(found))
+        whole = Sightings.joined(everybody)
+        return whole.take(np.lexsort((whole.pieces, whole.image_numbers)))
 
     def _turn(self, before: list[Seen], image: np.ndarray, row: int) -> list[Seen]:
         """Whom the frame before shows, then who is new, who is also followed back."""
         here = self._go_on(before, image, row)
         earlier: list[Seen] = []
-        for box_px in self.boxes_px[row]:
+        for box_px in self.detections[row].boxes_px:
             if self._is_met(box_px, row):
                 continue
             crop = crop_around(box_px)

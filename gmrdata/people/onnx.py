@@ -168,14 +168,19 @@ def detect_all(
 ) -> list[Detections]:
     """Detections of all frames, weak ones too, which `<partial>/seen` keeps for a later run."""
     detect = open_detector(model_path, config)
-    found = []
-    for image in with_bar(images, "detecting"):
-        seen = partial / "seen" / f"{image.stem}.json"
-        if not seen.is_file():
-            write_json(seen, linking.detections_as_json(detect(read_color(image))))
-        # Read back, so that a resumed run works on the very same numbers.
-        found.append(linking.detections_from_json(read_json(seen)))
-    return found
+    return [detect_once(detect, image, partial)[1] for image in with_bar(images, "detecting")]
+
+
+def detect_once(
+    detect: Detector, image: Path, partial: Path
+) -> tuple[np.ndarray | None, Detections]:
+    """What a frame shows, kept as in `detect_all`, and its picture unless it was seen before."""
+    seen, picture = partial / "seen" / f"{image.stem}.json", None
+    if not seen.is_file():
+        picture = read_color(image)
+        write_json(seen, linking.detections_as_json(detect(picture)))
+    # Read back, so that a resumed run works on the very same numbers.
+    return picture, linking.detections_from_json(read_json(seen))
 
 
 def _input_size_px(model_path: Path) -> tuple[int, int] | None:

@@ -26,6 +26,7 @@ from gmrdata.people.onnx import OnnxConfig, onnx_masks
 from gmrdata.people.silhouette import SilhouetteConfig, dilate, silhouette_masks
 from gmrdata.read.frames import read_gray, write_gray
 from gmrdata.read.models import YOLOX_NANO, find_model
+from gmrdata.stage.jobs import in_threads
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage, stage_seconds
@@ -299,15 +300,22 @@ def person_masks(
     def work(partial: Path) -> None:
         record = FollowedRecord.read(followed_dir / FOLLOWED_FILE)
         sightings = Sightings.read(followed_dir / SIGHTINGS_FILE)
-        rows = zip(frames.paths, frames.numbers, record.detections, strict=True)
-        for image, number, detections in rows:
-            seen = sightings.take(sightings.image_numbers == number)
+        # By number they stand in order, so those of a frame are found without looking at all.
+        starts, stops = (
+            np.searchsorted(sightings.image_numbers, frames.numbers, side)
+            for side in ("left", "right")
+        )
+
+        def make(row: int) -> None:
+            image, seen = frames.paths[row], sightings.take(slice(starts[row], stops[row]))
             outlines = np.zeros(frames.size_px[::-1], np.uint8)
             for piece in seen.pieces.tolist():
                 outlines |= read_gray(outline_path(followed_dir, image, piece))
-            boxes_px = detections_from_json(detections).boxes_px
+            boxes_px = detections_from_json(record.detections[row]).boxes_px
             filled = _boxes_without(outlines, boxes_px, seen.boxes_px, config)
             write_gray(partial / f"{image.stem}.png", dilate(outlines | filled, config.dilate_px))
+
+        in_threads(make, range(len(frames.paths)))
 
     inputs = {"followed": followed_dir, "images": frames.folder}
     return run_stage("person_masks", out_dir, config, inputs, work, run=run)

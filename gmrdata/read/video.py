@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 from gmrdata.read.frames import read_frames, write_image
 from gmrdata.read.video_faults import why_no_video
 from gmrdata.read.video_rate import rated
+from gmrdata.stage.jobs import made_ahead
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -208,7 +209,14 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         reading = _Reading()
         numbers: list[int] = []
         size_px, small, changes = (0, 0), None, list[float]()
-        for number, image in _pictures(path, container, stream, config, reading):
+
+        def write(picture: tuple[int, np.ndarray]) -> tuple[int, np.ndarray]:
+            number, image = picture
+            _write_image(out_dir / f"{number // config.every:05d}.jpg", image, config.jpeg_quality)
+            return picture
+
+        decoded = _pictures(path, container, stream, config, reading)
+        for number, image in made_ahead(write, decoded):
             if numbers and size_px != image.shape[1::-1]:
                 sizes = "{}x{} px, the frames before it {}x{} px".format(
                     *image.shape[1::-1], *size_px
@@ -216,7 +224,6 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
                 raise BadFrames(f"{path}: frame {number} is {sizes}; cut the video there")
             size_px = (image.shape[1], image.shape[0])
             _require_in_budget(path, len(numbers) + 1, size_px)
-            _write_image(out_dir / f"{number // config.every:05d}.jpg", image, config.jpeg_quality)
             numbers.append(number)
             before, small = small, image[::8, ::8].astype(np.int16)
             changes += [] if before is None else [float(np.abs(small - before).mean())]

@@ -2,8 +2,9 @@
 
 import socket
 import traceback
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,6 +29,28 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
     """
     with ThreadPoolExecutor(own_cores()) as pool:
         return list(pool.map(function, items))
+
+
+MADE_AHEAD = 2  # results that wait
+
+
+def made_ahead(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """A function of each item, in the items' order: a second thread makes the next ones while one
+    is worked on, where this process has several cores.  The items are drawn in this thread."""
+    if own_cores() < 2:
+        yield from map(function, items)
+        return
+    with ThreadPoolExecutor(1) as pool:
+        waiting = deque[Future[Result]]()
+        try:
+            for item in items:
+                waiting.append(pool.submit(function, item))
+                if len(waiting) > MADE_AHEAD:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 POLL_S = 0.5

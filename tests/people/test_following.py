@@ -24,7 +24,15 @@ from gmrdata.people.following import (
     outline_path,
 )
 from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.people.linking import LinkConfig, Piece, cuts_in, fill_boxes, join_pieces, unsure_pairs
+from gmrdata.people.linking import (
+    LinkConfig,
+    Piece,
+    cuts_in,
+    detections_from_json,
+    fill_boxes,
+    join_pieces,
+    unsure_pairs,
+)
 from gmrdata.people.onnx import OnnxConfig, open_detector
 from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.bodies import ANNY_FILE
@@ -122,7 +130,7 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
 
     def late(self: _Follower, before: object, image: np.ndarray, row: int) -> object:
         if row < len(self.frames.paths) - 1:
-            self.boxes_px[row] = self.boxes_px[row][:0]
+            self.detections[row] = detections_from_json([])
         return detected(self, before, image, row)
 
     monkeypatch.setattr(_Follower, "_turn", late)

@@ -14,7 +14,7 @@ import pytest
 from distributed import LocalCluster
 
 from gmrdata.stage import workers
-from gmrdata.stage.jobs import Job, count_files, in_threads, run_jobs, try_jobs
+from gmrdata.stage.jobs import Job, count_files, in_threads, made_ahead, run_jobs, try_jobs
 from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
 from gmrdata.stage.workers import Pool, own_cores, worker_pool
@@ -265,6 +265,26 @@ def test_an_error_stops_what_is_not_begun(monkeypatch):
     with pytest.raises(ValueError, match="the first"):
         in_threads(fail_at_once, range(50))
     assert len(begun) < 10
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_a_second_thread_is_two_results_ahead(monkeypatch, cores):
+    monkeypatch.setenv("OMP_NUM_THREADS", str(cores))
+    drawn, by = [], set()
+
+    def make(number: int) -> int:
+        by.add(threading.get_ident())
+        if number == 9:
+            raise ValueError("the ninth")
+        return number * number
+
+    found = made_ahead(make, (drawn.append(number) or number for number in range(20)))
+    assert [next(found) for _ in range(4)] == [0, 1, 4, 9]
+    assert len(drawn) == (4 if cores == 1 else 6) and len(by) == 1
+    assert (threading.get_ident() in by) == (cores == 1)
+    with pytest.raises(ValueError, match="the ninth"):
+        list(found)
+    assert len(drawn) < 13
 
 
 def test_items_pass_through(capsys):
