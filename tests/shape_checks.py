@@ -6,8 +6,9 @@ Importing this module checks the packages' modules that are imported after it.
 from collections.abc import Callable
 from typing import Any, TypeVar, get_args
 
+import jaxtyping
 from beartype import BeartypeConf, beartype
-from jaxtyping import AbstractArray, install_import_hook
+from jaxtyping import AbstractArray, install_import_hook, jaxtyped
 
 OF_GMR = ("augmentation", "inputs", "losses", "model", "predict", "windows")
 """Not rotations and vertex_loss: a training calls them thousands of times, at a cost of 40 %."""
@@ -24,13 +25,22 @@ _CONF = BeartypeConf(is_pep484_tower=True)
 
 def checked(function: F) -> F:
     """The function with checks, where it has a shape to check."""
-    hints = function.__annotations__.values()
-    return beartype(function, conf=_CONF) if any(map(_has_shape, hints)) else function
+    return beartype(function, conf=_CONF) if _has_shapes(function) else function
 
 
-def _has_shape(hint: Any) -> bool:
+def _has_shapes(function: Any) -> bool:
+    return any(map(_is_shape, function.__annotations__.values()))
+
+
+def _is_shape(hint: Any) -> bool:
     is_array = isinstance(hint, type) and issubclass(hint, AbstractArray)
-    return is_array or any(map(_has_shape, get_args(hint)))
+    return is_array or any(map(_is_shape, get_args(hint)))
 
 
+def shaped_alone(*, typechecker: Any) -> Callable[[F], F]:
+    """jaxtyping's decorator, for what has a shape: all else it would call in four steps."""
+    return lambda made: jaxtyped(made, typechecker=typechecker) if _has_shapes(made) else made
+
+
+jaxtyping.jaxtyped = shaped_alone
 install_import_hook(PACKAGES, f"{__name__}.checked")

@@ -45,7 +45,7 @@ def solved(dolly, tmp_path_factory) -> tuple[np.ndarray, Counter[Path]]:
     with pytest.MonkeyPatch.context() as monkeypatch:
         count = counted(monkeypatch)
         out_dir = tmp_path_factory.mktemp("all_kept") / "sfm"
-        reconstruct(dolly.taken(), None, dolly.lens, out_dir, SfmConfig())
+        reconstruct(dolly.taken(), None, dolly.lens, out_dir, SfmConfig(max_features=300))
     return load_cameras(out_dir).path.world_from_cam, count
 
 
@@ -58,7 +58,7 @@ def test_what_memory_is_not_meant_to_hold_is_decoded_again(
     dolly, solved, decoded, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(module, "MOST_KEPT_BYTES", 3 * 320 * 180)
-    reconstruct(dolly.taken(), None, dolly.lens, tmp_path / "sfm", SfmConfig())
+    reconstruct(dolly.taken(), None, dolly.lens, tmp_path / "sfm", SfmConfig(max_features=300))
     images = list_images(dolly.images_dir)
     assert [decoded[image] for image in images[:3]] == [1, 1, 1] and decoded[images[3]] > 1
     few_kept = load_cameras(tmp_path / "sfm").path.world_from_cam
@@ -116,7 +116,9 @@ def test_no_result_depends_on_how_names_sort_as_texts(dolly, solved, tmp_path):
     (plain := tmp_path / "plain").mkdir()
     for number, image in enumerate(list_images(dolly.images_dir), start=1):
         shutil.copyfile(image, plain / f"{number}{image.suffix}")
-    other = reconstruct(read_frames(plain), None, dolly.lens, tmp_path / "other", SfmConfig())
+    other = reconstruct(
+        read_frames(plain), None, dolly.lens, tmp_path / "other", SfmConfig(max_features=300)
+    )
     np.testing.assert_array_equal(load_cameras(other).path.world_from_cam, solved[0])
     assert load_tracks(other).image_names[1] == "2.jpg"
 
@@ -165,7 +167,7 @@ def test_cameras_of_large_frames_have_their_size(dolly, tmp_path):
     first = read_gray(list_images(dolly.images_dir)[0])
     height_px, width_px = first.shape
     matrix = np.diag([2.0, 2, 1]) @ dolly.intrinsics_px
-    config = SfmConfig(max_features=600, max_image_size_px=width_px)
+    config = SfmConfig(max_features=400, max_image_size_px=width_px)
     frames = read_frames(tmp_path / "frames")
     lens = dolly.lens.at_size(frames.size_px)
     out_dir = reconstruct(frames, tmp_path / "masks", lens, tmp_path / "out", config)
