@@ -29,7 +29,7 @@ def fetch(
     """Get motions (ASF/AMC) of the CMU motion capture database, or the networks that make masks.
 
     Args:
-        source: cmu, or models: YOLOX-nano and BlazePose GHUM heavy (both Apache-2.0, 31 MB).
+        source: cmu, or models: YOLOX-nano, BlazePose GHUM heavy and lite (Apache-2.0, 34 MB).
         trials: Names of CMU's trials, like 02_03.
         out: Folder for the files; what is there is kept.  ./cmu, with SHA256SUMS and fetched.json,
             when left out; for models the cache folder in which every verb looks for them.

@@ -44,7 +44,7 @@ from gmrdata.people.linking import (
 )
 from gmrdata.people.onnx import Detector, OnnxConfig, detect_once, open_detector
 from gmrdata.read.frames import read_color, write_gray
-from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
+from gmrdata.read.models import POSE_LANDMARKS, QUICK_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.stage.jobs import made_ahead
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -90,9 +90,13 @@ class Networks(NamedTuple):
     """BlazePose GHUM heavy (TFLite); lite and full are of the same form."""
 
     @classmethod
-    def find(cls, detector: Path | None = None, landmarks: Path | None = None) -> Self:
-        """The given files, or those of `gmrdata fetch models`; errors as of `find_model`."""
-        return cls(find_model(YOLOX_NANO, detector), find_model(POSE_LANDMARKS, landmarks))
+    def find(
+        cls, detector: Path | None = None, landmarks: Path | None = None, *, quick: bool = False
+    ) -> Self:
+        """The given files, or those of `gmrdata fetch models`, `quick` with lite; errors as of
+        `find_model`."""
+        network = QUICK_LANDMARKS if quick else POSE_LANDMARKS
+        return cls(find_model(YOLOX_NANO, detector), find_model(network, landmarks))
 
 
 Seen = dict[str, Any]

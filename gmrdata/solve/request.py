@@ -61,6 +61,17 @@ class SolveConfig(SequenceConfig):
         return self.model_copy(update={"bodies": bodies})
 
     @property
+    def for_cameras_alone(self) -> Self:
+        """The same where nobody's pose is wanted: masks by the lite network."""
+        if self.masks is None:
+            return self
+        sources = tuple(
+            one.model_copy(update={"quick": True}) if isinstance(one, PersonSource) else one
+            for one in self.masks.sources
+        )
+        return self.model_copy(update={"masks": self.masks.model_copy(update={"sources": sources})})
+
+    @property
     def person_source(self) -> PersonSource:
         """How people are followed: as for masks of them, or as by default."""
         sources = () if self.masks is None else self.masks.sources

@@ -86,6 +86,8 @@ def solve(
         BadRecipe: a folder without a rate, or a video with one.
         BadFrames, MissingInput, BadMotionFile and what else the stages raise.
     """
+    if request.people is None:
+        config = config.for_cameras_alone
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
     solved = Solved(request, out_dir, config, frames, run, body_path)

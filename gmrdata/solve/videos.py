@@ -324,7 +324,10 @@ def solve_batch(videos: Sequence[NamedVideo], batch: Batch, run: Run) -> Path:
 def _with_files(videos: Sequence[NamedVideo], batch: Batch) -> Batch:
     """With all files that the videos have in common, found once, by absolute paths: a worker of
     another machine may run in another folder."""
-    config, request = batch.config, batch.request
+    request = batch.request
+    if not any(batch.of(video).people for video in videos):
+        batch = replace(batch, config=batch.config.for_cameras_alone)
+    config = batch.config
     files = {} if config.masks is None else network_files(config.masks)
     if request.lens is not None and request.lens.file is not None:
         path = request.lens.file.absolute()

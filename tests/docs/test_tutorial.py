@@ -66,7 +66,8 @@ def fetched(patch: pytest.MonkeyPatch, there: Path, shared: Path) -> None:
     """The networks as `gmrdata fetch models` leaves them; the light one is called the heavy one."""
     there.mkdir(parents=True)
     shutil.copy(shared / models.YOLOX_NANO.name, there)
-    shutil.copy(shared / LITE, there / models.POSE_LANDMARKS.name)
+    for model in (models.POSE_LANDMARKS, models.QUICK_LANDMARKS):
+        shutil.copy(shared / LITE, there / model.name)
     right = {there / model.name: model.sha256 for model in models.MODELS}
     plainly = models.sha256_of_file
     patch.setattr(models, "sha256_of_file", lambda path: right.get(path) or plainly(path))

@@ -8,11 +8,18 @@ import pytest
 from gmrdata import cli
 from gmrdata.read import models
 from gmrdata.read.download import FetchConfig
-from gmrdata.read.models import MODELS, POSE_LANDMARKS, YOLOX_NANO, fetch_models, find_model
+from gmrdata.read.models import (
+    MODELS,
+    POSE_LANDMARKS,
+    QUICK_LANDMARKS,
+    YOLOX_NANO,
+    fetch_models,
+    find_model,
+)
 from gmrdata.values.errors import BadDetector, BadRecipe, FetchFailed, MissingInput
 from tests.fixtures.file_server import Server, drop_half, status
 
-NAMES = ["pose_landmark_heavy.tflite", "yolox_nano.onnx"]
+NAMES = ["pose_landmark_heavy.tflite", "pose_landmark_lite.tflite", "yolox_nano.onnx"]
 
 
 @pytest.fixture
@@ -44,8 +51,8 @@ def test_the_command_fetches_once_and_says_where_they_are(server, cache, capsys)
     for _ in range(2):
         cli.main(["fetch", "models", "--base-url", server.url])
         told = capsys.readouterr().out.split()
-        assert told == [str(cache / "yolox_nano.onnx"), str(cache / "pose_landmark_heavy.tflite")]
-    assert len(server.seen) == 2
+        assert told == [str(cache / model.name) for model in MODELS]
+    assert len(server.seen) == 3
     assert names(cache) == NAMES
     for model in MODELS:
         assert find_model(model).read_bytes() == server.files[f"/{model.name}"]
@@ -67,14 +74,13 @@ def test_a_dry_run_tells_the_published_addresses_and_what_is_there(server, cache
     assert not cache.exists()
     rows = models.plan_models(cache, FetchConfig())[1]
     assert rows == [
-        (YOLOX_NANO.name, YOLOX_NANO.url, "to do"),
-        (POSE_LANDMARKS.name, POSE_LANDMARKS.url, "to do"),
+        (model.name, model.url, "to do") for model in (YOLOX_NANO, POSE_LANDMARKS, QUICK_LANDMARKS)
     ]
     server.answers["/yolox_nano.onnx"] = [drop_half, status(503)]
     with pytest.raises(FetchFailed):
         fetch(server, cache)
     states = [row[2] for row in models.plan_models(cache, FetchConfig())[1]]
-    assert states == ["unfinished", "done"]
+    assert states == ["unfinished", "done", "done"]
     cli.main(["fetch", "models", "--dry-run"])
     assert "pose_landmark_heavy.tflite" in capsys.readouterr().out
 
@@ -83,7 +89,7 @@ def test_a_stopped_run_leaves_no_half_file_and_a_later_one_goes_on(server, cache
     server.answers["/yolox_nano.onnx"] = [drop_half, status(503)]
     with pytest.raises(FetchFailed, match=r"503.*The same command goes on"):
         fetch(server, cache)
-    assert names(cache) == [NAMES[0], "yolox_nano.onnx.part", "yolox_nano.onnx.part.json"]
+    assert names(cache) == [*NAMES[:2], "yolox_nano.onnx.part", "yolox_nano.onnx.part.json"]
     with pytest.raises(MissingInput, match=r"yolox_nano\.onnx: no such model file"):
         find_model(YOLOX_NANO)
     fetch(server, cache)
@@ -98,7 +104,7 @@ def test_another_content_is_refused_and_the_other_file_comes(server, cache):
         FetchFailed, match=r"/yolox_nano\.onnx: not the published file: its SHA-256"
     ):
         fetch(server, cache)
-    assert names(cache) == ["pose_landmark_heavy.tflite"]
+    assert names(cache) == NAMES[:2]
 
 
 def test_a_file_of_another_content_is_kept_without_redo(server, cache):
