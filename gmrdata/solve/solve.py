@@ -73,6 +73,10 @@ OWN_FEET = {"creep_m_per_s": 0.6, "contact_sigma_m": 0.03, "stance_sigma_m": 0.2
 a fifth to a half, so feet that stand seem to creep; and it errs by 6 to 9 cm along the ray, more
 where people are far, for a second at a time."""
 
+UNSEEN_FEET_SHARE = 0.25
+"""Error of the scale, as a share, of people whose feet and size are unknown: a body lies on the
+person all the same, and error bars say how large its world may be."""
+
 
 def solve(
     request: SolveRequest, out_dir: Path, config: SolveConfig, run: Run = DEFAULT_RUN
@@ -335,9 +339,11 @@ def _with_size_errors(
     config: PseudoGtConfig, size_sigmas: tuple[float, ...], *, own_feet: bool
 ) -> PseudoGtConfig:
     """The recipe with the errors of the built-in estimator's feet; and with a threshold of the
-    scale that people of unknown size can meet."""
+    scale that people of unknown size, and with hidden feet, can meet: error bars have the rest."""
     scale = config.scale.model_copy(update=OWN_FEET if own_feet else {})
-    most = float(np.hypot(config.verdict.max_scale_sigma_share, min(size_sigmas, default=0.0)))
+    if not size_sigmas:
+        return config.model_copy(update={"scale": scale})
+    most = float(np.hypot(config.verdict.max_scale_sigma_share, UNSEEN_FEET_SHARE))
     verdict = config.verdict.model_copy(update={"max_scale_sigma_share": most})
     return config.model_copy(update={"scale": scale, "verdict": verdict})
 

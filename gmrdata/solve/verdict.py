@@ -37,6 +37,7 @@ MAX_RATE_ERROR = 0.05
 RATE_OVER_S = 0.5  # over which the same holds of a video whose rate varies [s]
 MAX_STEP_ERROR = 0.25
 """Share by which the time between two images may differ from that between the body's rows."""
+VAGUE_SCALE = 0.1  # standard error, as a share, beyond which it is said
 MOST_OFF = 0.99  # of a deviation, as a share
 
 
@@ -183,7 +184,7 @@ def judge_video(solved: Solved) -> VideoVerdict:
     if solved.world_dir is not None:
         world = load_record(solved.world_dir)
         notes += [] if world.level is None or world.level.remark is None else [world.level.remark]
-        notes += _unchecked(world)
+        notes += [*_scale_notes(world), *_unchecked(world)]
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
     return VideoVerdict(
@@ -195,6 +196,16 @@ def judge_video(solved: Solved) -> VideoVerdict:
         people=people,
         notes=tuple(notes),
     )
+
+
+def _scale_notes(world: PseudoGtQuality) -> Iterator[str]:
+    """What one should know of a scale that is hardly known."""
+    if not (world.scale and world.scale_sigma and world.scale_matters):
+        return
+    if (share := world.scale_sigma / world.scale) > VAGUE_SCALE:
+        unseen = any(cue.name == "above_ground" for cue in world.scale_cues)
+        why = ": nobody's feet were seen to stand on the ground" if unseen else ""
+        yield f"the metric scale is uncertain by {share:.0%}, and ways and speeds with it{why}"
 
 
 def _unchecked(world: PseudoGtQuality) -> list[str]:

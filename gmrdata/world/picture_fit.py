@@ -20,7 +20,7 @@ from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.records import PART, Figure
@@ -38,6 +38,9 @@ TRUNK = tuple(LANDMARKS.index(f"{side}_{part}") for part in ("shoulder", "hip")
               for side in ("left", "right"))  # fmt: skip
 LIMBS = (*TRUNK, *(LANDMARKS.index(f"{side}_{part}") for part in ("elbow", "wrist", "knee", "ankle")
                    for side in ("left", "right")))  # fmt: skip
+KNEES = tuple(LANDMARKS.index(f"{side}_knee") for side in ("left", "right"))
+LEGS = [JOINT[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot")
+        for side in ("left", "right")]  # fmt: skip
 VISIBLE, FEWEST_LIMBS = 0.5, 4.0  # landmarks that count, and how many a comparison needs
 SAME_TRUNK = 1.0  # distance of trunks, in the person's size, up to which they are of one
 NEAREST_M = 0.1
@@ -83,6 +86,7 @@ def picture_fits(
     `off_limbs`."""
     masks = _Masks(people, camera_of(clips[0]))
     tracks = [] if people.followed_dir is None else load_tracks(people.followed_dir)
+    limbs = [_limbs(clip, body, tracks) for clip, body in zip(clips, bodies, strict=True)]
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
@@ -91,7 +95,8 @@ def picture_fits(
     for start in range(0, len(both), AT_ONCE):
         rows = both[start : start + AT_ONCE]
         outlines = [
-            _outlines(clip, body, rows, masks) for clip, body in zip(clips, bodies, strict=True)
+            _outlines(clip, body, rows, hidden, masks)
+            for clip, body, (_, hidden) in zip(clips, bodies, limbs, strict=True)
         ]
         for person, (clip, own) in enumerate(zip(clips, outlines, strict=True)):
             others = [of for other, of in enumerate(outlines) if other != person]
@@ -104,11 +109,8 @@ def picture_fits(
                         _at(clip, row + lag, outline, elsewhere, masks) for lag in LAGS.tolist()
                     ]
                     found[person].late.append(late)
-    off = [
-        _limbs_off(clip, body, tracks) > config.off_limbs
-        for clip, body in zip(clips, bodies, strict=True)
-    ]
-    return [_fit(one, config.off_overlap, limbs) for one, limbs in zip(found, off, strict=True)]
+    off = [limbs_off > config.off_limbs for limbs_off, _ in limbs]
+    return [_fit(one, config.off_overlap, beside) for one, beside in zip(found, off, strict=True)]
 
 
 def _evenly(rows: np.ndarray) -> set[int]:
@@ -117,14 +119,17 @@ def _evenly(rows: np.ndarray) -> set[int]:
     return set(rows[some].tolist())
 
 
-def _limbs_off(clip: Clip, body: BodyModel, tracks: Sequence[Sightings]) -> np.ndarray:
+def _limbs(
+    clip: Clip, body: BodyModel, tracks: Sequence[Sightings]
+) -> tuple[np.ndarray, np.ndarray]:
     """(T,) mean distance of limbs from the landmarks of whom they lie nearest to, in the person's
-    size in the picture; 0 where nobody's trunk is about where the body's is."""
+    size in the picture, and whether both knees are hidden there; 0 and False where nobody's trunk
+    is about where the body's is."""
     motion, lens = clip.motion, camera_of(clip).lens
     placed_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
     placed_m = placed_m + motion.pelvis_m[:, None]
     rays = placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M)
-    nearest = np.full(len(rays), np.inf)
+    nearest, hidden = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=bool)
     for track in tracks:
         rows = rows_of_numbers(track.image_numbers, clip.image_numbers)
         seen = SeenLandmarks(
@@ -135,8 +140,19 @@ def _limbs_off(clip: Clip, body: BodyModel, tracks: Sequence[Sightings]) -> np.n
         shown = seen.visibility * (seen.visibility > VISIBLE)
         here = (apart[:, TRUNK].mean(axis=1) < SAME_TRUNK) & (shown[:, LIMBS].sum(1) > FEWEST_LIMBS)
         off = (shown * apart)[:, LIMBS].sum(1) / np.maximum(shown[:, LIMBS].sum(1), FEWEST_LIMBS)
-        nearest[at] = np.minimum(nearest[at], np.where(here, off, np.inf))
-    return np.where(np.isfinite(nearest), nearest, 0.0)
+        nearer = here & (off < nearest[at])
+        nearest[at[nearer]] = off[nearer]
+        hidden[at[nearer]] = ~shown[nearer][:, KNEES].any(axis=1)
+    return np.where(np.isfinite(nearest), nearest, 0.0), hidden
+
+
+@dataclass(frozen=True, eq=False)
+class _Outline:
+    """(h, w) bool: where a body is in the picture."""
+
+    whole: np.ndarray
+    shown: np.ndarray
+    """What must be on somebody: the same, or without the legs of who is hidden below the hips."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,26 +168,25 @@ class _Overlaps:
         return cls(np.full(len(valid), np.nan), np.zeros(len(valid), dtype=bool), [])
 
 
-def _elsewhere(
-    row: int, outline: np.ndarray, others: Sequence[dict[int, np.ndarray]]
-) -> np.ndarray:
+def _elsewhere(row: int, outline: _Outline, others: Sequence[dict[int, _Outline]]) -> np.ndarray:
     """(h, w) bool: what only others cover."""
-    covered = np.zeros_like(outline)
+    covered = np.zeros_like(outline.whole)
     for other in others:
-        covered |= other.get(row, covered) & ~outline
+        if row in other:
+            covered |= other[row].whole & ~outline.whole
     return covered
 
 
-def _doubled(row: int, outline: np.ndarray, before: Sequence[dict[int, np.ndarray]]) -> bool:
+def _doubled(row: int, outline: _Outline, before: Sequence[dict[int, _Outline]]) -> bool:
     """Whether the body of somebody before, who is seen in as many frames, lies where this does."""
-    there = [of[row] for of in before if row in of]
+    there = [of[row].whole for of in before if row in of]
+    own = outline.whole
     return any(
-        np.count_nonzero(its & outline) > SAME_PLACE * np.count_nonzero(its | outline)
-        for its in there
+        np.count_nonzero(its & own) > SAME_PLACE * np.count_nonzero(its | own) for its in there
     )
 
 
-def _at(clip: Clip, row: int, outline: np.ndarray, elsewhere: np.ndarray, masks: "_Masks") -> float:
+def _at(clip: Clip, row: int, outline: _Outline, elsewhere: np.ndarray, masks: "_Masks") -> float:
     """Overlap of an outline with the people of a row's picture; NaN where it shows none."""
     if not 0 <= row < len(clip.image_numbers):
         return np.nan
@@ -243,16 +258,20 @@ def _box(shown: np.ndarray, margin: float = 0.0) -> tuple[slice, slice]:
 
 
 def _outlines(
-    clip: Clip, body: BodyModel, rows: np.ndarray, masks: _Masks
-) -> dict[int, np.ndarray]:
-    """Outlines (h, w) bool of a person in those of the rows in which the body is known."""
+    clip: Clip, body: BodyModel, rows: np.ndarray, hidden: np.ndarray, masks: _Masks
+) -> dict[int, _Outline]:
+    """Outlines of a person in those of the rows in which the body is known."""
     own = rows[clip.valid[rows]]
     posed_m = motion_vertices_m(body, clip.motion, rows=own)
     intrinsics_px = camera_of(clip).intrinsics_px
-    return {
-        row: masks.outline(vertices_m, body.faces, intrinsics_px)
-        for row, vertices_m in zip(own.tolist(), posed_m, strict=True)
-    }
+    of_legs = body.skin_weights[:, LEGS].sum(axis=1) > VISIBLE
+    above = body.faces[~of_legs[body.faces].all(axis=1)]
+    outlines = {}
+    for row, vertices_m in zip(own.tolist(), posed_m, strict=True):
+        whole = masks.outline(vertices_m, body.faces, intrinsics_px)
+        shown = masks.outline(vertices_m, above, intrinsics_px) if hidden[row] else whole
+        outlines[row] = _Outline(whole, shown)
+    return outlines
 
 
 def _fit(found: _Overlaps, off_overlap: float, limbs_off: np.ndarray) -> PictureFit | None:
@@ -284,10 +303,10 @@ def _fit(found: _Overlaps, off_overlap: float, limbs_off: np.ndarray) -> Picture
     )
 
 
-def _overlap(outline: np.ndarray, mask: np.ndarray) -> float:
+def _overlap(outline: _Outline, mask: np.ndarray) -> float:
     """Intersection over union within the body's surroundings; 0 for one outside of the picture."""
-    if not outline.any():
+    if not outline.shown.any():
         return 0.0
-    box = _box(outline, MARGIN)
-    both = np.count_nonzero(outline & mask)
-    return both / np.count_nonzero(outline[box] | mask[box])
+    box = _box(outline.whole, MARGIN)
+    both = np.count_nonzero(outline.whole & mask)
+    return both / np.count_nonzero(outline.shown[box] | mask[box])

@@ -230,6 +230,34 @@ def ground_contact_scale(
     return CueEstimate("ground_contact", scale, sigma, n_points, residual * scale, person=None)
 
 
+def above_ground_scale(
+    seen: SeenFeet, points: np.ndarray, rough_scale: float, config: ScaleConfig
+) -> CueEstimate | None:
+    """Scale at which the body's lowest soles are on the ground in the median of all frames, whether
+    or not they keep still: of who is hidden below, or never stands.  As of `ground_contact_scale`,
+    but as unsure as guessed legs are."""
+    path = seen.camera_path
+    rotmats, centres = path.world_from_cam[:, :3, :3], path.centres_world_m
+    soles_m = np.einsum("tij,tfkj->tfki", rotmats, seen.points_cam_m[:, :, SOLE_POINTS])
+    known = np.isfinite(soles_m).all(axis=(1, 2, 3)) & np.isfinite(centres).all(axis=1)
+    if not known.any():
+        return None
+    up = np.nanmean(np.einsum("tij,tj->ti", rotmats, seen.up_cam), axis=0)
+    feet = centres[known] + soles_m[known].mean(axis=(1, 2)) / rough_scale
+    plane = ground_plane(points, feet, up / np.linalg.norm(up), rough_scale, config)
+    if plane is None:
+        return None
+    height_m = (-soles_m[known] @ plane.normal).reshape(known.sum(), -1).max(axis=1)
+    away_m = np.linalg.norm(soles_m[known], axis=-1).mean(axis=(1, 2))
+    height = centres[known] @ plane.normal - plane.offset
+    if np.median(height_m) < LOWEST_CAMERA * np.median(away_m) or np.median(height) <= 0:
+        return None
+    scale = float(np.median(height_m) / np.median(height))
+    sigma = scale * config.guessed_sigma_m / float(np.median(height_m))
+    n, residual_m = len(plane.points), plane.rms * scale
+    return CueEstimate("above_ground", scale, sigma, n, residual_m, person=None)
+
+
 def scale_by_what_is_below(
     camera_path: CameraPath, points: np.ndarray, pelvis_cam_m: np.ndarray, up_cam: np.ndarray
 ) -> float | None:

@@ -210,6 +210,9 @@ class ScaleConfig(Config):
     """Standard error of the body's soles above the ground, the same in all frames [m]."""
     stance_sigma_m: float = Field(default=0.02, gt=0)
     """Standard error of a planted sole from one plane, the same over a stance [m]."""
+    guessed_sigma_m: float = Field(default=0.2, gt=0)
+    """The same of soles that are not seen to stand: who is hidden below the hips stands, or sits
+    half a metre lower [m]."""
     body_share: float = Field(default=0.01, ge=0)
     """What all cues of bodies have in common, such as a wrong size, as a share; part of the error
     bar.  Scales under simulated faults are off by 0.5 % (RMS, benchmarks/bench_scale_cues.py),
@@ -239,7 +242,7 @@ class CueEstimate:
     """What one source of evidence says about the scale."""
 
     name: str
-    """"planted_feet", "ground_contact" or "short_windows"."""
+    """"planted_feet", "ground_contact", "above_ground" or "short_windows"."""
     scale: float
     """Metres per unit of the reconstruction."""
     sigma: float

@@ -18,6 +18,7 @@ from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
 from gmrdata.world.planted_feet import (
     SeenFeet,
+    above_ground_scale,
     foot_points_m,
     ground_contact_scale,
     planted_feet_scale,
@@ -29,6 +30,7 @@ FEWEST_WINDOWS = 5
 GROUND_STARTS = (1.0, 1.4, 0.7, 2.0)
 """Of a scale by what is seen below the person, which was 0.6 to 1 of the true one."""
 SAME_SCALE = 0.05
+ALIKE_SIGMAS = 3.0  # between feet that seem to stand on no ground and it, to believe them as well
 
 
 def short_windows_scale(
@@ -199,23 +201,48 @@ def _of_person(
     """The cues of one person's feet; the ground's needs a rough scale to begin with.
 
     Planted feet give it or, where they find no ground, as feet that creep don't, what is seen below
-    the person; the ground itself must confirm that.
+    the person; the ground itself must confirm that.  Where feet stand on no ground, as they are
+    hidden or never still, the person is somewhere above it.  Hidden feet are guessed where they
+    would be before the camera: they keep still there, and their scale is about 0.
     """
     path, motion = person.camera_path, person.motion
     feet_cam_m, up_cam = foot_points_m(person.body, motion), motion.root_rotmats[:, :, 1]
-    feet = planted_feet_scale(path, feet_cam_m, motion.fps_hz, config)
-    if points is None:
-        return [feet]
     seen = SeenFeet(path, feet_cam_m, up_cam, motion.fps_hz)
+    feet, why = None, None
+    try:
+        feet = planted_feet_scale(path, feet_cam_m, motion.fps_hz, config)
+    except NoReconstruction as error:
+        why = error
+    if points is None:
+        return _found(feet, None, why)
 
     def ground_at(rough: float) -> CueEstimate | None:
         return ground_contact_scale(seen, points, rough, config)
 
-    ground = ground_at(feet.scale) if feet.scale > 0 else None
+    ground = None if feet is None or feet.scale <= 0 else ground_at(feet.scale)
+    below = None
     if ground is None:
         below = scale_by_what_is_below(path, points, motion.pelvis_m, up_cam)
-        ground = None if below is None else _confirmed(ground_at, below)
-    return [feet] if ground is None else [feet, ground]
+    if below is not None and feet is not None:
+        ground = _confirmed(ground_at, below)
+    if ground is not None or below is None:
+        return _found(feet, ground, why)
+    above = _confirmed(lambda rough: above_ground_scale(seen, points, rough, config), below)
+    if above is not None and feet is not None:
+        apart = abs(above.scale - feet.scale) / float(np.hypot(above.sigma, feet.sigma))
+        tell = feet.sigma < above.sigma and apart < ALIKE_SIGMAS
+        feet = feet if tell else None
+    return _found(feet, above, why)
+
+
+def _found(
+    feet: CueEstimate | None, ground: CueEstimate | None, why: NoReconstruction | None
+) -> list[CueEstimate]:
+    """The cues that there are; why feet tell nothing where there are none."""
+    if feet is None and ground is None:
+        assert why is not None
+        raise why
+    return [cue for cue in (feet, ground) if cue is not None]
 
 
 def _confirmed(

@@ -25,7 +25,7 @@ from gmrdata.people.sources import (
     PersonSource,
     SilhouetteSource,
 )
-from gmrdata.read.frames import write_gray
+from gmrdata.read.frames import read_gray, write_gray
 from gmrdata.solve.solve import people_masks
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam
@@ -160,14 +160,17 @@ def test_boxes_are_compared_with_boxes(walker, small_body, masks, tmp_path):
         assert found is not None and low <= found.overlap <= high
 
 
-def followed(folder: Path, clip: Clip, body: BodyModel) -> Path:
-    """Whom the landmark network would have seen, were it without an error."""
+def followed(folder: Path, clip: Clip, body: BodyModel, shown: int = 33) -> Path:
+    """Whom the landmark network would have seen, were it without an error; of the first `shown`
+    landmarks it is sure."""
+    folder.mkdir(exist_ok=True)
     motion, numbers = clip.motion, clip.image_numbers
     at_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
     image_px = project_cam(at_m + motion.pelvis_m[:, None], camera_of(clip).intrinsics_px)
     n, zeros = len(numbers), np.zeros((len(numbers), 4))
     Sightings(
-        numbers, np.zeros(n, int), np.zeros(n, int), zeros, image_px, at_m, np.ones((n, 33)),
+        numbers, np.zeros(n, int), np.zeros(n, int), zeros, image_px, at_m,
+        np.tile(np.arange(33) < shown, (n, 1)).astype(float),
         np.ones(n), zeros, zeros, np.zeros((n, 32)),
     ).write(folder / SIGHTINGS_FILE)  # fmt: skip
     FollowedRecord(
@@ -192,6 +195,25 @@ def test_limbs_elsewhere_in_a_like_outline_are_off(walker, small_body, masks, tm
     assert right is not None and right.off_frames == 0
     assert by_outline is not None and by_outline.overlap > 0.6 and by_outline.off_frames < 8
     assert turned is not None and turned.off_frames > 30
+
+
+def test_legs_behind_a_wall_are_not_asked_to_be_in_the_mask(walker, small_body, tmp_path):
+    """Whom a desk hides below the hips lay on the person by 0.45 to 0.55, and was rejected."""
+    cut = draw_masks(tmp_path / "person", [walker], small_body)
+    k_px = camera_of(walker).intrinsics_px
+    hips_px = project_cam(walker.motion.pelvis_m, k_px)[:, 1]
+    for row, number in enumerate(walker.image_numbers.tolist()):
+        path = cut.masks_dir / f"{number:05d}.png"
+        mask = read_gray(path, SIZE_PX)
+        mask[round(hips_px[row]) :] = 0
+        write_gray(path, mask)
+    overlaps = {}
+    for shown in (25, 33):
+        tracks = followed(tmp_path / f"followed_{shown}", walker, small_body, shown)
+        (fit,) = picture_fits([walker], [small_body], replace(cut, followed_dir=tracks), VERDICT)
+        assert fit is not None
+        overlaps[shown] = fit.overlap
+    assert overlaps[33] < 0.5 and overlaps[25] > 0.7
 
 
 def test_where_hardly_anybody_is_seen_nothing_is_said(walker, small_body, tmp_path):

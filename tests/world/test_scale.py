@@ -317,6 +317,20 @@ def test_without_a_ground_there_is_no_such_cue(small_body):
     assert ground_cue(motion, low, scenery(motion, 0.01, 600), small_body, UNIT_M) is None
 
 
+def test_who_is_hidden_below_the_hips_is_above_the_ground(small_body: BodyModel) -> None:
+    """Legs that are guessed keep still before the camera, where feet found a scale of 0 ± 1 %."""
+    motion, path = walk(small_body, Linear())
+    rest = np.tile(np.eye(3), (motion.n_frames, 23, 1, 1))
+    guessed = replace(motion_in_camera(motion, path.world_from_cam), local_rotmats=rest)
+    found, points = reconstructed(path, scenery(motion, 0.01, 600))
+    person = SeenPerson(guessed, small_body, found)
+    estimate = estimate_scale([person], "full", CONFIG, points=points)
+    assert [cue.name for cue in estimate.cues] == ["above_ground"]
+    assert estimate.scale is not None and estimate.sigma is not None
+    assert estimate.scale / UNIT_M == pytest.approx(1.0, abs=0.05)
+    assert 0.05 < estimate.sigma / estimate.scale < 0.25
+
+
 def drifting(path: CameraPath, drift_m: float, seed: int) -> np.ndarray:
     """A path that drifts slowly by so much over the clip, and trembles by a millimetre."""
     rng = np.random.default_rng(seed)
