@@ -245,10 +245,8 @@ FOCALS_Y = ("fy", "fly", "fv", "focallengthy", "focaly")
 FOCALS = ("focallength", "f", "focal", "focallengthpx")
 CENTRES_X, CENTRES_Y = ("cx", "ppx", "u0", "pu", "cu"), ("cy", "ppy", "v0", "pv", "cv")
 CENTRES = ("principalpoint", "c", "cc", "center", "centre")
-WIDTHS, HEIGHTS = (
-    ("w", "width", "imagewidth", "imgwidth"),
-    ("h", "height", "imageheight", "imgheight"),
-)
+WIDTHS = ("w", "width", "imagewidth", "imgwidth")
+HEIGHTS = ("h", "height", "imageheight", "imgheight")
 SIZES = ("resolution", "imagesize", "imgsize", "imageresolution", "size")
 TERMS = (
     "distortioncoefficients", "distortioncoeffs", "distortioncoefs", "distcoeffs", "distcoeff",
@@ -257,21 +255,8 @@ TERMS = (
     "distok1", "distok3",
 )  # fmt: skip
 TERM_NAMES = (
-    "k1",
-    "k2",
-    "p1",
-    "p2",
-    "k3",
-    "k4",
-    "k5",
-    "k6",
-    "s1",
-    "s2",
-    "s3",
-    "s4",
-    "taux",
-    "tauy",
-)
+    "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "taux", "tauy",
+)  # fmt: skip
 MODELS = (
     "cameramodel", "distortionmodel", "modeltype", "cameratype", "projectiontype", "lensmodel",
     "lenstype", "distortiontype", "projectionmodel", "intrinsicsmodel", "cammodel",

@@ -229,26 +229,23 @@ class MeanConfig(Config):
 
 
 class MeanFigures(MethodFigures):
-    """The mean motion, as the record has it."""
+    """The mean motion from one frame to the next."""
 
     mean_rotvec_rad: tuple[float, float, float]  # dR as a rotation vector [rad]
     mean_m: tuple[float, float, float]  # dT [m]
     fps_hz: float
     n_motions: int  # how many were averaged
 
+    @property
+    def delta_rotmat(self) -> np.ndarray:
+        """(3, 3) dR."""
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_rotvec(self.mean_rotvec_rad).as_matrix())
+
 
 class MeanPredictions(Predictions):
     figures: MeanFigures
-
-
-@dataclass(frozen=True, eq=False)
-class MeanMotion:
-    """The mean motion from one frame to the next."""
-
-    delta_rotmat: np.ndarray  # (3, 3) dR
-    delta_m: np.ndarray  # (3,) dT [m]
-    fps_hz: float
-    n_motions: int  # how many were averaged
 
 
 def predict_mean(
@@ -271,14 +268,14 @@ def predict_mean(
         mean = mean_motion(training, config.fps_hz)
         subjects, skipped = manifest_subjects(manifest_path)
         found = [moving_as(mean, one) for one in subjects]
-        write_predictions(partial_dir, "mean", found, skipped, MeanPredictions, _figures(mean))
+        write_predictions(partial_dir, "mean", found, skipped, MeanPredictions, mean)
 
     inputs = {"manifest": manifest_path}
     inputs |= {f"training_{i}": path for i, path in enumerate(training_paths)}
     return run_stage("baseline-mean", out_dir, config, inputs, work, run=run)
 
 
-def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanMotion:
+def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanFigures:
     """Mean of all motions between valid frames, all phases of higher rates.
 
     dR by the chordal mean on SO(3) (Hartley et al. 2013, section 5.3), dT componentwise.  The clips
@@ -298,11 +295,15 @@ def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanMotion:
     if not pairs:
         raise no_runs(len(clips), "training", fps_hz, "Give other manifests")
     delta_rotmats, delta_m = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    mean_rotmat = Rotation.from_matrix(delta_rotmats).mean().as_matrix()
-    return MeanMotion(mean_rotmat, delta_m.mean(axis=0), fps_hz, len(delta_m))
+    return MeanFigures(
+        mean_rotvec_rad=Rotation.from_matrix(delta_rotmats).mean().as_rotvec().tolist(),
+        mean_m=delta_m.mean(axis=0).tolist(),
+        fps_hz=fps_hz,
+        n_motions=len(delta_m),
+    )
 
 
-def moving_as(mean: MeanMotion, subject: Subject) -> Prediction:
+def moving_as(mean: MeanFigures, subject: Subject) -> Prediction:
     """A subject that repeats the mean motion from its first valid frame on.
 
     At another frame rate it moves along the same screw: as many frames as make up the mean's step
@@ -311,7 +312,7 @@ def moving_as(mean: MeanMotion, subject: Subject) -> Prediction:
     from scipy.linalg import expm, logm
 
     motion = subject.clip.motion
-    along_screw = np.real(logm(rigid(mean.delta_rotmat, mean.delta_m)))
+    along_screw = np.real(logm(rigid(mean.delta_rotmat, np.array(mean.mean_m))))
     step = expm(mean.fps_hz / motion.fps_hz * along_screw)
     first = int(np.argmax(subject.clip.valid))
     root_rotmat, place_m = first_pose(subject.clip)
@@ -325,14 +326,3 @@ def moving_as(mean: MeanMotion, subject: Subject) -> Prediction:
         place_m,
     )
     return _moving(subject, root_rotmats, pelvis_m, "mean motion")
-
-
-def _figures(mean: MeanMotion) -> MeanFigures:
-    from scipy.spatial.transform import Rotation
-
-    return MeanFigures(
-        mean_rotvec_rad=Rotation.from_matrix(mean.delta_rotmat).as_rotvec().tolist(),
-        mean_m=mean.delta_m.tolist(),
-        fps_hz=mean.fps_hz,
-        n_motions=mean.n_motions,
-    )

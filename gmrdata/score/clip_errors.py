@@ -302,11 +302,9 @@ def _vertices_m(body: BodyModel, motion: Motion, rows: slice) -> Points:
 
 def _regressed_m(body: BodyModel, motion: Motion, regressor: np.ndarray) -> Points:
     """Joints (T, J, 3) of posed meshes [m], a chunk of frames at a time."""
-    length = max(1, motion_metrics.CHUNK_BYTES // (len(body.template_m) * 24))
-    parts = []
-    for start in range(0, motion.n_frames, length):
-        rows = slice(start, min(start + length, motion.n_frames))
-        parts.append(
+    return np.concatenate(
+        [
             np.einsum("jv,tvd->tjd", regressor, _vertices_m(body, motion, rows), optimize=True)
-        )
-    return np.concatenate(parts)
+            for rows in motion_metrics.chunks(motion.n_frames, len(body.template_m))
+        ]
+    )

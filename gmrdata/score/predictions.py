@@ -13,6 +13,7 @@ from gmrdata.values.body import BodyModel, on_body
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.motion import Motion, accumulate, whole_ratio
+from gmrdata.world.compose import motion_in_world
 
 if TYPE_CHECKING:
     from gmrdata.gmr.predict import TrainedGmr
@@ -221,14 +222,8 @@ def _in_world(path: Path, predicted: Clip, true: Clip) -> Clip:
             f"{path}: its motion is in the camera's frame, and neither it nor the clip has a "
             "camera. Give a prediction in the world, or one with its camera"
         )
-    rotmats, places_m = camera.world_from_cam[:, :3, :3], camera.world_from_cam[:, :3, 3]
-    pelvis_m = (rotmats @ motion.pelvis_m[..., None])[..., 0] + places_m
-    in_world = replace(
-        motion, root_rotmats=rotmats @ motion.root_rotmats, pelvis_m=pelvis_m, frame="world"
-    )
-    return replace(
-        predicted, motion=in_world, valid=predicted.valid & camera.has_camera, camera=camera
-    )
+    in_world, valid = motion_in_world(motion, camera.world_from_cam), camera.has_camera
+    return replace(predicted, motion=in_world, valid=predicted.valid & valid, camera=camera)
 
 
 def _camera_paths(predicted: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray] | None:

@@ -1,6 +1,6 @@
 """A protocol's samples: of one person in one world, and of people and clips that count together."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -9,11 +9,11 @@ import numpy as np
 from gmrdata.score import ProtocolMetric, metrics
 from gmrdata.score.metrics import Places, Points, Rotmats, Rows, Samples, pooled
 from gmrdata.score.records import Protocol
+from gmrdata.values.motion_metrics import chunks
 from gmrdata.values.shapes import Float
 from gmrdata.values.transforms import Similarities, fit_similarities
 
 Joints = Float[np.ndarray, "frames joints 3"]
-CHUNK_BYTES = 64 << 20  # memory for the vertices of one chunk of frames
 MAJOR_JOINTS = (0, 1, 2, 4, 5, 16, 17, 18, 19)
 """Joints of MPJAE: SMPL_OR_JOINTS of eth-ait/emdb."""
 ACCELERATIONS: tuple[ProtocolMetric, ...] = (
@@ -238,7 +238,8 @@ def _vertex_errors_mm(
 ) -> Samples:
     """PVE, or PA-PVE: after the best similarity of the joints."""
     best, parts = _best(protocol, seen), []
-    for rows in _chunks(seen):
+    n_vertices = seen[1].vertices_m(slice(0, 1)).shape[1]
+    for rows in chunks(len(seen[1].joints_m), n_vertices):
         predicted_m, true_m = (_vertices_m(protocol, one, rows, aligned) for one in seen)
         if aligned:
             now = Similarities(*(part[rows] for part in best))
@@ -255,14 +256,6 @@ def _vertices_m(protocol: Protocol, one: SeenBody, rows: slice, aligned: bool) -
     if protocol.pve_from == "origin":
         return vertices_m + one.rest_pelvis_m
     return vertices_m - metrics.hips_m(one.joints_m[rows], protocol.hips)
-
-
-def _chunks(seen: tuple[SeenBody, SeenBody]) -> Iterator[slice]:
-    n_frames = len(seen[1].joints_m)
-    n_vertices = seen[1].vertices_m(slice(0, 1)).shape[1]
-    length = max(1, CHUNK_BYTES // (n_vertices * 24))
-    for start in range(0, n_frames, length):
-        yield slice(start, min(start + length, n_frames))
 
 
 def _segments(

@@ -58,6 +58,7 @@ def vertex_errors_mm(
 
 
 CHUNK_BYTES = 64 << 20  # memory for the vertices of one chunk of frames
+COPIES = 8  # of them, that the errors are computed with
 
 
 class VertexErrors(NamedTuple):
@@ -77,7 +78,7 @@ def posed_vertex_errors_mm(
     """VME of n motions dR, dT [m] (eq. 17) [mm], with the true shape and local poses of their first
     frames."""
     errors_mm = [np.zeros(0)]
-    for rows in _chunks(len(local_rotmats), body):
+    for rows in chunks(len(local_rotmats), len(body.template_m), COPIES):
         vertices_m = _posed_m(body, shape, local_rotmats[rows])
         (found_rotmats, found_m), (true_rotmats, true_m) = predicted, true
         found, wanted = (found_rotmats[rows], found_m[rows]), (true_rotmats[rows], true_m[rows])
@@ -101,7 +102,7 @@ def run_vertex_errors(
     motions = {name: deltas(one.root_rotmats, one.pelvis_m) for name, one in predicted.items()}
     placed = {name: _from_true_start(one, true) for name, one in predicted.items()}
     found: dict[str, list[VertexErrors]] = {name: [] for name in predicted}
-    for rows in _chunks(true.n_frames, body):
+    for rows in chunks(true.n_frames, len(body.template_m), COPIES):
         vertices_m = _posed_m(body, true.shape, true.local_rotmats[rows])
         for name, one in predicted.items():
             own_m = vertices_m
@@ -143,7 +144,8 @@ def _posed_m(body: BodyModel, shape: np.ndarray, local_rotmats: np.ndarray) -> n
         return np.asarray(posed_vertices(body, betas, poses).numpy())
 
 
-def _chunks(n_rows: int, body: BodyModel) -> Iterator[slice]:
-    length = max(1, CHUNK_BYTES // (len(body.template_m) * 24 * 8))
+def chunks(n_rows: int, n_vertices: int, copies: int = 1) -> Iterator[slice]:
+    """Rows whose vertices, with so many copies of them, take `CHUNK_BYTES` at the most."""
+    length = max(1, CHUNK_BYTES // (n_vertices * 24 * copies))
     for start in range(0, n_rows, length):
         yield slice(start, min(start + length, n_rows))
