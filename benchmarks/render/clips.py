@@ -1,6 +1,5 @@
 """The clips that the measurements render: embedded walks, filmed by each programme."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -79,17 +78,7 @@ def walk_clip(
 def _thinned(clip: Clip, every: int) -> Clip:
     """One of so many frames."""
     motion, camera = clip.motion, camera_of(clip)
-    motion = replace(
-        motion,
-        local_rotmats=motion.local_rotmats[::every],
-        root_rotmats=motion.root_rotmats[::every],
-        pelvis_m=motion.pelvis_m[::every],
-        fps_hz=motion.fps_hz / every,
-    )
-    camera = replace(
-        camera,
-        world_from_cam=camera.world_from_cam[::every],
-        has_camera=camera.has_camera[::every],
-    )
+    motion = motion.take(slice(None, None, every), motion.fps_hz / every)
+    camera = camera.at_rows(slice(None, None, every))
     n = motion.n_frames
     return Clip(clip.id, motion, clip.valid[::every], np.arange(n), camera)

@@ -36,7 +36,7 @@ TINY = RECIPE | {
         "model": {"layers": 1, "hidden": 8},
         "loss": {"n_vertices": 20},
         "batch_size": 2,
-        "steps": 150,
+        "steps": 60,
         "checkpoint_every": 10,
     },
 }

@@ -283,9 +283,7 @@ def test_two_frames_of_a_clip_are_enough(small_body, number):
     piece = replace(
         clip,
         motion=slice_motion(clip.motion, 20, 22),
-        camera=replace(
-            camera, world_from_cam=camera.world_from_cam[20:22], has_camera=camera.has_camera[20:22]
-        ),
+        camera=camera.at_rows(slice(20, 22)),
     )
     cast = make_cast(EVERYONE, [piece], small_body, 0)
     assert [walker.n_frames for walker in cast.walkers] == [2, 2, 2]

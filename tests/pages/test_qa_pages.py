@@ -138,11 +138,7 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(copied_out, film
     assert whole.kept.all() and whole.world_from_cam is not None and not whole.missing
     cameras = load_cameras(paths.sequence_dir("arc_00") / "sfm")
     left = np.flatnonzero(~np.isin(np.arange(36), [7, 20]))
-    path = replace(
-        cameras.path,
-        world_from_cam=cameras.path.world_from_cam[left],
-        has_camera=cameras.path.has_camera[left],
-    )
+    path = cameras.path.at_rows(left)
     between = cameras.interpolated[left]
     fewer = replace(cameras, path=path, image_numbers=left, interpolated=between)
     save_cameras(paths.sequence_dir("arc_00") / "sfm" / "cameras.npz", fewer)

@@ -1,6 +1,7 @@
 """Real frames, small ONNX files, and motions whose landmarks are known."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -89,14 +90,9 @@ def walk(anny) -> Motion:
     # x right, y down, z forward: the camera looks along the world's y, 4 m from the middle.
     cam_from_world = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     middle_m = motion.pelvis_m.mean(0) - [0, 4.0, 0]
-    return Motion(
-        local_rotmats=motion.local_rotmats,
+    return replace(
+        motion,
         root_rotmats=cam_from_world @ motion.root_rotmats,
         pelvis_m=(motion.pelvis_m - middle_m) @ cam_from_world.T,
-        shape=motion.shape,
-        fps_hz=motion.fps_hz,
-        body=motion.body,
-        gender=motion.gender,
         frame="camera",
-        source=motion.source,
     )

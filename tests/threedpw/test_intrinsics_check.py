@@ -71,14 +71,7 @@ def twin(
 
 
 def _walk(body: BodyModel, rng: np.random.Generator) -> Motion:
-    motion = make_gait("walk", N_FRAMES / 30, 30.0, body, rng)
-    rows = slice(0, N_FRAMES)
-    return replace(
-        motion,
-        local_rotmats=motion.local_rotmats[rows],
-        root_rotmats=motion.root_rotmats[rows],
-        pelvis_m=motion.pelvis_m[rows],
-    )
+    return make_gait("walk", N_FRAMES / 30, 30.0, body, rng).take(slice(N_FRAMES))
 
 
 def _clip(number: int, motion: Motion, camera: CameraPath) -> Clip:

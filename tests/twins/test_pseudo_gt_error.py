@@ -155,17 +155,9 @@ def test_rows_are_paired_by_image_number(true_clip):
     """A pseudo clip of images 5, 6, 7 and 20, 21 has three motions."""
     rows = np.array([5, 6, 7, 20, 21])
     assert true_clip.camera is not None
-    motion = replace(
-        true_clip.motion,
-        local_rotmats=true_clip.motion.local_rotmats[rows],
-        root_rotmats=true_clip.motion.root_rotmats[rows],
-        pelvis_m=true_clip.motion.pelvis_m[rows] + (rows > 10)[:, None] * [1.0, 0, 0],
-    )
-    camera = replace(
-        true_clip.camera,
-        world_from_cam=true_clip.camera.world_from_cam[rows],
-        has_camera=np.array([True, True, False, True, True]),
-    )
+    motion, camera = true_clip.motion.take(rows), true_clip.camera.at_rows(rows)
+    motion = replace(motion, pelvis_m=motion.pelvis_m + (rows > 10)[:, None] * [1.0, 0, 0])
+    camera = replace(camera, has_camera=np.array([True, True, False, True, True]))
     pseudo = Clip("part", motion, np.ones(5, bool), rows, camera)
     found = compare_clips(pseudo, true_clip)
     assert found.tme_mm == pytest.approx(0, abs=1e-9)
@@ -285,14 +277,8 @@ def truth(small_body) -> list[Clip]:
     camera = CameraPath(intrinsics_px, 640, 360, world_from_cam, np.ones(N, bool))
     clips = []
     for person in range(2):
-        motion = make_gait("walk", N / 30, 30.0, small_body, np.random.default_rng(person))
-        rows = np.arange(N)
-        motion = replace(
-            motion,
-            local_rotmats=motion.local_rotmats[rows],
-            root_rotmats=motion.root_rotmats[rows],
-            pelvis_m=motion.pelvis_m[rows],
-        )
+        rng, rows = np.random.default_rng(person), np.arange(N)
+        motion = make_gait("walk", N / 30, 30.0, small_body, rng).take(rows)
         clips.append(Clip(f"pass_00.p{person}", motion, np.ones(N, bool), rows, camera))
     return clips
 

@@ -63,13 +63,7 @@ def later(clip: Clip, rows: int) -> Clip:
     """The body of `rows` frames later under each number."""
     motion, n = clip.motion, clip.motion.n_frames
     at = np.clip(np.arange(n) + rows, 0, n - 1)
-    moved = replace(
-        motion,
-        local_rotmats=motion.local_rotmats[at],
-        root_rotmats=motion.root_rotmats[at],
-        pelvis_m=motion.pelvis_m[at],
-    )
-    return replace(clip, motion=moved)
+    return replace(clip, motion=motion.take(at))
 
 
 def draw_masks(
