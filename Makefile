@@ -26,8 +26,9 @@ demo: setup
 	$(BIN)/gmrdata demo $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(OUT),--out $(OUT))
 
 # Two processes of one thread each; the tests of a file stay together, since they share what is slow to make, and slow files come first.
+# Byte code is kept, whatever the shell says: each of many processes would compile all modules, and those of the tests with their assertions.
 test: setup
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
