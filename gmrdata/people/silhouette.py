@@ -21,7 +21,7 @@ NEAREST_DEPTH_M = 0.05
 SUBPIXEL_BITS = 4  # cv2 takes polygon corners as integers with this many fractional bits
 DOT_SPACING_PX = 2.0
 MOST_DOT_STEPS = 8  # Triangles with longer sides than so many dots are filled
-DOTTED_FROM_PX = 4  # Discs of this radius, 2 px apart, leave a rim rough by less than 0.14 px
+DOTTED_RADII = 0.5  # Discs half a radius apart leave a rim rough by less than 0.14 px
 FRAMES_AT_ONCE = 64  # Frames whose bodies are posed together
 
 
@@ -83,8 +83,9 @@ def silhouette(
     near = np.abs(corners_px) < 4.0 * max(size_px)
     if not near.all():
         corners_px = corners_px[near.all(axis=(1, 2))]
-    if dilate_px >= DOTTED_FROM_PX:
-        corners_px = _dot_small(mask, corners_px)
+    if dilate_px:
+        spacing_px = min(DOT_SPACING_PX, DOTTED_RADII * dilate_px)
+        corners_px = _dot_small(mask, corners_px, spacing_px)
     fixed_point = np.rint(corners_px * (1 << SUBPIXEL_BITS)).astype(np.int32)
     for triangle in fixed_point:
         cv2.fillConvexPoly(mask, triangle, [255], lineType=cv2.LINE_8, shift=SUBPIXEL_BITS)
@@ -106,8 +107,8 @@ def dilate(mask: np.ndarray, radius_px: int) -> np.ndarray:
     return widened
 
 
-def _dot_small(mask: np.ndarray, corners_px: np.ndarray) -> np.ndarray:
-    """Draw small triangles as dots `DOT_SPACING_PX` apart; the larger ones (n, 3, 2) are left.
+def _dot_small(mask: np.ndarray, corners_px: np.ndarray, spacing_px: float) -> np.ndarray:
+    """Draw small triangles as dots so far apart; the larger ones (n, 3, 2) are left.
 
     A body has 27 000 triangles, most of a few pixels, and filling them one by one takes most of a
     mask's time.  Dots that are widened to overlapping discs cover the same.
@@ -115,7 +116,7 @@ def _dot_small(mask: np.ndarray, corners_px: np.ndarray) -> np.ndarray:
     height_px, width_px = mask.shape
     a, b, c = np.moveaxis(corners_px, 1, 0)
     edges_px = [np.hypot(*(start - end).T) for start, end in ((a, b), (b, c), (c, a))]
-    steps = np.ceil(np.maximum.reduce(edges_px) / DOT_SPACING_PX).astype(int).clip(min=1)
+    steps = np.ceil(np.maximum.reduce(edges_px) / spacing_px).astype(int).clip(min=1)
     for count in range(1, MOST_DOT_STEPS + 1):
         i, j = np.nonzero(np.add.outer(np.arange(count + 1), np.arange(count + 1)) <= count)
         shares = np.stack([i, j, count - i - j], axis=1) / count

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.people.silhouette import (
-    DOTTED_FROM_PX,
     SilhouetteConfig,
     dilate,
     rows_that_show,
@@ -198,7 +197,7 @@ def test_dots_cover_what_filled_triangles_cover(small_body):
     vertices_m, size_px = far_body(small_body), (640, 480)
     intrinsics_px = intrinsics_from_fov(60.0, *size_px)
     filled = silhouette(vertices_m, small_body.faces, intrinsics_px, size_px)
-    for radius_px in (DOTTED_FROM_PX, 8):
+    for radius_px in (1, 2, 4, 8):
         dotted = silhouette(vertices_m, small_body.faces, intrinsics_px, size_px, radius_px) > 0
         narrower = cv2.dilate(filled, disc(radius_px - 1)) > 0
         wider = cv2.dilate(filled, disc(radius_px + 1)) > 0
