@@ -8,7 +8,7 @@ matches best is taken, so that a start doesn't confirm itself.
 
 import shutil
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -62,6 +62,7 @@ SAME_COST, SAME_K1 = 0.01, 0.03
 TURN_INLIER_PX = 3.0
 TRACKS_PER_FRAME = 200  # by which the global mapper places a frame; a lens asks for more
 FEWEST_FRAMES = 4  # of a model
+ENOUGH_FRAMES = 1800  # in which most cameras move enough
 ENOUGH_SHARE = 0.6  # of the keyframes, in a model of the first mapper
 MOST_ERROR_PX = 4.0  # of an image point that a model explains
 FIRST_PAIR_DEG = 4.0  # parallax of the first pair of the incremental mapper, at least
@@ -153,9 +154,8 @@ def self_calibrate(
     frames: Frames, work_dir: Path, config: SelfCalibrationConfig
 ) -> SelfCalibration:
     """Find the lens; the intrinsics of the frames are but a guess with the right middle."""
-    small = reduced(frames, config.max_image_size_px, work_dir / "reduced")
     try:
-        keys = small.some(_keyframes(small, config))
+        keys = _keyframes(frames, work_dir, config)
         matches = match_frames(keys, work_dir, config.sfm, calibrated=False)
     except NoReconstruction as error:
         return nothing_found(str(error))
@@ -201,13 +201,22 @@ def is_still(matches: Matches) -> bool:
     return bool(np.percentile(medians_px, 90) < STILL_PX)
 
 
-def _keyframes(frames: Frames, config: SelfCalibrationConfig) -> np.ndarray:
-    """Rows of a few frames between which the background moves; of long clips the middle."""
-    rows = choose_keyframes(frames, config.sfm).rows
-    most = config.most_keyframes
+def _keyframes(frames: Frames, work_dir: Path, config: SelfCalibrationConfig) -> Frames:
+    """A few reduced frames between which the background moves; of long clips the middle, all of
+    which are looked at where that moves too little."""
+    n, most = len(frames.images), config.most_keyframes
+    if n > ENOUGH_FRAMES:
+        first = (n - ENOUGH_FRAMES) // 2
+        middle = frames.some(np.arange(first, first + ENOUGH_FRAMES))
+        with suppress(NoReconstruction):
+            keys = _keyframes(middle, work_dir / "middle", config)
+            if len(keys.images) == most:
+                return keys
+    small = reduced(frames, config.max_image_size_px, work_dir / "reduced")
+    rows = choose_keyframes(small, config.sfm).rows
     rows = rows[:: 2 if len(rows) > 1.5 * most else 1]
     first = max(0, (len(rows) - most) // 2)
-    return rows[first : first + most]
+    return small.some(rows[first : first + most])
 
 
 def _tried(

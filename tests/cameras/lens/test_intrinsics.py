@@ -1,9 +1,11 @@
 """The lens: given, noted, shown by drawn matches whose camera is known, or guessed."""
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.lens import intrinsics
+from gmrdata.cameras.lens import intrinsics, self_calibration
 from gmrdata.cameras.lens.intrinsics import (
     GivenIntrinsics,
     Intrinsics,
@@ -28,6 +30,7 @@ from gmrdata.cameras.lens.self_calibration import (
     _answer,
     _Fit,
     _is_settled,
+    _keyframes,
     by_mapping,
     by_turning,
     is_still,
@@ -336,6 +339,23 @@ def test_what_only_one_start_leads_to_is_not_taken():
 def test_a_still_camera_is_known():
     assert is_still(turned(0.0, 560.0, 0.0)[1])
     assert not is_still(turned(1.5, 560.0, 0.0)[1])
+
+
+@pytest.mark.parametrize(("most", "rows"), [(4, [1, 2, 3, 4]), (5, [0, 1, 2, 3, 4])])
+def test_the_middle_of_a_long_clip_is_enough_if_it_moves_enough(tmp_path, monkeypatch, most, rows):
+    made(tmp_path)
+    for number in range(2, 6):
+        shutil.copy(tmp_path / "frames" / "00000.jpg", tmp_path / "frames" / f"{number:05d}.jpg")
+    found = read_frames(tmp_path / "frames")
+    frames = Frames(list(found.paths), None, np.eye(3), found.size_px)
+
+    def all_of_them(given: Frames, _: object) -> SimpleNamespace:
+        return SimpleNamespace(rows=np.arange(len(given.images)))
+
+    monkeypatch.setattr(self_calibration, "choose_keyframes", all_of_them)
+    monkeypatch.setattr(self_calibration, "ENOUGH_FRAMES", 4)
+    config = SelfCalibrationConfig(most_keyframes=most)
+    assert _keyframes(frames, tmp_path / "work", config).numbers.tolist() == rows
 
 
 def test_what_explains_more_of_the_matches_is_likelier():
