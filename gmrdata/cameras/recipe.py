@@ -59,6 +59,16 @@ class MappingConfig(Config):
     them, and joined by one adjustment, as a mapper takes three times as long for twice as many."""
     part_overlap: int = Field(default=25, ge=3)
     """Keyframes that a part shares with the next."""
+    near_overlap: int = Field(default=6, ge=1, le=1000)
+    """As `overlap`, of a video of more than one part: what is further on is matched where it looks
+    alike, so that the number of matches of a place does not grow with how often it is seen."""
+    alike: int = Field(default=3, ge=0)
+    """Keyframes further back that each is matched with then, those that look like it the most."""
+    cover_times: int = Field(default=3, ge=2)
+    """Other keyframes that must see a point, so that a keyframe of such a video is not needed for
+    it."""
+    cover_share: float = Field(default=0.8, gt=0, le=1)
+    """Share of its points for which a keyframe must not be needed, to leave the adjustment."""
     least_held: float = Field(default=0.2, ge=0, le=1)
     """Share of a keyframe's matched points below which it is weak: its place may be wrong, and
     little leads it back."""

@@ -211,7 +211,8 @@ def _finish(
     config: SfmConfig,
 ) -> Solution:
     """Join and refine models, place the frames that they lack, and read the result out."""
-    model, records = refined_model(models, frames, matches, work_dir, config)
+    core, records = refined_model(models, frames, matches, work_dir, config)
+    model = core.model
     focal = freed_focal(model)
     model, lens = with_lens(model, config.distortion)
     loss_px = sharpen(model, config)
@@ -222,7 +223,8 @@ def _finish(
     rows = range(len(frames.images))
     adjusted = np.isin(rows, list(placed.seen))
     missing = set(rows) - set(placed.seen)
-    n_resected = place_frames(missing, placed, matches, intrinsics_px)
+    known = {row: _by_number(table, model) for row, table in core.covered.items()}
+    n_resected = place_frames(missing, placed, matches, intrinsics_px, known)
     return Solution(
         geometry="full",
         mapper=mapper,
@@ -263,6 +265,13 @@ def _read_out(model: Any, frames: Frames, matches: Matches) -> tuple[Placed, np.
         of = [number[image.point2D(feature).point3D_id] for feature in features]
         placed.seen[row] = np.array([features, of], np.int32).T
     return placed, np.concatenate(errors_px)
+
+
+def _by_number(table: np.ndarray, model: Any) -> np.ndarray:
+    """Features and ids of points (N, 2) as features and rows of the points that there are."""
+    ids = np.array(sorted(model.point3D_ids()), np.int64)
+    there = table[np.isin(table[:, 1], ids)]
+    return np.stack([there[:, 0], np.searchsorted(ids, there[:, 1])], axis=1).astype(np.int32)
 
 
 def _forget_weak(placed: Placed, min_points: int) -> None:

@@ -26,14 +26,19 @@ MIN_PNP_INLIERS = 20  # points that a frame must agree with to be placed by them
 
 
 def place_frames(
-    rows: Iterable[int], placed: Placed, matches: Matches, intrinsics_px: np.ndarray
+    rows: Iterable[int],
+    placed: Placed,
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+    known: SeenPoints | None = None,
 ) -> int:
-    """Place frames by the points that their matched neighbours see; how many it could."""
+    """Place frames by the points that their matched neighbours see, and by those that they are
+    known to see; how many it could."""
     width_px, height_px = (round(2 * middle_px) for middle_px in intrinsics_px[:2, 2])
     params = pinhole_params(intrinsics_px)
     camera = pycolmap.Camera(model="PINHOLE", width=width_px, height=height_px, params=params)
     count = 0
-    for row, features, of in _points_of(set(rows), placed.seen, matches):
+    for row, features, of in _points_of(set(rows), placed.seen, matches, known or {}):
         if len(features) < MIN_PNP_INLIERS:
             continue
         answer = pycolmap.estimate_and_refine_absolute_pose(
@@ -48,10 +53,10 @@ def place_frames(
 
 
 def _points_of(
-    rows: set[int], seen: SeenPoints, matches: Matches
+    rows: set[int], seen: SeenPoints, matches: Matches, known: SeenPoints
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Rows in order, with their features and the points behind these, through matches with frames
-    that see them."""
+    """Rows in order, with their features and the points behind these: known, or through matches
+    with frames that see them."""
     # A point by the feature that shows it; -1 where none does.
     point_of = {row: np.full(len(matches.keypoints_px[row]), -1, np.int32) for row in seen}
     for row, table in seen.items():
@@ -66,6 +71,8 @@ def _points_of(
         for other, table in tables:
             of = point_of[other][table[:, 1]]
             found.update(zip(table[of >= 0, 0].tolist(), of[of >= 0].tolist(), strict=True))
+        if row in known:
+            found.update(known[row].tolist())
         yield row, np.array(list(found), np.int32), np.array(list(found.values()), np.int32)
 
 

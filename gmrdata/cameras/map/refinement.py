@@ -7,6 +7,7 @@ Schoenberger and Frahm 2016, 4.4).
 """
 
 from contextlib import closing
+from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from gmrdata.cameras.colmap import (
 )
 from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.map.covered import Core, core_of
 from gmrdata.cameras.map.models import join_models, parts_of
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
@@ -37,27 +39,32 @@ from gmrdata.values import transforms
 
 def refined_model(
     models: list[Any], frames: Frames, matches: Matches, work_dir: Path, config: SfmConfig
-) -> tuple[Any, tuple[ModelRecord, ...]]:
+) -> tuple[Core, tuple[ModelRecord, ...]]:
     """One adjusted model of those that a mapper found, with background inside masks; what became
     of each."""
     model, records = join_models(models, config)
-    # Parts don't know what frames of another one see, by which a path comes back to where it was.
-    in_parts = len(parts_of(len(frames.images), config.mapping)) > 1
-    _adjust_and_filter(model, config, 10 * ROUGH if in_parts else ROUGH)
+    core = Core(model, {})
+    if len(parts_of(len(frames.images), config.mapping)) > 1:
+        # Parts don't know what frames of another one see, by which a path comes back to where it
+        # was, and by which a keyframe is not needed.
+        triangulate_again(model, work_dir / DATABASE_FILE, config)
+        core = core_of(model, frames, config.mapping)
+    model = core.model
+    _adjust_and_filter(model, config)
     # Where a camera hardly travels, most points lack parallax: few are held, and rightly so.
     weak = not _is_short_model(model, config) and has_weak(model, matches, frames, config)
-    for _ in range(config.mapping.triangulated_again if weak else int(in_parts)):
+    for _ in range(config.mapping.triangulated_again if weak else 0):
         triangulate_again(model, work_dir / DATABASE_FILE, config)
         _adjust_and_filter(model, config)
     see_again(model, matches, frames, config.masks)
     bundle_adjuster(model).solve()
-    return mend_jumps(model, frames, config), records
+    return replace(core, model=mend_jumps(model, frames, config)), records
 
 
-def _adjust_and_filter(model: Any, config: SfmConfig, tolerance: float = ROUGH) -> None:
+def _adjust_and_filter(model: Any, config: SfmConfig) -> None:
     # What is filtered hardly hangs on the last thousandth of the cost, which takes half of the time
     # and which the last adjustment finds.
-    bundle_adjuster(model, tolerance=tolerance).solve()
+    bundle_adjuster(model, tolerance=ROUGH).solve()
     model.update_point_3d_errors()
     manager = pycolmap.ObservationManager(model)
     manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)

@@ -11,6 +11,7 @@ from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.features import find_features
+from gmrdata.cameras.match.retrieval import alike_before
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
@@ -110,6 +111,17 @@ def match_features(database_path: Path, config: SfmConfig, *, verified: bool = T
     pairing = pycolmap.SequentialPairingOptions()
     pairing.overlap, pairing.quadratic_overlap = config.overlap, True
     pairing.num_threads = 1
+    pairs_path = database_path.with_name("alike.txt")
+    if _write_alike(pairs_path, database_path, config):
+        pairing.overlap = min(config.overlap, config.mapping.near_overlap)
+        pairing_of_alike = pycolmap.ImportedPairingOptions(match_list_path=pairs_path)
+        pycolmap.match_image_pairs(
+            database_path=database_path,
+            matching_options=matching,
+            pairing_options=pairing_of_alike,
+            verification_options=verification_options(config),
+            device=pycolmap.Device.cpu,
+        )
     pycolmap.match_sequential(
         database_path=database_path,
         matching_options=matching,
@@ -117,6 +129,23 @@ def match_features(database_path: Path, config: SfmConfig, *, verified: bool = T
         verification_options=verification_options(config),
         device=pycolmap.Device.cpu,
     )
+
+
+def _write_alike(pairs_path: Path, database_path: Path, config: SfmConfig) -> bool:
+    """Write the names of images of a long video that look alike, to be matched; whether it is long.
+
+    A short one has each frame's partners 64 and 128 later instead, which reach over all of it.
+    """
+    with closing(pycolmap.Database.open(database_path)) as database:
+        images = sorted(database.read_all_images(), key=lambda image: str(image.name))
+        if len(images) <= config.mapping.part_frames:
+            return False
+        tables = [np.asarray(database.read_descriptors(one.image_id).data) for one in images]
+    apart = 2 ** (config.mapping.near_overlap - 1)
+    pairs = alike_before(tables, apart, config.mapping.alike, config.seed)
+    lines = [f"{images[first].name} {images[second].name}\n" for first, second in pairs]
+    pairs_path.write_text("".join(lines))
+    return bool(pairs)
 
 
 def verification_options(config: SfmConfig) -> Any:

@@ -1,0 +1,88 @@
+"""Keyframes of a long video that show only what enough others show: they leave the adjustment.
+
+Where a place is seen again and again, each keyframe that sees it makes the adjustment denser, and
+its time grows with the third power of their number.  So as many stay as hold each point several
+times (the culling of ORB-SLAM, Mur-Artal et al. 2015, VI-E); the others are placed against the
+finished map, as the frames between keyframes are.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.recipe import MappingConfig
+
+
+@dataclass(frozen=True, eq=False)
+class Core:
+    """A model of the keyframes that are needed, and what the others saw of it."""
+
+    model: Any
+    covered: dict[int, np.ndarray]
+    """By row of a keyframe that was left out: (N, 2) its features and the ids of their points."""
+
+
+def core_of(model: Any, frames: Frames, config: MappingConfig) -> Core:
+    """A model without keyframes that others cover."""
+    images = dict(frames.rows_of(model))
+    seen = {row: _seen(image) for row, image in sorted(images.items())}
+    covered = covered_rows({row: table[:, 1] for row, table in seen.items()}, config)
+    keep = {images[row].image_id for row in seen if row not in covered}
+    core, id_in_core = _reduced(model, keep)
+    tables = {}
+    for row in sorted(covered):
+        features, points = seen[row].T
+        ids = np.array([id_in_core.get(point, -1) for point in points.tolist()], np.int64)
+        tables[row] = np.stack([features, ids], axis=1)[ids >= 0]
+    return Core(core, tables)
+
+
+def covered_rows(points_of: dict[int, np.ndarray], config: MappingConfig) -> set[int]:
+    """Rows whose points (N,) enough of the rows that stay see as well; the ends stay.
+
+    Every second row goes first, then every fourth and so on, so that what stays is evenly spread
+    and has the partners of its matches, which are 1, 2, 4, ... further on.
+    """
+    most = max((int(points.max(initial=-1)) for points in points_of.values()), default=-1)
+    count = np.zeros(most + 1, np.int64)
+    for points in points_of.values():
+        count[points] += 1
+    covered, inner = set[int](), sorted(points_of)[1:-1]
+    for row in sorted(inner, key=lambda row: (row & -row or len(points_of), row)):
+        points = points_of[row]
+        others = count[points] - 1
+        if len(points) and (others >= config.cover_times).mean() >= config.cover_share:
+            count[points] -= 1
+            covered.add(row)
+    return covered
+
+
+def _seen(image: Any) -> np.ndarray:
+    """(N, 2) features of an image that show points, and the ids of these; each point once."""
+    features = image.get_observation_point2D_idxs()
+    pairs = [(feature, image.point2D(feature).point3D_id) for feature in features]
+    table = np.array(pairs, np.int64).reshape(-1, 2)
+    return table[np.unique(table[:, 1], return_index=True)[1]]
+
+
+def _reduced(model: Any, keep: set[int]) -> tuple[Any, dict[int, int]]:
+    """A copy of a model with some of its images, and the points that two of them see; the ids of
+    these there, by those of the model."""
+    core, id_in_core = pycolmap.Reconstruction(), dict[int, int]()
+    for camera in model.cameras.values():
+        core.add_camera_with_trivial_rig(camera)
+    for image_id in sorted(keep):
+        image = model.image(image_id)
+        points_px = np.array([spot.xy for spot in image.points2D]).reshape(-1, 2)
+        bare = pycolmap.Image(image.name, points_px, image.camera_id, image_id)
+        core.add_image_with_trivial_frame(bare, image.cam_from_world())
+    for point_id in sorted(model.point3D_ids()):
+        point = model.point3D(point_id)
+        track = [(e.image_id, e.point2D_idx) for e in point.track.elements if e.image_id in keep]
+        if len({image_id for image_id, _ in track}) >= 2:
+            elements = [pycolmap.TrackElement(*at) for at in track]
+            id_in_core[point_id] = core.add_point3D(point.xyz, pycolmap.Track(elements))
+    return core, id_in_core

@@ -1,0 +1,44 @@
+"""Frames that look alike are found among all that came before."""
+
+import numpy as np
+import pytest
+
+from gmrdata.cameras.match.retrieval import alike_before
+
+RNG = np.random.default_rng(0)
+PLACES = RNG.integers(0, 120, size=(6, 80, 128))
+
+
+def of_place(place: int) -> np.ndarray:
+    """Descriptors of a look at one of the places, a little different each time."""
+    noisy = PLACES[place] + RNG.integers(-6, 7, size=PLACES[place].shape)
+    return RNG.permutation(noisy.clip(0, 255)).astype(np.uint8)
+
+
+def test_a_place_that_is_seen_again_is_found() -> None:
+    there_and_back = [0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0]
+    pairs = alike_before([of_place(place) for place in there_and_back], 1, 1, seed=0)
+    assert {(0, 10), (1, 9), (2, 8), (3, 7), (4, 6)} <= set(pairs)
+    assert pairs == sorted(pairs) and all(second - first > 1 for first, second in pairs)
+
+
+@pytest.mark.parametrize(
+    ("frames", "pairs"),
+    [
+        ([np.zeros((0, 128), np.uint8)] * 5, []),  # nothing is seen in any of them
+        ([of_place(0)], []),
+        (
+            [*map(of_place, range(5)), np.zeros((0, 128), np.uint8), of_place(0)],
+            [(0, 6)],
+        ),
+    ],
+)
+def test_frames_that_show_nothing_are_like_no_other(
+    frames: list[np.ndarray], pairs: list[tuple[int, int]]
+) -> None:
+    assert alike_before(frames, 1, 1, seed=0) == pairs
+
+
+def test_the_same_frames_give_the_same_pairs() -> None:
+    frames = [of_place(place) for place in (0, 1, 2, 3, 0, 1, 2, 3)]
+    assert alike_before(frames, 2, 2, seed=1) == alike_before(frames, 2, 2, seed=1)
