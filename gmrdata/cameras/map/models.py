@@ -218,9 +218,10 @@ def _take_over(whole: Any, model: Any) -> None:
         known = sorted({owners[at] for at in seen if at in owners})
         free = [pycolmap.TrackElement(*at) for at in seen if at not in owners]
         if known:
+            there = {element.image_id for element in whole.point3D(known[0]).track.elements}
             for element in free:
-                track = whole.point3D(known[0]).track
-                if all(element.image_id != other.image_id for other in track.elements):
+                if element.image_id not in there:
+                    there.add(element.image_id)
                     whole.add_observation(known[0], element)
         elif len(free) >= 2:
             whole.add_point3D(point.xyz, pycolmap.Track(free))
@@ -353,7 +354,7 @@ def _loose_shares(seen: _Seen) -> Iterator[float]:
         both = both[np.trace(left[both], axis1=1, axis2=2).astype(bool) & (last[both] > step)]
         moves = _moves((seen.points[both] - seen.centres[step]) / unit)
         held = _held(left[both], total[both]) * unit**2
-        covariance = _left_open(np.einsum("nki,nkl,nlj->ij", moves, held, moves))
+        covariance = _left_open(np.tensordot(moves, held @ moves, axes=([0, 1], [0, 1])))
         moves = _moves((seen.centres - seen.centres[step]) / unit)
         variances = ((moves @ covariance) * moves).sum(axis=(1, 2))
         open_, way = np.zeros(2), np.zeros(2)

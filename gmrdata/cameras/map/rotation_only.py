@@ -24,7 +24,7 @@ from gmrdata.values import transforms
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.records import figure
 
-MATCHES_PER_PAIR = 200
+MATCHES_PER_PAIR, FEWEST_PER_PAIR, MOST_MATCHES = 200, 30, 500_000
 MAX_ITERATIONS = 30
 PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
 
@@ -71,7 +71,9 @@ def solve_rotation_only(
 ) -> RotationOnly:
     """Fit pure rotations to all verified matches; up to `inlier_px` one supports its pair's."""
     threshold_rad = inlier_px / float(intrinsics_px[0, 0])
-    sampled = [_sample(pair, rng) for pair in matches.pairs]
+    of_a_pair = max(FEWEST_PER_PAIR, MOST_MATCHES // max(1, len(matches.pairs)))
+    most = min(MATCHES_PER_PAIR, of_a_pair)
+    sampled = [_sample(pair, most, rng) for pair in matches.pairs]
     rays = [unit_rays(points, intrinsics_px) for points in matches.keypoints_px]
     second_from_first, inliers = [], []
     for pair, features in zip(matches.pairs, sampled, strict=True):
@@ -138,10 +140,10 @@ def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidenc
     )
 
 
-def _sample(pair: PairMatches, rng: np.random.Generator) -> np.ndarray:
-    if (n := len(pair.features)) <= MATCHES_PER_PAIR:
+def _sample(pair: PairMatches, most: int, rng: np.random.Generator) -> np.ndarray:
+    if (n := len(pair.features)) <= most:
         return pair.features
-    return pair.features[np.sort(rng.choice(n, MATCHES_PER_PAIR, replace=False))]
+    return pair.features[np.sort(rng.choice(n, most, replace=False))]
 
 
 def _chain(

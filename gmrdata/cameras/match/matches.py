@@ -188,7 +188,7 @@ def read_matches(database_path: Path, images: list[Path]) -> Matches:
         pair_ids, geometries = database.read_two_view_geometries()
         for pair_id, geometry in zip(pair_ids, geometries, strict=True):
             first, second = (row_of_id[i] for i in pycolmap.pair_id_to_image_pair(pair_id))
-            features = np.asarray(geometry.inlier_matches, dtype=np.int64).reshape(-1, 2)
+            features = np.asarray(geometry.inlier_matches, dtype=np.int32).reshape(-1, 2)
             if len(features):
                 configuration = pycolmap.TwoViewGeometryConfiguration(geometry.config).name
                 if first > second:
