@@ -173,7 +173,7 @@ def _up_of(motion: Motion, body: BodyModel) -> tuple[np.ndarray, LevelEstimate] 
     if balance.precision[0, 0] < LEAST_PRECISION and feet_up is None:
         return None
     soles_m, still = _standing_soles(motion, body)
-    plane = contact_cue(soles_m[still], count_stances(still), balance.up, STANCE_SIGMA_M)
+    plane = contact_cue([soles_m[still]], count_stances(still), balance.up, STANCE_SIGMA_M)
     ground = [] if plane is None else [plane]
     if feet_up is not None:
         ground.append(UpCue("feet", feet_up, np.eye(3) / FEET_SIGMA_RAD**2))

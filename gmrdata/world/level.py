@@ -163,16 +163,19 @@ def _feet_m(body: BodyModel, motion: Motion) -> np.ndarray:
 
 
 def contact_cue(
-    planted_m: np.ndarray, stances: int, up: np.ndarray, sigma_m: float
+    planted_m: Sequence[np.ndarray], stances: int, up: np.ndarray, sigma_m: float
 ) -> UpCue | None:
-    """The plane of soles (M, 3) [m] that stand in so many stances, each off it by a standard error,
-    about a rough up; None where they lie on no plane, or are too few.  Soles along a line tell of
-    the tilt along it alone."""
-    if len(planted_m) < 3:
+    """The plane of each person's soles (M, 3) [m] that stand in so many stances, each off it by a
+    standard error, about a rough up; None where they lie on no plane, or are too few.  Soles along
+    a line tell of the tilt along it alone, and one person's nothing beside another's: who is larger
+    than the body stands too near, and so on another plane."""
+    centred_m = np.concatenate([own_m - own_m.mean(axis=0) for own_m in planted_m if len(own_m)]
+                               or [np.zeros((0, 3))])  # fmt: skip
+    if len(centred_m) < 3:
         return None
-    axes, centred_m = across(up), planted_m - planted_m.mean(axis=0)
+    axes = across(up)
     places_m, heights_m = centred_m @ axes.T, centred_m @ up
-    weight = min(1.0, max(1, stances) / len(planted_m)) / sigma_m**2
+    weight = min(1.0, max(1, stances) / len(centred_m)) / sigma_m**2
     precision = weight * places_m.T @ places_m
     # Hardly anything is asked of tilts of which the soles tell nothing.
     tilt = np.linalg.solve(precision + np.eye(2), weight * places_m.T @ heights_m)

@@ -318,7 +318,7 @@ def _level(
     ]
     upright = body_cue(*zip(*known, strict=True))
     plane = ground_plane(points_m, feet_m, upright.up, 1.0, config) if len(feet_m) else None
-    cues = [contact_cue(feet_m, stances, upright.up, config.stance_sigma_m)]
+    cues = [contact_cue(planted_m, stances, upright.up, config.stance_sigma_m)]
     cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]
     felt = None if metric.up_cam is None else _felt(metric, upright)
     up, level = up_of(upright, [cue for cue in cues if cue is not None], felt)
