@@ -112,7 +112,7 @@ def test_soles_along_a_line_correct_the_tilt_along_it_only():
 
 
 def test_people_of_other_sizes_on_planes_of_their_own_tilt_nothing():
-    """A woman behind a man seemed to stand on another floor, which tilted the world by 2 degrees."""
+    """A woman behind a man seemed to stand on another floor: the world tilted by 2 degrees."""
     one_m, behind_m = square_m(), square_m() + np.array([0.0, 4.0, 0.2])
     up, _ = up_of(bodies_that_lean(0.0), [contact_cue([one_m, behind_m], 60, UP, 0.02)])
     assert angle_deg(up, UP) < 0.1
