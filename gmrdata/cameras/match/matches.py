@@ -132,13 +132,15 @@ def match_features(database_path: Path, config: SfmConfig, *, verified: bool = T
 
 
 def _write_alike(pairs_path: Path, database_path: Path, config: SfmConfig) -> bool:
-    """Write the names of images of a long video that look alike, to be matched; whether it is long.
+    """Write the names of images of a long video that look alike, to be matched; whether there are
+    such.
 
     A short one has each frame's partners 64 and 128 later instead, which reach over all of it.
     """
     with closing(pycolmap.Database.open(database_path)) as database:
         images = sorted(database.read_all_images(), key=lambda image: str(image.name))
-        if len(images) <= config.mapping.part_frames:
+        # COLMAP's list has a space between two names.
+        if len(images) <= config.mapping.part_frames or any(" " in one.name for one in images):
             return False
         tables = [np.asarray(database.read_descriptors(one.image_id).data) for one in images]
     apart = 2 ** (config.mapping.near_overlap - 1)

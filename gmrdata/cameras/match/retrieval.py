@@ -23,11 +23,12 @@ def alike_before(
     """For each of T frames the `most` that look like it the most, of those that are more than
     `apart` before it; pairs of rows in order, by descriptors (N, 128) uint8 of each frame."""
     looks, pairs = _looks([_thinned(table, MOST_OF_A_FRAME) for table in descriptors], seed), []
+    shown = looks.any(axis=1)
     for start in range(0, len(looks), AT_ONCE):
-        likeness = looks[start : start + AT_ONCE] @ looks.T
+        likeness = np.where(shown, looks[start : start + AT_ONCE] @ looks.T, -np.inf)
         for row, alike in enumerate(likeness, start):
             best = np.argsort(-alike[: max(0, row - apart)], kind="stable")[:most]
-            pairs += [(int(first), row) for first in np.sort(best) if alike[first] > 0]
+            pairs += [(int(first), row) for first in best if shown[first] and shown[row]]
     return sorted(pairs)
 
 

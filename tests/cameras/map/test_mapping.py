@@ -1,6 +1,7 @@
 """Both mappers, frames that they leave out, and models of two scales, made on purpose."""
 
 import shutil
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.files import Mapper, WeakestStep
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map import mapping
@@ -16,7 +18,14 @@ from gmrdata.cameras.map.mapping import map_frames
 from gmrdata.cameras.map.models import _held, _running_medians, parts_of, weakest_step
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
 from gmrdata.cameras.map.solution import Placed, Solution
-from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
+from gmrdata.cameras.match.matches import (
+    DATABASE_FILE,
+    Matches,
+    PairMatches,
+    match_features,
+    match_frames,
+    read_matches,
+)
 from gmrdata.cameras.recipe import CamerasVerdictConfig, MappingConfig, SfmConfig
 from gmrdata.cameras.reconstruct import explains_better
 from gmrdata.read.frames import list_images
@@ -96,6 +105,23 @@ def test_parts_become_one_model_as_good_as_that_of_all(arc, tmp_path):
     assert [(one.frames, one.kept) for one in mapped.models] == [(7, True), (7, True)]
     assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
     assert np.median(mapped.errors_px) < 0.5
+
+
+def test_frames_of_many_are_matched_with_those_that_look_alike(arc, tmp_path):
+    _, frames, _, work_dir = arc
+    parts = {"part_frames": 5, "part_overlap": 3, "near_overlap": 2, "alike": 1}
+    config = SMALL.model_copy(update={"mapping": SMALL.mapping.model_copy(update=parts)})
+    shutil.copy(work_dir / DATABASE_FILE, tmp_path)
+    with closing(pycolmap.Database.open(tmp_path / DATABASE_FILE)) as database:
+        database.clear_matches()
+        database.clear_two_view_geometries()
+    match_features(tmp_path / DATABASE_FILE, config)
+    pairs = read_matches(tmp_path / DATABASE_FILE, frames.images).pairs
+    steps = np.array([pair.second - pair.first for pair in pairs])
+    assert {1, 2} <= set(steps) and (steps > 2).any()
+    further = [pair.second for pair in pairs if pair.second - pair.first > 2]
+    # Each with the one that it looks like the most.
+    assert len(further) == len(set(further)) and min(further) > 2
 
 
 def test_the_incremental_mapper_steps_in_where_the_global_one_leaves_frames_out(
