@@ -23,7 +23,7 @@ def alike_before(
     """For each of T frames the `most` that look like it the most, of those that are more than
     `apart` before it; pairs of rows in order, by descriptors (N, 128) uint8 of each frame."""
     looks, pairs = _looks([_thinned(table, MOST_OF_A_FRAME) for table in descriptors], seed), []
-    shown = looks.any(axis=1)
+    shown = np.abs(looks).max(axis=1, initial=0.0) > 0
     for start in range(0, len(looks), AT_ONCE):
         likeness = np.where(shown, looks[start : start + AT_ONCE] @ looks.T, -np.inf)
         for row, alike in enumerate(likeness, start):
