@@ -3,6 +3,7 @@
 Every check compares one figure with one threshold of the recipe, and what fails says both.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -237,11 +238,13 @@ def judge(
     reasons = frame_reasons(clip, cameras, config, own, fit)
     reasons = without_short_runs(reasons, round(config.min_run_s * clip.motion.fps_hz))
     kept_share = sum(not reason for reason in reasons) / max(1, own.count(""))
+    often = Counter(filter(None, reasons)).most_common(1)
     jump_share = float(np.mean(jumps(clip, config))) if len(reasons) > 1 else 0.0
     failed = [
         *doubts.sequence,
         *camera_reasons(quality, config),
-        *_body_reasons(clip, quality, jump_share, kept_share, config),
+        *_body_reasons(clip, quality, jump_share, config),
+        *_frames_reasons(kept_share, often, config),
         *_scale_reasons(cameras.scale, config),
         *_stiff_reasons(clip, config),
         *([] if fit is None else _fit_reasons(fit, config)),
@@ -276,7 +279,6 @@ def _body_reasons(
     clip: Clip,
     quality: CamerasQuality,
     jump_share: float,
-    kept_share: float,
     config: VerdictConfig,
 ) -> Iterator[str]:
     if jump_share > config.max_cuts_share:
@@ -284,9 +286,15 @@ def _body_reasons(
         yield (
             f"the camera jumps {at}: {jump_cause(camera_of(clip).world_from_cam, quality, config)}"
         )
+
+
+def _frames_reasons(
+    kept_share: float, often: Sequence[tuple[str, int]], config: VerdictConfig
+) -> Iterator[str]:
     if kept_share < config.min_kept_share:
         can = f"{kept_share:.0%} of the data set's valid frames can be used"
-        yield f"{can}, fewer than {config.min_kept_share:.0%}"
+        why = "".join(f"; in {frames}: {reason}" for reason, frames in often)
+        yield f"{can}, fewer than {config.min_kept_share:.0%}{why}"
 
 
 def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[str]:
