@@ -1,10 +1,11 @@
 """Measure how time and memory of each stage grow with the length of a video.
 
 `make bench-long` runs this file alone: the dancer to and fro, of half the size from 5,000 frames
-on, by `--poses none` and with her; and a drawn street without people, whose walk never comes back.
+on, by `--poses none` and with her; a drawn street without people, whose walk never comes back; and
+a film of the dancer to and fro, 1280x720 px, in one file of ten minutes and one of 42 s.
 `--lengths 300 626` takes only these, `-k street` that alone; all of them take hours.  Each is
-solved in a process of its own on one thread.  Writes out/bench/long.json, in which lengths of
-earlier runs stay.
+solved in a process of its own on one thread, but the films, on all.  Writes out/bench/long.json, in
+which lengths of earlier runs stay.
 """
 
 import json
@@ -13,9 +14,11 @@ import shutil
 import subprocess
 import sys
 import tarfile
+from fractions import Fraction
 from itertools import cycle, islice
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -27,12 +30,14 @@ from render.tables import show
 from gmrdata.cameras.files import load_cameras
 from gmrdata.cameras.frames import linked
 from gmrdata.pages.solved_page import OVERLAY_FILE
+from gmrdata.read.frames import read_color
 from gmrdata.solve.request import SFM
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
 from gmrdata.solve.videos import OVERLAY
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.files import write_bytes
 from gmrdata.values.transforms import fit_similarity
+from gmrdata.write.video import write_video
 
 pytestmark = pytest.mark.bench
 HERE = Path(__file__).parent
@@ -40,8 +45,13 @@ OUT_DIR = Path("out/bench")
 WORK_DIR = (OUT_DIR / "long").resolve()
 LENGTHS = (300, 626, 1252, 2496, 5000, 10_000)
 SMALL_FROM, DANCE_FRAMES, FOCAL_PX = 5000, 626, 717.06
-KINDS = {"dance": "none", "dance with her": "own", "street": "none"}
+LAP_FRAMES = 2 * DANCE_FRAMES
+FILMS = {LAP_FRAMES: 1, 15 * LAP_FRAMES: 15}  # laps by frames: 42 s and ten minutes
+FILM_ROWS = slice(283, 688)  # of 960: the lens's middle stays in the middle, and 16 to 9
+FILM_PX = (1280, 720)
+KINDS = {"dance": "none", "dance with her": "own", "street": "none", "film": "own"}
 MOST_EXPONENT, MOST_GB, MOST_ATE_MM, MOST_OPEN, MOST_VIDEO_MB = 1.1, 2.5, 6.5, 0.01, 8.0
+MOST_OF_LENGTH = 12.0  # seconds for a second of film
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +67,10 @@ def lay_out(kind: str, shared_data: Path, n_frames: int) -> tuple[Path, np.ndarr
     folder = WORK_DIR / f"{kind.split()[0]}_{n_frames}"
     if kind == "street":
         return folder, film_street(folder, n_frames)[:, :3, 3], street.FOCAL_PX
+    if kind == "film":
+        poses = lay_out("dance", shared_data, LAP_FRAMES)[1]
+        path = write_film(folder.with_suffix(".mp4"), WORK_DIR / "whole", FILMS[n_frames])
+        return path, np.tile(poses, (FILMS[n_frames], 1)), FOCAL_PX * FILM_PX[0] / 720
     half = n_frames >= SMALL_FROM
     source = WORK_DIR / ("half" if half else "whole")
     with tarfile.open(shared_data / "video" / "dance.tar") as tar:
@@ -69,6 +83,28 @@ def lay_out(kind: str, shared_data: Path, n_frames: int) -> tuple[Path, np.ndarr
     shutil.rmtree(folder, ignore_errors=True)
     named = {f"{number:05d}.jpg": source / f"{row}.jpg" for number, row in enumerate(chosen)}
     return linked(folder, named), np.array(poses)[chosen, 4:], FOCAL_PX / (2 if half else 1)
+
+
+def write_film(path: Path, pictures: Path, laps: int) -> Path:
+    """An mp4 of the dancer to and fro, so many times: one lap is encoded, and its packets come
+    again."""
+    rows = [*range(DANCE_FRAMES), *reversed(range(DANCE_FRAMES))]
+    shots = (read_color(pictures / f"{row}.jpg")[FILM_ROWS, :, ::-1] for row in rows)
+    large = (cv2.resize(shot, FILM_PX, interpolation=cv2.INTER_CUBIC) for shot in shots)
+    lap = path.with_name("lap.mp4")
+    write_video(large, lap, 30.0, quick=True)
+    with av.open(str(path), "w") as film:
+        for number in range(laps):
+            with av.open(str(lap)) as source:
+                stream = source.streams.video[0]
+                out = film.streams.video[0] if number else film.add_stream_from_template(stream)
+                apart = int(Fraction(LAP_FRAMES, 30) / (stream.time_base or 1)) * number
+                for packet in source.demux(stream):
+                    if packet.dts is not None and packet.pts is not None:
+                        packet.dts, packet.pts = packet.dts + apart, packet.pts + apart
+                        packet.stream = out
+                        film.mux(packet)
+    return path
 
 
 def _halved(data: bytes) -> bytes:
@@ -94,12 +130,15 @@ def path_figures(path: CameraPath, true_m: np.ndarray) -> dict[str, float]:
     }
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("n_frames", LENGTHS)
+@pytest.mark.parametrize(
+    ("n_frames", "kind"),
+    [(n, kind) for n in LENGTHS for kind in KINDS if kind != "film"] + [(n, "film") for n in FILMS],
+)
 def test_length(
     record: Record, shared_data: Path, request: pytest.FixtureRequest, n_frames: int, kind: str
 ) -> None:
-    asked = LENGTHS[:1] if record.small else request.config.getoption("--lengths") or LENGTHS
+    asked = LENGTHS[:1] if record.small else request.config.getoption("--lengths")
+    asked = asked or (*LENGTHS, *FILMS)
     if n_frames not in asked:
         pytest.skip("--lengths names others")
     frames_dir, true_m, focal_px = lay_out(kind, shared_data, n_frames)
@@ -107,13 +146,15 @@ def test_length(
     shutil.rmtree(out_dir, ignore_errors=True)
     given = [frames_dir, out_dir, shared_data / "models", focal_px, KINDS[kind]]
     command = [sys.executable, str(HERE / "long" / "solve.py"), *map(str, given)]
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    threads = os.cpu_count() or 1 if kind == "film" else 1
+    environment = os.environ | {"OMP_NUM_THREADS": str(threads)}
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, env=environment)
     stages = json.loads(done.stdout.splitlines()[-1])
     verdict = VideoVerdict.read(out_dir / VERDICT_FILE)
     row = {"kind": kind, "frames": n_frames, "accepted": verdict.accepted}
     row |= path_figures(load_cameras(out_dir / SFM).path, true_m)
     row["video_mb"] = (out_dir / OVERLAY / OVERLAY_FILE).stat().st_size / 1e6
+    row["of_length"] = 30 * sum(one["wall_s"] for one in stages.values()) / n_frames
     row["peak_gb"] = max(one["peak_gb"] for one in stages.values())
     show(f"{n_frames} frames", [{"stage": name} | one for name, one in stages.items()])
     show("", [row])
@@ -136,6 +177,7 @@ def test_growth(record: Record) -> None:
                 bars.append(at_most(f"{kind}: exponent of {stage}", exponent, MOST_EXPONENT))
         limits = {"peak_gb": MOST_GB, "open_share": MOST_OPEN, "video_mb": MOST_VIDEO_MB}
         limits |= {} if kind == "street" else {"ate_mm": MOST_ATE_MM}
+        limits |= {"of_length": MOST_OF_LENGTH} if kind == "film" else {}
         for name, limit in limits.items():
             bars.append(at_most(f"{kind}: {name}", max(run[name] for run in long), limit))
     if rows:

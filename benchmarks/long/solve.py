@@ -18,8 +18,8 @@ from gmrdata import solve_video
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 from gmrdata.pages.solved_page import make_video_page
 from gmrdata.people.sources import MasksConfig, PersonSource
-from gmrdata.read.models import POSE_LANDMARKS
-from gmrdata.solve.request import SolveConfig
+from gmrdata.read.models import POSE_LANDMARKS, QUICK_LANDMARKS
+from gmrdata.solve.request import NOBODY, SolveConfig
 from gmrdata.stage import store
 
 FPS_HZ = 30.0
@@ -76,12 +76,15 @@ def main() -> None:
     for module in [one for name, one in sys.modules.items() if name.startswith("gmrdata.")]:
         if module is not store and getattr(module, "run_stage", None) is store.run_stage:
             module.run_stage = watched  # type: ignore[attr-defined]
-    landmarks = Path(models) / POSE_LANDMARKS.name
+    network = QUICK_LANDMARKS if poses == NOBODY else POSE_LANDMARKS
+    landmarks = Path(models) / network.name
     person = PersonSource(model=Path(models) / "yolox_nano.onnx", landmarks=landmarks)
     config = SolveConfig(masks=MasksConfig(sources=(person,)))
     lens = GivenIntrinsics(focal_px=float(focal_px))
-    solve_video(frames, out, poses=poses, lens=lens, fps_hz=FPS_HZ, config=config)
-    make_video_page(Path(out), images_dir=Path(frames))
+    folder = Path(frames) if Path(frames).is_dir() else None  # a file has its own times
+    fps_hz = FPS_HZ if folder else None
+    solve_video(frames, out, poses=poses, lens=lens, fps_hz=fps_hz, config=config)
+    make_video_page(Path(out), images_dir=folder)
     stages.book()
     sys.stdout.write(json.dumps(stages.rows) + "\n")
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
+from gmrdata.cameras.lens.self_calibration import ENOUGH_FRAMES
 from gmrdata.read.frames import read_frames
 from gmrdata.read.video import VideoConfig, count_images, is_video
 from gmrdata.read.video_files import NamedVideo, find_videos
@@ -20,8 +21,9 @@ from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
 
-FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S, SHOWN_S = 0.02, 0.12, 0.17, 0.04, 0.03, 0.12
-SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 20.0, 5.0
+FRAME_S, MASK_S, QUICK_MASK_S, LENS_S, SFM_S = 0.012, 0.11, 0.05, 0.025, 0.12
+BODY_S, OWN_POSE_S, SHOWN_S = 0.025, 0.03, 0.055
+SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 8.0, 5.0
 """Seconds that one image of 1280x720 px takes on two cores, and that all need."""
 START_GB, FRAME_GB = 0.9, 0.00016
 """Memory of the process, and what each image adds; the size of the images adds little."""
@@ -66,12 +68,13 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
         "bodies": people is not None,
         "page": True,
     }
-    return plan_stages(
-        request.source, request.part, [name for name, is_on in asked.items() if is_on]
-    )
+    stages = [name for name, is_on in asked.items() if is_on]
+    return plan_stages(request.source, request.part, stages, QUICK_MASK_S if not people else MASK_S)
 
 
-def plan_stages(source: Path, part: VideoConfig | None, stages: Sequence[str]) -> VideoPlan:
+def plan_stages(
+    source: Path, part: VideoConfig | None, stages: Sequence[str], mask_s: float = MASK_S
+) -> VideoPlan:
     """Some stages of a video or a folder of images; errors as of `plan_video`."""
     if is_video(source):
         n_images, size_px = count_images(source, part or VideoConfig())
@@ -81,8 +84,8 @@ def plan_stages(source: Path, part: VideoConfig | None, stages: Sequence[str]) -
     share = size_px[0] * size_px[1] / (1280 * 720)
     seconds = {
         "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
-        "masks": n_images * MASK_S * max(1.0, share),
-        "intrinsics": INTRINSICS_S,
+        "masks": n_images * mask_s * max(1.0, share),
+        "intrinsics": INTRINSICS_S + min(n_images, ENOUGH_FRAMES) * LENS_S,
         "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
         "own poses": n_images * OWN_POSE_S,
         "bodies": BODIES_S + n_images * BODY_S,
