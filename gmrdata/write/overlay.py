@@ -1,7 +1,6 @@
 """Bodies and their paths on the floor, drawn over the frames; and that as a video."""
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -113,15 +112,21 @@ def draw_floor_path(
     points_px = camera.project(world_from_cam, path_world_m, intrinsics_px)
     # OpenCV's pixel centres are whole numbers, and the drawing takes 4 fractional bits.
     fixed = np.round((points_px - 0.5) * 16)
-    drawable = np.asarray((abs(points_px) < _FAR_PX).all(axis=1))
-    points = [(int(x), int(y)) if ok else None for (x, y), ok in zip(fixed, drawable, strict=True)]
-    out = image.copy()
-    for start, stop in pairwise(points):
-        if start and stop:
-            cv2.line(out, start, stop, OVERLAY_BGR["path"], LINE_PX, cv2.LINE_AA, 4)
-    for point in points[::every]:
-        if point:
-            cv2.circle(out, point, 3 * LINE_PX << 4, OVERLAY_BGR["path"], -1, cv2.LINE_AA, 4)
+    out, margin_px, size_px = image.copy(), 4 * LINE_PX, image.shape[1::-1]
+
+    # Of ten minutes' path a picture shows little, and each call of OpenCV takes its time.
+    def shown(low_px: np.ndarray, high_px: np.ndarray) -> np.ndarray:
+        near = (high_px > -margin_px) & (low_px < np.add(size_px, margin_px))
+        near &= (high_px < _FAR_PX) & (low_px > -_FAR_PX)
+        return np.flatnonzero(near.all(axis=1))
+
+    start_px, stop_px = points_px[:-1], points_px[1:]
+    lines = shown(np.minimum(start_px, stop_px), np.maximum(start_px, stop_px))
+    for start, stop in np.stack([fixed[lines], fixed[lines + 1]], axis=1).astype(int).tolist():
+        cv2.line(out, start, stop, OVERLAY_BGR["path"], LINE_PX, cv2.LINE_AA, 4)
+    dots = shown(points_px[::every], points_px[::every])
+    for point in fixed[::every][dots].astype(int).tolist():
+        cv2.circle(out, point, 3 * LINE_PX << 4, OVERLAY_BGR["path"], -1, cv2.LINE_AA, 4)
     return out
 
 
