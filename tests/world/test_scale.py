@@ -317,7 +317,7 @@ def test_without_a_ground_there_is_no_such_cue(small_body):
     assert ground_cue(motion, low, scenery(motion, 0.01, 600), small_body, UNIT_M) is None
 
 
-def test_who_is_hidden_below_the_hips_is_above_the_ground(small_body: BodyModel) -> None:
+def test_who_is_hidden_below_the_hips_is_above_the_ground(small_body):
     """Legs that are guessed keep still before the camera, where feet found a scale of 0 ± 1 %."""
     motion, path = walk(small_body, Linear())
     rest = np.tile(np.eye(3), (motion.n_frames, 23, 1, 1))

@@ -14,11 +14,11 @@ def looks(n: int, step: int, width: int = 100) -> dict[int, np.ndarray]:
     return {row: np.arange(row * step, row * step + width) for row in range(n)}
 
 
-def test_a_path_that_only_goes_on_keeps_its_keyframes() -> None:
+def test_a_path_that_only_goes_on_keeps_its_keyframes():
     assert not covered_rows(looks(50, step=40), CONFIG)
 
 
-def test_what_stays_of_a_slow_path_sees_each_point_several_times() -> None:
+def test_what_stays_of_a_slow_path_sees_each_point_several_times():
     seen = looks(64, step=5)
     covered = covered_rows(seen, CONFIG)
     stay = sorted(set(seen) - covered)
@@ -28,7 +28,7 @@ def test_what_stays_of_a_slow_path_sees_each_point_several_times() -> None:
 
 
 @pytest.mark.parametrize("times", [4, 8])
-def test_a_place_seen_again_and_again_keeps_as_many_as_once(times: int) -> None:
+def test_a_place_seen_again_and_again_keeps_as_many_as_once(times):
     once = looks(32, step=10)
     there_and_back = [*once, *reversed(once)] * (times // 2)
     again = {row: once[place] for row, place in enumerate(there_and_back)}
@@ -36,6 +36,6 @@ def test_a_place_seen_again_and_again_keeps_as_many_as_once(times: int) -> None:
     assert stay < 40
 
 
-def test_keyframes_that_see_nothing_are_not_covered() -> None:
+def test_keyframes_that_see_nothing_are_not_covered():
     nothing = {row: np.zeros(0, np.int64) for row in range(5)}
     assert covered_rows(nothing, CONFIG) == set() and covered_rows({}, CONFIG) == set()

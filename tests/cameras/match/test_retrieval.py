@@ -15,7 +15,7 @@ def of_place(place: int) -> np.ndarray:
     return RNG.permutation(noisy.clip(0, 255)).astype(np.uint8)
 
 
-def test_a_place_that_is_seen_again_is_found() -> None:
+def test_a_place_that_is_seen_again_is_found():
     there_and_back = [0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0]
     pairs = alike_before([of_place(place) for place in there_and_back], 1, 1, seed=0)
     assert {(0, 10), (1, 9), (2, 8), (3, 7), (4, 6)} <= set(pairs)
@@ -23,16 +23,16 @@ def test_a_place_that_is_seen_again_is_found() -> None:
 
 
 @pytest.mark.parametrize("frames", [[np.zeros((0, 128), np.uint8)] * 5, [of_place(0)]])
-def test_frames_that_show_nothing_are_like_no_other(frames: list[np.ndarray]) -> None:
+def test_frames_that_show_nothing_are_like_no_other(frames):
     assert alike_before(frames, 0, 2, seed=0) == []
 
 
-def test_a_black_frame_between_is_left_out() -> None:
+def test_a_black_frame_between_is_left_out():
     frames = [*map(of_place, range(5)), np.zeros((0, 128), np.uint8), of_place(0)]
     pairs = alike_before(frames, 1, 1, seed=0)
     assert (0, 6) in pairs and not any(5 in pair for pair in pairs)
 
 
-def test_the_same_frames_give_the_same_pairs() -> None:
+def test_the_same_frames_give_the_same_pairs():
     frames = [of_place(place) for place in (0, 1, 2, 3, 0, 1, 2, 3)]
     assert alike_before(frames, 2, 2, seed=1) == alike_before(frames, 2, 2, seed=1)
