@@ -81,7 +81,7 @@ def made(checkout, monkeypatch) -> Callable[[], Path]:
     return lambda: environment.set_up(sys.executable)
 
 
-def test_setup_makes_it_once_and_again_for_other_requirements(made):
+def test_setup_makes_it_once_again_for_others_and_leaves_it_where_that_fails(made):
     place = made()
     python = environment.python_of(place)
     assert environment.blender_python() == python and python.is_file()
@@ -90,10 +90,6 @@ def test_setup_makes_it_once_and_again_for_other_requirements(made):
     assert made() == place and (place / "mine").exists()
     environment.REQUIREMENTS.write_text("# others\n")
     assert made() == place and not (place / "mine").exists()
-
-
-def test_a_setup_that_fails_leaves_what_was_there(made):
-    place = made()
     environment.REQUIREMENTS.write_text("./no_such_folder\n")
     with pytest.raises(BlenderMissing, match=r"pip install .* failed:"):
         made()
