@@ -1,6 +1,6 @@
 """HTML pages that need nothing beside them, from templates that escape every value."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -38,6 +38,10 @@ class Table:
 def render(template: str, **values: object) -> str:
     """The page of a template, as text."""
     return _environment().get_template(f"{template}.html.j2").render(values)
+
+
+def css_colours(colours_bgr: Mapping[str, tuple[int, int, int]]) -> dict[str, str]:
+    return {name: "rgb({2} {1} {0})".format(*bgr) for name, bgr in colours_bgr.items()}
 
 
 def text_of(text: str) -> str:

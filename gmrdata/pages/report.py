@@ -16,7 +16,7 @@ from rich.text import Text
 
 from gmrdata.pages import frames, plots, report_data
 from gmrdata.pages.frames import frame_tiles, tile_sheet
-from gmrdata.pages.html import Cell, Table, render, write_page
+from gmrdata.pages.html import Cell, Table, css_colours, render, write_page
 from gmrdata.pages.plots import COLOURS, Draw, picture, plot_top_view, quiet, svg
 from gmrdata.pages.report_data import ClipReport, GmrSummary, ReportData, Summary
 from gmrdata.twins.pseudo_gt_error import error_series
@@ -71,7 +71,7 @@ def page(report: ReportData) -> str:
         clip_table=_clip_table(report),
         scales=scales,
         clips=[_clip(i, clip) for i, clip in enumerate(report.clips)],
-        colours={name: "rgb({2} {1} {0})".format(*bgr) for name, bgr in OVERLAY_BGR.items()},
+        colours=css_colours(OVERLAY_BGR),
         has_gmr=has_gmr,
         score_table=_score_table(report.scores),
         predicted=predicted,

@@ -26,7 +26,7 @@ from gmrdata.pages.footage import (
 )
 from gmrdata.pages.frames import jpeg
 from gmrdata.pages.gather import gather_video
-from gmrdata.pages.html import Cell, Table, render, text_of, write_page
+from gmrdata.pages.html import Cell, Table, css_colours, render, text_of, write_page
 from gmrdata.pages.plots import svg
 from gmrdata.pages.report import GEOMETRY_WORDS
 from gmrdata.pages.solved import Solved, align_dataset_camera, counts_of
@@ -168,7 +168,7 @@ def solved_page(
             sections.append((kind, None, str(error)))
     return render(
         "solved", found=found, title=text_of(found.name), lead=_lead(found), sections=sections,
-        colours=_colours(), links=list(links),
+        colours=css_colours(OVERLAY_BGR | BAR_BGR), links=list(links),
     )  # fmt: skip
 
 
@@ -320,13 +320,6 @@ def _fused(found: Solved) -> dict[str, object]:
 
     assert found.fused is not None
     return fused_shown(found.fused)
-
-
-def _colours() -> dict[str, str]:
-    def css(bgr: tuple[int, int, int]) -> str:
-        return "rgb({2} {1} {0})".format(*bgr)
-
-    return {name: css(bgr) for name, bgr in (OVERLAY_BGR | BAR_BGR).items()}
 
 
 def _over_time(found: Solved) -> dict[str, object]:
