@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -251,9 +252,8 @@ def see_again(model: Any, matches: Matches, frames: Frames, config: MasksConfig)
         looks[of] = looks_here[features]
         hidden = np.setdiff1d(np.flatnonzero(often), of)
         idle = np.setdiff1d(np.arange(n_free, len(looks_here)), features)
-        apart_px = project_into(images[row], points[hidden])[:, None]
-        apart_px = apart_px - matches.keypoints_px[row][idle]
-        near, feature = np.nonzero(np.linalg.norm(apart_px, axis=2) < config.again_px)
+        hidden_px = project_into(images[row], points[hidden])
+        near, feature = _near(hidden_px, matches.keypoints_px[row][idle], config.again_px)
         for n, at in _alike(hidden[near], idle[feature], looks, looks_here, config.again_likeness):
             model.add_observation(ids[n], pycolmap.TrackElement(images[row].image_id, at))
             looks[n] = looks_here[at]
@@ -266,6 +266,14 @@ def _seen_features(image: Any, number: dict[int, int]) -> tuple[np.ndarray, np.n
     features = image.get_observation_point2D_idxs()
     of = [number[image.point2D(feature).point3D_id] for feature in features]
     return np.array(features, dtype=np.int64), np.array(of, dtype=np.int64)
+
+
+def _near(from_px: np.ndarray, to_px: np.ndarray, most_px: float) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs (M,), (M,) of rows of image points (N, 2), (K, 2) that are so near, in order."""
+    known = np.flatnonzero(np.isfinite(from_px).all(axis=1))
+    balls = KDTree(to_px).query_ball_point(from_px[known], most_px, return_sorted=True)
+    near = [np.zeros(0, np.int64), *(np.array(ball, np.int64) for ball in balls if ball)]
+    return np.repeat(known, [len(ball) for ball in balls]), np.concatenate(near)
 
 
 def _looks(descriptors: np.ndarray) -> np.ndarray:
