@@ -175,8 +175,16 @@ def network(
     config = ModelConfig(
         layers=2, hidden=7, latent=latent, input=input, output=output, extra_inputs=extra,
         rotation=source, translation=source, output_scale=0.5,
+        joints_say=source == "standing_joint",
     )  # fmt: skip
-    return TrainedGmr(Gmr(config).eval(), 10.0, "some_run", 12)
+    return TrainedGmr(speaking(Gmr(config)).eval(), 10.0, "some_run", 12)
+
+
+def speaking(model: Gmr) -> Gmr:
+    """A network whose joints say something, which they don't before it is trained."""
+    for look in model.looks:
+        torch.nn.init.normal_(look.scores.weight)
+    return model
 
 
 def run_onnx(model: bytes, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -270,10 +278,7 @@ SYMMETRIC_CONFIG = ModelConfig(
 
 def symmetric_network(config: ModelConfig = SYMMETRIC_CONFIG) -> Gmr:
     torch.manual_seed(1)
-    model = Gmr(config).double().eval()
-    for look in model.looks:  # which say nothing before they are trained
-        torch.nn.init.normal_(look.scores.weight)
-    return model
+    return speaking(Gmr(config)).double().eval()
 
 
 def answer(model: Gmr, poses: Tensor, lengths: Tensor | None = None) -> tuple[Tensor, Tensor]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import roma
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -143,6 +144,20 @@ def test_the_pelvis_and_smpls_trans_have_the_same_motions(pose):
     rest_pelvis_m = np.array([0.002, -0.22, 0.03])
     of_trans = deltas(root_rotmats, pelvis_m - rest_pelvis_m)
     np.testing.assert_allclose(of_trans[1], deltas(root_rotmats, pelvis_m)[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_quaternions_are_those_of_roma_bit_for_bit(dtype):
+    """Random ones, small ones, and half turns, where two of the four factors are zero."""
+    rotvecs = np.random.default_rng(0).normal(0, 1e-3, (500, 3))
+    halves = np.pi * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0.8, 0], [0, -0.6, 0.8]])
+    turns = (Rotation.random(500, random_state=1), *map(Rotation.from_rotvec, (rotvecs, halves)))
+    rotmats = torch.from_numpy(np.concatenate([turn.as_matrix() for turn in turns])).to(dtype)
+    x, y, z, w = roma.rotmat_to_unitquat(rotmats).unbind(-1)
+    wanted = torch.stack([w, x, y, z], dim=-1)
+    found = rotations.from_rotmats(rotmats, "quaternion")
+    assert torch.equal(found, torch.where(wanted[:, :1] < 0, -wanted, wanted))
+    assert torch.equal(rotations.log_map(rotmats), roma.rotmat_to_rotvec(rotmats))
 
 
 @given(poses)
