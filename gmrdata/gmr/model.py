@@ -149,72 +149,18 @@ class StandingShares(nn.Module):
         self.logits = nn.Linear(n_features, N_LOCAL + 1)
 
     def forward(
-        self,
-        features: Float[Tensor, "batch frames n"],
-        scores: Float[Tensor, "batch frames 23"] | None = None,
+        self, features: Float[Tensor, "batch frames n"]
     ) -> Float[Tensor, "batch frames 23 1"]:
-        """Shares of the joints, without that of none; `scores` are added to their logits."""
-        logits = self.logits(features)
-        if scores is not None:
-            logits = logits + nn.functional.pad(scores, (0, 1))
-        return logits.softmax(-1)[..., :N_LOCAL, None]
-
-
-class JointScores(nn.Module):
-    """How much each joint is like one that keeps its orientation, and like one that stays."""
-
-    WIDTH = 32
-    MOST = 6.0  # of a joint's numbers, of which most are below 1
-
-    def __init__(self, n_features: int, n_numbers: int) -> None:
-        super().__init__()
-        self.context = nn.Linear(n_features, self.WIDTH)
-        self.numbers = nn.Linear(n_numbers, self.WIDTH)
-        self.own = nn.Parameter(torch.zeros(N_LOCAL, self.WIDTH))  # all that is no joint's alike
-        self.scores = nn.Linear(self.WIDTH, 2)
-        nn.init.zeros_(self.scores.weight)
-        nn.init.zeros_(self.scores.bias)
-
-    def forward(
-        self,
-        features: Float[Tensor, "batch frames n"],
-        numbers: Float[Tensor, "batch frames 23 numbers"],
-    ) -> Float[Tensor, "batch frames 23 2"]:
-        numbers = numbers.clamp(-self.MOST, self.MOST)
-        hidden = self.context(features)[..., None, :] + self.numbers(numbers) + self.own
-        scores: Tensor = self.scores(nn.functional.relu(hidden))
-        return scores
-
-
-def joint_numbers(
-    motions: Float[Tensor, "*batch frames 23 6"], places_m: Float[Tensor, "*batch frames 23 3"]
-) -> Float[Tensor, "*batch frames 23 15"]:
-    """What `JointScores` looks at first: `motions_if_standing` to the next frame and from the one
-    before, and the joint's place, in half metres."""
-    before = torch.cat([motions[..., :1, :, :], motions[..., :-1, :, :]], dim=-3)
-    return torch.cat([motions, before, 2 * places_m], dim=-1)
-
-
-def apart_from(
-    turns: Float[Tensor, "batch frames 3 3"],
-    delta_m: Float[Tensor, "batch frames 3"],
-    joint_turns: Float[Tensor, "batch frames 23 3"],
-    places_m: Float[Tensor, "batch frames 23 3"],
-) -> Float[Tensor, "batch frames 23 8"]:
-    """What it looks at then: how far from a motion is the one that each joint leaves to the root,
-    dR [rad] and dT [m], and how long these two are, times `SCALE`."""
-    turned = joint_turns - rotations.log_map(turns)[..., None, :]
-    moved_m = _joint_steps_m(places_m, turns) - delta_m[..., None, :]
-    parts = [SCALE * turned, SCALE * moved_m]
-    lengths = [(part.square().sum(-1, keepdim=True) + 1e-4).sqrt() for part in parts]
-    return torch.cat([*parts, *lengths], dim=-1)
+        """Shares of the joints, without that of none."""
+        return self.logits(features).softmax(-1)[..., :N_LOCAL, None]
 
 
 def root_turn(
-    shares: Float[Tensor, "*#batch joints 1"], joint_turns: Float[Tensor, "*#batch joints 3"]
+    shares: Float[Tensor, "*#batch joints 1"], root_from_joint: Float[Tensor, "*#batch joints 3 3"]
 ) -> Float[Tensor, "*batch 3 3"]:
     """dR: the mean, as axis-angle, of what each joint leaves to the root; none leaves no turn."""
-    return rotations.to_rotmats((shares * joint_turns).sum(-2), "axis-angle")
+    turns = rotations.log_map(root_from_joint @ _next(root_from_joint).transpose(-1, -2))
+    return rotations.to_rotmats((shares * turns).sum(-2), "axis-angle")
 
 
 def root_step_m(
@@ -223,12 +169,7 @@ def root_step_m(
     delta_rotmats: Float[Tensor, "*#batch 3 3"],
 ) -> Float[Tensor, "*batch 3"]:
     """dT [m]: the mean of what each joint leaves to the root; none leaves no step."""
-    return (shares * _joint_steps_m(places_m, delta_rotmats)).sum(-2)
-
-
-def _joint_steps_m(places_m: Tensor, delta_rotmats: Tensor) -> Tensor:
-    """dT [m] that each joint leaves to the root: (B, T, 23, 3)."""
-    return places_m - _next(places_m) @ delta_rotmats.transpose(-1, -2)
+    return (shares * (places_m - _next(places_m) @ delta_rotmats.transpose(-1, -2))).sum(-2)
 
 
 def input_rotmats(
@@ -309,10 +250,7 @@ class Gmr(MotionNetwork):
         self.regression = nn.Linear(config.n_features, rotations.SIZE[config.output] + 3)
         self.turn_shares = _shares(config.rotation, config.n_features)
         self.step_shares = _shares(config.translation, config.n_features)
-        sizes = (15, 15 + 8) if config.joints_say else ()
-        self.looks = nn.ModuleList(JointScores(config.n_features, size) for size in sizes)
         self._is_free = config.regressed == "freely"
-        self._given = _columns_of("standing", config)
 
     def forward(
         self,
@@ -355,38 +293,18 @@ class Gmr(MotionNetwork):
             if self._is_free and self.turn_shares is None and self.step_shares is None:
                 return self.motions(regressed)
             with torch.no_grad():  # in padding they are finite, but of no meaning
-                joints = joints_in_root_frame(input_rotmats(poses, self.config.input))
-                given = poses[..., self._given]
-                motions = given.unflatten(-1, (-1, 6)) if given.numel() else _root_motions(*joints)
+                local_rotmats = input_rotmats(poses, self.config.input)
+                places_m, root_from_joint = joints_in_root_frame(local_rotmats)
             if not self._is_free:
-                regressed = regressed * speeds_of_change(*joints)
-            return self._standing(features, self.motions(regressed), motions, joints[0])
-
-    def _standing(
-        self, features: Tensor, regressed: tuple[Tensor, Tensor], motions: Tensor, places_m: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """dR and dT by joints that stand, of which `motions` is `motions_if_standing`; what is
-        regressed is what they leave over."""
-
-        def led(scores: Tensor | None) -> tuple[Tensor, Tensor]:
-            (turns, delta_m), of_turns, of_steps = regressed, None, None
-            if scores is not None:
-                of_turns, of_steps = scores.unbind(-1)
+                speeds = speeds_of_change(places_m, root_from_joint)
+                regressed = regressed * speeds
+            # The regression puts out what standing joints leave over.
+            turns, delta_m = self.motions(regressed)
             if self.turn_shares is not None:
-                turns = root_turn(self.turn_shares(features, of_turns), joint_turns) @ turns
+                turns = root_turn(self.turn_shares(features), root_from_joint) @ turns
             if self.step_shares is not None:
-                shares = self.step_shares(features, of_steps)
-                delta_m = root_step_m(shares, places_m, turns) + delta_m
+                delta_m = root_step_m(self.step_shares(features), places_m, turns) + delta_m
             return turns, delta_m
-
-        joint_turns = motions[..., :3] / SCALE
-        if not self.looks:
-            return led(None)
-        first, second = self.looks
-        numbers = joint_numbers(motions, places_m)
-        scores = first(features, numbers)
-        apart = apart_from(*led(scores), joint_turns, places_m)
-        return led(scores + second(features, torch.cat([numbers, apart], dim=-1)))
 
 
 class MeanGmr(nn.Module):
@@ -433,15 +351,6 @@ def input_columns(config: ModelConfig) -> list[int]:
         columns += [start + numbers * row + i for row in seen for i in range(numbers)]
         start += rows * numbers
     return columns
-
-
-def _columns_of(kind: ExtraInput, config: ModelConfig) -> slice:
-    """Where an extra input lies in the network's; nowhere if it is none."""
-    if kind not in config.extra_inputs:
-        return slice(0)
-    before = config.extra_inputs[: config.extra_inputs.index(kind)]
-    start = input_size(config.model_copy(update={"extra_inputs": before}))
-    return slice(start, start + EXTRA_SIZES[kind][0] * EXTRA_SIZES[kind][1])
 
 
 def _extra_sizes(config: ModelConfig) -> list[tuple[int, int]]:

@@ -62,6 +62,4 @@ def parameter_count(config: ModelConfig) -> int:
     outputs = rotations.SIZE[config.output] + 3
     outputs += (N_LOCAL + 1) * (config.rotation, config.translation).count("standing_joint")
     f = config.latent or h
-    # 32 numbers of the features, 15 or 23 of a joint, one for each of 23 joints; two scores.
-    looks = sum(32 * (f + 1 + n + 1 + 23) + 33 * 2 for n in (15, 23)) if config.joints_say else 0
-    return encoder + (2 * h * f + f) + (f * outputs + outputs) + looks
+    return encoder + (2 * h * f + f) + (f * outputs + outputs)

@@ -175,16 +175,8 @@ def network(
     config = ModelConfig(
         layers=2, hidden=7, latent=latent, input=input, output=output, extra_inputs=extra,
         rotation=source, translation=source, output_scale=0.5,
-        joints_say=source == "standing_joint",
     )  # fmt: skip
-    return TrainedGmr(speaking(Gmr(config)).eval(), 10.0, "some_run", 12)
-
-
-def speaking(model: Gmr) -> Gmr:
-    """A network whose joints say something, which they don't before it is trained."""
-    for look in model.looks:
-        torch.nn.init.normal_(look.scores.weight)
-    return model
+    return TrainedGmr(Gmr(config).eval(), 10.0, "some_run", 12)
 
 
 def run_onnx(model: bytes, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -272,13 +264,12 @@ def test_the_network_stays_as_it_was():
 SYMMETRIC_CONFIG = ModelConfig(
     layers=1, hidden=5, extra_inputs=("standing", "velocity", "feet"), looks_at="legs_and_trunk",
     rotation="standing_joint", translation="standing_joint", output_scale=0.5, symmetric=True,
-    joints_say=True,
 )  # fmt: skip
 
 
 def symmetric_network(config: ModelConfig = SYMMETRIC_CONFIG) -> Gmr:
     torch.manual_seed(1)
-    return speaking(Gmr(config)).double().eval()
+    return Gmr(config).double().eval()
 
 
 def answer(model: Gmr, poses: Tensor, lengths: Tensor | None = None) -> tuple[Tensor, Tensor]:

@@ -203,7 +203,7 @@ def test_a_state_of_the_second_version_is_read(run_dir):
     """Its network had as many latent numbers as hidden units; whatever else it lacks is refused."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/2"}
-    for key in ("latent", "looks_at", "regressed", "symmetric", "joints_say"):
+    for key in ("latent", "looks_at", "regressed", "symmetric"):
         del state["model"][key]
     write_json(path, state)
     assert load_gmr(run_dir).model.config == CONFIG
@@ -219,15 +219,11 @@ def test_a_state_of_the_second_version_is_read(run_dir):
 
 @pytest.mark.parametrize(
     ("version", "added_later", "there_already"),
-    [
-        (3, ("looks_at", "regressed", "symmetric", "joints_say"), "latent"),
-        (4, ("symmetric", "joints_say"), "looks_at"),
-        (5, ("joints_say",), "symmetric"),
-    ],
+    [(3, ("looks_at", "regressed", "symmetric"), "latent"), (4, ("symmetric",), "looks_at")],
 )
 def test_a_state_of_a_later_version_is_read(version, added_later, there_already, run_dir):
     """The third's network saw all joints, regressed freely and had a latent size; the fourth's
-    answered to a sequence as it is; the fifth's joints had no say."""
+    answered to a sequence as it is."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": f"gmrdata-gmr/{version}"}
     for key in added_later:
