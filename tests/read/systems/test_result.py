@@ -309,7 +309,7 @@ def test_pictures_that_are_none(content, tmp_path):
 def test_a_dict_that_numpy_saved_is_the_same(tmp_path):
     """`np.save(path, result)`, as people keep any system's result."""
     rows = {key: value[0] for key, value in sam3d_rows().items()}
-    np.save(tmp_path / "rows.npy", {"0.jpg": [rows]})  # type: ignore[arg-type]
+    np.save(tmp_path / "rows.npy", {"0.jpg": [rows]})
     (person,) = read_system(tmp_path / "rows.npy", "camera").people
     assert person.frame_numbers.tolist() == [0]
 
