@@ -51,6 +51,20 @@ def seen_by(model: Any, image: Any) -> tuple[list[int], np.ndarray, np.ndarray]:
     return features, np.array([spot.xy for spot in spots]).reshape(-1, 2), points
 
 
+def observations_of(image: Any) -> np.ndarray:
+    """(N, 2) int64: the features of an image that show points, and the ids of these."""
+    features = image.get_observation_point2D_idxs()
+    pairs = [(feature, image.point2D(feature).point3D_id) for feature in features]
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def add_bare_image(model: Any, image: Any) -> None:
+    """Give a model the image of another one, where that has it, without points."""
+    points_px = np.array([spot.xy for spot in image.points2D]).reshape(-1, 2)
+    bare = pycolmap.Image(image.name, points_px, image.camera_id, image.image_id)
+    model.add_image_with_trivial_frame(bare, image.cam_from_world())
+
+
 def global_options(config: SfmConfig, *, free_lens: bool) -> Any:
     """Options of COLMAP's global mapper, which repeats its results; the lens may be free."""
     options = _repeating(pycolmap.GlobalPipelineOptions(), config)

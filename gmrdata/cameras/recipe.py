@@ -85,6 +85,10 @@ class MappingConfig(Config):
     most_jumps: int = Field(default=10, ge=0)
     """Keyframes that are tried so at most, since each takes an adjustment."""
 
+    def in_parts(self, n_keyframes: int) -> bool:
+        """Whether so many are more than one part has: what is done of long videos alone."""
+        return n_keyframes > self.part_frames
+
     @model_validator(mode="after")
     def _parts_reach_further(self) -> Self:
         if self.part_overlap >= self.part_frames:

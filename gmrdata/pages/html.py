@@ -41,6 +41,7 @@ def render(template: str, **values: object) -> str:
 
 
 def css_colours(colours_bgr: Mapping[str, tuple[int, int, int]]) -> dict[str, str]:
+    """Colours by name, as OpenCV has them, in CSS."""
     return {name: "rgb({2} {1} {0})".format(*bgr) for name, bgr in colours_bgr.items()}
 
 

@@ -169,8 +169,8 @@ def contact_cue(
     standard error, about a rough up; None where they lie on no plane, or are too few.  Soles along
     a line tell of the tilt along it alone, and one person's nothing beside another's: who is larger
     than the body stands too near, and so on another plane."""
-    centred_m = np.concatenate([own_m - own_m.mean(axis=0) for own_m in planted_m if len(own_m)]
-                               or [np.zeros((0, 3))])  # fmt: skip
+    centred = [own_m - own_m.mean(axis=0) for own_m in planted_m if len(own_m)]
+    centred_m = np.concatenate([np.zeros((0, 3)), *centred])
     if len(centred_m) < 3:
         return None
     axes = across(up)

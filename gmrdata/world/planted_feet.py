@@ -33,6 +33,19 @@ class SeenFeet:
     up_cam: np.ndarray  # (T, 3) the person's own up direction
     fps_hz: float
 
+    @property
+    def soles_m(self) -> np.ndarray:
+        """(T, 2, 3, 3) soles from the camera's place, in the world's axes [m]."""
+        rotmats = self.camera_path.world_from_cam[:, :3, :3]
+        return np.einsum("tij,tfkj->tfki", rotmats, self.points_cam_m[:, :, SOLE_POINTS])
+
+    @property
+    def mean_up(self) -> np.ndarray:
+        """(3,) the person's mean up in the world, of length 1."""
+        rotmats = self.camera_path.world_from_cam[:, :3, :3]
+        up = np.nanmean(np.einsum("tij,tj->ti", rotmats, self.up_cam), axis=0)
+        return np.asarray(up / np.linalg.norm(up))
+
 
 def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
     """Left and right ankle, foot joint, and the sole's heel, ball and toe, (T, 2, 5, 3) [m]."""
@@ -199,11 +212,7 @@ def ground_contact_scale(
     travels will do.  Background points (N, 3) are in the unit of the cameras; the rough scale is
     right to some tens of percent.
     """
-    camera_path = seen.camera_path
-    rotmats, centres = camera_path.world_from_cam[:, :3, :3], camera_path.centres_world_m
-    soles_m = np.einsum("tij,tfkj->tfki", rotmats, seen.points_cam_m[:, :, SOLE_POINTS])
-    up = np.nanmean(np.einsum("tij,tj->ti", rotmats, seen.up_cam), axis=0)
-    up /= np.linalg.norm(up)
+    centres, soles_m, up = seen.camera_path.centres_world_m, seen.soles_m, seen.mean_up
     slip_m = config.slip_m(seen.fps_hz)
     still = standing(soles_m + rough_scale * centres[:, None, None], slip_m)
     frames, foot = np.nonzero(still.any(axis=-1))
@@ -236,15 +245,12 @@ def above_ground_scale(
     """Scale at which the body's lowest soles are on the ground in the median of all frames, whether
     or not they keep still: of who is hidden below, or never stands.  As of `ground_contact_scale`,
     but as unsure as guessed legs are."""
-    path = seen.camera_path
-    rotmats, centres = path.world_from_cam[:, :3, :3], path.centres_world_m
-    soles_m = np.einsum("tij,tfkj->tfki", rotmats, seen.points_cam_m[:, :, SOLE_POINTS])
+    centres, soles_m = seen.camera_path.centres_world_m, seen.soles_m
     known = np.isfinite(soles_m).all(axis=(1, 2, 3)) & np.isfinite(centres).all(axis=1)
     if not known.any():
         return None
-    up = np.nanmean(np.einsum("tij,tj->ti", rotmats, seen.up_cam), axis=0)
     feet = centres[known] + soles_m[known].mean(axis=(1, 2)) / rough_scale
-    plane = ground_plane(points, feet, up / np.linalg.norm(up), rough_scale, config)
+    plane = ground_plane(points, feet, seen.mean_up, rough_scale, config)
     if plane is None:
         return None
     height_m = (-soles_m[known] @ plane.normal).reshape(known.sum(), -1).max(axis=1)

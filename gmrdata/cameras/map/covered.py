@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.colmap import add_bare_image, observations_of, pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import MappingConfig
 
@@ -62,9 +62,7 @@ def covered_rows(points_of: dict[int, np.ndarray], config: MappingConfig) -> set
 
 def _seen(image: Any) -> np.ndarray:
     """(N, 2) features of an image that show points, and the ids of these; each point once."""
-    features = image.get_observation_point2D_idxs()
-    pairs = [(feature, image.point2D(feature).point3D_id) for feature in features]
-    table = np.array(pairs, np.int64).reshape(-1, 2)
+    table = observations_of(image)
     return table[np.unique(table[:, 1], return_index=True)[1]]
 
 
@@ -75,10 +73,7 @@ def _reduced(model: Any, keep: set[int]) -> tuple[Any, dict[int, int]]:
     for camera in model.cameras.values():
         core.add_camera_with_trivial_rig(camera)
     for image_id in sorted(keep):
-        image = model.image(image_id)
-        points_px = np.array([spot.xy for spot in image.points2D]).reshape(-1, 2)
-        bare = pycolmap.Image(image.name, points_px, image.camera_id, image_id)
-        core.add_image_with_trivial_frame(bare, image.cam_from_world())
+        add_bare_image(core, model.image(image_id))
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)
         track = [(e.image_id, e.point2D_idx) for e in point.track.elements if e.image_id in keep]

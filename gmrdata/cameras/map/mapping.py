@@ -223,7 +223,8 @@ def _finish(
     rows = range(len(frames.images))
     adjusted = np.isin(rows, list(placed.seen))
     missing = set(rows) - set(placed.seen)
-    known = {row: _by_number(table, model) for row, table in core.covered.items()}
+    ids = np.array(sorted(model.point3D_ids()), np.int64)
+    known = {row: _by_number(table, ids) for row, table in core.covered.items()}
     n_resected = place_frames(missing, placed, matches, intrinsics_px, known)
     return Solution(
         geometry="full",
@@ -233,9 +234,7 @@ def _finish(
         inliers=placed.inliers,
         focal=focal,
         points=placed.points,
-        track_lengths=np.array(
-            [model.point3D(i).track.length() for i in sorted(model.point3D_ids())], np.int64
-        ),
+        track_lengths=np.array([model.point3D(i).track.length() for i in ids], np.int64),
         models=records,
         n_resected=n_resected,
         seen=placed.seen,
@@ -267,9 +266,9 @@ def _read_out(model: Any, frames: Frames, matches: Matches) -> tuple[Placed, np.
     return placed, np.concatenate(errors_px)
 
 
-def _by_number(table: np.ndarray, model: Any) -> np.ndarray:
-    """Features and ids of points (N, 2) as features and rows of the points that there are."""
-    ids = np.array(sorted(model.point3D_ids()), np.int64)
+def _by_number(table: np.ndarray, ids: np.ndarray) -> np.ndarray:
+    """Features and ids of points (N, 2) as features and rows of the points that there are, by the
+    ids of these (P,), ascending."""
     there = table[np.isin(table[:, 1], ids)]
     return np.stack([there[:, 0], np.searchsorted(ids, there[:, 1])], axis=1).astype(np.int32)
 

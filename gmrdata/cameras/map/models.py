@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.colmap import camera_of, matrix_of, project_into, pycolmap, seen_by
+from gmrdata.cameras.colmap import (
+    add_bare_image,
+    camera_of,
+    matrix_of,
+    project_into,
+    pycolmap,
+    seen_by,
+)
 from gmrdata.cameras.files import ModelRecord, WeakestStep
 from gmrdata.cameras.map.smoothing import linearized, noise_px
 from gmrdata.cameras.map.solution import Placed, SeenPoints, Solution
@@ -207,10 +214,7 @@ def _take_over(whole: Any, model: Any) -> None:
     """Add frames and points of a model that is in the same world."""
     shared = _shared_images(whole, model)
     for image_id in sorted(set(model.reg_image_ids()).difference(shared)):
-        theirs = model.image(image_id)
-        points_px = np.array([point.xy for point in theirs.points2D]).reshape(-1, 2)
-        image = pycolmap.Image(theirs.name, points_px, theirs.camera_id, image_id)
-        whole.add_image_with_trivial_frame(image, theirs.cam_from_world())
+        add_bare_image(whole, model.image(image_id))
     owners = _owners(whole, shared)
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)

@@ -25,6 +25,7 @@ from gmrdata.cameras.colmap import (
     bundle_adjuster,
     camera_adjuster,
     camera_of,
+    observations_of,
     project_into,
     pycolmap,
     seen_by,
@@ -32,7 +33,7 @@ from gmrdata.cameras.colmap import (
 from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map.covered import Core, core_of
-from gmrdata.cameras.map.models import join_models, parts_of
+from gmrdata.cameras.map.models import join_models
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.values import transforms
@@ -45,7 +46,7 @@ def refined_model(
     of each."""
     model, records = join_models(models, config)
     core = Core(model, {})
-    if len(parts_of(len(frames.images), config.mapping)) > 1:
+    if config.mapping.in_parts(len(frames.images)):
         # Parts don't know what frames of another one see, by which a path comes back to where it
         # was, and by which a keyframe is not needed.
         triangulate_again(model, work_dir / DATABASE_FILE, config)
@@ -263,9 +264,8 @@ def see_again(model: Any, matches: Matches, frames: Frames, config: MasksConfig)
 
 def _seen_features(image: Any, number: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Features (N,) of an image that show points, and the numbers (N,) of these."""
-    features = image.get_observation_point2D_idxs()
-    of = [number[image.point2D(feature).point3D_id] for feature in features]
-    return np.array(features, dtype=np.int64), np.array(of, dtype=np.int64)
+    features, ids = observations_of(image).T
+    return features, np.array([number[point] for point in ids.tolist()], dtype=np.int64)
 
 
 def _near(from_px: np.ndarray, to_px: np.ndarray, most_px: float) -> tuple[np.ndarray, np.ndarray]:

@@ -43,9 +43,10 @@ class Solution:
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     """(N, 3) background points [unit of length of the cameras]; none but for "full"."""
     track_lengths: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    """(N,) frames that see each point."""
+    """(N,) frames of the adjustment that see each point."""
     models: tuple[files.ModelRecord, ...] = ()
-    n_resected: int = 0  # Frames that the mapper left out and that its points placed afterwards
+    n_resected: int = 0
+    """Frames that the mapper left out, or that others cover, which its points placed afterwards."""
     seen: SeenPoints = field(default_factory=dict)
     adjusted: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """(T,) frames that the bundle adjustment had; none but for "full"."""

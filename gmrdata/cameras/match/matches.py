@@ -108,27 +108,20 @@ def match_features(database_path: Path, config: SfmConfig, *, verified: bool = T
     matching = pycolmap.FeatureMatchingOptions()
     matching.num_threads = 1
     matching.skip_geometric_verification = not verified
+    options = {
+        "matching_options": matching,
+        "verification_options": verification_options(config),
+        "device": pycolmap.Device.cpu,
+    }
     pairing = pycolmap.SequentialPairingOptions()
     pairing.overlap, pairing.quadratic_overlap = config.overlap, True
     pairing.num_threads = 1
     pairs_path = database_path.with_name("alike.txt")
     if _write_alike(pairs_path, database_path, config):
         pairing.overlap = min(config.overlap, config.mapping.near_overlap)
-        pairing_of_alike = pycolmap.ImportedPairingOptions(match_list_path=pairs_path)
-        pycolmap.match_image_pairs(
-            database_path=database_path,
-            matching_options=matching,
-            pairing_options=pairing_of_alike,
-            verification_options=verification_options(config),
-            device=pycolmap.Device.cpu,
-        )
-    pycolmap.match_sequential(
-        database_path=database_path,
-        matching_options=matching,
-        pairing_options=pairing,
-        verification_options=verification_options(config),
-        device=pycolmap.Device.cpu,
-    )
+        alike = pycolmap.ImportedPairingOptions(match_list_path=pairs_path)
+        pycolmap.match_image_pairs(database_path, pairing_options=alike, **options)
+    pycolmap.match_sequential(database_path, pairing_options=pairing, **options)
 
 
 def _write_alike(pairs_path: Path, database_path: Path, config: SfmConfig) -> bool:
@@ -140,7 +133,7 @@ def _write_alike(pairs_path: Path, database_path: Path, config: SfmConfig) -> bo
     with closing(pycolmap.Database.open(database_path)) as database:
         images = sorted(database.read_all_images(), key=lambda image: str(image.name))
         # COLMAP's list has a space between two names.
-        if len(images) <= config.mapping.part_frames or any(" " in one.name for one in images):
+        if not config.mapping.in_parts(len(images)) or any(" " in one.name for one in images):
             return False
         tables = [np.asarray(database.read_descriptors(one.image_id).data) for one in images]
     apart = 2 ** (config.mapping.near_overlap - 1)
