@@ -120,11 +120,7 @@ def make_pseudo_gt(
         clips = list(map(clip_on_body, _camera_clips(evidence.people), bodies))
         cameras = _solved_cameras(evidence, clips)
         doubts = _doubts(evidence.doubts_path, len(clips), len(cameras.rows))
-        fits: list[PictureFit | None] = (
-            picture_fits(clips, bodies, evidence.seen, config.verdict)
-            if evidence.seen is not None
-            else [None] * len(clips)
-        )
+        fits = _fits(evidence, clips, bodies, config)
         told_by = telling_rows(clips, doubts, fits, config.verdict)
         try:
             sizes = evidence.size_sigmas or len(clips) * (0.0,)
@@ -191,6 +187,18 @@ def _solved_cameras(evidence: WorldEvidence, clips: Sequence[Clip]) -> SolvedCam
         dataset_camera=of_frames(load_dataset_camera, evidence.dataset_camera_path, "cameras"),
         up_cam=of_frames(load_gravity, evidence.gravity_path, "directions"),
     )
+
+
+def _fits(
+    evidence: WorldEvidence,
+    clips: Sequence[Clip],
+    bodies: Sequence[BodyModel],
+    config: PseudoGtConfig,
+) -> list[PictureFit | None]:
+    """How well each body lies on the person; None where no masks were made without bodies."""
+    if evidence.seen is None:
+        return [None] * len(clips)
+    return picture_fits(clips, bodies, evidence.seen, config.verdict)
 
 
 def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:
