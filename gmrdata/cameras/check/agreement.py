@@ -74,7 +74,7 @@ def compare_again(
         if len(rows) < of.few_keyframes or len(rows) == tried:
             continue
         tried = len(rows)
-        second, _ = map_again(mapped, rows, keys, work_dir, config.reseeded(1))
+        second, _ = map_again(mapped, rows, keys, matches, work_dir, config.reseeded(1))
         found = _compared(mapped, second, rows, config)
         # With too few of its keyframes a second solution says nothing.
         if not compared.is_confirmed_by(of.enough_share) or found.is_confirmed_by(of.enough_share):
@@ -106,7 +106,8 @@ def _started_again(
         if start:
             again = config.reseeded(2 * start)
             mapped = map_otherwise(mapped, keys, matches, work_dir, again)
-        found, found_px = map_again(mapped, rows, keys, work_dir, config.reseeded(2 * start + 1))
+        again = config.reseeded(2 * start + 1)
+        found, found_px = map_again(mapped, rows, keys, matches, work_dir, again)
         found_held = int(np.isfinite(found[:, 0, 0]).sum()), -found_px
         if not start or found_held > held:
             second, held = found, found_held

@@ -21,11 +21,18 @@ from gmrdata.cameras.colmap import (
 )
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames, Timeline
+from gmrdata.cameras.map.covered import Core
 from gmrdata.cameras.map.focal import freed_focal, with_lens
-from gmrdata.cameras.map.models import join_models, parts_of, place_frames
-from gmrdata.cameras.map.refinement import is_short, mend_jumps, refined_model, sharpen
+from gmrdata.cameras.map.models import parts_of, place_frames
+from gmrdata.cameras.map.refinement import (
+    is_short,
+    joined_core,
+    mend_jumps,
+    refined_model,
+    sharpen,
+)
 from gmrdata.cameras.map.smoothing import camera_information, smooth_cameras
-from gmrdata.cameras.map.solution import Placed, Solution
+from gmrdata.cameras.map.solution import Placed, SeenPoints, Solution
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
@@ -78,7 +85,12 @@ def explains(mapped: Solution, n_matched: np.ndarray, config: SfmConfig) -> bool
 
 
 def map_again(
-    first: Solution, rows: np.ndarray, frames: Frames, work_dir: Path, config: SfmConfig
+    first: Solution,
+    rows: np.ndarray,
+    frames: Frames,
+    matches: Matches,
+    work_dir: Path,
+    config: SfmConfig,
 ) -> tuple[np.ndarray, float]:
     """Cameras (T, 4, 4) of a second solution by the same mapper, of some rows (N,) of the frames
     alone, and their mean error [px]; NaN for the others, and where there is none.
@@ -94,16 +106,18 @@ def map_again(
         models = _run("small_parallax", frames, work_dir, config, names)
     if not models:
         return world_from_cam, np.inf
-    model, _ = join_models(models, config)
-    bundle_adjuster(model).solve()
-    model = mend_jumps(model, frames, config)
+    core, _ = joined_core(models, frames, len(rows), work_dir, config)
+    bundle_adjuster(core.model).solve()
+    model = mend_jumps(core.model, frames, config)
     model.update_point_3d_errors()
     error_px = float(model.compute_mean_reprojection_error())
-    model, _ = with_lens(model, config.distortion)
+    model, lens = with_lens(model, config.distortion)
     sharpen(model, config)
-    for row, image in frames.rows_of(model):
-        world_from_cam[row] = camera_of(image)
-    return world_from_cam, error_px
+    matches = matches.without(lens, frames.intrinsics_px)
+    placed, _ = _read_out(model, frames, matches)
+    known = _known_by(core, np.array(sorted(model.point3D_ids()), np.int64))
+    place_frames(known, placed, replace(matches, pairs=[]), frames.intrinsics_px, known)
+    return placed.world_from_cam, error_px
 
 
 def map_otherwise(
@@ -222,9 +236,9 @@ def _finish(
     _forget_weak(placed, config.min_frame_points)
     rows = range(len(frames.images))
     adjusted = np.isin(rows, list(placed.seen))
-    missing = set(rows) - set(placed.seen)
     ids = np.array(sorted(model.point3D_ids()), np.int64)
-    known = {row: _by_number(table, ids) for row, table in core.covered.items()}
+    known = _known_by(core, ids)
+    missing = set(rows) - set(placed.seen)
     n_resected = place_frames(missing, placed, matches, intrinsics_px, known)
     return Solution(
         geometry="full",
@@ -266,11 +280,14 @@ def _read_out(model: Any, frames: Frames, matches: Matches) -> tuple[Placed, np.
     return placed, np.concatenate(errors_px)
 
 
-def _by_number(table: np.ndarray, ids: np.ndarray) -> np.ndarray:
-    """Features and ids of points (N, 2) as features and rows of the points that there are, by the
-    ids of these (P,), ascending."""
-    there = table[np.isin(table[:, 1], ids)]
-    return np.stack([there[:, 0], np.searchsorted(ids, there[:, 1])], axis=1).astype(np.int32)
+def _known_by(core: Core, ids: np.ndarray) -> SeenPoints:
+    """What covered keyframes saw of the points that there still are, whose ids (P,) ascend."""
+    known = {}
+    for row, table in core.covered.items():
+        there = table[np.isin(table[:, 1], ids)]
+        numbers = np.searchsorted(ids, there[:, 1])
+        known[row] = np.stack([there[:, 0], numbers], axis=1).astype(np.int32)
+    return known
 
 
 def _forget_weak(placed: Placed, min_points: int) -> None:

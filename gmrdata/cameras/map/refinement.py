@@ -44,13 +44,7 @@ def refined_model(
 ) -> tuple[Core, tuple[ModelRecord, ...]]:
     """One adjusted model of those that a mapper found, with background inside masks; what became
     of each."""
-    model, records = join_models(models, config)
-    core = Core(model, {})
-    if config.mapping.in_parts(len(frames.images)):
-        # Parts don't know what frames of another one see, by which a path comes back to where it
-        # was, and by which a keyframe is not needed.
-        triangulate_again(model, work_dir / DATABASE_FILE, config)
-        core = core_of(model, frames, config.mapping)
+    core, records = joined_core(models, frames, len(frames.images), work_dir, config)
     model = core.model
     _adjust_and_filter(model, config)
     # Where a camera hardly travels, most points lack parallax: few are held, and rightly so.
@@ -61,6 +55,20 @@ def refined_model(
     see_again(model, matches, frames, config.masks)
     bundle_adjuster(model).solve()
     return replace(core, model=mend_jumps(model, frames, config)), records
+
+
+def joined_core(
+    models: list[Any], frames: Frames, n_keyframes: int, work_dir: Path, config: SfmConfig
+) -> tuple[Core, tuple[ModelRecord, ...]]:
+    """The models of so many keyframes as one, of many without those that others cover; what became
+    of each."""
+    model, records = join_models(models, config)
+    if not config.mapping.in_parts(n_keyframes):
+        return Core(model, {}), records
+    # Parts don't know what frames of another one see, by which a path comes back to where it was,
+    # and by which a keyframe is not needed.
+    triangulate_again(model, work_dir / DATABASE_FILE, config)
+    return core_of(model, frames, config.mapping), records
 
 
 def _adjust_and_filter(model: Any, config: SfmConfig) -> None:

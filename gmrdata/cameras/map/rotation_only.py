@@ -26,6 +26,7 @@ from gmrdata.values.records import figure
 
 MATCHES_PER_PAIR, FEWEST_PER_PAIR, MOST_MATCHES = 200, 30, 500_000
 MAX_ITERATIONS = 30
+AT_ONCE = 20_000  # matches whose slopes are held
 PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
 
 
@@ -229,20 +230,36 @@ def _normal_equations(
 ) -> tuple[csr_array, np.ndarray]:
     """J^T W J (3T, 3T) and J^T W r (3T,) at the present rotations."""
     n = len(rotmats)
+    starts = np.flatnonzero(np.diff(data.pair, prepend=-1))
+    columns = (3 * data.rows[starts][:, :, None] + np.arange(3)).reshape(-1, 6)
+    sums, gradient = np.zeros((len(starts), 6, 6)), np.zeros(3 * n)
+    stops, done = np.append(starts, len(data.pair)), 0
+    while done < len(starts):
+        # Whole pairs: the slopes of all matches at once would take a kilobyte each.
+        fit = int(np.searchsorted(stops, stops[done] + AT_ONCE, side="right")) - 1
+        upto = max(done + 1, fit)
+        some = slice(stops[done], stops[upto])
+        blocks, slopes = _weighed(rotmats, _Rays(*(one[some] for one in data)), intrinsics_px)
+        # Sum over each pair's matches first: they all fall on the same 6x6 block.
+        pairs = slice(done, upto)
+        sums[pairs] = np.add.reduceat(blocks, starts[pairs] - starts[done])
+        pull = np.add.reduceat(slopes, starts[pairs] - starts[done])
+        np.add.at(gradient, columns[pairs], pull)
+        done = upto
+    at = np.repeat(columns, 6, axis=1).ravel(), np.tile(columns, 6).ravel()
+    return csr_array(coo_array((sums.ravel(), at), shape=(3 * n, 3 * n))), gradient
+
+
+def _weighed(
+    rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """J^T w J (M, 6, 6) and J^T w r (M, 6) of single matches, by turns of both cameras."""
     seen, second_from_first, residual = _predict(rotmats, data, intrinsics_px)
     weight = 1.0 / (1.0 + (residual**2).sum(axis=1) / LOSS_PX**2)
     _, jacobian = slopes_by_turns(data.first, seen, second_from_first, np.diag(intrinsics_px)[:2])
     weighted = jacobian * weight[:, None, None]
     blocks = np.einsum("mki,mkj->mij", weighted, jacobian)
-    slopes = np.einsum("mki,mk->mi", weighted, residual)
-    columns = (3 * data.rows[:, :, None] + np.arange(3)).reshape(-1, 6)
-    # Sum over each pair's matches first: they all fall on the same 6x6 block.
-    starts = np.flatnonzero(np.diff(data.pair, prepend=-1))
-    gradient, where = np.zeros(3 * n), columns[starts]
-    np.add.at(gradient, where, np.add.reduceat(slopes, starts))
-    at = np.repeat(where, 6, axis=1).ravel(), np.tile(where, 6).ravel()
-    sums = np.add.reduceat(blocks, starts).ravel()
-    return csr_array(coo_array((sums, at), shape=(3 * n, 3 * n))), gradient
+    return blocks, np.einsum("mki,mk->mi", weighted, residual)
 
 
 def slopes_by_turns(

@@ -13,14 +13,14 @@ Each has a database of its own too: `FeatureExtractor.extract` holds Python's lo
 threads wait for each other, and `extract_features` does not.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -44,12 +44,30 @@ class Features:
 
     n_free: list[int] = field(default_factory=list)
     """How many features are outside the mask."""
-    descriptors: list[np.ndarray] = field(default_factory=list)
-    """(N, 128) uint8 of all features; empty where nothing is masked."""
+    descriptors: Mapping[int, np.ndarray] = field(default_factory=dict)
+    """(N, 128) uint8 of all features, by row; none where nothing is masked."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class StoredDescriptors(Mapping[int, np.ndarray]):
+    """Descriptors (N, 128) uint8 by row, in one file: those of ten minutes fill a gigabyte."""
+
+    path: Path
+    counts: list[int]  # Of each row
+
+    def __getitem__(self, row: int) -> np.ndarray:
+        before, count = sum(self.counts[:row]), self.counts[row]
+        table = np.fromfile(self.path, np.uint8, 128 * count, offset=128 * before)
+        return table.reshape(-1, 128)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(len(self.counts)))
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+
+class _Found(NamedTuple):
     keypoints: np.ndarray  # (N, 6) float32: place [px], and the affine shape (2, 2)
     descriptors: np.ndarray  # (N, 128) uint8
     n_free: int
@@ -63,19 +81,29 @@ def find_features(
     Where the intrinsics are but a guess (not `calibrated`), the camera is COLMAP's own guess.
     A frame that can't be decoded has no features, and no image in the database.
     """
-    id_of_name = _import_images(frames, database_path, calibrated)
-    with TemporaryDirectory(dir=database_path.parent) as work_dir:
+    id_of_name, path = _import_images(frames, database_path, calibrated), _stored(database_path)
+    sift, n_free, counts = pycolmap.FeatureExtractorType.SIFT, list[int](), list[int]()
+    with (
+        TemporaryDirectory(dir=database_path.parent) as work_dir,
+        closing(pycolmap.Database.open(database_path)) as database,
+        path.open("wb") as stored,
+    ):
         found = _all_found(frames, Path(work_dir), config)
-    with closing(pycolmap.Database.open(database_path)) as database:
         for image, one in zip(frames.images, found, strict=True):
+            n_free.append(one.n_free)
+            counts.append(len(one.keypoints))
             if len(one.keypoints):
                 image_id, free = id_of_name[image.name], one.descriptors[: one.n_free]
-                sift = pycolmap.FeatureExtractorType.SIFT
                 database.write_keypoints(image_id, one.keypoints)
                 database.write_descriptors(image_id, pycolmap.FeatureDescriptors(sift, free))
+                stored.write(one.descriptors.tobytes())
     masked = frames.masks_dir is not None
-    descriptors = [one.descriptors for one in found] if masked else []
-    return Features([one.n_free for one in found], descriptors)
+    return Features(n_free, StoredDescriptors(path, counts) if masked else {})
+
+
+def _stored(database_path: Path) -> Path:
+    """Where the descriptors of all features lie beside a database."""
+    return database_path.with_suffix(".descriptors")
 
 
 def pinhole_params(intrinsics_px: np.ndarray) -> list[float]:
@@ -96,22 +124,33 @@ def _import_images(frames: Frames, database_path: Path, calibrated: bool) -> dic
         return {image.name: image.image_id for image in database.read_all_images()}
 
 
-def _all_found(frames: Frames, work_dir: Path, config: SfmConfig) -> list[_Found]:
+def _all_found(frames: Frames, work_dir: Path, config: SfmConfig) -> Iterator[_Found]:
+    """What the frames show, read back one by one."""
     with ThreadPoolExecutor(config.threads or own_cores()) as threads:
-        found = list(threads.map(partial(_find, frames, work_dir, config), frames.images))
-    n_free = np.median([firm.n_free for firm, _ in found])
-    few = n_free < min(config.features.few_features, config.max_features)
-    return [with_weak if few else firm for firm, with_weak in found]
+        n_free = list(threads.map(partial(_find, frames, work_dir, config), frames.images))
+    few = float(np.median(n_free)) < min(config.features.few_features, config.max_features)
+    for image in frames.images:
+        with np.load(_kept(work_dir, image, weak=few)) as kept:
+            yield _Found(kept["keypoints"], kept["descriptors"], int(kept["n_free"]))
 
 
-def _find(frames: Frames, work_dir: Path, config: SfmConfig, image: Path) -> tuple[_Found, _Found]:
-    """An image's features, and those with weak ones among them where it is large."""
+def _find(frames: Frames, work_dir: Path, config: SfmConfig, image: Path) -> int:
+    """Keep an image's features, and those with weak ones among them where it is large; how many of
+    the first are outside its mask."""
     mask = None if frames.masks_dir is None else frames.mask(image)
     if np.prod(frames.size_px) >= config.features.large_pixels:
         firm, with_weak = _of_opencv(frames, image, config)
-        return _unmasked_first(firm, mask), _unmasked_first(with_weak, mask)
-    found = _unmasked_first(_of_colmap(image, frames.size_px, work_dir, config), mask)
-    return found, found
+    else:
+        firm = with_weak = _of_colmap(image, frames.size_px, work_dir, config)
+    found = _unmasked_first(firm, mask)
+    for weak, one in ((False, found), (True, _unmasked_first(with_weak, mask))):
+        np.savez(_kept(work_dir, image, weak=weak), **one._asdict())
+    return found.n_free
+
+
+def _kept(work_dir: Path, image: Path, *, weak: bool) -> Path:
+    """Where an image's features are kept until all are known."""
+    return work_dir / f"{image.name}.{'weak' if weak else 'firm'}.npz"
 
 
 def _unmasked_first(table: _Table, mask: np.ndarray | None) -> _Found:

@@ -1,5 +1,6 @@
 """Verified matches between frames, and the features of each, those inside its mask last."""
 
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -42,8 +43,8 @@ class Matches:
     n_free: list[int] = field(default_factory=list)
     """How many of each frame's image points are outside its mask: only they are matched with each
     other."""
-    descriptors: list[np.ndarray] = field(default_factory=list)
-    """T arrays (N, 128) uint8 of the same image points; none where nothing is masked."""
+    descriptors: Mapping[int, np.ndarray] = field(default_factory=dict)
+    """By row (N, 128) uint8 of the same image points; none where nothing is masked."""
 
     @property
     def n_of_pair(self) -> dict[tuple[int, int], int]:
@@ -135,9 +136,9 @@ def _write_alike(pairs_path: Path, database_path: Path, config: SfmConfig) -> bo
         # COLMAP's list has a space between two names.
         if not config.mapping.in_parts(len(images)) or any(" " in one.name for one in images):
             return False
-        tables = [np.asarray(database.read_descriptors(one.image_id).data) for one in images]
-    apart = 2 ** (config.mapping.near_overlap - 1)
-    pairs = alike_before(tables, apart, config.mapping.alike, config.seed)
+        tables = (np.asarray(database.read_descriptors(one.image_id).data) for one in images)
+        apart = 2 ** (config.mapping.near_overlap - 1)
+        pairs = alike_before(tables, apart, config.mapping.alike, config.seed)
     lines = [f"{images[first].name} {images[second].name}\n" for first, second in pairs]
     pairs_path.write_text("".join(lines))
     return bool(pairs)

@@ -188,15 +188,15 @@ def test_a_second_solution_of_a_camera_that_hardly_travels_is_not_given_up_with_
     assert first is not None
     rows = np.flatnonzero(np.arange(14) % 3 != 1)
     otherwise = replace(first, mapper="incremental")
-    second, error_px = mapping.map_again(otherwise, rows, frames, tmp_path, SWAYING)
+    second, error_px = mapping.map_again(otherwise, rows, frames, matches, tmp_path, SWAYING)
     assert np.isfinite(second[rows]).all() and error_px < 1.0
     # A camera that travels has the mapper of its first solution alone.
     far = replace(otherwise, points=first.points / 100)
     again = SWAYING.model_copy(update={"seed": 1})
-    none, _ = mapping.map_again(far, rows, frames, tmp_path, again)
+    none, _ = mapping.map_again(far, rows, frames, matches, tmp_path, again)
     assert np.isnan(none).all()
     # Two frames have no model; that mapper is not asked twice.
-    nothing, _ = mapping.map_again(first, rows[:2], frames, tmp_path, again)
+    nothing, _ = mapping.map_again(first, rows[:2], frames, matches, tmp_path, again)
     assert first.mapper == "small_parallax" and np.isnan(nothing).all()
 
 
