@@ -1,13 +1,20 @@
-"""BlazePose GHUM: a person's outline and landmarks from a square crop of a picture, by OpenCV.
+"""BlazePose GHUM: a person's outline and landmarks from a square crop of a picture, by LiteRT.
 
 Bazarevsky et al., "BlazePose" (2020), and Grishchenko et al., "BlazePose GHUM Holistic" (2022).
 The network wants a crop of 256 x 256 pixels in which the person stands upright.  Two of its
 landmarks, the middle of the hips and a point above it, give the crop of the next frame.  The others
 are of the body, in the picture and in metres; those in metres are as seen in the crop, and are
 turned back here with it.
+
+LiteRT, of the network's own makers, takes 0.4 of the time of OpenCV 5 and gives the same to 0.001
+pixels.
 """
 
-from collections.abc import Callable, Sequence
+import os
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,80 +90,98 @@ def open_landmark_network(model_path: Path) -> LandmarkNetwork:
     net = _open(model_path)
 
     def look(image: np.ndarray, crop: Crop) -> Person:
-        import cv2
+        outputs = _outputs(net, _square(image, crop), model_path)
+        return _person(outputs, crop, image.shape[1::-1])
 
-        square = cv2.warpAffine(image, crop.crop_from_image, (CROP_PX, CROP_PX))
-        return _person(_run(net, square, model_path), crop, image.shape[1::-1])
-
-    _run(net, np.zeros((CROP_PX, CROP_PX, 3), np.uint8), model_path)
+    _outputs(net, np.zeros((CROP_PX, CROP_PX, 3), np.uint8), model_path)
     return look
 
 
 LandmarkFeatures = Callable[[np.ndarray, Crop], np.ndarray]
-FEATURE_LAYER, FEATURE_SIZES = "/re_lu_", (192 * 2 * 2, 288 * 2 * 2)
-"""The last layer before landmarks and score part, by a piece of its name, and its numbers: of lite,
-and of full and heavy."""
+FEATURE_LAYER = re.compile(r"/re_lu_(\d+)/Relu6;[^;]*/add_")
+FEATURE_SHAPES = (1, 2, 2, 192), (1, 2, 2, 288)
+"""The last layer before landmarks and score part, by its name, of lite, and of full and heavy."""
 
 
 def open_landmark_features(model_path: Path) -> LandmarkFeatures:
     """A function from a BGR picture (H, W, 3) and a crop of it to what the network has seen before
     it answers: (1152,) numbers of heavy, 288 channels at 2 x 2 places.  Errors as in
     `open_landmark_network`."""
-    import cv2
-
-    net = _open(model_path)
-    names = [name for name in net.getLayerNames() if FEATURE_LAYER in name]
+    net = _open(model_path, all_layers=True)
+    fitting = [one for one in net.get_tensor_details() if tuple(one["shape"]) in FEATURE_SHAPES]
+    named = [(FEATURE_LAYER.search(one["name"]), one["index"]) for one in fitting]
+    numbered = [(int(found[1]), index) for found, index in named if found]
+    if not numbered:
+        raise BadDetector(f"{model_path}: not BlazePose GHUM: no such layer; {REMEDY}")
+    _, index = max(numbered)
 
     def look(image: np.ndarray, crop: Crop) -> np.ndarray:
-        square = cv2.warpAffine(image, crop.crop_from_image, (CROP_PX, CROP_PX))
-        found = _forward(net, square, names[-1:])
-        if len(found) != 1 or found[0].size not in FEATURE_SIZES:
-            raise BadDetector(f"{model_path}: not BlazePose GHUM: no such layer; {REMEDY}")
-        return np.asarray(found[0].ravel(), dtype=np.float32)
+        _run(net, _square(image, crop), model_path)
+        return np.moveaxis(net.get_tensor(index), 3, 1).astype(np.float32).ravel()
 
     look(np.zeros((CROP_PX, CROP_PX, 3), np.uint8), Crop(np.full(2, CROP_PX / 2), CROP_PX))
     return look
 
 
-def _open(model_path: Path) -> Any:
-    import cv2
+def _open(model_path: Path, *, all_layers: bool = False) -> Any:
+    from ai_edge_litert.interpreter import Interpreter
 
-    require_model(model_path)
-    dnn: Any = cv2.dnn  # its types are of OpenCV 4
+    content = require_model(model_path).read_bytes()
     try:
-        # OpenCV 5's new engine finds one of this network's five outputs and crashes with some
-        # others, and only for a file can the classic one be asked for.
-        if hasattr(dnn, "ENGINE_CLASSIC"):
-            net = dnn.readNetFromTFLite(str(model_path), engine=dnn.ENGINE_CLASSIC)
-        else:
-            content = np.frombuffer(model_path.read_bytes(), dtype=np.uint8)
-            net = dnn.readNetFromTFLite(content)
-    except (cv2.error, MemoryError, ValueError):
-        fault = "truncated, or not a TFLite file that OpenCV can open"
+        # Only what is given as bytes is verified before it is read.  One thread: beside it another
+        # one looks for people in the next frames.
+        with _in_silence():
+            net = Interpreter(
+                model_content=content, num_threads=1, experimental_preserve_all_tensors=all_layers
+            )
+            net.allocate_tensors()
+    except (ValueError, RuntimeError, MemoryError):
+        fault = "truncated, or not a TFLite file that LiteRT can open"
         raise BadDetector(f"{model_path}: {fault}; {REMEDY} anew with --redo") from None
-    net.setPreferableBackend(cv2.dnn.DNN_BACKEND_OPENCV)
     return net
 
 
-def _run(net: Any, square: np.ndarray, model_path: Path) -> dict[str, np.ndarray]:
+@contextmanager
+def _in_silence() -> Iterator[None]:
+    """LiteRT says on stderr which kernels it takes, and has no switch for it."""
+    kept = os.dup(2)
+    try:
+        with Path(os.devnull).open("wb") as nowhere, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            os.dup2(nowhere.fileno(), 2)
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _square(image: np.ndarray, crop: Crop) -> np.ndarray:
+    """The crop of a BGR picture (H, W, 3) as the network wants it (256, 256, 3)."""
+    import cv2
+
+    return np.asarray(cv2.warpAffine(image, crop.crop_from_image, (CROP_PX, CROP_PX)))
+
+
+def _run(net: Any, square: np.ndarray, model_path: Path) -> None:
+    """Show the network a BGR crop (256, 256, 3)."""
+    try:
+        rgb = square[None, ..., ::-1].astype(np.float32) / 255
+        net.set_tensor(net.get_input_details()[0]["index"], rgb)
+        net.invoke()
+    except (ValueError, RuntimeError, MemoryError) as error:
+        fault = f"LiteRT can't run it ({str(error).splitlines()[0]})"
+        raise BadDetector(f"{model_path}: not BlazePose GHUM: {fault}; {REMEDY}") from None
+
+
+def _outputs(net: Any, square: np.ndarray, model_path: Path) -> dict[str, np.ndarray]:
     """The outputs by name, for a BGR crop (256, 256, 3)."""
-    answer = _forward(net, square, net.getUnconnectedOutLayersNames())
-    by_size = {output.size: output.ravel() for output in answer}
+    _run(net, square, model_path)
+    tensors = [net.get_tensor(one["index"]).ravel() for one in net.get_output_details()]
+    by_size = {tensor.size: tensor for tensor in tensors}
     if set(OUTPUT_SIZES.values()) - set(by_size):
         what = f"its outputs have {sorted(by_size)} numbers, not {sorted(OUTPUT_SIZES.values())}"
         raise BadDetector(f"{model_path}: not BlazePose GHUM: {what}; {REMEDY}")
     return {name: by_size[size] for name, size in OUTPUT_SIZES.items()}
-
-
-def _forward(net: Any, square: np.ndarray, layers: Sequence[str]) -> Sequence[np.ndarray]:
-    """What layers put out for a BGR crop (256, 256, 3); nothing where the network can't run."""
-    import cv2
-
-    try:
-        net.setInput(cv2.dnn.blobFromImage(square, 1 / 255, swapRB=True))
-        return tuple(net.forward(layers)) if layers else ()
-    except (cv2.error, MemoryError, ValueError):
-        return ()
 
 
 def _person(outputs: dict[str, np.ndarray], crop: Crop, size_px: tuple[int, ...]) -> Person:

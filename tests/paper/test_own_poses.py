@@ -16,7 +16,7 @@ from gmrdata.paper.own_poses import OwnPosesRecord, rows_between, the_person
 from gmrdata.paper.placement import PlacementConfig, clip_keypoints, place_person
 from gmrdata.paper.vibe_cam import load_poses
 from gmrdata.people.following import Sightings
-from gmrdata.people.landmark_network import FEATURE_SIZES
+from gmrdata.people.landmark_network import FEATURE_SHAPES
 from gmrdata.read.openpose import PAIRS
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -110,7 +110,7 @@ def test_every_baseline_reads_its_file(made, manifest, anny):
     used = list(PAIRS.values())
     assert (np.ptp(found.points[:, used, 1], axis=1) > 150).all()  # from neck to ankles [px]
     features = load_features(made / "features", clip)
-    assert features.shape == (N_FRAMES, FEATURE_SIZES[0]) and np.isfinite(features).all()
+    assert features.shape == (N_FRAMES, np.prod(FEATURE_SHAPES[0])) and np.isfinite(features).all()
     # What the empty picture gives differs from the others; they are of a person who hardly moves.
     apart = np.linalg.norm(features - features[0], axis=1)
     assert apart[GAP] > 1.5 * apart[[1, 3, 4]].max()
