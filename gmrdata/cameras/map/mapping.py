@@ -11,7 +11,6 @@ from gmrdata.cameras.colmap import (
     MIN_PARALLAX_DEG,
     ROUGH,
     TRACKS_PER_FRAME,
-    bundle_adjuster,
     camera_of,
     global_options,
     incremental_options,
@@ -25,6 +24,8 @@ from gmrdata.cameras.map.covered import Core
 from gmrdata.cameras.map.focal import freed_focal, with_lens
 from gmrdata.cameras.map.models import parts_of, place_frames
 from gmrdata.cameras.map.refinement import (
+    adjust,
+    forget_astray,
     is_short,
     joined_core,
     mend_jumps,
@@ -107,12 +108,13 @@ def map_again(
     if not models:
         return world_from_cam, np.inf
     core, _ = joined_core(models, frames, len(rows), work_dir, config)
-    bundle_adjuster(core.model).solve()
+    adjust(core.model, config)
     model = mend_jumps(core.model, frames, config)
     model.update_point_3d_errors()
     error_px = float(model.compute_mean_reprojection_error())
     model, lens = with_lens(model, config.distortion)
     sharpen(model, config)
+    forget_astray(model, config)
     matches = matches.without(lens, frames.intrinsics_px)
     placed, _ = _read_out(model, frames, matches)
     known = _known_by(core, np.array(sorted(model.point3D_ids()), np.int64))
@@ -230,6 +232,7 @@ def _finish(
     focal = freed_focal(model)
     model, lens = with_lens(model, config.distortion)
     loss_px = sharpen(model, config)
+    forget_astray(model, config)
     intrinsics_px = frames.intrinsics_px
     matches = matches.without(lens, intrinsics_px)
     placed, errors_px = _read_out(model, frames, matches)

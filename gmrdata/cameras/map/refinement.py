@@ -38,6 +38,8 @@ from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.values import transforms
 
+ASTRAY = 10.0  # times the error that is allowed: no adjustment leaves so much of what is right
+
 
 def refined_model(
     models: list[Any], frames: Frames, matches: Matches, work_dir: Path, config: SfmConfig
@@ -53,8 +55,15 @@ def refined_model(
         triangulate_again(model, work_dir / DATABASE_FILE, config)
         _adjust_and_filter(model, config)
     see_again(model, matches, frames, config.masks)
-    bundle_adjuster(model).solve()
+    adjust(model, config)
     return replace(core, model=mend_jumps(model, frames, config)), records
+
+
+def adjust(model: Any, config: SfmConfig) -> None:
+    """Adjust a model in place, and once more where something was left astray."""
+    bundle_adjuster(model).solve()
+    if forget_astray(model, config):
+        bundle_adjuster(model).solve()
 
 
 def joined_core(
@@ -78,6 +87,19 @@ def _adjust_and_filter(model: Any, config: SfmConfig) -> None:
     model.update_point_3d_errors()
     manager = pycolmap.ObservationManager(model)
     manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
+
+
+def forget_astray(model: Any, config: SfmConfig) -> int:
+    """Take away image points whose point an adjustment has led behind their camera, or far from
+    where they are seen; how many.
+
+    Two keyframes that share little else may draw all points of theirs into one of them.
+    """
+    model.update_point_3d_errors()
+    manager = pycolmap.ObservationManager(model)
+    behind: int = manager.filter_observations_with_negative_depth()
+    astray: int = manager.filter_all_points3D(ASTRAY * config.max_reprojection_px, 0.0)
+    return behind + astray
 
 
 def sharpen(model: Any, config: SfmConfig) -> float:
