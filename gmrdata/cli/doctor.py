@@ -49,7 +49,7 @@ EXTRAS = {
     "export": Extra("usd-core", "pxr.Usd", "USD scenes: export --to usd"),
     "view": Extra("rerun-sdk", "rerun", "recordings for rerun's viewer: export --to rrd"),
 }
-LOADED = ("scipy.spatial", "cv2", "av", "pycolmap", "torch")
+LOADED = ("scipy.spatial", "cv2", "av", "pycolmap", "ai_edge_litert.interpreter", "torch")
 """Required modules with libraries of their own, which may be there and still not load."""
 ON_TORCH = ("torch", "torchvision")
 """These take as long as all others together, so they are loaded beside them."""

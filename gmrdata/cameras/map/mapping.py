@@ -165,13 +165,12 @@ def refine_mapped(
     config: SfmConfig,
 ) -> Solution:
     """Cameras with six degrees of freedom, smoothed as far as their points let them be."""
-    cameras, points = mapped.world_from_cam, mapped.points
-    sights = [
-        (row, matches.keypoints_px[row][seen[:, 0]], points[seen[:, 1]])
-        for row, seen in sorted(mapped.seen.items())
-    ]
+    cameras, points, rows = mapped.world_from_cam, mapped.points, sorted(mapped.seen.items())
+    sights = (
+        (row, matches.keypoints_px[row][seen[:, 0]], points[seen[:, 1]]) for row, seen in rows
+    )
     information, slope = camera_information(cameras, sights, intrinsics_px, mapped.loss_px)
-    arms = (seen - cameras[row, :3, 3] for row, _, seen in sights)
+    arms = (points[seen[:, 1]] - cameras[row, :3, 3] for row, seen in rows)
     unit = float(np.median([np.median(np.linalg.norm(arm, axis=1)) for arm in arms]))
     refined, smoothing = smooth_cameras(cameras, information, slope, timeline, unit, config)
     return replace(mapped, world_from_cam=refined, smoothing=smoothing)

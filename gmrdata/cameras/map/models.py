@@ -319,17 +319,17 @@ def _gather(
     most_px: float,
 ) -> _Seen:
     """What the frames `placed` (K,) see, with the noise that it shows."""
-    point, residuals_px, slopes = [], [], []
+    point, residuals_px, told = [], [], []
     for row in placed.tolist():
         features, of = mapped.seen[row].T
         seen_px, points = matches.keypoints_px[row][features], mapped.points[of]
         residual_px, slope = linearized(mapped.world_from_cam[row], seen_px, points, intrinsics_px)
         point.append(of)
         residuals_px.append(residual_px)
-        slopes.append(slope[:, :, 3:])
-    residual_px, slope = np.concatenate(residuals_px), np.concatenate(slopes)
+        told.append(np.swapaxes(slope[:, :, 3:], 1, 2) @ slope[:, :, 3:])
+    residual_px = np.concatenate(residuals_px)
     fits = np.linalg.norm(residual_px, axis=1) < most_px
-    information = np.swapaxes(slope, 1, 2) @ slope / noise_px(residual_px[fits]) ** 2
+    information = np.concatenate(told) / noise_px(residual_px[fits]) ** 2
     return _Seen(
         centres=mapped.world_from_cam[placed, :3, 3],
         points=mapped.points,
