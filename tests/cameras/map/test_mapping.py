@@ -105,6 +105,11 @@ def test_parts_become_one_model_as_good_as_that_of_all(arc, tmp_path):
     assert [(one.frames, one.kept) for one in mapped.models] == [(7, True), (7, True)]
     assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
     assert np.median(mapped.errors_px) < 0.5
+    rows = np.delete(np.arange(len(frames.images)), 1)
+    again = config.reseeded(1)
+    second, error_px = mapping.map_again(mapped, rows, frames, matches, tmp_path, again)
+    assert np.isfinite(second[rows]).all() and np.isnan(second[1]).all() and error_px < 1.0
+    assert relative_angles_deg(second[rows], filmed.world_from_cam[rows]).max() < 0.5
 
 
 def test_frames_of_many_are_matched_with_those_that_look_alike(arc, tmp_path):

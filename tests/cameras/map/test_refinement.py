@@ -10,7 +10,13 @@ import pytest
 
 from gmrdata.cameras.colmap import LEAST_NOISE_PX, LOSS_PX, bundle_adjuster, pycolmap
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.map.refinement import has_weak, refined_model, sharpen, triangulate_again
+from gmrdata.cameras.map.refinement import (
+    forget_astray,
+    has_weak,
+    refined_model,
+    sharpen,
+    triangulate_again,
+)
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches
 from gmrdata.cameras.recipe import MappingConfig, SfmConfig
 from gmrdata.values import transforms
@@ -110,6 +116,20 @@ def test_a_model_of_a_part_of_the_images_finds_points_again(scene):
     triangulate_again(model, folder / DATABASE_FILE, CONFIG)
     assert model.num_reg_images() == n
     assert all(model.image(i).num_points3D > 0.9 * N_POINTS for i in model.reg_image_ids())
+
+
+def test_points_that_were_led_behind_a_camera_or_far_off_are_forgotten(scene):
+    """One of them made the mean error of a right path 100,010,000 px."""
+    drawn, _ = scene
+    model = model_of(drawn.cameras, drawn.points, drawn.image_px)
+    assert forget_astray(model, CONFIG) == 0
+    behind, beside = 3, 5
+    model.point3D(behind).xyz = model.point3D(behind).xyz * [1, 1, -1]
+    model.point3D(beside).xyz = np.add(model.point3D(beside).xyz, [0.5, 0, 0])
+    # The last image point of a point goes with it.
+    assert forget_astray(model, CONFIG) == 2 * N_FRAMES - 1
+    assert set(model.point3D_ids()) == set(range(1, N_POINTS + 1)) - {behind, beside}
+    assert model.compute_mean_reprojection_error() < 0.5
 
 
 NOISE_PX, FAR_PX = 0.08, 0.8

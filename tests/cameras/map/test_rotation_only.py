@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.map import rotation_only
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
 from gmrdata.cameras.match.keyframes import relative_rotation, unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
@@ -82,6 +83,15 @@ def test_exact_matches_give_exact_rotations():
     assert solution.has_camera.all()
     assert angles_deg(solution.world_from_cam_rotmats, true, 0).max() < 1e-6
     assert solution.residuals_px.max() < 1e-6
+
+
+def test_a_few_matches_at_once_give_the_same(monkeypatch):
+    matches = turning_matches(panning_rotations(9), 0.5, 0.1, np.random.default_rng(0))
+    whole = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
+    monkeypatch.setattr(rotation_only, "AT_ONCE", 300)
+    few = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
+    np.testing.assert_array_equal(few.world_from_cam_rotmats, whole.world_from_cam_rotmats)
+    np.testing.assert_array_equal(few.information.toarray(), whole.information.toarray())
 
 
 def test_noise_and_wrong_matches_are_averaged_out():
