@@ -52,14 +52,8 @@ FILM_ROWS = slice(283, 688)  # of 960: the lens's middle stays in the middle, an
 FILM_PX = (1280, 720)
 SMALL = "small dance"
 KINDS = {"dance": "none", "dance with her": "own", SMALL: "none", "street": "none", "film": "own"}
-MOST_EXPONENT, MOST_GB, MOST_GB_FRAMES, MOST_ATE_MM, MOST_OPEN, MOST_VIDEO_MB = (
-    1.1,
-    2.5,
-    10_000,
-    6.5,
-    0.01,
-    8.0,
-)
+MOST_EXPONENT, MOST_GB, MOST_ATE_MM, MOST_OPEN, MOST_VIDEO_MB = 1.1, 2.5, 6.5, 0.01, 8.0
+MOST_GB_FRAMES = 10_000  # of longer ones the memory is but said
 MOST_OF_LENGTH = 12.0  # seconds for a second of film
 
 
