@@ -27,6 +27,9 @@ SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 8.0, 5.0
 """Seconds that one image of 1280x720 px takes on two cores, and that all need."""
 START_GB, FRAME_GB = 0.9, 0.00016
 """Memory of the process, and what each image adds; the size of the images adds little."""
+JPEG_MB, MASKS_MB, PIXEL_MB = 0.21, 0.03, 1e-6
+"""Files of one image of 1280x720 px, its masks, and a pixel of the grey ones that cameras are
+sought in, which are made where images are larger and are gone in the end."""
 MOST_PICTURES = 900  # of the page's video; a longer one is shown at every second, third, ... image
 HEADINGS = ("stage", "about [s]")
 BATCH_HEADINGS = ("video", "images", "size [px]", "poses", "about [s]")
@@ -38,6 +41,7 @@ class VideoPlan(NamedTuple):
     n_images: int
     size_px: tuple[int, int]  # (width, height)
     seconds: Mapping[str, float]  # by stage, about; 0 for a stage that isn't asked for
+    disk_gb: float = 0.0  # That its files take up at most, about
 
     @property
     def memory_gb(self) -> float:
@@ -52,7 +56,8 @@ class VideoPlan(NamedTuple):
 
     def summary(self, source: Path) -> str:
         images = "{}: {} images of {}x{} px".format(source, self.n_images, *self.size_px)
-        return f"{images}, about {self.memory_gb:.1f} GB of memory"
+        disk = f" and {self.disk_gb:.1f} GB of disk" if self.disk_gb >= 0.05 else ""
+        return f"{images}, about {self.memory_gb:.1f} GB of memory{disk}"
 
 
 def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
@@ -69,7 +74,16 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
         "page": True,
     }
     stages = [name for name, is_on in asked.items() if is_on]
-    return plan_stages(request.source, request.part, stages, QUICK_MASK_S if not people else MASK_S)
+    mask_s = QUICK_MASK_S if not people else MASK_S
+    planned = plan_stages(request.source, request.part, stages, mask_s)
+    n_pixels, shrink = planned.size_px[0] * planned.size_px[1], _shrink(planned.size_px, config)
+    image_mb = MASKS_MB * asked["masks"] + (PIXEL_MB * n_pixels * shrink**2 if shrink < 1 else 0.0)
+    image_mb += JPEG_MB * n_pixels / (1280 * 720) if is_video(request.source) else 0.0
+    return planned._replace(disk_gb=planned.n_images * image_mb / 1e3)
+
+
+def _shrink(size_px: tuple[int, int], config: SolveConfig) -> float:
+    return min(1.0, config.sfm.max_image_size_px / max(size_px))
 
 
 def plan_stages(

@@ -12,6 +12,7 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.read.body_file import save_body
+from gmrdata.solve.plan import VideoPlan
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import Videos
 from gmrdata.twins.pseudo_gt_error import compare_clips
@@ -255,3 +256,5 @@ def test_a_dry_run_says_how_much_there_is_to_do(dolly, tmp_path, capsys):
         assert f"{said} px, about 0.9 GB of memory" in printed
         assert "sfm" in printed and "page" in printed
     assert not (tmp_path / "out").exists()
+    long = VideoPlan(18_780, (1280, 720), {}, 14.23).summary(source)
+    assert long.endswith(" GB of memory and 14.2 GB of disk")

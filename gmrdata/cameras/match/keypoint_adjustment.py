@@ -15,6 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from scipy.sparse import coo_array, csc_array, eye_array
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from gmrdata.cameras.colmap import pycolmap
@@ -26,6 +27,9 @@ from gmrdata.stage.jobs import in_threads
 PLACED_PX = 0.5  # standard deviation of a feature's place
 MEASURED_PX = 0.15  # and of the motion of its patch
 FARTHEST_PX = 2.0  # a patch that is found further from the matched feature is another one
+
+
+AT_ONCE = 150_000  # motions of which one system is solved
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +77,32 @@ def _moved(matches: Matches, keyframes: Frames, pair: PairMatches) -> tuple[np.n
 
 def _fitted(places_px: np.ndarray, measured: Motions) -> np.ndarray:
     """Places (N, 2) with the least squares of what they move by and what the motions lack [px]."""
+    if len(measured.first) <= AT_ONCE:
+        return _solved(places_px, measured)
+    fitted = places_px.copy()
+    for some in _apart(measured, len(places_px)):
+        ends = np.stack([measured.first[some], measured.second[some]])
+        points, numbers = np.unique(ends, return_inverse=True)
+        first, second = numbers.reshape(2, -1)
+        part = Motions(first, second, measured.moved_px[some])
+        fitted[points] = _solved(places_px[points], part)
+    return fitted
+
+
+def _apart(measured: Motions, n: int) -> list[np.ndarray]:
+    """Motions, by their rows, in groups of about `AT_ONCE` that share none of the N image points:
+    of a long video all at once would take gigabytes."""
+    links = np.ones(len(measured.first)), (measured.first, measured.second)
+    _, chain_of = connected_components(coo_array(links, shape=(n, n)), directed=False)
+    chain = chain_of[measured.first]
+    order = np.argsort(chain, kind="stable")
+    starts = np.flatnonzero(np.diff(chain[order], prepend=-1))
+    # The first chain that begins in each further run of so many motions.
+    groups = starts[np.unique(starts // AT_ONCE, return_index=True)[1]]
+    return np.split(order, groups[1:])
+
+
+def _solved(places_px: np.ndarray, measured: Motions) -> np.ndarray:
     n, m = len(places_px), len(measured.first)
     if not m:
         return places_px

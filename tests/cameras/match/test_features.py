@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.match import keypoint_adjustment
 from gmrdata.cameras.match.features import _first_octave, find_features
 from gmrdata.cameras.match.keyframes import follow
 from gmrdata.cameras.match.keypoint_adjustment import (
@@ -363,3 +364,17 @@ def test_the_fit_is_that_of_numpy(seed, m):
     wanted = np.concatenate([places_px / PLACED_PX, measured.moved_px / MEASURED_PX])
     expected = np.linalg.lstsq(weighted, wanted, rcond=None)[0]
     np.testing.assert_allclose(_fitted(places_px, measured), expected, atol=1e-6)
+
+
+def test_many_image_points_are_moved_chain_by_chain_as_if_at_once(monkeypatch):
+    rng, n_chains, long = np.random.default_rng(3), 40, 6
+    places_px = rng.uniform(0, 100, (n_chains * long + 5, 2))
+    numbers = rng.permutation(n_chains * long).reshape(n_chains, long)
+    first, second = numbers[:, :-1].ravel(), numbers[:, 1:].ravel()
+    measured = Motions(first, second, rng.normal(0, 1, (len(first), 2)))
+    whole = _fitted(places_px, measured)
+    monkeypatch.setattr(keypoint_adjustment, "AT_ONCE", 17)
+    groups = keypoint_adjustment._apart(measured, len(places_px))
+    assert len(groups) > 5 and max(map(len, groups)) < 17 + long
+    np.testing.assert_array_equal(np.sort(np.concatenate(groups)), np.arange(len(first)))
+    np.testing.assert_allclose(_fitted(places_px, measured), whole, atol=1e-9)
