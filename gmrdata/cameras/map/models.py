@@ -4,7 +4,7 @@ COLMAP's incremental mapper starts a new model where it can't go on, and lets it
 frames that it has already.  What both models see there fixes the similarity between them.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -216,16 +216,19 @@ def _take_over(whole: Any, model: Any) -> None:
     for image_id in sorted(set(model.reg_image_ids()).difference(shared)):
         add_bare_image(whole, model.image(image_id))
     owners = _owners(whole, shared)
+    # Of a point's frames these and the new ones alone: it may have thousands.
+    there: defaultdict[int, set[int]] = defaultdict(set)
+    for (image_id, _), owner in owners.items():
+        there[owner].add(image_id)
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)
         seen = _image_points(point)
         known = sorted({owners[at] for at in seen if at in owners})
         free = [pycolmap.TrackElement(*at) for at in seen if at not in owners]
         if known:
-            there = {element.image_id for element in whole.point3D(known[0]).track.elements}
             for element in free:
-                if element.image_id not in there:
-                    there.add(element.image_id)
+                if element.image_id not in there[known[0]]:
+                    there[known[0]].add(element.image_id)
                     whole.add_observation(known[0], element)
         elif len(free) >= 2:
             whole.add_point3D(point.xyz, pycolmap.Track(free))

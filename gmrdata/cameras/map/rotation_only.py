@@ -26,6 +26,9 @@ from gmrdata.values.records import figure
 
 MATCHES_PER_PAIR, FEWEST_PER_PAIR, MOST_MATCHES = 200, 30, 500_000
 MAX_ITERATIONS = 30
+FEW_ITERATIONS, FAR_PX = 6, 5.0
+"""Steps of many frames that tell whether their camera only turns; a median residual that no
+threshold is near."""
 AT_ONCE = 20_000  # matches whose slopes are held
 PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
 
@@ -87,7 +90,8 @@ def solve_rotation_only(
     used = [i for i, pair in enumerate(matches.pairs) if linked[pair.first] and linked[pair.second]]
     rows = np.array([(matches.pairs[i].first, matches.pairs[i].second) for i in used])
     data = _gather(matches, rays, [sampled[i] for i in used], rows)
-    rotmats = _refine(rotmats, linked, data, intrinsics_px)
+    is_long = most < MATCHES_PER_PAIR
+    rotmats = _refine(rotmats, linked, data, intrinsics_px, FEW_ITERATIONS if is_long else None)
     residuals = np.linalg.norm(_predict(rotmats, data, intrinsics_px)[2], axis=1)
     information = _information(rotmats, linked, data, intrinsics_px)
     return RotationOnly(rotmats, linked, residuals, data.pair, rows, information)
@@ -190,15 +194,22 @@ def _predict(
 
 
 def _refine(
-    rotmats: np.ndarray, linked: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
+    rotmats: np.ndarray,
+    linked: np.ndarray,
+    data: _Rays,
+    intrinsics_px: np.ndarray,
+    given_up_after: int | None = None,
 ) -> np.ndarray:
-    """Gauss-Newton on turns in the camera frames, R <- R exp(w), with Cauchy weights."""
+    """Gauss-Newton on turns in the camera frames, R <- R exp(w), with Cauchy weights.  Given up
+    after so many steps where most matches are far from what any turn would explain."""
     # `scipy.optimize.least_squares` ends within 3e-7 rad of this, and takes ten times as long.
     free = np.flatnonzero(linked)[1:]
     if len(free) == 0:
         return rotmats
     unknowns = (3 * free[:, None] + np.arange(3)).ravel()
-    for _ in range(MAX_ITERATIONS):
+    for done in range(MAX_ITERATIONS):
+        if done == given_up_after and _median_px(rotmats, data, intrinsics_px) > FAR_PX:
+            break
         hessian, gradient = _normal_equations(rotmats, data, intrinsics_px)
         block = hessian[unknowns][:, unknowns]
         damping = 1e-9 * block.trace() / len(unknowns) * eye_array(len(unknowns))
@@ -209,6 +220,11 @@ def _refine(
         if np.abs(step).max() < 1e-9:
             break
     return rotmats
+
+
+def _median_px(rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray) -> float:
+    residual_px = _predict(rotmats, data, intrinsics_px)[2]
+    return float(np.median(np.linalg.norm(residual_px, axis=1)))
 
 
 def _information(
