@@ -13,6 +13,7 @@ import numpy as np
 
 from gmrdata.cameras.colmap import add_bare_image, observations_of, pycolmap
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.recipe import MappingConfig
 
 
@@ -25,11 +26,12 @@ class Core:
     """By row of a keyframe that was left out: (N, 2) its features and the ids of their points."""
 
 
-def core_of(model: Any, frames: Frames, config: MappingConfig) -> Core:
-    """A model without keyframes that others cover."""
+def core_of(model: Any, frames: Frames, matches: Matches, config: MappingConfig) -> Core:
+    """A model without keyframes that others cover, or that match none of those that stay."""
     images = dict(frames.rows_of(model))
     seen = {row: _seen(image) for row, image in sorted(images.items())}
     covered = covered_rows({row: table[:, 1] for row, table in seen.items()}, config)
+    covered |= alone(set(seen) - covered, matches)
     keep = {images[row].image_id for row in seen if row not in covered}
     core, id_in_core = _reduced(model, keep)
     tables = {}
@@ -58,6 +60,13 @@ def covered_rows(points_of: dict[int, np.ndarray], config: MappingConfig) -> set
             count[points] -= 1
             covered.add(row)
     return covered
+
+
+def alone(rows: set[int], matches: Matches) -> set[int]:
+    """Those of some rows that match none of the others: they see their points through rows that
+    were left out."""
+    pairs = [{pair.first, pair.second} for pair in matches.pairs]
+    return rows.difference(*(pair for pair in pairs if pair <= rows))
 
 
 def _seen(image: Any) -> np.ndarray:

@@ -107,7 +107,7 @@ def map_again(
         models = _run("small_parallax", frames, work_dir, config, names)
     if not models:
         return world_from_cam, np.inf
-    core, _ = joined_core(models, frames, len(rows), work_dir, config)
+    core, _ = joined_core(models, frames, len(rows), matches, work_dir, config)
     adjust(core.model, config)
     model = mend_jumps(core.model, frames, config)
     model.update_point_3d_errors()

@@ -46,7 +46,7 @@ def refined_model(
 ) -> tuple[Core, tuple[ModelRecord, ...]]:
     """One adjusted model of those that a mapper found, with background inside masks; what became
     of each."""
-    core, records = joined_core(models, frames, len(frames.images), work_dir, config)
+    core, records = joined_core(models, frames, len(frames.images), matches, work_dir, config)
     model = core.model
     _adjust_and_filter(model, config)
     # Where a camera hardly travels, most points lack parallax: few are held, and rightly so.
@@ -67,7 +67,12 @@ def adjust(model: Any, config: SfmConfig) -> None:
 
 
 def joined_core(
-    models: list[Any], frames: Frames, n_keyframes: int, work_dir: Path, config: SfmConfig
+    models: list[Any],
+    frames: Frames,
+    n_keyframes: int,
+    matches: Matches,
+    work_dir: Path,
+    config: SfmConfig,
 ) -> tuple[Core, tuple[ModelRecord, ...]]:
     """The models of so many keyframes as one, of many without those that others cover; what became
     of each."""
@@ -77,7 +82,7 @@ def joined_core(
     # Parts don't know what frames of another one see, by which a path comes back to where it was,
     # and by which a keyframe is not needed.
     triangulate_again(model, work_dir / DATABASE_FILE, config)
-    return core_of(model, frames, config.mapping), records
+    return core_of(model, frames, matches, config.mapping), records
 
 
 def _adjust_and_filter(model: Any, config: SfmConfig) -> None:
@@ -148,6 +153,8 @@ def has_weak(model: Any, matches: Matches, frames: Frames, config: SfmConfig) ->
 def triangulate_again(model: Any, database_path: Path, config: SfmConfig) -> None:
     """Lengthen a model's tracks, merge them, and make points of matches that have none."""
     graph = _matches_of(model, database_path, config).correspondence_graph
+    if not all(map(graph.exists_image, model.reg_image_ids())):
+        return  # an image matches none of the others, and COLMAP ends with that
     manager = pycolmap.ObservationManager(model, graph)
     triangulator = pycolmap.IncrementalTriangulator(graph, model, manager)
     options = pycolmap.IncrementalTriangulatorOptions()

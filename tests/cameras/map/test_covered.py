@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gmrdata.cameras.map.covered import covered_rows
+from gmrdata.cameras.map.covered import alone, covered_rows
+from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import MappingConfig
 
 CONFIG = MappingConfig(cover_times=3, cover_share=0.8)
@@ -25,6 +26,14 @@ def test_what_stays_of_a_slow_path_sees_each_point_several_times():
     assert stay == [0, 4, 8, 16, 24, 32, 40, 48, 56, 60, 62, 63] and len(covered) == 52
     counts = np.bincount(np.concatenate([seen[row] for row in stay]))[100:300]
     assert counts.min() == 2 and np.median(counts) == 3
+
+
+def test_who_matches_none_of_those_that_stay_leaves_too():
+    pairs = [
+        PairMatches(*rows, np.zeros((1, 2), np.int32), "") for rows in ((0, 2), (1, 3), (3, 9))
+    ]
+    matches = Matches([np.zeros((1, 2))] * 10, pairs)
+    assert alone({0, 2, 3, 8, 9}, matches) == {8} and alone({0, 1}, matches) == {0, 1}
 
 
 @pytest.mark.parametrize("times", [4, 8])

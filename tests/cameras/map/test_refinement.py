@@ -1,6 +1,7 @@
 """Refinement of what a mapper left, and paths that are short beside what they see."""
 
 from contextlib import closing
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -116,6 +117,17 @@ def test_a_model_of_a_part_of_the_images_finds_points_again(scene):
     triangulate_again(model, folder / DATABASE_FILE, CONFIG)
     assert model.num_reg_images() == n
     assert all(model.image(i).num_points3D > 0.9 * N_POINTS for i in model.reg_image_ids())
+
+
+def test_where_an_image_matches_no_other_of_the_model_all_keep_their_points(tmp_path):
+    """Of 10,000 frames a keyframe that stayed matched none that did, and COLMAP ended."""
+    drawn, alone = Scene(), N_FRAMES - 1
+    pairs = [pair for pair in drawn.matches.pairs if pair.second != alone]
+    drawn.matches = replace(drawn.matches, pairs=pairs)
+    drawn.write_database(tmp_path / DATABASE_FILE)
+    model = model_of(drawn.cameras, drawn.points[:20], drawn.image_px)
+    triangulate_again(model, tmp_path / DATABASE_FILE, CONFIG)
+    assert {model.image(row + 1).num_points3D for row in range(N_FRAMES)} == {20}
 
 
 def test_points_that_were_led_behind_a_camera_or_far_off_are_forgotten(scene):
