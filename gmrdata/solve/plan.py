@@ -21,7 +21,7 @@ from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
 
-FRAME_S, MASK_S, QUICK_MASK_S, LENS_S, SFM_S = 0.012, 0.11, 0.05, 0.025, 0.12
+FRAME_S, MASK_S, QUICK_MASK_S, LENS_S, SFM_S = 0.012, 0.07, 0.05, 0.025, 0.12
 BODY_S, OWN_POSE_S, SHOWN_S = 0.025, 0.03, 0.055
 SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 8.0, 5.0
 """Seconds that one image of 1280x720 px takes on two cores, and that all need."""
