@@ -207,18 +207,15 @@ def _refine(
     if len(free) == 0:
         return rotmats
     unknowns = (3 * free[:, None] + np.arange(3)).ravel()
-    # Fills in a quarter less of a symmetric matrix, but for a bit in the last place.
-    order = "MMD_AT_PLUS_A" if is_long else None
     for done in range(MAX_ITERATIONS):
-        gone_on = is_long and done == FEW_ITERATIONS
-        if gone_on and _median_px(rotmats, data, intrinsics_px) > FAR_PX:
+        if is_long and done == FEW_ITERATIONS and _median_px(rotmats, data, intrinsics_px) > FAR_PX:
             break
         hessian, gradient = _normal_equations(rotmats, data, intrinsics_px)
         block = hessian[unknowns][:, unknowns]
         damping = 1e-9 * block.trace() / len(unknowns) * eye_array(len(unknowns))
         step = np.zeros(3 * len(rotmats))
         # Sparse, and unlike a dense solver the same to the last bit for any number of BLAS threads.
-        step[unknowns] = -spsolve(csc_array(block + damping), gradient[unknowns], order)
+        step[unknowns] = -spsolve(csc_array(block + damping), gradient[unknowns])
         rotmats = rotmats @ Rotation.from_rotvec(step.reshape(-1, 3)).as_matrix()
         if np.abs(step).max() < 1e-9:
             break
