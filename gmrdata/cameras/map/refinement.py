@@ -74,11 +74,12 @@ def joined_core(
     work_dir: Path,
     config: SfmConfig,
 ) -> tuple[Core, tuple[ModelRecord, ...]]:
-    """The models of so many keyframes as one, of many without those that others cover; what became
-    of each."""
+    """The models of so many keyframes as one, of many without those that others cover, and then the
+    list is emptied; what became of each."""
     model, records = join_models(models, config)
     if not config.mapping.in_parts(n_keyframes):
         return Core(model, {}), records
+    models.clear()  # some hundred megabytes of a long video, before its matches are read
     # Parts don't know what frames of another one see, by which a path comes back to where it was,
     # and by which a keyframe is not needed.
     triangulate_again(model, work_dir / DATABASE_FILE, config)
