@@ -15,7 +15,7 @@ threads wait for each other, and `extract_features` does not.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -53,18 +53,18 @@ class StoredDescriptors(Mapping[int, np.ndarray]):
     """Descriptors (N, 128) uint8 by row, in one file: those of ten minutes fill a gigabyte."""
 
     path: Path
-    counts: list[int]  # Of each row
+    starts: np.ndarray  # (T + 1,) int: how many there are before each row, and in all
 
     def __getitem__(self, row: int) -> np.ndarray:
-        before, count = sum(self.counts[:row]), self.counts[row]
-        table = np.fromfile(self.path, np.uint8, 128 * count, offset=128 * before)
+        start, stop = self.starts[row : row + 2].tolist()
+        table = np.fromfile(self.path, np.uint8, 128 * (stop - start), offset=128 * start)
         return table.reshape(-1, 128)
 
     def __iter__(self) -> Iterator[int]:
-        return iter(range(len(self.counts)))
+        return iter(range(len(self)))
 
     def __len__(self) -> int:
-        return len(self.counts)
+        return len(self.starts) - 1
 
 
 class _Found(NamedTuple):
@@ -83,10 +83,11 @@ def find_features(
     """
     id_of_name, path = _import_images(frames, database_path, calibrated), _stored(database_path)
     sift, n_free, counts = pycolmap.FeatureExtractorType.SIFT, list[int](), list[int]()
+    masked = frames.masks_dir is not None
     with (
         TemporaryDirectory(dir=database_path.parent) as work_dir,
         closing(pycolmap.Database.open(database_path)) as database,
-        path.open("wb") as stored,
+        path.open("wb") if masked else nullcontext() as stored,
     ):
         found = _all_found(frames, Path(work_dir), config)
         for image, one in zip(frames.images, found, strict=True):
@@ -96,9 +97,9 @@ def find_features(
                 image_id, free = id_of_name[image.name], one.descriptors[: one.n_free]
                 database.write_keypoints(image_id, one.keypoints)
                 database.write_descriptors(image_id, pycolmap.FeatureDescriptors(sift, free))
-                stored.write(one.descriptors.tobytes())
-    masked = frames.masks_dir is not None
-    return Features(n_free, StoredDescriptors(path, counts) if masked else {})
+                if stored is not None:
+                    stored.write(one.descriptors.tobytes())
+    return Features(n_free, StoredDescriptors(path, np.cumsum([0, *counts])) if masked else {})
 
 
 def _stored(database_path: Path) -> Path:
@@ -129,8 +130,9 @@ def _all_found(frames: Frames, work_dir: Path, config: SfmConfig) -> Iterator[_F
     with ThreadPoolExecutor(config.threads or own_cores()) as threads:
         n_free = list(threads.map(partial(_find, frames, work_dir, config), frames.images))
     few = float(np.median(n_free)) < min(config.features.few_features, config.max_features)
+    weak = few and _is_large(frames, config)
     for image in frames.images:
-        with np.load(_kept(work_dir, image, weak=few)) as kept:
+        with np.load(_kept(work_dir, image, weak=weak)) as kept:
             yield _Found(kept["keypoints"], kept["descriptors"], int(kept["n_free"]))
 
 
@@ -138,14 +140,22 @@ def _find(frames: Frames, work_dir: Path, config: SfmConfig, image: Path) -> int
     """Keep an image's features, and those with weak ones among them where it is large; how many of
     the first are outside its mask."""
     mask = None if frames.masks_dir is None else frames.mask(image)
-    if np.prod(frames.size_px) >= config.features.large_pixels:
+    if _is_large(frames, config):
         firm, with_weak = _of_opencv(frames, image, config)
+        _keep(_kept(work_dir, image, weak=True), _unmasked_first(with_weak, mask))
     else:
-        firm = with_weak = _of_colmap(image, frames.size_px, work_dir, config)
+        firm = _of_colmap(image, frames.size_px, work_dir, config)
     found = _unmasked_first(firm, mask)
-    for weak, one in ((False, found), (True, _unmasked_first(with_weak, mask))):
-        np.savez(_kept(work_dir, image, weak=weak), **one._asdict())
+    _keep(_kept(work_dir, image, weak=False), found)
     return found.n_free
+
+
+def _is_large(frames: Frames, config: SfmConfig) -> bool:
+    return bool(np.prod(frames.size_px) >= config.features.large_pixels)
+
+
+def _keep(path: Path, found: _Found) -> None:
+    np.savez(path, **found._asdict())
 
 
 def _kept(work_dir: Path, image: Path, *, weak: bool) -> Path:
