@@ -169,7 +169,7 @@ def _run(net: Any, square: np.ndarray, model_path: Path) -> None:
         net.set_tensor(net.get_input_details()[0]["index"], rgb)
         net.invoke()
     except (ValueError, RuntimeError, MemoryError) as error:
-        fault = f"LiteRT can't run it ({str(error).splitlines()[0]})"
+        fault = f"LiteRT can't run it ({' '.join(str(error).split()) or type(error).__name__})"
         raise BadDetector(f"{model_path}: not BlazePose GHUM: {fault}; {REMEDY}") from None
 
 

@@ -77,7 +77,7 @@ class PersonMaskConfig(FollowConfig):
 
 
 class PersonSource(PersonMaskConfig):
-    """People's outlines by BlazePose, started by a YOLOX detector; both run by OpenCV."""
+    """People's outlines by BlazePose, run by LiteRT, started by a YOLOX detector, by OpenCV."""
 
     kind: Literal["person"] = "person"
     model: Path | None = None

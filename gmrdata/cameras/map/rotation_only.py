@@ -91,7 +91,7 @@ def solve_rotation_only(
     rows = np.array([(matches.pairs[i].first, matches.pairs[i].second) for i in used])
     data = _gather(matches, rays, [sampled[i] for i in used], rows)
     rotmats = _refine(rotmats, linked, data, intrinsics_px, is_long=most < MATCHES_PER_PAIR)
-    residuals = np.linalg.norm(_predict(rotmats, data, intrinsics_px)[2], axis=1)
+    residuals = _residuals_px(rotmats, data, intrinsics_px)
     information = _information(rotmats, linked, data, intrinsics_px)
     return RotationOnly(rotmats, linked, residuals, data.pair, rows, information)
 
@@ -208,8 +208,10 @@ def _refine(
         return rotmats
     unknowns = (3 * free[:, None] + np.arange(3)).ravel()
     for done in range(MAX_ITERATIONS):
-        if is_long and done == FEW_ITERATIONS and _median_px(rotmats, data, intrinsics_px) > FAR_PX:
-            break
+        if is_long and done == FEW_ITERATIONS:
+            far_px = np.median(_residuals_px(rotmats, data, intrinsics_px))
+            if far_px > FAR_PX:
+                break
         hessian, gradient = _normal_equations(rotmats, data, intrinsics_px)
         block = hessian[unknowns][:, unknowns]
         damping = 1e-9 * block.trace() / len(unknowns) * eye_array(len(unknowns))
@@ -222,9 +224,9 @@ def _refine(
     return rotmats
 
 
-def _median_px(rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray) -> float:
-    residual_px = _predict(rotmats, data, intrinsics_px)[2]
-    return float(np.median(np.linalg.norm(residual_px, axis=1)))
+def _residuals_px(rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray) -> np.ndarray:
+    """(M,) how far each match is from where the turns put it [px]."""
+    return np.asarray(np.linalg.norm(_predict(rotmats, data, intrinsics_px)[2], axis=1))
 
 
 def _information(

@@ -27,8 +27,6 @@ from gmrdata.stage.jobs import in_threads
 PLACED_PX = 0.5  # standard deviation of a feature's place
 MEASURED_PX = 0.15  # and of the motion of its patch
 FARTHEST_PX = 2.0  # a patch that is found further from the matched feature is another one
-
-
 AT_ONCE = 150_000  # motions of which one system is solved
 
 
