@@ -11,9 +11,10 @@ is up (`gmrdata.world.level`).  A foot that stands still stands flat, nearly alw
 in which its ankle and its toe joint hardly move, the direction that points out of the foot's upper
 side in the rest pose points up, too; the geometric median of those directions (Weiszfeld 1937) is
 taken, so a few feet on their toes do not matter.  And standing soles are on one plane, unless that
-is steep.  Each counts by its error, and `infer.json` says how level the world is.  A motion in
-which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the first
-frame.  Last, who neither stands nor falls freely is put on the floor, z = 0
+is steep.  Each counts by its error, and `infer.json` says how level the world is.  Where roll and
+pitch drift, what standing shows in each moment turns them back (`gmrdata.world.upright`).  A motion
+in which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the
+first frame.  Last, who neither stands nor falls freely is put on the floor, z = 0
 (`gmrdata.world.heights`); on stairs and slopes, or where nothing shows up, heights stay, and the
 low ones of standing soles are at z = 0.  The paper does none of this: its first pose is the
 identity (section 3.6), which is what `level: first_pose` gives, in a world with z up.
@@ -32,7 +33,6 @@ from scipy.spatial.transform import Rotation
 from gmrdata.gmr.config import Which, network_dir
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.motion.files import input_files
-from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.read.bodies import load_body
@@ -40,14 +40,13 @@ from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, is_made, run_stage
 from gmrdata.values import limits, transforms
-from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
+from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.records import Config, Record
-from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import smallest_rotation
-from gmrdata.world.heights import on_one_floor
+from gmrdata.world.heights import held_upright, on_one_floor
 from gmrdata.world.level import (
     LevelEstimate,
     UpCue,
@@ -57,7 +56,8 @@ from gmrdata.world.level import (
     soles_on_floor_m,
     up_of,
 )
-from gmrdata.world.planted_feet import SOLE_POINTS, count_stances, foot_points_m, standing
+from gmrdata.world.planted_feet import count_stances, standing_soles_m
+from gmrdata.world.upright import up_of_standing_feet
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
@@ -107,8 +107,7 @@ def _rest_of_the_way(gmr: TrainedGmr, poses: Motion, seen: Motion, n_missing: in
     return np.asarray(world_from_late @ late_from_root[1:])
 
 
-SHORTEST_UP = 0.5  # feet that point everywhere have a median near zero, which is no direction
-_UP_IN_REST, UP = np.eye(3)[1:]
+UP = np.eye(3)[2]
 FEET_SIGMA_RAD = np.deg2rad(4.0)
 """Of the direction that standing feet show, along each axis: 5.9 degrees in all on 13 of CMU's
 motions, whose balance shows it to 3.5."""
@@ -129,20 +128,21 @@ def stand_and_say(motion: Motion, body: BodyModel) -> tuple[Motion, LevelEstimat
     root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = (motion.pelvis_m - motion.pelvis_m[0]) @ level_from_world.T
     motion = replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
-    soles_m, still = _standing_soles(motion, body)
     if level is None:
-        motion = _moved_to_floor(motion, soles_m, still, NO_FOOT_STANDS)
+        motion = _moved_to_floor(motion, *standing_soles_m(body, motion), NO_FOOT_STANDS)
         return motion, None
     how = f"up from feet that stand and the mass above them, to {level.sigma_deg:.1f} deg"
-    sigma_rad = float(np.deg2rad(level.sigma_deg)) / np.sqrt(2.0)
-    found_m = on_one_floor(body, motion, soles_m[still][:, 2], sigma_rad)
+    motion = held_upright(body, motion)
+    heights_m = motion.pelvis_m[:, 2]
+    found_m = on_one_floor(body, motion)
     if found_m is None:
-        motion = _moved_to_floor(motion, soles_m, still, f"{how}; on more than one floor")
+        how = f"{how}; on more than one floor"
+        motion = _moved_to_floor(motion, *standing_soles_m(body, motion), how)
     else:
-        change_m = float(np.std(found_m.pelvis_m[:, 2] - pelvis_m[:, 2]))
+        change_m = float(np.std(found_m.pelvis_m[:, 2] - heights_m))
         how = f"{motion.source}; {how}; on one floor, by {change_m:.2f} m (RMS)"
         motion = replace(found_m, source=how)
-    soles_m, still = _standing_soles(motion, body)
+    soles_m, still = standing_soles_m(body, motion)
     return motion, level.with_soles(soles_m[still][:, 2])
 
 
@@ -158,12 +158,6 @@ def _moved_to_floor(motion: Motion, soles_m: np.ndarray, still: np.ndarray, how:
     return replace(motion, pelvis_m=pelvis_m, source=f"{motion.source}; {how}")
 
 
-def _standing_soles(motion: Motion, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
-    """Points of soles (T, 2, 3, 3) [m], and which of them stand."""
-    soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
-    return soles_m, standing(soles_m, PLANTED_M_PER_S / motion.fps_hz)
-
-
 NO_FOOT_STANDS = "no foot stands still; up from the first pelvis"
 
 
@@ -172,40 +166,12 @@ def _up_of(motion: Motion, body: BodyModel) -> tuple[np.ndarray, LevelEstimate] 
     balance, feet_up = body_cue([body], [motion]), up_of_standing_feet(motion, body)
     if balance.precision[0, 0] < LEAST_PRECISION and feet_up is None:
         return None
-    soles_m, still = _standing_soles(motion, body)
+    soles_m, still = standing_soles_m(body, motion)
     plane = contact_cue([soles_m[still]], count_stances(still), balance.up, STANCE_SIGMA_M)
     ground = [] if plane is None else [plane]
     if feet_up is not None:
         ground.append(UpCue("feet", feet_up, np.eye(3) / FEET_SIGMA_RAD**2))
     return up_of(balance, ground)
-
-
-def up_of_standing_feet(motion: Motion, body: BodyModel) -> np.ndarray | None:
-    """The direction (3,) that standing feet show as up, or None where none stands for 0.1 s."""
-    joints_m, world_from_joint = posed_joints_m(
-        body.rest_joints_m(motion.shape), motion.rotmats, motion.pelvis_m
-    )
-    ups = []
-    for side in ("left", "right"):
-        ankle, toe = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
-        speeds = np.linalg.norm(np.gradient(joints_m[:, [ankle, toe]], axis=0), axis=-1)
-        still = (speeds * motion.fps_hz < PLANTED_M_PER_S).all(axis=1)
-        ups.append(world_from_joint[still, ankle] @ _UP_IN_REST)
-    found = np.concatenate(ups)
-    if len(found) < max(1.0, SHORTEST_STAND_S * motion.fps_hz):
-        return None
-    up = _geometric_median(found)
-    length = np.linalg.norm(up)
-    return np.asarray(up / length) if length > SHORTEST_UP else None
-
-
-def _geometric_median(points: np.ndarray) -> np.ndarray:
-    """The point (3,) with the least sum of distances to points (N, 3)."""
-    middle = points.mean(axis=0)
-    for _ in range(50):
-        weights = 1.0 / np.maximum(np.linalg.norm(points - middle, axis=1), 1e-3)
-        middle = weights @ points / weights.sum()
-    return np.asarray(middle)
 
 
 RECORD_FILE = "infer.json"

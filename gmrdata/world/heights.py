@@ -8,7 +8,8 @@ where the network's path falls freely as well, and where the legs give the speed
 and take it at the landing: the cheapest of all ways to cut is found by dynamic programming.
 
 Then heights are the least squares of two things: the network's steps, and the floor under the
-lowest point outside of flights.  On stairs and slopes the floor is not one, and nothing is changed.
+lowest point outside of flights.  So are roll and pitch, which drift: they lean on the floor and on
+what standing shows of up.  On stairs and slopes the floor is not one, and heights stay.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +23,9 @@ from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import smallest_rotation
-from gmrdata.world.level import MASSES, ONE_FLOOR_M
+from gmrdata.world.level import BALANCE_SIGMA_RAD, MASSES, ONE_FLOOR_M
+from gmrdata.world.planted_feet import standing_soles_m
+from gmrdata.world.upright import ShownTilts, shown_tilts
 
 GRAVITY_M_PER_S2 = 9.81
 RATE_HZ = 30.0  # about which flights are looked for: at more, poses' noise hides accelerations
@@ -35,8 +38,8 @@ STEP_SIGMA_M_PER_S = 0.3  # of a network's vertical speed, where it sees what ha
 MOST_SIGMAS = 2.0  # beyond which an error is one, however large
 TOGETHER_S = 0.1  # errors as near in time are one
 FLOOR_SIGMA_M = 0.03  # of the lowest point from the floor, as feet bend, roll and err
-DRIFT_SIGMA_M = 0.004  # of a network's height after `TOGETHER_S`, beside what it tilts
-TILT_DRIFT_RAD = np.deg2rad(3.0)  # of a network's roll and pitch, after a second
+DRIFT_SIGMA_M = 0.01  # of a network's height after `TOGETHER_S`, beside what it tilts
+TILT_DRIFT_RAD = np.deg2rad(6.0)  # of a network's roll and pitch, after a second
 RISING_M_PER_S = 0.4
 """A person whose slowest sole point rises or sinks faster stands on nothing that is at rest."""
 UNHELD_SHARE = 0.3
@@ -55,25 +58,29 @@ class _Seen:
     on_floor_m: np.ndarray  # (T,) heights of the pelvis with the lowest point on the floor
     held: np.ndarray  # (T,) bool: in no flight
     unheld_share: float
+    shown: ShownTilts
     fps_hz: float
 
 
-def on_one_floor(
-    body: BodyModel, motion: Motion, standing_m: np.ndarray, level_sigma_rad: float
-) -> Motion | None:
-    """A motion over one floor at z = 0, of one in a world whose z axis is up but for an error along
-    each axis, with soles that stand at heights (N,) [m]; None for steps or a slope."""
-    seen = _seen(body, motion)
-    drift_m = DRIFT_SIGMA_M
+def held_upright(body: BodyModel, motion: Motion) -> Motion:
+    """A motion turned back over time as far as standing shows that its roll and pitch drift, in a
+    world whose z axis is up on average."""
+    seen = replace(_seen(body, motion), held=np.zeros(motion.n_frames, dtype=bool))
+    return _turned_level(motion, _heights_and_tilts(seen, DRIFT_SIGMA_M)[1])
+
+
+def on_one_floor(body: BodyModel, motion: Motion) -> Motion | None:
+    """One that is `held_upright` over one floor at z = 0; None for steps or a slope."""
+    seen, drift_m = _seen(body, motion), DRIFT_SIGMA_M
+    soles_m, still = standing_soles_m(body, motion)
     if seen.unheld_share > UNHELD_SHARE:
         drift_m = 10 * DRIFT_SIGMA_M
-    elif len(standing_m) and _spread_m(standing_m) > ONE_FLOOR_M:
+    elif still.any() and _spread_m(soles_m[still][:, 2]) > ONE_FLOOR_M:
         return None
     # In a level world the lowest point may be another one.
-    tilt = _heights_and_tilts(seen, drift_m, level_sigma_rad)[1].mean(axis=0)
+    tilt = _heights_and_tilts(seen, drift_m)[1].mean(axis=0)
     motion = _turned_level(motion, np.tile(tilt, (motion.n_frames, 1)))
-    seen = _seen(body, motion)
-    heights_m, tilts = _heights_and_tilts(seen, drift_m, level_sigma_rad)
+    heights_m, tilts = _heights_and_tilts(_seen(body, motion), drift_m)
     motion = _turned_level(motion, tilts)
     return replace(motion, pelvis_m=np.column_stack([motion.pelvis_m[:, :2], heights_m]))
 
@@ -90,8 +97,8 @@ def _seen(body: BodyModel, motion: Motion) -> _Seen:
     for start, stop in found:
         held[start * apart + 1 : stop * apart] = False
     unheld = _unheld_share(soles_m[::apart], held[::apart], motion.fps_hz / apart)
-    on_floor_m = motion.pelvis_m[:, 2] - lowest_m
-    return _Seen(motion.pelvis_m, on_floor_m, held, unheld, motion.fps_hz)
+    shown, on_floor_m = shown_tilts(body, motion), motion.pelvis_m[:, 2] - lowest_m
+    return _Seen(motion.pelvis_m, on_floor_m, held, unheld, shown, motion.fps_hz)
 
 
 def _spread_m(heights_m: np.ndarray) -> float:
@@ -193,11 +200,13 @@ def _turned_level(motion: Motion, tilts: np.ndarray) -> Motion:
     return replace(motion, root_rotmats=turns @ motion.root_rotmats, pelvis_m=pelvis_m)
 
 
-def _heights_and_tilts(
-    seen: _Seen, drift_m: float, level_sigma_rad: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _heights_and_tilts(seen: _Seen, drift_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Heights (T,), and by how much (T, 2) the floor rises along x and y in the network's world,
-    whose roll and pitch drift."""
+    whose roll and pitch drift; where no frame is held, as standing alone shows it.
+
+    A person always leans a little as a system sees them, so what standing shows may be off by the
+    same all the time.
+    """
     n_frames, steps_m = len(seen.held), np.diff(seen.pelvis_m, axis=0)
     many = seen.fps_hz * TOGETHER_S
     ones, between = sparse.identity(n_frames, format="csr"), sparse.eye(n_frames - 1, n_frames)
@@ -206,17 +215,22 @@ def _heights_and_tilts(
     rise = np.sqrt(many) / drift_m
     turn = change * np.sqrt(seen.fps_hz) / TILT_DRIFT_RAD
     x, y = (sparse.diags(rise * steps_m[:, axis]) @ between for axis in (0, 1))
-    first = ones[:1] / level_sigma_rad
+    told = sparse.diags(np.sqrt(seen.shown.precision))
+    lean, own = told @ np.ones((n_frames, 1)), np.full((1, 1), 1 / BALANCE_SIGMA_RAD)
     rows = sparse.bmat(
         [
-            [floor, None, None], [rise * change, x, y], [None, turn, None], [None, None, turn],
-            [None, first, None], [None, None, first],
+            [ones[:1], None, None, None, None], [floor, None, None, None, None],
+            [rise * change, x, y, None, None],
+            [None, turn, None, None, None], [None, None, turn, None, None],
+            [None, told, None, lean, None], [None, None, told, None, lean],
+            [None, None, None, own, None], [None, None, None, None, own],
         ],
         format="csr",
     )  # fmt: skip
     wanted = np.concatenate([
-        floor @ seen.on_floor_m, rise * steps_m[:, 2], np.zeros(2 * n_frames)
+        seen.pelvis_m[:1, 2], floor @ seen.on_floor_m, rise * steps_m[:, 2],
+        np.zeros(2 * (n_frames - 1)), *(told @ seen.shown.tilts).T, np.zeros(2),
     ])  # fmt: skip
-    least = rows.T @ rows + 1e-9 * sparse.identity(3 * n_frames)
+    least = rows.T @ rows + 1e-9 * sparse.identity(3 * n_frames + 2)
     found = spsolve(least.tocsc(), rows.T @ wanted)
-    return found[:n_frames], found[n_frames:].reshape(2, n_frames).T
+    return found[:n_frames], found[n_frames:-2].reshape(2, n_frames).T

@@ -131,22 +131,11 @@ def body_cue(bodies: Sequence[BodyModel], motions: Sequence[Motion]) -> UpCue:
 
 def _upright_of(body: BodyModel, motion: Motion) -> tuple[np.ndarray, float]:
     """A person's mean direction (3,), and its variance along each axis [rad2]."""
-    joints_m, feet_m = motion_joints_m(body, motion), _feet_m(body, motion)
-    reach = max(1, round(SPEED_TIME_S * motion.fps_hz / 2))
-    before, after = (np.clip(np.arange(len(feet_m)) + way, 0, len(feet_m) - 1)
-                     for way in (-reach, reach))  # fmt: skip
-    seconds = np.maximum(after - before, 1)[:, None] / motion.fps_hz
-    speeds = np.linalg.norm(feet_m[after] - feet_m[before], axis=-1) / seconds
-    carried = np.exp(-speeds / STILL_M_PER_S)
-    weights = carried.max(axis=1)  # little of a moment in which no foot stands, as in a run
-    support_m = np.einsum("tf,tfk->tk", carried / carried.sum(axis=1, keepdims=True), feet_m)
-    above_m = np.einsum("j,tjk->tk", MASSES, joints_m) - support_m
-    rest_m = body.rest_joints_m(motion.shape)
-    usual_m = float((MASSES @ rest_m - rest_m[[JOINT["left_foot"], JOINT["right_foot"]]].min(0))[1])
-    weights = weights * (np.linalg.norm(above_m, axis=1) > STANDS * usual_m)
+    above_m, weights = balance(body, motion)
     sigma_rad = BALANCE_SIGMA_RAD
     if weights.sum() < FEWEST_S * motion.fps_hz:
-        above_m, weights = joints_m[:, JOINT["neck"]] - joints_m[:, 0], np.ones(len(feet_m))
+        joints_m = motion_joints_m(body, motion)
+        above_m, weights = joints_m[:, JOINT["neck"]] - joints_m[:, 0], np.ones(len(joints_m))
         sigma_rad = TRUNK_SIGMA_RAD
     up = weights @ above_m
     up /= np.linalg.norm(up)
@@ -155,6 +144,24 @@ def _upright_of(body: BodyModel, motion: Motion) -> tuple[np.ndarray, float]:
     spread_rad2 = float(weights @ off_rad2 / weights.sum())
     seconds = weights.sum() / motion.fps_hz
     return up, sigma_rad**2 + spread_rad2 / max(1.0, seconds / BODY_TIME_S)
+
+
+def balance(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Where a person's mass is over what the feet stand on, (T, 3) [m], and how far they do, (T,):
+    1 at rest, 0 of somebody who sits or lies."""
+    feet_m = _feet_m(body, motion)
+    reach = max(1, round(SPEED_TIME_S * motion.fps_hz / 2))
+    before, after = (np.clip(np.arange(len(feet_m)) + way, 0, len(feet_m) - 1)
+                     for way in (-reach, reach))  # fmt: skip
+    seconds = np.maximum(after - before, 1)[:, None] / motion.fps_hz
+    speeds = np.linalg.norm(feet_m[after] - feet_m[before], axis=-1) / seconds
+    carried = np.exp(-speeds / STILL_M_PER_S)
+    support_m = np.einsum("tf,tfk->tk", carried / carried.sum(axis=1, keepdims=True), feet_m)
+    above_m = np.einsum("j,tjk->tk", MASSES, motion_joints_m(body, motion)) - support_m
+    rest_m = body.rest_joints_m(motion.shape)
+    usual_m = float((MASSES @ rest_m - rest_m[[JOINT["left_foot"], JOINT["right_foot"]]].min(0))[1])
+    # Little of a moment in which no foot stands, as in a run.
+    return above_m, carried.max(axis=1) * (np.linalg.norm(above_m, axis=1) > STANDS * usual_m)
 
 
 def _feet_m(body: BodyModel, motion: Motion) -> np.ndarray:

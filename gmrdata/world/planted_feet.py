@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gmrdata.motion.ground import PLANTED_M_PER_S
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import JOINT, BodyModel, sole_vertices, with_vertices
 from gmrdata.values.camera import CameraPath
@@ -66,6 +67,12 @@ def standing(points_world_m: np.ndarray, slip_m: float) -> np.ndarray:
     result[1:] |= still
     result[:-1] |= still
     return result
+
+
+def standing_soles_m(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Points of both soles (T, 2, 3, 3) [m], and which of them stand."""
+    soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
+    return soles_m, standing(soles_m, PLANTED_M_PER_S / motion.fps_hz)
 
 
 def _sole_vertices(body: BodyModel, shape: np.ndarray, side: str) -> list[int]:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import ModelConfig
-from gmrdata.gmr.infer import predict_at_source_rate, stand, stand_and_say, up_of_standing_feet
+from gmrdata.gmr.infer import predict_at_source_rate, stand, stand_and_say
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas, predict_world_motion
 from gmrdata.motion.ground import sole_points_m
@@ -20,6 +20,7 @@ from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.world.upright import up_of_standing_feet
 
 
 @pytest.fixture
@@ -145,8 +146,8 @@ def test_the_walk_stands_within_a_degree_or_two_of_its_true_world(walk, small_bo
     np.testing.assert_allclose(found.pelvis_m[0, :2], 0.0, atol=1e-12)
     assert abs(found.pelvis_m[:, 2].mean() - motion.pelvis_m[:, 2].mean()) < 0.03
     relative = turned.T @ found.root_rotmats @ np.swapaxes(motion.root_rotmats, 1, 2)
-    # Roll and pitch follow the floor from step to step.
-    assert np.rad2deg(angles_rad(relative).max()) < 0.2
+    # Roll and pitch follow the floor, and the mass over the feet, from step to step.
+    assert np.rad2deg(angles_rad(relative).max()) < 1.3
 
 
 @pytest.mark.parametrize("rise_m", [0.0, 0.6])
