@@ -21,10 +21,13 @@ from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
 
-FRAME_S, MASK_S, QUICK_MASK_S, LENS_S, SFM_S = 0.012, 0.07, 0.05, 0.025, 0.12
+FRAME_S, MASK_S, QUICK_MASK_S, LENS_S, SFM_S = 0.012, 0.07, 0.05, 0.025, 0.13
 BODY_S, OWN_POSE_S, SHOWN_S = 0.025, 0.03, 0.055
 SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 8.0, 5.0
 """Seconds that one image of 1280x720 px takes on two cores, and that all need."""
+SFM_IMAGES, SFM_GROWTH = 600, 0.1
+"""Images of which cameras take that; each takes longer by a power of how many times as many there
+are, whatever their size: small ones have as many features, which take as long."""
 START_GB, FRAME_GB = 0.9, 0.00016
 """Memory of the process, and what each image adds; the size of the images adds little."""
 JPEG_MB, MASKS_MB, PIXEL_MB = 0.21, 0.03, 1e-6
@@ -100,7 +103,7 @@ def plan_stages(
         "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
         "masks": n_images * mask_s * max(1.0, share),
         "intrinsics": INTRINSICS_S + min(n_images, ENOUGH_FRAMES) * LENS_S,
-        "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
+        "sfm": SFM_START_S + n_images * SFM_S * (n_images / SFM_IMAGES) ** SFM_GROWTH,
         "own poses": n_images * OWN_POSE_S,
         "bodies": BODIES_S + n_images * BODY_S,
         "page": PAGE_S + min(n_images, MOST_PICTURES) * SHOWN_S,
