@@ -75,7 +75,7 @@ def on_one_floor(body: BodyModel, motion: Motion) -> Motion | None:
     soles_m, still = standing_soles_m(body, motion)
     if seen.unheld_share > UNHELD_SHARE:
         drift_m = 10 * DRIFT_SIGMA_M
-    elif still.any() and _spread_m(soles_m[still][:, 2]) > ONE_FLOOR_M:
+    elif still.any() and _is_steep(soles_m[still]):
         return None
     # In a level world the lowest point may be another one.
     tilt = _heights_and_tilts(seen, drift_m)[1].mean(axis=0)
@@ -101,10 +101,12 @@ def _seen(body: BodyModel, motion: Motion) -> _Seen:
     return _Seen(motion.pelvis_m, on_floor_m, held, unheld, shown, motion.fps_hz)
 
 
-def _spread_m(heights_m: np.ndarray) -> float:
-    """Without the highest and the lowest tenth."""
-    low_m, high_m = np.percentile(heights_m, [LOW_PERCENTILE, 100.0 - LOW_PERCENTILE])
-    return float(high_m - low_m)
+def _is_steep(standing_m: np.ndarray) -> bool:
+    """Whether soles (N, 3) stand further from one floor than a world that is not quite level has
+    them [m]; without the highest and the lowest tenth."""
+    low_m, high_m = np.percentile(standing_m, [LOW_PERCENTILE, 100.0 - LOW_PERCENTILE], axis=0)
+    reach_m, spread_m = np.linalg.norm(high_m[:2] - low_m[:2]), high_m[2] - low_m[2]
+    return bool(spread_m > ONE_FLOOR_M + BALANCE_SIGMA_RAD * reach_m)
 
 
 def _unheld_share(soles_m: np.ndarray, held: np.ndarray, fps_hz: float) -> float:

@@ -83,17 +83,17 @@ def test_a_drift_is_taken_away_and_steps_are_not(walk, small_body):
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
-@pytest.mark.parametrize("angle_deg", [-1.5, 1.5])
+@pytest.mark.parametrize("angle_deg", [-4.0, -1.5, 1.5, 4.0])
 def test_a_floor_that_rises_under_a_walk_is_level(walk, small_body, axis, angle_deg):
     tilt = Rotation.from_euler(axis, angle_deg, degrees=True).as_matrix()
     pelvis_m = walk.pelvis_m @ tilt.T
     seen = replace(walk, root_rotmats=tilt @ walk.root_rotmats, pelvis_m=pelvis_m)
-    found = on_one_floor(small_body, seen)
+    found, most_deg = on_one_floor(small_body, seen), max(0.4, abs(angle_deg) / 8)
     assert found is not None
     up = (found.root_rotmats @ walk.root_rotmats.swapaxes(-1, -2))[:, :, 2]
     along = walk.pelvis_m[-1] - walk.pelvis_m[0]
     # Soles along a line tell of the tilt along it alone.
-    assert np.abs(np.rad2deg(up[:, :2] @ along[:2] / np.linalg.norm(along[:2]))).max() < 0.4
+    assert np.abs(np.rad2deg(up[:, :2] @ along[:2] / np.linalg.norm(along[:2]))).max() < most_deg
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
