@@ -132,6 +132,9 @@ class DataConfig(Config):
 
     weights: tuple[Annotated[float, Field(gt=0.0)], ...] | None = None
     """Share of the windows from each manifest, in order and up to a factor; None: by its frames."""
+    balance: float = Field(default=1.0, ge=0.0, le=1.0)
+    """How often windows are of each person of a manifest: by the number of frames to this power.  1
+    by the frames, as the paper has it; 0 for all people alike."""
     held_out_subjects: tuple[int | str, ...] = ()
     """People who are scored while training, not trained on: 2 for CMU's subject 02, else data set
     and subject as in the manifest's source, like KIT/3 or Human3.6M/S9."""

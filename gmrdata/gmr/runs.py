@@ -181,11 +181,28 @@ _OTHERS = ("gmrdata", "3DPW", "Human3.6M", "EMDB")  # no CMU trials, whatever th
 
 @dataclass(frozen=True)
 class Mix:
-    """How clips in a row belong to manifests, and how often windows come from each."""
+    """How clips in a row belong to parts of manifests, and how often windows come from each."""
 
-    sizes: tuple[int, ...]  # number of clips of each manifest, in order
-    weights: tuple[float, ...] | None = None  # share of the windows from each; None: by its frames
+    sizes: tuple[int, ...]  # number of clips of each part, in order
+    weights: tuple[float, ...] | None = None  # share of each manifest; None: by its frames
     names: tuple[str, ...] = ()  # of the manifests, for messages
+    manifests: tuple[int, ...] | None = None  # of which each part is; None: each is one
+    balance: float = 1.0  # the parts of a manifest count by their frames to this power
+
+    def shares(self, n_frames: np.ndarray) -> tuple[float, ...] | None:
+        """How often windows come from parts of so many frames (P,); None: by the frames."""
+        if self.weights is None and self.balance == 1:
+            return None
+        manifest = np.array(self.manifests or range(len(self.sizes)))
+        of_manifest = np.bincount(manifest, n_frames)
+        own = np.power(n_frames, self.balance, where=n_frames > 0, out=np.zeros(len(n_frames)))
+        whole = np.bincount(manifest, own)
+        if self.weights is not None:
+            for empty in np.flatnonzero(whole == 0):
+                name = f"manifest {self.names[empty] if self.names else f'number {empty}'}"
+                raise BadManifest(f"{name} has a weight, but no clip gives a window. Leave it out")
+            of_manifest = np.array(self.weights)
+        return tuple((of_manifest[manifest] * own / np.maximum(whole, 1e-300)[manifest]).tolist())
 
 
 @dataclass(frozen=True)
@@ -235,12 +252,25 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
     if missing:
         raise BadRecipe(f"data.held_out_subjects: no clip is of {', '.join(missing)}")
     names = tuple(path.name for path in manifest_paths)
-    mix = Mix(tuple(map(len, training)), config.weights, names)
-    split = Split(tuple(chain(*training)), tuple(held_out), dict(left_out), mix)
+    parts = [(n, part) for n, files in enumerate(training) for part in _parts(files, config)]
+    of, files_of = zip(*parts, strict=True)
+    mix = Mix(tuple(map(len, files_of)), config.weights, names, of, config.balance)
+    split = Split(tuple(chain(*files_of)), tuple(held_out), dict(left_out), mix)
     if not split.training:
         said = f" ({split.statement})" if split.statement else ""
         raise BadManifest(f"no usable clips{said}. Give manifests with clips that are not rejected")
     return split
+
+
+def _parts(files: list[ClipFile], config: DataConfig) -> list[list[ClipFile]]:
+    """A manifest's clips, person by person where people are balanced; those of nobody who is named
+    count as one's."""
+    if config.balance == 1 or not files:
+        return [files]
+    people: dict[str | None, list[ClipFile]] = {}
+    for file in files:
+        people.setdefault(subject_of(file.entry.source), []).append(file)
+    return list(people.values())
 
 
 def subject_of(source: Source) -> str | None:

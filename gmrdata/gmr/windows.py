@@ -29,7 +29,7 @@ from gmrdata.values.shapes import Float, Int
 
 
 def sample_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.Generator) -> int:
-    """Sample a run by its share of the frames: of all, or of those of a manifest, by weight."""
+    """Sample a run by its share of the frames: of all, or of those of a part, by weight."""
     start, stop = 0, int(runs.ends[-1])
     if weights is not None:
         upto = np.cumsum(weights)
@@ -48,7 +48,7 @@ class TrainingSet:
     frames: FlatRuns
     representation: Representation  # of `poses`
     extra_inputs: tuple[ExtraInput, ...] = ()  # what a batch's network input has beside them
-    weights: tuple[float, ...] | None = None  # of each manifest; None: runs by their frames
+    weights: tuple[float, ...] | None = None  # of each part; None: runs by their frames
 
     def window(self, run: int, rows: slice) -> TrainingRun:
         """Some frames of a run, as arrays of their own."""
@@ -93,12 +93,10 @@ def make_training_set(
     rows = _run_rows(clips, model.input, config, mix, list(bodies))
     about = PackRecord(input=model.input, fps_hz=config.fps_hz)
     frames = in_memory(rows) if pack_dir is None else in_files(rows, pack_dir, about)
-    if mix is None or mix.weights is None:
+    if mix is None:
         return TrainingSet(frames, model.input, model.extra_inputs)
-    for part in set(range(len(mix.sizes))) - set(frames.parts.tolist()):
-        name = f"manifest {mix.names[part] if mix.names else f'number {part}'}"
-        raise BadManifest(f"{name} has a weight, but no clip of it gives a window. Leave it out")
-    return TrainingSet(frames, model.input, model.extra_inputs, mix.weights)
+    n_frames = np.bincount(frames.parts, np.diff(frames.ends, prepend=0), len(mix.sizes))
+    return TrainingSet(frames, model.input, model.extra_inputs, mix.shares(n_frames))
 
 
 def make_batch(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 import pytest
@@ -186,3 +187,19 @@ def test_a_training_says_what_it_left_out(
     assert "not trained on: 4 of 9 clips" in " ".join(capsys.readouterr().err.split())
     assert "held_out_tme_mm" in (tmp_path / "run" / "metrics.jsonl").read_text()
     assert not (tmp_path / "run" / "pack").exists()
+
+
+def test_people_come_one_after_the_other_where_they_are_balanced(make_manifest):
+    paths = [make_manifest("a"), make_manifest("b", {"plain": SOURCES["plain"]})]
+    kept = DataConfig(never_train_on=())
+    split = split_manifests(paths, kept)
+    assert split.mix.sizes == (8, 1) and split.mix.manifests == (0, 1)
+    balanced = split_manifests(paths, kept.model_copy(update={"balance": 0.5}))
+    people = [subject_of(file.entry.source) for file in balanced.training[:8]]
+    in_a_row = [(person, len(list(files))) for person, files in groupby(people)]
+    assert dict(in_a_row) == {"CMU/02": 4, "CMU/08": 1, "KIT/3": 1, None: 2} and len(in_a_row) == 4
+    assert balanced.mix.sizes == (*(n for _, n in in_a_row), 1)
+    assert balanced.mix.manifests == (0, 0, 0, 0, 1) and balanced.mix.balance == 0.5
+    assert {file.entry.id for file in balanced.training} == {
+        file.entry.id for file in split.training
+    }

@@ -388,7 +388,19 @@ def test_any_weights_draw_a_run(weights, seed):
 def test_a_weight_without_windows_is_refused(make_clips):
     clips: list[Any] = make_clips(1, 1)
     mix = Mix((1, 0), (1.0, 1.0), ("a.yaml", "b.yaml"))
-    with pytest.raises(BadManifest, match=r"manifest b\.yaml has a weight, but no clip of it"):
+    with pytest.raises(BadManifest, match=r"b\.yaml has a weight, but no clip gives"):
         make_training_set(clips, ModelConfig(), WindowConfig(), mix=mix)
     unweighted = Mix((1, 0), None, ("a.yaml", "b.yaml"))
     assert make_training_set(clips, ModelConfig(), WindowConfig(), mix=unweighted).weights is None
+
+
+def test_people_are_balanced_within_their_manifest():
+    """16 and 1 windows of two people of one manifest, by their roots: 4 to 1; as many as before of
+    another one."""
+    n_frames = np.array([1600, 100, 0, 850])
+    mix = Mix((3, 1, 1, 2), None, (), (0, 0, 0, 1), 0.5)
+    shares = np.array(mix.shares(n_frames))
+    np.testing.assert_allclose(shares / shares[1], [4.0, 1.0, 0.0, 2.5])
+    weighed = np.array(replace(mix, weights=(1.0, 3.0)).shares(n_frames))
+    np.testing.assert_allclose(weighed, [0.8, 0.2, 0.0, 3.0])
+    assert replace(mix, balance=1.0).shares(n_frames) is None
