@@ -66,6 +66,10 @@ class ModelConfig(NetworkConfig):
     translation: MotionSource = "regressed"
     """How dT is put out.  `standing_joint`: as what the joint that stands leaves to the root, given
     dR, and what is regressed; perhaps another joint: a foot that turns on its ball stands."""
+    joints_say: bool = False
+    """Whether how each joint itself moves says, too, if it stands, by weights that joints share,
+    and a body in flight is held as one more joint (`gmrdata.gmr.supports`).  Needs `standing_joint`
+    for both."""
     regressed: Literal["freely", "as_the_pose_changes"] = "freely"
     """`as_the_pose_changes`: what is regressed is multiplied by how fast the local pose changes, so
     that who holds a pose stands still, on whatever posture the network was trained."""
@@ -73,6 +77,12 @@ class ModelConfig(NetworkConfig):
     """Whether a trained network's answer is the mean of four: to the sequence, its mirror image,
     its reverse, and both, each turned back.  That takes four times as long; training is the same.
     """
+
+    @model_validator(mode="after")
+    def _joints_can_say(self) -> Self:
+        if self.joints_say and {self.rotation, self.translation} != {"standing_joint"}:
+            raise ValueError("joints_say needs rotation and translation: standing_joint")
+        return self
 
 
 class LossConfig(Config):

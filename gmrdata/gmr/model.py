@@ -20,6 +20,15 @@ from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 from gmrdata.gmr import rotations
 from gmrdata.gmr.augmentation import four_ways, mean_motion, turned_back
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, NetworkConfig, Representation
+from gmrdata.gmr.supports import (
+    SCALE,
+    StandingShares,
+    Supports,
+    centre_of_mass_m,
+    led_by,
+    support_scores,
+    with_flight,
+)
 from gmrdata.values.body import JOINT, N_LOCAL
 from gmrdata.values.shapes import Float, Int
 from gmrdata.values.skinning_torch import forward_kinematics
@@ -45,9 +54,6 @@ def joints_in_root_frame(
     rest_m = torch.tensor(REST_JOINTS_M, dtype=local_rotmats.dtype, device=local_rotmats.device)
     places_m, root_from_joint = forward_kinematics(rest_m, local_rotmats)
     return places_m[..., 1:, :], root_from_joint[..., 1:, :, :]
-
-
-SCALE = 10.0  # motions at 10 fps are about 0.1 rad and 0.1 m; the other numbers are about 1
 
 
 Joints = tuple[Tensor, Tensor]  # what `joints_in_root_frame` gives
@@ -101,8 +107,7 @@ def seen_from_feet(
     one's.  Then the root's and the other foot's up (y of their frames).
     """
     places_m, root_from_joint = joints or joints_in_root_frame(local_rotmats)
-    masses = torch.tensor(MASSES, dtype=places_m.dtype, device=places_m.device)
-    centre_m = (places_m * masses[:, None]).sum(-2) / (masses.sum() + PELVIS_MASS)
+    centre_m = centre_of_mass_m(places_m)
     feet = []
     for foot, other in ((ANKLES[0], ANKLES[1]), (ANKLES[1], ANKLES[0])):
         foot_from_root = root_from_joint[..., foot, :, :].transpose(-1, -2)
@@ -118,12 +123,6 @@ def seen_from_feet(
     return torch.stack(feet, dim=-2)
 
 
-PELVIS_MASS = 8.0
-MASSES = (
-    0.1, 0.1, 8.0, 7.0, 7.0, 8.0, 3.0, 3.0, 12.0, 1.0, 1.0, 1.0,
-    2.0, 2.0, 5.0, 2.0, 2.0, 1.5, 1.5, 0.8, 0.8, 0.3, 0.3,
-)  # fmt: skip
-"""What hangs on joints 1 to 23, and on the pelvis, roughly in per cent of the body's mass."""
 ANKLES = (JOINT["left_ankle"] - 1, JOINT["right_ankle"] - 1)
 _TO_BALL = JOINT["left_foot"] - JOINT["left_ankle"]
 
@@ -141,48 +140,12 @@ def _with_last(values: Tensor) -> Tensor:
     return torch.cat([values, torch.zeros_like(values[..., :1, :, :])], dim=-3)
 
 
-class StandingShares(nn.Module):
-    """Which joint stands, as shares that sum to 1 over the joints 1..23 and none of them."""
-
-    def __init__(self, n_features: int) -> None:
-        super().__init__()
-        self.logits = nn.Linear(n_features, N_LOCAL + 1)
-
-    def forward(
-        self, features: Float[Tensor, "batch frames n"]
-    ) -> Float[Tensor, "batch frames 23 1"]:
-        """Shares of the joints, without that of none."""
-        return self.logits(features).softmax(-1)[..., :N_LOCAL, None]
-
-
-def root_turn(
-    shares: Float[Tensor, "*#batch joints 1"], root_from_joint: Float[Tensor, "*#batch joints 3 3"]
-) -> Float[Tensor, "*batch 3 3"]:
-    """dR: the mean, as axis-angle, of what each joint leaves to the root; none leaves no turn."""
-    turns = rotations.log_map(root_from_joint @ _next(root_from_joint).transpose(-1, -2))
-    return rotations.to_rotmats((shares * turns).sum(-2), "axis-angle")
-
-
-def root_step_m(
-    shares: Float[Tensor, "*#batch joints 1"],
-    places_m: Float[Tensor, "*#batch joints 3"],
-    delta_rotmats: Float[Tensor, "*#batch 3 3"],
-) -> Float[Tensor, "*batch 3"]:
-    """dT [m]: the mean of what each joint leaves to the root; none leaves no step."""
-    return (shares * (places_m - _next(places_m) @ delta_rotmats.transpose(-1, -2))).sum(-2)
-
-
 def input_rotmats(
     poses: Float[Tensor, "*batch numbers"], representation: Representation
 ) -> Float[Tensor, "*batch 23 3 3"]:
     """Local rotations, which come first in the network's input."""
     local = poses[..., : N_LOCAL * rotations.SIZE[representation]].unflatten(-1, (N_LOCAL, -1))
     return rotations.to_rotmats(local, representation)
-
-
-def _next(values: Tensor) -> Tensor:
-    """Each frame's next one along axis 1, and the last again: its motion leads out."""
-    return torch.cat([values[:, 1:], values[:, -1:]], dim=1)
 
 
 LEGS_AND_TRUNK = range(JOINT["neck"] - 1)
@@ -248,9 +211,11 @@ class Gmr(MotionNetwork):
         self.config = config
         self.register_buffer("columns", torch.tensor(columns), persistent=False)
         self.regression = nn.Linear(config.n_features, rotations.SIZE[config.output] + 3)
-        self.turn_shares = _shares(config.rotation, config.n_features)
-        self.step_shares = _shares(config.translation, config.n_features)
+        self.turn_shares = _shares(config.rotation, config)
+        self.step_shares = _shares(config.translation, config)
+        self.looks = support_scores(config.n_features) if config.joints_say else None
         self._is_free = config.regressed == "freely"
+        self._given = _columns_of("standing", config)
 
     def forward(
         self,
@@ -293,18 +258,16 @@ class Gmr(MotionNetwork):
             if self._is_free and self.turn_shares is None and self.step_shares is None:
                 return self.motions(regressed)
             with torch.no_grad():  # in padding they are finite, but of no meaning
-                local_rotmats = input_rotmats(poses, self.config.input)
-                places_m, root_from_joint = joints_in_root_frame(local_rotmats)
+                joints = joints_in_root_frame(input_rotmats(poses, self.config.input))
+                given = poses[..., self._given]
+                motions = given.unflatten(-1, (-1, 6)) if given.numel() else _root_motions(*joints)
+                supports = Supports(motions, joints[0])
+                supports = supports if self.looks is None else with_flight(supports)
             if not self._is_free:
-                speeds = speeds_of_change(places_m, root_from_joint)
-                regressed = regressed * speeds
-            # The regression puts out what standing joints leave over.
-            turns, delta_m = self.motions(regressed)
-            if self.turn_shares is not None:
-                turns = root_turn(self.turn_shares(features), root_from_joint) @ turns
-            if self.step_shares is not None:
-                delta_m = root_step_m(self.step_shares(features), places_m, turns) + delta_m
-            return turns, delta_m
+                regressed = regressed * speeds_of_change(*joints)
+            # The regression puts out what supports leave over.
+            shares = self.turn_shares, self.step_shares
+            return led_by(supports, features, self.motions(regressed), shares, self.looks)
 
 
 class MeanGmr(nn.Module):
@@ -332,8 +295,9 @@ class MeanGmr(nn.Module):
         return [one for model in self.models for one in model.answers(poses, lengths)]
 
 
-def _shares(source: MotionSource, n_features: int) -> StandingShares | None:
-    return StandingShares(n_features) if source == "standing_joint" else None
+def _shares(source: MotionSource, config: ModelConfig) -> StandingShares | None:
+    n_supports = N_LOCAL + config.joints_say
+    return StandingShares(config.n_features, n_supports) if source == "standing_joint" else None
 
 
 def input_size(config: ModelConfig) -> int:
@@ -351,6 +315,15 @@ def input_columns(config: ModelConfig) -> list[int]:
         columns += [start + numbers * row + i for row in seen for i in range(numbers)]
         start += rows * numbers
     return columns
+
+
+def _columns_of(kind: ExtraInput, config: ModelConfig) -> slice:
+    """Where an extra input lies in the network's; nowhere if it is none."""
+    if kind not in config.extra_inputs:
+        return slice(0)
+    before = config.extra_inputs[: config.extra_inputs.index(kind)]
+    start = input_size(config.model_copy(update={"extra_inputs": before}))
+    return slice(start, start + EXTRA_SIZES[kind][0] * EXTRA_SIZES[kind][1])
 
 
 def _extra_sizes(config: ModelConfig) -> list[tuple[int, int]]:

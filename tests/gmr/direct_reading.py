@@ -60,6 +60,9 @@ def parameter_count(config: ModelConfig) -> int:
     sizes = [input_size(config)] + [2 * h] * (config.layers - 1)
     encoder = sum(2 * (3 * h * (n + h) + 6 * h) for n in sizes)
     outputs = rotations.SIZE[config.output] + 3
-    outputs += (N_LOCAL + 1) * (config.rotation, config.translation).count("standing_joint")
+    n_shares = N_LOCAL + config.joints_say + 1  # with one for none
+    outputs += n_shares * (config.rotation, config.translation).count("standing_joint")
     f = config.latent or h
-    return encoder + (2 * h * f + f) + (f * outputs + outputs)
+    # 32 numbers of the features, 15 or 23 of a support, one for each of 24; two scores.
+    looks = sum(32 * (f + 1 + n + 1 + 24) + 33 * 2 for n in (15, 23)) if config.joints_say else 0
+    return encoder + (2 * h * f + f) + (f * outputs + outputs) + looks

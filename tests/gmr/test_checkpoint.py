@@ -203,7 +203,7 @@ def test_a_state_of_the_second_version_is_read(run_dir):
     """Its network had as many latent numbers as hidden units; whatever else it lacks is refused."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/2"}
-    for key in ("latent", "looks_at", "regressed", "symmetric"):
+    for key in ("latent", "looks_at", "regressed", "symmetric", "joints_say"):
         del state["model"][key]
     write_json(path, state)
     assert load_gmr(run_dir).model.config == CONFIG
@@ -219,11 +219,15 @@ def test_a_state_of_the_second_version_is_read(run_dir):
 
 @pytest.mark.parametrize(
     ("version", "added_later", "there_already"),
-    [(3, ("looks_at", "regressed", "symmetric"), "latent"), (4, ("symmetric",), "looks_at")],
+    [
+        (3, ("looks_at", "regressed", "symmetric", "joints_say"), "latent"),
+        (4, ("symmetric", "joints_say"), "looks_at"),
+        (5, ("joints_say",), "symmetric"),
+    ],
 )
 def test_a_state_of_a_later_version_is_read(version, added_later, there_already, run_dir):
     """The third's network saw all joints, regressed freely and had a latent size; the fourth's
-    answered to a sequence as it is."""
+    answered to a sequence as it is; the fifth's joints had no say."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": f"gmrdata-gmr/{version}"}
     for key in added_later:

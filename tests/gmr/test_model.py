@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from gmrdata.gmr.config import ModelConfig, Representation
 from gmrdata.gmr.model import (
     REST_JOINTS_M,
-    SCALE,
     Gmr,
     input_columns,
     input_rotmats,
@@ -19,10 +18,21 @@ from gmrdata.gmr.model import (
     joints_in_root_frame,
     motions_if_standing,
     network_input,
-    root_step_m,
-    root_turn,
     speeds_of_change,
     velocities,
+)
+from gmrdata.gmr.rotations import log_map, to_rotmats
+from gmrdata.gmr.supports import (
+    MASSES,
+    PELVIS_MASS,
+    SCALE,
+    Supports,
+    apart_from,
+    centre_of_mass_m,
+    root_step_m,
+    root_turn,
+    support_numbers,
+    with_flight,
 )
 from gmrdata.values.body import JOINT_NAMES
 from gmrdata.values.motion import deltas
@@ -219,20 +229,33 @@ NONE = 23
 BOTH = ModelConfig(layers=1, hidden=4, rotation="standing_joint", translation="standing_joint")
 
 
-def sure_of(turning: int, stepping: int) -> Gmr:
-    """A network that puts out zeros, but for being sure of which joint stands."""
-    model = Gmr(BOTH)
+def sure_of(turning: int, stepping: int, *, by_look: int | None = None) -> Gmr:
+    """A network that puts out zeros, but for being sure of which joint stands: by its features, or
+    by its first or second look at the joints."""
+    model = Gmr(BOTH if by_look is None else BOTH.model_copy(update={"joints_say": True}))
     for parameter in model.parameters():
         torch.nn.init.zeros_(parameter)
     assert model.turn_shares is not None and model.step_shares is not None
-    model.turn_shares.logits.bias.data[turning] = 200.0
-    model.step_shares.logits.bias.data[stepping] = 200.0
+    if by_look is None:
+        model.turn_shares.logits.bias.data[turning] = 200.0
+        model.step_shares.logits.bias.data[stepping] = 200.0
+        return model
+    assert model.looks is not None
+    look = model.looks[by_look]
+    look.own.data[turning, 0], look.own.data[stepping, 1] = 200.0, 200.0
+    look.scores.weight.data[[0, 1], [0, 1]] = 1.0
     return model
 
 
 def all_of(joint: int) -> torch.Tensor:
     """Shares that give all to one joint."""
     return torch.nn.functional.one_hot(torch.tensor(joint), 23).double()[:, None]
+
+
+def joint_turns(root_from_joint: torch.Tensor) -> torch.Tensor:
+    """What each joint leaves to the root, as axis-angle; the last frame has no next one."""
+    after = torch.cat([root_from_joint[:, 1:], root_from_joint[:, -1:]], dim=1)
+    return log_map(root_from_joint @ after.mT)
 
 
 def test_a_point_at_rest_shows_the_translation(small_body):
@@ -260,7 +283,7 @@ def test_a_joint_at_rest_shows_the_rotation():
             Rotation.random(random_state=joint).as_matrix() @ root_from_joint[:, joint].mT.numpy()
         )
         delta_rotmats, _ = deltas(root_rotmats, np.zeros((6, 3)))
-        turns = root_turn(all_of(joint), root_from_joint[None])
+        turns = root_turn(all_of(joint), joint_turns(root_from_joint[None]))
         np.testing.assert_allclose(turns[0, :-1], delta_rotmats, atol=1e-6)
         np.testing.assert_allclose(turns[0, -1], np.eye(3), atol=1e-6)
 
@@ -270,7 +293,7 @@ def test_shares_of_a_turn_are_shares_of_its_angle():
     angles_rad = np.array([[0.0, 0.0], [0.2, 0.6]])
     rotmats = Rotation.from_rotvec([[0, 0, angle] for angle in angles_rad.flat]).as_matrix()
     shares = torch.tensor([0.5, 0.25], dtype=torch.float64)[:, None]
-    turns = root_turn(shares, torch.from_numpy(rotmats).reshape(1, 2, 2, 3, 3))
+    turns = root_turn(shares, joint_turns(torch.from_numpy(rotmats).reshape(1, 2, 2, 3, 3)))
     expected_rad = -(0.5 * 0.2 + 0.25 * 0.6)
     found_rad = Rotation.from_matrix(turns[0, 0].numpy()).as_rotvec()
     np.testing.assert_allclose(found_rad, [0, 0, expected_rad], atol=1e-9)
@@ -289,8 +312,8 @@ def test_the_joints_that_stand_turn_and_move_the_root():
     poses = random_poses(1, 7)
     places_m, root_from_joint = joints_in_root_frame(poses)
     seen = network_input(poses, "quaternion").float()
-    for turning, stepping in ((6, 9), (9, 6), (22, 22)):
-        delta_rotmats, delta_m = sure_of(turning, stepping)(seen)
+    for by_look, (turning, stepping) in product((None, 0, 1), ((6, 9), (9, 6), (22, 22))):
+        delta_rotmats, delta_m = sure_of(turning, stepping, by_look=by_look)(seen)
         turns = root_from_joint[0, :-1, turning] @ root_from_joint[0, 1:, turning].mT
         np.testing.assert_allclose(delta_rotmats[0, :-1].detach(), turns, atol=2e-6)
         moved_m = (turns @ places_m[0, 1:, stepping, :, None])[..., 0]
@@ -306,10 +329,67 @@ def test_the_joints_that_stand_turn_and_move_the_root():
     assert delta_m.abs().max() == 0
 
 
+def test_a_joint_says_how_it_moved_and_moves():
+    poses = random_poses(1, 5)
+    places_m, _ = joints_in_root_frame(poses)
+    motions = motions_if_standing(poses)
+    numbers = support_numbers(Supports(motions, places_m))
+    assert torch.equal(numbers[..., :6], motions)
+    assert torch.equal(numbers[:, 1:, :, 6:12], motions[:, :-1])
+    assert torch.equal(numbers[:, 0, :, 6:12], motions[:, 0])
+    assert torch.equal(numbers[..., 12:], 2 * places_m)
+
+
+def test_no_joint_is_apart_from_its_own_motion():
+    poses = random_poses(1, 5)
+    places_m, _ = joints_in_root_frame(poses)
+    motions = motions_if_standing(poses) / SCALE
+    turns = to_rotmats(motions[:, :, 7, :3], "axis-angle")
+    supports = Supports(SCALE * motions, places_m)
+    apart = apart_from(turns, motions[:, :, 7, 3:], supports)[:, :-1]
+    np.testing.assert_allclose(apart[:, :, 7], [[[0] * 6 + [0.01] * 2] * 4], atol=1e-6)
+    left_rad = motions[:, :-1, 3, :3] - motions[:, :-1, 7, :3]
+    torch.testing.assert_close(apart[:, :, 3, :3], SCALE * left_rad)
+    moved_m = (turns[:, :-1] @ places_m[:, 1:, 3, :, None])[..., 0]
+    left_m = places_m[:, :-1, 3] - moved_m - motions[:, :-1, 7, 3:]
+    torch.testing.assert_close(apart[:, :, 3, 3:6], SCALE * left_m)
+    lengths = apart[..., :6].unflatten(-1, (2, 3)).norm(dim=-1)
+    torch.testing.assert_close(apart[..., 6:], (lengths.square() + 1e-4).sqrt())
+
+
+def test_a_body_in_flight_keeps_its_mass_in_place_and_does_not_spin():
+    """Its arms and legs go round: what the root does is the rest of no angular momentum."""
+    poses = random_poses(1, 3)
+    turned = Rotation.from_rotvec(np.random.default_rng(4).normal(0, 1e-4, (23, 3))).as_matrix()
+    poses[:, 1] = poses[:, 0] @ torch.from_numpy(turned)
+    places_m, _ = joints_in_root_frame(poses)
+    supports = with_flight(Supports(motions_if_standing(poses), places_m))
+    assert supports.motions.shape == (1, 3, 24, 6)
+    delta_rotmat = to_rotmats(supports.turns[0, 0, -1], "axis-angle")
+    delta_m = supports.motions[0, 0, -1, 3:] / SCALE
+    before_m, after_m = (torch.cat([torch.zeros(1, 3), places_m[0, t]]) for t in (0, 1))
+    after_m = after_m @ delta_rotmat.T + delta_m
+    centre_m = centre_of_mass_m(places_m)[0, 0]
+    torch.testing.assert_close(supports.places_m[0, 0, -1], centre_m)
+    masses = torch.tensor((PELVIS_MASS, *MASSES), dtype=torch.float64)[:, None]
+    moved_m = after_m - before_m
+    assert (masses * moved_m).sum(0).norm() < 1e-6 * (masses * moved_m.norm(dim=1)[:, None]).sum()
+    spins = masses * torch.linalg.cross(before_m - centre_m, moved_m)
+    # All but the least inertia, about a hundredth of a body's.
+    assert spins.sum(0).norm() < 0.03 * spins.norm(dim=1).sum()
+
+
+@pytest.mark.parametrize("parts", [{"rotation": "regressed"}, {"translation": "regressed"}])
+def test_joints_that_do_not_stand_have_no_say(parts):
+    with pytest.raises(ValueError, match="joints_say needs rotation and translation"):
+        ModelConfig.model_validate(BOTH.model_dump() | {"joints_say": True} | parts)
+
+
+@pytest.mark.parametrize("joints_say", [False, True])
 @pytest.mark.parametrize("input_", ["quaternion", "axis-angle", "6d"])
-def test_padding_leaves_finite_gradients(input_):
+def test_padding_leaves_finite_gradients(input_, joints_say):
     """Padding is zeros, which are no rotations."""
-    model = Gmr(BOTH.model_copy(update={"input": input_}))
+    model = Gmr(BOTH.model_copy(update={"input": input_, "joints_say": joints_say}))
     poses = network_input(random_poses(2, 6), input_).float()
     poses[0, 3:] = 0
     delta_rotmats, delta_m = model(poses, torch.tensor([3, 6]))
@@ -317,6 +397,22 @@ def test_padding_leaves_finite_gradients(input_):
     for name, parameter in model.named_parameters():
         assert parameter.grad is not None, name
         assert torch.isfinite(parameter.grad).all(), name
+
+
+@pytest.mark.parametrize("standing", [("standing",), ("velocity", "standing"), ()])
+def test_what_joints_say_is_taken_from_the_input_or_made(standing):
+    config = BOTH.model_copy(update={"joints_say": True, "extra_inputs": standing})
+    model, poses = Gmr(config), random_poses(2, 6)
+    assert model.looks is not None
+    for look in model.looks:
+        torch.nn.init.normal_(look.scores.weight)
+    seen = network_input(poses, "quaternion", standing).float()
+    given = model(seen)
+    model._given = slice(0)  # now made of the rotations, of which the last frame leads nowhere
+    made = model(seen)
+    for one, other in zip(given, made, strict=True):
+        torch.testing.assert_close(one, other, atol=1e-5, rtol=1e-5)
+    assert sum(p.numel() for p in model.parameters()) == parameter_count(config)
 
 
 @pytest.mark.parametrize("parts", [("rotation",), ("translation",), ("rotation", "translation")])
