@@ -6,11 +6,13 @@ import signal
 import sys
 import threading
 import traceback
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import fields, is_dataclass
 from functools import wraps
 from inspect import getdoc, isfunction, signature
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
@@ -56,6 +58,10 @@ RENAMED: Mapping[str, Mapping[str, str]] = {
 """Of each verb, flags of earlier versions and what stands for them now."""
 
 
+APPENDED = ("--manifest", "--videos")
+"""Flags that may be given again."""
+
+
 def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
     """What is wrong with a command line before any verb looks at it; None if nothing is."""
     if not arguments or arguments[0].startswith("-"):
@@ -63,7 +69,15 @@ def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
     verb, *rest = arguments
     if verb not in verbs:
         return f"there is no verb {verb!r}{nearest(verb, verbs)}. `gmrdata --help` lists them"
-    return next(_renamed(verb, rest), None)
+    return next(chain(_renamed(verb, rest), _repeated(rest)), None)
+
+
+def _repeated(rest: Sequence[str]) -> Iterator[str]:
+    """Flags given again, of which only the last would count."""
+    flags = [word.split("=")[0].replace("_", "-") for word in rest if word.startswith("--")]
+    for flag, times in Counter(flags).items():
+        if times > 1 and flag not in APPENDED:
+            yield f"{flag} is given {times} times. Give it once, with all its values after it"
 
 
 def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:

@@ -291,6 +291,11 @@ def test_version(gmrdata):
         ("xyzzy", 2, "there is no verb 'xyzzy'. `gmrdata --help` lists them"),
         ("run syntetic --out x", 1, "twins_small; did you mean 'synthetic'?"),
         ("infer out/gmr v.pkl --out x", 2, "gmrdata infer v.pkl --network out/gmr"),
+        (
+            "delta-errors m --network=a --network b --out c",
+            2,
+            "--network is given 2 times. Give it once, with all its values after it",
+        ),
     ],
 )
 def test_a_wrong_word_gets_the_right_one(gmrdata, typed, code, said):
