@@ -58,8 +58,9 @@ RENAMED: Mapping[str, Mapping[str, str]] = {
 """Of each verb, flags of earlier versions and what stands for them now."""
 
 
-APPENDED = ("--manifest", "--videos")
-"""Flags that may be given again."""
+ALL_AT_ONCE: Mapping[str, Collection[str]] = {"delta-errors": ("--network", "--people")}
+"""Of each verb, flags of several values that one means to add to where one gives them again; of any
+other flag the last one counts, as scripts rely on."""
 
 
 def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
@@ -69,15 +70,14 @@ def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
     verb, *rest = arguments
     if verb not in verbs:
         return f"there is no verb {verb!r}{nearest(verb, verbs)}. `gmrdata --help` lists them"
-    return next(chain(_renamed(verb, rest), _repeated(rest)), None)
+    return next(chain(_renamed(verb, rest), _repeated(verb, rest)), None)
 
 
-def _repeated(rest: Sequence[str]) -> Iterator[str]:
-    """Flags given again, of which only the last would count."""
-    flags = [word.split("=")[0].replace("_", "-") for word in rest if word.startswith("--")]
-    for flag, times in Counter(flags).items():
-        if times > 1 and flag not in APPENDED:
-            yield f"{flag} is given {times} times. Give it once, with all its values after it"
+def _repeated(verb: str, rest: Sequence[str]) -> Iterator[str]:
+    flags = Counter(word.split("=")[0].replace("_", "-") for word in rest)
+    for flag in ALL_AT_ONCE.get(verb, ()):
+        if flags[flag] > 1:
+            yield f"{flag} is given {flags[flag]} times. Give it once, with all its values after it"
 
 
 def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:
