@@ -234,6 +234,10 @@ def _translations(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
         for axis, column in channels:
             translations[:, joint, "XYZ".index(axis)] = table[:, column]
         usual = np.median(translations[:, joint], axis=0)
-        if joint and 2 * np.linalg.norm(usual) < np.linalg.norm(offsets[joint]):
+        if (
+            joint
+            and len(channels) == 3
+            and 2 * np.linalg.norm(usual) < np.linalg.norm(offsets[joint])
+        ):
             translations[:, joint] += offsets[joint]
     return translations

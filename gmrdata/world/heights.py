@@ -65,7 +65,8 @@ class _Seen:
 def held_upright(body: BodyModel, motion: Motion) -> Motion:
     """A motion turned back over time as far as standing shows that its roll and pitch drift, in a
     world whose z axis is up on average."""
-    seen = replace(_seen(body, motion), held=np.zeros(motion.n_frames, dtype=bool))
+    nowhere, shown = np.zeros(motion.n_frames), shown_tilts(body, motion)
+    seen = _Seen(motion.pelvis_m, nowhere, nowhere > 0, 0.0, shown, motion.fps_hz)
     return _turned_level(motion, _heights_and_tilts(seen, DRIFT_SIGMA_M)[1])
 
 

@@ -30,7 +30,7 @@ class ShownTilts(NamedTuple):
 
 
 def shown_tilts(body: BodyModel, motion: Motion) -> ShownTilts:
-    """Of each frame, as if each was on its own."""
+    """Of each frame, by the mass over the feet and by feet at rest; as if each was on its own."""
     above_m, carried = balance(body, motion)
     feet_up, still = standing_feet_up(body, motion)
     directions = np.concatenate([above_m[:, None], feet_up], axis=1)

@@ -117,6 +117,14 @@ def test_a_written_skeleton_is_read_as_the_format_means_it(skeleton, write_bvh, 
     np.testing.assert_allclose(_fk(source), expected, atol=1e-9)
 
 
+def test_one_channel_of_a_place_stands_for_its_offset(write_bvh, tmp_path):
+    """However small it is: a place beside the offset has all three."""
+    offsets, channels = np.array([[0.0, 0, 0], [0, 0, -2]]), [["Xrotation"], ["Zposition"]]
+    path = write_bvh(tmp_path / "a.bvh", ["a", "b"], [-1, 0], offsets, channels, np.zeros((2, 2)))
+    source = read_bvh(path, unit_m=1.0, drop_rest_frame=False)
+    np.testing.assert_array_equal(source.translations_m[:, 1], np.zeros((2, 3)))
+
+
 def test_units_rate_and_end_sites(tmp_path):
     path = tmp_path / "a.bvh"
     path.write_text(GOOD)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.motion.amass import read_amass
 from gmrdata.motion.files import read_motion
 from gmrdata.read.bvh import read_bvh
+from gmrdata.read.source_motion import DEFAULT_READING
 from gmrdata.values.body import (
     JOINT,
     JOINT_NAMES,
@@ -128,6 +129,7 @@ def test_another_skeleton_is_not_taken_for_the_bodys_own(walk, small_body, tmp_p
     n_betas=st.sampled_from([10, 16]),
     fps_hz=st.sampled_from([10.0, 29.97, 59.94, 60.0, 120.0]),
 )
+@example(seed=338, gender="female", on="own", n_betas=10, fps_hz=59.94)
 def test_amass_in_and_out_again_has_the_same_numbers(
     seed, gender, on, n_betas, fps_hz, small_body, tmp_path_factory
 ):
@@ -146,7 +148,10 @@ def test_amass_in_and_out_again_has_the_same_numbers(
     name = {"own": f"smpl-{gender}", "other": "smpl-male", "small": "small"}[on]
     body = replace(grown_body(small_body, n_betas), name=name)
     is_own = name == f"smpl-{gender}"
-    motion = read_amass(folder / "in_poses.npz", body, ground=None if is_own else False)
+    # Some of these people seem to stand along y, and nobody but the reader would ask.
+    up_is_said = DEFAULT_READING.model_copy(update={"up": "z"})
+    ground = None if is_own else False
+    motion = read_amass(folder / "in_poses.npz", body, up_is_said, ground=ground)
     write_amass(folder / "out.npz", motion, body)
     with np.load(folder / "out.npz", allow_pickle=False) as found:
         for key in ("poses", "trans"):
