@@ -200,7 +200,8 @@ class Mix:
         if self.weights is not None:
             for empty in np.flatnonzero(whole == 0):
                 name = f"manifest {self.names[empty] if self.names else f'number {empty}'}"
-                raise BadManifest(f"{name} has a weight, but no clip gives a window. Leave it out")
+                said = f"{name} has a weight, but no clip of it gives a window"
+                raise BadManifest(f"{said}. Leave it out")
             of_manifest = np.array(self.weights)
         return tuple((of_manifest[manifest] * own / np.maximum(whole, 1e-300)[manifest]).tolist())
 
@@ -253,9 +254,9 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
         raise BadRecipe(f"data.held_out_subjects: no clip is of {', '.join(missing)}")
     names = tuple(path.name for path in manifest_paths)
     parts = [(n, part) for n, files in enumerate(training) for part in _parts(files, config)]
-    of, files_of = zip(*parts, strict=True)
-    mix = Mix(tuple(map(len, files_of)), config.weights, names, of, config.balance)
-    split = Split(tuple(chain(*files_of)), tuple(held_out), dict(left_out), mix)
+    sizes, of = tuple(len(part) for _, part in parts), tuple(n for n, _ in parts)
+    mix = Mix(sizes, config.weights, names, of, config.balance)
+    split = Split(tuple(chain(*(part for _, part in parts))), tuple(held_out), dict(left_out), mix)
     if not split.training:
         said = f" ({split.statement})" if split.statement else ""
         raise BadManifest(f"no usable clips{said}. Give manifests with clips that are not rejected")

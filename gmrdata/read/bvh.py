@@ -233,11 +233,9 @@ def _translations(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
     for joint, channels in enumerate(_columns(tree, "position")):
         for axis, column in channels:
             translations[:, joint, "XYZ".index(axis)] = table[:, column]
-        usual = np.median(translations[:, joint], axis=0)
-        if (
-            joint
-            and len(channels) == 3
-            and 2 * np.linalg.norm(usual) < np.linalg.norm(offsets[joint])
-        ):
-            translations[:, joint] += offsets[joint]
+        # Some programs write how far a joint is from its offset, and then along all three axes.
+        usual, offset = np.median(translations[:, joint], axis=0), offsets[joint]
+        is_small = 2 * np.linalg.norm(usual) < np.linalg.norm(offset)
+        if joint and len(channels) == 3 and is_small:
+            translations[:, joint] += offset
     return translations

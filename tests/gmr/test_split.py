@@ -203,3 +203,8 @@ def test_people_come_one_after_the_other_where_they_are_balanced(make_manifest):
     assert {file.entry.id for file in balanced.training} == {
         file.entry.id for file in split.training
     }
+
+
+def test_no_manifest_is_no_clip():
+    with pytest.raises(BadManifest, match="no usable clips"):
+        split_manifests([], DataConfig())

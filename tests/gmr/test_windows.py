@@ -388,7 +388,7 @@ def test_any_weights_draw_a_run(weights, seed):
 def test_a_weight_without_windows_is_refused(make_clips):
     clips: list[Any] = make_clips(1, 1)
     mix = Mix((1, 0), (1.0, 1.0), ("a.yaml", "b.yaml"))
-    with pytest.raises(BadManifest, match=r"b\.yaml has a weight, but no clip gives"):
+    with pytest.raises(BadManifest, match=r"manifest b\.yaml has a weight, but no clip of it"):
         make_training_set(clips, ModelConfig(), WindowConfig(), mix=mix)
     unweighted = Mix((1, 0), None, ("a.yaml", "b.yaml"))
     assert make_training_set(clips, ModelConfig(), WindowConfig(), mix=unweighted).weights is None
