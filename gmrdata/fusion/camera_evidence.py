@@ -28,15 +28,13 @@ class FusionConfig(Config):
     turn_floor_deg: float = Field(default=0.2, gt=0)
     place_sigma_m: float | None = Field(default=None, gt=0)
     """That noise [m]; None to measure it beside the network's motions, along and across the ray."""
-    along_sigma_m: float | None = Field(default=None, gt=0)
-    """The same along the camera's ray alone, for poses that err slowly in depth [m]; None for as
-    much as across it, or as is measured."""
     turn_sigma_deg: float | None = Field(default=None, gt=0)
     slow_place_m: float = Field(default=0.01, ge=0)
-    """Error of camera and body that lasts for seconds, which no mean over frames lowers; part of
-    the error bar alone [m]."""
+    """Error of camera and body that lasts from frame to frame [m]."""
     slow_along_share: float = Field(default=0.0, ge=0)
-    """The same along the camera's ray, as a share of the distance."""
+    """The same along the camera's ray, as a share of the distance, if that is more."""
+    slow_time_s: float = Field(default=0.5, gt=0)
+    """Time in which it forgets itself to 1/e [s]."""
     slow_turn_deg: float = Field(default=0.5, ge=0)
     unseen_widening: float = Field(default=3.0, ge=1)
     """Factor on the network's error where the person was not seen though the camera is known: the
@@ -63,15 +61,14 @@ class FusionConfig(Config):
 
 OWN_FUSION = FusionConfig(
     place_sigma_m=0.01,
-    along_sigma_m=0.15,
     turn_sigma_deg=2.0,
     pace_share=0.35,
     slow_place_m=0.02,
-    slow_along_share=0.02,
+    slow_along_share=0.03,
     slow_turn_deg=8.0,
 )
-"""For poses of the built-in estimator: its distance is off by 2 to 3 % for half a second at a time
-on real people (docs/figures.md), and a network sees a third less of a walker's pace in its
+"""For poses of the built-in estimator: its distance is off by 2 to 3.5 % for half a second at a
+time on real people (docs/figures.md), and a network sees a third less of a walker's pace in its
 poses."""
 
 
@@ -93,7 +90,7 @@ class Noise:
     turn_rad: float
 
 
-def seen_poses(clip: Clip, noise: Noise) -> SeenPoses:
+def seen_poses(clip: Clip, noise: Noise, config: FusionConfig) -> SeenPoses:
     """The poses of a clip's valid frames; a frame without a camera is not known."""
     known = known_frames(clip)
     covariances = np.tile(noise.across_m**2 * np.eye(3), (len(known), 1, 1))
@@ -102,7 +99,15 @@ def seen_poses(clip: Clip, noise: Noise) -> SeenPoses:
     covariances[known] += more * rays[known, :, None] * rays[known, None]
     turn_sigma_rad = np.full(len(known), noise.turn_rad)
     motion = clip.motion
-    return SeenPoses(motion.root_rotmats, motion.pelvis_m, known, turn_sigma_rad, covariances)
+    return SeenPoses(
+        motion.root_rotmats,
+        motion.pelvis_m,
+        known,
+        turn_sigma_rad,
+        covariances,
+        _shift_m(clip, known, config),
+        config.slow_time_s,
+    )
 
 
 def known_frames(clip: Clip) -> np.ndarray:
@@ -149,7 +154,6 @@ def error_bars(
         place_m = np.sqrt(np.diagonal(blocks_m2, axis1=1, axis2=2))
         turn_deg = np.rad2deg(np.sqrt(turn_rad2))
         return {"place_sigma_m": place_m, "camera_sigma_m": nowhere, "turn_sigma_deg": turn_deg}
-    blocks_m2 = blocks_m2 + _slow_m2(clip, known, config)
     middle_m = np.append(poses.pelvis_m[known, :2].mean(axis=0), 0.0)
     apart_m = poses.pelvis_m - middle_m
     tilt_rad = np.deg2rad(errors.level_deg) / np.sqrt(2)
@@ -180,17 +184,18 @@ def _before_camera_m(
     return found_m
 
 
-def _slow_m2(clip: Clip, known: np.ndarray, config: FusionConfig) -> np.ndarray:
-    """Covariances (T, 3, 3) of what lasts for seconds; between known frames that of the nearest."""
-    rows = np.flatnonzero(known)
-    assert clip.camera is not None
-    rays = _rays(clip)[rows]
-    away_m = np.linalg.norm((clip.motion.pelvis_m - clip.camera.centres_world_m)[rows], axis=1)
-    along_m2 = (config.slow_along_share * away_m) ** 2
-    slow_m2 = along_m2[:, None, None] * rays[:, :, None] * rays[:, None]
-    slow_m2 = slow_m2 + config.slow_place_m**2 * np.eye(3)
-    nearest = np.searchsorted((rows[1:] + rows[:-1]) / 2, np.arange(len(known)))
-    return np.asarray(slow_m2[nearest])
+def _shift_m(clip: Clip, known: np.ndarray, config: FusionConfig) -> np.ndarray:
+    """(T, 3, 3) what one standard deviation of the slow error about each axis of the camera moves,
+    world axes; nothing where the person is not known."""
+    shift_m = np.zeros((len(known), 3, 3))
+    if clip.camera is None:
+        return shift_m
+    rays, cameras = _rays(clip)[known], clip.camera.world_from_cam[known]
+    away_m = np.linalg.norm(clip.motion.pelvis_m[known] - cameras[:, :3, 3], axis=1)
+    more_m = np.maximum(config.slow_along_share * away_m - config.slow_place_m, 0.0)
+    along = more_m[:, None, None] * rays[:, :, None] * rays[:, None]
+    shift_m[known] = (config.slow_place_m * np.eye(3) + along) @ cameras[:, :3, :3]
+    return shift_m
 
 
 def _rays(clip: Clip) -> np.ndarray:
@@ -231,8 +236,6 @@ def measured_noise(clip: Clip, motions: SeenMotions, config: FusionConfig) -> No
         turn_rad = _noise(np.abs(later - turns).ravel(), own[:, :3], turn_rad)
     if config.place_sigma_m is not None:
         along_m = across_m = config.place_sigma_m
-    if config.along_sigma_m is not None:
-        along_m = config.along_sigma_m
     if config.turn_sigma_deg is not None:
         turn_rad = np.deg2rad(config.turn_sigma_deg)
     return Noise(float(along_m), float(across_m), float(turn_rad))

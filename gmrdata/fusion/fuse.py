@@ -323,7 +323,7 @@ def fuse_person(
         motion = stand(_placed(motion, *found[:2], WORLD_FROM_REST, np.zeros(3), 0), body)
         clip = replace(clip, motion=motion)
     noise = measured_noise(clip, motions, config)
-    seen = seen_poses(clip, noise)
+    seen = seen_poses(clip, noise, config)
     if config.like_poses:
         motions = corrected_by_like_poses(body, motion, motions, seen)
     feet = planted_feet(body, motion, motions, config) if config.feet else None

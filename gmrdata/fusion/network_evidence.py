@@ -221,7 +221,10 @@ def _seen_errors(
     lacking = motions.delta_rotmats[rows].swapaxes(-1, -2) @ true_turns
     steps_m = (to_root @ (seen.pelvis_m[rows + 1] - seen.pelvis_m[rows])[..., None])[..., 0]
     errors = np.c_[Rotation.from_matrix(lacking).as_rotvec(), steps_m - motions.delta_m[rows]]
-    place_m2 = np.trace(seen.place_covariance_m2[rows], axis1=1, axis2=2) / 3
+    shift_m2 = seen.shift_m[rows] @ seen.shift_m[rows].swapaxes(-1, -2)
+    lost = -np.expm1(-1 / (fps_hz * seen.shift_time_s))  # of what they have in common
+    covariance_m2 = seen.place_covariance_m2[rows] + lost * shift_m2
+    place_m2 = np.trace(covariance_m2, axis1=1, axis2=2) / 3
     # Of the difference between two poses.
     noise = 2 * np.r_[[np.median(seen.turn_sigma_rad[rows] ** 2)] * 3, [np.median(place_m2)] * 3]
     own = np.median((motions.fast.sigma[rows] / fps_hz) ** 2, axis=0)

@@ -3,8 +3,9 @@
 The network's error has two parts, a fast and a slow one, each a Gauss-Markov process whose spread
 and memory were measured on people whom the network had not seen.  Errors of neighbouring motions
 are alike, so motions taken as independent would promise too much over a gap; and what the cameras
-show of the slow part before and after a gap holds within it.  Each frame has a root orientation, a
-pelvis place, and the slow error as unknowns; the fast error is what is left of a motion then.
+show of the slow part before and after a gap holds within it.  The places that cameras give err
+slowly too, most of all in depth.  Each frame has a root orientation, a pelvis place, and both slow
+errors as unknowns; the fast error is what is left of a motion then.
 
 The graph is solved by Gauss-Newton on SO(3) x R3 with a sparse factor (Dellaert & Kaess 2006;
 Barfoot 2017, section 9.2), damped by the gain of each step (Madsen, Nielsen & Tingleff 2004,
@@ -25,8 +26,9 @@ from gmrdata.values.errors import StageFailed
 from gmrdata.values.motion import accumulate
 from gmrdata.values.shapes import Float
 
-TURN, PLACE, SLOW, WIDTH = 0, 3, 6, 12
-"""Where the unknowns of a frame begin among its 12: turn [rad], place [m], slow error [1]."""
+TURN, PLACE, SLOW, SHIFT, WIDTH = 0, 3, 6, 12, 15
+"""Where the unknowns of a frame begin among its 15: turn [rad], place [m], the network's slow error
+and the camera's [1]."""
 ANCHOR = 1e-6  # standard deviation of the first pose where no camera says where it is [rad, m]
 LEAST = 1e-6  # and of a step that is said to be exact [rad, m]
 LEAST_DAMPING = 1e-9  # of each diagonal entry: hardly any, and a start for more
@@ -42,6 +44,8 @@ class SeenPoses:
     known: np.ndarray  # (T,) bool
     turn_sigma_rad: np.ndarray  # (T,) independent from frame to frame, about each axis [rad]
     place_covariance_m2: np.ndarray  # (T, 3, 3) the same of the place, world axes [m2]
+    shift_m: np.ndarray  # (T, 3, 3) world axes: what one standard deviation of the slow error moves
+    shift_time_s: float  # time in which it forgets itself to 1/e
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,15 +107,17 @@ class _Terms(NamedTuple):
 class _State:
     rotmats: np.ndarray
     pelvis_m: np.ndarray
-    slow: np.ndarray  # (T, 6) slow error in standard deviations
+    slow: np.ndarray  # (T, 6) the network's slow error in standard deviations
+    shift: np.ndarray  # (T, 3) the camera's, the same
 
     def moved(self, change: np.ndarray) -> "_State":
-        """After a step (T, 12) in the tangent space."""
+        """After a step (T, 15) in the tangent space."""
         turns = Rotation.from_rotvec(change[:, TURN:PLACE]).as_matrix()
         return _State(
             self.rotmats @ turns,
             self.pelvis_m + change[:, PLACE:SLOW],
-            self.slow + change[:, SLOW:],
+            self.slow + change[:, SLOW:SHIFT],
+            self.shift + change[:, SHIFT:],
         )
 
 
@@ -124,7 +130,11 @@ class _Graph:
     loops: Sequence[SamePlace]
 
     def terms(self, state: _State) -> Iterator[_Terms]:
-        yield from _slow_terms(state, self.motions.slow, self.fps_hz)
+        for errors, first, time_s in (
+            (state.slow, SLOW, self.motions.slow.time_s),
+            (state.shift, SHIFT, np.full(3, self.seen.shift_time_s)),
+        ):
+            yield from _slow_terms(errors, first, _memory(time_s, self.fps_hz))
         yield from _motion_terms(state, self.motions, self.fps_hz)
         if self.seen.known.any():
             yield from _seen_terms(state, self.seen)
@@ -195,7 +205,7 @@ def _first_guess(seen: SeenPoses, motions: SeenMotions) -> _State:
     for row in range(rows[0] - 1, -1, -1):
         rotmats[row] = rotmats[row + 1] @ turns[row].T
         pelvis_m[row] = pelvis_m[row + 1] - rotmats[row] @ steps_m[row]
-    return _State(rotmats, pelvis_m, np.zeros((n, WIDTH - SLOW)))
+    return _State(rotmats, pelvis_m, np.zeros((n, SHIFT - SLOW)), np.zeros((n, WIDTH - SHIFT)))
 
 
 def _bent(
@@ -210,26 +220,28 @@ def _bent(
     return turned @ rotmats, path_m + shares * (last_m - path_m[-1])
 
 
-def _slow_terms(state: _State, slow: ErrorProcess, fps_hz: float) -> Iterator[_Terms]:
-    """The slow error begins with its spread, and keeps a part of itself from frame to frame."""
-    kept, new = _memory(slow, fps_hz)
-    yield _Terms(state.slow[:1], [(np.array([SLOW]), np.eye(6)[None])])
-    first = np.arange(len(state.slow) - 1) * WIDTH + SLOW
+def _slow_terms(
+    errors: np.ndarray, first: int, memory: tuple[np.ndarray, np.ndarray]
+) -> Iterator[_Terms]:
+    """A slow error (T, d) begins with its spread, and keeps a part of itself over a frame."""
+    kept, new = memory
+    yield _Terms(errors[:1], [(np.array([first]), np.eye(errors.shape[1])[None])])
+    columns = np.arange(len(errors) - 1) * WIDTH + first
     jacobians = (np.diag(factor)[None] for factor in (-kept / new, 1 / new))
-    blocks = list(zip((first, first + WIDTH), jacobians, strict=True))
-    yield _Terms((state.slow[1:] - kept * state.slow[:-1]) / new, blocks)
+    blocks = list(zip((columns, columns + WIDTH), jacobians, strict=True))
+    yield _Terms((errors[1:] - kept * errors[:-1]) / new, blocks)
 
 
-def _memory(process: ErrorProcess, fps_hz: float) -> tuple[np.ndarray, np.ndarray]:
+def _memory(time_s: np.ndarray, fps_hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Share of itself that an error keeps over a frame, and standard deviation of what is new."""
-    times = 1 / (fps_hz * process.time_s)
+    times = 1 / (fps_hz * time_s)
     return np.exp(-times), np.sqrt(-np.expm1(-2 * times))
 
 
 def _motion_terms(state: _State, motions: SeenMotions, fps_hz: float) -> Iterator[_Terms]:
     """What is left of a motion, less the slow error, is the fast one, which remembers itself."""
     fast, jac = _fast_errors(state, motions, fps_hz)
-    kept, new = _memory(motions.fast, fps_hz)
+    kept, new = _memory(motions.fast.time_s, fps_hz)
     columns = np.arange(len(fast)) * WIDTH
     yield _Terms(fast[:1], [(columns[:1], jac[:1])])
     before, after = -(kept / new)[:, None] * jac[:-1], jac[1:] / new[:, None]
@@ -240,7 +252,7 @@ def _motion_terms(state: _State, motions: SeenMotions, fps_hz: float) -> Iterato
 def _fast_errors(
     state: _State, motions: SeenMotions, fps_hz: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The fast errors (T-1, 6) in standard deviations, and how they change with the 24 unknowns of
+    """The fast errors (T-1, 6) in standard deviations, and how they change with the 30 unknowns of
     the frames before and after."""
     slow_step = _step(motions.slow, fps_hz)
     before, after = state.rotmats[:-1], state.rotmats[1:]
@@ -284,9 +296,14 @@ def _seen_terms(state: _State, seen: SeenPoses) -> Iterator[_Terms]:
     jac = (np.eye(3) + 0.5 * _cross(wrong)) * inverse_sigma
     yield _robust(_Terms(wrong * inverse_sigma[..., 0], [(rows * WIDTH + TURN, jac)]))
     whitening = np.linalg.inv(np.linalg.cholesky(seen.place_covariance_m2[rows]))
-    apart_m = (state.pelvis_m - seen.pelvis_m)[rows]
+    shifted_m = (seen.shift_m @ state.shift[..., None])[..., 0]
+    apart_m = (state.pelvis_m - shifted_m - seen.pelvis_m)[rows]
     whitened = (whitening @ apart_m[..., None])[..., 0]
-    yield _robust(_Terms(whitened, [(rows * WIDTH + PLACE, whitening)]))
+    blocks = [
+        (rows * WIDTH + PLACE, whitening),
+        (rows * WIDTH + SHIFT, -whitening @ seen.shift_m[rows]),
+    ]
+    yield _robust(_Terms(whitened, blocks))
 
 
 def _anchor_terms(state: _State) -> _Terms:
@@ -390,7 +407,7 @@ def _with_covariances(graph: _Graph, state: _State, iterations: int) -> FusedPos
 
 
 def _diagonal_blocks(normal: Any) -> np.ndarray:
-    """Blocks (T, 12, 12) on the diagonal of the inverse of J^T J without loops.
+    """Blocks (T, 15, 15) on the diagonal of the inverse of J^T J without loops.
 
     No term reaches further than two frames, so in pairs of frames the matrix is block-tridiagonal,
     and what all frames before, and all after, leave to a pair are two recursions (Meurant 1992).

@@ -79,12 +79,6 @@ def test_a_noise_that_is_given_is_taken(motion):
     assert np.rad2deg(found.turn_rad) == pytest.approx(2.0)
 
 
-def test_depth_may_be_said_to_be_less_sure(motion):
-    config = FusionConfig(place_sigma_m=0.01, along_sigma_m=0.15)
-    found = measured_noise(clip_of(motion), motions_of(motion), config)
-    assert (found.along_m, found.across_m) == (0.15, 0.01)
-
-
 def test_a_pace_that_may_be_wrong_is_mostly_so_forward(motion):
     motions = motions_of(motion, sigma=0.0)
     found = with_pace_errors(motions, 30.0, 0.3)
@@ -111,13 +105,20 @@ def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path):
 
 def test_a_place_is_less_sure_along_the_ray(motion):
     clip = clip_of(motion)
-    seen = seen_poses(clip, Noise(0.1, 0.01, 0.02))
+    config = FusionConfig(slow_along_share=0.03, slow_place_m=0.02)
+    seen = seen_poses(clip, Noise(0.1, 0.01, 0.02), config)
     ray = motion.pelvis_m[7] - [0.0, -5.0, 1.5]
-    ray /= np.linalg.norm(ray)
+    away_m = np.linalg.norm(ray)
+    ray /= away_m
     across = np.linalg.svd(ray[None])[2][1:]
-    covariance = seen.place_covariance_m2[7]
-    assert ray @ covariance @ ray == pytest.approx(0.1**2)
-    np.testing.assert_allclose(across @ covariance @ across.T, 0.01**2 * np.eye(2), atol=1e-12)
+    slow_m2 = seen.shift_m[7] @ seen.shift_m[7].T
+    for covariance_m2, along_m, across_m in (
+        (seen.place_covariance_m2[7], 0.1, 0.01),
+        (slow_m2, 0.03 * away_m, 0.02),
+    ):
+        assert ray @ covariance_m2 @ ray == pytest.approx(along_m**2)
+        expected = across_m**2 * np.eye(2)
+        np.testing.assert_allclose(across @ covariance_m2 @ across.T, expected, atol=1e-12)
 
 
 def test_known_and_unseen_frames(motion):
@@ -145,12 +146,12 @@ def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion):
     bars = error_bars(poses, moving, CONFIG, WorldErrors(0.02, 0.07, 2.0))
     apart_m = motion.pelvis_m - np.append(motion.pelvis_m[:, :2].mean(axis=0), 0.0)
     lean_m = np.deg2rad(2.0) / np.sqrt(2) * np.linalg.norm(apart_m[:, :2], axis=1)
-    expected_m2 = (0.02 * apart_m) ** 2 + CONFIG.slow_place_m**2
+    expected_m2 = (0.02 * apart_m) ** 2
     expected_m2[:, 2] += lean_m**2
     np.testing.assert_allclose(bars["place_sigma_m"] ** 2, expected_m2)
     away_m = np.linalg.norm(motion.pelvis_m - cameras[:, :3, 3], axis=1)
     seen_m = np.linalg.norm(bars["camera_sigma_m"], axis=1)
-    np.testing.assert_allclose(seen_m, np.hypot(0.07 * away_m, np.sqrt(3) * CONFIG.slow_place_m))
+    np.testing.assert_allclose(seen_m, 0.07 * away_m)
     np.testing.assert_allclose(bars["turn_sigma_deg"], np.hypot(CONFIG.slow_turn_deg, np.sqrt(2)))
     none = error_bars(poses, replace(moving, camera=None), CONFIG, WorldErrors(0.02, 0.07, 2.0))
     assert none["place_sigma_m"].max() == 0 and np.isnan(none["camera_sigma_m"]).all()

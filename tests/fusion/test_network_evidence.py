@@ -291,7 +291,9 @@ def seen_by_network(motion: Motion) -> SeenMotions:
 
 def seen_by_cameras(motion: Motion, known: np.ndarray, noise_m: float = 0.0005) -> SeenPoses:
     covariances = np.tile(noise_m**2 * np.eye(3), (N, 1, 1))
-    return SeenPoses(motion.root_rotmats, motion.pelvis_m, known, np.full(N, 0.0005), covariances)
+    turn_rad, still_m = np.full(N, 0.0005), np.zeros((N, 3, 3))
+    pelvis_m = motion.pelvis_m
+    return SeenPoses(motion.root_rotmats, pelvis_m, known, turn_rad, covariances, still_m, 0.5)
 
 
 def left_of(motion: Motion, motions: SeenMotions) -> tuple[np.ndarray, np.ndarray]:

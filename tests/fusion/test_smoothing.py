@@ -22,6 +22,7 @@ from gmrdata.fusion.smoothing import (
 from gmrdata.values.motion import deltas
 
 FPS_HZ = 10.0
+SHIFT_TIME_S = 0.5
 
 
 def path(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -46,13 +47,18 @@ def motions_of(
 
 
 def seen_of(
-    rotmats: np.ndarray, pelvis_m: np.ndarray, known: np.ndarray, sigma_m: float = 1e-3
+    rotmats: np.ndarray,
+    pelvis_m: np.ndarray,
+    known: np.ndarray,
+    sigma_m: float = 1e-3,
+    slow_m: float = 0.0,
 ) -> SeenPoses:
     n = len(known)
     hidden = np.where(known[:, None], pelvis_m, np.nan)
     turns = np.where(known[:, None, None], rotmats, np.nan)
     covariances = np.tile(sigma_m**2 * np.eye(3), (n, 1, 1))
-    return SeenPoses(turns, hidden, known, np.full(n, 1e-3), covariances)
+    shift_m = np.tile(slow_m * np.eye(3), (n, 1, 1))
+    return SeenPoses(turns, hidden, known, np.full(n, 1e-3), covariances, shift_m, SHIFT_TIME_S)
 
 
 def begun(rotmats: np.ndarray, pelvis_m: np.ndarray) -> SeenPoses:
@@ -142,8 +148,10 @@ def test_error_bars_are_those_of_many_trials():
         turns = true_turns @ Rotation.from_rotvec(errors[:, :3]).as_matrix()
         motions = SeenMotions(turns, true_m + errors[:, 3:], fast, slow)
         noisy_m = pelvis_m + rng.normal(scale=0.01, size=pelvis_m.shape)
+        noisy_m += 0.03 * wandering(n, 3, SHIFT_TIME_S, rng)
         noise = Rotation.from_rotvec(rng.normal(scale=1e-3, size=(n, 3))).as_matrix()
-        fused = smooth(FPS_HZ, seen_of(rotmats @ noise, noisy_m, known, sigma_m=0.01), motions)
+        seen = seen_of(rotmats @ noise, noisy_m, known, sigma_m=0.01, slow_m=0.03)
+        fused = smooth(FPS_HZ, seen, motions)
         variances = np.diagonal(fused.place_covariance_m2, axis1=1, axis2=2)
         over.append((fused.pelvis_m - pelvis_m) ** 2 / variances)
         off = Rotation.from_matrix(fused.rotmats.swapaxes(1, 2) @ rotmats).as_rotvec()
@@ -154,19 +162,37 @@ def test_error_bars_are_those_of_many_trials():
         assert (ratios[:, ~known] < 4).mean() > 0.9
 
 
+def test_a_depth_that_wanders_is_held_by_the_network():
+    """The person stands, and the camera's depth wanders by 5 cm within half a second each time."""
+    n = 120
+    rotmats, pelvis_m = np.tile(np.eye(3), (n, 1, 1)), np.tile([0.0, 0.0, 0.9], (n, 1))
+    wrong_m = 0.05 * wandering(n, 1, SHIFT_TIME_S, np.random.default_rng(4)) * [0.0, 1.0, 0.0]
+    motions = motions_of(rotmats, pelvis_m, fast=0.02, slow=0.02)
+    known = np.ones(n, dtype=bool)
+    off_m = []
+    for slow_m in (0.0, 0.05):
+        seen = seen_of(rotmats, pelvis_m + wrong_m, known, sigma_m=0.01, slow_m=slow_m)
+        fused = smooth(FPS_HZ, seen, motions)
+        off_m.append(np.ptp(fused.pelvis_m[:, 1]))
+    assert off_m[1] < 0.4 * off_m[0]
+    error_m = np.abs(fused.pelvis_m - pelvis_m)[:, 1]
+    assert (error_m < 2 * np.sqrt(fused.place_covariance_m2[:, 1, 1])).all()
+
+
 @pytest.mark.parametrize("n", [2, 3, 8, 15])
 @pytest.mark.parametrize("loops", [(), (SamePlace(0, 1, 0.01), SamePlace(1, -1, 0.02))])
 def test_error_bars_are_blocks_of_the_whole_inverse(n, loops):
     rotmats, pelvis_m = path(n)
     loops = tuple(loop._replace(other_row=loop.other_row % n) for loop in loops)
-    seen = seen_of(rotmats, pelvis_m, np.arange(n) < 2, sigma_m=0.1)
+    seen = seen_of(rotmats, pelvis_m, np.arange(n) < 2, sigma_m=0.1, slow_m=0.1)
     motions = motions_of(rotmats, pelvis_m, fast=0.2, slow=0.1)
     graph = smoothing._Graph(FPS_HZ, seen, motions, None, loops)
-    state = smoothing._State(rotmats, pelvis_m, np.zeros((n, 6)))
+    state = smoothing._State(rotmats, pelvis_m, np.zeros((n, 6)), np.zeros((n, 3)))
     inverse = np.linalg.inv(smoothing._normal_equations(graph, state)[0].toarray())
     fused = smoothing._with_covariances(graph, state, 1)
     for k in range(n):
-        block = inverse[12 * k : 12 * k + 6, 12 * k : 12 * k + 6]
+        first = smoothing.WIDTH * k
+        block = inverse[first : first + 6, first : first + 6]
         for found, wanted in (
             (fused.turn_covariance_rad2[k], block[:3, :3]),
             (fused.place_covariance_m2[k], block[3:, 3:]),
@@ -176,12 +202,17 @@ def test_error_bars_are_blocks_of_the_whole_inverse(n, loops):
 
 def sampled(one: ErrorProcess, rng: np.random.Generator) -> np.ndarray:
     """Errors of motions (T-1, 6) [rad, m], drawn from a process."""
-    kept = np.exp(-1 / (FPS_HZ * one.time_s))
-    states = [rng.normal(size=6)]
-    for _ in range(len(one.sigma) - 1):
-        states.append(kept * states[-1] + np.sqrt(1 - kept**2) * rng.normal(size=6))
     spread = np.sqrt(mean_variance(1 / (FPS_HZ * one.time_s)))
-    return np.array(states) * one.sigma * spread / FPS_HZ
+    return wandering(len(one.sigma), 6, one.time_s, rng) * one.sigma * spread / FPS_HZ
+
+
+def wandering(n: int, d: int, time_s: float | np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A Gauss-Markov process (n, d) of variance 1."""
+    kept = np.exp(-1 / (FPS_HZ * time_s))
+    states = [rng.normal(size=d)]
+    for _ in range(n - 1):
+        states.append(kept * states[-1] + np.sqrt(1 - kept**2) * rng.normal(size=d))
+    return np.array(states)
 
 
 def test_error_bars_grow_into_a_gap_and_with_its_length():
