@@ -73,9 +73,12 @@ less of a walker's pace in its poses."""
 
 
 def fusion_config_of(source: Path) -> FusionConfig:
-    """What suits the people of a video's folder, or of its pseudo ground truth, by who saw them."""
-    for folder in (source, source.parent):
-        record = folder / BODIES / BODIES_FILE
+    """What suits the people of a video's folder, of its pseudo ground truth, or of a clip in there,
+    by who saw them."""
+    source = source.absolute()
+    folder = source.parent if source.is_file() else source
+    for near in (folder, folder.parent):
+        record = near / BODIES / BODIES_FILE
         if record.is_file() and BodiesRecord.read(record).estimator == "gmrdata":
             return OWN_FUSION
     return FusionConfig()

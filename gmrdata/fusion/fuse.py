@@ -55,11 +55,11 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, clip_on_body, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
+from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput, StageFailed
 from gmrdata.values.files import STAGE_FILE, write_npz
 from gmrdata.values.motion import Motion, accumulate
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
-from gmrdata.values.records import Config
+from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.judge import PseudoGtQuality
 
 HEADINGS = ("person", "frames", "rate [Hz]", "with camera", "gaps [s]", "loops")
@@ -89,7 +89,7 @@ class FusedInputs:
     clip_paths: tuple[Path, ...]  # by person, in the world
     network_dir: Path
     errors_path: Path
-    quality_path: Path | None  # of a pseudo ground truth; None of a clip alone
+    quality_path: Path | None  # of a pseudo ground truth; None of other clips
 
     @classmethod
     def of(
@@ -99,25 +99,34 @@ class FusedInputs:
         errors_path: str | Path | None = None,
     ) -> "FusedInputs":
         """Of a source as `person_clips` takes it; MissingInput for what is not there."""
-        source, folder = Path(source), network_dir(network)
-        paths = person_clips(source)
-        quality_path = paths[0].with_name(QUALITY_FILE) if source.is_dir() else None
-        return cls(tuple(paths), folder, errors_file(folder, errors_path), quality_path)
+        folder = network_dir(network)
+        paths = tuple(path.absolute() for path in person_clips(Path(source)))
+        beside = paths[0].with_name(QUALITY_FILE)
+        quality_path = beside if person_number(paths[0]) is not None and beside.is_file() else None
+        return cls(paths, folder, errors_file(folder, errors_path), quality_path)
 
     def files(self, body_path: str | Path | None) -> dict[str, Path]:
         """By role, for the stage's record."""
-        found = {f"clip_{number}": path for number, path in enumerate(self.clip_paths)}
-        seen = {f"seen_{n}": path for n in range(len(found)) if (path := self.seen_path(n))}
+        clips = tuple(enumerate(self.clip_paths))
+        found = {f"clip_{n}": path for n, path in clips}
+        seen = {f"seen_{n}": path for n, clip in clips if (path := seen_path(clip))}
         found |= seen | {"run": self.network_dir, "errors": self.errors_path}
         found |= {} if body_path is None else {"body": Path(body_path)}
         return found | ({} if self.quality_path is None else {"quality": self.quality_path})
 
-    def seen_path(self, number: int) -> Path | None:
-        """The clip of a person before the camera, whose frames are those with a pose of their own;
-        None where there is none beside the world's."""
-        folder = self.clip_paths[number].parent
-        path = folder.with_name(BODIES) / person_file(number)
-        return path if folder.name == PSEUDO_GT and path.is_file() else None
+
+def seen_path(clip_path: Path) -> Path | None:
+    """The clip of a person before the camera, whose frames are those with a pose of their own; None
+    where there is none beside the world's."""
+    path = clip_path.parent.parent / BODIES / clip_path.name
+    return path if clip_path.parent.name == PSEUDO_GT and path.is_file() else None
+
+
+def person_number(clip_path: Path) -> int | None:
+    """Which person of a folder a clip is, by its name; None for one that is named otherwise."""
+    digits = clip_path.stem.removeprefix("person_")
+    is_one = digits.isdecimal() and clip_path.name == person_file(int(digits))
+    return int(digits) if is_one else None
 
 
 def person_clips(source: Path) -> list[Path]:
@@ -174,7 +183,7 @@ def fuse(
     """
     given = FusedInputs.of(source, network, errors_path)
     config = FuseConfig(fusion=fusion_config_of(Path(source))) if config is None else config
-    people = [_person(given, number, config) for number in range(len(given.clip_paths))]
+    people = [_person(given, path, config) for path in given.clip_paths]
 
     def work(partial: Path) -> None:
         body = load_body(body_path)
@@ -217,9 +226,11 @@ def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAU
 def world_errors(quality_path: Path | None, number: int = 0) -> WorldErrors:
     """What a pseudo ground truth says of its scale, its level and a person's distance; nothing of a
     clip that is no pseudo ground truth's.  A camera at rest has the error of the distance."""
-    if quality_path is None or not quality_path.is_file():
+    if quality_path is None:
         return EXACT
     quality = PseudoGtQuality.read(quality_path)
+    if number >= len(quality.distance_sigmas):
+        raise BadRecord(f"{quality_path}: knows no person {number}; {MAKE_AGAIN}")
     away = quality.distance_sigmas[number]
     level_deg = 0.0 if quality.level is None else quality.level.sigma_deg
     if not quality.scale or quality.scale_sigma is None:
@@ -249,14 +260,16 @@ class WeighedGmr:
         return cls(load_gmr(given.network_dir, which), DeltaErrors.read(given.errors_path))
 
 
-def _person(given: FusedInputs, number: int, config: FuseConfig) -> WorldPerson:
-    clip, seen_path = _world_clip(given.clip_paths[number]), given.seen_path(number)
-    before = None if seen_path is None else load_clip(seen_path).valid
+def _person(given: FusedInputs, path: Path, config: FuseConfig) -> WorldPerson:
+    clip, before_camera = _world_clip(path), seen_path(path)
+    before = None if before_camera is None else load_clip(before_camera).valid
     if before is not None and len(before) != len(clip.valid):
-        raise BadMotionFile(f"{seen_path}: is of other frames than clip {clip.id}; make both again")
+        what = f"is of other frames than clip {clip.id}; make both again"
+        raise BadMotionFile(f"{before_camera}: {what}")
     seen = seen_frames(clip) if before is None else before | clip.valid
     loops = tuple(_loop_rows(clip, config))
-    return WorldPerson(clip, seen, loops, world_errors(given.quality_path, number))
+    errors = world_errors(given.quality_path, person_number(path) or 0)
+    return WorldPerson(clip, seen, loops, errors)
 
 
 def seen_frames(clip: Clip) -> np.ndarray:

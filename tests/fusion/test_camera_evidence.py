@@ -1,6 +1,7 @@
 """What a clip with cameras says: noise, known frames, error bars, and feet that stand."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -90,17 +91,21 @@ def test_a_pace_that_may_be_wrong_is_mostly_so_forward(motion):
     np.testing.assert_allclose(sigma[:, 3] / sigma[:, 5], 0.5)
 
 
-def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path):
-    """Known by who saw them, in a video's folder and beside its pseudo ground truth."""
-    folder = tmp_path / "bodies"
-    folder.mkdir()
+def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path, monkeypatch):
+    """Known by who saw them, in a video's folder, beside its world, and of one clip of that."""
+    folder, world = tmp_path / "bodies", tmp_path / "pseudo_gt"
+    for made in (folder, world):
+        made.mkdir()
+    (world / "person_0.npz").touch()
+    monkeypatch.chdir(world)
     assert fusion_config_of(tmp_path) == FusionConfig()
     systems: dict[System, FusionConfig] = {"wham": FusionConfig(), "gmrdata": OWN_FUSION}
     for estimator, config in systems.items():
         BodiesRecord(
             estimator=estimator, file="poses", body="anny", people=(), left_out=(), notes=()
         ).write(folder / "bodies.json")
-        assert fusion_config_of(tmp_path) == fusion_config_of(tmp_path / "pseudo_gt") == config
+        for source in (tmp_path, world, world / "person_0.npz", Path(), Path("person_0.npz")):
+            assert fusion_config_of(source) == config
 
 
 def test_a_place_is_less_sure_along_the_ray(motion):

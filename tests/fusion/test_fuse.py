@@ -36,6 +36,7 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.world.judge import PseudoGtQuality
 from tests.fusion.test_camera_evidence import clip_of
 from tests.fusion.test_network_evidence import record
 from tests.reconstructions import pseudo_gt_quality, quality_of_path
@@ -173,6 +174,39 @@ def test_who_is_not_seen_has_poses_that_are_not_valid(
     fused = load_clip(made / "person_0.npz")
     np.testing.assert_array_equal(fused.valid, before.valid)
     assert np.isfinite(fused.motion.pelvis_m).all()
+
+
+def test_one_clip_of_a_pseudo_ground_truth_is_as_in_its_folder(
+    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path, monkeypatch
+):  # fmt: skip
+    """With the frames in which that person was seen, and the errors of the world, wherever the
+    command runs."""
+    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+    (pseudo_gt.parent / "bodies").mkdir()
+    for number, n_seen in enumerate((85, 60)):
+        name, known = f"person_{number}.npz", clip.valid & (np.arange(90) < n_seen)
+        save_clip(pseudo_gt / name, replace(clip, valid=known), rest_pelvis_m)
+        before = replace(clip, valid=np.arange(90) < n_seen)
+        save_clip(pseudo_gt.parent / "bodies" / name, before, rest_pelvis_m)
+    quality, one = PseudoGtQuality.read(pseudo_gt / "quality.json"), {"network": run_dir}
+    fields = ("people", "picture_fits", "distance_sigmas")
+    both = {name: 2 * getattr(quality, name) for name in fields} | {"scale_sigma": 0.3}
+    quality.model_copy(update=both).write(pseudo_gt / "quality.json")
+    given: dict[str, Any] = one | {"errors_path": errors_path, "body_path": body_path}
+    monkeypatch.chdir(pseudo_gt)
+    whole = fuse(".", tmp_path / "whole", **given)
+    alone = fuse("person_1.npz", tmp_path / "alone", **given)
+    assert load_clip(alone / "person_0.npz").valid.sum() == 60
+    sigmas = load_sigma(whole / "sigma_1.npz"), load_sigma(alone / "sigma_0.npz")
+    for key, wanted in sigmas[0].items():
+        np.testing.assert_array_equal(sigmas[1][key], wanted)
+    assert sigmas[1]["place_sigma_m"].max() > 0.2, "the scale's error"
+    (pseudo_gt / "quality.json").unlink()
+    fuse(".", tmp_path / "of_anybody", **given)
+    assert plan("person_1.npz", network=run_dir, config=FuseConfig(), errors_path=errors_path)
+    quality.write(pseudo_gt / "quality.json")
+    with pytest.raises(BadRecord, match="knows no person 1"):
+        fuse(pseudo_gt, tmp_path / "out", **given)
 
 
 def test_the_true_motions_fill_the_gap(clip, small_body, untrained, monkeypatch):
