@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gmrdata.cameras.files import Distortion
+from gmrdata.cameras.files import Distortion, bent_points
 from gmrdata.pages.frames import draw_mask_outline
 from gmrdata.pages.solved import Solved
 from gmrdata.read.frames import read_gray
@@ -19,7 +19,7 @@ from gmrdata.solve.plan import MOST_PICTURES
 from gmrdata.stage.jobs import made_ahead
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
-from gmrdata.values.camera import CameraPath, bent, project_cam
+from gmrdata.values.camera import CameraPath, project_cam
 from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.write.overlay import OVERLAY_BGR, draw_people, read_frame
 from gmrdata.write.take import Performer
@@ -136,20 +136,6 @@ def _with_world(drawn: np.ndarray, footage: Footage, camera: CameraPath, row: in
     marks_m = bend(transforms.apply(cam_from_world, footage.marks.seen_m(row)))
     drawn = _draw_marks(drawn, project_cam(marks_m, camera.intrinsics_px))
     return draw_people(drawn, footage.people, camera, row, round(footage.fps_hz), bend)
-
-
-def bent_points(points_cam: np.ndarray, lens: Distortion | None) -> np.ndarray:
-    """Points (N, 3) in the camera that a pinhole shows where a lens shows the given ones; NaN for
-    those that lie so far out that the lens's terms do not hold."""
-    if lens is None:
-        return points_cam
-    depths = points_cam[:, 2:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rays = points_cam[:, :2] / depths
-        r2 = (rays**2).sum(axis=1, keepdims=True)
-        grows = 1 + 3 * lens.k1 * r2 + 5 * lens.k2 * r2**2 > 0
-        seen = np.where(grows, bent(rays, lens.k1, lens.k2), np.nan)
-        return np.concatenate([seen * depths, depths], axis=1)
 
 
 def _draw_marks(image: np.ndarray, marks_px: np.ndarray) -> np.ndarray:

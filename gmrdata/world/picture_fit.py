@@ -7,7 +7,7 @@ outline of somebody else in a like pose covers well enough.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -15,13 +15,14 @@ import numpy as np
 from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.cameras.files import Distortion, bent_points
 from gmrdata.people.following import Sightings, load_tracks
 from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.records import PART, Figure
 from gmrdata.values.skinning import motion_vertices_m
@@ -79,14 +80,20 @@ class PictureFit:
 
 
 def picture_fits(
-    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks, config: VerdictConfig
+    clips: Sequence[Clip],
+    bodies: Sequence[BodyModel],
+    people: PeopleMasks,
+    config: VerdictConfig,
+    distortion: Distortion | None = None,
 ) -> list[PictureFit | None]:
     """By person, with bodies in the camera frame; None where too few frames show both.  A body lies
     on nobody where their overlap is less than `off_overlap`, or its limbs are off by more than
-    `off_limbs`."""
-    masks = _Masks(people, camera_of(clips[0]))
+    `off_limbs`.  The pictures are as their lens's distortion has them."""
+    masks = _Masks(people, camera_of(clips[0]), distortion)
     tracks = [] if people.followed_dir is None else load_tracks(people.followed_dir)
-    limbs = [_limbs(clip, body, tracks) for clip, body in zip(clips, bodies, strict=True)]
+    limbs = [
+        _limbs(clip, body, tracks, masks.lens) for clip, body in zip(clips, bodies, strict=True)
+    ]
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
@@ -120,12 +127,12 @@ def _evenly(rows: np.ndarray) -> set[int]:
 
 
 def _limbs(
-    clip: Clip, body: BodyModel, tracks: Sequence[Sightings]
+    clip: Clip, body: BodyModel, tracks: Sequence[Sightings], lens: Lens
 ) -> tuple[np.ndarray, np.ndarray]:
     """(T,) mean distance of limbs from the landmarks of whom they lie nearest to, in the person's
     size in the picture, and whether both knees are hidden there; 0 and False where nobody's trunk
     is about where the body's is."""
-    motion, lens = clip.motion, camera_of(clip).lens
+    motion = clip.motion
     placed_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
     placed_m = placed_m + motion.pelvis_m[:, None]
     rays = placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M)
@@ -197,10 +204,14 @@ def _at(clip: Clip, row: int, outline: _Outline, elsewhere: np.ndarray, masks: "
 class _Masks:
     """Small masks by the number of their image."""
 
-    def __init__(self, people: PeopleMasks, camera: CameraPath) -> None:
+    def __init__(
+        self, people: PeopleMasks, camera: CameraPath, distortion: Distortion | None
+    ) -> None:
         # Eight pixels a byte: all frames of a video are kept.
         self._people, self._cache = people, dict[int, np.ndarray | None]()
-        self._size_px = (camera.width_px, camera.height_px)
+        self._size_px, self._distortion = (camera.width_px, camera.height_px), distortion
+        radial = (0.0, 0.0) if distortion is None else (distortion.k1, distortion.k2)
+        self.lens = replace(camera.lens, radial=radial)
         self.shrink = min(1.0, LONGEST_PX / max(self._size_px))
 
     @cached_property
@@ -241,7 +252,8 @@ class _Masks:
     ) -> np.ndarray:
         """(h, w) bool: a body as such a mask would show it."""
         small_k_px = np.diag([self.shrink, self.shrink, 1.0]) @ k_px
-        shown = silhouette(vertices_cam_m, faces, small_k_px, self.small_px, self.widened_px) > 0
+        bent_m = bent_points(vertices_cam_m, self._distortion)
+        shown = silhouette(bent_m, faces, small_k_px, self.small_px, self.widened_px) > 0
         if self._people.boxed and shown.any():
             shown[_box(shown)] = True
         return shown

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gmrdata.cameras.files import Distortion
+from gmrdata.cameras.files import Distortion, bent_points
 from gmrdata.film.camera_moves import look_at
 from gmrdata.pages import footage as footage_module
 from gmrdata.pages import inference as drawing
@@ -23,7 +23,6 @@ from gmrdata.pages.footage import (
     NO_MARKS,
     Footage,
     Marks,
-    bent_points,
     direction_marks,
     footage_picture,
     reduced_camera,

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gmrdata.cameras.files import Distortion, bent_points
 from gmrdata.film.programmes import Circular, Panning, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.following import (
@@ -72,6 +73,7 @@ def draw_masks(
     body: BodyModel,
     empty: int = 0,
     size_px: tuple[int, int] = SIZE_PX,
+    lens: Distortion | None = None,
 ) -> PeopleMasks:
     """The people's outlines, 4 px wider; the last `empty` frames show nobody."""
     folder.mkdir()
@@ -80,7 +82,8 @@ def draw_masks(
         mask = np.zeros(size_px[::-1], np.uint8)
         for vertices_m in posed_m if row < len(posed_m[0]) - empty else ():
             k_px = camera_of(clips[0]).intrinsics_px
-            mask |= silhouette(vertices_m[row], body.faces, k_px, size_px, 4)
+            posed = bent_points(vertices_m[row], lens)
+            mask |= silhouette(posed, body.faces, k_px, size_px, 4)
         write_gray(folder / f"{number:05d}.png", mask)
     return PeopleMasks(folder, 4, boxed=False)
 
@@ -154,13 +157,27 @@ def test_boxes_are_compared_with_boxes(walker, small_body, masks, tmp_path):
         assert found is not None and low <= found.overlap <= high
 
 
-def followed(folder: Path, clip: Clip, body: BodyModel, shown: int = 33) -> Path:
+def test_at_the_edge_of_a_wide_lens_a_right_body_lies_on_the_person(walker, small_body, tmp_path):
+    """Its distortion is in the masks and the landmarks: a right body was 10 frames late there."""
+    lens = Distortion(-0.5, 0.0, 0.5)
+    aside = beside(walker, 0.45 * float(walker.motion.pelvis_m[:, 2].mean()))
+    masks = draw_masks(tmp_path / "person", [aside], small_body, lens=lens)
+    seen = replace(masks, followed_dir=followed(tmp_path, aside, small_body, lens=lens))
+    blind, right = (picture_fits([aside], [small_body], seen, VERDICT, of) for of in (None, lens))
+    assert blind[0] is not None and blind[0].off_frames > 30
+    assert right[0] is not None and right[0].off_frames == 0 and right[0].overlap > 0.97
+
+
+def followed(
+    folder: Path, clip: Clip, body: BodyModel, shown: int = 33, lens: Distortion | None = None
+) -> Path:
     """Whom the landmark network would have seen, were it without an error; of the first `shown`
     landmarks it is sure."""
     folder.mkdir(exist_ok=True)
     motion, numbers = clip.motion, clip.image_numbers
     at_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
-    image_px = project_cam(at_m + motion.pelvis_m[:, None], camera_of(clip).intrinsics_px)
+    placed_m = bent_points((at_m + motion.pelvis_m[:, None]).reshape(-1, 3), lens)
+    image_px = project_cam(placed_m.reshape(at_m.shape), camera_of(clip).intrinsics_px)
     n, zeros = len(numbers), np.zeros((len(numbers), 4))
     Sightings(
         numbers, np.zeros(n, int), np.zeros(n, int), zeros, image_px, at_m,
