@@ -4,7 +4,7 @@
 """
 
 import shutil
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -104,6 +104,9 @@ def solve(
         solved = _cameras_again(solved)
         solved = _people(solved)
         solved = _world(solved)
+    made = {SFM: solved.sfm_dir, PSEUDO_GT: solved.world_dir}
+    left = [out_dir / name for name, folder in made.items() if folder is None]
+    _drop(left, run, "is of an earlier run, and now there is none")
     _fusion(solved)
     return solved
 
@@ -112,7 +115,8 @@ def _body(request: SolveRequest, out_dir: Path, run: Run) -> Path | None:
     """The body for people whom a system sees, kept beside the result; of a folder of bodies the
     neutral one, whose shapes theirs are."""
     if request.people is None:
-        _drop_people(out_dir, run)
+        what = "holds people, and now cameras alone are asked for"
+        _drop([out_dir / name for name in (FUSED, PSEUDO_GT, BODIES)], run, what)
     if not isinstance(request.people, EstimatedPeople):
         return None
     return keep_body(chosen_body(request.people.body), out_dir / BODY, run=run)
@@ -123,14 +127,13 @@ def chosen_body(body: str) -> str:
     return str(body_file(body, "smpl-neutral")) if Path(body).expanduser().is_dir() else body
 
 
-def _drop_people(out_dir: Path, run: Run) -> None:
-    """Refuse, or with --redo remove, the people of an earlier run where none are asked for."""
-    for folder in (out_dir / FUSED, out_dir / PSEUDO_GT, out_dir / BODIES):
+def _drop(folders: Sequence[Path], run: Run, what: str) -> None:
+    """Refuse, or with --redo remove, what an earlier run left of stages that now make nothing."""
+    for folder in folders:
         if not folder.exists():
             continue
         if not run.redo or not (folder / STAGE_FILE).is_file():
-            what = "holds people, and now cameras alone are asked for"
-            raise StaleOutput(f"{folder}: {what}. Pass another --out, or --redo to do without them")
+            raise StaleOutput(f"{folder}: {what}. Pass another --out, or --redo to do without it")
         shutil.rmtree(folder)
 
 

@@ -1,6 +1,7 @@
 """What is asked of a sequence, as its stages get it."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,10 @@ from gmrdata import solve_video
 from gmrdata.read.frames import write_gray
 from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_dir
 from gmrdata.solve.request import FOLLOWED
-from gmrdata.stage.store import StageRecord
+from gmrdata.stage.run import Run
+from gmrdata.stage.store import StageRecord, run_stage
+from gmrdata.values.errors import StaleOutput
+from gmrdata.values.records import Config
 
 
 @pytest.mark.parametrize(("poses", "network"), [("none", QUICK_LANDMARKS), (None, POSE_LANDMARKS)])
@@ -26,3 +30,15 @@ def test_cameras_alone_get_masks_by_the_quick_network(
     solve_video(tmp_path / "frames", tmp_path / "out", poses=poses, fps_hz=30)
     record = StageRecord.of(tmp_path / "out" / FOLLOWED)
     assert record.inputs["landmarks"] == network.sha256
+    assert_nothing_is_left_of_another_video(tmp_path / "frames", tmp_path / "out", poses)
+
+
+def assert_nothing_is_left_of_another_video(frames: Path, out: Path, poses: str | None) -> None:
+    """Now there are neither cameras nor people, and its own were exported as if they were."""
+    folders = [out / name for name in ("sfm", "pseudo_gt")]
+    for folder in folders:
+        run_stage("other", folder, Config(), {}, lambda _: None)
+    with pytest.raises(StaleOutput, match="--redo"):
+        solve_video(frames, out, poses=poses, fps_hz=30)
+    solve_video(frames, out, poses=poses, fps_hz=30, run=Run(redo=True))
+    assert not any(folder.exists() for folder in folders)
