@@ -86,7 +86,7 @@ class BodiesRecord(Record):
     people: tuple[BodyFacts, ...]
     """In the order of `person_<n>.npz`."""
     left_out: tuple[str, ...]
-    """Who is seen in too few images."""
+    """Who is seen in too few images, or does not stand before the camera."""
     notes: tuple[str, ...]
     """What one should know of the bodies' sizes, and of odd counts."""
 
@@ -150,17 +150,24 @@ def _write(
     frames, lens = filmed
     notes = [*_check_frames(found, poses_path, frames, config), *_size_notes(found, body, config)]
     people, left_out = _seen_enough(found, poses_path, frames, config)
-    facts = []
-    for number, (person, rows) in enumerate(people):
+    facts: list[BodyFacts] = []
+    for person, rows in people:
         placed = place_body(person, body, lens, frames.size_px, poses_path)
         source = f"{poses_path.name} ({found.system}), {person.name}"
-        motion, known = _on_rows(person, placed, rows, body, frames, source)
+        on_rows = _on_rows(person, placed, rows, body, frames, source)
+        if on_rows is None:
+            left_out.append(f"{person.name} does not stand before the camera")
+            continue
+        motion, known = on_rows
         told_m = height_of(person.name, config.heights)
         motion = motion if told_m is None else of_height(motion, body, told_m)
         clip = _clip(person.name, motion, known, filmed, config.frames_per_row)
-        save_clip(folder / person_file(number), clip, body.rest_pelvis_m(clip.motion.shape))
+        path = folder / person_file(len(facts))
+        save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
         sigma = _own_size_sigma(found, body) if told_m is None else TOLD_SIGMA
         facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]], body, sigma))
+    if not facts:
+        raise BadMotionFile(f"{poses_path}: {'; '.join(left_out)}. {AGAIN}")
     BodiesRecord(
         estimator=found.system,
         file=poses_path.name,
@@ -249,13 +256,14 @@ def _on_rows(
     body: BodyModel,
     frames: FrameSet,
     source: str,
-) -> tuple[Motion, np.ndarray]:
-    """The motion on all images, filled between those that have a pose; and which have one (N,)."""
+) -> tuple[Motion, np.ndarray] | None:
+    """The motion on all images, filled between those that have a pose; and which have one (N,).
+    None where fewer than two have one before the camera."""
     known = np.flatnonzero(rows >= 0)
     depths_m = placed.pelvis_m[rows[known], 2]
     known = known[(depths_m > NEAREST_M) & (depths_m < FURTHEST_M)]
     if len(known) < 2:
-        raise BadMotionFile(f"{source} does not stand before the camera. {AGAIN}")
+        return None
     at, between = rows[known], between_known(known, np.arange(len(rows)))
     rotmats = np.concatenate([placed.root_rotmats[:, None], person.local_rotmats], axis=1)
     filled = between.turned(rotmats[at])

@@ -9,6 +9,7 @@ import pytest
 from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import save_body
+from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import load_clip
@@ -150,14 +151,20 @@ def test_a_file_of_another_video_is_refused(frames, n_frames, said, seen, neutra
         made(tmp_path, [seen], video(frames, n_frames), neutral)
 
 
-def test_somebody_behind_the_camera_is_refused(seen, neutral, tmp_path):
-    people = system_files.wham_people([seen])
-    for person in people.values():
-        person["trans"] = -person["trans"]
-    path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
+def test_somebody_behind_the_camera_is_left_out_and_named(seen, neutral, tmp_path):
+    """A ghost of a system's is no reason to refuse the others; where nobody is left, it is."""
+    people = system_files.wham_people([seen, seen])
     save_body(tmp_path / "body.npz", neutral)
-    lens, frames = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), video(np.arange(N_FRAMES))
-    with pytest.raises(BadMotionFile, match="does not stand before the camera"):
-        make_bodies(
-            path, Filmed(frames, lens), tmp_path / "body.npz", tmp_path / "out", BodiesConfig()
-        )
+    filmed = Filmed(video(np.arange(N_FRAMES)), Lens.of_matrix(seen.intrinsics_px, SIZE_PX))
+    others = tmp_path / "body.npz", tmp_path / "out", BodiesConfig()
+    ghost, real = people.values()
+    ghost["trans"] = -ghost["trans"]
+    path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
+    (files,) = make_bodies(path, filmed, *others)
+    record = BodiesRecord.read(tmp_path / "out" / "bodies.json")
+    assert record.left_out == ("person_0 does not stand before the camera",)
+    assert load_clip(files.clip_path).id == record.people[0].name == "person_1"
+    real["trans"] = -real["trans"]
+    path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
+    with pytest.raises(BadMotionFile, match="person_1 does not stand before the camera"):
+        make_bodies(path, filmed, *others, run=Run(redo=True))
