@@ -410,7 +410,7 @@ def body_jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
 def _both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:
     """(n,) bool: frames at either end of a marked step."""
     first, last = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-    first[: n - step], last[step:] = steps, steps
+    first[: max(0, n - step)], last[step:] = steps, steps
     return first | last
 
 

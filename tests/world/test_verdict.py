@@ -295,6 +295,8 @@ def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip):
     assert reason.endswith("50%; in 90: the camera moves otherwise than the data set's")
     unknown = np.full((N, 4, 4), np.nan)
     assert judged(clip, dataset_camera=unknown).accepted
+    longer = CONFIG.model_copy(update={"window_s": 2 * N / FPS_HZ})
+    assert judged(clip, config=longer, dataset_camera=slower).accepted, "nothing to compare"
 
 
 def test_no_usable_frame_is_a_rejection(clip):
