@@ -13,7 +13,7 @@ from gmrdata.read.video import VideoConfig
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.values.errors import MissingInput, NoReconstruction
+from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
@@ -164,9 +164,13 @@ def people_of(
     """Who is sought in pictures, and the file or folder of another system's results.
 
     Without the networks of the built-in estimator, where nobody asked for its people, that is said.
+    BadRecipe for rows of every n-th frame, which only a system's file has.
     """
     if poses is not SEEN and str(poses) not in (OWN, NOBODY):
         return None, Path(poses)
+    if config.bodies.frames_per_row > 1:
+        what = "--poses-every is of another system's file, with --poses"
+        raise BadRecipe(f"{what}. Leave it out; --every takes every n-th frame of a video")
     if str(poses) == NOBODY:
         return None, None
     try:

@@ -9,11 +9,12 @@ import pytest
 from gmrdata import solve_video
 from gmrdata.read.frames import write_gray
 from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_dir
-from gmrdata.solve.request import FOLLOWED
+from gmrdata.solve.request import FOLLOWED, SolveConfig
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord, run_stage
-from gmrdata.values.errors import StaleOutput
+from gmrdata.values.errors import BadRecipe, StaleOutput
 from gmrdata.values.records import Config
+from gmrdata.world.bodies import BodiesConfig
 
 
 @pytest.mark.parametrize(("poses", "network"), [("none", QUICK_LANDMARKS), (None, POSE_LANDMARKS)])
@@ -42,3 +43,12 @@ def assert_nothing_is_left_of_another_video(frames: Path, out: Path, poses: str 
         solve_video(frames, out, poses=poses, fps_hz=30)
     solve_video(frames, out, poses=poses, fps_hz=30, run=Run(redo=True))
     assert not any(folder.exists() for folder in folders)
+
+
+@pytest.mark.parametrize("poses", [None, "own", "none"])
+def test_rows_of_every_second_frame_are_of_a_systems_file(tmp_path, poses):
+    """Own people of frame 10 were placed in frame 20, where only a part of the video was read."""
+    config = SolveConfig(bodies=BodiesConfig(frames_per_row=2))
+    with pytest.raises(BadRecipe, match="--poses-every is of another system's file"):
+        solve_video(tmp_path / "walk.mp4", tmp_path / "out", poses=poses, config=config)
+    assert not (tmp_path / "out").exists()
