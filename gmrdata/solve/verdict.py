@@ -187,6 +187,8 @@ def judge_video(solved: Solved) -> VideoVerdict:
         notes += [*_scale_notes(world), *_unchecked(world)]
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
+    if decide and not people:
+        reasons = reasons or (NOBODY, *solved.remarks)
     return VideoVerdict(
         images_dir=FRAMES if frames.video_path else str(frames.folder.absolute()),
         fps_hz=frames.rate_hz,

@@ -42,10 +42,12 @@ def test_people_of_a_real_video_stand_on_the_ground(shared_path, tmp_path):
 
 
 def test_where_nobody_is_seen_there_are_cameras_alone(shared_path, tmp_path):
+    """Which is not what `--poses own` asks for: it was accepted."""
     # Above their heads.
     verdict = solved(shared_path, tmp_path / "images", tmp_path / "out", slice(0, 64), "own")
     assert verdict.people == () and any("sees nobody" in note for note in verdict.notes)
     assert not (tmp_path / "out" / "pseudo_gt").exists()
+    assert verdict.camera.accepted and verdict.reasons[0] == "none of the people can be used"
 
 
 def solved(
