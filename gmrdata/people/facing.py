@@ -22,7 +22,7 @@ TRUNK = tuple(
 LEAP_M = 0.12
 """Motion of these landmarks about the hips from one frame to the next, root mean square, from which
 it is a leap; 0.09 at most on people who were seen right, at 15 to 60 Hz [m]."""
-LEAP_WITHIN_S = 0.1
+LEAP_WITHIN_S = 0.099  # 10 Hz is too slow: who walks moves as far from frame to frame
 BETWEEN_LEAPS_S = 0.5
 """Frames between two leaps that are nearer to each other are unsure [s]."""
 AGAINST = -0.35  # cosine between where a body's left is before and after, of more than 110 degrees

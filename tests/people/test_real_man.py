@@ -88,6 +88,15 @@ def test_a_long_run_that_looks_the_other_way_is_told(at, numbers):
     assert unsure.sum() == 24 and len(set(unsure[at])) == 1
 
 
+def test_at_ten_frames_a_second_leaps_are_none_wherever_the_video_begins(numbers):
+    """By rounding about half of the steps were shorter than 0.1 s, and right frames left out."""
+    seen = spoiled(seen_by("heavy", numbers, 6), slice(5, 10))
+    for first in range(30):
+        times_s = (first + np.arange(10)) / 10.0
+        late = SeenLandmarks(times_s, seen.rays, seen.world_m, seen.visibility)
+        assert not unsure_frames(late).any()
+
+
 def test_a_view_that_is_reversed_throughout_is_doubted(numbers, anny):
     seen = mirrored(seen_by("heavy", numbers))
     assert sure_frames(seen, anny, LocalPosesConfig())[1].startswith("a body that looks the other")
