@@ -138,6 +138,8 @@ def plan_videos(
     found = find_videos(paths)
     if found is None:
         alone = request.of(NamedVideo("", paths[0], results), body)
+        if isinstance(alone.people, EstimatedPeople):
+            alone.people.check()
         planned = plan_video(alone, config)
         return Plan(True, planned.rows, planned.summary(paths[0]))
     batch = Batch(Path(), request, config, body)

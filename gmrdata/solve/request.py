@@ -9,6 +9,7 @@ from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, Intrinsics, Intrins
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.local_poses import LocalPosesConfig
 from gmrdata.people.sources import MasksConfig, PersonSource
+from gmrdata.read.systems.result import read_system
 from gmrdata.read.video import VideoConfig
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.stage.progress import remark
@@ -110,6 +111,12 @@ class EstimatedPeople:
     def are_own(self) -> bool:
         """Whether the built-in estimator looks for them."""
         return self.results_path is None
+
+    def check(self) -> None:
+        """Read another system's results, so that a wrong file is said before cameras are sought;
+        errors as of `read_system`."""
+        if self.results_path is not None:
+            read_system(self.results_path, "camera")
 
 
 @dataclass(frozen=True)

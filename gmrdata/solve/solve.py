@@ -92,6 +92,8 @@ def solve(
     """
     if request.people is None:
         config = config.for_cameras_alone
+    if isinstance(request.people, EstimatedPeople):
+        request.people.check()
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
     solved = Solved(request, out_dir, config, frames, run, body_path)

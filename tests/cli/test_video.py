@@ -170,6 +170,17 @@ def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
     assert contents(out) == contents(solved_videos / "videos" / "walk")
 
 
+def test_a_wrong_file_of_people_is_said_before_cameras_are_sought(dolly, tmp_path, capsys):
+    """It was after all of them had been solved, and a dry run said nothing."""
+    out, broken = tmp_path / "out", tmp_path / "wham_output.pkl"
+    broken.write_bytes(b"\x80")
+    for poses, said in ((tmp_path / "gone.pkl", "no such file"), (broken, broken.name)):
+        given = arguments(dolly.images_dir, out, "--fps-hz", "10", "--poses", poses)
+        refused(capsys, said, [*given, "--dry-run"])
+        refused(capsys, said, given)
+    assert not (out / "sfm").exists()
+
+
 def test_a_video_without_a_camera_path_is_rejected_with_the_reason(tmp_path, capsys):
     folder = tmp_path / "frames"
     folder.mkdir()
