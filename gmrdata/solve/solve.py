@@ -317,9 +317,7 @@ def _world(solved: Solved) -> Solved:
         dataset_camera_path=given.dataset_camera_path,
         doubts_path=doubts_path,
         gravity_path=solved.gravity_path,
-        seen=None
-        if config.masks is None
-        else people_masks(solved.out_dir / MASKS, config.masks, solved.followed_dir),
+        seen=_masks_of_people(solved),
         focal_sigma=0.0 if lens is None else lens.focal_sigma,
         size_sigmas=_size_sigmas(solved),
     )
@@ -330,6 +328,17 @@ def _world(solved: Solved) -> Solved:
     except NoReconstruction as error:
         return replace(solved, unsolved=error)
     return replace(solved, world_dir=made)
+
+
+def _masks_of_people(solved: Solved) -> PeopleMasks | None:
+    """What bodies must lie on; whom a system sees stands before the camera without distortion."""
+    if solved.config.masks is None:
+        return None
+    found = people_masks(solved.out_dir / MASKS, solved.config.masks, solved.followed_dir)
+    if found is None or not isinstance(solved.request.people, EstimatedPeople):
+        return found
+    assert solved.sfm_dir is not None
+    return replace(found, distortion=load_quality(solved.sfm_dir).lens)
 
 
 def _size_sigmas(solved: Solved) -> tuple[float, ...]:

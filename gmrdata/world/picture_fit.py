@@ -56,6 +56,9 @@ class PeopleMasks:
     widened_px: int  # by which they are larger than the people are [px]
     boxed: bool  # filled boxes, not outlines
     followed_dir: Path | None = None  # of `follow_people`, whose landmarks the limbs are held to
+    distortion: Distortion | None = None
+    """Of the pictures, without which bodies stand before the camera; None where they were laid onto
+    the pictures as a pinhole shows them."""
 
 
 @part(frozen=True, config=PART)
@@ -80,16 +83,12 @@ class PictureFit:
 
 
 def picture_fits(
-    clips: Sequence[Clip],
-    bodies: Sequence[BodyModel],
-    people: PeopleMasks,
-    config: VerdictConfig,
-    distortion: Distortion | None = None,
+    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks, config: VerdictConfig
 ) -> list[PictureFit | None]:
     """By person, with bodies in the camera frame; None where too few frames show both.  A body lies
     on nobody where their overlap is less than `off_overlap`, or its limbs are off by more than
-    `off_limbs`.  The pictures are as their lens's distortion has them."""
-    masks = _Masks(people, camera_of(clips[0]), distortion)
+    `off_limbs`."""
+    masks = _Masks(people, camera_of(clips[0]))
     tracks = [] if people.followed_dir is None else load_tracks(people.followed_dir)
     limbs = [
         _limbs(clip, body, tracks, masks.lens) for clip, body in zip(clips, bodies, strict=True)
@@ -204,13 +203,11 @@ def _at(clip: Clip, row: int, outline: _Outline, elsewhere: np.ndarray, masks: "
 class _Masks:
     """Small masks by the number of their image."""
 
-    def __init__(
-        self, people: PeopleMasks, camera: CameraPath, distortion: Distortion | None
-    ) -> None:
+    def __init__(self, people: PeopleMasks, camera: CameraPath) -> None:
         # Eight pixels a byte: all frames of a video are kept.
         self._people, self._cache = people, dict[int, np.ndarray | None]()
-        self._size_px, self._distortion = (camera.width_px, camera.height_px), distortion
-        radial = (0.0, 0.0) if distortion is None else (distortion.k1, distortion.k2)
+        self._size_px, bends = (camera.width_px, camera.height_px), people.distortion
+        radial = (0.0, 0.0) if bends is None else (bends.k1, bends.k2)
         self.lens = replace(camera.lens, radial=radial)
         self.shrink = min(1.0, LONGEST_PX / max(self._size_px))
 
@@ -252,7 +249,7 @@ class _Masks:
     ) -> np.ndarray:
         """(h, w) bool: a body as such a mask would show it."""
         small_k_px = np.diag([self.shrink, self.shrink, 1.0]) @ k_px
-        bent_m = bent_points(vertices_cam_m, self._distortion)
+        bent_m = bent_points(vertices_cam_m, self._people.distortion)
         shown = silhouette(bent_m, faces, small_k_px, self.small_px, self.widened_px) > 0
         if self._people.boxed and shown.any():
             shown[_box(shown)] = True

@@ -120,7 +120,7 @@ def make_pseudo_gt(
         clips = list(map(clip_on_body, _camera_clips(evidence.people), bodies))
         cameras = _solved_cameras(evidence, clips)
         doubts = _doubts(evidence.doubts_path, len(clips), len(cameras.rows))
-        fits = _fits(evidence, clips, bodies, cameras.quality, config)
+        fits = _fits(evidence, clips, bodies, config)
         told_by = telling_rows(clips, doubts, fits, config.verdict)
         try:
             sizes = evidence.size_sigmas or len(clips) * (0.0,)
@@ -193,13 +193,12 @@ def _fits(
     evidence: WorldEvidence,
     clips: Sequence[Clip],
     bodies: Sequence[BodyModel],
-    quality: files.CamerasQuality,
     config: PseudoGtConfig,
 ) -> list[PictureFit | None]:
     """How well each body lies on the person; None where no masks were made without bodies."""
     if evidence.seen is None:
         return [None] * len(clips)
-    return picture_fits(clips, bodies, evidence.seen, config.verdict, quality.lens)
+    return picture_fits(clips, bodies, evidence.seen, config.verdict)
 
 
 def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:

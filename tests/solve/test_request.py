@@ -7,14 +7,26 @@ import numpy as np
 import pytest
 
 from gmrdata import solve_video
+from gmrdata.cameras.files import Distortion
 from gmrdata.read.frames import write_gray
 from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_dir
-from gmrdata.solve.request import FOLLOWED, SolveConfig
+from gmrdata.solve.request import (
+    FOLLOWED,
+    EstimatedPeople,
+    GivenPeople,
+    SolveConfig,
+    Solved,
+    SolveRequest,
+)
+from gmrdata.solve.solve import _masks_of_people
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord, run_stage
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecipe, StaleOutput
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
+from tests.frame_sets import frame_set
+from tests.reconstructions import quality_of_path
 
 
 @pytest.mark.parametrize(("poses", "network"), [("none", QUICK_LANDMARKS), (None, POSE_LANDMARKS)])
@@ -52,3 +64,15 @@ def test_rows_of_every_second_frame_are_of_a_systems_file(tmp_path, poses):
     with pytest.raises(BadRecipe, match="--poses-every is of another system's file"):
         solve_video(tmp_path / "walk.mp4", tmp_path / "out", poses=poses, config=config)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("people", "bends"), [(EstimatedPeople(), True), (GivenPeople(()), False)])
+def test_bodies_are_held_to_pictures_by_the_lens_that_placed_them(tmp_path, people, bends):
+    """A data set's were laid onto its pictures by a pinhole; others see them without distortion."""
+    nowhere = CameraPath(np.eye(3), 64, 48, np.tile(np.eye(4), (3, 1, 1)), np.ones(3, bool))
+    lens = Distortion(-0.2, 0.0, 0.5)
+    quality_of_path(nowhere).model_copy(update={"lens": lens}).write(tmp_path / "quality.json")
+    frames, request = frame_set(np.arange(3), (64, 48), 30.0), SolveRequest(tmp_path, people)
+    solved = Solved(request, tmp_path, SolveConfig(), frames, sfm_dir=tmp_path)
+    masks = _masks_of_people(solved)
+    assert masks is not None and masks.distortion == (lens if bends else None)

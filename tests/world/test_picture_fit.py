@@ -163,7 +163,10 @@ def test_at_the_edge_of_a_wide_lens_a_right_body_lies_on_the_person(walker, smal
     aside = beside(walker, 0.45 * float(walker.motion.pelvis_m[:, 2].mean()))
     masks = draw_masks(tmp_path / "person", [aside], small_body, lens=lens)
     seen = replace(masks, followed_dir=followed(tmp_path, aside, small_body, lens=lens))
-    blind, right = (picture_fits([aside], [small_body], seen, VERDICT, of) for of in (None, lens))
+    blind, right = (
+        picture_fits([aside], [small_body], replace(seen, distortion=of), VERDICT)
+        for of in (None, lens)
+    )
     assert blind[0] is not None and blind[0].off_frames > 30
     assert right[0] is not None and right[0].off_frames == 0 and right[0].overlap > 0.97
 
