@@ -265,9 +265,9 @@ def _people(solved: Solved) -> Solved:
     remarks = (*record.notes, *record.left_out)
     if people.are_own and solved.followed_dir is not None:
         followed = FollowedRecord.read(solved.followed_dir / FOLLOWED_FILE)
-        own = (f"{name}: {doubt}" for name, doubt in _own_doubts(solved).items())
-        remarks = (*remarks, *followed.doubts(), *own)
-    return replace(solved, bodies=bodies, remarks=remarks)
+        remarks = (*remarks, *followed.doubts())
+    own = (f"{name}: {doubt}" for name, doubt in _own_doubts(solved).items())
+    return replace(solved, bodies=bodies, remarks=(*remarks, *own))
 
 
 def _lens_of_frames(solved: Solved) -> Lens:
@@ -290,13 +290,23 @@ def _own_poses(solved: Solved, filmed: Filmed) -> Path | None:
     return poses_dir if LocalPosesRecord.read(poses_dir / POSES_FILE).people else None
 
 
+def _own_poses_dir(solved: Solved) -> Path | None:
+    """The folder of the built-in estimator that people are of: this video's, or one that was given;
+    None for people of others."""
+    people = solved.request.people
+    if not isinstance(people, EstimatedPeople):
+        return None
+    poses_dir = people.results_path or solved.out_dir / OWN_POSES / POSES_FOLDER
+    return poses_dir if (poses_dir / POSES_FILE).is_file() else None
+
+
 def _own_doubts(solved: Solved) -> dict[str, str]:
     """Why people of the built-in estimator may be wrong as a whole, by their clips' names."""
-    people = solved.request.people
-    if not isinstance(people, EstimatedPeople) or not people.are_own:
+    poses_dir = _own_poses_dir(solved)
+    if poses_dir is None:
         return {}
-    record = LocalPosesRecord.read(solved.out_dir / OWN_POSES / POSES_FOLDER / POSES_FILE)
-    return {f"person_{n}": doubt for n, doubt in enumerate(record.doubts) if doubt}
+    doubts = LocalPosesRecord.read(poses_dir / POSES_FILE).doubts
+    return {f"person_{n}": doubt for n, doubt in enumerate(doubts) if doubt}
 
 
 def _world(solved: Solved) -> Solved:
@@ -321,7 +331,7 @@ def _world(solved: Solved) -> Solved:
         focal_sigma=0.0 if lens is None else lens.focal_sigma,
         size_sigmas=_size_sigmas(solved),
     )
-    own = isinstance(people, EstimatedPeople) and people.are_own
+    own = _own_poses_dir(solved) is not None
     pseudo_gt = _with_size_errors(config.pseudo_gt, evidence.size_sigmas, own_feet=own)
     try:
         made = make_pseudo_gt(evidence, solved.out_dir / PSEUDO_GT, pseudo_gt, run=solved.run)

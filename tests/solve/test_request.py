@@ -18,11 +18,12 @@ from gmrdata.solve.request import (
     Solved,
     SolveRequest,
 )
-from gmrdata.solve.solve import _masks_of_people
+from gmrdata.solve.solve import _masks_of_people, _own_doubts, _own_poses_dir
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecipe, StaleOutput
+from gmrdata.values.people import POSES_FILE, LocalPosesRecord
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from tests.frame_sets import frame_set
@@ -76,3 +77,19 @@ def test_bodies_are_held_to_pictures_by_the_lens_that_placed_them(tmp_path, peop
     solved = Solved(request, tmp_path, SolveConfig(), frames, sfm_dir=tmp_path)
     masks = _masks_of_people(solved)
     assert masks is not None and masks.distortion == (lens if bends else None)
+
+
+def test_poses_of_the_built_in_estimator_that_are_given_have_its_errors_and_doubts(tmp_path):
+    """Another video's folder, or this one's again: their feet were believed as another system's."""
+    of_others, poses_dir = tmp_path / "wham_output.pkl", tmp_path / "own_poses" / "poses"
+    poses_dir.mkdir(parents=True)
+    LocalPosesRecord(
+        people=2, images=9, frames=9, size_px=(64, 48), body="anny", doubts=("", "it looks away")
+    ).write(poses_dir / POSES_FILE)
+    frames, found = frame_set(np.arange(3), (64, 48), 30.0), []
+    for people in (EstimatedPeople(), EstimatedPeople(poses_dir), EstimatedPeople(of_others)):
+        request = SolveRequest(tmp_path, people)
+        solved = Solved(request, tmp_path, SolveConfig(), frames)
+        found.append((_own_poses_dir(solved), _own_doubts(solved)))
+    own = poses_dir, {"person_1": "it looks away"}
+    assert found == [own, own, (None, {})]
