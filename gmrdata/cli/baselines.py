@@ -38,7 +38,9 @@ def baseline_mean(
     from gmrdata.score.baselines import MeanConfig, predict_mean
 
     flags.need(training, "a manifest to average: --training")
-    answer(predict_mean(manifest, training, out, MeanConfig(fps_hz=fps_hz), run=Run(redo=redo)))
+    with flags.flags_named():
+        config = MeanConfig(fps_hz=fps_hz)
+    answer(predict_mean(manifest, training, out, config, run=Run(redo=redo)))
 
 
 def baseline_camera_as_world(

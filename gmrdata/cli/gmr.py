@@ -112,11 +112,7 @@ class Results:
     """Whether a clip or frame without a prediction is an error, or dropped and counted."""
 
     def settings(self) -> dict[str, object]:
-        """Of a `ScoreConfig`; BadRecipe names a flag that can't be."""
-        if not self.fps_hz > 0:
-            raise BadRecipe(f"--fps-hz {self.fps_hz:g}: must be more than 0")
-        if self.first_image is not None and self.first_image < 0:
-            raise BadRecipe(f"--first-image {self.first_image}: give 0 or more")
+        """Of a `ScoreConfig`."""
         found = {
             name: getattr(self, name) for name in ("fps_hz", "missing", "camera", "first_image")
         }
@@ -159,8 +155,10 @@ def evaluate(
     from gmrdata.score import score as stage
     from gmrdata.score.predictors import ScoreConfig
 
+    flags.as_text(dry_run, as_json)
     given = {"which": which, "all_phases": all_phases, "seed": seed}
-    config = ScoreConfig.model_validate(given | protocols.settings() | results.settings())
+    with flags.flags_named():
+        config = ScoreConfig.model_validate(given | protocols.settings() | results.settings())
     if dry_run:
         print_table(stage.PLAN_HEADINGS, stage.plan_scores(predictor, manifest, config))
         return
@@ -269,10 +267,10 @@ def infer(
     from gmrdata.gmr import infer as stage
     from gmrdata.pages.inference import draw_motion
 
-    _require_positive(fps_hz, bridge_frames)
-    config = stage.InferConfig(
-        fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, level=level, video=video
-    )
+    with flags.flags_named():
+        config = stage.InferConfig(
+            fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, level=level, video=video
+        )
     body_path = flags.body_path(body)
     if dry_run:
         planned = stage.plan_infer(
@@ -286,13 +284,6 @@ def infer(
     )  # fmt: skip
     _show_inferred(stage.InferRecord.read(made / stage.RECORD_FILE))
     answer(made)
-
-
-def _require_positive(fps_hz: float | None, bridge_frames: int) -> None:
-    if fps_hz is not None and not 0 < fps_hz < float("inf"):
-        raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
-    if bridge_frames < 0:
-        raise BadRecipe(f"--bridge-frames {bridge_frames}: give 0 or more")
 
 
 def _show_inferred(record: "InferRecord") -> None:
@@ -321,5 +312,6 @@ def compare(
     from gmrdata.score import compare as stage
 
     flags.need(scores, "the scores.json of two runs or more")
-    config = stage.CompareConfig(names=names, seed=seed)
+    with flags.flags_named():
+        config = stage.CompareConfig(names=names, seed=seed)
     _show_comparison(stage.compare(scores, out, config, run=Run(redo=redo)), scores)

@@ -44,9 +44,9 @@ def fetch(
     from gmrdata.read.download import FetchConfig
     from gmrdata.read.models import fetch_models, models_dir, plan_models
 
-    if not timeout_s > 0:
-        raise BadRecipe(f"--timeout-s {timeout_s:g}: must be more than 0")
-    config, rng = FetchConfig(base_url=base_url, timeout_s=timeout_s), np.random.default_rng()
+    with flags.flags_named():
+        config = FetchConfig(base_url=base_url, timeout_s=timeout_s)
+    rng = np.random.default_rng()
     wanted = (*trials, *(listed_trials(published_list) if published_list is not None else ()))
     if source == "models":
         if wanted:
@@ -96,6 +96,9 @@ def motions(
     from gmrdata.motion.human36m import make_human36m
 
     config = flags.reading(fps_hz, unit_m, joint_map, rest_pose, up)
+    if layout != "files" and (said := config.model_dump(exclude_defaults=True)):
+        flag = next(iter(said)).replace("_", "-")
+        raise BadRecipe(f"--{flag}: --layout {layout} is read as its format has it. Leave it out")
     if run.shard and (out is None or layout != "files"):
         raise BadRecipe("--shard: only motion files with --out are shared. Leave it out")
     if dry_run:

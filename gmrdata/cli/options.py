@@ -178,6 +178,8 @@ PartFlags = Annotated[Any, OmitArgPrefixes, arg(constructor=_part)]
 """--from, --to, --every and --take-what-decodes: a `VideoConfig`; give it no default."""
 LENS_FLAGS = {"focal_px": "focal", "fov_deg": "fov", "file": "intrinsics"}
 """The flag of each key of a given lens."""
+FLAGS = LENS_FLAGS | {"frames_per_row": "poses_every"}
+"""The flags that have other names than the keys of recipes that they fill."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +242,7 @@ def flags_named() -> Iterator[None]:
     except ValidationError as error:
         wrong = error.errors()[0]
         key = str(wrong["loc"][0])
-        flag = LENS_FLAGS.get(key, key).replace("_", "-")
+        flag = FLAGS.get(key, key).replace("_", "-")
         raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
 
 
@@ -258,6 +260,12 @@ def reading(
     said["up"] = up
     with flags_named():
         return ReadConfig.model_validate(said)
+
+
+def as_text(dry_run: bool, as_json: bool) -> None:
+    """Refuse --json with --dry-run, which a script would take for JSON; raises BadRecipe."""
+    if dry_run and as_json:
+        raise BadRecipe("--json: a dry run is told as text. Leave one of the two out")
 
 
 def need(values: tuple[Any, ...], what: str) -> None:

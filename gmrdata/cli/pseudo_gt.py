@@ -10,7 +10,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
-from gmrdata.values.errors import BadSequence, MissingInput
+from gmrdata.values.errors import BadRecipe, BadSequence, MissingInput
 
 if TYPE_CHECKING:
     from gmrdata.twins.floor import MadeFloor
@@ -185,6 +185,9 @@ def floor(
     folder = out / stage.TWINS_FOLDER if twins is None else twins
     pages: AbstractContextManager[None] = nullcontext()
     if twins is not None:
+        if motions is not None or sampled != Sampled():
+            what = "--twins: no twins are sampled then, so --motions and what says how do nothing"
+            raise BadRecipe(f"{what}. Leave them out")
         if dry_run:
             plan = regeneration.plan(loaded, read_truth(twins).root, regenerated)
             print_table(regeneration.HEADINGS, plan)

@@ -41,6 +41,8 @@ def demo(
 
     if run.shard is not None:
         raise BadRecipe("--shard: a demo has a handful of clips and is not shared; leave it out")
+    if trials and motions is None:
+        raise BadRecipe("--trials: names of files of --motions. Give that folder too")
     loaded = flags.read_recipe(recipe, DemoRecipe)
     if dry_run:
         print_table(("stage", "state"), plan(loaded, out))

@@ -34,11 +34,14 @@ def masks(
         camera_body: Clip file (.npz) in the camera's frame, for the silhouette.
     """
     from gmrdata.pages.frames import make_mask_sheet
-    from gmrdata.people.sources import masks_named
+    from gmrdata.people.sources import SilhouetteSource, masks_named
     from gmrdata.solve.solve import make_masks
 
     flags.need(masks, "a source of masks: --masks onnx")
     config = masks_named(masks, **vars(networks))
+    drawn = any(isinstance(one, SilhouetteSource) for one in config.sources)
+    if camera_body is not None and not drawn:
+        raise BadRecipe("--camera-body is for silhouette, which is not named")
     people = () if camera_body is None else flags.one_person(camera_body, body)
     if dry_run:
         _show_stages(frames, part, ("frames", "masks"))
@@ -80,7 +83,8 @@ def sfm(
 
     flags.need(masks, "a source of masks: --masks silhouette")
     named = masks_named(masks, **vars(networks))
-    config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
+    with flags.flags_named():
+        config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
     people = flags.one_person(camera_body, body)
     if dry_run:
         _show_stages(frames, part, ("frames", "masks", "sfm"))
@@ -146,6 +150,7 @@ def video(
         strict: End with exit code 1 for a rejected video.
     """
     flags.need(sources, "a video, or a folder of numbered images or of videos")
+    flags.as_text(dry_run, as_json)
     asked: dict[str, Any] = {
         "poses": poses, "body": body, "lens": _lens(lens), "fps_hz": fps_hz, "part": part,
         "config": _solve_config(_masks(masks, networks), lens, solving),
@@ -164,15 +169,19 @@ def _solve_config(
     masks: "MasksConfig | None", lens: flags.Lens, solving: flags.Solving
 ) -> "SolveConfig":
     from gmrdata.cameras.lens.intrinsics import IntrinsicsConfig
+    from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.solve.request import QUICK_SFM, SolveConfig
     from gmrdata.world.bodies import BodiesConfig
 
+    with flags.flags_named():
+        sfm = SfmConfig(**dict(QUICK_SFM) | {"seed": solving.seed})
+        bodies = BodiesConfig(frames_per_row=solving.poses_every)
     return SolveConfig(
         masks=masks,
         intrinsics=IntrinsicsConfig(look_in_frames=lens.check_lens),
-        sfm=QUICK_SFM.model_copy(update={"seed": solving.seed}),
+        sfm=sfm,
         check_again=solving.check_again,
-        bodies=BodiesConfig(frames_per_row=solving.poses_every),
+        bodies=bodies,
     ).with_heights(_heights(solving.height_m))
 
 

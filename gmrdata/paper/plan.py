@@ -282,6 +282,9 @@ def plan_table(
         raise BadRecipe(f"table {recipe.table} has no scale {scale}; give one of its own")
     if given.network is not None:
         _require_one_network(recipe)
+    if len(set(seeds)) < len(seeds) or min(seeds, default=0) < 0:
+        said = " ".join(map(str, seeds))
+        raise BadRecipe(f"--seeds {said}: give each seed once, and none below 0")
     plan = Plan(recipe, scale, given, {}, {}, {})
     for shown in recipe.rows:
         row = recipe.scored_row(shown)

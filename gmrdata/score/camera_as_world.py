@@ -16,7 +16,7 @@ from gmrdata.score import baselines as predictions
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
-from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import invert, rigid
@@ -129,6 +129,8 @@ def predict_camera_as_world(
     BadMotionFile where they are of other images, or up to an unknown scale.
     """
     config = config or CameraAsWorldConfig()
+    if cameras_dir is not None and config.camera != "recovered":
+        raise BadRecipe("--cameras: for --camera recovered alone. Give both, or neither")
     subjects, left_out = predictions.manifest_subjects(manifest_path)
     seen = [one for one in subjects if _is_seen(one)]
     left_out |= {one.clip.id: "no camera sees it" for one in subjects if not _is_seen(one)}

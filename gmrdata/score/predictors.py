@@ -142,6 +142,21 @@ def clips_source(name: str, folder: Path, config: ScoreConfig) -> Source:
     return Source(name, {"predictions": folder}, opened)
 
 
+UNREAD: Mapping[str, Sequence[str]] = {
+    "a network": ("fps_hz", "missing", "person", "camera", "first_image"),
+    "clips of gmrdata": ("which", "person", "camera", "first_image"),
+    "results of other systems": ("which",),
+}
+"""By what is scored, the settings that say nothing of it."""
+
+
+def check_read(config: ScoreConfig, what: str) -> None:
+    """Refuse settings that say nothing of what is scored: one is a mistake, not a default."""
+    for name in UNREAD[what]:
+        if getattr(config, name) != getattr(ScoreConfig(), name):
+            raise BadRecipe(f"--{name.replace('_', '-')}: not for {what}. Leave it out")
+
+
 def clip_names(manifest_path: Path) -> list[ClipName]:
     """The clips that can be scored; people of rejected clips count among those of a sequence."""
     files, _, manifest = usable_files(manifest_path)

@@ -26,6 +26,7 @@ from gmrdata.score.predictors import (
     ScoreConfig,
     Source,
     check_people,
+    check_read,
     clip_names,
     clips_source,
     network_source,
@@ -135,12 +136,17 @@ class _Given:
 
 def _sources(predictor: Path | str, given: _Given, config: ScoreConfig) -> list[Source]:
     """What is scored by itself: the network, or each set of predictions in a folder."""
+    config.its_protocol()  # or an error, before anything is read
     if is_network(predictor):
+        check_read(config, "a network")
+        if given.predictions_body_path is not None:
+            raise BadRecipe("--predictions-body: a network's motions are on the clips' own bodies")
         return [network_source(network_dir(predictor), config)]
     names, path = clip_names(given.manifest_path), Path(predictor)
     found = find_result_sets(path, names)
     check_people(config, names, found)
     others = [one for one in found if not isinstance(one, ClipFiles)]
+    check_read(config, "results of other systems" if others else "clips of gmrdata")
     body_path = given.predictions_body_path or given.body_path
     sets = ResultSets(path, others, names, given.manifest_path, body_path, config)
     return [

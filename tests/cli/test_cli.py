@@ -17,10 +17,14 @@ import pytest
 from gmrdata import __version__
 from gmrdata.cli import RENAMED, VERBS
 from gmrdata.film.blender_environment import PYTHON_NAME, blender_python
+from gmrdata.motion.gait import embedded_motions
 from gmrdata.pages.report_data import ClipSummary, GmrSummary, Summary
 from gmrdata.read.models import MODELS, models_dir
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from tests.clip_manifests import write_clips
 from tests.docs.page_commands import FUNCTIONS
 from tests.record_keys import assert_each_key_is_needed
 
@@ -117,6 +121,57 @@ def test_a_broken_motion_file_leaves_nothing_behind(gmrdata, tmp_path, content):
     fails_cleanly(gmrdata("motions", path, "--out", tmp_path / "out"), "walk.bvh")
     assert not list((tmp_path / "out").rglob("*.npz.tmp*"))
     assert not (tmp_path / "out" / "motions.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("evaluate IN MANIFEST --seed -1", "--seed -1: Input should be"),
+        ("evaluate IN MANIFEST --fps-hz inf", "--fps-hz inf: Input should be"),
+        ("compare IN IN --seed -1", "--seed -1: Input should be"),
+        ("infer IN --bridge-frames 9999999999", "--bridge-frames 9999999999: Input should be"),
+        ("sfm IN --camera-body CLIP --seed -1", "--seed -1: Input should be"),
+        ("video IN --masks none --seed -1", "--seed -1: Input should be"),
+        ("video IN --masks none --poses-every 0", "--poses-every 0: Input should be"),
+        ("fetch cmu 02_03 --timeout-s inf", "--timeout-s inf: Input should be"),
+        ("baseline mean MANIFEST --training MANIFEST --fps-hz 0", "--fps-hz 0.0: Input should be"),
+        ("tables 2 --manifest MANIFEST --seeds 1 1", "--seeds 1 1: give each seed once"),
+    ],
+)
+def test_a_number_that_cannot_be_is_said_by_its_flag(typed, said, gmrdata, small_body, tmp_path):
+    fails_cleanly(gmrdata(*_with_files(typed, small_body, tmp_path)), said)
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("evaluate bundled MANIFEST --person 1", "--person: not for a network"),
+        ("evaluate bundled MANIFEST --fps-hz 30", "--fps-hz: not for a network"),
+        ("evaluate bundled MANIFEST --predictions-body IN", "--predictions-body: a network's"),
+        ("evaluate IN MANIFEST --original gaps --dry-run", "give --protocol too"),
+        ("evaluate IN MANIFEST --dry-run --json", "--json: a dry run is told as text"),
+        ("video IN --dry-run --json", "--json: a dry run is told as text"),
+        ("baseline camera_as_world MANIFEST --cameras IN", "--cameras: for --camera recovered"),
+        ("demo --trials 02_03 --dry-run", "--trials: names of files of --motions"),
+        ("floor --twins IN --sequences 3", "--twins: no twins are sampled then"),
+        ("floor --twins IN --motions IN", "--twins: no twins are sampled then"),
+        ("motions IN --layout emdb --fps-hz 25", "--fps-hz: --layout emdb is read as its format"),
+        ("masks IN --camera-body CLIP", "--camera-body is for silhouette, which is not named"),
+    ],
+)
+def test_a_flag_that_does_nothing_is_refused(typed, said, gmrdata, small_body, tmp_path):
+    fails_cleanly(gmrdata(*_with_files(typed, small_body, tmp_path)), said)
+
+
+def _with_files(typed: str, body: BodyModel, folder: Path) -> list[str]:
+    """A command line on a folder, a clip and a manifest of it, with an `--out`."""
+    (motion,) = embedded_motions(body, np.random.default_rng(0), count=1, duration_s=0.2)
+    n = motion.n_frames
+    clip = Clip("walk", motion, np.ones(n, bool), np.full(n, -1), None)
+    manifest = write_clips(folder / "in", body, [clip])
+    files = {"IN": folder / "in", "MANIFEST": manifest, "CLIP": next(folder.rglob("*.npz"))}
+    words = [str(files.get(word, word)) for word in typed.split()]
+    return [*words, "--out", str(folder / "out")]
 
 
 def test_missing_things_are_named(gmrdata, tmp_path):

@@ -275,9 +275,12 @@ def test_the_verb_says_what_is_wrong(tmp_path, run_dir, body_path, capsys):
     out = str(tmp_path / "out")
     for flags, message in (
         ([], r"v\.pkl: does not say its frame rate. Give the video's with --fps-hz"),
-        (["--fps-hz", "-3"], "--fps-hz -3: must be more than 0"),
-        (["--fps-hz", "nan"], "--fps-hz nan: must be more than 0"),
-        (["--bridge-frames", "-1"], "--bridge-frames -1: give 0 or more"),
+        (["--fps-hz", "-3"], "--fps-hz -3.0: Input should be greater than 0"),
+        (["--fps-hz", "nan"], "--fps-hz nan: Input should be a finite number"),
+        (
+            ["--bridge-frames", "-1"],
+            "--bridge-frames -1: Input should be greater than or equal to 0",
+        ),
     ):
         with pytest.raises(SystemExit) as ended:
             main(["infer", str(source), "--network", str(run_dir), "--out", out,

@@ -367,7 +367,7 @@ def test_what_is_not_there_is_said(tmp_path, data, body, true):
     [
         (("--person", "a=1", "a=2"), "--person a=2: give NAME, CLIP=NAME or SYSTEM/CLIP=NAME"),
         (("--person", "a="), "--person a=: give NAME"),
-        (("--first-image", "-1"), "--first-image -1: give 0 or more"),
+        (("--first-image", "-1"), "--first-image -1: Input should be greater"),
     ],
 )
 def test_flags_that_say_nothing(flags, said, tmp_path, capsys):

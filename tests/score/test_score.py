@@ -427,7 +427,7 @@ def test_the_network_in_the_package_by_its_word(clips, small_body, body_path, tm
             "has another name now: gmrdata evaluate PREDICTIONS MANIFEST",
             2,
         ),
-        (("folder", "there.yaml", "--fps-hz", "0"), "must be more than 0", 1),
+        (("folder", "there.yaml", "--fps-hz", "0"), "--fps-hz 0.0: Input should be greater", 1),
         (("folder", "manifest.yaml"), "manifest.yaml: no such file", 1),
         (("bundled", "manifest.yaml"), "manifest.yaml: no such file", 1),
     ],
