@@ -277,7 +277,7 @@ def check_finite(values: Mapping[str, float], run_dir: Path, step: int) -> None:
     raise TrainingDiverged(
         f"{run_dir}: in step {step} the loss is {values['loss']:g} and its gradient has length"
         f" {values['gradient_norm']:g}. The last good checkpoint: {kept.name if kept else 'none'}."
-        " Lower learning_rate, or set gradient_norm"
+        " Lower learning_rate, or set gradient_norm, and pass --redo"
     )
 
 

@@ -37,6 +37,7 @@ RECORDED_PACKAGES = (
 LOG = logging.getLogger("gmrdata.stage")
 """Which stage begins, is made or was found; shown by `-v`."""
 MOMENT_S = 1.0  # after which a folder is there that another process renames now
+AGAIN = "Pass --redo to make it again, or another --out"
 FRESH_NS = 2_000_000_000
 """A file that was written so short a time before it was hashed is hashed again [ns]."""
 
@@ -122,7 +123,8 @@ def run_stage(
 
     Raises:
         MissingInput: an input is not there.
-        StaleOutput: the folder was made by another recipe, another version or from other inputs.
+        StaleOutput: the folder was made by another recipe, another version or from other inputs, or
+            work that can go on was begun so.
         NotMade: there is work to do, and the run only looks.
     """
     if run.only_look:
@@ -132,7 +134,7 @@ def run_stage(
         recipe = _recipe(name, config, hashes.of(inputs))
         shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
         if not out_dir.exists() or _is_stale(out_dir, recipe, run):
-            partial = _partial_dir(out_dir, recipe, isinstance(work, Resumable), alone)
+            partial = _partial_dir(out_dir, recipe, isinstance(work, Resumable), alone, run)
             LOG.info("%s: begins in %s", name, out_dir)
             _make(out_dir, recipe, work, partial)
             LOG.info("%s: made in %.1f s", name, stage_seconds(out_dir))
@@ -200,9 +202,10 @@ def _make(out_dir: Path, recipe: RecipeRecord, work: Work | Resumable, partial: 
             raise
 
 
-def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumes: bool, alone: bool) -> Path:
+def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumes: bool, alone: bool, run: Run) -> Path:
     """An empty folder to work in, or that of a killed run whose work can go on.
 
+    What another recipe began may be days of a training: it is thrown away only with --redo.
     Another machine's process may live and write on in the folder that it began: not every disk's
     locks reach so far.  Files of a resumable stage are the same then, each whole; another stage
     works in a folder of its own name.
@@ -210,7 +213,10 @@ def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumes: bool, alone: bool
     partial = out_dir.with_name(out_dir.name + ".partial")
     begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
     if resumes:
-        if begun_by is None or begun_by.differences(recipe):
+        keys = [] if begun_by is None else begun_by.differences(recipe)
+        if keys and not run.redo and {path.name for path in partial.glob("*")} != {RECIPE_FILE}:
+            raise StaleOutput(f"{partial}: begun with other values of {', '.join(keys)}. {AGAIN}")
+        if begun_by is None or keys:
             shutil.rmtree(partial, ignore_errors=True)
     elif alone and (begun_by is None or begun_by.host == recipe.host):
         shutil.rmtree(partial, ignore_errors=True)
@@ -274,8 +280,7 @@ def _is_stale(out_dir: Path, recipe: RecipeRecord, run: Run) -> bool:
     except BadRecord as error:
         fault = f"what made it can't be read ({error})"
     if fault and not run.redo:
-        remedy = "Pass --redo to make it again, or another --out"
-        raise StaleOutput(f"{out_dir}: {fault}. {remedy}")
+        raise StaleOutput(f"{out_dir}: {fault}. {AGAIN}")
     return bool(fault)
 
 
