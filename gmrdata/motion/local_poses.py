@@ -57,7 +57,7 @@ def read_local_poses(
     video, or the rows of the file.
 
     Args:
-        fps_hz: The true frame rate [Hz].  Needed for estimators' files, which don't say it.
+        fps_hz: The true frame rate [Hz].  Needed for estimators' files, most of which lack it.
         body: The body that stands for the people; the default body if None.  Motion capture is
             retargeted to it; the shape of the file is kept where it is of this body.
         joint_map: For a BVH or AMC with unknown joint names, as `read_motion` takes it.
@@ -77,7 +77,8 @@ def read_local_poses(
         motion = read_poses(path, body, ReadConfig(fps_hz=fps_hz, joint_map=names))
         n = motion.n_frames
         return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
-    people = read_system(path).people
+    found = read_system(path)
+    people, fps_hz = found.people, found.fps_hz if fps_hz is None else fps_hz
     if fps_hz is None:
         remedy = "Give the video's with --fps-hz"
         raise BadMotionFile(f"{path}: does not say its frame rate. {remedy}")

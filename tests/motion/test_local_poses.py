@@ -417,3 +417,11 @@ def test_a_rate_is_needed_and_checked(tmp_path, small_body):
         read_local_poses(path, 5000.0, body=small_body)
     with pytest.raises(MissingInput, match=r"none\.pkl: no such file"):
         read_local_poses(tmp_path / "none.pkl", 30.0, body=small_body)
+
+
+def test_a_pickle_that_says_its_rate_is_believed(tmp_path, small_body):
+    poses = {"poses": some_poses(6), "trans": np.zeros((6, 3)), "mocap_framerate": 60.0}
+    path = tmp_path / "m.pkl"
+    path.write_bytes(pickle.dumps(poses))
+    rates = [read_local_poses(path, said, body=small_body)[0] for said in (None, 30.0)]
+    assert [clip.motion.fps_hz for clip in rates] == [60.0, 30.0]
