@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path, PurePosixPath
 from typing import Literal, Self
 
@@ -103,7 +104,8 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
 
     A clip is called as its file.  An .npz that was found in a folder has its folders in the name
     as well, `CMU.01.01_01_poses`, since AMASS's data sets repeat the names of files; so has any
-    file whose name another one has too.
+    file whose name another one has too.  Names that differ in letters alone that an id may not
+    have, like those of Chinese files, are told apart by a hash.
     """
     if not sources:
         raise MissingInput("nothing given. Name motion files or folders of them")
@@ -119,11 +121,19 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
     once = {path.resolve(): (path, inside) for path, inside in reversed(found)}
     found = list(reversed(once.values()))
     stems = Counter(path.stem for path, _ in found)
+    names = [
+        ".".join(inside.with_suffix("").parts)
+        if path.suffix.lower() == ".npz" or stems[path.stem] > 1
+        else path.stem
+        for path, inside in found
+    ]
+    ids = Counter(map(clip_id, set(names)))
     files: dict[str, LibraryFile] = {}
-    for path, inside in found:
-        with_folders = path.suffix.lower() == ".npz" or stems[path.stem] > 1
-        name = ".".join(inside.with_suffix("").parts) if with_folders else path.stem
-        file = LibraryFile(path, clip_id(name), _source(path, inside))
+    for (path, inside), name in zip(found, names, strict=True):
+        id = clip_id(name)
+        if ids[id] > 1:
+            id += f"_{sha256(name.encode(errors='surrogateescape')).hexdigest()[:8]}"
+        file = LibraryFile(path, id, _source(path, inside))
         if (other := files.setdefault(file.id, file)) is not file:
             remedy = "Give the folder that holds both, or import them into two folders"
             raise BadRecipe(f"{other.path} and {path} would both be clip {file.id}. {remedy}")

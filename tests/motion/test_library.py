@@ -1,6 +1,7 @@
 """Motion files into a manifest: AMASS's folders, many files at once, broken ones among them."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -162,6 +163,17 @@ def test_names_of_clips(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(MissingInput, match="holds no"):
         library_files((tmp_path / "empty",))
+
+
+def test_files_whose_names_have_no_plain_letter_in_common(tmp_path):
+    """Two names of one word each in another script would both be clip `_`."""
+    for name in ("走", "跑", "turn"):
+        (tmp_path / f"{name}.bvh").touch()
+    ids = {file.path.stem: file.id for file in library_files((tmp_path,))}
+    assert ids["turn"] == "turn" and ids["走"] != ids["跑"]
+    assert all(re.fullmatch("__[0-9a-f]{8}", ids[name]) for name in ("走", "跑"))
+    (tmp_path / "跑.bvh").unlink()
+    assert [file.id for file in library_files((tmp_path,))] == ["turn", "_"]
 
 
 def test_clip_ids_have_plain_letters():
