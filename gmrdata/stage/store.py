@@ -124,11 +124,12 @@ def run_stage(
     Raises:
         MissingInput: an input is not there.
         StaleOutput: the folder was made by another recipe, another version or from other inputs, or
-            work that can go on was begun so.
+            work that can go on was begun so; or an input is in it.
         NotMade: there is work to do, and the run only looks.
     """
     if run.only_look:
         return _look(name, out_dir, config, inputs, run)
+    _keep_inputs(out_dir, inputs)
     with locked(out_dir) as alone:
         hashes = _InputHashes(out_dir, run)
         recipe = _recipe(name, config, hashes.of(inputs))
@@ -142,6 +143,14 @@ def run_stage(
             LOG.info("%s: there in %s", name, out_dir)
         hashes.remember()
     return out_dir
+
+
+def _keep_inputs(out_dir: Path, inputs: Mapping[str, Path]) -> None:
+    """Refuse a folder with an input in it, which would go when the folder is replaced."""
+    whole = out_dir.resolve()
+    for path in inputs.values():
+        if path.resolve().is_relative_to(whole):
+            raise StaleOutput(f"{out_dir}: holds {path}, which is read. Pass another --out")
 
 
 def _look(name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path], run: Run) -> Path:

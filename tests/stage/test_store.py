@@ -188,6 +188,16 @@ def test_an_exception_leaves_no_result(tmp_path):
     assert names(made(tmp_path / "out", Counter())) == ["result.txt", "stage.json"]
 
 
+def test_what_is_read_is_never_replaced(tmp_path):
+    """A network that is scored into its own folder with --redo would be gone."""
+    run_dir = made(tmp_path / "run", Counter())
+    for read in (run_dir, run_dir / "result.txt"):
+        with pytest.raises(StaleOutput, match="which is read. Pass another --out"):
+            run_stage("score", run_dir, Config(), {"run": read}, Counter(), run=Run(redo=True))
+    assert names(run_dir) == ["result.txt", "stage.json"]
+    run_stage("score", run_dir / "scores", Config(), {"run": run_dir / "result.txt"}, Counter())
+
+
 class Steps:
     """Resumable work of four files that dies once before the third."""
 
