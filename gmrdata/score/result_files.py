@@ -75,6 +75,9 @@ def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | 
     """
     if not path.exists():
         raise MissingInput(f"{path}: no such file or folder of predictions")
+    if _is_clip_file(path):
+        remedy = "Name it by the clip's id, and give the folder that it is in"
+        raise BadMotionFile(f"{path}: a clip of gmrdata's own. {remedy}")
     read: dict[Path, EstimatedPeople] = {}
     sequences: dict[Path, str] = {}
     found: dict[tuple[Path, str], dict[str, EstimatedPeople]] = defaultdict(dict)

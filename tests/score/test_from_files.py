@@ -176,6 +176,14 @@ def test_a_missing_file_is_named(tmp_path, true):
         file_clip(tmp_path / "nowhere", one, dropping)
 
 
+def test_a_single_clip_is_not_taken_for_an_amass_file(tmp_path, small_body, true):
+    """Its frame, its valid rows and its shape would go: 319 mm of TME for a true motion."""
+    manifest = write_clips(tmp_path / "data", small_body, [true])
+    path = tmp_path / "data" / f"{true.id}.npz"
+    with pytest.raises(BadMotionFile, match="a clip of gmrdata's own.*give the folder"):
+        score(path, manifest, tmp_path / "out")
+
+
 @pytest.fixture(scope="module")
 def person(small_body) -> tuple[Clip, Clip]:
     return made_people(small_body, 1, gaps=True)[0]
