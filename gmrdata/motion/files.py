@@ -23,6 +23,7 @@ from gmrdata.read.source_motion import (
     UpAxis,
 )
 from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz, require_text, visible
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
@@ -44,6 +45,7 @@ class FileReading:
     remarks: tuple[str, ...]  # what may be wrong: one who lies, or walks faster than people do
     rate_from: str  # where its frame rate is from: "header", "file", "CMU's index" or "given"
     residual: Residual | None  # of a BVH or AMC; other files hold poses of this tree
+    valid: np.ndarray  # (T,) bool: False where a clip of gmrdata's own says so
 
 
 def read_motion(
@@ -103,10 +105,13 @@ def read_file(
     """`read_motion` as a recipe says, with where the rate is from and the residual."""
     require_text(path, BadMotionFile)
     _check_options(path, body, config.unit_m, shape)
+    valid = None
     if path.suffix.lower() == ".npz":
         motion, residual = read_amass(path, body, config, shape=shape), None
-        turns = motion.local_rotmats
-        rate_from = amass_rate(read_npz(path), config.fps_hz, path)[1]
+        turns, arrays = motion.local_rotmats, read_npz(path)
+        rate_from = amass_rate(arrays, config.fps_hz, path)[1]
+        if str(arrays.get("format")) == CLIP_FORMAT:
+            valid = load_clip(path).valid
     else:
         source = _read_source(path, config)
         turns = source.local_rotmats[:, 1:]
@@ -119,7 +124,8 @@ def read_file(
     remarks = remarks or _stiffness(motion, turns)
     if NO_TURN in motion.source:
         remarks = (*remarks, f"{NO_TURN} {motion.source.split(NO_TURN)[1].split(',')[0].strip()}")
-    return FileReading(motion, LIES not in remarks, remarks, rate_from, residual)
+    valid = np.ones(motion.n_frames, dtype=bool) if valid is None else valid
+    return FileReading(motion, LIES not in remarks, remarks, rate_from, residual, valid)
 
 
 def _stiffness(motion: Motion, turns: np.ndarray) -> tuple[str, ...]:

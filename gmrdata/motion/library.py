@@ -297,7 +297,7 @@ def make_entry(
         read = read_file(file.path, body, config)
         motion = read.motion
         n = motion.n_frames
-        clip = Clip(file.id, motion, np.ones(n, dtype=bool), np.full(n, -1), None)
+        clip = Clip(file.id, motion, read.valid, np.full(n, -1), None)
         save_clip(partial_dir / "clip.npz", clip, body.rest_pelvis_m(motion.shape))
         ReadingRecord.of(read).write(partial_dir / READING_FILE)
 

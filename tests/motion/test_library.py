@@ -14,10 +14,12 @@ import pytest
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.library import FEW_FILES, clip_id, library_files, make_library, motion_table
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
+from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -174,6 +176,16 @@ def test_files_whose_names_have_no_plain_letter_in_common(tmp_path):
     assert all(re.fullmatch("__[0-9a-f]{8}", ids[name]) for name in ("走", "跑"))
     (tmp_path / "跑.bvh").unlink()
     assert [file.id for file in library_files((tmp_path,))] == ["turn", "_"]
+
+
+def test_frames_that_a_clip_drops_stay_dropped(tmp_path, small_body, body_path):
+    """A fused motion has poses where nobody saw the person, which are not for training."""
+    motion = embedded_motions(small_body, np.random.default_rng(0), count=1, duration_s=1)[0]
+    clip = Clip("walk", motion, np.arange(30) >= 10, np.full(30, -1), None)
+    save_clip(tmp_path / "walk.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    path = make_library([tmp_path / "walk.npz"], str(body_path), tmp_path / "out")
+    (found,) = load_clips(path)
+    assert np.array_equal(found.valid, clip.valid)
 
 
 def test_clip_ids_have_plain_letters():
