@@ -193,9 +193,18 @@ def _list(
     verdicts = [_verdict(files, paths) for files in done]
     verdicts += [_failed(name, splits.get(name, ""), why) for name, why in reasons.items()]
     verdicts.sort(key=lambda verdict: verdict.sequence)
+    if done:  # the manifest first, which may be refused
+        _write_manifest(recipe, done, reasons, paths, run)
     Verdicts(sequences=tuple(verdicts)).write(paths.verdicts)
-    if not done:
-        return
+
+
+def _write_manifest(
+    recipe: ThreedpwRecipe,
+    done: Sequence[SequenceFiles],
+    reasons: Mapping[str, str],
+    paths: SetPaths,
+    run: Run,
+) -> None:
     write_manifest(
         paths.manifest,
         ManifestHead(

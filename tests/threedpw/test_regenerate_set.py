@@ -11,12 +11,15 @@ import pytest
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.pages.batches import write_set_pages
+from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.stage import workers
 from gmrdata.stage.run import Run
+from gmrdata.threedpw import regenerate
+from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import plan, regenerate_set
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import MissingInput, StageFailed
+from gmrdata.values.errors import BadManifest, MissingInput, StageFailed
 from gmrdata.values.files import read_json
 
 pytestmark = pytest.mark.slow
@@ -138,6 +141,24 @@ def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
         copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, run=Run(redo=False)
     )
     assert stage.stat().st_mtime_ns == before
+
+
+def test_a_manifest_that_is_refused_leaves_the_verdicts_as_they_were(tmp_path, monkeypatch):
+    """As `--sequences` does in the folder of the whole set, whose version is out."""
+    names = ("arc_00", "pan_00")
+    files = [SequenceFiles(tmp_path, name, "train") for name in names]
+    monkeypatch.setattr(
+        regenerate, "_verdict", lambda one, _: regenerate._failed(one.name, "", "no")
+    )
+    monkeypatch.setattr(regenerate, "sequence_entries", lambda *_: [])
+    paths, recipe = SetPaths(tmp_path), ThreedpwRecipe(recipe="threedpw")
+    regenerate._list(recipe, files, {}, paths, Run())
+    before = paths.verdicts.read_bytes()
+    with pytest.raises(BadManifest, match="pass --redo"):
+        regenerate._list(
+            recipe.model_copy(update={"sequences": names[:1]}), files[:1], {}, paths, Run()
+        )
+    assert paths.verdicts.read_bytes() == before
 
 
 def test_a_sequence_that_is_not_there_is_an_error(filmed_set, tmp_path):
