@@ -1,6 +1,6 @@
 """Predictions beside their truth, whoever predicted: a trained network, or files in a folder."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -111,19 +111,44 @@ def network_clip(gmr: "TrainedGmr", one: UsableClip, how: Pairing) -> PredictedC
     return PredictedClip(one.clip.id, one.camera_motion, tuple(runs), worlds)
 
 
-def file_clip(folder: Path, one: UsableClip, how: Pairing) -> PredictedClip | str:
+def rows_of_file(folder: Path, true: Clip) -> np.ndarray:
+    """(T,) bool: rows of a clip that `<clip id>.npz` of a folder predicts; all without the file."""
+    has = np.ones(true.motion.n_frames, dtype=bool)
+    if not (path := folder / f"{true.id}.npz").is_file():
+        return has
+    predicted = load_clip(path)
+    step = whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz) or 1
+    known = np.repeat(predicted.valid, step)[: len(has)]
+    has[: len(known)] = known
+    has[len(known) :] = False
+    return has
+
+
+def file_clip(
+    folder: Path,
+    one: UsableClip,
+    how: Pairing,
+    shared: Callable[[Clip], np.ndarray] | None = None,
+) -> PredictedClip | str:
     """A clip beside `<clip id>.npz` of a folder; the reason where there is no prediction.
 
     The file is a clip as `save_clip` writes it, in a world of its own, or in the camera's frame:
     then its own camera puts it into the world, or the truth's where it has none.  Its row i is the
     truth's row i, or row k i where the truth's rate is k times the prediction's.  Its local pose
-    and shape count in VME and in a protocol.
+    and shape count in VME and in a protocol.  `shared` gives the truth's rows (T,) bool to take.
     """
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of predictions")
     path = folder / f"{one.clip.id}.npz"
     if path.is_file():
-        return clip_beside_truth(path, load_clip(path), one, how)
+        predicted = load_clip(path)
+        if shared is not None:
+            step = whole_ratio(one.clip.motion.fps_hz, predicted.motion.fps_hz) or 1
+            rows = shared(one.clip)[::step][: predicted.motion.n_frames]
+            valid = predicted.valid.copy()
+            valid[: len(rows)] &= rows
+            predicted = replace(predicted, valid=valid)
+        return clip_beside_truth(path, predicted, one, how)
     reason = f"no prediction {path.name}"
     if how.drop_missing:
         return reason

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
 
@@ -22,6 +22,7 @@ from gmrdata.score.predictions import (
     clip_beside_truth,
     file_clip,
     network_clip,
+    rows_of_file,
 )
 from gmrdata.score.protocols import protocol_as
 from gmrdata.score.records import Protocol, ScoredFiles, ScoredNetwork, ScoredResults
@@ -131,15 +132,19 @@ def network_source(run_dir: Path, config: ScoreConfig) -> Source:
     return Source(run_dir.name, {"run": run_dir}, opened)
 
 
-def clips_source(name: str, folder: Path, config: ScoreConfig) -> Source:
-    """`<clip id>.npz` for each clip, as `file_clip` reads them."""
+def clips_source(one: ClipFiles, config: ScoreConfig, beside: "ResultSets") -> Source:
+    """`<clip id>.npz` for each clip, as `file_clip` reads them, on the frames of those beside."""
 
     def opened() -> Predictor:
-        model = ScoredFiles(kind="files", predictions=name)
-        predict = partial(file_clip, folder, how=config.pairing())
-        return Predictor(name, model, config.fps_hz, predict)
+        model = ScoredFiles(kind="files", predictions=one.name)
+        shared = beside.shared_rows if config.missing == "drop" else None
+        predict = partial(file_clip, one.folder, how=config.pairing(), shared=shared)
+        return Predictor(one.name, model, config.fps_hz, predict)
 
-    return Source(name, {"predictions": folder}, opened)
+    inputs = {"predictions": one.folder}
+    if config.missing == "drop":
+        inputs |= {key: path for key, path in beside.inputs().items() if path != one.folder}
+    return Source(one.name, inputs, opened)
 
 
 UNREAD: Mapping[str, Sequence[str]] = {
@@ -194,30 +199,55 @@ class ResultSets:
     manifest_path: Path
     body_path: Path | None  # of the predictions
     config: ScoreConfig
+    clip_folders: Sequence[Path] = ()  # of clips of gmrdata's own, which are scored beside
 
     def source(self, one: ResultSet) -> Source:
         """One of them.
 
         With `missing` "drop" all are scored on the frames that each of them has.
         """
-        beside = self.sets if self.config.missing == "drop" else [one]
-        people = {
-            other.name: people_of_clips(other, self.names, self.config.person) for other in beside
-        }
-        files = dict.fromkeys(file for other in beside for file in other.files)
-        inputs = {f"result_{n}": file for n, file in enumerate(files)}
+        people = people_of_clips(one, self.names, self.config.person)
+        files = {f"result_{n}": file for n, file in enumerate(one.files)}
+        inputs = self.inputs() if self.config.missing == "drop" else files
         return Source(one.name, inputs, lambda: self._opened(one, people))
 
-    def _opened(
-        self, one: ResultSet, people: Mapping[str, Mapping[str, EstimatedPerson]]
-    ) -> Predictor:
+    def inputs(self) -> dict[str, Path]:
+        """The files of all that are scored, by their part."""
+        files = dict.fromkeys(file for other in self.sets for file in other.files)
+        folders = {f"clips_{n}": folder for n, folder in enumerate(self.clip_folders)}
+        return {f"result_{n}": file for n, file in enumerate(files)} | folders
+
+    def shared_rows(self, true: Clip) -> np.ndarray:
+        """(T,) bool: rows of a clip in which all who predict it do so."""
+        frames = self._frames(true)
+        shared = np.ones(len(frames), dtype=bool)
+        for people in self._people:
+            person = people.get(true.id)
+            if person is not None and not person.has_own_rate:
+                shared &= has_rows(person, true, frames, self.config.camera)
+        for folder in self.clip_folders:
+            shared &= rows_of_file(folder, true)
+        return shared
+
+    @cached_property
+    def _people(self) -> list[dict[str, EstimatedPerson]]:
+        return [people_of_clips(one, self.names, self.config.person) for one in self.sets]
+
+    @cached_property
+    def _entries(self) -> dict[str, ClipEntry]:
+        return {file.entry.id: file.entry for file in usable_files(self.manifest_path)[0]}
+
+    def _frames(self, true: Clip) -> np.ndarray:
+        images = _image_numbers(self._entries[true.id], self.manifest_path)
+        return frames_of_rows(true, images, self.config.first_image)
+
+    def _opened(self, one: ResultSet, people: Mapping[str, EstimatedPerson]) -> Predictor:
         usable, config = usable_clips(self.manifest_path), self.config
-        entries = {entry.id: entry for entry in usable.manifest.clips}
         bodies = load_bodies(self.body_path)
         matched = {
-            clip.clip.id: self._matched(one, people, clip, entries[clip.clip.id], bodies)
+            clip.clip.id: self._matched(one, people[clip.clip.id], clip.clip, bodies)
             for clip in usable.clips
-            if clip.clip.id in people[one.name]
+            if clip.clip.id in people
         }
         model = ScoredResults(
             kind="results",
@@ -231,27 +261,15 @@ class ResultSets:
         )
 
     def _matched(
-        self,
-        one: ResultSet,
-        people: Mapping[str, Mapping[str, EstimatedPerson]],
-        clip: UsableClip,
-        entry: ClipEntry,
-        bodies: Sequence[BodyModel],
+        self, one: ResultSet, person: EstimatedPerson, true: Clip, bodies: Sequence[BodyModel]
     ) -> MatchedClip:
         """A clip's prediction, on the frames that all results of it have where some may lack."""
-        id, true, seen_as = clip.clip.id, clip.clip, self.config.camera
-        result, person = one.results[id], people[one.name][id]
-        body = _body_of(person, true, bodies)
+        result, body = one.results[true.id], _body_of(person, true, bodies)
         if result.system == "amass":
             return timed_clip(result, person, true, body)
-        images = _image_numbers(entry, self.manifest_path)
-        frames = frames_of_rows(true, images, self.config.first_image)
-        common = np.ones(len(frames), dtype=bool)
-        for of_set in people.values():
-            if id in of_set and not of_set[id].has_own_rate:
-                common &= has_rows(of_set[id], true, frames, seen_as)
-        rows = RowsOfVideo(frames, common)
-        return matched_clip(result, person, true, body, seen_as, rows)
+        shared = self.shared_rows(true) if self.config.missing == "drop" else None
+        rows = RowsOfVideo(self._frames(true), shared)
+        return matched_clip(result, person, true, body, self.config.camera, rows)
 
 
 def _body_of(person: EstimatedPerson, clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:

@@ -148,11 +148,10 @@ def _sources(predictor: Path | str, given: _Given, config: ScoreConfig) -> list[
     others = [one for one in found if not isinstance(one, ClipFiles)]
     check_read(config, "results of other systems" if others else "clips of gmrdata")
     body_path = given.predictions_body_path or given.body_path
-    sets = ResultSets(path, others, names, given.manifest_path, body_path, config)
+    folders = [one.folder for one in found if isinstance(one, ClipFiles)]
+    sets = ResultSets(path, others, names, given.manifest_path, body_path, config, folders)
     return [
-        clips_source(one.name, one.folder, config)
-        if isinstance(one, ClipFiles)
-        else sets.source(one)
+        clips_source(one, config, sets) if isinstance(one, ClipFiles) else sets.source(one)
         for one in found
     ]
 

@@ -26,7 +26,7 @@ from gmrdata.score.score import Scored
 from gmrdata.score.score import score as score_predictor
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip
+from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
@@ -328,6 +328,24 @@ def test_frames_of_images(true, images, first_image, expected):
     assert frames_of_rows(clip, images, first_image).tolist() == expected
     no_images = replace(true, image_numbers=np.full(4, -1))
     assert frames_of_rows(no_images, images, first_image).tolist() == [0, 1, 2, 3]
+
+
+def test_clips_and_results_are_scored_on_the_frames_that_they_share(tmp_path, data, body, true):
+    """They were not, so that their scores could not be compared."""
+    folder, seen = tmp_path / "sets", np.arange(N)
+    for name, valid in (("early", seen < 50), ("late", seen >= 20)):
+        path = folder / name / f"{true.id}.npz"
+        path.parent.mkdir(parents=True)
+        save_clip(path, replace(true, valid=valid), rest(body, true))
+    people = {3: (true.motion.take(slice(0, 40)), FRAMES[:40])}
+    (folder / "wham").mkdir()
+    files.write_wham(folder / "wham" / "wham_output.pkl", people, rest(body, true))
+    made = score(data, folder, tmp_path / "out", missing="drop")
+    assert made.comparison is not None
+    scores = [Scores.read(path) for path in made.scores]
+    assert [one.clips[0].n_motions for one in scores] == [19, 19, 19]
+    again = score(data, folder, tmp_path / "out", missing="drop")
+    assert again == made
 
 
 def test_an_amass_like_file_has_its_own_rate(tmp_path, data, body, true):
