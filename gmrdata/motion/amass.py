@@ -66,7 +66,7 @@ def is_amass_extra(path: Path) -> bool:
 def named_body(path: Path) -> str | None:
     """The body whose shape a file's betas are, "smpl-female"; None where it has none of a known
     body: SMPL-X's betas mean something else."""
-    arrays = joined_poses(read_npz(path))
+    arrays = joined_poses(read_npz(path, plain_alone=True))
     if "betas" not in arrays or "poses" not in arrays or arrays["poses"].shape[-1:] == (165,):
         return None
     return str(arrays["body"]) if "body" in arrays else f"{SMPL}{_gender(arrays)}"
@@ -110,7 +110,7 @@ def read_amass(
     if is_amass_extra(path):
         motions = "motions are *_poses.npz and *_stageii.npz"
         raise BadMotionFile(f"{path}: holds a subject's shape and no motion; {motions}")
-    arrays = joined_poses(read_npz(path))
+    arrays = joined_poses(read_npz(path, plain_alone=True))
     if str(arrays.get("frame", "world")) != "world":
         raise BadMotionFile(f"{path}: a clip in camera frames; make its pseudo ground truth first")
     poses, trans = _pose_arrays(arrays, path)

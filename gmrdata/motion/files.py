@@ -108,7 +108,7 @@ def read_file(
     valid = None
     if path.suffix.lower() == ".npz":
         motion, residual = read_amass(path, body, config, shape=shape), None
-        turns, arrays = motion.local_rotmats, read_npz(path)
+        turns, arrays = motion.local_rotmats, read_npz(path, plain_alone=True)
         rate_from = amass_rate(arrays, config.fps_hz, path)[1]
         if str(arrays.get("format")) == CLIP_FORMAT:
             valid = load_clip(path).valid

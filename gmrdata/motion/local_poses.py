@@ -69,7 +69,8 @@ def read_local_poses(
     if not path.exists():
         raise MissingInput(f"{path}: no such file")
     body = load_body("anny") if body is None else body
-    arrays = read_npz(path) if path.suffix.lower() == ".npz" and path.is_file() else {}
+    is_npz = path.suffix.lower() == ".npz" and path.is_file()
+    arrays = read_npz(path, plain_alone=True) if is_npz else {}
     if {"valid", "image_numbers"} <= arrays.keys():
         return _of_clip(path, fps_hz, body)
     if path.is_file() and path.suffix.lower() in SUFFIXES and not is_system_npz(arrays):

@@ -45,7 +45,7 @@ def read_body(path: Path) -> BodyModel:
 def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
     """All arrays of a body's .npz, without unpickling anything."""
     try:
-        return read_npz(path)
+        return read_npz(path, plain_alone=True)
     except BadMotionFile as error:
         raise BadBodyFile(str(error)) from None
 

@@ -140,7 +140,9 @@ def _binary_values(path: Path, content: bytes) -> Any:
     try:
         if content.startswith(b"\x93NUMPY"):
             return np.load(io.BytesIO(content), allow_pickle=False)
-        return read_npz(path) if content.startswith(b"PK") else load_plain(path)
+        if content.startswith(b"PK"):
+            return read_npz(path, plain_alone=True)
+        return load_plain(path)
     except GmrdataError as error:
         raise ValueError(str(error).removeprefix(f"{path}: ")) from None
 

@@ -210,22 +210,31 @@ def read_json_lines(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def read_npz(path: Path, budget: Budget | None = None) -> dict[str, np.ndarray]:
-    """All arrays of an .npz, without unpickling anything; within the file's own budget for None."""
+def read_npz(
+    path: Path, budget: Budget | None = None, *, plain_alone: bool = False
+) -> dict[str, np.ndarray]:
+    """All arrays of an .npz, without unpickling anything; within the file's own budget for None.
+
+    With `plain_alone` Python's objects are left out, unless there is nothing else: AMASS's SMPL-X
+    files have the markers' vertices so, beside the motion.
+    """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     budget = budget or Budget.of(path)
     try:
         check_archive(path, budget)
-        found = {}
+        found: dict[str, np.ndarray] = {}
+        objects: ValueError | None = None
         with np.load(path, allow_pickle=False) as arrays:
             for key in arrays.files:
-                found[key] = arrays[key]
-                if not isinstance(found[key], np.ndarray):  # numpy gives other files as bytes
-                    raise ValueError(f"{key!r} is no array")
-                budget.take_numbers(np.size(found[key]))
-                if found[key].dtype.kind == "U":
-                    require_texts(f"{key!r}", found[key])
+                try:
+                    found[key] = _plain_array(arrays, key, budget)
+                except ValueError as error:
+                    if not plain_alone or "allow_pickle" not in str(error):
+                        raise
+                    objects = error
+        if objects and not found:
+            raise objects
         return found
     except OverBudget as error:
         raise BadMotionFile(f"{path}: {error}; get it from its maker") from None
@@ -234,6 +243,16 @@ def read_npz(path: Path, budget: Budget | None = None) -> dict[str, np.ndarray]:
         if "allow_pickle" in str(error):  # numpy's own remedy runs what the file holds
             said = "it holds Python's objects; save each array of theirs by its name, np.savez"
         raise BadMotionFile(f"{path}: not a readable .npz of plain arrays ({said})") from None
+
+
+def _plain_array(arrays: Mapping[str, Any], key: str, budget: Budget) -> np.ndarray:
+    found = arrays[key]
+    if not isinstance(found, np.ndarray):  # numpy gives other files as bytes
+        raise ValueError(f"{key!r} is no array")
+    budget.take_numbers(np.size(found))
+    if found.dtype.kind == "U":
+        require_texts(f"{key!r}", found)
+    return found
 
 
 def require_texts(what: str, texts: np.ndarray) -> None:

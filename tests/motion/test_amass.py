@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.files import read_motion
+from gmrdata.motion.local_poses import read_local_poses
+from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import SMPL_LEG_M, SMPL_REST_PELVIS_M, leg_length_m
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
@@ -114,6 +116,18 @@ def test_a_clip_of_the_same_body_comes_back(tmp_path, small_body):
         read_motion(tmp_path / "camera.npz", small_body)
 
 
+def test_pythons_objects_beside_the_motion_are_left_out(tmp_path, small_body):
+    """MoSh++ (moshpp/mosh_head.py) saves a dict of the markers' vertices in each SMPL-X file."""
+    plain = _arrays(165) | {"mocap_frame_rate": 120.0}
+    objects = {"markers_latent_vids": np.array({"C7": 5461}, dtype=object)}
+    path = _save(tmp_path / "a_stageii.npz", plain | objects)
+    found = read_motion(path, small_body)
+    again = read_motion(_save(tmp_path / "b_stageii.npz", plain), small_body)
+    np.testing.assert_array_equal(found.pelvis_m, again.pelvis_m)
+    assert read_local_poses(path)[0].motion.n_frames == found.n_frames
+    assert read_system(path, "world").system == "amass"
+
+
 def test_cmus_index_wins_over_amass(tmp_path, small_body):
     for folder, name, fps_hz in (
         ("CMU/62", "62_11_poses.npz", 60.0),
@@ -134,7 +148,7 @@ def test_cmus_index_wins_over_amass(tmp_path, small_body):
         ({"mocap_framerate": 10000.0}, "10000 Hz.*fps-hz"),
         ({"mocap_framerate": np.nan}, "mocap_framerate is not finite"),
         ({"mocap_framerate": [1.0, 2.0]}, "not one number"),
-        ({"marker_labels": np.array([{"a": 1}], dtype=object)}, "plain arrays"),
+        ({"poses": np.array([{"a": 1}], dtype=object)}, "no array 'poses'"),
         ({"mocap_framerate": "fast"}, "mocap_framerate does not hold numbers"),
         ({"poses": None}, "no AMASS motion, it has no array 'poses'"),
         ({"trans": None}, "no array 'trans'"),

@@ -30,7 +30,8 @@ def test_an_obj_in_another_order_and_from_another_corner(tmp_path):
 
 
 def test_an_npz_of_vt_and_ft(tmp_path):
-    np.savez(tmp_path / "model.npz", vt=VT, ft=FT.astype(np.uint32))
+    names = np.array({"head": 15}, dtype=object)  # as SMPLX_NEUTRAL.npz has joint2num
+    np.savez(tmp_path / "model.npz", vt=VT, ft=FT.astype(np.uint32), joint2num=names)
     np.testing.assert_array_equal(read_uv(tmp_path / "model.npz", FACES), VT[FT])
 
 

@@ -94,7 +94,7 @@ def is_system_npz(arrays: Mapping[str, np.ndarray]) -> bool:
 
 
 def _npz(path: Path) -> EstimatedPeople:
-    arrays = dict(read_npz(path))
+    arrays = read_npz(path, plain_alone=True)
     if "pred_rotmat" in arrays:
         return tram.read_tram_npz(arrays, path)
     if arrays.keys() >= sam3d.KEYS:
