@@ -15,7 +15,7 @@ and in `camera.npy`:
 `img_focal`, `img_center` (2,)                  [px]
 
 For EMDB (scripts/emdb) they are `smpl/<sequence>.npz` and `camera/<sequence>.npz`, in all frames;
-the first may hold all of it.
+the first may hold all of it.  Both have EMDB's lens, and people stand before the first's.
 """
 
 import re
@@ -65,7 +65,7 @@ def read_tram_npz(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
     camera_path = path.parent.parent / "camera" / path.name
     files: tuple[Path, ...] = (path,)
     if camera_path.is_file():
-        arrays, files = arrays | read_npz(camera_path), (path, camera_path)
+        arrays, files = read_npz(camera_path, plain_alone=True) | arrays, (path, camera_path)
     camera = Entry(arrays, "the camera", files[-1])
     return EstimatedPeople("tram", files, (_person(Entry(arrays, "person_0", path), camera),))
 
@@ -80,9 +80,9 @@ def _person(entry: Entry, camera: Entry) -> EstimatedPerson:
     transl_m = entry.array("pred_trans", *((n_rows, 3) if flat else (n_rows, 1, 3)))
     transl_m = transl_m.reshape(n_rows, 3)
     if camera.has(*LENS_KEYS):
-        in_camera = InCamera(rotmats[:, 0], transl_m, *_lens(camera, n_rows))
+        in_camera = InCamera(rotmats[:, 0], transl_m, *lens_by_row(camera, n_rows))
     if camera.has(*PATH_KEYS):
-        z_up_from_cam = _path(camera, entry, numbers)
+        z_up_from_cam = path_by_row(camera, entry, numbers)
         in_world = InWorld(
             rotmats[:, 0], transl_m, z_up_from_cam, z_up_from_cam, True, of_mean_shape=True
         )
@@ -101,16 +101,17 @@ def _person(entry: Entry, camera: Entry) -> EstimatedPerson:
     )
 
 
-def _lens(camera: Entry, n_rows: int) -> tuple[Pinhole, tuple[float, float]]:
+def lens_by_row(camera: Entry, n_rows: int) -> tuple[Pinhole, tuple[float, float] | None]:
     """The camera by row, and the size of the pictures by its principal point."""
     focal_px, centre_px = camera.flat("img_focal", 1), camera.flat("img_center", 2)
     camera.positive("img_focal", focal_px)
     width_px, height_px = (2.0 * centre_px).tolist()
     pinhole = Pinhole(np.full(n_rows, focal_px[0]), np.tile(centre_px, (n_rows, 1)))
-    return pinhole, (width_px, height_px)
+    is_emdbs = camera.path.suffix == ".npz"  # calibrated, so its centre is not the middle
+    return pinhole, None if is_emdbs else (width_px, height_px)
 
 
-def _path(camera: Entry, entry: Entry, numbers: np.ndarray) -> np.ndarray:
+def path_by_row(camera: Entry, entry: Entry, numbers: np.ndarray) -> np.ndarray:
     """(T, 4, 4) z_up_from_cam of a person's rows."""
     turns = camera.rotations("world_cam_R", None)
     centres_m = camera.array("world_cam_T", len(turns), 3)

@@ -15,6 +15,7 @@ from gmrdata.read.systems.sam3d import _JOINTS
 from gmrdata.values.body import JOINT, WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
 from gmrdata.values.people import Part, Pinhole
+from gmrdata.world.placement import assumed_place
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files
 
@@ -292,6 +293,24 @@ def test_a_folder_that_is_no_result_is_named(tmp_path):
     (tmp_path / "x.pkl").write_bytes(joblib_bytes({1: {"pose": np.zeros((T, 72))}}))
     with pytest.raises(BadMotionFile, match=r"x\.pkl: person_1 has no 'frame_ids\'"):
         read_system(tmp_path / "x.pkl")
+
+
+def test_tram_on_emdb_has_emdbs_own_lens(tmp_path):
+    """Its centre is some pixels off the pictures' middle, and both of its files have a focal length
+    (scripts/emdb): the people's is the mean of both axes'."""
+    shared = {"img_center": np.array([727.0, 951.0])}
+    people = {"pred_rotmat": np.tile(np.eye(3), (T, 24, 1, 1)), "pred_shape": np.zeros((T, 10))}
+    people |= {"pred_trans": np.ones((T, 1, 3)), "img_focal": np.array(1450.0)} | shared
+    camera = {"world_cam_R": np.tile(np.eye(3), (T, 1, 1)), "world_cam_T": np.zeros((T, 3))}
+    for name, arrays in (("smpl", people), ("camera", camera | shared | {"img_focal": 1440.0})):
+        (tmp_path / name).mkdir()
+        np.savez(tmp_path / name / "09_outdoor_walk.npz", **arrays)
+    path = tmp_path / "smpl/09_outdoor_walk.npz"
+    seen = read_system(path, "camera").people[0].in_camera
+    assert seen is not None
+    before = assumed_place(seen, (1440, 1920), path).camera
+    assert before is not None and before.focal_px[0] == 1450.0
+    np.testing.assert_array_equal(before.centre_px[0], shared["img_center"])
 
 
 @pytest.mark.parametrize("content", [0, 1.5, "x", None, [], [[1]], {"pred_joint_coords": 1}])
