@@ -15,8 +15,12 @@ VIDEO_SUFFIXES = (
 )  # fmt: skip
 """Names of files that are taken for videos in a folder; a file that is named may have any."""
 POSES_SUFFIXES = (".pkl", ".pt", ".npz")
-POSES_FILES = ("vibe_output.pkl", "wham_output.pkl", "hmr4d_results.pt")
-"""What VIBE, WHAM and GVHMR call their results in the folder that they make for a video."""
+POSES_FILES = (
+    "wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl", "hpe_results.pt",
+    "preprocess/hpe_results.pt", "smpl_params.pt",
+)  # fmt: skip
+"""What WHAM, GVHMR, VIBE, GEM-X and GEM-SMPL call their results in the folder that they
+make for a video."""
 LONGEST_NAME_BYTES = 150
 MAX_LISTED = 5
 
@@ -119,9 +123,9 @@ def _name_of(path: Path) -> str:
 def with_poses(found: FoundVideos, folder: Path) -> FoundVideos:
     """Videos with the poses that a folder holds under their names.
 
-    An entry is `<name>.pkl`, `.pt` or `.npz`, or a folder `<name>` as TRAM leaves it, or with the
-    file of VIBE, WHAM or GVHMR in it.  Remarks name the videos without poses, which end in cameras
-    alone, and the poses without a video.
+    An entry is `<name>.pkl`, `.pt` or `.npz`, PHALP's `demo_<name>.pkl`, or a folder `<name>` as
+    TRAM leaves it, or with one of `POSES_FILES` in it.  Remarks name the videos without poses,
+    which end in cameras alone, and the poses without a video.
 
     Raises:
         BadRecipe: no folder, or two entries for one video.
@@ -132,7 +136,12 @@ def with_poses(found: FoundVideos, folder: Path) -> FoundVideos:
         raise BadRecipe(f"--poses {folder}: {what}. Give that, or one video alone")
     entries = _poses_in(folder)
     videos = [
-        NamedVideo(video.name, video.path, entries.pop(video.name, None)) for video in found.videos
+        NamedVideo(
+            video.name,
+            video.path,
+            entries.pop(video.name, None) or entries.pop(f"demo_{video.name}", None),
+        )
+        for video in found.videos
     ]
     without = [video.name for video in videos if video.poses_path is None]
     if len(without) == len(videos):

@@ -17,11 +17,11 @@ import numpy as np
 from gmrdata.read.systems.result import read_system
 from gmrdata.read.systems.slahmr import SLAHMR_FILE
 from gmrdata.read.systems.tram import HPS_FOLDER, is_tram_folder
+from gmrdata.read.video_files import POSES_FILES
 from gmrdata.values.clip import CLIP_FORMAT
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.people import EstimatedPeople
 
-OWN_NAMES = ("wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl")
 SUFFIXES = (".npz", ".pkl", ".pt")
 SLAHMR_PHASES = ("motion_refine", "motion_chunks", "smooth_fit", "smpl_fit", "root_fit", ".")
 """SLAHMR's folders of results, the last phase of its optimization first."""
@@ -185,7 +185,7 @@ def _of_name(root: Path, name: str) -> Iterator[Path]:
 
 def _own_files(folder: Path) -> Iterator[Path]:
     """What a folder holds under the systems' own names."""
-    yield from (folder / name for name in OWN_NAMES if (folder / name).is_file())
+    yield from (folder / name for name in POSES_FILES if (folder / name).is_file())
     if is_tram_folder(folder):
         yield folder
     yield from _slahmr_files(folder)

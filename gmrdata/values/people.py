@@ -39,8 +39,9 @@ def stage_inputs(people: tuple[PersonFiles, ...]) -> dict[str, Path]:
 
 
 System = Literal[
-    "vibe", "wham", "gvhmr", "gem-x", "tram", "phalp", "slahmr", "sam-3d-body", "amass", "gmrdata"
-]
+    "vibe", "wham", "gvhmr", "gem-x", "gem-smpl", "tram", "phalp", "slahmr",
+    "sam-3d-body", "amass", "gmrdata",
+]  # fmt: skip
 Part = Literal["poses", "camera", "world"]
 """Of an estimate: local poses, a motion before the camera, a motion in the world.  A person whose
 crop is known can stand in the world by a camera's own path, so that counts as the last."""

@@ -79,6 +79,19 @@ def test_poses_are_found_by_name_as_systems_leave_them(tmp_path):
     )
 
 
+def test_phalps_and_gems_files_are_found_by_the_names_that_they_have(tmp_path):
+    """PHALP puts the results of all videos into one folder, its own word first."""
+    folder = filled(tmp_path / "poses", "demo_a.pkl", "b.pkl", "demo_b.pkl")
+    for name in ("c/hpe_results.pt", "d/preprocess/hpe_results.pt", "e/smpl_params.pt"):
+        filled((folder / name).parent, Path(name).name)
+    given = with_poses(found("a", "b", "c", "d", "e"), folder)
+    assert [str(video.poses_path)[len(str(folder)) + 1 :] for video in given.videos] == [
+        "demo_a.pkl", "b.pkl", "c/hpe_results.pt", "d/preprocess/hpe_results.pt",
+        "e/smpl_params.pt",
+    ]  # fmt: skip
+    assert given.remarks == (f"{folder}: poses that belong to no video: demo_b",)
+
+
 @pytest.mark.parametrize(
     ("names", "error", "said"),
     [

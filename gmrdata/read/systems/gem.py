@@ -1,5 +1,8 @@
 """GEM-X's `preprocess/hpe_results.pt`: one person, with a row for every frame (NVlabs/GEM-X).
 
+And `smpl_params.pt` of GEM-SMPL (NVlabs/GENMO, scripts/demo/demo_smpl_hpe.py), under the same keys:
+its body is GVHMR's, so `body_pose` is (T, 63).
+
 By scripts/demo/demo_soma.py and gem/gem.py it is laid out as GVHMR's, with `body_params_global` and
 `body_params_incam` of the SOMA body: `body_pose` (T, 228), axis-angle of its 76 joints after the
 hips, `global_orient` and `transl` (T, 3), where the hips are [m].  By soma/soma.py (NVlabs/SOMA-X)
@@ -11,13 +14,14 @@ not published with its code, so by how much was not measured.  `identity_coeffs`
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gmrdata.read.systems.entries import rotmats_of
-from gmrdata.read.systems.gvhmr import Layout, read_gvhmr
+from gmrdata.read.systems.gvhmr import GVHMR, Layout, read_gvhmr
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.people import EstimatedPeople
 
@@ -39,6 +43,14 @@ GEM = Layout(
     "GEM-X's hpe_results.pt",
 )  # fmt: skip
 
+GEM_SMPL = replace(
+    GVHMR, system="gem-smpl", world=GEM.world, camera=GEM.camera, file="GEM-SMPL's smpl_params.pt"
+)
+
 
 def read_gem(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
-    return read_gvhmr(content, path, GEM)
+    params = [content.get(key) for key in (GEM.world, GEM.camera)]
+    poses = [one.get("body_pose") for one in params if isinstance(one, Mapping)]
+    wanted = (3 * GEM_SMPL.n_joints,)
+    of_smpl = any(getattr(one, "shape", ())[-1:] == wanted for one in poses)
+    return read_gvhmr(content, path, GEM_SMPL if of_smpl else GEM)

@@ -26,7 +26,8 @@ from gmrdata.values.people import (
 )
 
 KNOWN = (
-    "Known are results of VIBE, WHAM, GVHMR, GEM-X, TRAM, SLAHMR, PHALP (4D-Humans) and SAM 3D Body"
+    "Known are results of VIBE, WHAM, GVHMR, GEM, TRAM, SLAHMR, PHALP (4D-Humans) and "
+    "SAM 3D Body"
 )
 _PARAMS = {key for one in (gvhmr.GVHMR, gem.GEM) for key in (one.world, one.camera)}
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
@@ -40,8 +41,8 @@ MISSED: dict[Part, str] = {
 
 
 def read_system(path: Path, need: Part = "poses") -> EstimatedPeople:
-    """Read a result of VIBE, WHAM, GVHMR, GEM-X, PHALP, SLAHMR or SAM 3D Body, a folder or `.npz`
-    of TRAM, a motion with AMASS's keys, or the built-in estimator's folder; nothing of it is run.
+    """Read a file of one of `KNOWN`, a folder or `.npz` of TRAM, a motion with AMASS's keys, or the
+    built-in estimator's folder; nothing of it is run.
 
     `need` is what each person must have; what a file has besides is read and checked too.
 

@@ -163,6 +163,23 @@ def test_gem_x_is_off_somas_t_pose_and_has_two_necks(tmp_path):
     assert z_up @ person.in_world.transl_m[0] == pytest.approx([1, -3, 2])
 
 
+def test_gem_smpl_has_gem_xs_keys_and_gvhmrs_body(tmp_path):
+    """scripts/demo/demo_smpl_hpe.py of NVlabs/GENMO saves these keys, body_pose (T, 63)."""
+    pose, at = np.full((T, 63), 0.1), np.ones((T, 3))
+    params = system_files.gvhmr_params(pose, at, at)
+    content = {"body_params_incam": params, "body_params_global": params}
+    content["K_fullimg"] = torch.tensor([[800.0, 0, 320], [0, 800, 240], [0, 0, 1]]).repeat(T, 1, 1)
+    found = read_system(system_files.write_torch(tmp_path / "smpl_params.pt", content), "camera")
+    as_gvhmr = {
+        key.replace("body", "smpl") if "body" in key else key: one for key, one in content.items()
+    }
+    path = system_files.write_torch(tmp_path / "hmr4d_results.pt", as_gvhmr)
+    one, other = found.people[0], read_system(path, "camera").people[0]
+    assert found.system == "gem-smpl" and one.in_world is not None and one.in_camera is not None
+    np.testing.assert_array_equal(one.local_rotmats, other.local_rotmats)
+    assert one.rest_pelvis_m is other.rest_pelvis_m and one.in_camera.size_px == (640, 480)
+
+
 def test_the_joints_of_mhr_lie_along_the_limbs():
     """MHR's limbs lie along their joints' own x axis; a T-pose's are down, or to the sides."""
     sides = {"left": 1.0, "right": -1.0}
