@@ -254,8 +254,9 @@ def infer(
     The package has a network trained on 14 people of CMU: docs/inference.md says how it scores.
 
     Args:
-        source: Local poses: results of VIBE, WHAM, PHALP, 4D-Humans, GVHMR, GEM-X, SAM 3D Body,
-            TRAM or SLAHMR, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC (docs/inference.md).
+        source: Local poses: results of VIBE, WHAM, PHALP, 4D-Humans, GVHMR, GEM, PromptHMR,
+            SAM 3D Body, TRAM or SLAHMR, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC
+            (docs/inference.md).
         out: Output folder: infer.json, and for each unbroken run of each person a folder with
             clip.npz, amass.npz, motion.bvh, body.glb, path.png, view3d.html and body.mp4. A run
             that was stopped goes on where it was.

@@ -10,6 +10,8 @@ or in a world.
 | `wham_output.pkl` | WHAM | the same |
 | `demo_*.pkl` | PHALP, 4D-Humans | `smpl` of each frame's tracks |
 | `hmr4d_results.pt`, also as a numpy pickle | GVHMR | `body_pose` (T, 63) |
+| `hpe_results.pt`, `smpl_params.pt` | GEM-X, GEM-SMPL | the same |
+| `results.pkl` | PromptHMR | `pose` of each person |
 | a folder with `camera.npy` and `hps/`; `.npz` | TRAM | `pred_rotmat` of each track, `frame` |
 | `*_world_results.npz` with `track_info.json` | SLAHMR | `pose_body` of each person |
 | a folder with `local_poses.json` | the built-in estimator | local rotations of each person |

@@ -17,9 +17,9 @@ VIDEO_SUFFIXES = (
 POSES_SUFFIXES = (".pkl", ".pt", ".npz")
 POSES_FILES = (
     "wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl", "hpe_results.pt",
-    "preprocess/hpe_results.pt", "smpl_params.pt",
+    "preprocess/hpe_results.pt", "smpl_params.pt", "results.pkl",
 )  # fmt: skip
-"""What WHAM, GVHMR, VIBE, GEM-X and GEM-SMPL call their results in the folder that they
+"""What WHAM, GVHMR, VIBE, GEM-X, GEM-SMPL and PromptHMR call their results in the folder that they
 make for a video."""
 LONGEST_NAME_BYTES = 150
 MAX_LISTED = 5

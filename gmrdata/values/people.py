@@ -39,7 +39,7 @@ def stage_inputs(people: tuple[PersonFiles, ...]) -> dict[str, Path]:
 
 
 System = Literal[
-    "vibe", "wham", "gvhmr", "gem-x", "gem-smpl", "tram", "phalp", "slahmr",
+    "vibe", "wham", "gvhmr", "gem-x", "gem-smpl", "prompt-hmr", "tram", "phalp", "slahmr",
     "sam-3d-body", "amass", "gmrdata",
 ]  # fmt: skip
 Part = Literal["poses", "camera", "world"]

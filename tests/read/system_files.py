@@ -384,6 +384,50 @@ def gvhmr_result(seen: Seen, n_frames: int | None = None) -> dict[str, Any]:
     return gvhmr_content(params, params, seen.size_px)
 
 
+# PromptHMR
+
+
+def write_prompthmr(path: Path, motion: Motion, camera: CameraPath, frames: np.ndarray) -> Path:
+    """As pipeline/pipeline.py saves it without masks; its `Twc` is not where the camera is."""
+    seen, n = motion_in_camera(motion, camera.world_from_cam), int(frames.max()) + 1
+    body = rotvecs(motion.local_rotmats)[:, :63]
+    world_from_cam = np.tile(np.eye(4), (n, 1, 1))
+    world_from_cam[frames, :3, :3] = Y_UP_FROM_Z_UP @ camera.world_from_cam[:, :3, :3]
+    world_from_cam[frames, :3, 3] = camera.centres_world_m @ Y_UP_FROM_Z_UP.T
+    cam_from_world, (roots, pelvis_m) = invert(world_from_cam), turned(motion, Y_UP_FROM_Z_UP)
+    lens = {
+        "img_focal": np.float32(camera.intrinsics_px[0, 0]),
+        "img_center": np.array([camera.width_px, camera.height_px]) / 2,
+    }
+    shape = padded_betas(motion).astype(np.float32)
+    person = {
+        "track_id": 1,
+        "frames": frames,
+        "bboxes": np.ones((len(frames), 4)),
+        "smplx_cam": {
+            "pose": np.concatenate([rotvecs(seen.root_rotmats), body, 0 * body[:, :9]], axis=1),
+            "shape": torch.from_numpy(shape),
+            "trans": seen.pelvis_m - SMPLX_PELVIS_M,
+        },
+        "smplx_world": {
+            "pose": np.concatenate([rotvecs(roots), body, np.zeros((len(body), 99))], axis=1),
+            "shape": shape,
+            "trans": pelvis_m - SMPLX_PELVIS_M,
+        },
+    }
+    cameras = {"Rcw": cam_from_world[:, :3, :3], "Tcw": cam_from_world[:, :3, 3]}
+    content = {
+        "camera": {"pred_cam_R": cameras["Rcw"]} | lens,
+        "people": {1: person},
+        "timings": {},
+        "has_tracks": True,
+        "spec_calib": {"first_frame": {"pitch": 0.1}},
+        "contact_joint_ids": [7, 10, 8, 11, 20, 21],
+        "camera_world": cameras | lens | {"Twc": np.full((n, 3), 9.0), "viz_scale": 2.0},
+    }
+    return write_joblib(path, content)
+
+
 # TRAM
 
 

@@ -116,6 +116,11 @@ def gvhmr(folder: Path, true: Clip, motion: Motion | None = None) -> Path:
     return files.write_gvhmr(folder / "hmr4d_results.pt", seen, np.swapaxes(cameras, 1, 2))
 
 
+def prompthmr(folder: Path, true: Clip) -> Path:
+    assert true.camera is not None
+    return files.write_prompthmr(folder / "results.pkl", true.motion, true.camera, FRAMES)
+
+
 def tram(folder: Path, body: BodyModel, true: Clip) -> Path:
     assert true.camera is not None
     return files.write_tram(folder, true.motion, true.camera, FRAMES, rest(body, true))
@@ -131,6 +136,7 @@ def slahmr(folder: Path, body: BodyModel, true: Clip) -> Path:
 WRITE: dict[str, Callable[[Path, BodyModel, Clip], Path]] = {
     "wham": wham,
     "gvhmr": lambda folder, body, true: gvhmr(folder, true),
+    "prompt-hmr": lambda folder, body, true: prompthmr(folder, true),
     "vibe": vibe,
     "tram": tram,
     "slahmr": slahmr,
@@ -154,13 +160,13 @@ def test_the_truth_as_each_system_writes_it_has_no_error(system, tmp_path, data,
     figures = clip.protocol.predicted
     assert figures["rte_percent"] == pytest.approx(0, abs=1e-4)
     notes = scores.model.clips[true.id].notes
-    if system == "gvhmr":
+    if system in ("gvhmr", "prompt-hmr"):
         assert "mean shape of smpl-neutral" in notes[0] and clip.predicted.vme_mm < 20
         assert clip.seen_in == "own_camera" and 1 < (figures["mpjpe_mm"] or 0) < 50
     else:
         assert notes == () and clip.predicted.vme_mm < 1e-3
         assert figures["w_mpjpe_mm"] is None and figures["mpjpe_mm"] == pytest.approx(0, abs=1e-2)
-    has_path = system in ("tram", "slahmr")
+    has_path = system in ("tram", "slahmr", "prompt-hmr")
     assert (figures["ate_s_m"] is not None) == has_path
     if has_path:
         assert figures["ate_s_m"] == pytest.approx(0, abs=1e-6)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.read.safe_pickle import load_object_npy, load_plain
-from gmrdata.read.systems import gem, gvhmr, phalp, sam3d, slahmr, tram, vibe, wham
+from gmrdata.read.systems import gem, gvhmr, phalp, prompthmr, sam3d, slahmr, tram, vibe, wham
 from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
 from gmrdata.read.torch_files import load_tensors
 from gmrdata.values.body import HANDS, SMPL_REST_PELVIS_M, WORLD_FROM_REST
@@ -26,7 +26,7 @@ from gmrdata.values.people import (
 )
 
 KNOWN = (
-    "Known are results of VIBE, WHAM, GVHMR, GEM, TRAM, SLAHMR, PHALP (4D-Humans) and "
+    "Known are results of VIBE, WHAM, GVHMR, GEM, PromptHMR, TRAM, SLAHMR, PHALP (4D-Humans) and "
     "SAM 3D Body"
 )
 _PARAMS = {key for one in (gvhmr.GVHMR, gem.GEM) for key in (one.world, one.camera)}
@@ -114,6 +114,8 @@ def _pickled(content: Any, path: Path) -> EstimatedPeople:
         return EstimatedPeople("vibe", (path,), ())
     if sam3d.are_rows(content):
         return sam3d.read_sam3d(content, path)
+    if isinstance(content, dict) and content.keys() >= prompthmr.KEYS:
+        return prompthmr.read_prompthmr(content, path)
     first = next(iter(content.values())) if isinstance(content, dict) else None
     keys: set[Any] = set(first) if isinstance(first, Mapping) else set()
     if isinstance(content, dict) and content.keys() & _PARAMS:

@@ -180,6 +180,52 @@ def test_gem_smpl_has_gem_xs_keys_and_gvhmrs_body(tmp_path):
     assert one.rest_pelvis_m is other.rest_pelvis_m and one.in_camera.size_px == (640, 480)
 
 
+def prompthmr(path: Path, person: Any, camera: Any) -> Path:
+    return system_files.write_joblib(
+        path / "results.pkl", {"people": {2: person}, "camera": {}, "camera_world": camera}
+    )
+
+
+def prompthmr_person() -> dict[str, Any]:
+    parts = {
+        key: {"pose": np.zeros((T, 3 * n)), "trans": np.ones((T, 3))}
+        for key, n in (("smplx_cam", 25), ("smplx_world", 55))
+    }
+    return {"frames": np.arange(T) + 3} | parts
+
+
+def test_prompthmr_stands_before_its_camera(tmp_path):
+    lens = {"img_focal": np.float32(700.0), "img_center": np.array([252.0, 448.0])}
+    found = read_system(prompthmr(tmp_path, prompthmr_person(), lens), "camera")
+    (person,) = found.people
+    seen = person.in_camera
+    assert person.name == "person_2" and person.frame_numbers.tolist() == [3, 4, 5, 6]
+    assert seen is not None and seen.size_px == (504, 896) and isinstance(seen.camera, Pinhole)
+    assert person.in_world is not None and not person.in_world.has_camera_path
+
+
+@pytest.mark.parametrize(
+    ("change", "camera", "said"),
+    [
+        (lambda one: 0, {}, "person_2 has no 'frames'"),
+        (lambda one: {"frames": one["frames"]}, {}, "person_2 has no 'smplx_cam'"),
+        (lambda one: one | {"smplx_world": 0}, {}, "smplx_world of person_2 has no 'pose'"),
+        (lambda one: one | {"smplx_world": one["smplx_cam"]}, {}, r"is \(4, 75\), not \(4, 165\)"),
+        (lambda one: one, 0, "person_2 has no 'img_focal', so no motion before the camera"),
+        (
+            lambda one: one,
+            {"Rcw": np.tile(np.eye(3), (3, 1, 1)), "Tcw": np.zeros((3, 3))},
+            "frames to 6, but results.pkl has 3 cameras",
+        ),
+    ],
+)
+def test_prompthmrs_parts_that_lack(change, camera, said, tmp_path):
+    path = prompthmr(tmp_path, change(prompthmr_person()), camera)
+    with pytest.raises(BadMotionFile, match=said) as caught:
+        read_system(path, "camera")
+    assert str(path) in str(caught.value)
+
+
 def test_the_joints_of_mhr_lie_along_the_limbs():
     """MHR's limbs lie along their joints' own x axis; a T-pose's are down, or to the sides."""
     sides = {"left": 1.0, "right": -1.0}
