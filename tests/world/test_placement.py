@@ -214,7 +214,7 @@ def world_alone() -> dict[Any, Any]:
         (world_alone(), "no 'pose', so no motion before the camera"),
         ({"a": 3}, r"\(it has: a\)"),
         ({0: 3}, "its first entry has: no dict"),
-        ([1, 2], "holds no dict"),
+        ([1, 2], "a list of 2"),
     ],
 )
 def test_a_broken_file_is_named_with_the_fault(content, said, tmp_path):

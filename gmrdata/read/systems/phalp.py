@@ -15,8 +15,7 @@ entry for each track:
                    (phalp/models/hmar/hmar.py, `get_3d_parameters`); read where the others lack
 `size` (2,)        (height, width) of the picture [px]
 
-No motion is bridged over the beginning of a shot, although tracks go on there.  Older versions also
-stored `embedding` as torch's tensors, which is refused.
+No motion is bridged over the beginning of a shot, although tracks go on there.
 """
 
 from collections import defaultdict

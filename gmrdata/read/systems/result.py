@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read.numbers import kind_of
 from gmrdata.read.safe_pickle import load_object_npy, load_plain
 from gmrdata.read.systems import gem, gvhmr, phalp, prompthmr, sam3d, slahmr, tram, vibe, wham
 from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
@@ -128,11 +129,12 @@ def _pickled(content: Any, path: Path) -> EstimatedPeople:
         return vibe.read_vibe(content, path)
     if isinstance(content, dict) and (motion := _plain_motion(content, path)) is not None:
         return _with_amass_keys(motion, path)
-    kind = "holds no dict" if not isinstance(content, dict) else "its first entry"
+    kind = "its first entry"
     if isinstance(content, dict) and not keys and isinstance(next(iter(content)), str):
         kind, keys = "it", set(content)
     has = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
-    what = f"holds no poses in a known form ({kind} has: {has or 'no dict'})"
+    has = f"{kind} has: {has or 'no dict'}" if isinstance(content, dict) else kind_of(content)
+    what = f"holds no poses in a known form ({has})"
     raise BadMotionFile(f"{path}: {what}. {KNOWN}, .npz, .bvh and .amc")
 
 

@@ -11,6 +11,9 @@ A dict from the tracker's person number to a dict of arrays over the T frames of
 `betas` (T, 10)         SMPL's neutral shape
 `frame_ids` (T,)        the video's frames from 0, with gaps
 
+What its Python API returns (wham_api.py) has rotation matrices instead, `poses_body` (T, 23, 3, 3),
+`poses_root_cam` and `poses_root_world`, `frame_id`, and no `trans`.
+
 gmrdata's own export (`gmrdata.write.systems`) has `body` besides, the name of the body that
 `betas` are of; it is of the video's own camera.
 """
@@ -20,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.entries import (
     Z_UP_FROM_Y_UP,
@@ -29,10 +33,11 @@ from gmrdata.read.systems.entries import (
     rotmats_of,
     turned,
 )
-from gmrdata.values.body import N_JOINTS
+from gmrdata.values.body import N_JOINTS, N_LOCAL
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, InWorld
 
 CAMERA_KEYS, WORLD_KEYS = ("pose", "trans"), ("pose_world", "trans_world")
+API_ROOTS = {"poses_root_cam": "pose", "poses_root_world": "pose_world"}
 
 
 def read_wham(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
@@ -41,6 +46,7 @@ def read_wham(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
 
 
 def _person(entry: Entry) -> EstimatedPerson:
+    entry = entry if entry.has("pose") or not entry.has("poses_body") else _of_api(entry)
     key = "pose" if entry.has("pose") or not entry.has("pose_world") else "pose_world"
     rotmats = rotmats_of(entry.array(key, None, 3 * N_JOINTS))
     n_rows, body, in_camera, in_world = len(rotmats), None, None, None
@@ -72,3 +78,15 @@ def _in_world(entry: Entry, n_rows: int, cam_rotmats: np.ndarray | None) -> InWo
     transl_m, z_up = entry.array("trans_world", n_rows, 3), turned(Z_UP_FROM_Y_UP, n_rows)
     camera = None if cam_rotmats is None else implied_camera(z_up, roots, cam_rotmats)
     return InWorld(roots, transl_m, z_up, camera)
+
+
+def _of_api(entry: Entry) -> Entry:
+    """What the API returns, with the demo's keys."""
+    body = entry.rotations("poses_body", None, N_LOCAL)
+    values = {"frame_ids": entry.values.get("frame_id"), **entry.values}
+    for root, pose in API_ROOTS.items():
+        if entry.has(root):
+            roots = entry.orthonormal(root, entry.flat(root, 9 * len(body)).reshape(-1, 1, 3, 3))
+            turns = Rotation.from_matrix(np.concatenate([roots, body], axis=1).reshape(-1, 3, 3))
+            values[pose] = turns.as_rotvec().reshape(len(body), 3 * N_JOINTS)
+    return Entry(values, entry.name, entry.path)

@@ -180,6 +180,28 @@ def test_gem_smpl_has_gem_xs_keys_and_gvhmrs_body(tmp_path):
     assert one.rest_pelvis_m is other.rest_pelvis_m and one.in_camera.size_px == (640, 480)
 
 
+def test_what_whams_api_returns_is_read_as_its_demos_file(tmp_path):
+    pose = system_files.some_poses(T)
+    world = np.concatenate([pose[:, :3] + 0.5, pose[:, 3:]], axis=1)
+    shared = {"trans_world": np.ones((T, 3)), "betas": np.zeros((T, 10))}
+    demo = shared | {"pose": pose, "pose_world": world, "frame_ids": np.arange(T) + 2}
+    api = shared | {
+        "poses_body": system_files.rotmats(pose)[:, 1:].astype(np.float32),
+        "poses_root_cam": system_files.rotmats(pose)[:, :1],
+        "poses_root_world": system_files.rotmats(world)[:, :1],
+        "frame_id": np.arange(T) + 2,
+    }
+    path = system_files.write_joblib(tmp_path / "results.pkl", {0: demo, 1: api})
+    one, other = read_system(path, "world").people
+    assert other.lacks["camera"] == "no 'trans'" and one.in_world and other.in_world
+    assert other.frame_numbers.tolist() == one.frame_numbers.tolist()
+    np.testing.assert_allclose(other.local_rotmats, one.local_rotmats, atol=1e-6)
+    for key in ("root_rotmats", "z_up_from_cam"):
+        np.testing.assert_allclose(
+            getattr(other.in_world, key), getattr(one.in_world, key), atol=1e-6
+        )
+
+
 def prompthmr(path: Path, person: Any, camera: Any) -> Path:
     return system_files.write_joblib(
         path / "results.pkl", {"people": {2: person}, "camera": {}, "camera_world": camera}
