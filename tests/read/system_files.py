@@ -41,7 +41,7 @@ def write_joblib(path: Path, content: Mapping[Any, Any] | list[Any]) -> Path:
     return path
 
 
-def write_torch(path: Path, content: Mapping[str, Any]) -> Path:
+def write_torch(path: Path, content: Mapping[Any, Any]) -> Path:
     """GVHMR's file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     torch.save(content, path)

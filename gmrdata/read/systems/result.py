@@ -73,7 +73,7 @@ def _read(path: Path) -> EstimatedPeople:
     with path.open("rb") as stream:
         first = stream.read(len(OLD_TORCH))
     if first.startswith(ZIP):
-        return _of_gvhmrs_kin(load_tensors(path), path)
+        return _pickled(load_tensors(path), path)
     if first == OLD_TORCH:
         what = "is in torch's form from before version 1.6, which is not read"
         raise BadMotionFile(f"{path}: {what}. Load it with torch and save it again with torch.save")

@@ -193,6 +193,9 @@ def test_what_whams_api_returns_is_read_as_its_demos_file(tmp_path):
     }
     path = system_files.write_joblib(tmp_path / "results.pkl", {0: demo, 1: api})
     one, other = read_system(path, "world").people
+    tensors = {key: torch.from_numpy(value) for key, value in demo.items()}
+    again = read_system(system_files.write_torch(tmp_path / "wham.pt", {0: tensors}), "world")
+    np.testing.assert_array_equal(again.people[0].local_rotmats, one.local_rotmats)
     assert other.lacks["camera"] == "no 'trans'" and one.in_world and other.in_world
     assert other.frame_numbers.tolist() == one.frame_numbers.tolist()
     np.testing.assert_allclose(other.local_rotmats, one.local_rotmats, atol=1e-6)
