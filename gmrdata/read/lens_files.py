@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from gmrdata.read.safe_pickle import load_plain
+from gmrdata.read.safe_pickle import load_object_npy, load_plain
 from gmrdata.values import plain_yaml
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import GmrdataError
@@ -139,7 +139,12 @@ def _binary_values(path: Path, content: bytes) -> Any:
         raise ValueError("a file of MATLAB's; write its matrix as 3x3 numbers, for pixels from 0")
     try:
         if content.startswith(b"\x93NUMPY"):
-            return np.load(io.BytesIO(content), allow_pickle=False)
+            try:
+                return np.load(io.BytesIO(content), allow_pickle=False)
+            except ValueError as error:  # numpy.save writes a dict as an object
+                if "allow_pickle" not in str(error):
+                    raise
+                return load_object_npy(path)
         if content.startswith(b"PK"):
             return read_npz(path, plain_alone=True)
         return load_plain(path)

@@ -320,6 +320,8 @@ def test_what_python_saves_is_read_too(tmp_path):
         assert (lens.focal_px, lens.centre_px, lens.radial) == ((600, 605), (320, 240), (-0.1, 0))
     np.save(tmp_path / "k.npy", matrix)
     assert read_intrinsics(tmp_path / "k.npy", SIZE_PX).focal_px == (600, 605)
+    np.save(tmp_path / "dict.npy", {"mtx": matrix, "dist": terms})  # type: ignore[arg-type]
+    assert read_intrinsics(tmp_path / "dict.npy", SIZE_PX).focal_px == (600, 605)
     (tmp_path / "session.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     with pytest.raises(BadIntrinsics, match="MATLAB"):
         read_intrinsics(tmp_path / "session.mat", SIZE_PX)
