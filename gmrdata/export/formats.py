@@ -179,6 +179,7 @@ def export_gem_x(clips: Sequence["ExportedClip"], path: Path, options: ExportOpt
     from gmrdata.write.cameras import write_gem_x
 
     camera = camera_of(clips[0].clip)
+    _require_each_frame(_tracked(clips[0]), "GEM-X has a camera for each frame; tum has times")
     _require_all(clips[0], camera.has_camera, "camera", "GEM-X needs one for each frame")
     write_gem_x(path, camera.world_from_cam)
 
@@ -282,11 +283,16 @@ def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOpt
     from gmrdata.write.systems import write_gvhmr
 
     person = _tracked(clips[0])
+    _require_each_frame(person, "GVHMR has a row for each frame; wham names its frames")
+    write_gvhmr(path, person, clips[0].clip.camera)
+
+
+def _require_each_frame(person: "TrackedPerson", remedy: str) -> None:
+    """Refuse rows that are not the video's frames, where a layout knows frames by their row."""
     missed = np.flatnonzero(person.frame_numbers != np.arange(len(person.frame_numbers)))
     if len(missed):
         what = f"row {missed[0]} is frame {person.frame_numbers[missed[0]]} of the video"
-        raise BadMotionFile(f"{what}, and GVHMR has a row for each frame; wham names its frames")
-    write_gvhmr(path, person, clips[0].clip.camera)
+        raise BadMotionFile(f"{what}, and {remedy}")
 
 
 def _tracked(exported: "ExportedClip") -> "TrackedPerson":

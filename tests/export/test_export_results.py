@@ -57,12 +57,14 @@ def test_files_where_others_look_for_them(manifest, tmp_path, capsys):
     out, name = tmp_path / "out", "P1_14_outdoor_climb"
     about = EmdbAbout(emdb1=True, emdb2=False, reasons=[""] * 30)
     about.write(manifest.parent / ABOUT_FILE)
-    assert export(manifest, "--to", "emdb", "wham", "gvhmr", "3dpw", "--out", out) == 1
+    assert export(manifest, "--to", "emdb", "wham", "gvhmr", "3dpw", "gem-x", "--out", out) == 1
     said = capsys.readouterr().err
     files = sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
     assert files == [
         f"3dpw/sequenceFiles/test/{name}.pkl",
         f"emdb/P1/14_outdoor_climb/{name}_data.pkl",
+        f"gem-x/{name}/preprocess/camera.pt",
+        "gem-x/rejected/preprocess/camera.pt",
         f"gvhmr/{name}/hmr4d_results.pt",
         f"wham/{name}/wham_output.pkl",
         "wham/late/wham_output.pkl",
@@ -77,6 +79,7 @@ def test_files_where_others_look_for_them(manifest, tmp_path, capsys):
         "late: no emdb: clip late: row 0 is image 5",
         "late: no 3dpw: clip late: row 0 is image 5",
         "late: no gvhmr: row 0 is frame 5 of the video",
+        "late: no gem-x: row 0 is frame 5 of the video",
         "rejected: no wham: has no valid frame",
         "rejected: no 3dpw: has no valid frame",
         "rejected: no gvhmr: has no valid frame",
