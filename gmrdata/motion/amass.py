@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import levelled, motion_of
 from gmrdata.motion.up_axis import turn_upright, turned
+from gmrdata.read.amass_keys import RATE_KEYS, gender_word, joined_poses
 from gmrdata.read.numbers import finite_numbers, require_radians
 from gmrdata.read.source_motion import (
     CMU_60_HZ_SUBJECTS,
@@ -44,17 +45,6 @@ from gmrdata.values.errors import BadBodyFile, BadMotionFile
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
 
-RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
-"""SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
-SPLIT_KEYS = {
-    "root": ("root_orient", "global_orient"),
-    "body": ("pose_body", "body_pose"),
-    "hands": ("pose_hand",),
-    "left hand": ("left_hand_pose",),
-    "right hand": ("right_hand_pose",),
-    "path": ("trans", "transl"),
-}
-"""Names of the parts of `poses`, and of `trans`, in files that have these: AMASS's and smplx's."""
 _EXTRA = re.compile(r"(^shape|_stagei|^neutral_stagei)$")
 
 
@@ -69,7 +59,7 @@ def named_body(path: Path) -> str | None:
     arrays = joined_poses(read_npz(path, plain_alone=True))
     if "betas" not in arrays or "poses" not in arrays or arrays["poses"].shape[-1:] == (165,):
         return None
-    return str(arrays["body"]) if "body" in arrays else f"{SMPL}{_gender(arrays)}"
+    return str(arrays["body"]) if "body" in arrays else f"{SMPL}{gender_word(arrays)}"
 
 
 def chosen_body(path: Path, names: Collection[str]) -> str:
@@ -137,35 +127,6 @@ def read_amass(
     return levelled(body, motion, not is_own if ground is None else ground)
 
 
-def joined_poses(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The same with `poses` (T, n), of one array or of the parts that SMPL-X's files split it into.
-
-    Hands that are not there are straight.  21 joints of a body are SMPL-X's, 23 are SMPL's.
-    """
-    if "poses" in arrays:
-        poses = arrays["poses"]  # some have (T, J, 3)
-        is_rows = poses.ndim == 3 and poses.shape[2] == 3
-        return (
-            arrays | {"poses": poses.reshape(len(poses), 3 * poses.shape[1])} if is_rows else arrays
-        )
-    found = {part: next((k for k in keys if k in arrays), "") for part, keys in SPLIT_KEYS.items()}
-    parts = {part: arrays[key] for part, key in found.items() if key}
-    parts = {part: array for part, array in parts.items() if array.dtype.kind in "fiu"}
-    if not {"root", "body"} <= parts.keys() or parts.get("path", np.empty((0, 3))).ndim != 2:
-        return arrays
-    n = max([1, *parts["root"].shape[:1]])
-    parts = {part: array.reshape(n, -1) for part, array in parts.items() if not array.size % n}
-    body = parts.get("body", np.empty((n, 0)))
-    hands = [parts.get(f"{side} hand", np.empty((n, 0))) for side in ("left", "right")]
-    hands_rad = parts.get("hands", np.concatenate(hands, axis=1))
-    if hands_rad.shape[1] != 90:  # none, or coefficients of SMPL-X's own
-        hands_rad = np.zeros((n, 90))
-    face = [] if "smplh" in str(arrays.get("surface_model_type", "")) else [np.zeros((n, 9))]
-    more = [*face, hands_rad] if body.shape[1] == 63 else []
-    poses = np.concatenate([parts.get("root", body), body, *more], axis=1)
-    return arrays | {"poses": poses} | ({"trans": parts["path"]} if "path" in parts else {})
-
-
 def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Checked `poses` (T, 72 | 156 | 165) [rad] and `trans` (T, 3) [m]."""
     if missing := [key for key in ("poses", "trans") if key not in arrays]:
@@ -202,20 +163,11 @@ def amass_rate(
     return (60.0, "CMU's index") if is_60_hz and rate_hz == 120.0 else (rate_hz, "file")
 
 
-def _gender(arrays: dict[str, np.ndarray]) -> str:
-    """The file's gender, which releases write as str, bytes, or a 0-d array of either."""
-    value = np.asarray(arrays.get("gender", "neutral")).ravel()
-    word = value[0] if value.size else "neutral"
-    text = (word.decode("ascii", "replace") if isinstance(word, bytes) else str(word)).lower()
-    text = re.sub(r"^b(['\"])(.*)\1$", r"\2", text).strip()  # as str() writes bytes
-    return {"f": "female", "m": "male", "n": "neutral"}.get(text, text)
-
-
 def _holds_shape_of(arrays: dict[str, np.ndarray], body: BodyModel, n_values: int) -> bool:
     """Whether the file's betas are shape coefficients of this body."""
     if "betas" not in arrays or "body" in arrays:
         return "betas" in arrays and str(arrays["body"]) == body.name
-    return n_values != 165 and body.name == f"smpl-{_gender(arrays)}"
+    return n_values != 165 and body.name == f"smpl-{gender_word(arrays)}"
 
 
 def _betas(arrays: dict[str, np.ndarray], n_frames: int, path: Path) -> np.ndarray:
@@ -237,7 +189,7 @@ def _betas_note(
         is_cut = betas[body.n_shape :].any()
         return f"the first {body.n_shape} betas of the file" if is_cut else "betas of the file"
     is_gendered = "betas" in arrays and "body" not in arrays and arrays["poses"].shape[1] != 165
-    whose = f", which are of {SMPL}{_gender(arrays)}" if is_gendered else ""
+    whose = f", which are of {SMPL}{gender_word(arrays)}" if is_gendered else ""
     return f"betas of the file not used{whose}"
 
 

@@ -8,11 +8,12 @@ from typing import get_args
 
 import numpy as np
 
-from gmrdata.motion.amass import SPLIT_KEYS, amass_rate, is_amass_extra, read_amass
+from gmrdata.motion.amass import amass_rate, is_amass_extra, read_amass
 from gmrdata.motion.pelvis import NO_TURN, on_pelvis
 from gmrdata.motion.rest_pose import TOLD_FROM, in_metres
 from gmrdata.motion.retarget import Residual, Retargeting, retarget
 from gmrdata.motion.up_axis import BY_TRUNK, LIES, person_of, remarks_on, shows_z_up
+from gmrdata.read.amass_keys import SPLIT_KEYS
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import (

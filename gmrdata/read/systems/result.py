@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read.amass_keys import RATE_KEYS, gender_word, joined_poses
 from gmrdata.read.numbers import kind_of
 from gmrdata.read.safe_pickle import load_object_npy, load_plain
 from gmrdata.read.systems import gem, gvhmr, phalp, prompthmr, sam3d, slahmr, tram, vibe, wham
@@ -101,8 +102,10 @@ def _npz(path: Path) -> EstimatedPeople:
         return tram.read_tram_npz(arrays, path)
     if arrays.keys() >= sam3d.KEYS:
         return sam3d.read_sam3d(arrays, path)
-    if arrays.keys() >= slahmr.KEYS and not arrays.keys() >= AMASS_KEYS:
+    if is_system_npz(arrays) and not arrays.keys() >= AMASS_KEYS:
         return slahmr.read_slahmr(arrays, path)
+    if arrays.keys() >= slahmr.KEYS:  # AMASS's; other names are of files before a camera too
+        arrays = joined_poses(arrays)
     if arrays.keys() >= AMASS_KEYS:
         return _with_amass_keys(arrays, path)
     what = "not TRAM's (pred_rotmat), not SLAHMR's (trans, root_orient, pose_body), no motion with"
@@ -159,7 +162,6 @@ def _built_in(folder: Path) -> EstimatedPeople:
 
 AMASS_KEYS = frozenset({"poses", "trans"})
 N_SMPLX = 165
-RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 
 
 def _with_amass_keys(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
@@ -181,7 +183,7 @@ def _with_amass_keys(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
         local_rotmats=rotmats[:, 1:],
         in_world=InWorld(rotmats[:, 0], transl_m, turned(np.eye(3), n_rows)),
         betas=None if poses.shape[1] == N_SMPLX else _mean_betas(entry, n_rows),
-        betas_body=f"smpl-{_gender(arrays)}",
+        betas_body=f"smpl-{gender_word(arrays)}",
         has_own_rate=True,
         lacks={"camera": "a motion in the world alone"},
     )
@@ -214,12 +216,6 @@ def _mean_betas(entry: Entry, n_rows: int) -> np.ndarray | None:
     by_row = np.ndim(entry.values["betas"]) == 2
     betas = entry.array("betas", None, None).mean(axis=0) if by_row else entry.array("betas", None)
     return np.tile(betas, (n_rows, 1))
-
-
-def _gender(arrays: dict[str, Any]) -> str:
-    value = np.asarray(arrays.get("gender", "neutral")).ravel()
-    word = value[0] if value.size else "neutral"
-    return (word.decode("ascii", "replace") if isinstance(word, bytes) else str(word)).lower()
 
 
 def _rate_hz(entry: Entry) -> float | None:

@@ -180,6 +180,21 @@ def test_gem_smpl_has_gem_xs_keys_and_gvhmrs_body(tmp_path):
     assert one.rest_pelvis_m is other.rest_pelvis_m and one.in_camera.size_px == (640, 480)
 
 
+def test_amass_in_parts_is_no_slahmr(tmp_path):
+    """Many tools write AMASS's motions without `poses`; and genders as str() writes bytes."""
+    pose = system_files.some_poses(T, 22)
+    parts = {"root_orient": pose[:, :3], "pose_body": pose[:, 3:], "trans": np.ones((T, 3))}
+    np.savez(
+        tmp_path / "x.npz", **parts, betas=np.zeros(16), gender="b'female'", mocap_frame_rate=30
+    )
+    found = read_system(tmp_path / "x.npz", "world")
+    (person,) = found.people
+    assert (found.system, found.fps_hz, person.betas_body) == ("amass", 30.0, "smpl-female")
+    np.testing.assert_allclose(
+        person.local_rotmats[:, :21], system_files.rotmats(pose)[:, 1:], atol=1e-6
+    )
+
+
 def test_what_whams_api_returns_is_read_as_its_demos_file(tmp_path):
     pose = system_files.some_poses(T)
     world = np.concatenate([pose[:, :3] + 0.5, pose[:, 3:]], axis=1)
