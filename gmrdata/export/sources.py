@@ -227,7 +227,7 @@ def _manifest_in(folder: Path) -> Path | None:
 
 
 def _is_clip(path: Path) -> bool:
-    return str(read_npz(path).get("format")) == CLIP_FORMAT
+    return str(read_npz(path, plain_alone=True).get("format")) == CLIP_FORMAT
 
 
 def _is_manifest(path: Path) -> bool:

@@ -142,6 +142,12 @@ def test_predictions_and_other_folders_of_clips(walkers, small_body, tmp_path):
         assert [files.id for files in list_clips(source)] == ["walk.p0", "walk.p1"]
 
 
+def test_another_files_objects_do_not_keep_a_folder_of_clips(clip, small_body, tmp_path):
+    save_clip(tmp_path / "walk.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
+    np.savez(tmp_path / "of_others.npz", poses=np.zeros(3), about=np.array({}, dtype=object))
+    assert [files.clip_path.name for files in list_clips(tmp_path)] == ["walk.npz"]
+
+
 def test_twins_and_a_noise_floor_lead_to_their_manifests(clip, small_body, tmp_path):
     write_clips(tmp_path / "render_set", small_body, [clip], camera_motions=["circular"])
     assert only(tmp_path).truth is None
