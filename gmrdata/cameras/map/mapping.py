@@ -45,7 +45,8 @@ def map_frames(
     """Map all frames; None if neither mapper finds a model.
 
     The global mapper goes first.  The incremental one is tried where the global one leaves frames
-    out, and is taken if it registers more of them, or as many with more observations.  Where
+    out, in those parts of many frames alone, and is taken if it registers more of them, or as many
+    with more observations.  Where
     neither finds a model that explains the matches, or the camera hardly leaves its place by it,
     the incremental one is run with lower thresholds for parallax.  A pan has no model even then.
     """
@@ -61,8 +62,11 @@ def map_frames(
     for mapper in mappers:
         if mapper == "small_parallax" and any(good(one) for one in found):
             break
-        if models := _run(mapper, frames, work_dir, config):
-            found.append(_finish(models, mapper, frames, matches, work_dir, config))
+        has_camera = found[-1].has_camera if found and good(found[-1]) else None
+        if models := _run(mapper, frames, work_dir, config, has_camera=has_camera):
+            kept = has_camera is not None and len(parts_of(len(has_camera), config.mapping)) > 1
+            by: Mapper = "global" if kept else mapper
+            found.append(_finish(models, by, frames, matches, work_dir, config))
             if found[-1].has_camera.all() and good(found[-1]):
                 break
     if found and all(hardly_travels(one, config.small_travel_share) for one in found):
@@ -177,13 +181,24 @@ def refine_mapped(
 
 
 def _run(
-    mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig, names: Sequence[str] = ()
+    mapper: Mapper,
+    frames: Frames,
+    work_dir: Path,
+    config: SfmConfig,
+    names: Sequence[str] = (),
+    has_camera: np.ndarray | None = None,
 ) -> list[Any]:
     """The models that a mapper finds, of all frames or of those that are named; of many, part by
-    part, as a mapper takes three times as long for twice as many."""
+    part, as a mapper takes three times as long for twice as many.  The global mapper's models stay
+    of parts in which all frames have a camera (T,)."""
     names, models = names or [image.name for image in frames.images], []
     for start, stop in parts_of(len(names), config.mapping):
-        out_dir = work_dir / f"{mapper}_of_{len(names)}_by_{config.seed}_from_{start}"
+        which = f"of_{len(names)}_by_{config.seed}_from_{start}"
+        if has_camera is not None and has_camera[start:stop].all():
+            kept = sorted((work_dir / f"global_{which}").iterdir())
+            models += [pycolmap.Reconstruction(folder) for folder in kept]
+            continue
+        out_dir = work_dir / f"{mapper}_{which}"
         out_dir.mkdir()
         files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
         models += _run_part(mapper, files, names[start:stop], config)

@@ -135,11 +135,41 @@ def test_the_incremental_mapper_steps_in_where_the_global_one_leaves_frames_out(
     _, frames, matches, work_dir = arc
     run = mapping._run
     monkeypatch.setattr(
-        mapping, "_run", lambda mapper, *rest: [] if mapper == "global" else run(mapper, *rest)
+        mapping,
+        "_run",
+        lambda mapper, *rest, **known: [] if mapper == "global" else run(mapper, *rest, **known),
     )
     shutil.copy(work_dir / "database.db", tmp_path)
     mapped = mapping.map_frames(frames, matches, tmp_path, SMALL)
     assert mapped is not None and mapped.mapper == "incremental" and mapped.has_camera.all()
+
+
+def test_of_many_frames_the_incremental_mapper_is_asked_for_the_parts_that_lack_some(
+    arc, monkeypatch, tmp_path
+):
+    """Of 7,635 keyframes the global mapper left few out, and all were mapped a second time."""
+    filmed, frames, matches, work_dir = arc
+    parts = SMALL.mapping.model_copy(update={"part_frames": 7, "part_overlap": 4})
+    config = SMALL.model_copy(update={"mapping": parts})
+    run_part, asked = mapping._run_part, []
+
+    def of_part(mapper: Mapper, files: Any, names: list[str], config: SfmConfig) -> list[Any]:
+        asked.append((mapper, names[0]))
+        models = run_part(mapper, files, names, config)
+        return [] if asked[-1] == ("global", "00003.jpg") else models
+
+    monkeypatch.setattr(mapping, "_run_part", of_part)
+    place = mapping.place_frames
+    monkeypatch.setattr(
+        mapping, "place_frames", lambda rows, *rest: place([row for row in rows if row < 7], *rest)
+    )
+    shutil.copy(work_dir / "database.db", tmp_path)
+    mapped = mapping.map_frames(frames, matches, tmp_path, config)
+    wanted = [("global", "00000.jpg"), ("global", "00003.jpg"), ("incremental", "00003.jpg")]
+    assert asked == wanted
+    # By which a second solution is sought.
+    assert mapped is not None and mapped.mapper == "global" and mapped.has_camera.all()
+    assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
 
 
 def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc, tmp_path):
