@@ -269,8 +269,8 @@ class CamerasVerdictConfig(Config):
     """The same, times the share of the matches that move otherwise than the cameras say: what
     moves as one bends a path the more, the less holds it."""
     max_distance_ratio: float = Field(default=6.0, gt=1)
-    """By how much the background's median distance changes from one keyframe to the next;
-    more where pieces of another scale were joined."""
+    """By how much the background's distance changes from one keyframe to the next, both that of
+    its near tenth and the median; more where pieces of another scale were joined."""
     min_second_share: float = Field(default=0.5, ge=0, le=1)
     """Share of the keyframes of a second solution, of a part of them alone, that get a camera:
     with fewer nothing confirms the path."""

@@ -289,7 +289,9 @@ def weakest_step(
     after, before = key_rows[placed[worst : worst + 2]].tolist()
     moving = _moving_share(mapped.world_from_cam, matches, intrinsics_px, most_px)
     of_each = np.split(seen.distances, np.flatnonzero(np.diff(seen.camera)) + 1)
-    ratios = np.abs(np.diff(np.log([np.median(distances) for distances in of_each])))
+    # The view through a window is far away, but hardly all of what is seen beside it.
+    distances = [np.percentile(distances, [10, 50]) for distances in of_each]
+    ratios = np.abs(np.diff(np.log(distances), axis=0)).min(axis=1)
     return WeakestStep(after, before, float(shares[worst]), moving, float(np.exp(ratios.max())))
 
 

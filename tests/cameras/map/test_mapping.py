@@ -384,6 +384,21 @@ def test_a_piece_of_another_scale_sees_everything_at_another_distance():
     assert step.distance_ratio == pytest.approx(9.7, rel=0.1)
 
 
+def test_the_view_through_a_window_is_no_piece_of_another_scale():
+    """Nine tenths of what a dancer's room shows at one place is a town, 80 times as far away."""
+    every = np.ones((N, POINTS), dtype=bool)
+    mapped, _ = solved(STRAIGHT, every)
+    near, town = np.arange(POINTS) < 60, np.arange(POINTS) >= 60
+    points = np.where(town[:, None], 80 * mapped.points, mapped.points)
+    shown = every.copy()
+    shown[:10, town], shown[10:, 40:60] = False, False
+    seen = {row: np.stack([np.flatnonzero(of)] * 2, axis=1) for row, of in enumerate(shown)}
+    seen_px = [project(cam, points, K_PX) for cam in mapped.world_from_cam]
+    step = found(replace(mapped, points=points, seen=seen), Matches(seen_px, []))
+    medians = [np.median(points[of][:, 2]) for of in (near, shown[10])]
+    assert medians[1] > 20 * medians[0] and step.distance_ratio < 2
+
+
 def test_the_share_of_matches_that_move_otherwise_is_that_of_the_worst_tenth_of_pairs():
     mapped, matches = solved(STRAIGHT, np.ones((N, POINTS), dtype=bool))
     every = np.tile(np.arange(POINTS)[:, None], 2)
