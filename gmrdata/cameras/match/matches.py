@@ -14,6 +14,7 @@ from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.features import find_features
 from gmrdata.cameras.match.retrieval import alike_before
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
+from gmrdata.values.camera import straightened
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
 DATABASE_FILE = "database.db"
@@ -60,15 +61,10 @@ class Matches:
         """The same with image points where they would be without distortion."""
         if lens is None:
             return self
-        (fx, fy), middle_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
-        camera = pycolmap.Camera(
-            model="OPENCV",
-            width=round(2 * middle_px[0]),
-            height=round(2 * middle_px[1]),
-            params=[fx, fy, *middle_px, lens.k1, lens.k2, 0.0, 0.0],
-        )
+        focal_px, middle_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
+        # Not COLMAP's, which is NaN for what a lens that folds the picture can't show.
         straight = [
-            camera.cam_from_img(seen_px) * [fx, fy] + middle_px if len(seen_px) else seen_px
+            middle_px + focal_px * straightened((seen_px - middle_px) / focal_px, lens.k1, lens.k2)
             for seen_px in self.keypoints_px
         ]
         return replace(self, keypoints_px=straight)
