@@ -127,7 +127,8 @@ def exif_lens(image: Path, size_px: tuple[int, int]) -> Lens | None:
         return _noted(film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px)), size_px, EXIF_SIGMA)
     focal_mm, per_unit = values.get(0x920A, 0.0), values.get(0xA20E, 0.0)
     unit_mm = {2.0: 25.4, 3.0: 10.0, 4.0: 1.0}.get(values.get(0xA210, 2.0), 0.0)
-    taken_px = values.get(0xA002, 0.0)
+    # A picture that a program set upright is longer down than across.
+    taken_px = max(values.get(0xA002, 0.0), values.get(0xA003, 0.0))
     if not all(value > 0 for value in (focal_mm, per_unit, unit_mm, taken_px)):
         return None
     focal_px = focal_mm * per_unit / unit_mm * max(size_px) / taken_px

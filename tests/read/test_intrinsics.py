@@ -164,6 +164,8 @@ def test_exif_gives_the_focal_length_on_film_or_on_the_sensor(tmp_path):
     # 4.25 mm at 500 px/mm are 2125 px of a picture that is twice as wide as the frames.
     lens = noted(sensor)
     assert lens is not None and lens.focal_px == pytest.approx((1062.5, 1062.5), rel=1e-3)
+    upright = sensor | {0xA002: 960, 0xA003: 1280}
+    assert noted(upright) == lens
     nothing = ({0x920A: IFDRational(17, 4)}, {0xA405: 0}, sensor | {0xA20E: IFDRational(1, 0)})
     assert [noted(tags) for tags in nothing] == [None] * 3
     path = jpeg_with(tmp_path, {0xA405: 26})
