@@ -192,14 +192,26 @@ def _known(given: GivenIntrinsics | None, frames: FrameSet) -> tuple[Lens, str] 
         lens, words = _given_lens(given, frames.size_px)
         _require_possible(lens, words)
         return lens, words
-    noted = exif_lens(frames.paths[0], frames.size_px)
-    if noted is None and frames.video_path is not None:
-        noted = video_lens(frames.video_path, frames.size_px)
+    noted = _noted(frames)
     if noted is None:
         return None
     focal_px, percent = noted.focal_px[0], 100 * (noted.focal_from.sigma or 0.0)
     words = f"The camera notes a lens of {focal_px:.0f} px, which is right to {percent:.0f} %."
     return noted, words
+
+
+def _noted(frames: FrameSet) -> Lens | None:
+    """The lens that a video's file notes; else the pictures, whose notes differ where it zooms."""
+    if frames.video_path is not None:
+        return video_lens(frames.video_path, frames.size_px)
+    found = [one for path in frames.paths if (one := exif_lens(path, frames.size_px)) is not None]
+    if not found:
+        return None
+    each_px = np.array([one.focal_px[0] for one in found])
+    focal_px = float(np.median(each_px))
+    apart = float(np.sqrt((np.log(each_px / focal_px) ** 2).mean()))
+    sigma = float(np.hypot(found[0].focal_from.sigma or 0.0, apart))
+    return Lens.centred(focal_px, frames.size_px, Origin("metadata", sigma))
 
 
 def _given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Lens, str]:

@@ -101,6 +101,17 @@ def test_the_cameras_note_comes_next(tmp_path):
     assert made_given_wins(tmp_path / "given").source == "given"
 
 
+def test_notes_that_differ_leave_the_lens_as_uncertain(tmp_path):
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    for number, film_mm in enumerate([13, 26, 26, 52]):
+        jpeg_with(tmp_path, {0xA405: film_mm}).rename(frames / f"{number:05d}.jpg")
+    folder = find_intrinsics(read_frames(frames), None, tmp_path / "out", UNASKED)
+    lens = load_intrinsics(folder)
+    assert lens.focal_px == pytest.approx(480.7, abs=0.1)
+    assert lens.focal_sigma == pytest.approx(np.hypot(0.05, np.log(2) / np.sqrt(2)))
+
+
 def made_given_wins(folder: Path) -> Intrinsics:
     folder.mkdir()
     return made(folder, film_mm=26, given=GivenIntrinsics(focal_px=500.0))
