@@ -22,6 +22,7 @@ from gmrdata.cameras.check.verdict import (
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
+from gmrdata.read.intrinsics import GIVEN_SIGMA
 from gmrdata.solve.request import FRAMES, EstimatedPeople, SolveConfig, Solved
 from gmrdata.values.clip import Clip, first_reasons, load_clip
 from gmrdata.values.frame_set import VideoRecord
@@ -42,8 +43,8 @@ MOST_OFF = 0.99  # of a deviation, as a share
 
 
 def with_lens_error(config: SolveConfig, lens: Intrinsics) -> SolveConfig:
-    """The same, but that a focal length nobody gave may be off by two of its standard errors."""
-    if lens.source == "given":
+    """The same, but that a focal length nobody measured may be off by two standard errors."""
+    if lens.focal_sigma <= GIVEN_SIGMA:
         return config
     thresholds = config.pseudo_gt.verdict
     most = max(thresholds.max_focal_deviation, min(2 * lens.focal_sigma, MOST_OFF))

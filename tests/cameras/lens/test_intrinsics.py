@@ -39,6 +39,8 @@ from gmrdata.cameras.lens.self_calibration import (
 )
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, read_matches
 from gmrdata.read.frames import read_frames
+from gmrdata.solve.request import SolveConfig
+from gmrdata.solve.verdict import with_lens_error
 from gmrdata.values.camera import Lens, bent
 from gmrdata.values.errors import BadIntrinsics, BadRecord
 from tests.read.test_intrinsics import jpeg_with
@@ -92,6 +94,25 @@ def test_a_file_and_our_own_record_are_taken(tmp_path):
     assert (again.focal_px, again.focal_y_px, again.centre_px) == (600, 605, (322, 239))
     assert lens.radial_k1 == again.radial_k1 == -0.15
     assert lens.lens.radial == (-0.15, 0) and lens.lens.size_px == (640, 480)
+
+
+@pytest.mark.parametrize("asked", [-0.13, -0.17])
+def test_our_own_record_is_as_uncertain_as_it_was(tmp_path, shown, asked):
+    for name in ("again", "guess", "other"):
+        (tmp_path / name).mkdir()
+    shown(replace(FOUND, focal_sigma=0.06, radial_k1=-0.15, radial_k1_sigma=0.02))
+    made(tmp_path, config=IntrinsicsConfig())
+    own = GivenIntrinsics(file=tmp_path / "out")
+    shown(replace(FOUND, radial_k1=asked))
+    lens = made(tmp_path / "again", given=own, config=IntrinsicsConfig())
+    assert (lens.source, lens.focal_sigma, lens.radial_k1_sigma) == ("given", 0.06, 0.02)
+    assert not lens.objections
+    most = with_lens_error(SolveConfig(), lens).pseudo_gt.verdict.max_focal_deviation
+    assert most == pytest.approx(0.12)
+    shown(HIDDEN)
+    made(tmp_path / "guess", config=IntrinsicsConfig())
+    with pytest.raises(BadIntrinsics, match="but a guess, to 30 %; leave it out"):
+        made(tmp_path / "other", given=GivenIntrinsics(file=tmp_path / "guess" / "out"))
 
 
 def test_the_cameras_note_comes_next(tmp_path):
