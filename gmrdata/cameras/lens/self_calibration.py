@@ -158,7 +158,7 @@ def self_calibrate(
         keys = _keyframes(frames, work_dir, config)
         matches = match_frames(keys, work_dir, config.sfm, calibrated=False)
     except NoReconstruction as error:
-        return nothing_found(str(error))
+        return nothing_found(error.why)
     if is_still(matches):
         return nothing_found("the camera does not move")
     turning, verdict = by_turning(keys, matches, config)

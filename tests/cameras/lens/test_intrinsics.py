@@ -152,6 +152,11 @@ def test_then_the_frames_and_then_a_guess_that_says_so(tmp_path, shown):
     assert any("as uncertain" in note for note in lens.notes)
 
 
+def test_even_frames_show_no_lens_and_the_note_names_no_folder_that_is_gone(tmp_path):
+    lens = made(tmp_path, config=IntrinsicsConfig())
+    assert lens.notes[1].startswith("The frames do not show the focal length: 0 features per")
+
+
 def test_a_guess_takes_the_little_that_the_frames_show(tmp_path, shown):
     # A pan of 7 degrees over a street: 1.16 to 11 %, where a usual lens has 0.85 to 30 %.
     weak = replace(FOUND, focal=1.16, focal_sigma=0.11, reason="only to 11 %")
