@@ -173,6 +173,9 @@ def _followed(solved: Solved) -> Solved:
 def _masks(solved: Solved) -> Solved:
     config, people = solved.config.masks, solved.request.people
     if config is None:
+        by_source = sources_dir(solved.out_dir / MASKS).glob(f"*/{STAGE_FILE}")
+        left = [solved.out_dir / MASKS, *sorted(path.parent for path in by_source)]
+        _drop(left, solved.run, "holds masks, and now none are asked for")
         return solved
     given = people if isinstance(people, GivenPeople) else GivenPeople(())
     masks_dir = mask_sources.make_masks(

@@ -8,6 +8,7 @@ import pytest
 
 from gmrdata import solve_video
 from gmrdata.cameras.files import Distortion
+from gmrdata.people.sources import FolderSource, MasksConfig
 from gmrdata.read.frames import write_gray
 from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_dir
 from gmrdata.solve.request import (
@@ -45,6 +46,27 @@ def test_cameras_alone_get_masks_by_the_quick_network(
     record = StageRecord.of(tmp_path / "out" / FOLLOWED)
     assert record.inputs["landmarks"] == network.sha256
     assert_nothing_is_left_of_another_video(tmp_path / "frames", tmp_path / "out", poses)
+
+
+def test_without_masks_none_of_an_earlier_run_are_left(tmp_path):
+    frames, masks, out = (tmp_path / name for name in ("frames", "own", "out"))
+    for folder in (frames, masks):
+        folder.mkdir()
+        for number in range(3):
+            write_gray(folder / f"{number}.png", np.full((48, 64), 128, np.uint8))
+
+    def solved_by(*sources: FolderSource, redo: bool) -> None:
+        config = SolveConfig(masks=MasksConfig(sources=sources) if sources else None)
+        run = Run(redo=redo)
+        solve_video(frames, out, poses="none", fps_hz=30, config=config, run=run)
+
+    solved_by(FolderSource(path=masks), redo=False)
+    assert (out / "masks").is_dir()
+    # Its page would draw them, and its export hand them on.
+    with pytest.raises(StaleOutput, match="holds masks, and now none are asked for.*--redo"):
+        solved_by(redo=False)
+    solved_by(redo=True)
+    assert not (out / "masks").exists() and not (out / "masks_by" / "folder").exists()
 
 
 def assert_nothing_is_left_of_another_video(frames: Path, out: Path, poses: str | None) -> None:
