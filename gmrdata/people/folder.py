@@ -42,12 +42,17 @@ def folder_masks(
     """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic."""
 
     def work(partial: Path) -> None:
+        brightest = 0
         for image in frames.paths:
-            masked = read_gray(find_mask(masks_dir, image), frames.size_px) > 127
+            grey = read_gray(find_mask(masks_dir, image), frames.size_px)
+            masked, brightest = grey > 127, max(brightest, int(grey.max()))
             if config.masked_value == 0:
                 masked = ~masked
             mask = dilate(masked.astype(np.uint8) * np.uint8(255), config.dilate_px)
             write_gray(partial / f"{image.stem}.png", mask)
+        if 0 < brightest <= 127:
+            what = f"numbers or colours, none of them brighter than {brightest} of 255"
+            raise BadFrames(f"{masks_dir}: holds {what}; write 255 where a mask is set, else 0")
 
     inputs = {"masks": masks_dir, "images": frames.folder}
     return run_stage("folder_masks", out_dir, config, inputs, work, run=run)

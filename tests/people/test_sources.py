@@ -201,6 +201,17 @@ def test_both_senses_and_namings_become_ours(name, masked_value, noise_dir, tmp_
         assert np.array_equal(read_gray(out_dir / f"{stem}.png"), 255 * DYNAMIC)
 
 
+@pytest.mark.parametrize("masked_value", [0, 255])
+@pytest.mark.parametrize("value", [1, (0, 0, 128)])
+def test_numbers_of_objects_and_dark_colours_are_no_masks(value, masked_value, noise_dir, tmp_path):
+    # Nothing of them counted as masked, or all.
+    mask = (DYNAMIC[..., None] * np.array(value)).astype(np.uint8)
+    masks = put(tmp_path / "masks", *[mask] * 3)
+    config = FolderMaskConfig.model_validate({"masked_value": masked_value})
+    with pytest.raises(BadFrames, match=r"masks: holds numbers or colours, .*; write 255 where"):
+        folder_masks(masks, read_frames(noise_dir), tmp_path / "out", config)
+
+
 def test_masks_are_widened_by_a_disc(noise_dir, tmp_path):
     masks = put(tmp_path / "masks", *[DYNAMIC * np.uint8(255)] * 3)
     out_dir = folder_masks(
