@@ -25,7 +25,7 @@ SHORTEST, LONGEST = 0.1, 100.0  # focal lengths of cameras, over the picture's l
 LARGEST_RATIO = 2.5  # of a focal length across and down: anamorphic lenses have 2
 OTHER_SIZE, OTHER_SIZE_TOLERANCE = 0.08, 0.03
 """A principal point that is off the middle by as much, along both sides by the same share, is the
-middle of a larger or a smaller picture."""
+middle of a larger or a smaller picture; one so near to that of the picture on its side, of that."""
 SHAPE_TOLERANCE = 0.01  # of the sides' ratio, between a calibration's picture and the frames
 
 
@@ -97,7 +97,10 @@ def _require_of_frames(
         what = f"principal point {pinhole.centre_px} px is outside of the picture"
         raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")
     across, down = np.divide(pinhole.centre_px, pinhole.size_px) * 2
-    if abs(across - 1) > OTHER_SIZE and abs(across - down) < OTHER_SIZE_TOLERANCE * across:
+    turned = np.divide(pinhole.centre_px, (height, width)) * 2
+    is_turned = max(abs(turned - 1)) < OTHER_SIZE < max(abs(across - 1), abs(down - 1))
+    is_other = abs(across - 1) > OTHER_SIZE and abs(across - down) < OTHER_SIZE_TOLERANCE * across
+    if is_turned or is_other:
         other = "x".join(f"{2 * one:.0f}" for one in pinhole.centre_px)
         what = f"principal point {pinhole.centre_px} px is the middle of a picture of {other} px"
         raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")

@@ -107,6 +107,7 @@ def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path):
         ("600 0 900 0 600 240 0 0 1", "outside of the picture"),
         ("300 0 160 0 300 120 0 0 1", "the middle of a picture of 320x240 px"),
         ("675 675 360 270", "the middle of a picture of 720x540 px"),
+        ("600 0 239 0 600 322 0 0 1", "the middle of a picture of 478x644 px"),
         ("600 600 320 240\n" * 4 + "900 900 320 240\n", "2 cameras that differ"),
         (
             "[LEFT]\nfx=600\nfy=600\ncx=320\ncy=240\n\n[RIGHT]\nfx=680\nfy=680\ncx=320\ncy=240",
