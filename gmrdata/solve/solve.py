@@ -90,6 +90,7 @@ def solve(
         BadRecipe: a folder without a rate, or a video with one.
         BadFrames, MissingInput, BadMotionFile and what else the stages raise.
     """
+    _require_apart(request.source, out_dir)
     if request.people is None:
         config = config.for_cameras_alone
     if isinstance(request.people, EstimatedPeople):
@@ -144,6 +145,12 @@ def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
     left_out = () if given is None else given.left_out
     frames = as_frames(request.source, out_dir / FRAMES, request.part, left_out=left_out, run=run)
     return frames.with_rate(request.fps_hz) if given is None else frames
+
+
+def _require_apart(frames: Path, out_dir: Path) -> None:
+    """Refuse to write into a folder of frames: it would be another one when the run goes on."""
+    if frames.is_dir() and out_dir.resolve().is_relative_to(frames.resolve()):
+        raise StaleOutput(f"{out_dir}: lies in {frames}, which is read. Pass another --out")
 
 
 def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:
@@ -454,5 +461,6 @@ def make_masks(
         frames: A folder of numbered images, or a video file, of which `video` says the part.
         people: Camera-frame clips with their bodies, for silhouettes.
     """
+    _require_apart(Path(frames), Path(out_dir))
     given = as_frames(Path(frames), Path(out_dir) / FRAMES, video, run=run)
     return mask_sources.make_masks(given, Path(out_dir) / MASKS, config, people=people, run=run)

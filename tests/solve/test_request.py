@@ -19,7 +19,7 @@ from gmrdata.solve.request import (
     Solved,
     SolveRequest,
 )
-from gmrdata.solve.solve import _masks_of_people, _own_doubts, _own_poses_dir
+from gmrdata.solve.solve import _masks_of_people, _own_doubts, _own_poses_dir, make_masks
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath
@@ -46,6 +46,17 @@ def test_cameras_alone_get_masks_by_the_quick_network(
     record = StageRecord.of(tmp_path / "out" / FOLLOWED)
     assert record.inputs["landmarks"] == network.sha256
     assert_nothing_is_left_of_another_video(tmp_path / "frames", tmp_path / "out", poses)
+
+
+def test_a_result_does_not_lie_among_its_frames(tmp_path):
+    # The same command again would find another folder of frames, and not go on.
+    write_gray(tmp_path / "0.png", np.full((48, 64), 128, np.uint8))
+    for out in (tmp_path, tmp_path / "out"):
+        with pytest.raises(StaleOutput, match=r"lies in .*, which is read. Pass another --out"):
+            solve_video(tmp_path, out, poses="none", fps_hz=30)
+        with pytest.raises(StaleOutput, match="lies in"):
+            make_masks(tmp_path, out, MasksConfig())
+    assert [path.name for path in tmp_path.iterdir()] == ["0.png"]
 
 
 def test_without_masks_none_of_an_earlier_run_are_left(tmp_path):
