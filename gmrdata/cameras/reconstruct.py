@@ -29,6 +29,7 @@ from gmrdata.cameras.map.rotation_only import (
     require_cover,
     solve_rotation_only,
     weigh,
+    zooms,
 )
 from gmrdata.cameras.map.solution import Solution, fill_short_gaps, quality_of, turning_solution
 from gmrdata.cameras.match.keyframes import choose_keyframes, with_frames_between
@@ -200,6 +201,12 @@ def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence,
     config, turning = keyed.config, keyed.turning(keyed.matches)
     evidence = weigh(turning, keyed.matches, config)
     turns = evidence.verdict == "rotation_only"
+    if evidence.verdict == "full" and zooms(keyed.matches, keyed.frames.intrinsics_px, config):
+        raise NoReconstruction(
+            "a camera that zooms and turns in its place explains all that the pictures show, so "
+            "that they tell no path; film without zooming, and more than one wall",
+            keyed.frames.images[0].parent,
+        )
     mapped, matches = _mapped(keyed, work_dir, turns=turns)
     bent = mapped is not None and is_bent(mapped, turning, config)
     unsure = evidence.verdict == "either"

@@ -192,6 +192,16 @@ def behind_a_logo(n: int) -> list[np.ndarray]:
     return pictures
 
 
+def zoomed(n: int) -> list[np.ndarray]:
+    """A camera that zooms from one place was accepted as one that goes towards a wall."""
+    picture, pictures = unrelated(1)[0], []
+    for zoom in np.linspace(1.0, 1.5, n):
+        about_middle = np.array([[zoom, 0, 79.5 * (1 - zoom)], [0, zoom, 59.5 * (1 - zoom)]])
+        seen = cv2.warpAffine(picture, about_middle, (160, 120), flags=cv2.INTER_CUBIC)
+        pictures.append(np.asarray(seen))
+    return pictures
+
+
 @pytest.mark.parametrize(
     ("pictures", "said"),
     [
@@ -202,8 +212,9 @@ def behind_a_logo(n: int) -> list[np.ndarray]:
             behind_a_logo(8),
             "explains only [0-9]+% of the picture, less than 50%. A logo, a subtitle or the hood",
         ),
+        (zoomed(8), "a camera that zooms and turns in its place explains all"),
     ],
-    ids=["textureless", "black", "unrelated", "a logo is no scene before a camera at rest"],
+    ids=["textureless", "black", "unrelated", "a logo is no scene before a camera at rest", "zoom"],
 )
 def test_frames_without_a_reconstruction_say_why(pictures, said, tmp_path):
     write_pictures(tmp_path / "frames", pictures)

@@ -7,6 +7,7 @@ the best pairs chains them, and Gauss-Newton with Cauchy weights refines all of 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, diags_array, eye_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
@@ -304,6 +305,45 @@ def _cross(vectors: np.ndarray) -> np.ndarray:
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
 
 
+ZOOM_PAIRS = 200  # that are looked at, at most
+LEAST_ZOOM = 0.05  # logarithm, in the worst tenth of the pairs, from which a camera zooms
+
+
+def zooms(matches: Matches, intrinsics_px: np.ndarray, config: SfmConfig) -> bool:
+    """Whether turns together with a zoom explain the matches as well as a pure rotation must.
+
+    They leave no parallax, so that who zooms looks like who goes towards a wall.
+    """
+    fits = [
+        _zoomed(*matches.ends_px(pair), intrinsics_px, config.rotation_only_inlier_px)
+        for pair in matches.pairs[:: -(-len(matches.pairs) // ZOOM_PAIRS)]
+    ]
+    zoom, median_px, share = np.array(fits).T
+    return bool(
+        np.percentile(np.abs(zoom), 90) >= LEAST_ZOOM
+        and np.median(median_px) <= config.rotation_only_median_px
+        and np.percentile(median_px, 90) <= config.rotation_only_wide_median_px
+        and np.mean(share) >= config.rotation_only_share
+    )
+
+
+def _zoomed(
+    first_px: np.ndarray, second_px: np.ndarray, intrinsics_px: np.ndarray, inlier_px: float
+) -> tuple[float, float, float]:
+    """The logarithm of a zoom beside a turn, by a homography between matched points (N, 2); their
+    median residual [px], and how many agree, as a share."""
+    found, _ = cv2.findHomography(first_px, second_px, cv2.RANSAC, inlier_px)
+    if found is None or not np.linalg.det(found) > 0:
+        return 0.0, np.inf, 0.0
+    bent = np.linalg.inv(intrinsics_px) @ found @ intrinsics_px
+    sizes = np.linalg.norm(bent, axis=1)
+    zoom = np.array([sizes[:2].mean() / sizes[2]] * 2 + [1.0])
+    u, _, vt = np.linalg.svd(bent / zoom[:, None])
+    expected_px, _ = _turned(first_px, u @ vt, intrinsics_px, intrinsics_px @ np.diag(zoom))
+    off_px = np.linalg.norm(expected_px - second_px, axis=1)
+    return float(np.log(zoom[0])), float(np.median(off_px)), float((off_px < inlier_px).mean())
+
+
 CELLS = 8  # of the picture, along each side
 FEWEST_FEATURES = 10  # of a cell that shows something
 
@@ -343,11 +383,15 @@ def covered_share(
 
 
 def _turned(
-    image_px: np.ndarray, turn: np.ndarray, intrinsics_px: np.ndarray
+    image_px: np.ndarray,
+    turn: np.ndarray,
+    intrinsics_px: np.ndarray,
+    then_px: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where image points (N, 2) come to lie after a turn (3, 3) [px], and which lie ahead (N,)."""
+    """Where image points (N, 2) come to lie after a turn (3, 3) [px], and which lie ahead (N,);
+    the intrinsics may be others then."""
     rays = unit_rays(image_px, intrinsics_px) @ turn.T
-    seen = rays @ intrinsics_px.T
+    seen = rays @ (intrinsics_px if then_px is None else then_px).T
     return seen[:, :2] / np.maximum(rays[:, 2:], 1e-3), rays[:, 2] > 0
 
 

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.map import rotation_only
-from gmrdata.cameras.map.rotation_only import solve_rotation_only
+from gmrdata.cameras.map.rotation_only import solve_rotation_only, zooms
 from gmrdata.cameras.match.keyframes import relative_rotation, unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
+from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values.camera import intrinsics_from_fov
 
 INTRINSICS_PX = intrinsics_from_fov(60.0, 640, 360)
@@ -136,7 +137,7 @@ def test_frames_without_matches_have_no_camera():
 THREADS_SCRIPT = """
 import hashlib, runpy, sys
 import numpy as np
-from gmrdata.cameras.map.rotation_only import solve_rotation_only
+from gmrdata.cameras.map.rotation_only import solve_rotation_only, zooms
 from gmrdata.cameras.match.keyframes import relative_rotation, unit_rays
 here = runpy.run_path(sys.argv[1])
 rotmats = here["panning_rotations"](60)
@@ -161,3 +162,27 @@ def test_the_number_of_blas_threads_does_not_change_a_bit():
         )
         digests.add(answer.stdout)
     assert len(digests) == 1
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "aside_m", "zoom", "is_zoom"),
+    [(0.0, 0.0, 1.5, True), (2.0, 0.0, 1.0, False), (0.0, 1.0, 1.0, False), (0.3, 1.0, 1.3, False)],
+)
+def test_a_zoom_is_told_from_a_way_through_a_room(ahead_m, aside_m, zoom, is_zoom):
+    rng = np.random.default_rng(0)
+    points_m = rng.uniform([-5, -2, 4], [5, 2, 9], (800, 3))
+    keypoints_px, inside = [], []
+    for share in np.linspace(0, 1, 8):
+        seen = points_m - share * np.array([aside_m, 0, ahead_m])
+        rays = seen[:, :2] / seen[:, 2:] * (1 + share * (zoom - 1))
+        image_px = np.c_[rays, np.ones(800)] @ INTRINSICS_PX[:2].T + rng.normal(0, 0.3, (800, 2))
+        keypoints_px.append(image_px)
+        inside.append((np.abs(image_px - [320, 180]) < [320, 180]).all(axis=1))
+    pairs = [
+        PairMatches(
+            i, i + step, np.tile(np.flatnonzero(inside[i] & inside[i + step]), (2, 1)).T, ""
+        )
+        for step in (1, 2, 4)
+        for i in range(8 - step)
+    ]
+    assert zooms(Matches(keypoints_px, pairs), INTRINSICS_PX, SfmConfig()) == is_zoom
