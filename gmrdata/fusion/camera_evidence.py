@@ -17,7 +17,8 @@ from gmrdata.world.bodies import BODIES_FILE, BodiesRecord
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
 ROBUST = 1.4826  # from the median of absolute values to a standard deviation
-FEWEST_STEPS = 10  # of three known frames in a row, behind a measured noise
+FEWEST_STEPS = 10  # of three known frames equally far apart, behind a measured noise
+FURTHEST_S = 0.2  # of those three: over longer steps the network's own error hides the noise
 
 
 class FusionConfig(Config):
@@ -26,6 +27,10 @@ class FusionConfig(Config):
     place_floor_m: float = Field(default=0.002, gt=0)
     """Least noise of a camera's pelvis from frame to frame, if less is measured [m]."""
     turn_floor_deg: float = Field(default=0.2, gt=0)
+    place_unmeasured_m: float = Field(default=0.01, gt=0)
+    """The same where known frames are too few to measure it, as of the built-in estimator: too wide
+    an error bar does less harm than one of a noise that nobody saw [m]."""
+    turn_unmeasured_deg: float = Field(default=2.0, gt=0)
     place_sigma_m: float | None = Field(default=None, gt=0)
     """That noise [m]; None to measure it beside the network's motions, along and across the ray."""
     turn_sigma_deg: float | None = Field(default=None, gt=0)
@@ -214,34 +219,57 @@ def measured_noise(clip: Clip, motions: SeenMotions, config: FusionConfig) -> No
 
     Both say how far the person goes between frames.  The difference of that from one step to the
     next is `n[t] - 2 n[t+1] + n[t+2]` of independent noise n, and the change of the network's own
-    error, whose part is taken off.  The median is not led by outliers.
+    error, whose part is taken off.  The median is not led by outliers.  Where poses are of every
+    second frame or so, steps are as long.
     """
-    known, motion = known_frames(clip), clip.motion
-    rows = np.flatnonzero(known[:-2] & known[1:-1] & known[2:])
-    place_m, turn_rad = config.place_floor_m, np.deg2rad(config.turn_floor_deg)
-    along_m = across_m = place_m
+    motion, (apart, rows) = clip.motion, _threes(known_frames(clip), clip.motion.fps_hz)
+    along_m = across_m = config.place_unmeasured_m
+    turn_rad = np.deg2rad(config.turn_unmeasured_deg)
     if len(rows) >= FEWEST_STEPS:
-        steps_m = np.diff(motion.pelvis_m, axis=0)
-        expected_m = (motion.root_rotmats[:-1] @ motions.delta_m[..., None])[..., 0]
-        changes_m = np.diff(steps_m - expected_m, axis=0)[rows]
-        along = (changes_m * _rays(clip)[rows + 1]).sum(axis=1, keepdims=True)
-        across = changes_m - along * _rays(clip)[rows + 1]
-        own = _own_change(motions, motion.fps_hz)[rows]
+        place_m = config.place_floor_m
+        turns, expected_m = _over(motions, apart)
+        steps_m = motion.pelvis_m[apart:] - motion.pelvis_m[:-apart]
+        off_m = steps_m - (motion.root_rotmats[:-apart] @ expected_m[..., None])[..., 0]
+        changes_m, rays = off_m[rows + apart] - off_m[rows], _rays(clip)[rows + apart]
+        along = (changes_m * rays).sum(axis=1, keepdims=True)
+        across = changes_m - along * rays
+        own = _own_change(motions, motion.fps_hz, apart)[rows]
         along_m = _noise(np.abs(along[:, 0]), own[:, 3:], place_m)
         # Two of the three directions are across the ray: the median of a Rayleigh's length.
         lengths = np.linalg.norm(across, axis=1) / 1.1774 / ROBUST
         across_m = _noise(lengths, own[:, 3:], place_m)
-        wrong = motions.delta_rotmats.swapaxes(-1, -2) @ (
-            motion.root_rotmats[:-1].swapaxes(-1, -2) @ motion.root_rotmats[1:]
+        wrong = turns.swapaxes(-1, -2) @ (
+            motion.root_rotmats[:-apart].swapaxes(-1, -2) @ motion.root_rotmats[apart:]
         )
-        turns = Rotation.from_matrix(wrong[rows]).as_rotvec()
-        later = Rotation.from_matrix(wrong[rows + 1]).as_rotvec()
-        turn_rad = _noise(np.abs(later - turns).ravel(), own[:, :3], turn_rad)
+        first = Rotation.from_matrix(wrong[rows]).as_rotvec()
+        later = Rotation.from_matrix(wrong[rows + apart]).as_rotvec()
+        floor_rad = np.deg2rad(config.turn_floor_deg)
+        turn_rad = _noise(np.abs(later - first).ravel(), own[:, :3], floor_rad)
     if config.place_sigma_m is not None:
         along_m = across_m = config.place_sigma_m
     if config.turn_sigma_deg is not None:
         turn_rad = np.deg2rad(config.turn_sigma_deg)
     return Noise(float(along_m), float(across_m), float(turn_rad))
+
+
+def _threes(known: np.ndarray, fps_hz: float) -> tuple[int, np.ndarray]:
+    """How many frames apart the closest known ones are of which there are enough threes, and the
+    first of each; none where there are too few."""
+    for apart in range(1, max(1, int(FURTHEST_S * fps_hz)) + 1):
+        rows = np.flatnonzero(known[: -2 * apart] & known[apart:-apart] & known[2 * apart :])
+        if len(rows) >= FEWEST_STEPS:
+            return apart, rows
+    return 1, np.array([], dtype=int)
+
+
+def _over(motions: SeenMotions, apart: int) -> tuple[np.ndarray, np.ndarray]:
+    """Motions from each frame to one so many frames later: turns (T-apart, 3, 3), steps [m]."""
+    n = len(motions.delta_m) + 1 - apart
+    turns, steps_m = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    for i in range(apart):
+        steps_m = steps_m + (turns @ motions.delta_m[i : n + i, :, None])[..., 0]
+        turns = turns @ motions.delta_rotmats[i : n + i]
+    return turns, steps_m
 
 
 def _noise(sizes: np.ndarray, own: np.ndarray, floor: float) -> float:
@@ -250,13 +278,18 @@ def _noise(sizes: np.ndarray, own: np.ndarray, floor: float) -> float:
     return max(floor, float(np.sqrt(max(variance, 0.0) / 6)))
 
 
-def _own_change(motions: SeenMotions, fps_hz: float) -> np.ndarray:
-    """Variance (T-2, 6) of the change of the network's error from one step to the next."""
+def _own_change(motions: SeenMotions, fps_hz: float, apart: int) -> np.ndarray:
+    """Variance (T, 6) of the change of the network's error from one step to the next, of steps over
+    so many frames."""
+    at = np.arange(2 * apart)
+    signs = np.where(at < apart, -1.0, 1.0)
+    lags = np.abs(at[:, None] - at)
     total = np.zeros_like(motions.fast.sigma)
     for process in (motions.fast, motions.slow):
         kept = np.exp(-1 / (fps_hz * process.time_s))
-        total += 2 * (1 - kept) * (process.sigma / fps_hz) ** 2
-    return total[:-1]
+        share = np.einsum("i,ijk,j->k", signs, kept ** lags[..., None], signs)
+        total += share * (process.sigma / fps_hz) ** 2
+    return total
 
 
 def planted_feet(
