@@ -206,6 +206,7 @@ SAMPLES = 400
 LARGEST_TILT_RAD = np.deg2rad(30.0)  # between the ground's normal and the person's mean up
 LOOKS, LOOK_RAD, FEWEST_BELOW = 20, np.deg2rad(35.0), 5
 """Frames in which to look below the person, how far round the ray to them, and for how many."""
+FURTHEST_FROM_ROUGH = 2.0  # factor on a rough scale: beyond it, a table or so was the ground
 LOWEST_CAMERA = 0.1  # a camera nearer to the ground, as a share of the way to the feet, is too low
 
 
@@ -241,7 +242,8 @@ def ground_contact_scale(
     contact = scale * config.contact_sigma_m / float(np.median(height_m))
     plane_error = scale * residual / np.sqrt(n_points) / float(np.median(height))
     sigma = float(np.sqrt(spread**2 + contact**2 + plane_error**2))
-    if not np.isfinite([scale, sigma]).all():
+    within = 1 / FURTHEST_FROM_ROUGH < scale / rough_scale < FURTHEST_FROM_ROUGH
+    if not within or not np.isfinite(sigma):
         return None
     return CueEstimate("ground_contact", scale, sigma, n_points, residual * scale, person=None)
 

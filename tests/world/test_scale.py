@@ -317,6 +317,16 @@ def test_without_a_ground_there_is_no_such_cue(small_body):
     assert ground_cue(motion, low, scenery(motion, 0.01, 600), small_body, UNIT_M) is None
 
 
+@pytest.mark.parametrize("table_m", [0.3, 0.35, 0.39])
+def test_a_table_is_not_the_ground_of_a_low_camera(table_m, small_body):
+    """Hardly below the camera or above it: the scale was 18 times too large, or below zero."""
+    motion, path = walk(small_body, Circular(radius_m=2.5))
+    path.world_from_cam[:, 2, 3] = 0.37
+    rng, middle_m = np.random.default_rng(0), motion.pelvis_m.mean(axis=0)
+    table_m = [*middle_m[:2], table_m] + np.c_[rng.uniform(-1, 1, (300, 2)), np.zeros(300)]
+    assert ground_cue(motion, path, table_m, small_body, UNIT_M) is None
+
+
 def test_who_is_hidden_below_the_hips_is_above_the_ground(small_body):
     """Legs that are guessed keep still before the camera, where feet found a scale of 0 ± 1 %."""
     motion, path = walk(small_body, Linear())
