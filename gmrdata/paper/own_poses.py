@@ -209,13 +209,13 @@ class _Viewer:
 
     def _followed(self, clip: Clip, frames: FrameSet) -> tuple[list[Sightings], list[LocalPoses]]:
         """Everybody who is in a clip's images, and their poses."""
+        frames = replace(frames, frame_numbers=frames.numbers, rate_hz=clip.motion.fps_hz)
         followed_dir = follow_people(
             frames,
             self._out_dir / FOLLOWED_FOLDER / clip.id,
             self._config.follow,
             self._sources.networks,
         )
-        frames = replace(frames, frame_numbers=frames.numbers, rate_hz=clip.motion.fps_hz)
         folder = local_poses(
             followed_dir,
             Filmed(frames, camera_of(clip).lens),

@@ -32,6 +32,7 @@ from gmrdata.people.landmark_network import (
     open_landmark_network,
 )
 from gmrdata.people.linking import (
+    USUAL_HZ,
     Detection,
     Detections,
     LinkConfig,
@@ -79,6 +80,12 @@ class FollowConfig(Config):
     min_frames: int = Field(default=10, ge=2)
     """Who is seen in fewer frames has no poses; the one seen in most of them only if in one frame
     alone."""
+
+
+class _FollowedAt(FollowConfig):
+    """The stage's recipe: who is joined to whom also depends on how fast frames follow."""
+
+    rate_hz: float
 
 
 class Networks(NamedTuple):
@@ -222,13 +229,16 @@ def follow_people(
     people leaves a record without people.  BadDetector where a file is no such network.
     """
 
+    rate_hz = frames.rate_hz if np.isfinite(frames.rate_hz) else USUAL_HZ
+    recipe = _FollowedAt(**dict(config), rate_hz=rate_hz)
+
     def work(partial: Path) -> None:
         look = open_landmark_network(networks.landmarks)
         least = config.min_detector_score
         people = OnnxConfig(classes=("person",), min_score=least, weak_score=least)
         detect = open_detector(networks.detector, people)
         follower = _Follower(frames, partial, config, detect, look)
-        known, facts, seldom = _known_people(follower.all_sightings(), frames.numbers, config)
+        known, facts, seldom = _known_people(follower.all_sightings(), frames.numbers, recipe)
         known.write(partial / SIGHTINGS_FILE)
         FollowedRecord(
             size_px=frames.size_px,
@@ -241,7 +251,7 @@ def follow_people(
             shutil.rmtree(partial / folder)
 
     inputs = {**networks._asdict(), "images": frames.folder}
-    return run_stage("followed", out_dir, config, inputs, Resumable(work), run=run)
+    return run_stage("followed", out_dir, recipe, inputs, Resumable(work), run=run)
 
 
 def load_tracks(followed_dir: Path) -> list[Sightings]:
@@ -391,12 +401,13 @@ def _colours(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def _known_people(
-    found: Sightings, numbers: np.ndarray, config: FollowConfig
+    found: Sightings, numbers: np.ndarray, config: _FollowedAt
 ) -> tuple[Sightings, tuple[PersonFacts, ...], tuple[int, ...]]:
     """The same with each person's number; facts of each; frames of those seen in too few."""
     rows = np.searchsorted(numbers, found.image_numbers)
     cut = [some for piece in np.unique(found.pieces) for some in _cut(found, rows, piece, config)]
-    joined = join_pieces([_piece(found, rows, some) for some in cut], config.link)
+    pieces = [_piece(found, rows, some) for some in cut]
+    joined = join_pieces(pieces, config.link, config.rate_hz)
     people = [np.concatenate([cut[number] for number in line]) for line in joined]
     people.sort(key=lambda places: -len(places))
     least = max(2, min([config.min_frames, *map(len, people[:1])]))

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 from typing_extensions import TypedDict
 
+from gmrdata.values import limits
 from gmrdata.values.records import Config
 
 
@@ -186,12 +187,12 @@ def _fill(
 class LinkConfig(Config):
     """How alike two pieces of one person are."""
 
-    max_gap_frames: int = Field(default=60, ge=1)
-    """Most frames without the person between them."""
+    max_gap_s: float = Field(default=2.0, gt=0, le=limits.LONGEST_S)
+    """Longest time without the person between them [s]."""
     shift: float = Field(default=0.2, gt=0)
     """Usual distance from where the person would have gone, in the side of its crop; it grows with
-    the gap, by the same in `shift_frames`."""
-    shift_frames: int = Field(default=30, ge=1)
+    the gap, by the same in `shift_s`."""
+    shift_s: float = Field(default=1.0, gt=0, le=limits.LONGEST_S)
     size: float = Field(default=0.16, gt=0)
     """Usual difference of the two sizes' logarithms."""
     colour: float = Field(default=0.15, gt=0, le=1)
@@ -207,6 +208,7 @@ STRANGERS_SIZE = 0.5  # usual difference of the logarithms of two people's sizes
 STRANGERS_COLOUR, STRANGERS_SPREAD = 0.55, 0.2  # mean distance of two people's colours
 LOOK_ALIKES = 0.2  # share of strangers who wear the same
 COLOUR_FRAMES, SPEED_FRAMES, LEAST_FRAMES = 8, 5, 3
+USUAL_HZ = 30.0  # of frames whose rate nobody says
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,13 +241,15 @@ def cuts_in(piece: Piece, config: LinkConfig) -> list[int]:
     return [*before, at, *(at + n for n in after)]
 
 
-def join_pieces(pieces: list[Piece], config: LinkConfig) -> list[list[int]]:
+def join_pieces(
+    pieces: list[Piece], config: LinkConfig, rate_hz: float = USUAL_HZ
+) -> list[list[int]]:
     """People as numbers of pieces in order of time, every piece once; best pairs are joined first,
-    each end once."""
+    each end once.  The rate is that of the frames."""
     pairs = [
         (-evidence, a, b)
         for a, b in permutations(range(len(pieces)), 2)
-        if (evidence := _evidence(pieces[a], pieces[b], config)) > 0
+        if (evidence := _evidence(pieces[a], pieces[b], config, rate_hz)) > 0
     ]
     after: dict[int, int] = {}
     for _, a, b in sorted(pairs):
@@ -271,17 +275,18 @@ def unsure_pairs(people: list[Piece], config: LinkConfig) -> list[tuple[int, int
     ]
 
 
-def _evidence(a: Piece, b: Piece, config: LinkConfig) -> float:
+def _evidence(a: Piece, b: Piece, config: LinkConfig, rate_hz: float) -> float:
     """Logarithm of how much likelier the second piece goes on from the first than is another's."""
     gap = int(b.rows[0] - a.rows[-1])
-    if not 0 < gap <= config.max_gap_frames + 1:
+    most, slow = (max(1, round(rate_hz * t)) for t in (config.max_gap_s, config.shift_s))
+    if not 0 < gap <= most + 1:
         return -np.inf
     last, first = a.crops[-1], b.crops[0]
     stayed_px = first[:2] - last[:2]
     moved_px = stayed_px - gap * _speed_px(a)
     off_px = min(np.linalg.norm(stayed_px), np.linalg.norm(moved_px))
     shift = float(off_px / np.sqrt(last[2] * first[2]))
-    usual = config.shift * (1 + gap / config.shift_frames)
+    usual = config.shift * (1 + gap / slow)
     place = np.log(STRANGERS_SIDES**2 / (2 * np.pi * usual**2)) - 0.5 * (shift / usual) ** 2
     grown = float(np.log(first[2] / last[2]))
     size = np.log(STRANGERS_SIZE / config.size)

@@ -38,7 +38,7 @@ from gmrdata.people.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import list_images, read_color, read_frames, read_gray
 from gmrdata.values.clip import save_clip
-from gmrdata.values.errors import BadRecord
+from gmrdata.values.errors import BadRecord, StaleOutput
 
 N_FRAMES = 4
 CONFIG = FollowConfig(min_frames=3)
@@ -177,7 +177,7 @@ def like_red(distance: float) -> np.ndarray:
     return np.array([share, 1 - share])
 
 
-LATE = 20 + LINKS.max_gap_frames
+LATE = 20 + 60  # more than 2 s at 30 Hz
 
 
 @pytest.mark.parametrize(
@@ -203,6 +203,22 @@ LATE = 20 + LINKS.max_gap_frames
 )
 def test_pieces_of_one_person_are_joined(pieces, people):
     assert join_pieces(pieces, LINKS) == people
+
+
+def test_a_gap_is_as_long_at_any_rate():
+    """Nobody for half a second at 240 Hz, or for four at 10 Hz, was 120 and 40 frames."""
+    fast = [piece(0, 20, 0.0), piece(140, 20, 280.0)]
+    slow = [piece(0, 20, 0.0), piece(60, 20, 120.0)]
+    assert join_pieces(fast, LINKS, 240.0) == [[0, 1]]
+    assert join_pieces(slow, LINKS, 10.0) == [[0], [1]]
+    assert join_pieces(fast, LINKS, 30.0) == [[0], [1]]
+    assert join_pieces(slow, LINKS, 29.97) == join_pieces(slow, LINKS) == [[0, 1]]
+
+
+def test_who_is_who_is_found_again_at_another_rate(followed_dir, frames_dir, networks):
+    frames = read_frames(frames_dir).with_rate(60.0)
+    with pytest.raises(StaleOutput, match="rate_hz"):
+        follow_people(frames, followed_dir, CONFIG, networks)
 
 
 def test_a_track_is_cut_where_another_takes_over():
