@@ -41,7 +41,14 @@ from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel, body_of, names_of
-from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe
+from gmrdata.values.errors import (
+    BadBodyFile,
+    BadManifest,
+    BadMotionFile,
+    BadRecipe,
+    StaleOutput,
+)
+from gmrdata.values.files import STAGE_FILE
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,7 @@ def score(
     given = _Given(Path(manifest_path), *(None if it is None else Path(it) for it in optional))
     config, out_dir = config or ScoreConfig(), Path(out_dir)
     sources = _sources(predictor, given, config)
-    folders = [out_dir / one.name if len(sources) > 1 else out_dir for one in sources]
+    folders = _folders(out_dir, sources)
     scores = [
         _write_scores(folder, one, given, config, run)
         for folder, one in zip(folders, sources, strict=True)
@@ -101,6 +108,16 @@ def score(
         return Scored(tuple(scores), None)
     compared = CompareConfig(names=tuple(one.name for one in sources), seed=config.seed)
     return Scored(tuple(scores), compare(scores, out_dir / COMPARISON, compared, run=run))
+
+
+def _folders(out_dir: Path, sources: Sequence[Source]) -> list[Path]:
+    """Where scores go: those of several sets into a folder each, in one that is no stage's own."""
+    if len(sources) == 1:
+        return [out_dir]
+    if (out_dir / STAGE_FILE).is_file():
+        what = "holds what a single stage made, and several sets get a folder each"
+        raise StaleOutput(f"{out_dir}: {what}. Pass another --out")
+    return [out_dir / one.name for one in sources]
 
 
 PLAN_HEADINGS = ("what", "clips", "frames", "left out")

@@ -27,7 +27,13 @@ from gmrdata.score.score import score as score_predictor
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
+from gmrdata.values.errors import (
+    BadMotionFile,
+    BadRecipe,
+    GmrdataError,
+    MissingInput,
+    StaleOutput,
+)
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from tests.clip_manifests import write_clips
@@ -237,6 +243,10 @@ def test_sets_in_folders_beside_clips_of_gmrdata(tmp_path, data, body, true):
     made = score(data, folder, tmp_path / "out")
     assert made.comparison is not None
     assert Comparison.read(made.comparison).runs == ("ours", "wham_v1", "wham_v2")
+    score(data, folder / "wham_v2", tmp_path / "one")
+    with pytest.raises(StaleOutput, match="one: holds what a single stage made.* another --out"):
+        score(data, folder, tmp_path / "one")  # whose --redo took them all
+    assert not (tmp_path / "one" / "ours").exists()
     wham(folder / "wham_v2" / true.id, body, true)
     with pytest.raises(BadMotionFile, match=r"are both wham's of clip walk\.p0"):
         score(data, folder, tmp_path / "other")
