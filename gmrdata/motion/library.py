@@ -34,7 +34,7 @@ from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, Up
 from gmrdata.stage.jobs import Job, Outcome, try_here, try_jobs
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import AGAIN, run_stage
 from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -56,7 +56,7 @@ LONGEST_ID = 150
 READING = "reading motions"
 FAILED = "failed"
 """Folder below the library's with a text file for each file that could not be read."""
-CLIPS, READING_FILE = "clips", "reading.json"
+CLIPS, READING_FILE, MANIFEST = "clips", "reading.json", "motions.yaml"
 FEW_FILES = 8  # so many files are read faster than worker processes start
 MAX_LISTED = 20
 
@@ -270,16 +270,17 @@ def make_library(
         licence = f"clips as stated by each; body: {'; '.join(licences)}"
         head = motions_head(clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
         entries = list(outcome.results.values())
-        write_motions(out_dir / "motions.yaml", head, entries, config.recorded, run=run)
+        write_motions(out_dir / MANIFEST, head, entries, config.recorded, run=run)
     for id in outcome.results:
         for what in ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).remarks:
             remark(f"clip {id}: {what}")
     if outcome.reasons:
-        others = "there is no manifest"
+        is_there = (out_dir / MANIFEST).is_file()
+        others = f"{MANIFEST} is that of before" if is_there else "there is no manifest"
         if outcome.results:
-            others = "motions.yaml lists the others; mend them and give --redo to list them too"
+            others = f"{MANIFEST} lists the others; mend them and give --redo to list them too"
         raise BadMotionFile(_bad_files(outcome.reasons, len(files), others, out_dir / FAILED))
-    return out_dir / "motions.yaml"
+    return out_dir / MANIFEST
 
 
 def make_entry(
@@ -365,5 +366,7 @@ def _bad_files(
     if folder is not None and len(listed) > MAX_LISTED:
         rest = f"  ... and {len(listed) - MAX_LISTED} more, see {folder}"
         listed = [*listed[:MAX_LISTED], rest]
-    count = f"{len(reasons)} of {n_files} files could not be read"
+    is_stale = all(AGAIN in reason for reason in reasons.values())
+    fate = "were read in another way before" if is_stale else "could not be read"
+    count = f"{len(reasons)} of {n_files} files {fate}"
     return "\n".join([f"{'; '.join(filter(None, (count, others)))}:", *listed])

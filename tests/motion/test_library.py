@@ -140,6 +140,19 @@ def test_nothing_readable_leaves_no_manifest(tmp_path, body_path):
     assert not (tmp_path / "out" / "motions.yaml").exists()
 
 
+def test_another_reading_of_files_that_are_there_is_said_as_such(tmp_path, body_path):
+    """They "could not be read", and "there is no manifest", it said; the manifest stays."""
+    write_amass(tmp_path / "AMASS", NAMES[:2])
+    given = (tmp_path / "AMASS",), str(body_path), tmp_path / "out"
+    before = make_library(*given).read_bytes()
+    with pytest.raises(BadMotionFile) as refused:
+        make_library(*given, fps_hz=50.0)
+    said = str(refused.value).splitlines()
+    what = "2 of 2 files were read in another way before; motions.yaml is that of before:"
+    assert said[0] == what and "config.fps_hz. Pass --redo" in said[1]
+    assert (tmp_path / "out" / "motions.yaml").read_bytes() == before
+
+
 def test_names_of_clips(tmp_path):
     for name in ("a/walk.bvh", "b/walk.bvh", "b/run.bvh", "02_03.bvh"):
         path = tmp_path / "files" / name
