@@ -82,7 +82,8 @@ def train(
 
     Raises:
         BadManifest: no clips to train on, or of another body than the given ones.
-        BadRecipe: weights that are not one per manifest, or a held-out subject without a clip.
+        BadRecipe: weights that are not one per manifest, a held-out subject without a clip, or a
+            held-out clip that is trained on.
         BadMotionFile: a clip holds NaN, or has a lower frame rate than the windows.
         TrainingDiverged: the loss became infinite or NaN; the last good checkpoint is kept.
         BadCheckpoint: the unfinished run's checkpoint is broken.
