@@ -69,8 +69,9 @@ def _show_training(
         for what, files in (("trained on", split.training), ("scored", scored))
     ]
     print_table(("clips", "number", "frames"), rows)
-    n_parameters, step_s = probe_training(config)
-    time = "" if step_s is None else f", at least {config.steps * step_s / 60:.1f} minutes"
+    n_parameters, step_s, basis = probe_training(config)
+    time = "" if step_s is None else f", about {config.steps * step_s / 60:.1f} minutes"
+    time += f" (by {basis})" if basis else ""
     begun = out.with_name(f"{out.name}.partial").is_dir()
     state = "there" if out.is_dir() else "begun" if begun else "to make"
     for line in (split.statement, f"{n_parameters:,} weights, {config.steps} steps{time}"):

@@ -13,7 +13,7 @@ import timeit
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -325,6 +325,7 @@ def folder_name(name: str) -> str:
 
 HEADINGS = ("training", "parameters", "steps", "state", "minutes")
 PROBED_STEPS = 2
+PROBED_S = 1.0
 
 
 def planned_runs(
@@ -332,7 +333,7 @@ def planned_runs(
 ) -> tuple[list[tuple[str, ...]], list[str]]:
     """The trainings of a table as rows under `HEADINGS`, and lines on the sum of what is left.  The
     estimate is of the network's forward and backward pass here; loss and data come on top."""
-    probed: dict[str, tuple[int, float | None]] = {}
+    probed: dict[str, Probe] = {}
     rows: list[tuple[str, ...]] = []
     left_minutes: list[float | None] = []
     for run, config in plan.trainings.items():
@@ -341,7 +342,7 @@ def planned_runs(
             key = f"{config.model!r} {config.batch_size} {config.windows.frames} {config.device}"
             if key not in probed:
                 probed[key] = probe_training(config)
-            parameters, step_s = f"{probed[key][0]:,}", probed[key][1]
+            parameters, step_s = f"{probed[key].n_parameters:,}", probed[key].step_s
         minutes = None if step_s is None else config.steps * step_s / 60
         run_dir = out_dir / "runs" / run
         is_begun = run_dir.with_name(run_dir.name + ".partial").is_dir()
@@ -351,7 +352,7 @@ def planned_runs(
         shown = "?" if minutes is None else f"{minutes:.1f}"
         rows.append((run, parameters, str(config.steps), state, shown))
     n_left, known = len(left_minutes), [one for one in left_minutes if one is not None]
-    total = f"at least {sum(known) / max(1, min(workers, n_left)):.0f} minutes"
+    total = f"about {sum(known) / max(1, min(workers, n_left)):.0f} minutes"
     if len(known) < n_left:
         total = "no estimate for those with ?: their device is not here, or their input is unknown"
     return rows, [
@@ -360,27 +361,46 @@ def planned_runs(
     ]
 
 
-def probe_training(config: TrainConfig) -> tuple[int, float | None]:
-    """Number of parameters, and seconds of a step on one CPU thread; None for another device."""
+class Probe(NamedTuple):
+    """How large a network is, and how long it takes."""
+
+    n_parameters: int
+    step_s: float | None  # of a step on the CPU; None for another device
+    basis: str  # what was timed
+
+
+def probe_training(config: TrainConfig) -> Probe:
+    """Time a network's forward and backward pass.  Where that of whole windows is long, as many of
+    their frames as take a second stand for all, which is rather too long: weights are loaded once
+    for any number of frames."""
     import torch
 
     from gmrdata.gmr.model import Gmr, input_size
 
-    model = Gmr(config.model)
+    model, whole = Gmr(config.model), config.windows.frames
     n_parameters = sum(values.numel() for values in model.parameters())
     if config.device != "cpu":
-        return n_parameters, None
-    poses = torch.zeros(config.batch_size, config.windows.frames, input_size(config.model))
+        return Probe(n_parameters, None, "")
 
-    def step() -> None:
-        delta_rotmats, delta_m = model(poses)
-        (delta_rotmats.sum() + delta_m.sum()).backward()
+    def timed_s(frames: int) -> float:
+        poses = torch.zeros(config.batch_size, frames, input_size(config.model))
+
+        def step() -> None:
+            delta_rotmats, delta_m = model(poses)
+            (delta_rotmats.sum() + delta_m.sum()).backward()
+
+        return min(timeit.repeat(step, number=1, repeat=PROBED_STEPS if frames == whole else 1))
 
     threads = torch.get_num_threads()
     torch.set_num_threads(config.threads)
     try:
-        # The first step loads what the others find loaded, so it is not counted.
-        times_s = timeit.repeat(step, number=1, repeat=1 + PROBED_STEPS)
-        return n_parameters, min(times_s[1:])
+        # The first step loads what the others find loaded: it only counts where it is long itself.
+        frames, step_s = min(2, whole), timed_s(min(2, whole))
+        is_short = step_s < PROBED_S
+        while is_short and (step_s := timed_s(frames)) < PROBED_S and frames < whole:
+            frames = min(2 * frames, whole)
     finally:
         torch.set_num_threads(threads)
+    some = f"{config.batch_size} windows of {frames} of {whole} frames"
+    basis = f"passes over {some}, timed here; loss and data come on top"
+    return Probe(n_parameters, step_s * whole / frames, basis)

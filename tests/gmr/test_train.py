@@ -15,6 +15,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, ModelConfig
 from gmrdata.gmr.loop import own_part
@@ -23,6 +24,7 @@ from gmrdata.gmr.steps import Processes
 from gmrdata.gmr.train import train
 from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.manifest.current import Quality
+from gmrdata.paper import plan
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import (
@@ -293,3 +295,16 @@ def test_parts_are_the_whole_batch(make_clips, small_config):
     for name in ("delta_rotmats", "delta_m"):
         together = torch.cat([getattr(part.motions, name) for part in parts])
         assert torch.equal(together, getattr(batch.motions, name))
+
+
+@pytest.mark.parametrize(("longest_s", "frames"), [(1e-9, 2), (1e9, 64)])
+def test_a_dry_run_times_a_few_seconds(
+    manifest_path, tmp_path, capsys, monkeypatch, longest_s, frames
+):
+    """Three whole steps of the paper's four layers of 2048 took eight minutes."""
+    monkeypatch.setattr(plan, "PROBED_S", longest_s)
+    recipe, out = tmp_path / "small.yaml", tmp_path / "out"
+    recipe.write_text("{recipe: gmr, train: {model: {hidden: 8, layers: 1}, batch_size: 4}}")
+    main(["train", str(manifest_path), "--recipe", str(recipe), "--out", str(out), "--dry-run"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"minutes (by passes over 4 windows of {frames} of 64 frames, timed here" in said
