@@ -40,6 +40,13 @@ from gmrdata.world.judge import load_record
 from gmrdata.write.cameras import write_tum
 from gmrdata.write.emdb import emdb_name
 
+USED_BY = {
+    "of": ("camera", ("tum", "kitti")),
+    "observations": ("keyframes", ("colmap",)),
+    "threedpw": (None, ("3dpw",)),
+    "which": ("latest", ("onnx",)),
+}
+"""Settings that say nothing to most formats: what they are when left out, and whom they are for."""
 ONNX_ALONE = "onnx is of a training run, the other formats of clips"
 
 
@@ -96,19 +103,28 @@ def export(
 
     Raises:
         StaleOutput: something is there already, and `redo` is not set; nothing was written.
+        BadRecipe: no format looks at something that was said, or onnx is not alone.
         MissingInput: there is no such source, clip, body, image folder or network.
     """
     source, out = Path(source), Path(out)
+    options = ExportOptions(of, observations, _path(threedpw))
+    _require_used(formats, vars(options) | {"which": which})
     wanted = tuple(dict.fromkeys(name for name in formats if name != "onnx"))
-    if "onnx" in formats and wanted:
-        raise BadRecipe(f"{ONNX_ALONE}. Export it alone")
     if "onnx" in formats:
         return [_export_network(source, out, which, redo=redo, dry_run=dry_run)]
-    options = ExportOptions(of, observations, _path(threedpw))
     people_of = _sequences(list_clips(source, clips))
     plan = [(people, list(_units(people, wanted, options, out))) for people in people_of]
     _refuse_to_overwrite([] if redo or dry_run else [u.path for _, units in plan for u in units])
     return _export_clips(plan, _Given(body, _path(images), _path(truth)), options, dry_run)
+
+
+def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
+    """Refuse formats that don't go together, and settings that none of them looks at."""
+    if "onnx" in formats and set(formats) != {"onnx"}:
+        raise BadRecipe(f"{ONNX_ALONE}. Export it alone")
+    for flag, (usual, users) in USED_BY.items():
+        if said[flag] != usual and not {*users} & {*formats}:
+            raise BadRecipe(f"--{flag}: is for {' and '.join(users)} alone. Leave it out")
 
 
 def _export_clips(

@@ -35,12 +35,13 @@ from gmrdata.read.source_motion import ReadConfig, check_rate_hz
 from gmrdata.read.systems.result import is_system_npz, read_system
 from gmrdata.values.body import SMPL, BodyModel, gender_of, shape_on
 from gmrdata.values.clip import Clip, load_clip
-from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import EstimatedPerson
 
 MIN_FRAMES = 2
+NAMED = (".bvh", ".amc")  # files whose joints have names of their own
 
 
 def read_local_poses(
@@ -65,21 +66,39 @@ def read_local_poses(
         joint_map: For a BVH or AMC with unknown joint names, as `read_motion` takes it.
         bridge_frames: Gaps of so many frames or fewer in a person's track are filled by slerp.
 
-    Errors are MissingInput, BadMotionFile, UnsafePickle (nothing of it was run) and BrokenPickle.
+    Errors are MissingInput, BadMotionFile, UnsafePickle (nothing of it was run), BrokenPickle, and
+    BadRecipe for what says nothing of such a file.
     """
     path = Path(path)
     if not path.exists():
         raise MissingInput(f"{path}: no such file")
     body = load_body("anny") if body is None else body
-    is_npz = path.suffix.lower() == ".npz" and path.is_file()
-    arrays = read_npz(path, plain_alone=True) if is_npz else {}
-    if {"valid", "image_numbers"} <= arrays.keys():
+    suffix = path.suffix.lower() if path.is_file() else ""
+    arrays = read_npz(path, plain_alone=True) if suffix == ".npz" else {}
+    is_clip = {"valid", "image_numbers"} <= arrays.keys()
+    is_motion = suffix in SUFFIXES and not is_system_npz(arrays)
+    if joint_map is not None and suffix not in NAMED:
+        raise _of_no_use("--joint-map: names joints of a .bvh or .amc", path)
+    if bridge_frames and (is_clip or is_motion):
+        raise _of_no_use("--bridge-frames: fills gaps in people's tracks", path)
+    if is_clip:
         return _of_clip(path, fps_hz, body)
-    if path.is_file() and path.suffix.lower() in SUFFIXES and not is_system_npz(arrays):
+    if is_motion:
         names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
         motion = read_poses(path, body, ReadConfig(fps_hz=fps_hz, joint_map=names))
         n = motion.n_frames
         return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
+    return _of_people(path, fps_hz, body, bridge_frames)
+
+
+def _of_no_use(what: str, path: Path) -> BadRecipe:
+    return BadRecipe(f"{what}, and {path.name} is another file. Leave it out")
+
+
+def _of_people(
+    path: Path, fps_hz: float | None, body: BodyModel, bridge_frames: int
+) -> tuple[Clip, ...]:
+    """The runs of everybody whom a system saw."""
     found = read_system(path)
     people, fps_hz = found.people, found.fps_hz if fps_hz is None else fps_hz
     if fps_hz is None:

@@ -157,6 +157,12 @@ def test_a_number_that_cannot_be_is_said_by_its_flag(typed, said, gmrdata, small
         ("floor --twins IN --motions IN", "--twins: no twins are sampled then"),
         ("motions IN --layout emdb --fps-hz 25", "--fps-hz: --layout emdb is read as its format"),
         ("masks IN --camera-body CLIP", "--camera-body is for silhouette, which is not named"),
+        ("infer CLIP --joint-map IN", "--joint-map: names joints of a .bvh or .amc, and walk"),
+        ("infer CLIP --bridge-frames 3 --dry-run", "--bridge-frames: fills gaps in people"),
+        ("export CLIP --to tum --which best", "--which: is for onnx alone"),
+        ("export CLIP --to tum bvh --observations all", "--observations: is for colmap alone"),
+        ("export CLIP --to bvh --of person", "--of: is for tum and kitti alone"),
+        ("export IN --to onnx --threedpw IN", "--threedpw: is for 3dpw alone"),
     ],
 )
 def test_a_flag_that_does_nothing_is_refused(typed, said, gmrdata, small_body, tmp_path):
