@@ -64,12 +64,12 @@ def view_of(found: Solved) -> View:
     """The world of a solved sequence; MissingInput where there is nothing to look at."""
     if found.camera is None and not found.clips:
         raise MissingInput("no camera and no motion was found, so there is nothing to turn round")
-    by_id = dict(zip(found.clips, found.people, strict=False))
+    bodies = {one.clip.id: one.body for one in found.people}  # of those whose body is at hand
     people = tuple(
         ViewedPerson(
             clip,
             person_role(number),
-            by_id[number].body if number in by_id else None,
+            bodies.get(clip.id),
             None if found.fused is None else found.fused.sigmas[number]["place_sigma_m"],
         )
         for number, clip in found.clips.items()

@@ -55,6 +55,15 @@ def test_who_has_no_pose_is_not_drawn(view, tmp_path, photograph):
     assert share_coloured(HIDDEN[0]) < 0.5 * share_coloured(0)
 
 
+def test_each_has_the_own_body_where_not_all_are_at_hand(finished):
+    found = gather_video(finished)
+    (one,), clip = found.people, found.clips[0]
+    second = replace(clip, id="second")
+    at_hand = replace(one, id="second", clip=second)
+    shown = view_of(replace(found, clips={0: clip, 1: second}, people=(at_hand,))).people
+    assert [person.body is not None for person in shown] == [False, True]
+
+
 def test_long_sequences_stay_small(view, tmp_path):
     n_frames = 5000
     rows = np.arange(n_frames) % len(view.times_s)
