@@ -15,6 +15,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from gmrdata.cameras.files import CamerasQuality
+from gmrdata.motion.resample import valid_runs
 from gmrdata.pages import solved_plots, thresholds
 from gmrdata.pages.footage import (
     BAR_BGR,
@@ -101,6 +102,10 @@ class OverlayConfig(Config):
     """What decides the overlay besides the files that it shows."""
 
     version: int = 2
+    people: tuple[str, ...]
+    """Whose body is at hand."""
+    dropped: tuple[tuple[int, int], ...]
+    """Ranges of frames that are not kept, as the verdict has them."""
 
 
 def make_video_page(
@@ -307,7 +312,9 @@ def make_overlay(found: Solved, footage: Footage) -> Path:
     folder = _folder(found)
     inputs |= {name: folder / name for name in ("masks", "sfm", PSEUDO_GT, FUSED)}
     inputs = {name: path for name, path in inputs.items() if path.is_dir()}
-    return run_stage(OVERLAY, folder / OVERLAY, OverlayConfig(), inputs, work, run=Run(redo=True))
+    people = tuple(person.name for person in footage.people)
+    config = OverlayConfig(people=people, dropped=tuple(valid_runs(footage.dropped)))
+    return run_stage(OVERLAY, folder / OVERLAY, config, inputs, work, run=Run(redo=True))
 
 
 def _folder(found: Solved) -> Path:

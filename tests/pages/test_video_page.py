@@ -99,6 +99,27 @@ def test_what_is_there_is_kept_and_what_changed_is_drawn_again(copied):
     assert overlay.stat().st_mtime_ns > before
 
 
+def test_the_overlay_follows_the_bodies_and_the_verdict(copied, tmp_path):
+    overlay = copied / "overlay" / "overlay.mp4"
+    with_body = overlay.read_bytes()
+    body = (copied / "body").rename(tmp_path / "elsewhere") / "body.npz"
+    make_video_page(copied)
+    assert overlay.read_bytes() != with_body
+    make_video_page(copied, body=str(body))
+    assert overlay.read_bytes() == with_body
+    shutil.rmtree(copied / "pseudo_gt")  # cameras alone, of which verdict.json says what is kept
+    kept = []
+    for reason in ("", "too fast"):
+        camera = verdict_of("camera", True, (), [reason, *(N_ROWS - 1) * [""]])
+        VideoVerdict(
+            images_dir="frames", fps_hz=10.0, accepted=True, reasons=(), camera=camera,
+            people=(), notes=(),
+        ).write(copied / VERDICT_FILE)  # fmt: skip
+        make_video_page(copied)
+        kept.append(overlay.read_bytes())
+    assert kept[0] != kept[1]
+
+
 def test_hostile_names_and_reasons_stay_texts(copied):
     folder = copied.rename(copied.with_name(HOSTILE))
     said = HOSTILE.encode("utf-8", "replace").decode()  # records hold whole characters alone
