@@ -334,11 +334,15 @@ def export_rrd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
 
 
 def export_mp4(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
-    """The frames with all bodies drawn over them."""
+    """The frames with all bodies drawn over them, as the lens shows them."""
+    from gmrdata.cameras.files import bent_points, load_quality
     from gmrdata.export.takes import result_take
     from gmrdata.write.overlay import write_overlay
 
-    write_overlay(path, result_take(clips), clips[0].image_paths())
+    sfm_dir = clips[0].sfm_dir
+    lens = None if sfm_dir is None else load_quality(sfm_dir).lens
+    take, images = result_take(clips), clips[0].image_paths()
+    write_overlay(path, take, images, lambda points_cam_m: bent_points(points_cam_m, lens))
 
 
 def export_glb(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:

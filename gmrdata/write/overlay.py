@@ -23,9 +23,18 @@ TOWARDS_LIGHT = np.array([-0.35, -0.6, -0.72])
 _SUPERSAMPLE = 2
 _FAR_PX = 20000.0
 """OpenCV's drawing takes 16-bit coordinates once they are shifted; a NaN is beyond it too."""
+Bend = Callable[[np.ndarray], np.ndarray]
+"""Moves points (N, 3) in the camera to where a pinhole shows them as the lens does."""
 
 
-def write_overlay(path: Path, take: Take, images: Sequence[Path | None]) -> None:
+def straight(points_cam_m: np.ndarray) -> np.ndarray:
+    """What a lens without distortion does."""
+    return points_cam_m
+
+
+def write_overlay(
+    path: Path, take: Take, images: Sequence[Path | None], bend: Bend = straight
+) -> None:
     """Write the frames of a take as an mp4 of its rate, with the bodies and their paths drawn in.
 
     A row without a known camera shows its frame as it is, one without a frame is black.  A dot
@@ -35,6 +44,7 @@ def write_overlay(path: Path, take: Take, images: Sequence[Path | None]) -> None
         path: The .mp4 file; an odd width or height is made even, as `write_video` says.
         take: With a camera.
         images: The frame of each row; None for none.
+        bend: What the lens does.
     """
     check_take(take)
     if take.camera is None:
@@ -43,15 +53,17 @@ def write_overlay(path: Path, take: Take, images: Sequence[Path | None]) -> None
         raise BadFrames(f"take {take.name}: {len(images)} images for {take.n_frames} rows")
     if not any(images):
         raise BadFrames(f"take {take.name}: no row has an image")
-    write_video(_overlays(take, take.camera, images), path, take.fps_hz)
+    write_video(_overlays(take, take.camera, images, bend), path, take.fps_hz)
 
 
-def _overlays(take: Take, path: CameraPath, images: Sequence[Path | None]) -> Iterator[np.ndarray]:
+def _overlays(
+    take: Take, path: CameraPath, images: Sequence[Path | None], bend: Bend
+) -> Iterator[np.ndarray]:
     """Each frame (H, W, 3), red first, with all that is known in it."""
     for row, image in enumerate(images):
         drawn = read_frame(image, path)
         if image is not None and path.has_camera[row]:
-            drawn = draw_people(drawn, take.people, path, row, round(take.fps_hz))
+            drawn = draw_people(drawn, take.people, path, row, round(take.fps_hz), bend)
         yield drawn[..., ::-1]
 
 
@@ -73,13 +85,10 @@ def draw_people(
     path: CameraPath,
     row: int,
     every: int,
-    bend: Callable[[np.ndarray], np.ndarray] = lambda points_cam: points_cam,
+    bend: Bend = straight,
 ) -> np.ndarray:
     """A copy of a BGR image with those who are shown in a row, near ones over far ones, and with
-    everybody's path on the floor, a dot at each `every`-th row.
-
-    `bend` moves points (N, 3) in the camera to where a pinhole shows them as the lens does.
-    """
+    everybody's path on the floor, a dot at each `every`-th row."""
     cam_from_world = transforms.invert(path.world_from_cam[row])
     itself, drawn = np.eye(4), image
     for person in people:

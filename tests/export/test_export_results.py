@@ -14,6 +14,7 @@ import torch
 import trimesh
 from pxr import Usd, UsdGeom
 
+from gmrdata.cameras.files import QUALITY_FILE, Distortion, load_quality
 from gmrdata.cli import main
 from gmrdata.gmr.predict import load_gmr, predict_deltas
 from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
@@ -23,6 +24,7 @@ from gmrdata.values import transforms
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.skinning import motion_joints_m
 from tests.clip_manifests import write_clips
+from tests.pages.solved_video import solved_video
 from tests.write.rerun_files import Recorded
 from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX, make_take
 
@@ -115,6 +117,23 @@ def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, capsys):
     assert export(run_dir, "--to", "onnx", "--out", out) == 1
     assert "gmrdata-joint/2" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_bodies_lie_over_the_frames_as_the_lens_shows_them(small_body, tmp_path, gmrdata):
+    """A pinhole would show them beside the people, away from the middle."""
+    folder, shown = tmp_path / "walk", []
+    solved_video(folder, small_body)
+    quality = load_quality(folder / "sfm")
+    for name, lens in (("pinhole", None), ("lens", Distortion(-0.9, 0.0, 0.1))):
+        quality.model_copy(update={"lens": lens}).write(folder / "sfm" / QUALITY_FILE)
+        said = gmrdata("export", folder, "--to", "mp4", "--out", tmp_path / name)
+        assert said.returncode == 0, said.stderr
+        (video,) = (tmp_path / name / "mp4").iterdir()
+        with av.open(str(video)) as container:
+            frame = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(int)
+        shown.append(frame[..., 2] - frame[..., 0] > 40)  # the body is blue
+    high, low = (np.flatnonzero(body.any(axis=1))[[0, -1]] for body in shown)
+    assert np.ptp(low) < np.ptp(high) - 5
 
 
 TRUE_FROM_WORLD = np.array([[0.0, -1, 0, 5], [1, 0, 0, -2], [0, 0, 1, 0.3], [0, 0, 0, 1]])
