@@ -31,9 +31,9 @@ FormatName = Literal[
 ]  # fmt: skip
 Trajectory = Literal["camera", "person"]
 Seen = Literal["keyframes", "all", "none"]
-Need = Literal["camera", "world", "in_world", "trajectory", "images", "one_person"]
-"""in_world: a motion in the world, of which perhaps no frame is valid; trajectory: a camera or a
-motion in the world, whichever is asked for."""
+Need = Literal["camera", "world", "trajectory", "images"]
+"""world: motions in the world, one of which has a valid frame; trajectory: a camera or a motion in
+the world, whichever is asked for."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +75,9 @@ def why_not(format: Format, clips: Sequence["ExportedClip"], options: ExportOpti
 def _lacks(need: Need, clips: Sequence["ExportedClip"], options: ExportOptions) -> str:
     if need == "trajectory":
         need = "camera" if options.of == "camera" else "world"
-    if need == "one_person":
-        n_people = len(clips) + len(clips[0].extras)
-        return f"has {n_people} people, and the format holds one" if n_people > 1 else ""
-    return next(filter(None, (_clip_lacks(need, one) for one in clips)), "")
+    lacks = next(filter(None, (_clip_lacks(need, one) for one in clips)), "")
+    nobody = need == "world" and not any(one.clip.valid.any() for one in clips)
+    return lacks or ("has no valid frame" if nobody else "")
 
 
 def _clip_lacks(need: Need, exported: "ExportedClip") -> str:
@@ -87,10 +86,8 @@ def _clip_lacks(need: Need, exported: "ExportedClip") -> str:
         return "has no camera"
     if need == "camera" and clip.camera is not None and not clip.camera.has_camera.any():
         return "has no frame with a known camera"
-    if need in ("world", "in_world") and clip.motion.frame != "world":
+    if need == "world" and clip.motion.frame != "world":
         return "its motion is in the camera's frame, not in a world"
-    if need == "world" and not clip.valid.any():
-        return "has no valid frame"
     if need == "images" and exported.images_dir is None:
         return "has no images; give them with --images"
     return ""
@@ -244,6 +241,11 @@ def _usable(clips: Sequence["ExportedClip"], rest: str) -> list[bool]:
     return usable
 
 
+def _shown(clips: Sequence["ExportedClip"]) -> list["ExportedClip"]:
+    """Those who are seen in some frame; the others are named."""
+    return [one for one, seen in zip(clips, _usable(clips, "left out"), strict=True) if seen]
+
+
 def _require_images_by_row(exported: "ExportedClip") -> None:
     """Refuse a clip whose row t is not image t, where a layout knows images by their row."""
     numbers = exported.clip.image_numbers
@@ -314,7 +316,7 @@ def export_usd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
     from gmrdata.export.takes import result_take
     from gmrdata.write.usd import write_usd
 
-    write_usd(path, result_take(clips))
+    write_usd(path, result_take(_shown(clips)))
 
 
 def export_rrd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
@@ -322,8 +324,9 @@ def export_rrd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
     from gmrdata.export.takes import TRUTH, result_take, truth_take, with_points
     from gmrdata.write.recording import write_recording
 
-    first, true = clips[0], truth_take(clips)
-    takes = [with_points(result_take(clips), first)]
+    people = _shown(clips)
+    first, true = people[0], truth_take(people)
+    takes = [with_points(result_take(people), first)]
     write_recording(
         path,
         [*takes, true[0]] if true else takes,
@@ -341,7 +344,7 @@ def export_mp4(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
 
     sfm_dir = clips[0].sfm_dir
     lens = None if sfm_dir is None else load_quality(sfm_dir).lens
-    take, images = result_take(clips), clips[0].image_paths()
+    take, images = result_take(_shown(clips)), clips[0].image_paths()
     write_overlay(path, take, images, lambda points_cam_m: bent_points(points_cam_m, lens))
 
 
@@ -408,7 +411,7 @@ FORMATS: dict[str, Format] = {
         "clip", "{subject}/{take}/{subject}_{take}_data.pkl", ("camera", "world"), export_emdb,
     ),
     "wham": Format(
-        "wham_output.pkl", "sequence", "{id}/wham_output.pkl", ("in_world",), export_wham
+        "wham_output.pkl", "sequence", "{id}/wham_output.pkl", ("world",), export_wham
     ),
     "gvhmr": Format(
         "hmr4d_results.pt", "clip", "{id}/hmr4d_results.pt", ("world",), export_gvhmr

@@ -21,7 +21,7 @@ from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
 from gmrdata.read.body_file import save_body
 from gmrdata.read.emdb import read_emdb
 from gmrdata.values import transforms
-from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.skinning import motion_joints_m
 from tests.clip_manifests import write_clips
 from tests.pages.solved_video import solved_video
@@ -117,6 +117,29 @@ def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, capsys):
     assert export(run_dir, "--to", "onnx", "--out", out) == 1
     assert "gmrdata-joint/2" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_one_without_a_valid_frame_is_left_out_and_named(walkers, small_body, tmp_path, gmrdata):
+    folder = tmp_path / "walk"
+    save_body(folder / "body" / "body.npz", small_body)
+    for number, walker in enumerate(walkers):
+        kept = replace(walker, valid=walker.valid & (number > 0))
+        path = folder / "pseudo_gt" / f"person_{number}.npz"
+        save_clip(path, kept, small_body.rest_pelvis_m(walker.motion.shape))
+    camera = camera_of(walkers[0])
+    (folder / "frames").mkdir()
+    for number in walkers[0].image_numbers:
+        frame = np.zeros((camera.height_px, camera.width_px), np.uint8)
+        cv2.imwrite(str(folder / "frames" / f"{number:05d}.png"), frame)
+    said = gmrdata("export", folder, "--to", "usd", "rrd", "mp4", "--out", tmp_path)
+    assert said.returncode == 0, said.stderr
+    assert said.stderr.count("clip walk.p0 has no valid frame: left out") == 3
+    stage = Usd.Stage.Open(str(tmp_path / "usd/walk.usdc"))
+    names = [prim.GetName() for prim in stage.GetDefaultPrim().GetChildren()]
+    assert names == ["walk_p1", "camera"]
+    alone = ("--clips", "walk.p0", "--out", tmp_path / "alone")
+    said = gmrdata("export", folder, "--to", "usd", "--dry-run", *alone)
+    assert "left out: has no valid frame" in said.stdout
 
 
 def test_bodies_lie_over_the_frames_as_the_lens_shows_them(small_body, tmp_path, gmrdata):
