@@ -69,7 +69,8 @@ def build_scene(
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 0, motion.n_frames - 1
-    scene.render.fps, scene.render.fps_base = round(motion.fps_hz * 1000), 1000.0
+    scene.render.fps = max(1, round(motion.fps_hz))  # Blender's are whole, and at most 32767
+    scene.render.fps_base = scene.render.fps / motion.fps_hz
     # Separate streams, so that a change of the clothes leaves the yard as it is.
     yard_rng, mesh_rng, person_rng = (
         np.random.default_rng(seed) for seed in np.random.SeedSequence(config.scene.seed).spawn(3)
