@@ -4,8 +4,10 @@ Every choice hangs on the set's seed and the clip's id, so that a clip stays as 
 come and go, and a clip's twin has the same person in the same place.
 """
 
+import filecmp
 import hashlib
 from collections import Counter
+from collections.abc import Container
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -250,11 +252,11 @@ class Selection:
 
 
 def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
-    """Find the motion files of a recipe's clips."""
+    """Find the motion files of a recipe's clips; BadRecipe where a name says not which is meant."""
     wanted = (*_listed(recipe.published_list), *recipe.clips)
     if not wanted:
         raise BadRecipe(f"recipe {recipe.name}: no clips; give `clips` or `published_list`")
-    files = {} if motions_dir is None else {path.stem: path for path in find_motions(motions_dir)}
+    files = {} if motions_dir is None else _by_trial(motions_dir, {clip.trial for clip in wanted})
     takes = []
     for clip in wanted:
         if clip.trial is None or clip.trial in files:
@@ -266,6 +268,17 @@ def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
         raise BadRecipe(f"{what}; rename clips (camera_off adds _off to each)")
     missing = tuple(clip.trial for clip in wanted if clip.trial and clip.trial not in files)
     return Selection(recipe, tuple(takes), files, missing)
+
+
+def _by_trial(motions_dir: Path, wanted: Container[str | None]) -> dict[str, Path]:
+    """Motion files by name; BadRecipe where a wanted one may be either of two motions."""
+    files: dict[str, Path] = {}
+    for path in find_motions(motions_dir):
+        other = files.setdefault(path.stem, path)
+        if path.stem in wanted and not filecmp.cmp(other, path, shallow=False):
+            remedy = "Rename one, or give the folder of one with --motions"
+            raise BadRecipe(f"trial {path.stem}: {other} and {path} both have this name. {remedy}")
+    return files
 
 
 def _listed(name: str | None) -> list[SyntheticClip]:

@@ -6,6 +6,7 @@ beyond doubt, and there is room for everyone.
 """
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -76,7 +77,8 @@ def twin_recipe(
     rng = np.random.default_rng([seed, 0])
     taken = {clip.trial for clip in load_recipe(find_recipe(TUNED_ON), TwinRecipe).set.clips}
     there = find_motions(motions_dir)
-    files = [path for path in there if path.stem not in taken]
+    named = Counter(path.stem for path in there)
+    files = [path for path in there if path.stem not in taken and named[path.stem] == 1]
     waiting = [files[i] for i in rng.permutation(len(files))]
     classes = [CLASSES[i] for i in rng.permutation(len(CLASSES))]
     places = [PLACES[i] for i in rng.permutation(len(PLACES))]
@@ -101,6 +103,7 @@ def twin_recipe(
             lacking = f"no motion is left for sequence {number} with a {kind} camera"
             filmed = {clip.trial for clip in clips}
             reasons |= {path: "taken by others" for path in files if path.stem in filmed}
+            reasons |= {path: "called as another is" for path in there if named[path.stem] > 1}
             reasons |= {path: f"of the recipe {TUNED_ON}" for path in there if path.stem in taken}
             needed = f"Motions of {film.duration_s:g} s are needed. Give more, or ask for fewer"
             raise BadRecipe(f"{motions_dir}: {lacking}. {_in_words(reasons)}. {needed}")

@@ -26,7 +26,7 @@ from gmrdata.read.body_file import read_body, save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.body import JOINT, PHENOTYPES
 from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import BadBodyFile
+from gmrdata.values.errors import BadBodyFile, BadRecipe
 from gmrdata.values.skinning import motion_vertices_m
 
 KINDS = ("walk", "run", "turn", "circle", "side_step")
@@ -97,6 +97,23 @@ def test_a_twin_has_the_person_and_the_place_of_its_clip(body_path, tmp_path):
     of_clip, of_twin = (load_clip(jobs[take.id].clip_path).motion for take in selection.takes)
     np.testing.assert_array_equal(of_twin.shape, of_clip.shape)
     assert render_config(recipe, twin.clip) == render_config(recipe, clip.clip)
+
+
+def test_a_trial_s_name_that_two_motions_have_is_refused(tmp_path):
+    clip = {"id": "walk", "trial": "walk", "programme": {"kind": "static"}}
+    recipe = SyntheticRecipe.model_validate({"recipe": "synthetic", "name": "set", "clips": [clip]})
+    paths = [tmp_path / name / "walk.bvh" for name in ("a", "b")]
+    for path in paths:
+        path.parent.mkdir()
+        path.write_text("HIERARCHY")
+    assert select(recipe, tmp_path).files.keys() == {"walk"}  # a copy is no other motion
+    paths[1].write_text("HIERARCHY of another")
+    with pytest.raises(BadRecipe, match=r"trial walk: .*a/walk.bvh and .*b/walk.bvh both"):
+        select(recipe, tmp_path)
+    paths[1].rename(tmp_path / "b" / "run.bvh")
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "run.bvh").write_text("HIERARCHY")
+    assert select(recipe, tmp_path).files["walk"] == paths[0]
 
 
 def test_places_are_those_of_the_list_and_seeds_are_drawn_unless_given():

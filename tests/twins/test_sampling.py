@@ -70,6 +70,11 @@ def test_too_few_motions_are_reported(tmp_path, cmu_dir, anny):
         twin_recipe(1, 0, tmp_path)
     with pytest.raises(BadRecipe, match="at least one"):
         twin_recipe(0, 0, tmp_path)
+    for folder in ("a", "b"):  # which of them a recipe means nobody could tell
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "walk.bvh").write_text(f"HIERARCHY of {folder}")
+    with pytest.raises(BadRecipe, match=r"2 called as another is \(walk.bvh, walk.bvh\)"):
+        twin_recipe(1, 0, tmp_path)
 
 
 def test_numbers_in_a_recipe_are_short(drawn):
