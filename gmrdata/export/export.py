@@ -6,8 +6,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-import numpy as np
-
 from gmrdata.export.formats import (
     FORMATS,
     ExportOptions,
@@ -15,6 +13,7 @@ from gmrdata.export.formats import (
     Seen,
     Trajectory,
     seen_points,
+    times_of,
     unit_of,
     why_not,
     write_background,
@@ -27,7 +26,6 @@ from gmrdata.export.sources import (
     world_people_dir,
 )
 from gmrdata.gmr.config import Which
-from gmrdata.read.video import video_record
 from gmrdata.solve.request import SFM
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
 from gmrdata.solve.videos import FILES
@@ -320,10 +318,5 @@ def _write_cameras(out_dir: Path, images: Path, fps_hz: float) -> None:
     known = found.camera.has_camera
     colmap.mkdir(parents=True)
     write_background(colmap, found, names, points, images)
-    video = video_record(images)
-    times_s = np.arange(len(known)) / fps_hz
-    if video is not None:
-        times_s = video.times_of(found.image_numbers)
-    write_tum(
-        out_dir / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s[known]
-    )
+    times_s = times_of(images, found.image_numbers, fps_hz)[known]
+    write_tum(out_dir / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s)

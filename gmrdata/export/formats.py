@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from gmrdata.read.video import video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
 from gmrdata.values.body import SMPL, BodyModel
@@ -158,8 +159,17 @@ def export_tum(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
     from gmrdata.write.cameras import write_tum
 
     poses, known = _trajectory(clips[0], options.of)
-    times_s = np.flatnonzero(known) / clips[0].clip.motion.fps_hz
-    write_tum(path, poses[known], times_s)
+    clip = clips[0].clip
+    times_s = times_of(clips[0].images_dir, clip.image_numbers, clip.motion.fps_hz)
+    write_tum(path, poses[known], times_s[known])
+
+
+def times_of(images_dir: Path | None, image_numbers: np.ndarray, fps_hz: float) -> np.ndarray:
+    """(T,) times of frames [s]: those of a video itself, else by the rate from the first one on."""
+    video = None if images_dir is None else video_record(images_dir)
+    by_rate_s = np.arange(len(image_numbers)) / fps_hz
+    own_s = by_rate_s if video is None else video.times_of(image_numbers)
+    return own_s if np.isfinite(own_s).all() else by_rate_s
 
 
 def export_kitti(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:

@@ -20,6 +20,7 @@ from gmrdata.export.formats import FORMATS, FormatName
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from tests.clip_manifests import write_clips
+from tests.solve.test_doubts import video
 from tests.write.test_colmap import models
 
 
@@ -166,6 +167,19 @@ def test_people_of_a_sequence_share_the_file_of_their_one_camera(walkers, small_
         made = gmrdata.export(str(tmp_path / "walk"), ["tum"], tmp_path / of, of=of)
         assert [one.unit.path.name for one in made if not one.left_out] == names[of]
         assert sorted(path.name for path in (tmp_path / of / "tum").iterdir()) == names[of]
+
+
+def test_times_are_those_of_the_video(walkers, small_body, tmp_path):
+    """Whose part was solved, and which stopped for a second: as those of cameras alone are."""
+    clip = walkers[0]
+    path = tmp_path / "walk/pseudo_gt/person_0.npz"
+    save_clip(path, clip, small_body.rest_pelvis_m(clip.motion.shape))
+    rows = np.arange(clip.motion.n_frames)
+    times_s = 4.0 + rows / 30 + (rows > 20)
+    video(times_s.tolist()).write(tmp_path / "walk/frames/video.json")
+    gmrdata.export(tmp_path / "walk", ["tum"], tmp_path)
+    (written,) = (tmp_path / "tum").iterdir()
+    np.testing.assert_allclose(np.loadtxt(written)[:, 0], times_s, atol=1e-9)
 
 
 @pytest.fixture(scope="module")
