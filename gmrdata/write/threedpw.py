@@ -43,7 +43,7 @@ def _content(arrays: SequenceArrays) -> dict[str, object]:
         raise BadSequence(f"{arrays.name}: {what}; cut the sequence into shorter ones")
     for person in people:
         if person.gender not in LETTERS:
-            what = f"gender {person.gender!r} has no letter; say female or male"
+            what = f"the body is {person.gender}, and 3DPW has female and male ones alone"
             raise BadSequence(f"{arrays.name}: {what}")
     content: dict[str, object] = {
         "sequence": arrays.name,
