@@ -103,6 +103,7 @@ def export(
         StaleOutput: something is there already, and `redo` is not set; nothing was written.
         BadRecipe: no format looks at something that was said, or onnx is not alone.
         MissingInput: there is no such source, clip, body, image folder or network.
+        BadRecipe: two clips would be written to one file.
     """
     source, out = Path(source), Path(out)
     options = ExportOptions(of, observations, _path(threedpw))
@@ -112,7 +113,8 @@ def export(
         return [_export_network(source, out, which, redo=redo, dry_run=dry_run)]
     people_of = _sequences(list_clips(source, clips))
     plan = [(people, list(_units(people, wanted, options, out))) for people in people_of]
-    _refuse_to_overwrite([] if redo or dry_run else [u.path for _, units in plan for u in units])
+    paths = _apart([unit for _, units in plan for unit in units])
+    _refuse_to_overwrite([] if redo or dry_run else paths)
     return _export_clips(plan, _Given(body, _path(images), _path(truth)), options, dry_run)
 
 
@@ -205,6 +207,17 @@ def images_of(folder: Path, sequence: str, *, alone: bool) -> Path:
     """A sequence's images: in a folder of its name, or right in `folder` if it is alone."""
     named = folder / sequence
     return folder if alone and not named.is_dir() else named
+
+
+def _apart(units: Sequence[Unit]) -> list[Path]:
+    """Where units are written; BadRecipe where two would be one file, as P0_walk and walk of EMDB's
+    would."""
+    by_path: dict[Path, Unit] = {}
+    for unit in units:
+        if (other := by_path.setdefault(unit.path, unit)) is not unit:
+            remedy = "Write one of them at a time, with --clips, to another --out each"
+            raise BadRecipe(f"{unit.path}: {other.name} and {unit.name} would be this. {remedy}")
+    return list(by_path)
 
 
 def _refuse_to_overwrite(paths: Sequence[Path]) -> None:

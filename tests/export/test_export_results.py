@@ -89,6 +89,19 @@ def test_files_where_others_look_for_them(manifest, tmp_path, capsys):
         assert line in said
 
 
+def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_path, capsys):
+    body = replace(small_body, name="smpl-neutral")
+    motion = replace(walkers[0].motion, body=body.name, fps_hz=30.0)
+    clips = [replace(walkers[0], id=name, motion=motion) for name in ("P0_walk", "walk")]
+    save_body(tmp_path / "in" / "body" / "body.npz", body)
+    manifest = write_clips(tmp_path / "in", body, clips, camera_motions=["circular"] * 2)
+    assert export(manifest, "--to", "emdb", "--out", tmp_path / "out") == 1
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert "P0_walk and walk would be this. Write one" in said and not (tmp_path / "out").exists()
+    assert export(manifest, "--to", "3dpw", "--out", tmp_path / "out") == 1
+    assert "the body is neutral, and 3DPW has female and male" in capsys.readouterr().err
+
+
 def test_a_network(run_dir, walk, tmp_path, capsys):
     out = tmp_path / "out"
     path = out / "onnx" / "run.onnx"
