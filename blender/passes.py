@@ -216,10 +216,16 @@ def _mark_step(tree: Any) -> None:
 
 
 def _mark_instance(tree: Any, number: int) -> None:
-    """Let a material hand its actor's number to the pass."""
+    """Let a material hand its actor's number to the pass, and 0 where it has a hole."""
     mark = tree.nodes.new("ShaderNodeOutputAOV")
     mark.aov_name = INSTANCE
     mark.inputs["Value"].default_value = number
+    if CUT_OUT in tree.nodes:
+        there = tree.nodes.new("ShaderNodeMath")
+        there.operation = "MULTIPLY"
+        there.inputs[1].default_value = number
+        tree.links.new(tree.nodes[CUT_OUT].outputs[0], there.inputs[0])
+        tree.links.new(there.outputs[0], mark.inputs["Value"])
 
 
 def _take(work_dir: Path, name: str, size_px: tuple[int, int]) -> np.ndarray:

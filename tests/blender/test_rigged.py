@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from gmrdata.film.character import Character, limb_angles_deg, residual_figures
 from gmrdata.film.programmes import Static, camera_path
 from gmrdata.film.render import RenderConfig
+from gmrdata.film.render_outputs import read_instances
 from gmrdata.film.render_set import render_set
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe
@@ -303,8 +304,12 @@ def test_the_body_as_a_character_is_the_body(film, twin, small_body, clip_path, 
 
 
 def test_there_is_nothing_in_the_holes_of_a_picture(film, characters, twin, clip_path, folder):
-    holes = film(clip_path, folder / "holes", Character(path=characters["holes"]), flow=True)
+    character = Character(path=characters["holes"])
+    holes = film(clip_path, folder / "holes", character, flow=True, instances=True)
     mask, whole = mask_of(holes, 0), mask_of(twin, 0)
+    instances = read_instances(holes / "instances/00000.png")
+    assert set(np.unique(instances)) == {0, 1}
+    assert overlap(instances == 1, mask) > 0.9
     assert not (mask & ~whole).any()
     assert 0.3 < mask.sum() / whole.sum() < 0.8
     flow, expected = (cv2.imread(str(f / "flow/00000.png"), -1).astype(int) for f in (holes, twin))
