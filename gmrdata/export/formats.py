@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from gmrdata.read.frames import is_turned
 from gmrdata.read.video import video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
@@ -146,6 +147,11 @@ def write_background(
     from gmrdata.write.cameras import write_colmap
 
     radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
+    paths = [] if images_dir is None else [images_dir / name for name in image_names if name]
+    if any(is_turned(path) for path in paths[:1] if path.is_file()):
+        what = "images are turned by EXIF, which COLMAP and others do not heed"
+        remark(f"{images_dir}: {what}: turn their pixels before use. Points have no colours")
+        images_dir = None
     write_colmap(folder, found.camera, image_names, points, radial=radial, images_dir=images_dir)
 
 

@@ -23,7 +23,13 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.frames import check_images, read_gray
+from gmrdata.read.frames import (
+    check_images,
+    exif_orientation,
+    image_bytes,
+    read_color,
+    read_gray,
+)
 from gmrdata.values.body import PARENTS
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import text_runs
@@ -210,11 +216,19 @@ def _log_camera(
             recording.log(f"{entity}/image", _pinhole(camera))
         if image is not None:
             media_type = MEDIA_TYPES[image.suffix.lower()]
-            frame = rerun.EncodedImage(contents=image.read_bytes(), media_type=media_type)
+            frame = rerun.EncodedImage(contents=_upright(image), media_type=media_type)
             recording.log(f"{entity}/image", frame)
         if mask is not None:
             classes = (read_gray(mask, size_px) > 127).astype(np.uint8)
             recording.log(f"{entity}/image/mask", rerun.SegmentationImage(classes))
+
+
+def _upright(image: Path) -> bytes:
+    """An image's file as it is; anew where EXIF turns it, since viewers do not."""
+    content = image.read_bytes()
+    if exif_orientation(content) == 1:
+        return content
+    return image_bytes(image.suffix.lower(), read_color(image))
 
 
 def _pinhole(camera: CameraPath) -> Any:

@@ -20,7 +20,9 @@ from gmrdata.export.formats import FORMATS, FormatName
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from tests.clip_manifests import write_clips
+from tests.pages.solved_video import solved_video
 from tests.solve.test_doubts import video
+from tests.write.takes import save_turned
 from tests.write.test_colmap import models
 
 
@@ -147,6 +149,21 @@ def test_a_rendered_clip_becomes_a_model_without_points(walkers, small_body, tmp
     said = gmrdata("export", tmp_path / "in", "--to", "colmap", "--out", tmp_path / "without")
     assert said.returncode == 1 and "has no images. Give their folder" in said.stderr
     assert not list((tmp_path / "without").rglob("*.*"))
+
+
+def test_images_that_exif_turns_are_named_and_give_no_colours(small_body, tmp_path, gmrdata):
+    """COLMAP takes their pixels as they are stored, so that points had the colours of others."""
+    solved_video(tmp_path / "walk", small_body)
+    coloured = []
+    for turned in (False, True):
+        for path in (tmp_path / "walk/frames").iterdir() if turned else ():
+            save_turned(path)
+        out = tmp_path / str(turned)
+        said = gmrdata("export", tmp_path / "walk", "--to", "colmap", "--out", out)
+        assert said.returncode == 0 and ("turned by EXIF" in said.stderr) == turned
+        (model, _) = models(out / "colmap/walk")
+        coloured.append(any((point.color > 0).any() for point in model.points3D.values()))
+    assert coloured == [True, False]
 
 
 def test_each_format_is_described_in_the_help_and_on_the_page(gmrdata):

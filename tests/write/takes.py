@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -34,3 +36,11 @@ def make_take(walk: Callable[..., Motion], body: BodyModel, fps_hz: float = 29.9
     camera = CameraPath(INTRINSICS_PX, *SIZE_PX, world_from_cam, has_camera)
     people = (Performer("person", motion, body, shown), Performer("second", beside, body, there))
     return Take("truth", people, camera)
+
+
+def save_turned(path: Path) -> None:
+    """Store an image's pixels on their side, with EXIF that turns them back."""
+    with Image.open(path) as image:
+        turned, exif = image.transpose(Image.Transpose.ROTATE_90), Image.Exif()
+    exif[0x0112] = 6  # orientation: to be turned clockwise
+    turned.save(path, exif=exif, quality=95)

@@ -15,7 +15,7 @@ from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.write.recording import write_recording
 from gmrdata.write.take import Take
 from tests.write.rerun_files import Recorded
-from tests.write.takes import HIDDEN, INTRINSICS_PX, N_FRAMES, SIZE_PX
+from tests.write.takes import HIDDEN, INTRINSICS_PX, N_FRAMES, SIZE_PX, save_turned
 
 Files = tuple[list[Path | None], list[Path | None]]
 SHOWN_FROM_WORLD = np.array([[0.0, -1, 0, 2], [1, 0, 0, 3], [0, 0, 1, 0.5], [0, 0, 0, 1]])
@@ -154,3 +154,18 @@ def test_what_cannot_be_written_is_said(take, files, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     refused(MissingExtra, "pip install rerun-sdk", [take], images=images, masks=masks)
     assert [file.name for file in tmp_path.iterdir()] == ["small"]
+
+
+def test_an_image_that_exif_turns_is_recorded_as_it_is_seen(take, files, tmp_path):
+    """Viewers show the pixels as they are stored."""
+    turned = tmp_path / "00000.jpg"
+    seen = np.zeros((SIZE_PX[1], SIZE_PX[0], 3), np.uint8)
+    seen[:, : SIZE_PX[0] // 2] = 255
+    cv2.imwrite(str(turned), seen)
+    save_turned(turned)
+    images = [turned, *files[0][1:]]
+    write_recording(tmp_path / "take.rrd", [take], images=images)
+    blobs = Recorded(tmp_path / "take.rrd").values("world/truth/camera/image", "EncodedImage:blob")
+    content = np.array(blobs[0], np.uint8).ravel()
+    shown = cv2.imdecode(content, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    assert shown.shape == seen.shape and np.abs(shown.astype(int) - seen).mean() < 5
