@@ -25,8 +25,8 @@ from gmrdata.gmr.runs import (
     fitting_clips,
     no_runs,
     runs_at,
-    scored_files,
     split_manifests,
+    usable_files,
 )
 from gmrdata.gmr.steps import ALONE, Processes
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch, make_training_set
@@ -54,10 +54,11 @@ def fit_manifests(
     split = split_manifests(manifest_paths, config.data)
     if split.statement and processes.is_first:
         console.print(split.statement, markup=False, soft_wrap=True)
-    held_out = LazyClips(scored_files(split, held_out_paths))
+    scored = [file for path in held_out_paths for file in usable_files(path)[0]]
     bodies = load_bodies(body_path)
     pack_dir, clips = run_dir / "pack", LazyClips(split.training)
     training_set = _training_set(clips, bodies, config, split.mix, pack_dir)
+    held_out = LazyClips([*scored, *split.held_out])
     _fit(training_set, bodies, run_dir, config, held_out, processes)
     if processes.is_first:
         remove_files(pack_dir)

@@ -263,33 +263,6 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
     return split
 
 
-def scored_files(split: Split, held_out_paths: Sequence[Path]) -> list[ClipFile]:
-    """The clips to score while training: of held-out manifests, then of held-out subjects.
-
-    BadRecipe where one of them is trained on, in the same file or as the same recording.
-    """
-    trained = set().union(*(_known_as(file.entry) for file in split.training))
-    scored = []
-    for path in held_out_paths:
-        files = usable_files(path)[0]
-        both = [file.entry.id for file in files if _known_as(file.entry) & trained]
-        if both:
-            raise BadRecipe(
-                f"{path}: {len(both)} of {len(files)} held-out clips are trained on, so the best"
-                f" weights would be chosen on them ({', '.join(both[:5])}). Leave them out of one"
-            )
-        scored += files
-    return [*scored, *split.held_out]
-
-
-def _known_as(entry: ClipEntry) -> set[object]:
-    """What says of a clip that it is another one again: its bytes, or a data set's recording."""
-    dataset, sequence = _key(entry.source)
-    is_named = dataset not in ("file", "gmrdata")  # whose names are any files', or any seed's
-    recording = {(dataset, sequence, entry.source.person)} if is_named else set()
-    return {entry.arrays.sha256} | recording
-
-
 def _parts(files: list[ClipFile], config: DataConfig) -> list[list[ClipFile]]:
     """A manifest's clips, person by person where people are balanced; those of nobody who is named
     count as one's."""

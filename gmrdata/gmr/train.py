@@ -82,8 +82,7 @@ def train(
 
     Raises:
         BadManifest: no clips to train on, or of another body than the given ones.
-        BadRecipe: weights that are not one per manifest, a held-out subject without a clip, or a
-            held-out clip that is trained on.
+        BadRecipe: weights that are not one per manifest, or a held-out subject without a clip.
         BadMotionFile: a clip holds NaN, or has a lower frame rate than the windows.
         TrainingDiverged: the loss became infinite or NaN; the last good checkpoint is kept.
         BadCheckpoint: the unfinished run's checkpoint is broken.
