@@ -107,7 +107,9 @@ def train(
         return {"clips": len(split.training), "left_out": split.left_out} | made_by
 
     def stage(work: Callable[[Path], dict[str, Any]]) -> Path:
-        return run_stage("gmr-train", run_dir, config, inputs, Resumable(work), run=run)
+        return run_stage(
+            "gmr-train", run_dir, config, inputs, Resumable(work, costly=True), run=run
+        )
 
     in_all_processes(stage, work, processes)
     return run_dir

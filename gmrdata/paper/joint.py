@@ -256,7 +256,7 @@ def train_joint(
         training_set = training_runs(pairs, config.fps_hz, names)
         fit_joint(training_set, bodies, partial_dir, config)
 
-    return run_stage("joint-train", run_dir, config, inputs, Resumable(work), run=run)
+    return run_stage("joint-train", run_dir, config, inputs, Resumable(work, costly=True), run=run)
 
 
 def fit_joint(

@@ -105,6 +105,8 @@ class Resumable:
     """
 
     work: Work
+    costly: bool = False
+    """Whether what another recipe began, days of a training, stays until --redo is given."""
 
 
 def run_stage(
@@ -135,7 +137,7 @@ def run_stage(
         recipe = _recipe(name, config, hashes.of(inputs))
         shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
         if not out_dir.exists() or _is_stale(out_dir, recipe, run):
-            partial = _partial_dir(out_dir, recipe, isinstance(work, Resumable), alone, run)
+            partial = _partial_dir(out_dir, recipe, work, alone, run)
             LOG.info("%s: begins in %s", name, out_dir)
             _make(out_dir, recipe, work, partial)
             LOG.info("%s: made in %.1f s", name, stage_seconds(out_dir))
@@ -211,19 +213,21 @@ def _make(out_dir: Path, recipe: RecipeRecord, work: Work | Resumable, partial: 
             raise
 
 
-def _partial_dir(out_dir: Path, recipe: RecipeRecord, resumes: bool, alone: bool, run: Run) -> Path:
+def _partial_dir(
+    out_dir: Path, recipe: RecipeRecord, work: Work | Resumable, alone: bool, run: Run
+) -> Path:
     """An empty folder to work in, or that of a killed run whose work can go on.
 
-    What another recipe began may be days of a training: it is thrown away only with --redo.
     Another machine's process may live and write on in the folder that it began: not every disk's
     locks reach so far.  Files of a resumable stage are the same then, each whole; another stage
     works in a folder of its own name.
     """
     partial = out_dir.with_name(out_dir.name + ".partial")
     begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
-    if resumes:
+    if isinstance(work, Resumable):
         keys = [] if begun_by is None else begun_by.differences(recipe)
-        if keys and not run.redo and {path.name for path in partial.glob("*")} != {RECIPE_FILE}:
+        begun = {path.name for path in partial.glob("*")} != {RECIPE_FILE}
+        if keys and begun and work.costly and not run.redo:
             raise StaleOutput(f"{partial}: begun with other values of {', '.join(keys)}. {AGAIN}")
         if begun_by is None or keys:
             shutil.rmtree(partial, ignore_errors=True)

@@ -183,7 +183,9 @@ def test_a_model_that_hardly_travels_is_not_the_last(extent, mapper, monkeypatch
         one = replace(mapped(extent, None), mapper=models[0], inliers=np.full(N, inliers))
         return replace(one, errors_px=np.full(1000, error_px))
 
-    monkeypatch.setattr(mapping, "_run", lambda name, *_: [name] if name in found_by else [])
+    monkeypatch.setattr(
+        mapping, "_run", lambda name, *_, **known: [name] if name in found_by else []
+    )
     monkeypatch.setattr(mapping, "_finish", finish)
     frames, matches = chained(tmp_path, 1)
     chosen = mapping.map_frames(frames, matches, tmp_path, CONFIG)

@@ -227,11 +227,13 @@ def test_resumable_work_goes_on(tmp_path):
     assert names(tmp_path / "out") == ["0.txt", "1.txt", "2.txt", "3.txt", "stage.json"]
 
 
-def test_work_that_cannot_go_on_starts_anew(tmp_path):
+@pytest.mark.parametrize(("seed", "resumable"), [(1, True), (0, False)])
+def test_other_work_starts_anew(tmp_path, seed, resumable):
     steps = Steps()
     with pytest.raises(KeyboardInterrupt):
         made(tmp_path / "out", Resumable(steps))
-    made(tmp_path / "out", steps)
+    work = Resumable(steps) if resumable else steps
+    made(tmp_path / "out", work, Recipe(seed=seed))
     assert steps.written == [0, 1, 0, 1, 2, 3]
 
 
@@ -240,9 +242,9 @@ def test_what_another_recipe_began_is_thrown_away_when_that_is_asked_for(tmp_pat
     with pytest.raises(KeyboardInterrupt):
         made(tmp_path / "out", Resumable(steps))
     with pytest.raises(StaleOutput, match=r"out\.partial: begun with other values of config\.seed"):
-        made(tmp_path / "out", Resumable(steps), Recipe(seed=1))
+        made(tmp_path / "out", Resumable(steps, costly=True), Recipe(seed=1))
     assert (tmp_path / "out.partial" / "1.txt").exists()
-    made(tmp_path / "out", Resumable(steps), Recipe(seed=1), run=Run(redo=True))
+    made(tmp_path / "out", Resumable(steps, costly=True), Recipe(seed=1), run=Run(redo=True))
     assert steps.written == [0, 1, 0, 1, 2, 3]
 
 

@@ -365,7 +365,7 @@ def test_the_mapper_joins_and_adjusts(filmed_parts, monkeypatch, tmp_path):
     filmed, frames, matches, part = filmed_parts
     models = {0: part(range(9)), 1: part(range(6, N_SHARED_FRAMES))}
     monkeypatch.setattr(
-        mapping, "_run", lambda name, *_: [] if name == "global" else list(models.values())
+        mapping, "_run", lambda name, *_, **known: [] if name == "global" else list(models.values())
     )
     mapped = [
         mapping.map_frames(frames, matches, folder, SMALL)
