@@ -252,7 +252,7 @@ def infer(
 ) -> None:
     """Predict people's world motion from their local poses, and write it as npz, BVH, GLB, video.
 
-    The package has a network trained on 14 people of CMU: docs/inference.md says how it scores.
+    The package has a network trained on 17 people of CMU: docs/inference.md says how it scores.
 
     Args:
         source: Local poses: results of VIBE, WHAM, PHALP, 4D-Humans, GVHMR, GEM, PromptHMR,

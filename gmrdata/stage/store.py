@@ -126,7 +126,7 @@ def run_stage(
     Raises:
         MissingInput: an input is not there.
         StaleOutput: the folder was made by another recipe, another version or from other inputs, or
-            work that can go on was begun so; or an input is in it.
+            costly work was begun so; or an input is in it.
         NotMade: there is work to do, and the run only looks.
     """
     if run.only_look:

@@ -46,9 +46,9 @@ def map_frames(
 
     The global mapper goes first.  The incremental one is tried where the global one leaves frames
     out, in those parts of many frames alone, and is taken if it registers more of them, or as many
-    with more observations.  Where
-    neither finds a model that explains the matches, or the camera hardly leaves its place by it,
-    the incremental one is run with lower thresholds for parallax.  A pan has no model even then.
+    with more observations.  Where neither finds a model that explains the matches, or the camera
+    hardly leaves its place by it, the incremental one is run with lower thresholds for parallax.  A
+    pan has no model even then.
     """
     found: list[Solution] = []
     mappers: tuple[Mapper, ...] = ("global", "incremental", "small_parallax")
