@@ -32,7 +32,6 @@ from gmrdata.people.landmark_network import (
     open_landmark_network,
 )
 from gmrdata.people.linking import (
-    USUAL_HZ,
     Detection,
     Detections,
     LinkConfig,
@@ -229,8 +228,7 @@ def follow_people(
     people leaves a record without people.  BadDetector where a file is no such network.
     """
 
-    rate_hz = frames.rate_hz if np.isfinite(frames.rate_hz) else USUAL_HZ
-    recipe = _FollowedAt(**dict(config), rate_hz=rate_hz)
+    recipe = _FollowedAt(**dict(config), rate_hz=frames.known_or_usual_hz)
 
     def work(partial: Path) -> None:
         look = open_landmark_network(networks.landmarks)

@@ -16,6 +16,7 @@ from pydantic import Field
 from typing_extensions import TypedDict
 
 from gmrdata.values import limits
+from gmrdata.values.frame_set import USUAL_HZ
 from gmrdata.values.records import Config
 
 
@@ -208,7 +209,6 @@ STRANGERS_SIZE = 0.5  # usual difference of the logarithms of two people's sizes
 STRANGERS_COLOUR, STRANGERS_SPREAD = 0.55, 0.2  # mean distance of two people's colours
 LOOK_ALIKES = 0.2  # share of strangers who wear the same
 COLOUR_FRAMES, SPEED_FRAMES, LEAST_FRAMES = 8, 5, 3
-USUAL_HZ = 30.0  # of frames whose rate nobody says
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from gmrdata.values.errors import BadRecipe
 from gmrdata.values.records import Record
 
 VIDEO_FILE = "video.json"
+USUAL_HZ = 30.0  # of frames whose rate nobody says
 
 
 class VideoRecord(Record):
@@ -82,6 +83,11 @@ class FrameSet:
             what = "a folder of images has no frame rate"
             raise BadRecipe(f"{self.folder}: {what}. Give it with --fps-hz")
         return replace(self, times_s=self.frame_numbers / fps_hz, rate_hz=fps_hz)
+
+    @property
+    def known_or_usual_hz(self) -> float:
+        """Images per second; those of a usual video where nobody says it."""
+        return self.rate_hz if np.isfinite(self.rate_hz) else USUAL_HZ
 
     @property
     def video_hz(self) -> float:

@@ -10,6 +10,7 @@ from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.lens.rolling_shutter import READOUT_S
 from gmrdata.cameras.lens.self_calibration import (
     SelfCalibration,
     SelfCalibrationConfig,
@@ -171,7 +172,8 @@ def find_intrinsics(
             start_px = usual_px if known is None else known[0].focal_px[0]
             guess_px = Lens.centred(start_px, frames.size_px).matrix_px
             sought = Frames(list(frames.paths), masks_dir, guess_px, frames.size_px)
-            asked = self_calibrate(sought, work_dir, config.self_calibration)
+            of_number = READOUT_S * frames.known_or_usual_hz * np.median(np.diff(frames.numbers))
+            asked = self_calibrate(sought, work_dir, config.self_calibration, float(of_number))
             shutil.rmtree(work_dir)
         _decided(known, asked, frames.size_px, config).write(partial / INTRINSICS_FILE)
 

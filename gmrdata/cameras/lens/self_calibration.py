@@ -28,6 +28,7 @@ from gmrdata.cameras.colmap import (
 )
 from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames, reduced
+from gmrdata.cameras.lens.rolling_shutter import AXES, with_rolled_lines
 from gmrdata.cameras.map.focal import (
     FREED_NOT_INDEPENDENT,
     MAX_RADIAL,
@@ -151,9 +152,12 @@ class _Fit(NamedTuple):
 
 
 def self_calibrate(
-    frames: Frames, work_dir: Path, config: SelfCalibrationConfig
+    frames: Frames, work_dir: Path, config: SelfCalibrationConfig, readout: float
 ) -> SelfCalibration:
-    """Find the lens; the intrinsics of the frames are but a guess with the right middle."""
+    """Find the lens; the intrinsics of the frames are but a guess with the right middle.
+
+    A rolling shutter may take a `readout` of the time from one number of an image to the next.
+    """
     try:
         keys = _keyframes(frames, work_dir, config)
         matches = match_frames(keys, work_dir, config.sfm, calibrated=False)
@@ -164,7 +168,7 @@ def self_calibrate(
     turning, verdict = by_turning(keys, matches, config)
     if verdict == "rotation_only":
         return turning
-    mapped = by_mapping(keys, matches, work_dir, config)
+    mapped = by_mapping(keys, matches, work_dir, config, readout)
     better = likelier(turning, mapped, nearly_turns=verdict == "either")
     return replace(better, starts=(*turning.starts, *mapped.starts))
 
@@ -345,7 +349,7 @@ def _turned(
 
 
 def by_mapping(
-    keys: Frames, matches: Matches, work_dir: Path, config: SelfCalibrationConfig
+    keys: Frames, matches: Matches, work_dir: Path, config: SelfCalibrationConfig, readout: float
 ) -> SelfCalibration:
     """The lens of a camera that also moves; COLMAP's `database.db` lies in `work_dir`."""
     longer_px, n_matched = max(keys.size_px), int(matched_points(matches).sum())
@@ -365,7 +369,7 @@ def by_mapping(
     thin = _thinned(fits[0].model)
 
     def errors(radial: bool) -> tuple[float, float, float, float] | None:
-        return _lens_errors(thin, longer_px, radial=radial)
+        return _lens_errors(thin, longer_px, readout, radial=radial)
 
     return _answer("full", tried, fits, errors, config)
 
@@ -451,14 +455,14 @@ def _thinned(model: Any) -> Any:
 
 
 def _lens_errors(
-    thin: Any, longer_px: int, *, radial: bool
+    thin: Any, longer_px: int, readout: float, *, radial: bool
 ) -> tuple[float, float, float, float] | None:
     """Log of the focal length over the longer side, its standard error, k1 and its own."""
     whole = _adjusted(thin, sorted(thin.reg_image_ids()), radial)
     if whole is None:
         return None
     lens, covariance = whole
-    spread = _spread_of_parts(thin, lens, radial)
+    spread = np.hypot(_spread_of_parts(thin, lens, radial), _rolled(thin, lens, readout, radial))
     sigma, k1_sigma = np.sqrt(FREED_NOT_INDEPENDENT**2 * np.diag(covariance) + spread**2)
     return (
         float(lens[0] - np.log(longer_px)),
@@ -483,6 +487,16 @@ def _spread_of_parts(thin: Any, lens: np.ndarray, radial: bool) -> np.ndarray:
         return np.zeros(2)
     apart = np.array(found) - lens
     return np.sqrt((len(found) - 1) / len(found) * (apart**2).sum(axis=0))
+
+
+def _rolled(thin: Any, lens: np.ndarray, readout: float, radial: bool) -> np.ndarray:
+    """(2,) how far a usual rolling shutter moves the lens, along the axis that it moves it more."""
+    adjusted = [
+        _adjusted(with_rolled_lines(thin, axis, readout), sorted(thin.reg_image_ids()), radial)
+        for axis in AXES
+    ]
+    apart = [np.abs(one[0] - lens) for one in adjusted if one is not None]
+    return np.max([np.zeros(2), *apart], axis=0)
 
 
 def _adjusted(thin: Any, images: list[int], radial: bool) -> tuple[np.ndarray, np.ndarray] | None:

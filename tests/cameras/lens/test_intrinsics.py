@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.colmap import project_into, pycolmap, seen_by
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.lens import intrinsics, self_calibration
 from gmrdata.cameras.lens.intrinsics import (
@@ -22,6 +23,7 @@ from gmrdata.cameras.lens.intrinsics import (
     find_intrinsics,
     load_intrinsics,
 )
+from gmrdata.cameras.lens.rolling_shutter import with_rolled_lines
 from gmrdata.cameras.lens.self_calibration import (
     CameraMotion,
     SelfCalibration,
@@ -31,6 +33,7 @@ from gmrdata.cameras.lens.self_calibration import (
     _Fit,
     _is_settled,
     _keyframes,
+    _lens_errors,
     by_mapping,
     by_turning,
     is_still,
@@ -335,10 +338,61 @@ def require_lens(found: SelfCalibration, focal_px: float, k1: float) -> None:
 @pytest.mark.parametrize(("focal_px", "k1"), [(435.0, 0.0), (1100.0, -0.14)])
 def test_a_moving_camera_shows_its_lens(tmp_path, focal_px, k1):
     frames, matches = filmed_cloud(tmp_path, focal_px, k1)
-    found = by_mapping(frames, matches, tmp_path, CONFIG)
+    found = by_mapping(frames, matches, tmp_path, CONFIG, readout=0.0)
     require_lens(found, focal_px, k1)
     assert len(found.starts) >= 3
     assert all(start.cost is not None for start in found.starts[:3])
+
+
+def walk(n: int, step_m: float, focal_px: float, numbers_apart: int) -> pycolmap.Reconstruction:
+    """A model of a camera that goes to the right, nods, and looks at what is 4 m away."""
+    rng, model = np.random.default_rng(0), pycolmap.Reconstruction()
+    points_m = rng.uniform([-2, -1.5, 3], [3, 1.5, 6], (600, 3))
+    params = [focal_px, 320.0, 180.0, 0.0]
+    camera = pycolmap.Camera(
+        camera_id=1, model="SIMPLE_RADIAL", width=640, height=360, params=params
+    )
+    model.add_camera_with_trivial_rig(camera)
+    tracks = defaultdict[int, list[pycolmap.TrackElement]](list)
+    for row in range(n):
+        place_m = (row - (n - 1) / 2) * step_m
+        angles = [-np.arctan(place_m / 4), 0.035 * np.cos(row)]
+        turn = Rotation.from_euler("yx", angles).inv().as_matrix()
+        moved_m = -turn @ [place_m, 0.0, 0.0]
+        cam_m = points_m @ turn.T + moved_m
+        image_px = focal_px * cam_m[:, :2] / cam_m[:, 2:] + [320, 180]
+        seen = np.flatnonzero((image_px > 0).all(axis=1) & (image_px < [640, 360]).all(axis=1))
+        at_px = image_px[seen] + rng.normal(0, 0.2, (len(seen), 2))
+        image = pycolmap.Image(f"{numbers_apart * row:05d}.jpg", at_px, 1, row + 1)
+        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(turn), moved_m)
+        model.add_image_with_trivial_frame(image, pose)
+        for feature, point in enumerate(seen.tolist()):
+            tracks[point].append(pycolmap.TrackElement(row + 1, feature))
+    for point, elements in tracks.items():
+        if len(elements) > 2:
+            model.add_point3D(points_m[point], pycolmap.Track(elements))
+    return model
+
+
+def test_rolled_lines_lie_where_they_are_read():
+    """A line that is read late shows what moves to the left further on."""
+    model = walk(3, 0.2, 500.0, 4)
+    rolled = with_rolled_lines(model, 0, 0.4)
+    _, at_px, points = seen_by(model, model.image(2))
+    _, rolled_px, _ = seen_by(rolled, rolled.image(2))
+    late = 0.4 * (at_px[:, 0] / 640 - 0.5)
+    before_px, after_px = (project_into(model.image(number), points) for number in (1, 3))
+    np.testing.assert_allclose(rolled_px, at_px + late[:, None] * (after_px - before_px) / 8)
+    np.testing.assert_array_equal(seen_by(model, model.image(2))[1], at_px)
+
+
+def test_what_a_rolling_shutter_does_to_the_lens_is_in_its_error():
+    """A phone's picture cut to 16 to 9 asked for 0.85 of its focal length, give or take 0.03."""
+    slow, quick = (walk(12, 0.02, 500.0, numbers_apart) for numbers_apart in (10, 1))
+    of_slow, of_quick = (_lens_errors(one, 640, 0.3, radial=False) for one in (slow, quick))
+    assert _lens_errors(quick, 640, 0.0, radial=False)[1] < 0.015
+    assert of_slow[1] < 0.015 and of_quick[1] > 1.3 * of_slow[1]
+    assert of_quick[0] == of_slow[0]
 
 
 # The last shows what lies near its fold: by noise some of it beyond.
