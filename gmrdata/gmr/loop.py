@@ -52,9 +52,16 @@ def fit_manifests(
     The training frames are files in the run's folder until the training is done.
     """
     split = split_manifests(manifest_paths, config.data)
-    if split.statement and processes.is_first:
-        console.print(split.statement, markup=False, soft_wrap=True)
-    scored = [file for path in held_out_paths for file in usable_files(path)[0]]
+    asked = [file for path in held_out_paths for file in usable_files(path)[0]]
+    # Whoever is trained on would choose weights that know nobody else.
+    trained_on = {file.entry.arrays.sha256 for file in split.training}
+    scored = [file for file in asked if file.entry.arrays.sha256 not in trained_on]
+    statements = [split.statement] if split.statement else []
+    if len(scored) < len(asked):
+        n_known = len(asked) - len(scored)
+        statements.append(f"not scored: {n_known} of {len(asked)} held-out clips are trained on")
+    for statement in statements if processes.is_first else ():
+        console.print(statement, markup=False, soft_wrap=True)
     bodies = load_bodies(body_path)
     pack_dir, clips = run_dir / "pack", LazyClips(split.training)
     training_set = _training_set(clips, bodies, config, split.mix, pack_dir)

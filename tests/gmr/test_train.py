@@ -24,6 +24,7 @@ from gmrdata.gmr.steps import Processes
 from gmrdata.gmr.train import train
 from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.manifest.current import Quality
+from gmrdata.manifest.read import read_manifest
 from gmrdata.paper import plan
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
@@ -108,6 +109,18 @@ def test_rejected_clips_are_not_trained_on(
     path = write_clips(tmp_path / "bad", small_body, clips, {clips[0].id: rejected})
     with pytest.raises(BadManifest, match="no usable clips"):
         train([path], tmp_path / "run", small_config, body_path=body_path)
+
+
+def test_clips_that_are_trained_on_do_not_choose_the_weights(
+    manifest_path, body_path, small_config, tmp_path, capsys
+):
+    """One manifest for both was scored whole, and the best weights were those of what they knew."""
+    held_out = {"body_path": body_path, "held_out_paths": [manifest_path]}
+    run_dir = train([manifest_path], tmp_path / "run", small_config, **held_out)
+    n_clips = len(read_manifest(manifest_path).clips)
+    said = f"not scored: {n_clips} of {n_clips} held-out clips are trained on"
+    assert said in capsys.readouterr().err
+    assert not list(run_dir.rglob("best.safetensors"))
 
 
 def test_clips_of_several_frame_rates_are_trained_on_at_one(
