@@ -45,6 +45,7 @@ USED_BY = {
     "which": ("latest", ("onnx",)),
 }
 """Settings that say nothing to most formats: what they are when left out, and whom they are for."""
+OF_CLIPS = ("clips", "body", "images", "truth")  # nothing to a network
 ONNX_ALONE = "onnx is of a training run, the other formats of clips"
 
 
@@ -107,7 +108,8 @@ def export(
     """
     source, out = Path(source), Path(out)
     options = ExportOptions(of, observations, _path(threedpw))
-    _require_used(formats, vars(options) | {"which": which})
+    of_clips = {"clips": clips, "body": body, "images": images, "truth": truth}
+    _require_used(formats, vars(options) | {"which": which} | of_clips)
     wanted = tuple(dict.fromkeys(name for name in formats if name != "onnx"))
     if "onnx" in formats:
         return [_export_network(source, out, which, redo=redo, dry_run=dry_run)]
@@ -122,6 +124,9 @@ def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
     """Refuse formats that don't go together, and settings that none of them looks at."""
     if "onnx" in formats and set(formats) != {"onnx"}:
         raise BadRecipe(f"{ONNX_ALONE}. Export it alone")
+    for flag in OF_CLIPS if "onnx" in formats else ():
+        if said[flag]:
+            raise BadRecipe(f"--{flag}: {ONNX_ALONE}. Leave it out")
     for flag, (usual, users) in USED_BY.items():
         if said[flag] != usual and not {*users} & {*formats}:
             raise BadRecipe(f"--{flag}: is for {' and '.join(users)} alone. Leave it out")

@@ -160,6 +160,7 @@ def test_a_number_that_cannot_be_is_said_by_its_flag(typed, said, gmrdata, small
         ("infer CLIP --joint-map IN", "--joint-map: names joints of a .bvh or .amc, and walk"),
         ("infer CLIP --bridge-frames 3 --dry-run", "--bridge-frames: fills gaps in people"),
         ("export CLIP --to tum --which best", "--which: is for onnx alone"),
+        ("export bundled --to onnx --clips 02_01", "--clips: onnx is of a training run"),
         ("export CLIP --to tum bvh --observations all", "--observations: is for colmap alone"),
         ("export CLIP --to bvh --of person", "--of: is for tum and kitti alone"),
         ("export IN --to onnx --threedpw IN", "--threedpw: is for 3dpw alone"),
