@@ -95,6 +95,23 @@ def _clip_lacks(need: Need, exported: "ExportedClip") -> str:
     return ""
 
 
+PINHOLES: tuple[FormatName, ...] = ("gem-x", "3dpw", "emdb", "glb", "usd", "rrd")
+"""Formats that hold a camera without the lens's distortion."""
+
+
+def bend_px(clips: Sequence["ExportedClip"]) -> float:
+    """How far the lens that a sequence was solved with moves the corner of its pictures; 0 where
+    nobody solved it."""
+    from gmrdata.cameras.files import load_quality
+
+    sfm_dir, camera = clips[0].sfm_dir, clips[0].clip.camera
+    lens = None if sfm_dir is None else load_quality(sfm_dir).lens
+    if lens is None or camera is None:
+        return 0.0
+    r = camera.lens.corner_radius
+    return abs(lens.k1 * r**3 + lens.k2 * r**5) * max(camera.lens.focal_px)
+
+
 def export_colmap(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
     """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
     from gmrdata.cameras.files import load_cameras

@@ -170,6 +170,9 @@ def test_bodies_lie_over_the_frames_as_the_lens_shows_them(small_body, tmp_path,
         shown.append(frame[..., 2] - frame[..., 0] > 40)  # the body is blue
     high, low = (np.flatnonzero(body.any(axis=1))[[0, -1]] for body in shown)
     assert np.ptp(low) < np.ptp(high) - 5
+    said = gmrdata("export", folder, "--to", "glb", "colmap", "--out", tmp_path / "pinhole_alone")
+    remarks = " ".join(said.stderr.split())
+    assert "glb holds a camera without it" in remarks and "colmap holds" not in remarks
 
 
 TRUE_FROM_WORLD = np.array([[0.0, -1, 0, 5], [1, 0, 0, -2], [0, 0, 1, 0.3], [0, 0, 0, 1]])
