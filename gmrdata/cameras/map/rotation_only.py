@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, diags_array, eye_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.sparse.linalg import cg, spsolve
@@ -316,6 +317,7 @@ def _cross(vectors: np.ndarray) -> np.ndarray:
 
 
 ZOOM_PAIRS = 200  # that are looked at, at most
+MOST_ZOOM = 1.0  # logarithm of what the first of two frames may be zoomed by
 LEAST_ZOOM = 0.05  # logarithm, in the worst tenth of the pairs, from which a camera zooms
 
 
@@ -337,21 +339,37 @@ def zooms(matches: Matches, intrinsics_px: np.ndarray, config: SfmConfig) -> boo
     )
 
 
+class _Zoomed(NamedTuple):
+    """What a turn and a zoom leave of the matches of two frames."""
+
+    zoom: float  # Logarithm
+    median_px: float  # Of the residuals
+    share: float  # Of the matches that agree
+
+
 def _zoomed(
     first_px: np.ndarray, second_px: np.ndarray, intrinsics_px: np.ndarray, inlier_px: float
-) -> tuple[float, float, float]:
-    """The logarithm of a zoom beside a turn, by a homography between matched points (N, 2); their
-    median residual [px], and how many agree, as a share."""
+) -> _Zoomed:
+    """The zoom beside a turn between matched points (N, 2), by their homography, from the focal
+    length of the first frame that explains most: it may be zoomed already."""
     found, _ = cv2.findHomography(first_px, second_px, cv2.RANSAC, inlier_px)
     if found is None or not np.linalg.det(found) > 0:
-        return 0.0, np.inf, 0.0
-    bent = np.linalg.inv(intrinsics_px) @ found @ intrinsics_px
-    sizes = np.linalg.norm(bent, axis=1)
-    zoom = np.array([sizes[:2].mean() / sizes[2]] * 2 + [1.0])
-    u, _, vt = np.linalg.svd(bent / zoom[:, None])
-    expected_px, _ = _turned(first_px, u @ vt, intrinsics_px, intrinsics_px @ np.diag(zoom))
-    off_px = np.linalg.norm(expected_px - second_px, axis=1)
-    return float(np.log(zoom[0])), float(np.median(off_px)), float((off_px < inlier_px).mean())
+        return _Zoomed(0.0, np.inf, 0.0)
+
+    def turned(log_before: float) -> tuple[float, np.ndarray]:
+        """The logarithm of the zoom, and the distances (N,) that it leaves [px]."""
+        before = np.diag([np.exp(log_before)] * 2 + [1.0])
+        bent = np.linalg.inv(intrinsics_px) @ found @ intrinsics_px @ before
+        sizes = np.linalg.norm(bent, axis=1)
+        then = np.diag([sizes[:2].mean() / sizes[2]] * 2 + [1.0])
+        u, _, vt = np.linalg.svd(np.linalg.inv(then) @ bent)
+        expected_px, _ = _turned(first_px, u @ vt, intrinsics_px @ before, intrinsics_px @ then)
+        off_px = np.linalg.norm(expected_px - second_px, axis=1)
+        return float(np.log(then[0, 0])) - log_before, off_px
+
+    best = minimize_scalar(lambda at: turned(at)[1].mean(), bounds=(-MOST_ZOOM, MOST_ZOOM))
+    zoom, off_px = turned(float(best.x))
+    return _Zoomed(zoom, float(np.median(off_px)), float((off_px < inlier_px).mean()))
 
 
 CELLS = 8  # of the picture, along each side

@@ -176,15 +176,25 @@ def test_the_number_of_blas_threads_does_not_change_a_bit():
 
 
 @pytest.mark.parametrize(
-    ("ahead_m", "aside_m", "zoom", "is_zoom"),
-    [(0.0, 0.0, 1.5, True), (2.0, 0.0, 1.0, False), (0.0, 1.0, 1.0, False), (0.3, 1.0, 1.3, False)],
+    ("ahead_m", "aside_m", "pan_deg", "zoom", "is_zoom"),
+    [
+        (0.0, 0.0, 0.0, 1.5, True),
+        (0.0, 0.0, 25.0, 1.5, True),
+        (0.0, 0.0, 25.0, 0.7, True),
+        (2.0, 0.0, 0.0, 1.0, False),
+        (2.0, 0.0, 25.0, 1.0, False),
+        (0.0, 1.0, 0.0, 1.0, False),
+        (0.0, 1.0, 25.0, 1.0, False),
+        (0.3, 1.0, 0.0, 1.3, False),
+    ],
 )
-def test_a_zoom_is_told_from_a_way_through_a_room(ahead_m, aside_m, zoom, is_zoom):
+def test_a_zoom_is_told_from_a_way_through_a_room(ahead_m, aside_m, pan_deg, zoom, is_zoom):
     rng = np.random.default_rng(0)
     points_m = rng.uniform([-5, -2, 4], [5, 2, 9], (800, 3))
     keypoints_px, inside = [], []
     for share in np.linspace(0, 1, 8):
-        seen = points_m - share * np.array([aside_m, 0, ahead_m])
+        turn = Rotation.from_euler("y", share * pan_deg, degrees=True)
+        seen = turn.apply(points_m - share * np.array([aside_m, 0, ahead_m]), inverse=True)
         rays = seen[:, :2] / seen[:, 2:] * (1 + share * (zoom - 1))
         image_px = np.c_[rays, np.ones(800)] @ INTRINSICS_PX[:2].T + rng.normal(0, 0.3, (800, 2))
         keypoints_px.append(image_px)
