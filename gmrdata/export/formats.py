@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from gmrdata.read.frames import is_turned
+from gmrdata.read.frames import IMAGE_SUFFIXES, is_turned, number_in_name
 from gmrdata.read.video import video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
 from gmrdata.values.body import SMPL, BodyModel
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadSequence
+from gmrdata.values.files import visible
 from gmrdata.values.motion import Motion
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def _clip_lacks(need: Need, exported: "ExportedClip") -> str:
     return ""
 
 
-PINHOLES: tuple[FormatName, ...] = ("gem-x", "3dpw", "emdb", "glb", "usd", "rrd")
+PINHOLES: tuple[FormatName, ...] = ("gem-x", "3dpw", "emdb", "gvhmr", "glb", "usd", "rrd")
 """Formats that hold a camera without the lens's distortion."""
 
 
@@ -192,7 +193,11 @@ def times_of(images_dir: Path | None, image_numbers: np.ndarray, fps_hz: float) 
     video = None if images_dir is None else video_record(images_dir)
     by_rate_s = np.arange(len(image_numbers)) / fps_hz
     own_s = by_rate_s if video is None else video.times_of(image_numbers)
-    return own_s if np.isfinite(own_s).all() else by_rate_s
+    known = np.isfinite(own_s)
+    if not known.any():
+        return by_rate_s
+    # A row without an image has no time of its own.
+    return np.where(known, own_s, np.interp(by_rate_s, by_rate_s[known], own_s[known]))
 
 
 def export_kitti(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
@@ -245,7 +250,9 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     _usable(clips, "campose_valid is 0 in all frames")
     _require_images_by_row(clips[0])
     for one in clips:
-        if one.clip.motion.body.startswith(SMPL) and one.clip.motion.shape[SMPL_SHAPES:].any():
+        if not one.clip.motion.body.startswith(SMPL):
+            raise BadSequence(f"clip {one.id} has the body {one.clip.motion.body}, 3DPW has SMPL's")
+        if one.clip.motion.shape[SMPL_SHAPES:].any():
             what = f"{len(one.clip.motion.shape)} shape coefficients, 3DPW has {SMPL_SHAPES}"
             raise BadSequence(f"clip {one.id} has {what}")
     name = clips[0].sequence
@@ -332,14 +339,18 @@ def _require_each_frame(person: "TrackedPerson", remedy: str) -> None:
 
 def _tracked(exported: "ExportedClip") -> "TrackedPerson":
     """The person and the frames of the video, counted as `gmrdata evaluate` counts them."""
-    from gmrdata.read.frames import number_in_name
     from gmrdata.score.results import frames_of_rows
     from gmrdata.write.systems import TrackedPerson
 
-    images = []
-    if exported.images_dir is not None:
-        images = [number_in_name(image.name) for image in exported.images_dir.iterdir()]
-    frames = frames_of_rows(exported.clip, [number for number in images if number is not None])
+    folder, numbers = exported.images_dir, exported.clip.image_numbers
+    video = None if folder is None else video_record(folder)
+    if video is not None and (numbers >= 0).any():
+        frame_of = {number // video.every: number for number in video.numbers}
+        frames = np.array([frame_of.get(number, -1) for number in numbers.tolist()])
+    else:
+        there = [] if folder is None else visible(folder.iterdir())
+        found = [number_in_name(one.name) for one in there if one.suffix.lower() in IMAGE_SUFFIXES]
+        frames = frames_of_rows(exported.clip, [number for number in found if number is not None])
     rows = exported.clip.valid & (frames >= 0)
     return TrackedPerson(exported.clip.motion, exported.rest_pelvis_m, rows, frames)
 

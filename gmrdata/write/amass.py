@@ -43,7 +43,7 @@ def write_amass(path: Path, motion: Motion, body: BodyModel) -> None:
             "trans": trans_m,
             "betas": betas,
             "dmpls": np.zeros((motion.n_frames, N_DMPLS)),
-            "gender": motion.gender,
+            "gender": motion.gender if body.name.startswith(SMPL) else "neutral",
             "mocap_framerate": motion.fps_hz,
         },
     )

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.stage.progress import remark
 from gmrdata.stage.workers import give_sigterm_back
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
@@ -80,7 +81,11 @@ def write_colmap(
     if images_dir is not None and len(points.world_m):
         model.extract_colors_for_all_images(str(images_dir))
     model.update_point_3d_errors()
-    for name, write in ((BINARY_FOLDER, model.write_binary), (TEXT_FOLDER, model.write_text)):
+    writers = {BINARY_FOLDER: model.write_binary, TEXT_FOLDER: model.write_text}
+    if any(any(map(str.isspace, name)) for name in names.values()):
+        remark(f"{folder.name}: no {TEXT_FOLDER}, in which an image's name ends at the first space")
+        del writers[TEXT_FOLDER]
+    for name, write in writers.items():
         (folder / name).mkdir(parents=True)
         write(str(folder / name))
 

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.entries import N_SMPLX_BODY, SMPLX_REST_PELVIS_M
 from gmrdata.read.systems.gvhmr import GVHMR
-from gmrdata.values.body import WORLD_FROM_REST
+from gmrdata.values.body import SMPL, SMPL_REST_PELVIS_M, WORLD_FROM_REST
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.files import write_bytes
@@ -118,8 +118,9 @@ def write_wham(
 
     A person who is None is left out; the others keep their numbers.
 
-    The shape coefficients are those of the person's own body, whose name is in `body`, a key more
-    than WHAM has.  Without a camera there is no `pose` and no `trans`.
+    Whoever has another body than SMPL's gets its mean shape, and `trans` puts its pelvis where the
+    person's is.  The body's name is in `body`, a key more than WHAM has.  Without
+    a camera there is no `pose` and no `trans`.
 
     Raises:
         BadMotionFile: a person has no frame that may be used, or one that is not finite.
@@ -135,16 +136,19 @@ def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, 
     motion = person.motion.take(rows)
     require_finite(motion, np.flatnonzero(rows))
     y_up = y_up_from_world(motion.n_frames)
-    shape = np.pad(motion.shape, (0, max(0, N_BETAS - len(motion.shape))))
+    is_smpl = motion.body.startswith(SMPL)
+    rest_pelvis_m = person.rest_pelvis_m if is_smpl else np.array(SMPL_REST_PELVIS_M)
+    shape = motion.shape if is_smpl else np.zeros(N_BETAS)
+    shape = np.pad(shape, (0, max(0, N_BETAS - len(shape))))
     content: dict[str, object] = {}
     if camera is not None:
         cam_from_world = invert(camera.world_from_cam[rows])
-        content |= _named(placed(motion, cam_from_world, person.rest_pelvis_m), "pose", "trans")
-    world = placed(motion, y_up, person.rest_pelvis_m)
+        content |= _named(placed(motion, cam_from_world, rest_pelvis_m), "pose", "trans")
+    world = placed(motion, y_up, rest_pelvis_m)
     content |= _named(world, "pose_world", "trans_world")
     content["betas"] = np.tile(shape, (motion.n_frames, 1)).astype(np.float32)
     content["frame_ids"] = person.frame_numbers[rows].astype(np.int64)
-    content["body"] = motion.body
+    content["body"] = motion.body if is_smpl else f"{SMPL}neutral"
     return content
 
 

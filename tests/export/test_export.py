@@ -17,6 +17,7 @@ import gmrdata
 from gmrdata.cameras.files import load_quality
 from gmrdata.cli.export import SAID
 from gmrdata.export.formats import FORMATS, FormatName
+from gmrdata.read.systems.result import read_system
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from tests.clip_manifests import write_clips
@@ -193,6 +194,40 @@ def test_times_are_those_of_the_video(walkers, small_body, tmp_path):
     save_clip(path, clip, small_body.rest_pelvis_m(clip.motion.shape))
     rows = np.arange(clip.motion.n_frames)
     times_s = 4.0 + rows / 30 + (rows > 20)
+    video(times_s.tolist()).write(tmp_path / "walk/frames/video.json")
+    gmrdata.export(tmp_path / "walk", ["tum"], tmp_path)
+    (written,) = (tmp_path / "tum").iterdir()
+    np.testing.assert_allclose(np.loadtxt(written)[:, 0], times_s, atol=1e-9)
+
+
+PERSON = "walk/pseudo_gt/person_0.npz"
+
+
+@pytest.mark.parametrize(("every", "first"), [(2, 0), (1, 60)])
+def test_frames_are_those_of_the_whole_video(walkers, small_body, tmp_path, every, first):
+    """WHAM's `frame_ids` counted the images of a video of which every second frame was taken, or a
+    part, and our own reader put the person on other frames."""
+    clip, n = walkers[0], walkers[0].motion.n_frames
+    clip = replace(clip, image_numbers=np.arange(n) + first)
+    save_clip(tmp_path / PERSON, clip, small_body.rest_pelvis_m(clip.motion.shape))
+    numbers = tuple(range(first, first + every * n, every))
+    record = video((np.arange(n) / 30).tolist(), every=every)
+    record = record.model_copy(update={"numbers": numbers, "n_decoded": numbers[-1] + 1})
+    record.write(tmp_path / "walk/frames/video.json")
+    made = gmrdata.export(tmp_path / "walk", ["wham", "gvhmr"], tmp_path)
+    assert "frame" in made[1].left_out
+    (path,) = (tmp_path / "wham").rglob("*.pkl")
+    (found,) = read_system(path, "world").people
+    assert found.frame_numbers.tolist() == np.array(numbers)[clip.valid].tolist()
+
+
+def test_a_row_without_an_image_keeps_the_other_times(walkers, small_body, tmp_path):
+    """All times began at 0 then, at the usual rate."""
+    clip = walkers[0]
+    rows = np.arange(clip.motion.n_frames)
+    clip = replace(clip, image_numbers=np.where(rows == 3, -1, clip.image_numbers))
+    save_clip(tmp_path / PERSON, clip, small_body.rest_pelvis_m(clip.motion.shape))
+    times_s = 4.0 + rows / 30
     video(times_s.tolist()).write(tmp_path / "walk/frames/video.json")
     gmrdata.export(tmp_path / "walk", ["tum"], tmp_path)
     (written,) = (tmp_path / "tum").iterdir()

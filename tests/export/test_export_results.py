@@ -89,6 +89,14 @@ def test_files_where_others_look_for_them(manifest, tmp_path, capsys):
         assert line in said
 
 
+def test_3dpw_has_no_other_body_than_smpls(walkers, small_body, tmp_path, capsys):
+    """Its loaders put another body's shape and path on SMPL's."""
+    woman = replace(walkers[0], motion=replace(walkers[0].motion, gender="female"))
+    manifest = write_clips(tmp_path / "in", small_body, [woman], camera_motions=["circular"])
+    assert export(manifest, "--to", "3dpw", "--out", tmp_path / "out") == 1
+    assert "has the body small, 3DPW has SMPL's" in " ".join(capsys.readouterr().err.split())
+
+
 def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_path, capsys):
     body = replace(small_body, name="smpl-neutral")
     motion = replace(walkers[0].motion, body=body.name, fps_hz=30.0)

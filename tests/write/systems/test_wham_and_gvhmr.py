@@ -9,6 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.result import read_system
+from gmrdata.values.body import SMPL_REST_PELVIS_M
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.skinning import motion_joints_m
@@ -22,12 +23,13 @@ SMPLX_PELVIS_M = [0.0031, -0.3514, 0.0120]
 
 @pytest.fixture(scope="module")
 def people(walkers, small_body) -> list[TrackedPerson]:
-    """Two walkers, of whom the second is not in frames 5 to 7."""
+    """Two walkers, of whom the second is not in frames 5 to 7; on a body that passes for SMPL's."""
     n = np.arange(walkers[0].motion.n_frames)
     rows = [n >= 0, (n < 5) | (n > 7)]
+    motions = [replace(one.motion, body="smpl-female") for one in walkers]
     return [
-        TrackedPerson(one.motion, small_body.rest_pelvis_m(one.motion.shape), valid, n + 3)
-        for one, valid in zip(walkers, rows, strict=True)
+        TrackedPerson(motion, small_body.rest_pelvis_m(motion.shape), valid, n + 3)
+        for motion, valid in zip(motions, rows, strict=True)
     ]
 
 
@@ -45,7 +47,7 @@ def test_wham_by_plain_pickle(people, walkers, small_body, tmp_path):
     write_wham(path, people, camera)
     found = pickle.loads(path.read_bytes())
     assert list(found) == [0, 1]
-    assert found[1].pop("body") == found[0].pop("body") == "small"
+    assert found[1].pop("body") == found[0].pop("body") == "smpl-female"
     assert {key: (value.shape, value.dtype) for key, value in found[1].items()} == {
         "pose": ((27, 72), np.float32), "trans": ((27, 3), np.float32),
         "pose_world": ((27, 72), np.float32), "trans_world": ((27, 3), np.float32),
@@ -85,6 +87,16 @@ def test_wham_comes_back(people, tmp_path):
         assert np.abs(pelvis_m - motion.pelvis_m).max() < MM
         assert found.frame_numbers.tolist() == person.frame_numbers[person.rows].tolist()
         assert (found.betas_body, path.name) == (motion.body, "wham_output.pkl")
+
+
+def test_wham_of_another_body_is_of_smpls_mean(people, tmp_path):
+    """Its shape means nothing to SMPL, and its pelvis stood 0.22 m low by SMPL's own J0."""
+    person = replace(people[0], motion=replace(people[0].motion, body="anny"))
+    write_wham(tmp_path / "wham_output.pkl", [person], None)
+    found = pickle.loads((tmp_path / "wham_output.pkl").read_bytes())[0]
+    assert found["body"] == "smpl-neutral" and not found["betas"].any()
+    pelvis_m = (found["trans_world"] + SMPL_REST_PELVIS_M) @ Z_UP_FROM_Y_UP.T
+    assert np.abs(pelvis_m - person.motion.pelvis_m[person.rows]).max() < MM
 
 
 def test_gvhmr_by_torchs_safe_loader(people, walkers, tmp_path):
