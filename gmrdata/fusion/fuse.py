@@ -172,7 +172,8 @@ def fuse(
         source: A pseudo ground truth, a video's folder that holds one, or a clip in the world.
             One without any camera is the network's path alone, bent by feet and loops.
         out_dir: Gets `fusion.json`, and of each person `sigma_<n>.npz` and `person_<n>.npz`, with a
-            pose in each frame; `valid` are those in which the person was seen.
+            pose in each frame; `valid` are those in which the person was seen, and none where a
+            camera knew the others alone.
         network: Run folder of a trained network, or "bundled" for the one of the package.
         body_path: Body of the clips; None for the default body.
         config: When None, settings that suit the system that saw the people.
@@ -189,8 +190,13 @@ def fuse(
         body = load_body(body_path)
         weighed = WeighedGmr.load(given, config.which)
         said = []
+        placed = [known_frames(person.clip).any() for person in people]
         for number, person in enumerate(people):
             fused = fuse_person(person, weighed, body, config.fusion)
+            if any(placed) and not placed[number]:
+                # In a world of one's own, which nothing ties to that of the others.
+                nowhere = replace(fused.clip, valid=np.zeros_like(fused.clip.valid))
+                fused = replace(fused, clip=nowhere)
             rest_pelvis_m = body.rest_pelvis_m(fused.clip.motion.shape)
             save_clip(partial / person_file(number), fused.clip, rest_pelvis_m)
             write_npz(partial / sigma_file(number), {"format": SIGMA_FORMAT, **fused.arrays})

@@ -176,6 +176,19 @@ def test_who_is_not_seen_has_poses_that_are_not_valid(
     assert np.isfinite(fused.motion.pelvis_m).all()
 
 
+def test_who_never_met_a_camera_is_not_shown_beside_who_did(
+    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path
+):
+    """Such a person stood at the origin of the others' world, wherever it was."""
+    nobody = replace(clip, valid=np.zeros(90, dtype=bool))
+    (pseudo_gt / "quality.json").unlink()
+    save_clip(pseudo_gt / "person_1.npz", nobody, small_body.rest_pelvis_m(clip.motion.shape))
+    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
+    made = fuse(pseudo_gt, tmp_path / "out", body_path=body_path, **given)
+    shown = [load_clip(made / f"person_{number}.npz").valid.any() for number in (0, 1)]
+    assert shown == [True, False]
+
+
 def test_one_clip_of_a_pseudo_ground_truth_is_as_in_its_folder(
     pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path, monkeypatch
 ):  # fmt: skip
