@@ -8,12 +8,11 @@ from typing import Literal, NamedTuple
 
 from gmrdata.export.formats import (
     FORMATS,
-    PINHOLES,
     ExportOptions,
     FormatName,
     Seen,
     Trajectory,
-    bend_px,
+    not_held,
     seen_points,
     times_of,
     unit_of,
@@ -248,9 +247,8 @@ def _write(
     format = FORMATS[unit.format]
     if (reason := why_not(format, people, options)) or dry_run:
         return reason
-    if unit.format in PINHOLES and (off_px := bend_px(people)) >= 1:
-        what = f"the lens bends the pictures by {off_px:.0f} px at the corner"
-        remark(f"{unit.name}: {what}, {unit.format} holds a camera without it; colmap has it")
+    for lacking in not_held(unit.format, people):
+        remark(f"{unit.name}: {lacking}")
     try:
         with _whole(unit.path) as partial:
             format.write(people, partial, options)

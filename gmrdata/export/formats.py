@@ -5,7 +5,7 @@ with plain values.  What it can't write is an error, which is said of that clip 
 imported where they are called, since the command line knows all formats before it runs.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -98,9 +98,31 @@ def _clip_lacks(need: Need, exported: "ExportedClip") -> str:
 
 PINHOLES: tuple[FormatName, ...] = ("gem-x", "3dpw", "emdb", "gvhmr", "glb", "usd", "rrd")
 """Formats that hold a camera without the lens's distortion."""
+SAME_LEGS = 0.01  # as a share: no remark on what nobody sees
+STEADY: tuple[FormatName, ...] = ("amass", "bvh", "glb", "usd", "rrd", "mp4")
+"""Formats that hold a rate, and no times of frames."""
 
 
-def bend_px(clips: Sequence["ExportedClip"]) -> float:
+def not_held(format: str, clips: Sequence["ExportedClip"]) -> Iterator[str]:
+    """What a format has no place for, in words: it is written all the same."""
+    if format in PINHOLES and (off_px := _bend_px(clips)) >= 1:
+        what = f"the lens bends the pictures by {off_px:.0f} px at the corner"
+        yield f"{what}, {format} holds a camera without it; colmap has it"
+    if format == "amass":
+        from gmrdata.write.amass import smpl_legs
+
+        if abs((share := smpl_legs(clips[0].clip.motion, clips[0].body)) - 1) > SAME_LEGS:
+            yield f"SMPL's mean legs walk {share:.3f} of the path in amass; bvh has all of it"
+    if format in STEADY:
+        motion, images_dir = clips[0].clip.motion, clips[0].images_dir
+        times_s = times_of(images_dir, clips[0].clip.image_numbers, motion.fps_hz)
+        off_s = np.ptp(times_s - np.arange(len(times_s)) / motion.fps_hz)
+        if off_s > 0.5 / motion.fps_hz:
+            what = f"the video's frames are up to {off_s:.2f} s off a steady {motion.fps_hz:.5g} Hz"
+            yield f"{what}, which {format} has; tum has their times"
+
+
+def _bend_px(clips: Sequence["ExportedClip"]) -> float:
     """How far the lens that a sequence was solved with moves the corner of its pictures; 0 where
     nobody solved it."""
     from gmrdata.cameras.files import load_quality

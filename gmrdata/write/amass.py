@@ -55,5 +55,11 @@ def _on_smpl(motion: Motion, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
     if body.name.startswith(SMPL):
         betas[: len(motion.shape)] = motion.shape
         return betas, motion.pelvis_m - body.rest_pelvis_m(motion.shape)
-    smpl_from_body = SMPL_LEG_M / leg_length_m(body.rest_joints_m(motion.shape))
-    return betas, motion.pelvis_m * smpl_from_body - np.array(SMPL_REST_PELVIS_M)
+    return betas, motion.pelvis_m * smpl_legs(motion, body) - np.array(SMPL_REST_PELVIS_M)
+
+
+def smpl_legs(motion: Motion, body: BodyModel) -> float:
+    """Legs of SMPL's neutral mean shape over the person's, by which a path is scaled; 1 on SMPL."""
+    if body.name.startswith(SMPL):
+        return 1.0
+    return SMPL_LEG_M / leg_length_m(body.rest_joints_m(motion.shape))

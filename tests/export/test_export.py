@@ -187,7 +187,7 @@ def test_people_of_a_sequence_share_the_file_of_their_one_camera(walkers, small_
         assert sorted(path.name for path in (tmp_path / of / "tum").iterdir()) == names[of]
 
 
-def test_times_are_those_of_the_video(walkers, small_body, tmp_path):
+def test_times_are_those_of_the_video(walkers, small_body, tmp_path, capsys):
     """Whose part was solved, and which stopped for a second: as those of cameras alone are."""
     clip = walkers[0]
     path = tmp_path / "walk/pseudo_gt/person_0.npz"
@@ -195,9 +195,11 @@ def test_times_are_those_of_the_video(walkers, small_body, tmp_path):
     rows = np.arange(clip.motion.n_frames)
     times_s = 4.0 + rows / 30 + (rows > 20)
     video(times_s.tolist()).write(tmp_path / "walk/frames/video.json")
-    gmrdata.export(tmp_path / "walk", ["tum"], tmp_path)
+    gmrdata.export(tmp_path / "walk", ["tum", "glb"], tmp_path)
     (written,) = (tmp_path / "tum").iterdir()
     np.testing.assert_allclose(np.loadtxt(written)[:, 0], times_s, atol=1e-9)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "frames are up to 1.00 s off a steady" in said and "which glb has" in said
 
 
 PERSON = "walk/pseudo_gt/person_0.npz"
