@@ -140,10 +140,12 @@ def _similarity(whole: Any, model: Any, config: SfmConfig) -> tuple[Any | None, 
     errors_px = [_shared_error_px(whole, model, one, shared) for one in fits]
     best = int(np.argmin(errors_px))
     whole_from_model, error_px = fits[best], errors_px[best]
-    if not error_px <= joining.max_shared_error_px:
+    in_parts = len(shared) >= config.mapping.part_overlap
+    most_px = joining.max_part_error_px if in_parts else joining.max_shared_error_px
+    if not error_px <= most_px:
         return None, (
             f"its cameras of the {frames} shared with the largest are {error_px:.1f} px off "
-            f"(threshold {joining.max_shared_error_px:g} px)"
+            f"(threshold {most_px:g} px)"
         )
     return whole_from_model, f"joined by {frames} and {len(ours)} points, {error_px:.2f} px off"
 
