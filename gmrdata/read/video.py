@@ -93,7 +93,8 @@ def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]
         stream = _video_stream(path, container)
         codec = stream.codec_context
         length_s = float(container.duration or 0) / av.time_base
-        n_frames = stream.frames or round(length_s * float(stream.average_rate or 0))
+        stated = _stated_frames(container, stream)
+        n_frames = stated or round(length_s * float(stream.average_rate or 0))
         if not n_frames:  # as of what a browser records
             at_s = [_packet_time_s(packet) for packet in container.demux(stream) if packet.size]
             known_s = [time_s for time_s in at_s if time_s is not None]
@@ -493,7 +494,8 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
         end_s = stopped_at_s + first_s - 1e-6
         before = sum(time_s is not None and time_s < end_s for time_s in times_s)
         return max(before - n_cut, reading.n_frames)
-    n_counted = max(len(times_s), stream.frames - reading.n_discarded)
+    stated = _stated_frames(container, stream, reading.n_discarded)
+    n_counted = max(len(times_s), stated)
     expected = max(n_counted - n_cut, reading.n_frames)
     if stream.frames or len(container.streams) > 1 or not container.duration:
         return int(expected)
@@ -504,6 +506,21 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
     elif n_cut:
         length_s -= first_s - min(reading.cut_times_s)
     return max(int(expected), _count_by_length(length_s, reading))
+
+
+def _stated_frames(container: "InputContainer", stream: Any, n_discarded: int = 0) -> int:
+    """Frames that the file says it shows, without those that an edit list leaves out; 0 if it
+    does not say.  `n_discarded` is as far as it was read, for a PyAV without the index."""
+    entries = [entry for entry in getattr(stream, "index_entries", None) or () if entry.size]
+    if entries and container.format.name.startswith("mov"):
+        # The head counts all that are stored; the index has what its edit list needs.
+        return sum(not entry.is_discard for entry in entries)
+    if entries and container.format.name == "avi":
+        # A dropped frame is an empty chunk: the head and the index's times count it.  The index of
+        # a file that was cut off ends early, so it can't stand for the head.
+        n_empty = entries[-1].timestamp + 1 - len(entries)
+        return stream.frames - n_empty if 0 <= n_empty < stream.frames else stream.frames
+    return int(stream.frames - n_discarded)
 
 
 def _count_by_length(length_s: float, reading: _Reading) -> int:

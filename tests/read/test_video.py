@@ -273,6 +273,51 @@ def test_a_file_that_was_cut_off(tmp_path, name):
     assert record.n_expected == 48 and record.n_lost == 48 - record.n_decoded
 
 
+def trimmed(whole: Path, by_ticks: int) -> Path:
+    """The same packets that much earlier, which an edit list trims: `ffmpeg -ss ... -c copy`."""
+    path = whole.with_name("trimmed.mp4")
+    with av.open(str(whole)) as source, av.open(str(path), "w") as container:
+        stream = container.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(source.streams.video[0]):
+            if packet.pts is not None and packet.dts is not None:
+                packet.pts, packet.dts = packet.pts - by_ticks, packet.dts - by_ticks
+                packet.stream = stream
+                container.mux(packet)
+    return path
+
+
+@pytest.mark.parametrize("n_b_frames", ["0", "2"])
+def test_a_trimmed_file_is_whole(tmp_path, n_b_frames):
+    """Its head counts the frames, too, of which its edit list needs none."""
+    whole = long_video(tmp_path / "whole.mp4", bf=n_b_frames)
+    extracted(whole)
+    with av.open(str(whole)) as container:
+        ticks = round(1 / 25 / container.streams.video[0].time_base)
+    trim = trimmed(whole, 17 * ticks)
+    assert count_images(trim, VideoConfig()) == (31, (160, 120))
+    images, record = extracted(trim)
+    assert (len(images), record.n_expected, record.n_lost) == (31, 31, 0)
+    first, same = (cv2.imread(str(whole.with_suffix("") / f"{n:05d}.jpg")) for n in (17, 18))
+    seen = cv2.imread(str(images[0])).astype(int)
+    assert np.abs(seen - first).mean() < 0.25 * np.abs(seen - same).mean()
+
+
+@pytest.mark.parametrize("codec", ["mpeg4", "mjpeg"])
+def test_dropped_frames_of_an_avi_are_not_lost(codec, tmp_path):
+    """Empty chunks stand for them, and are counted in its head; what was cut off is still lost."""
+    ticks, images = [0, 1, 2, 5, 6, 9, 10, 11, 12, 20, 21, 22], [textured(i) for i in range(12)]
+    pixels = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+    video = make_video(tmp_path / "a.avi", images, codec, pixels, ticks=ticks)
+    _, record = extracted(video)
+    assert (record.n_expected, record.n_decoded) == (12, 12)
+    assert record.times_s == pytest.approx([tick / 25 for tick in ticks])
+    content = video.read_bytes()
+    cut = tmp_path / "cut.avi"
+    cut.write_bytes(content[: content.rindex(b"00dc", 0, content.index(b"idx1"))])
+    with pytest.raises(BadFrames, match="frames by the file's own count, but 11 can be"):
+        extracted(cut)
+
+
 def test_a_transport_stream_with_lost_packets(tmp_path):
     video = long_video(tmp_path / "a.ts")
     content = video.read_bytes()
