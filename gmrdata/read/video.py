@@ -4,7 +4,6 @@ PyAV decodes, and OpenCV writes the JPEGs.  A frame is as a person sees it in a 
 mirrored as the file says, without lines of two times, and as wide as its pixels make it.
 """
 
-import heapq
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -174,12 +173,18 @@ class _Reading:
     packet_times_s: list[float | None] = field(default_factory=list)
     key_time_s: float | None = None  # of the first picture that needs no other
     cut_times_s: list[float] = field(default_factory=list)  # of pictures cut from what they need
+    last_packet_s: float | None = None
+    is_reordered: bool = False  # a packet is shown before one that stands before it
     n_discarded: int = 0  # frames that an edit list leaves out
     times_s: list[float] = field(default_factory=list)  # of all frames, from the first on
     n_deinterlaced: int = 0
     is_turned: bool = False
     first_time_s: float | None = None
     stopped_at_s: float | None = None  # from the first frame on; None if read to the end
+
+    def note_time(self, packet_s: float) -> None:
+        self.is_reordered |= self.last_packet_s is not None and packet_s < self.last_packet_s
+        self.last_packet_s = packet_s
 
     @property
     def n_frames(self) -> int:
@@ -288,7 +293,8 @@ def _pictures(
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Number and picture (H, W, 3) BGR of each frame that is asked for."""
     stretch = _pixel_aspect(stream)
-    in_order = _in_order(_decoded(container, stream, reading))
+    timed = _timed(_decoded(container, stream, reading), stream)
+    in_order = _in_order(timed, reading)
     for frame in _progressive(in_order, reading):
         number, time_s = reading.n_frames, _time_s(path, frame, stream, reading)
         if time_s <= reading.last_time_s:
@@ -324,6 +330,7 @@ def _decoded(
                 time_s = _packet_time_s(packet)
                 reading.packet_times_s.append(time_s)
                 if time_s is not None:
+                    reading.note_time(time_s)
                     _look_for_cut(time_s, packet.is_keyframe, begins_anywhere, reading)
         try:
             frames = packet.decode()
@@ -349,17 +356,52 @@ def _look_for_cut(time_s: float, is_key: bool, begins_anywhere: bool, reading: _
         reading.cut_times_s.append(time_s)
 
 
-def _in_order(frames: Iterator["av.VideoFrame"]) -> Iterator["av.VideoFrame"]:
-    """The frames by time: behind a damaged one decoders give some too early."""
-    held: list[tuple[int, int, av.VideoFrame]] = []
-    for place, frame in enumerate(frames):
+def _timed(frames: Iterator["av.VideoFrame"], stream: Any) -> Iterator["av.VideoFrame"]:
+    """The frames, each with a time if any has one: MPEG-PS gives it only to some."""
+    rate_hz = stream.average_rate or stream.guessed_rate
+    last: int | None = None
+    untimed: list[av.VideoFrame] = []  # before the first with a time
+    for frame in frames:
+        step = round(1 / (rate_hz * frame.time_base)) if rate_hz and frame.time_base else 0
+        if frame.pts is None and last is not None and step:
+            frame.pts = last + step
+        if frame.pts is None and last is None and len(untimed) < MOST_REORDERED:
+            untimed.append(frame)
+            continue
+        if frame.pts is not None and step:
+            for before, one in enumerate(reversed(untimed), start=1):
+                one.pts = frame.pts - before * step
+        last = last if frame.pts is None else frame.pts
+        yield from untimed
+        untimed = []
+        yield frame
+    yield from untimed
+
+
+def _in_order(frames: Iterator["av.VideoFrame"], reading: _Reading) -> Iterator["av.VideoFrame"]:
+    """The frames by time: behind a damaged one decoders give some too early.
+
+    While no packet's time falls, the file has no times of showing (AVI, ASF, what recorders write),
+    only those of decoding.  Decoders then give the pictures in order, but not the times.
+    """
+    held: list[av.VideoFrame] = []
+
+    def earliest() -> "av.VideoFrame":
+        place = min(range(len(held)), key=lambda i: held[i].pts or 0)
+        if not reading.is_reordered:
+            held[0].pts, held[place].pts = held[place].pts, held[0].pts
+            place = 0
+        return held.pop(place)
+
+    for frame in frames:
         if frame.pts is None:
             yield frame
             continue
-        heapq.heappush(held, (frame.pts, place, frame))
+        held.append(frame)
         if len(held) > MOST_REORDERED:
-            yield heapq.heappop(held)[2]
-    yield from (heapq.heappop(held)[2] for _ in range(len(held)))
+            yield earliest()
+    while held:
+        yield earliest()
 
 
 def _progressive(frames: Iterator["av.VideoFrame"], reading: _Reading) -> Iterator["av.VideoFrame"]:

@@ -158,6 +158,32 @@ def test_odd_sizes_and_long_pixels(tmp_path):
     assert red_quarter(images_px[0]) == (0, 0)
 
 
+def with_times_of_decoding(whole: Path, path: Path) -> Path:
+    """The same packets, each shown when it is decoded: as recorders of network cameras write."""
+    with av.open(str(whole)) as source, av.open(str(path), "w") as container:
+        stream = container.add_stream_from_template(source.streams.video[0])
+        packets = [one for one in source.demux(source.streams.video[0]) if one.size]
+        for number, packet in enumerate(packets):
+            packet.pts = packet.dts = 40 * number
+            packet.time_base, packet.stream = Fraction(1, 1000), stream
+            container.mux(packet)
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a.asf", "a.mkv", "a.mp4", "a.mpg"])
+def test_pictures_keep_their_order_where_packets_have_another(name, tmp_path):
+    """AVI and ASF have no times of showing, nor has what a recorder writes; MPEG-PS has a few."""
+    shown = [np.full((64, 96, 3), 5 * number, np.uint8) for number in range(40)]
+    options = {"bf": "3", "crf": "10", "x264-params": "b-adapt=0"}
+    video = make_video(tmp_path / name, shown, options=options)
+    if name == "a.mkv":
+        video = with_times_of_decoding(video, tmp_path / "recorded.mkv")
+    images, record = extracted(video)
+    seen = [cv2.imread(str(image)).mean() for image in images]
+    assert seen == pytest.approx([5 * number for number in range(40)], abs=2.5)
+    assert record.times_s == pytest.approx([number / 25 for number in range(40)])
+
+
 def test_interlaced_frames_lose_their_combs(tmp_path):
     """Rows of two times: even ones of a bar that stands here, odd ones of one that stands there."""
     images = []
