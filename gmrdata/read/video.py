@@ -47,6 +47,7 @@ MOST_REORDERED = 16  # frames that a decoder may hold back, as H.264 and HEVC ha
 REPEATED, FEWEST_REPEATED, MOST_ON_END = 0.1, 0.15, 10
 """A frame repeats the one before if it changes by so small a share of what most do; how many repeat
 where 24 pictures a second were made 30 (a fifth); and of how many frames one picture is made."""
+FINEST_S = 1e-5  # times are not compared more finely [s]
 FEWEST_LOST_S = 0.5  # a file without a count of frames may say so much more than they last [s]
 
 
@@ -292,7 +293,7 @@ def _pictures(
     path: Path, container: "InputContainer", stream: Any, config: VideoConfig, reading: _Reading
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Number and picture (H, W, 3) BGR of each frame that is asked for."""
-    stretch = _pixel_aspect(stream)
+    stretch, within_s = _pixel_aspect(stream), _same_time_s(stream)
     timed = _timed(_decoded(container, stream, reading), stream)
     in_order = _in_order(timed, reading)
     for frame in _progressive(in_order, reading):
@@ -302,11 +303,11 @@ def _pictures(
                 continue
             what = f"frame {number} is shown at {time_s:g} s, after one at {reading.last_time_s:g}"
             raise BadFrames(f"{path}: {what} s; {REMEDY}")
-        if config.to_s is not None and time_s > config.to_s:
+        if config.to_s is not None and time_s > config.to_s + within_s:
             reading.stopped_at_s = time_s
             return
         reading.times_s.append(time_s)
-        if time_s >= config.from_s and number % config.every == 0:
+        if time_s >= config.from_s - within_s and number % config.every == 0:
             _require_in_budget(path, 1, (frame.width, frame.height))
             yield number, _upright(path, frame, stretch, reading)
 
@@ -445,6 +446,15 @@ def _pulled(graph: "Graph") -> Iterator["av.VideoFrame"]:
             yield graph.vpull()
         except (BlockingIOError, av.EOFError):
             return
+
+
+def _same_time_s(stream: Any) -> float:
+    """How far a frame may be from a time that `video.json` says, which is without the container's
+    rounding and has 6 digits [s]."""
+    rate_hz = float(stream.average_rate or stream.guessed_rate or 0)
+    # AVI counts in whole frames.
+    most_s = 0.25 / rate_hz if rate_hz else FINEST_S
+    return min(max(float(stream.time_base or 0), FINEST_S), most_s)
 
 
 def _time_s(path: Path, frame: "av.VideoFrame", stream: Any, reading: _Reading) -> float:

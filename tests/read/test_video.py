@@ -230,6 +230,22 @@ def test_a_part_of_a_video(tmp_path, config, numbers, names):
     assert [images[0].stem, images[-1].stem] == names and len(images) == len(numbers)
 
 
+@pytest.mark.parametrize("name", ["a.mp4", "a.mkv", "a.avi"])
+def test_a_part_is_asked_for_by_times_of_the_record(name, tmp_path):
+    """At 29.97 Hz neither 6 digits nor Matroska's milliseconds are a frame's own time."""
+    rate_hz = Fraction(30000, 1001)
+    shown = [picture(number % 8) for number in range(45)]
+    options = {"codec": "mjpeg", "pixel_format": "yuvj420p"} if name == "a.avi" else {}
+    video = make_video(tmp_path / name, shown, rate_hz=rate_hz, **options)
+    _, record = extracted(video)
+    for number in (34, 40):
+        time_s = record.times_s[number]
+        for config, end in (({"from_s": time_s}, 0), ({"to_s": time_s}, -1)):
+            part = extract_video(video, tmp_path / f"{number}{end}", VideoConfig(**config))
+            part_record = video_record(part)
+            assert part_record is not None and part_record.numbers[end] == number
+
+
 @pytest.mark.parametrize(
     ("of_frame", "said"),
     [
