@@ -267,6 +267,8 @@ def said_of_repeats(changes: np.ndarray) -> str | None:
         return None
     every = int(apart[1])
     even = (apart[1:-1] == every).all()
+    if even and every == 1:
+        return None  # it only stands still at an end
     remedy = f"--every {every} leaves them out" if even else "give the original"
     n, of = int(repeats.sum()), len(changes) + 1
     return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"

@@ -256,6 +256,7 @@ def test_a_part_is_asked_for_by_times_of_the_record(name, tmp_path):
         ),
         (lambda n: n - n // 5, "7 of 40 frames repeat the one before"),
         (lambda n: min(n, 20), ""),
+        (lambda n: min(n, 32), ""),
     ],
 )
 def test_frames_that_repeat_are_said(of_frame, said, tmp_path, capsys):
