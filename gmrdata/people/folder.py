@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.people.silhouette import dilate
-from gmrdata.read.frames import read_gray, write_gray
+from gmrdata.read.frames import read_gray, read_stored, write_gray
 from gmrdata.stage.jobs import in_threads
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -42,20 +42,45 @@ def folder_masks(
     """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic."""
 
     def work(partial: Path) -> None:
-        brightest = 0
+        _require_of_taken_frames(masks_dir, frames)
         for image in frames.paths:
-            grey = read_gray(find_mask(masks_dir, image), frames.size_px)
-            masked, brightest = grey > 127, max(brightest, int(grey.max()))
+            masked = _read_mask(find_mask(masks_dir, image), frames.size_px) > 127
             if config.masked_value == 0:
                 masked = ~masked
             mask = dilate(masked.astype(np.uint8) * np.uint8(255), config.dilate_px)
             write_gray(partial / f"{image.stem}.png", mask)
-        if 0 < brightest <= 127:
-            what = f"numbers or colours, none of them brighter than {brightest} of 255"
-            raise BadFrames(f"{masks_dir}: holds {what}; write 255 where a mask is set, else 0")
 
     inputs = {"masks": masks_dir, "images": frames.folder}
     return run_stage("folder_masks", out_dir, config, inputs, work, run=run)
+
+
+def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:
+    """Refuse masks of all frames where every n-th was taken: their names fit the wrong images."""
+    if frames.video is None or frames.video.every == 1 or not masks_dir.is_dir():
+        return
+    every, last = frames.video.every, frames.video.numbers[-1] // frames.video.every
+    stems = [path.name.split(".")[0] for path in masks_dir.glob("*.png")]
+    if any(stem.isdecimal() and int(stem) > last for stem in stems):
+        what = f"masks go beyond image {last}, the last one, so they are of every frame"
+        remedy = f"keep those of frames 0, {every}, {2 * every}, ..., under the images' names"
+        raise BadFrames(f"{masks_dir}: {what}; {remedy}")
+
+
+def _read_mask(path: Path, size_px: tuple[int, int]) -> np.ndarray:
+    """(H, W) uint8 of another tool's mask; BadFrames for what would be misread in silence."""
+    image = read_stored(path, size_px)
+    white = int(np.iinfo(image.dtype).max)
+    grey = image if image.ndim == 2 else image[..., 0]
+    what = None
+    if image.ndim == 3 and image.shape[2] == 4 and (image[..., 3] != white).any():
+        what = "is see-through in part"
+    elif image.ndim == 3 and not (image[..., :3] == grey[..., None]).all():
+        what = "holds colours"
+    elif 0 < (highest := int(grey.max())) <= white // 2:
+        what = f"holds numbers of objects, none of them brighter than {highest} of {white}"
+    if what is not None:
+        raise BadFrames(f"{path}: {what}; write 255 where a mask is set, else 0")
+    return grey if white == 255 else (grey >> 8).astype(np.uint8)
 
 
 def find_mask(masks_dir: Path, image: Path) -> Path:

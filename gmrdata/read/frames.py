@@ -162,9 +162,21 @@ def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
     """Read an image as (H, W) uint8; `size_px` is the (width, height) that it must have, if any."""
     import cv2
 
-    image = decoded(path, cv2.IMREAD_GRAYSCALE, "missing or not an image; make this file again")
-    if size_px is not None and image.shape != size_px[::-1]:
-        sizes = "{1}x{0} px, its frame is {2}x{3} px".format(*image.shape, *size_px)
+    return _of_size(path, cv2.IMREAD_GRAYSCALE, size_px)
+
+
+def read_stored(path: Path, size_px: tuple[int, int]) -> np.ndarray:
+    """Read an image of that (width, height) as it is stored, (H, W) or (H, W, 3 or 4) BGRA of
+    8 or 16 bits, upright."""
+    import cv2
+
+    return _of_size(path, cv2.IMREAD_UNCHANGED, size_px)
+
+
+def _of_size(path: Path, flags: int, size_px: tuple[int, int] | None) -> np.ndarray:
+    image = decoded(path, flags, "missing or not an image; make this file again")
+    if size_px is not None and image.shape[:2] != size_px[::-1]:
+        sizes = "{1}x{0} px, its frame is {2}x{3} px".format(*image.shape[:2], *size_px)
         raise BadFrames(f"{path}: {sizes}; make this file again at that size")
     return image
 

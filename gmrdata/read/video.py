@@ -4,7 +4,6 @@ PyAV decodes, and OpenCV writes the JPEGs.  A frame is as a person sees it in a 
 mirrored as the file says, without lines of two times, and as wide as its pixels make it.
 """
 
-import heapq
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -48,6 +47,7 @@ MOST_REORDERED = 16  # frames that a decoder may hold back, as H.264 and HEVC ha
 REPEATED, FEWEST_REPEATED, MOST_ON_END = 0.1, 0.15, 10
 """A frame repeats the one before if it changes by so small a share of what most do; how many repeat
 where 24 pictures a second were made 30 (a fifth); and of how many frames one picture is made."""
+FINEST_S = 1e-5  # times are not compared more finely [s]
 FEWEST_LOST_S = 0.5  # a file without a count of frames may say so much more than they last [s]
 
 
@@ -93,7 +93,8 @@ def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]
         stream = _video_stream(path, container)
         codec = stream.codec_context
         length_s = float(container.duration or 0) / av.time_base
-        n_frames = stream.frames or round(length_s * float(stream.average_rate or 0))
+        stated = _stated_frames(container, stream)
+        n_frames = stated or round(length_s * float(stream.average_rate or 0))
         if not n_frames:  # as of what a browser records
             at_s = [_packet_time_s(packet) for packet in container.demux(stream) if packet.size]
             known_s = [time_s for time_s in at_s if time_s is not None]
@@ -173,12 +174,18 @@ class _Reading:
     packet_times_s: list[float | None] = field(default_factory=list)
     key_time_s: float | None = None  # of the first picture that needs no other
     cut_times_s: list[float] = field(default_factory=list)  # of pictures cut from what they need
+    last_packet_s: float | None = None
+    is_reordered: bool = False  # a packet is shown before one that stands before it
     n_discarded: int = 0  # frames that an edit list leaves out
     times_s: list[float] = field(default_factory=list)  # of all frames, from the first on
     n_deinterlaced: int = 0
     is_turned: bool = False
     first_time_s: float | None = None
     stopped_at_s: float | None = None  # from the first frame on; None if read to the end
+
+    def note_time(self, packet_s: float) -> None:
+        self.is_reordered |= self.last_packet_s is not None and packet_s < self.last_packet_s
+        self.last_packet_s = packet_s
 
     @property
     def n_frames(self) -> int:
@@ -260,6 +267,8 @@ def said_of_repeats(changes: np.ndarray) -> str | None:
         return None
     every = int(apart[1])
     even = (apart[1:-1] == every).all()
+    if even and every == 1:
+        return None  # it only stands still at an end
     remedy = f"--every {every} leaves them out" if even else "give the original"
     n, of = int(repeats.sum()), len(changes) + 1
     return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"
@@ -286,8 +295,9 @@ def _pictures(
     path: Path, container: "InputContainer", stream: Any, config: VideoConfig, reading: _Reading
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Number and picture (H, W, 3) BGR of each frame that is asked for."""
-    stretch = _pixel_aspect(stream)
-    in_order = _in_order(_decoded(container, stream, reading))
+    stretch, within_s = _pixel_aspect(stream), _same_time_s(stream)
+    timed = _timed(_decoded(container, stream, reading), stream)
+    in_order = _in_order(timed, reading)
     for frame in _progressive(in_order, reading):
         number, time_s = reading.n_frames, _time_s(path, frame, stream, reading)
         if time_s <= reading.last_time_s:
@@ -295,11 +305,11 @@ def _pictures(
                 continue
             what = f"frame {number} is shown at {time_s:g} s, after one at {reading.last_time_s:g}"
             raise BadFrames(f"{path}: {what} s; {REMEDY}")
-        if config.to_s is not None and time_s > config.to_s:
+        if config.to_s is not None and time_s > config.to_s + within_s:
             reading.stopped_at_s = time_s
             return
         reading.times_s.append(time_s)
-        if time_s >= config.from_s and number % config.every == 0:
+        if time_s >= config.from_s - within_s and number % config.every == 0:
             _require_in_budget(path, 1, (frame.width, frame.height))
             yield number, _upright(path, frame, stretch, reading)
 
@@ -323,6 +333,7 @@ def _decoded(
                 time_s = _packet_time_s(packet)
                 reading.packet_times_s.append(time_s)
                 if time_s is not None:
+                    reading.note_time(time_s)
                     _look_for_cut(time_s, packet.is_keyframe, begins_anywhere, reading)
         try:
             frames = packet.decode()
@@ -348,17 +359,52 @@ def _look_for_cut(time_s: float, is_key: bool, begins_anywhere: bool, reading: _
         reading.cut_times_s.append(time_s)
 
 
-def _in_order(frames: Iterator["av.VideoFrame"]) -> Iterator["av.VideoFrame"]:
-    """The frames by time: behind a damaged one decoders give some too early."""
-    held: list[tuple[int, int, av.VideoFrame]] = []
-    for place, frame in enumerate(frames):
+def _timed(frames: Iterator["av.VideoFrame"], stream: Any) -> Iterator["av.VideoFrame"]:
+    """The frames, each with a time if any has one: MPEG-PS gives it only to some."""
+    rate_hz = stream.average_rate or stream.guessed_rate
+    last: int | None = None
+    untimed: list[av.VideoFrame] = []  # before the first with a time
+    for frame in frames:
+        step = round(1 / (rate_hz * frame.time_base)) if rate_hz and frame.time_base else 0
+        if frame.pts is None and last is not None and step:
+            frame.pts = last + step
+        if frame.pts is None and last is None and len(untimed) < MOST_REORDERED:
+            untimed.append(frame)
+            continue
+        if frame.pts is not None and step:
+            for before, one in enumerate(reversed(untimed), start=1):
+                one.pts = frame.pts - before * step
+        last = last if frame.pts is None else frame.pts
+        yield from untimed
+        untimed = []
+        yield frame
+    yield from untimed
+
+
+def _in_order(frames: Iterator["av.VideoFrame"], reading: _Reading) -> Iterator["av.VideoFrame"]:
+    """The frames by time: behind a damaged one decoders give some too early.
+
+    While no packet's time falls, the file has no times of showing (AVI, ASF, what recorders write),
+    only those of decoding.  Decoders then give the pictures in order, but not the times.
+    """
+    held: list[av.VideoFrame] = []
+
+    def earliest() -> "av.VideoFrame":
+        place = min(range(len(held)), key=lambda i: held[i].pts or 0)
+        if not reading.is_reordered:
+            held[0].pts, held[place].pts = held[place].pts, held[0].pts
+            place = 0
+        return held.pop(place)
+
+    for frame in frames:
         if frame.pts is None:
             yield frame
             continue
-        heapq.heappush(held, (frame.pts, place, frame))
+        held.append(frame)
         if len(held) > MOST_REORDERED:
-            yield heapq.heappop(held)[2]
-    yield from (heapq.heappop(held)[2] for _ in range(len(held)))
+            yield earliest()
+    while held:
+        yield earliest()
 
 
 def _progressive(frames: Iterator["av.VideoFrame"], reading: _Reading) -> Iterator["av.VideoFrame"]:
@@ -402,6 +448,15 @@ def _pulled(graph: "Graph") -> Iterator["av.VideoFrame"]:
             yield graph.vpull()
         except (BlockingIOError, av.EOFError):
             return
+
+
+def _same_time_s(stream: Any) -> float:
+    """How far a frame may be from a time that `video.json` says, which is without the container's
+    rounding and has 6 digits [s]."""
+    rate_hz = float(stream.average_rate or stream.guessed_rate or 0)
+    # AVI counts in whole frames.
+    most_s = 0.25 / rate_hz if rate_hz else FINEST_S
+    return min(max(float(stream.time_base or 0), FINEST_S), most_s)
 
 
 def _time_s(path: Path, frame: "av.VideoFrame", stream: Any, reading: _Reading) -> float:
@@ -493,7 +548,8 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
         end_s = stopped_at_s + first_s - 1e-6
         before = sum(time_s is not None and time_s < end_s for time_s in times_s)
         return max(before - n_cut, reading.n_frames)
-    n_counted = max(len(times_s), stream.frames - reading.n_discarded)
+    stated = _stated_frames(container, stream, reading.n_discarded)
+    n_counted = max(len(times_s), stated)
     expected = max(n_counted - n_cut, reading.n_frames)
     if stream.frames or len(container.streams) > 1 or not container.duration:
         return int(expected)
@@ -504,6 +560,21 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
     elif n_cut:
         length_s -= first_s - min(reading.cut_times_s)
     return max(int(expected), _count_by_length(length_s, reading))
+
+
+def _stated_frames(container: "InputContainer", stream: Any, n_discarded: int = 0) -> int:
+    """Frames that the file says it shows, without those that an edit list leaves out; 0 if it
+    does not say.  `n_discarded` is as far as it was read, for a PyAV without the index."""
+    entries = [entry for entry in getattr(stream, "index_entries", None) or () if entry.size]
+    if entries and container.format.name.startswith("mov"):
+        # The head counts all that are stored; the index has what its edit list needs.
+        return sum(not entry.is_discard for entry in entries)
+    if entries and container.format.name == "avi":
+        # A dropped frame is an empty chunk: the head and the index's times count it.  The index of
+        # a file that was cut off ends early, so it can't stand for the head.
+        n_empty = entries[-1].timestamp + 1 - len(entries)
+        return stream.frames - n_empty if 0 <= n_empty < stream.frames else stream.frames
+    return int(stream.frames - n_discarded)
 
 
 def _count_by_length(length_s: float, reading: _Reading) -> int:

@@ -30,8 +30,10 @@ from gmrdata.people.sources import (
     masks_seconds,
 )
 from gmrdata.read.frames import read_frames, read_gray
+from gmrdata.read.video import VideoConfig, as_frames
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from tests.read.videos import make_video
 
 
 def test_the_body_is_the_source_unless_others_are_named():
@@ -201,15 +203,56 @@ def test_both_senses_and_namings_become_ours(name, masked_value, noise_dir, tmp_
         assert np.array_equal(read_gray(out_dir / f"{stem}.png"), 255 * DYNAMIC)
 
 
+NO_MASKS = {
+    "number": (DYNAMIC * np.uint8(1), "numbers of objects, none of them brighter than 1 of 255"),
+    "numbers of 16 bits": (DYNAMIC * np.uint16(200), "brighter than 200 of 65535"),
+    "dark colour": (DYNAMIC[..., None] * np.uint8([0, 0, 128]), "holds colours"),
+    "bright colour": (DYNAMIC[..., None] * np.uint8([0, 255, 255]), "holds colours"),
+    "cut out": (np.dstack([np.full((*SIZE, 3), 200, np.uint8), DYNAMIC * np.uint8(255)]), "see-th"),
+}
+
+
 @pytest.mark.parametrize("masked_value", [0, 255])
-@pytest.mark.parametrize("value", [1, (0, 0, 128)])
-def test_numbers_of_objects_and_dark_colours_are_no_masks(value, masked_value, noise_dir, tmp_path):
-    # Nothing of them counted as masked, or all.
-    mask = (DYNAMIC[..., None] * np.array(value)).astype(np.uint8)
-    masks = put(tmp_path / "masks", *[mask] * 3)
+@pytest.mark.parametrize("kind", NO_MASKS)
+def test_what_is_no_mask_is_refused_by_name(kind, masked_value, noise_dir, tmp_path):
+    """Nothing of them counted as masked, or all, or the brighter colours.  One is enough."""
+    mask, said = NO_MASKS[kind]
+    good = DYNAMIC * np.uint8(255)
+    masks = put(tmp_path / "masks", good, mask, good)
     config = FolderMaskConfig.model_validate({"masked_value": masked_value})
-    with pytest.raises(BadFrames, match=r"masks: holds numbers or colours, .*; write 255 where"):
+    with pytest.raises(BadFrames, match=rf"masks/00001\.png: .*{said}.*; write 255 where"):
         folder_masks(masks, read_frames(noise_dir), tmp_path / "out", config)
+
+
+@pytest.mark.parametrize(
+    "as_stored",
+    [
+        lambda mask: mask * np.uint16(257),
+        lambda mask: np.dstack([mask] * 3),
+        lambda mask: np.dstack([mask] * 3 + [np.full_like(mask, 255)]),
+        lambda mask: np.maximum(mask, 100),
+    ],
+)
+def test_masks_may_be_stored_otherwise(as_stored, noise_dir, tmp_path):
+    """As 16 bits, grey colours, opaque, or with soft edges; a frame may have nothing masked."""
+    mask = DYNAMIC * np.uint8(255)
+    masks = put(tmp_path / "masks", as_stored(mask), as_stored(mask), np.zeros_like(mask))
+    out_dir = folder_masks(masks, read_frames(noise_dir), tmp_path / "out", FolderMaskConfig())
+    assert np.array_equal(read_gray(out_dir / "00000.png"), mask)
+    assert not read_gray(out_dir / "00002.png").any()
+
+
+def test_masks_of_all_frames_are_not_laid_on_every_second(tmp_path):
+    video = make_video(tmp_path / "a.mp4")
+    frames = as_frames(video, tmp_path / "frames", VideoConfig(every=2))
+    mask = np.full((48, 64), 255, np.uint8)
+    of_all = put(tmp_path / "all", *[mask] * 8)
+    with pytest.raises(
+        BadFrames, match="all: masks go beyond image 3, .*; keep those of frames 0, 2, 4"
+    ):
+        folder_masks(of_all, frames, tmp_path / "out", FolderMaskConfig())
+    of_taken = put(tmp_path / "taken", *[mask] * 4)
+    folder_masks(of_taken, frames, tmp_path / "out", FolderMaskConfig())
 
 
 def test_masks_are_widened_by_a_disc(noise_dir, tmp_path):

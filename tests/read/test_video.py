@@ -158,6 +158,32 @@ def test_odd_sizes_and_long_pixels(tmp_path):
     assert red_quarter(images_px[0]) == (0, 0)
 
 
+def with_times_of_decoding(whole: Path, path: Path) -> Path:
+    """The same packets, each shown when it is decoded: as recorders of network cameras write."""
+    with av.open(str(whole)) as source, av.open(str(path), "w") as container:
+        stream = container.add_stream_from_template(source.streams.video[0])
+        packets = [one for one in source.demux(source.streams.video[0]) if one.size]
+        for number, packet in enumerate(packets):
+            packet.pts = packet.dts = 40 * number
+            packet.time_base, packet.stream = Fraction(1, 1000), stream
+            container.mux(packet)
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a.asf", "a.mkv", "a.mp4", "a.mpg"])
+def test_pictures_keep_their_order_where_packets_have_another(name, tmp_path):
+    """AVI and ASF have no times of showing, nor has what a recorder writes; MPEG-PS has a few."""
+    shown = [np.full((64, 96, 3), 5 * number, np.uint8) for number in range(40)]
+    options = {"bf": "3", "crf": "10", "x264-params": "b-adapt=0"}
+    video = make_video(tmp_path / name, shown, options=options)
+    if name == "a.mkv":
+        video = with_times_of_decoding(video, tmp_path / "recorded.mkv")
+    images, record = extracted(video)
+    seen = [cv2.imread(str(image)).mean() for image in images]
+    assert seen == pytest.approx([5 * number for number in range(40)], abs=2.5)
+    assert record.times_s == pytest.approx([number / 25 for number in range(40)])
+
+
 def test_interlaced_frames_lose_their_combs(tmp_path):
     """Rows of two times: even ones of a bar that stands here, odd ones of one that stands there."""
     images = []
@@ -204,6 +230,22 @@ def test_a_part_of_a_video(tmp_path, config, numbers, names):
     assert [images[0].stem, images[-1].stem] == names and len(images) == len(numbers)
 
 
+@pytest.mark.parametrize("name", ["a.mp4", "a.mkv", "a.avi"])
+def test_a_part_is_asked_for_by_times_of_the_record(name, tmp_path):
+    """At 29.97 Hz neither 6 digits nor Matroska's milliseconds are a frame's own time."""
+    rate_hz = Fraction(30000, 1001)
+    shown = [picture(number % 8) for number in range(45)]
+    options = {"codec": "mjpeg", "pixel_format": "yuvj420p"} if name == "a.avi" else {}
+    video = make_video(tmp_path / name, shown, rate_hz=rate_hz, **options)
+    _, record = extracted(video)
+    for number in (34, 40):
+        time_s = record.times_s[number]
+        for config, end in (({"from_s": time_s}, 0), ({"to_s": time_s}, -1)):
+            part = extract_video(video, tmp_path / f"{number}{end}", VideoConfig(**config))
+            part_record = video_record(part)
+            assert part_record is not None and part_record.numbers[end] == number
+
+
 @pytest.mark.parametrize(
     ("of_frame", "said"),
     [
@@ -214,6 +256,7 @@ def test_a_part_of_a_video(tmp_path, config, numbers, names):
         ),
         (lambda n: n - n // 5, "7 of 40 frames repeat the one before"),
         (lambda n: min(n, 20), ""),
+        (lambda n: min(n, 32), ""),
     ],
 )
 def test_frames_that_repeat_are_said(of_frame, said, tmp_path, capsys):
@@ -271,6 +314,51 @@ def test_a_file_that_was_cut_off(tmp_path, name):
         extracted(video)
     _, record = extracted(video, take_what_decodes=True)
     assert record.n_expected == 48 and record.n_lost == 48 - record.n_decoded
+
+
+def trimmed(whole: Path, by_ticks: int) -> Path:
+    """The same packets that much earlier, which an edit list trims: `ffmpeg -ss ... -c copy`."""
+    path = whole.with_name("trimmed.mp4")
+    with av.open(str(whole)) as source, av.open(str(path), "w") as container:
+        stream = container.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(source.streams.video[0]):
+            if packet.pts is not None and packet.dts is not None:
+                packet.pts, packet.dts = packet.pts - by_ticks, packet.dts - by_ticks
+                packet.stream = stream
+                container.mux(packet)
+    return path
+
+
+@pytest.mark.parametrize("n_b_frames", ["0", "2"])
+def test_a_trimmed_file_is_whole(tmp_path, n_b_frames):
+    """Its head counts the frames, too, of which its edit list needs none."""
+    whole = long_video(tmp_path / "whole.mp4", bf=n_b_frames)
+    extracted(whole)
+    with av.open(str(whole)) as container:
+        ticks = round(1 / 25 / container.streams.video[0].time_base)
+    trim = trimmed(whole, 17 * ticks)
+    assert count_images(trim, VideoConfig()) == (31, (160, 120))
+    images, record = extracted(trim)
+    assert (len(images), record.n_expected, record.n_lost) == (31, 31, 0)
+    first, same = (cv2.imread(str(whole.with_suffix("") / f"{n:05d}.jpg")) for n in (17, 18))
+    seen = cv2.imread(str(images[0])).astype(int)
+    assert np.abs(seen - first).mean() < 0.25 * np.abs(seen - same).mean()
+
+
+@pytest.mark.parametrize("codec", ["mpeg4", "mjpeg"])
+def test_dropped_frames_of_an_avi_are_not_lost(codec, tmp_path):
+    """Empty chunks stand for them, and are counted in its head; what was cut off is still lost."""
+    ticks, images = [0, 1, 2, 5, 6, 9, 10, 11, 12, 20, 21, 22], [textured(i) for i in range(12)]
+    pixels = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+    video = make_video(tmp_path / "a.avi", images, codec, pixels, ticks=ticks)
+    _, record = extracted(video)
+    assert (record.n_expected, record.n_decoded) == (12, 12)
+    assert record.times_s == pytest.approx([tick / 25 for tick in ticks])
+    content = video.read_bytes()
+    cut = tmp_path / "cut.avi"
+    cut.write_bytes(content[: content.rindex(b"00dc", 0, content.index(b"idx1"))])
+    with pytest.raises(BadFrames, match="frames by the file's own count, but 11 can be"):
+        extracted(cut)
 
 
 def test_a_transport_stream_with_lost_packets(tmp_path):

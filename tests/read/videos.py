@@ -29,7 +29,7 @@ def make_video(
     codec: str = "libx264",
     pixel_format: str = "yuv420p",
     *,
-    rate_hz: int = 25,
+    rate_hz: int | Fraction = 25,
     ticks: Sequence[int] | None = None,
     rotation_deg: float | None = None,
     pixel_aspect: Fraction | None = None,
@@ -49,7 +49,7 @@ def make_video(
         for number, image in enumerate(images):
             frame = av.VideoFrame.from_ndarray(image, format="rgb24")
             if ticks is not None:
-                frame.pts, frame.time_base = ticks[number], Fraction(1, rate_hz)
+                frame.pts, frame.time_base = ticks[number], 1 / Fraction(rate_hz)
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     return path
