@@ -20,6 +20,7 @@ from gmrdata.values.records import Config, Figure, Record, figure
 
 RECORD_FILE = "masks.json"
 NAMED_FRAMES = 5
+MOST_OBJECTS = 16  # grey values of a mask of numbered objects; a faint soft mask has more
 
 
 class FolderMaskConfig(Config):
@@ -43,12 +44,17 @@ def folder_masks(
 
     def work(partial: Path) -> None:
         _require_of_taken_frames(masks_dir, frames)
+        brightest = 0
         for image in frames.paths:
-            masked = _read_mask(find_mask(masks_dir, image), frames.size_px) > 127
+            grey = _read_mask(find_mask(masks_dir, image), frames.size_px)
+            brightest, masked = max(brightest, int(grey.max())), grey > 127
             if config.masked_value == 0:
                 masked = ~masked
             mask = dilate(masked.astype(np.uint8) * np.uint8(255), config.dilate_px)
             write_gray(partial / f"{image.stem}.png", mask)
+        if 0 < brightest <= 127:
+            what = f"masks are no brighter than {brightest} of 255"
+            raise BadFrames(f"{masks_dir}: {what}; write 255 where a mask is set, else 0")
 
     inputs = {"masks": masks_dir, "images": frames.folder}
     return run_stage("folder_masks", out_dir, config, inputs, work, run=run)
@@ -76,7 +82,7 @@ def _read_mask(path: Path, size_px: tuple[int, int]) -> np.ndarray:
         what = "is see-through in part"
     elif image.ndim == 3 and not (image[..., :3] == grey[..., None]).all():
         what = "holds colours"
-    elif 0 < (highest := int(grey.max())) <= white // 2:
+    elif 0 < (highest := int(grey.max())) <= white // 2 and len(np.unique(grey)) <= MOST_OBJECTS:
         what = f"holds numbers of objects, none of them brighter than {highest} of {white}"
     if what is not None:
         raise BadFrames(f"{path}: {what}; write 255 where a mask is set, else 0")

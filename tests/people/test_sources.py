@@ -242,6 +242,17 @@ def test_masks_may_be_stored_otherwise(as_stored, noise_dir, tmp_path):
     assert not read_gray(out_dir / "00002.png").any()
 
 
+def test_a_faint_soft_mask_shows_nobody(noise_dir, tmp_path):
+    """Networks leave such where they are sure of nobody; a folder of nothing else is refused."""
+    mask, faint = DYNAMIC * np.uint8(255), np.arange(DYNAMIC.size).reshape(DYNAMIC.shape) % 40
+    masks = put(tmp_path / "masks", mask, faint.astype(np.uint8), mask)
+    out_dir = folder_masks(masks, read_frames(noise_dir), tmp_path / "out", FolderMaskConfig())
+    assert not read_gray(out_dir / "00001.png").any()
+    masks = put(tmp_path / "faint", *[faint.astype(np.uint8)] * 3)
+    with pytest.raises(BadFrames, match="faint: masks are no brighter than 39 of 255"):
+        folder_masks(masks, read_frames(noise_dir), tmp_path / "none", FolderMaskConfig())
+
+
 def test_masks_of_all_frames_are_not_laid_on_every_second(tmp_path):
     video = make_video(tmp_path / "a.mp4")
     frames = as_frames(video, tmp_path / "frames", VideoConfig(every=2))
