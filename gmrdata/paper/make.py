@@ -260,7 +260,8 @@ def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, run:
             return infer_poses(run_dir, manifest, given.poses, into, body_path=given.body, run=run)
         case "joint":
             assert given.features is not None
-            return predict_joint(run_dir, manifest, given.features, into, run=run)
+            features = given.features
+            return predict_joint(run_dir, manifest, features, into, body_path=given.body, run=run)
         case "vibe_cam":
             assert given.poses is not None and given.keypoints is not None
             files = SeenFiles(given.poses, given.keypoints, given.body)
