@@ -189,6 +189,12 @@ class Mix:
     manifests: tuple[int, ...] | None = None  # of which each part is; None: each is one
     balance: float = 1.0  # the parts of a manifest count by their frames to this power
 
+    @property
+    def sizes_of_manifests(self) -> tuple[int, ...]:
+        """Number of clips of each manifest, in order."""
+        manifests = self.manifests or range(len(self.sizes))
+        return tuple(np.bincount(manifests, self.sizes).astype(int).tolist())
+
     def shares(self, n_frames: np.ndarray) -> tuple[float, ...] | None:
         """How often windows come from parts of so many frames (P,); None: by the frames."""
         if self.weights is None and self.balance == 1:

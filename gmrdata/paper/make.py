@@ -204,7 +204,7 @@ def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
     sizes, left_out = [len(usable_files(path)[0]) for path in given.videos], {}
     if given.manifests:
         split = split_manifests(given.manifests, _data_config(plan))
-        sizes, left_out = [*split.mix.sizes, *sizes], split.left_out
+        sizes, left_out = [*split.mix.sizes_of_manifests, *sizes], split.left_out
     sets = zip((*given.manifests, *given.videos), sizes, strict=True)
     what = "the held-out subjects" if given.scored is None else _name_of(given.scored)
     return comparison.TableData(

@@ -236,6 +236,7 @@ def test_people_come_one_after_the_other_where_they_are_balanced(make_manifest):
     assert dict(in_a_row) == {"CMU/02": 4, "CMU/08": 1, "KIT/3": 1, None: 2} and len(in_a_row) == 4
     assert balanced.mix.sizes == (*(n for _, n in in_a_row), 1)
     assert balanced.mix.manifests == (0, 0, 0, 0, 1) and balanced.mix.balance == 0.5
+    assert balanced.mix.sizes_of_manifests == (8, 1)
     assert {file.entry.id for file in balanced.training} == {
         file.entry.id for file in split.training
     }
