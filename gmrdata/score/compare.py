@@ -123,7 +123,7 @@ def compare_records(
     of_runs = [[found[id] for id in common] for found in clips]
     first = records[0].protocol
     protocol = first if all(record.protocol == first for record in records) else None
-    left_out = protocol and _several_rates(protocol, of_runs, names)
+    left_out = None if protocol is None else _several_rates(protocol, of_runs, names)
     if left_out:
         protocol = None
     return Comparison(
