@@ -126,6 +126,7 @@ def baseline_joint(
     manifest: flags.Manifest,
     features: Annotated[Path, flags.FEATURES],
     out: Out,
+    body: flags.Body = "anny",
     redo: flags.Redo = False,
 ) -> None:
     """The motion that a trained non-sequential model sees in a manifest's image features.
@@ -135,7 +136,8 @@ def baseline_joint(
     """
     from gmrdata.paper.joint import predict_joint
 
-    answer(predict_joint(run, manifest, features, out, run=Run(redo=redo)))
+    path = flags.body_path(body)
+    answer(predict_joint(run, manifest, features, out, body_path=path, run=Run(redo=redo)))
 
 
 def baseline_own_poses(

@@ -252,16 +252,28 @@ def _factors_by_level(
     doubts: np.ndarray, ratios: np.ndarray
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Levels of doubt, and the root mean square of what errors are of those by speed: of as many
-    motions at each level, and never less at a higher one."""
+    motions at each level, and never less at a higher one.  Motions of equal doubt are of one level:
+    one answer alone has no doubt, and the order of its motions says nothing."""
     order = np.argsort(doubts, kind="stable")
-    parts = np.split(order, [round(share * len(order)) for share in DOUBT_SHARES])
-    levels = np.array([max(np.median(doubts[part]), LEAST_DOUBT) for part in parts])
+    cuts = _between_levels(doubts[order])
+    levels = _median_levels(doubts, np.split(order, cuts))
+    parts = np.split(order, cuts[np.diff(levels) > 1e-6 * levels[:-1]])
     factors = np.maximum.accumulate([np.sqrt(ratios[part].mean()) for part in parts])
-    last = np.flatnonzero(
-        np.r_[np.diff(levels) > 1e-6 * levels[:-1], True]
-    )  # one answer alone has no doubt
     factors = np.maximum(factors, LEAST_FACTOR)
-    return tuple(levels[last].tolist()), tuple(factors[last].tolist())
+    return tuple(_median_levels(doubts, parts).tolist()), tuple(factors.tolist())
+
+
+def _between_levels(doubts: np.ndarray) -> np.ndarray:
+    """Where sorted doubts are cut, at `DOUBT_SHARES` of them: at the nearer end of equal ones."""
+    at = np.array([round(share * len(doubts)) for share in DOUBT_SHARES])
+    value = doubts[np.minimum(at, len(doubts) - 1)]
+    first, end = (np.searchsorted(doubts, value, side) for side in ("left", "right"))
+    cuts = np.unique(np.where(at - first <= end - at, first, end))
+    return cuts[(cuts > 0) & (cuts < len(doubts))]
+
+
+def _median_levels(doubts: np.ndarray, parts: Sequence[np.ndarray]) -> np.ndarray:
+    return np.array([max(np.median(doubts[part]), LEAST_DOUBT) for part in parts])
 
 
 def span_sigma(fast: ErrorPart, slow: ErrorPart, speeds: np.ndarray, span_s: float) -> np.ndarray:

@@ -189,6 +189,12 @@ class Mix:
     manifests: tuple[int, ...] | None = None  # of which each part is; None: each is one
     balance: float = 1.0  # the parts of a manifest count by their frames to this power
 
+    @property
+    def sizes_of_manifests(self) -> tuple[int, ...]:
+        """Number of clips of each manifest, in order."""
+        manifests = self.manifests or range(len(self.sizes))
+        return tuple(np.bincount(manifests, self.sizes).astype(int).tolist())
+
     def shares(self, n_frames: np.ndarray) -> tuple[float, ...] | None:
         """How often windows come from parts of so many frames (P,); None: by the frames."""
         if self.weights is None and self.balance == 1:
@@ -305,9 +311,21 @@ def _listed(name: str) -> frozenset[tuple[str, str]]:
 
 
 def _key(source: Source) -> tuple[str, str]:
-    """What two clips of one recording have in common."""
-    trial = cmu_trial(source)
-    return ("CMU", trial) if trial is not None else (source.dataset, source.sequence)
+    """What a clip and a row of a list have in common."""
+    return recording_of(source) or (source.dataset, source.sequence)
+
+
+def recording_of(source: Source) -> tuple[str, str] | None:
+    """What two clips of one recording of CMU or AMASS have in common, whatever form they are in.
+
+    None for others: generated gaits and own files may differ under one name.
+    """
+    if (trial := cmu_trial(source)) is not None:
+        return "CMU", trial
+    in_amass = source.dataset == "AMASS" and len(PurePosixPath(source.sequence).parts) == 3
+    if not in_amass:
+        return None
+    return "AMASS", source.sequence.removesuffix("_poses").removesuffix("_stageii")
 
 
 def _subject_key(subject: int | str) -> str:

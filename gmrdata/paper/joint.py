@@ -25,7 +25,14 @@ from gmrdata.gmr.checkpoint import StepState, load_weights, read_step_state, tra
 from gmrdata.gmr.flat_runs import TrainingRun, in_memory
 from gmrdata.gmr.losses import Bodies, LossBody, Motions, gmr_loss, make_loss_bodies
 from gmrdata.gmr.model import MotionNetwork
-from gmrdata.gmr.runs import MIN_FRAMES, check_finite, fitting_clips, no_runs, usable_clips
+from gmrdata.gmr.runs import (
+    MIN_FRAMES,
+    check_finite,
+    fitting_clips,
+    given_body,
+    no_runs,
+    usable_clips,
+)
 from gmrdata.gmr.steps import (
     Learner,
     check_device,
@@ -150,20 +157,27 @@ def load_joint(run_dir: Path) -> JointModel:
 
 
 def predict_joint(
-    run_dir: Path, manifest_path: Path, features_dir: Path, out_dir: Path, *, run: Run = DEFAULT_RUN
+    run_dir: Path,
+    manifest_path: Path,
+    features_dir: Path,
+    out_dir: Path,
+    *,
+    body_path: Path | None = None,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Predict local poses and world motions from image features, at the network's frame rate.
+    """Predict local poses and world motions from image features, at the network's frame rate, on a
+    body of mean shape.
 
-    `run_dir` is a finished run of `train_joint`.
-    Errors are MissingInput, BadCheckpoint, BadFeatures for those of other clips or networks, and
-    BadMotionFile for a clip whose rate is no multiple of the network's.
+    `run_dir` is a finished run of `train_joint`; `body_path` is the clips' body, None the default
+    one.  Errors are MissingInput, BadCheckpoint, BadFeatures for those of other clips or networks,
+    and BadMotionFile for a clip of another body, or whose rate is no multiple of the network's.
     """
     subjects, left_out = predictions.manifest_subjects(manifest_path)
-    inputs = {"run": run_dir, "manifest": manifest_path}
+    inputs = {"run": run_dir, "manifest": manifest_path} | body_inputs(body_path)
     inputs |= {f"features_{one.clip.id}": features_dir / f"{one.clip.id}.npz" for one in subjects}
 
     def work(partial_dir: Path) -> None:
-        model = load_joint(run_dir)
+        model, bodies = load_joint(run_dir), load_bodies(body_path)
         found = []
         for one in subjects:
             features = load_features(features_dir, one.clip)
@@ -171,7 +185,9 @@ def predict_joint(
                 path, found_size = inputs[f"features_{one.clip.id}"], features.shape[1]
                 what = f"{found_size} numbers per frame, but the model takes {model.n_features}"
                 raise BadFeatures(f"{path}: {what}. Give those it was trained on")
-            found.append(seen_in_features(model, one, features))
+            whose, remedy = f"clip {one.clip.id}: of", "Give the clips' own body"
+            body = given_body(one.clip.motion, bodies, BadMotionFile, whose, remedy)
+            found.append(seen_in_features(model, one, features, body))
         kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
         predictions.write_predictions(partial_dir, "joint", found, left_out, kind, figures)
 
@@ -180,9 +196,10 @@ def predict_joint(
 
 
 def seen_in_features(
-    model: JointModel, subject: predictions.Subject, features: np.ndarray
+    model: JointModel, subject: predictions.Subject, features: np.ndarray, body: BodyModel
 ) -> predictions.Prediction:
-    """What the network sees in features (T, D), run by run from the subject's first pose on."""
+    """What the network sees in features (T, D), run by run from the subject's first pose on, on the
+    body's mean shape: features hold none."""
     clip = subject.clip
     step = rows_per_frame(clip, model.config.fps_hz)
     rows, valid = every_row(clip.valid, step)
@@ -200,11 +217,13 @@ def seen_in_features(
         local_rotmats=local_rotmats,
         root_rotmats=root_rotmats,
         pelvis_m=pelvis_m,
+        shape=np.zeros(body.n_shape),
         fps_hz=model.config.fps_hz,
         frame="world",
         source=f"seen in image features of: {clip.motion.source}",
     )
-    return predictions.predicted(subject, motion, valid, step=step)
+    rest_m = body.rest_pelvis_m(motion.shape)
+    return predictions.predicted(subject, motion, valid, step=step, rest_pelvis_m=rest_m)
 
 
 def _seen(model: JointModel, features: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

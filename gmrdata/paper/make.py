@@ -204,7 +204,7 @@ def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
     sizes, left_out = [len(usable_files(path)[0]) for path in given.videos], {}
     if given.manifests:
         split = split_manifests(given.manifests, _data_config(plan))
-        sizes, left_out = [*split.mix.sizes, *sizes], split.left_out
+        sizes, left_out = [*split.mix.sizes_of_manifests, *sizes], split.left_out
     sets = zip((*given.manifests, *given.videos), sizes, strict=True)
     what = "the held-out subjects" if given.scored is None else _name_of(given.scored)
     return comparison.TableData(
@@ -260,7 +260,8 @@ def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, run:
             return infer_poses(run_dir, manifest, given.poses, into, body_path=given.body, run=run)
         case "joint":
             assert given.features is not None
-            return predict_joint(run_dir, manifest, given.features, into, run=run)
+            features = given.features
+            return predict_joint(run_dir, manifest, features, into, body_path=given.body, run=run)
         case "vibe_cam":
             assert given.poses is not None and given.keypoints is not None
             files = SeenFiles(given.poses, given.keypoints, given.body)

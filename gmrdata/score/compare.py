@@ -54,13 +54,16 @@ class ComparedRun(Config):
 class Comparison(Record):
     """A `comparison.json`."""
 
-    format: Literal["gmrdata-comparison/2"] = "gmrdata-comparison/2"
+    format: Literal["gmrdata-comparison/3"] = "gmrdata-comparison/3"
     runs: tuple[str, ...]
     """Names of the runs; the others are compared with the first."""
     fps_hz: float
     """Rate of OME, TME and VME [Hz]."""
     protocol: Protocol | None
     """What all of them measured besides; None where they have no protocol in common."""
+    protocol_left_out: str | None
+    """Why a protocol that they have in common is not compared; None where it is, or there is none.
+    """
     resamples: int
     clips: tuple[str, ...]
     left_out: dict[str, tuple[str, ...]]
@@ -88,7 +91,8 @@ def compare(
     """Lay scored runs beside the first one, clip by clip: by the `scores.json` of two or more.
 
     Each clip counts once, whatever its length.  Only clips that all runs have are compared; the
-    others are named.  A protocol's metrics are compared where all runs have the same protocol.
+    others are named.  A protocol's metrics are compared where all runs have the same protocol,
+    at one frame rate of each clip.
     `out_dir` gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
     """
     config, paths, out_dir = config or CompareConfig(), [*map(Path, scores_paths)], Path(out_dir)
@@ -116,13 +120,17 @@ def compare_records(
     common = [id for id in clips[0] if all(id in other for other in clips)]
     _check_comparable(records, paths, clips, common)
     rng = np.random.default_rng(config.seed)
+    of_runs = [[found[id] for id in common] for found in clips]
     first = records[0].protocol
     protocol = first if all(record.protocol == first for record in records) else None
-    of_runs = [[found[id] for id in common] for found in clips]
+    left_out = None if protocol is None else _several_rates(protocol, of_runs, names)
+    if left_out:
+        protocol = None
     return Comparison(
         runs=tuple(names),
         fps_hz=records[0].fps_hz,
         protocol=protocol,
+        protocol_left_out=left_out,
         resamples=config.resamples,
         clips=tuple(common),
         left_out={
@@ -133,6 +141,22 @@ def compare_records(
             one: _compared(one, of_runs, names, config, rng) for one in metrics_with(protocol)
         },
     )
+
+
+def _several_rates(
+    protocol: Protocol, clips: Sequence[Sequence[ClipScore]], names: Sequence[str]
+) -> str | None:
+    """Why a protocol's figures differ between runs whatever was predicted: they depend on the rate
+    of its frames, which is that of a prediction's file.  None where each clip has one rate."""
+    for of_clip in zip(*clips, strict=True):
+        if len({clip.protocol_fps_hz for clip in of_clip}) > 1:
+            rates = ", ".join(
+                f"{clip.protocol_fps_hz:g} fps in {name}"
+                for name, clip in zip(names, of_clip, strict=True)
+            )
+            what = f"its figures depend on the frame rate, and clip {of_clip[0].id} has {rates}"
+            return f"Protocol {protocol.name} is left out: {what}. Give predictions of one rate."
+    return None
 
 
 def _compared(
@@ -257,6 +281,7 @@ def comparison_explanations(comparison: Comparison) -> list[str]:
         "p: two-sided paired permutation test over clips. Values are not corrected for the number "
         "of metrics and runs.",
         *table.meanings(metrics),
+        *([comparison.protocol_left_out] if comparison.protocol_left_out else []),
         *(
             f"Only in some runs, and left out of {name}: {', '.join(ids)}."
             for name, ids in comparison.left_out.items()

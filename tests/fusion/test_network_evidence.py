@@ -159,6 +159,27 @@ def test_errors_that_grow_with_doubt_do_so_in_the_record():
     assert part.place_factor[1] / part.place_factor[0] == pytest.approx(4.0, rel=0.15)
 
 
+@pytest.mark.parametrize("worst", [0, 3, 5])
+def test_motions_of_equal_doubt_have_one_factor_in_any_order(worst):
+    """They were cut by the order of their clips, and the worst part's factor was everybody's."""
+    ratios = np.full((6, 100), 0.5)
+    ratios[worst] = 3.5
+    found = network_errors._factors_by_level(np.zeros(600), ratios.ravel())
+    assert found == ((1e-9,), (pytest.approx(1.0),))
+    # A few who are doubted beside them are a level of their own.
+    doubts = np.repeat([0.2, 0.1], [60, 600])
+    levels, factors = network_errors._factors_by_level(doubts, np.r_[np.full(60, 9.0), ratios.flat])
+    assert levels == (0.1, 0.2) and factors == (pytest.approx(1.0), 3.0)
+
+
+def test_distinct_doubts_are_cut_into_six_levels():
+    doubts = np.random.default_rng(0).permutation(100) + 1.0
+    levels, factors = network_errors._factors_by_level(doubts, doubts**2)
+    assert levels == (13.0, 38.0, 60.5, 78.0, 90.5, 98.0)
+    parts = np.split(np.arange(1.0, 101.0), [25, 50, 70, 85, 95])
+    np.testing.assert_allclose(factors, [np.sqrt(np.mean(part**2)) for part in parts])
+
+
 def test_a_speed_is_the_mean_about_it():
     steps_m = np.zeros((41, 3))
     steps_m[20] = [0.0, 0.0, 1.0]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from gmrdata.gmr.config import DataConfig, TrainConfig
-from gmrdata.gmr.runs import cmu_trial, split_manifests, subject_of
+from gmrdata.gmr.runs import cmu_trial, recording_of, split_manifests, subject_of
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.read import read_manifest
@@ -90,6 +90,42 @@ def test_every_form_of_a_trial_is_that_trial(subject, trial):
     ]
     assert {cmu_trial(form) for form in forms} == {name}
     assert {subject_of(form) for form in forms} == {f"CMU/{subject:02d}"}
+
+
+def test_a_recording_is_known_in_each_form_and_nothing_else_is_taken_for_one():
+    assert {name: recording_of(source) for name, source in SOURCES.items()} == {
+        "02_03": ("CMU", "02_03"),
+        "02_01": ("CMU", "02_01"),
+        "AMASS.02_03": ("CMU", "02_03"),
+        "AMASS.08_99": ("CMU", "08_99"),
+        "kick": ("AMASS", "KIT/3/kick"),
+        "gait": None,
+        "file": ("CMU", "02_03"),
+        "plain": None,
+    }
+    assert recording_of(Source(dataset="AMASS", sequence="KIT/3/kick_stageii")) == (
+        "AMASS",
+        "KIT/3/kick",
+    )
+
+
+def test_a_held_out_clip_is_not_scored_where_its_recording_is_trained_on(
+    make_manifest, small_body, small_config, tmp_path, capsys
+):
+    """Other arrays of the same recording were scored, and chose the weights; walkers and files of
+    one name are not of one recording."""
+    known = ("02_01", "kick", "gait", "plain")
+    training = make_manifest("all", {name: SOURCES[name] for name in known})
+    other_forms = {
+        "a": Source(dataset="AMASS", sequence="CMU/02/02_01_poses"),
+        "b": Source(dataset="AMASS", sequence="KIT/3/kick_stageii"),
+    }
+    unlike = {"c": SOURCES["gait"], "d": SOURCES["plain"]}
+    held_out = make_manifest("others", other_forms | unlike)
+    save_body(tmp_path / "body.npz", small_body)
+    paths = {"body_path": tmp_path / "body.npz", "held_out_paths": [held_out]}
+    train([training], tmp_path / "run", small_config, **paths)
+    assert "not scored: 2 of 4 held-out clips are trained on" in capsys.readouterr().err
 
 
 def test_trials_of_table_8_are_left_out_by_default(make_manifest):
@@ -200,6 +236,7 @@ def test_people_come_one_after_the_other_where_they_are_balanced(make_manifest):
     assert dict(in_a_row) == {"CMU/02": 4, "CMU/08": 1, "KIT/3": 1, None: 2} and len(in_a_row) == 4
     assert balanced.mix.sizes == (*(n for _, n in in_a_row), 1)
     assert balanced.mix.manifests == (0, 0, 0, 0, 1) and balanced.mix.balance == 0.5
+    assert balanced.mix.sizes_of_manifests == (8, 1)
     assert {file.entry.id for file in balanced.training} == {
         file.entry.id for file in split.training
     }

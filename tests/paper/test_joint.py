@@ -37,7 +37,7 @@ from gmrdata.values.errors import (
     MissingInput,
     TrainingDiverged,
 )
-from gmrdata.values.files import write_npz
+from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.motion import deltas
 from gmrdata.values.motion_metrics import angles_rad
 
@@ -108,12 +108,18 @@ def test_it_learns(walks, small_body, write_set, body_path, tmp_path, capsys):
 
     asked = ["baseline", "joint", str(tmp_path / "run")]
     asked += [str(write_set(tmp_path / "scored", [held_out]))]
-    main([*asked, "--features", str(tmp_path / "features"), "--out", str(tmp_path / "out")])
+    asked += ["--features", str(tmp_path / "features"), "--body", str(body_path)]
+    main([*asked, "--out", str(tmp_path / "out")])
     assert capsys.readouterr().out.split() == [str(tmp_path / "run"), str(tmp_path / "out")]
     found = load_clip(tmp_path / "out" / "predictions" / "walk_5.npz")
     assert (found.motion.fps_hz, found.motion.n_frames) == (10.0, 40)
     assert found.valid.all()
     true = held_out.motion
+    # Features hold no shape; it was the truth's.
+    assert true.shape.any() and not found.motion.shape.any()
+    arrays = read_npz(tmp_path / "out" / "predictions" / "walk_5.npz")
+    rest_m = small_body.rest_pelvis_m(np.zeros(small_body.n_shape))
+    np.testing.assert_allclose(arrays["rest_pelvis_m"], rest_m)
     true_local = true.local_rotmats[::2]
     mean_pose = load_joint(tmp_path / "run").mean_pose.reshape(23, 2, 3).numpy()
     x = mean_pose[:, 0] / np.linalg.norm(mean_pose[:, 0], axis=1, keepdims=True)
@@ -241,7 +247,7 @@ def test_a_window_played_backwards(walks):
     torch.testing.assert_close(back, ahead.flip(1).transpose(-1, -2))
 
 
-def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, tmp_path):
+def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, body_path, tmp_path):
     """And one frame alone is a pose; rows beside a gap are not valid at the lower rate."""
     valid = np.ones(80, bool)
     valid[[21, 25]] = False
@@ -251,7 +257,10 @@ def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, tmp_pa
     model = fit_joint(runs, [small_body], tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
     write_features(tmp_path / "features", [clip])
     manifest = write_set(tmp_path / "set", [clip])
-    predict_joint(tmp_path / "run", manifest, tmp_path / "features", tmp_path / "out")
+    features, body = tmp_path / "features", {"body_path": body_path}
+    predict_joint(tmp_path / "run", manifest, features, tmp_path / "out", **body)
+    with pytest.raises(BadMotionFile, match=r"clip walk_0: of body .* Give the clips' own body"):
+        predict_joint(tmp_path / "run", manifest, features, tmp_path / "anny")
     found = load_clip(tmp_path / "out" / "predictions" / "walk_0.npz")
     # Row 11 at 10 fps is row 22, and row 21 between it and row 20 is not valid.
     np.testing.assert_array_equal(np.flatnonzero(~found.valid), [11, 13])

@@ -22,7 +22,7 @@ from gmrdata.paper.comparison import (
     TrainingSet,
     orderings,
 )
-from gmrdata.paper.make import clip_figure, held_out_set, make_table
+from gmrdata.paper.make import _data, clip_figure, held_out_set, make_table
 from gmrdata.paper.plan import (
     Given,
     folder_name,
@@ -339,6 +339,22 @@ def test_a_table_from_the_command_line_and_again(write_walks, body_path, tmp_pat
     made = _written(out)
     assert tables() == said
     assert _written(out) == made
+
+
+def test_a_table_says_how_many_clips_a_manifest_gave_where_people_are_balanced(
+    write_walks, tmp_path
+):
+    """Its parts were people, more than manifests: the table was lost after all its trainings."""
+    recipe = tmp_path / "tiny.yaml"
+    recipe.write_text(TINY.replace("    train:\n", "    train:\n      data: {balance: 0.5}\n"))
+    manifests = (
+        write_walks("walks", ["01_01", "01_02", "02_01", "03_01"], 1),
+        write_walks("more", ["04_01", "05_01"], 2),
+    )
+    plan = plan_table(load_table(str(recipe)), "small", Given(manifests, held_out=(2,)))
+    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
+    found = [(one.name, one.clips) for one in _data(plan, overall).training]
+    assert found == [("walks/manifest.yaml", 3), ("more/manifest.yaml", 2)]
 
 
 def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):

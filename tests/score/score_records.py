@@ -34,6 +34,7 @@ def clip_score(
     zero: PaperMetrics[float] = SMALL,
     n_motions: int = 9,
     world: Mapping[str, float] | None = None,
+    protocol_fps_hz: float = 30.0,
 ) -> ClipScore:
     """A clip, with a protocol's figures where they are given."""
     return ClipScore(
@@ -45,7 +46,7 @@ def clip_score(
         predicted=predicted,
         zero=zero,
         protocol=None if world is None else ByMethod(predicted=dict(world), zero=dict(world)),
-        protocol_fps_hz=None if world is None else 30.0,
+        protocol_fps_hz=None if world is None else protocol_fps_hz,
         subsets=(),
         seen_in=None,
         floor=None,

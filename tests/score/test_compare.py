@@ -41,6 +41,7 @@ def write_scores(
     zero: float | None = None,
     protocol: Protocol | None = None,
     fps_hz: float = 10.0,
+    protocol_fps_hz: float = 30.0,
 ) -> Path:
     """Scores in which zero motion's depend on the clip alone."""
     measured = protocol.metrics if protocol else ()
@@ -51,6 +52,7 @@ def write_scores(
             zero=figures(zero or float(len(id))),
             n_motions=10,
             world=dict.fromkeys(measured, value / 100) if protocol else None,
+            protocol_fps_hz=protocol_fps_hz,
         )
         for id, value in values.items()
     ]
@@ -117,6 +119,23 @@ def test_a_protocol_is_compared_where_all_have_it(tmp_path):
     assert "rte_percent" in compared(paths[:2], tmp_path / "same")["metrics"]
     found = compared(paths, tmp_path / "other")
     assert found["protocol"] is None and "rte_percent" not in found["metrics"]
+
+
+def test_a_protocol_is_compared_at_one_rate(tmp_path):
+    """Every third row of one prediction had another RTE, and a p-value beside it."""
+    wham, values = of_protocol("wham", "rte_percent"), {"x": 10.0, "yy": 20.0}
+    paths = [
+        write_scores(tmp_path / name, values, name, protocol=wham, protocol_fps_hz=fps_hz)
+        for name, fps_hz in (("a", 30.0), ("b", 30.0), ("c", 10.0))
+    ]
+    assert compared(paths[:2], tmp_path / "same")["protocol_left_out"] is None
+    found = compared(paths, tmp_path / "other")
+    assert found["protocol"] is None and "rte_percent" not in found["metrics"]
+    said = "clip x has 30 fps in a, 30 fps in b, 10 fps in c"
+    assert said in found["protocol_left_out"]
+    write_comparison_page(tmp_path / "other" / "comparison.json", paths)
+    for name in ("comparison.md", "comparison.html"):
+        assert said in (tmp_path / "other" / name).read_text()
 
 
 def test_runs_of_one_name_are_told_apart(tmp_path):

@@ -60,7 +60,7 @@ def test_each_key_of_a_comparison_is_needed(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("record", "older"), [(Scores, "gmrdata-scores/3"), (Comparison, "gmrdata-comparison/1")]
+    ("record", "older"), [(Scores, "gmrdata-scores/3"), (Comparison, "gmrdata-comparison/2")]
 )
 def test_an_older_version_is_refused_with_the_remedy(record, older, tmp_path):
     path = tmp_path / "older.json"
