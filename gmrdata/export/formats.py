@@ -108,6 +108,9 @@ def not_held(format: str, clips: Sequence["ExportedClip"]) -> Iterator[str]:
     if format in PINHOLES and (off_px := _bend_px(clips)) >= 1:
         what = f"the lens bends the pictures by {off_px:.0f} px at the corner"
         yield f"{what}, {format} holds a camera without it; colmap has it"
+    body = clips[0].clip.motion.body
+    if format == "3dpw" and not body.startswith(SMPL):
+        yield f"shape and path are of the body {body}, and all but gmrdata take them for SMPL's"
     if format == "amass":
         from gmrdata.write.amass import smpl_legs
 
@@ -272,9 +275,7 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     _usable(clips, "campose_valid is 0 in all frames")
     _require_images_by_row(clips[0])
     for one in clips:
-        if not one.clip.motion.body.startswith(SMPL):
-            raise BadSequence(f"clip {one.id} has the body {one.clip.motion.body}, 3DPW has SMPL's")
-        if one.clip.motion.shape[SMPL_SHAPES:].any():
+        if one.clip.motion.body.startswith(SMPL) and one.clip.motion.shape[SMPL_SHAPES:].any():
             what = f"{len(one.clip.motion.shape)} shape coefficients, 3DPW has {SMPL_SHAPES}"
             raise BadSequence(f"clip {one.id} has {what}")
     name = clips[0].sequence
