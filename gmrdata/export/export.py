@@ -103,9 +103,9 @@ def export(
 
     Raises:
         StaleOutput: something is there already, and `redo` is not set; nothing was written.
-        BadRecipe: no format looks at something that was said, or onnx is not alone.
+        BadRecipe: no format looks at something that was said, onnx is not alone, or two clips
+            would be written to one file.
         MissingInput: there is no such source, clip, body, image folder or network.
-        BadRecipe: two clips would be written to one file.
     """
     source, out = Path(source), Path(out)
     options = ExportOptions(of, observations, _path(threedpw))

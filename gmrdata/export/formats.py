@@ -361,14 +361,15 @@ def _require_each_frame(person: "TrackedPerson", remedy: str) -> None:
 
 
 def _tracked(exported: "ExportedClip") -> "TrackedPerson":
-    """The person and the frames of the video, counted as `gmrdata evaluate` counts them."""
+    """The person and the frames of the video: by the record beside its images, else counted as
+    `gmrdata evaluate` counts them."""
     from gmrdata.score.results import frames_of_rows
     from gmrdata.write.systems import TrackedPerson
 
     folder, numbers = exported.images_dir, exported.clip.image_numbers
     video = None if folder is None else video_record(folder)
     if video is not None and (numbers >= 0).any():
-        frame_of = {number // video.every: number for number in video.numbers}
+        frame_of = video.frame_of
         frames = np.array([frame_of.get(number, -1) for number in numbers.tolist()])
     else:
         there = [] if folder is None else visible(folder.iterdir())

@@ -172,8 +172,8 @@ def fuse(
         source: A pseudo ground truth, a video's folder that holds one, or a clip in the world.
             One without any camera is the network's path alone, bent by feet and loops.
         out_dir: Gets `fusion.json`, and of each person `sigma_<n>.npz` and `person_<n>.npz`, with a
-            pose in each frame.  `valid` are those in which the person was seen.  A person
-            without any camera is valid nowhere beside people with cameras.
+            pose in each frame.  `valid` are those in which the person was seen.  A person without
+            any camera is valid nowhere beside people with cameras.
         network: Run folder of a trained network, or "bundled" for the one of the package.
         body_path: Body of the clips; None for the default body.
         config: When None, settings that suit the system that saw the people.

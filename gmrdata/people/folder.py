@@ -64,7 +64,7 @@ def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:
     """Refuse masks of all frames where every n-th was taken: their names fit the wrong images."""
     if frames.video is None or frames.video.every == 1 or not masks_dir.is_dir():
         return
-    every, last = frames.video.every, frames.video.numbers[-1] // frames.video.every
+    every, last = frames.video.every, max(frames.video.frame_of)
     stems = [path.name.split(".")[0] for path in masks_dir.glob("*.png")]
     if any(stem.isdecimal() and int(stem) > last for stem in stems):
         what = f"masks go beyond image {last}, the last one, so they are of every frame"

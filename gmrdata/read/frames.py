@@ -81,7 +81,7 @@ def read_frames(folder: Path, left_out: Collection[int] = ()) -> FrameSet:
 
 def of_video(frames: FrameSet, video: VideoRecord) -> FrameSet:
     """Images as frames of the video that they come from."""
-    frame_of = {number // video.every: number for number in video.numbers}
+    frame_of = video.frame_of
     foreign = [number for number in frames.numbers.tolist() if number not in frame_of]
     if foreign:
         what = f"image {foreign[0]} is no frame of the video that {VIDEO_FILE} is of"

@@ -46,6 +46,11 @@ class VideoRecord(Record):
     def n_lost(self) -> int:
         return self.n_expected - self.n_decoded
 
+    @property
+    def frame_of(self) -> dict[int, int]:
+        """By an image's number: which of the decoded frames it is, from 0."""
+        return {number // self.every: number for number in self.numbers}
+
     def times_of(self, image_numbers: np.ndarray) -> np.ndarray:
         """(T,) times of images by number [s]; NaN of a number that no image has."""
         pairs = zip(self.numbers, self.times_s, strict=True)

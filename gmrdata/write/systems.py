@@ -119,8 +119,8 @@ def write_wham(
     A person who is None is left out; the others keep their numbers.
 
     Whoever has another body than SMPL's gets its mean shape, and `trans` puts its pelvis where the
-    person's is.  The body's name is in `body`, a key more than WHAM has.  Without
-    a camera there is no `pose` and no `trans`.
+    person's is.  The body's name is in `body`, a key more than WHAM has.  Without a camera
+    there is no `pose` and no `trans`.
 
     Raises:
         BadMotionFile: a person has no frame that may be used, or one that is not finite.

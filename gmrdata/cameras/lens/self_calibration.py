@@ -367,9 +367,10 @@ def by_mapping(
     if not fits or fits[0].frames < FEWEST_FRAMES:
         return nothing_found("no model of the background could be built", tried)
     thin = _thinned(fits[0].model)
+    rolled = [with_rolled_lines(thin, axis, readout) for axis in AXES]
 
     def errors(radial: bool) -> tuple[float, float, float, float] | None:
-        return _lens_errors(thin, longer_px, readout, radial=radial)
+        return _lens_errors(thin, rolled, longer_px, radial=radial)
 
     return _answer("full", tried, fits, errors, config)
 
@@ -455,14 +456,15 @@ def _thinned(model: Any) -> Any:
 
 
 def _lens_errors(
-    thin: Any, longer_px: int, readout: float, *, radial: bool
+    thin: Any, rolled: Sequence[Any], longer_px: int, *, radial: bool
 ) -> tuple[float, float, float, float] | None:
-    """Log of the focal length over the longer side, its standard error, k1 and its own."""
+    """Log of the focal length over the longer side, its standard error, k1 and its own; `rolled`
+    are the same models as rolling shutters would have them."""
     whole = _adjusted(thin, sorted(thin.reg_image_ids()), radial)
     if whole is None:
         return None
     lens, covariance = whole
-    spread = np.hypot(_spread_of_parts(thin, lens, radial), _rolled(thin, lens, readout, radial))
+    spread = np.hypot(_spread_of_parts(thin, lens, radial), _moved_by_lines(rolled, lens, radial))
     sigma, k1_sigma = np.sqrt(FREED_NOT_INDEPENDENT**2 * np.diag(covariance) + spread**2)
     return (
         float(lens[0] - np.log(longer_px)),
@@ -489,12 +491,9 @@ def _spread_of_parts(thin: Any, lens: np.ndarray, radial: bool) -> np.ndarray:
     return np.sqrt((len(found) - 1) / len(found) * (apart**2).sum(axis=0))
 
 
-def _rolled(thin: Any, lens: np.ndarray, readout: float, radial: bool) -> np.ndarray:
+def _moved_by_lines(rolled: Sequence[Any], lens: np.ndarray, radial: bool) -> np.ndarray:
     """(2,) how far a usual rolling shutter moves the lens, along the axis that it moves it more."""
-    adjusted = [
-        _adjusted(with_rolled_lines(thin, axis, readout), sorted(thin.reg_image_ids()), radial)
-        for axis in AXES
-    ]
+    adjusted = [_adjusted(one, sorted(one.reg_image_ids()), radial) for one in rolled]
     apart = [np.abs(one[0] - lens) for one in adjusted if one is not None]
     return np.max([np.zeros(2), *apart], axis=0)
 

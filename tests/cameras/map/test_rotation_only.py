@@ -100,8 +100,12 @@ def test_many_frames_of_a_camera_that_travels_are_given_up_early(monkeypatch):
     """Their turns never came to rest, and 31 steps took a tenth of the time of 10,000 frames."""
     monkeypatch.setattr(rotation_only, "MOST_MATCHES", 100)  # so that these are many
     steps, solve = [], rotation_only.cg
-    count = lambda *of, **how: steps.append(1) or solve(*of, **how)  # noqa: E731
-    monkeypatch.setattr(rotation_only, "cg", count)
+
+    def counted(*of, **how):
+        steps.append(1)
+        return solve(*of, **how)
+
+    monkeypatch.setattr(rotation_only, "cg", counted)
     rng, true = np.random.default_rng(0), panning_rotations(9)
     turning = turning_matches(true, 0.5, 0.1, rng)
     travelling = replace(turning, keypoints_px=[px + rng.normal(0, 30, px.shape)
@@ -114,7 +118,7 @@ def test_many_frames_of_a_camera_that_travels_are_given_up_early(monkeypatch):
 
 
 def test_a_long_video_is_solved_without_a_factor(monkeypatch):
-    """7,600 keyframes of ten minutes, linked with those that look alike, took minutes a step."""
+    """7,600 keyframes, linked with those that look alike, took most of a minute a step."""
     true = np.concatenate([panning_rotations(9), panning_rotations(9)[::-1]] * 3)
     matches = turning_matches(true, 0.1, 0.1, np.random.default_rng(0))
     monkeypatch.setattr(rotation_only, "MOST_MATCHES", 100)  # so that these are many
