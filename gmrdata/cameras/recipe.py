@@ -68,7 +68,8 @@ class MappingConfig(Config):
     """Other keyframes that must see a point, so that a keyframe of such a video is not needed for
     it."""
     cover_share: float = Field(default=0.8, gt=0, le=1)
-    """Share of its points for which a keyframe must not be needed, to leave the adjustment."""
+    """Share of its points for which a keyframe must not be needed, to leave the adjustment; share
+    of its matches that must go to much earlier ones, for it not to be mapped at all."""
     least_held: float = Field(default=0.2, ge=0, le=1)
     """Share of a keyframe's matched points below which it is weak: its place may be wrong, and
     little leads it back."""

@@ -15,6 +15,7 @@ from gmrdata.cameras.check.agreement import (
 )
 from gmrdata.cameras.files import CamerasQuality, Evidence
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words, reduced
+from gmrdata.cameras.map.covered import without_seen_again
 from gmrdata.cameras.map.focal import turning_focal
 from gmrdata.cameras.map.mapping import (
     hardly_travels,
@@ -169,7 +170,8 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
         matches = match_behind_masks(matches, keyframes, work_dir, config)
         matches = adjust_keypoints(matches, keyframes, work_dir)
         keys = keys.but_matched(matches)
-        keyed = _Keyed(frames, keys.rows, matches, timeline, config)
+        mapped = without_seen_again(matches, config.mapping)
+        keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
         solution, evidence, bent = _solve_keyframes(keyed, work_dir)
     except NoReconstruction as error:
         why = f"{error.why}{cuts_in_words(keys.cuts)}"
@@ -185,6 +187,7 @@ class _Keyed:
 
     frames: Frames
     rows: np.ndarray  # (K,) of the keyframes
+    mapped: np.ndarray  # (M,) which of the K are mapped; the others see what these see
     matches: Matches  # Of the K keyframes
     timeline: Timeline
     config: SfmConfig
@@ -222,13 +225,15 @@ def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence,
 
 
 def _mapped(keyed: _Keyed, work_dir: Path, *, turns: bool) -> tuple[Solution | None, Matches]:
-    """A model of the keyframes, unless the camera only turns, with what a second one says of it;
-    and the matches of all frames."""
-    keys, matches, config = keyed.frames.some(keyed.rows), keyed.matches, keyed.config
+    """A model of the keyframes that are mapped, unless the camera only turns, with what a second
+    one says of it; and the matches of all frames."""
+    config, keys = keyed.config, keyed.frames.some(keyed.rows[keyed.mapped])
+    matches = keyed.matches.some(keyed.mapped)
     # Mapping takes one core.  No second mapping is run beside it: of two at once pycolmap 4.2.1 now
     # and then gives another model.
     with ThreadPoolExecutor(1) as beside:
-        between = beside.submit(with_frames_between, matches, keyed.rows, keyed.frames, config)
+        of_all = keyed.matches, keyed.rows, keyed.frames
+        between = beside.submit(with_frames_between, *of_all, config)
         mapped = None if turns else map_frames(keys, matches, work_dir, config)
         if mapped is not None:
             mapped = compare_again(mapped, keys, matches, work_dir, config)
@@ -249,9 +254,12 @@ def _as_turning(keyed: _Keyed, turning: RotationOnly, matches: Matches) -> Solut
 def _as_mapped(keyed: _Keyed, mapped: Solution, matches: Matches) -> Solution:
     """Cameras of all frames by a model of the keyframes and the matches of all."""
     config, intrinsics_px = keyed.config, keyed.frames.intrinsics_px
-    of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in (keyed.matches, matches))
-    step = weakest_step(mapped, of_keys, keyed.rows, intrinsics_px, config.max_reprojection_px)
-    placed = place_between(replace(mapped, weakest_step=step), keyed.rows, straight, intrinsics_px)
+    rows, of_mapped = keyed.rows[keyed.mapped], keyed.matches.some(keyed.mapped)
+    of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in (of_mapped, matches))
+    step = weakest_step(mapped, of_keys, rows, intrinsics_px, config.max_reprojection_px)
+    others = np.setdiff1d(keyed.rows, rows)
+    mapped = replace(mapped, weakest_step=step)
+    placed = place_between(mapped, rows, others, straight, intrinsics_px)
     solution = refine_mapped(placed, straight, intrinsics_px, keyed.timeline, config)
     return _with_tracks(solution, matches, keyed.frames)
 
@@ -282,7 +290,7 @@ def _with_tracks(solution: Solution, matches: Matches, frames: Frames) -> Soluti
 
 def explains_better(mapped: Solution | None, turning: RotationOnly, config: SfmConfig) -> bool:
     """Whether six degrees of freedom are worth it where a pure rotation fits as well."""
-    if mapped is None or mapped.has_camera.sum() < turning.has_camera.sum():
+    if mapped is None or mapped.has_camera.mean() < turning.has_camera.mean():
         return False
     agree_px = turning.residuals_px[turning.residuals_px < config.rotation_only_inlier_px]
     return bool(np.median(mapped.errors_px) < config.choice.clearly_better * np.median(agree_px))

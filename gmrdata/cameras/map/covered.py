@@ -1,20 +1,51 @@
-"""Keyframes of a long video that show only what enough others show: they leave the adjustment.
+"""Keyframes of a long video that show only what others show: they are placed against the map.
 
 Where a place is seen again and again, each keyframe that sees it makes the adjustment denser, and
-its time grows with the third power of their number.  So as many stay as hold each point several
-times (the culling of ORB-SLAM, Mur-Artal et al. 2015, VI-E); the others are placed against the
-finished map, as the frames between keyframes are.
+its time grows with the third power of their number.  So a keyframe is not mapped at all whose view
+is that of much earlier ones: a camera that comes back is placed in the map that it has made, as
+ORB-SLAM does (Mur-Artal et al. 2015, V-E).  Of what is mapped as many stay in the adjustment as
+hold each point several times (its culling, VI-E).
 """
 
+from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import binary_closing, binary_opening
 
 from gmrdata.cameras.colmap import add_bare_image, observations_of, pycolmap
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.match.matches import Matches
+from gmrdata.cameras.match.matches import Matches, PairMatches, matched_points
 from gmrdata.cameras.recipe import MappingConfig
+
+FEW_BETWEEN = 5  # keyframes, each a small step from the next, show what those around them show
+
+
+def without_seen_again(matches: Matches, config: MappingConfig) -> np.ndarray:
+    """Rows (N,) of the keyframes that are to be mapped: not those of a long stretch whose matches
+    nearly all go to such as are mapped and far before them."""
+    n_matched = matched_points(matches)
+    mapped = np.ones(len(n_matched), dtype=bool)
+    if config.in_parts(len(mapped)):
+        for row, pairs in _far_before(matches, config).items():
+            seen = [pair.features[:, 1] for pair in pairs if mapped[pair.first]]
+            n_seen = len(np.unique(np.concatenate(seen))) if seen else 0
+            mapped[row] = n_seen < config.cover_share * n_matched[row]
+        # The closing alone would open the ends.
+        again = ~mapped | binary_closing(~mapped, np.ones(FEW_BETWEEN + 1))
+        mapped = ~binary_opening(again, np.ones(config.part_overlap))
+    return np.flatnonzero(mapped)
+
+
+def _far_before(matches: Matches, config: MappingConfig) -> dict[int, list[PairMatches]]:
+    """By row, in order, its pairs with rows that are further before it than what it is matched with
+    for being near."""
+    before = defaultdict[int, list[PairMatches]](list)
+    for pair in matches.pairs:
+        if pair.second - pair.first > 2 ** (config.near_overlap - 1):
+            before[pair.second].append(pair)
+    return dict(sorted(before.items()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.map.covered import Core
 from gmrdata.cameras.map.focal import freed_focal, with_lens
-from gmrdata.cameras.map.models import parts_of, place_frames
+from gmrdata.cameras.map.models import parts_of, place_frames, with_anchors
 from gmrdata.cameras.map.refinement import (
     adjust,
     forget_astray,
@@ -63,7 +63,7 @@ def map_frames(
         if mapper == "small_parallax" and any(good(one) for one in found):
             break
         has_camera = found[-1].has_camera if found and good(found[-1]) else None
-        if models := _run(mapper, frames, work_dir, config, has_camera=has_camera):
+        if models := _run(mapper, frames, matches, work_dir, config, has_camera=has_camera):
             kept = has_camera is not None and len(parts_of(len(has_camera), config.mapping)) > 1
             by: Mapper = "global" if kept else mapper
             found.append(_finish(models, by, frames, matches, work_dir, config))
@@ -104,11 +104,10 @@ def map_again(
     some.  Lower thresholds for parallax are tried then, as in the first solution.
     """
     world_from_cam = np.full((len(frames.images), 4, 4), np.nan)
-    names = [frames.images[row].name for row in rows]
-    models = _run(first.mapper, frames, work_dir, config, names)
+    models = _run(first.mapper, frames, matches, work_dir, config, rows)
     short = hardly_travels(first, config.small_travel_share)
     if not models and short and first.mapper != "small_parallax":
-        models = _run("small_parallax", frames, work_dir, config, names)
+        models = _run("small_parallax", frames, matches, work_dir, config, rows)
     if not models:
         return world_from_cam, np.inf
     core, _ = joined_core(models, frames, len(rows), matches, work_dir, config)
@@ -130,7 +129,7 @@ def map_otherwise(
     first: Solution, frames: Frames, matches: Matches, work_dir: Path, config: SfmConfig
 ) -> Solution:
     """The better of a solution and one that the same mapper begins elsewhere, by another seed."""
-    models = _run(first.mapper, frames, work_dir, config)
+    models = _run(first.mapper, frames, matches, work_dir, config)
     if not models:
         return first
     other = _finish(models, first.mapper, frames, matches, work_dir, config)
@@ -144,20 +143,31 @@ def _well_held(one: Solution) -> tuple[int, float]:
 
 
 def place_between(
-    keys: Solution, key_rows: np.ndarray, matches: Matches, intrinsics_px: np.ndarray
+    keys: Solution,
+    key_rows: np.ndarray,
+    others: np.ndarray,
+    matches: Matches,
+    intrinsics_px: np.ndarray,
 ) -> Solution:
-    """A reconstruction of K keyframes, with the frames between them placed against its points."""
+    """A reconstruction of K keyframes, with the rest placed against its points: first other
+    keyframes (N,), which match those, then the frames between, which match their neighbours."""
     n = len(matches.keypoints_px)
     world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
     world_from_cam[key_rows], inliers[key_rows] = keys.world_from_cam, keys.inliers
     adjusted = np.zeros(n, dtype=bool)
     adjusted[key_rows] = keys.adjusted
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
-    between = set(range(n)) - set(key_rows.tolist())
+    between = set(range(n)) - set(key_rows.tolist()) - set(others.tolist())
     placed = Placed(world_from_cam, inliers, keys.points, seen)
+    n_resected = keys.n_resected + place_frames(others.tolist(), placed, matches, intrinsics_px)
     place_frames(between, placed, matches, intrinsics_px)
     return replace(
-        keys, world_from_cam=world_from_cam, inliers=inliers, seen=seen, adjusted=adjusted
+        keys,
+        world_from_cam=world_from_cam,
+        inliers=inliers,
+        seen=seen,
+        adjusted=adjusted,
+        n_resected=n_resected,
     )
 
 
@@ -183,25 +193,30 @@ def refine_mapped(
 def _run(
     mapper: Mapper,
     frames: Frames,
+    matches: Matches,
     work_dir: Path,
     config: SfmConfig,
-    names: Sequence[str] = (),
+    rows: np.ndarray | None = None,
     has_camera: np.ndarray | None = None,
 ) -> list[Any]:
-    """The models that a mapper finds, of all frames or of those that are named; of many, part by
-    part, as a mapper takes three times as long for twice as many.  The global mapper's models stay
-    of parts in which all frames have a camera (T,)."""
-    names, models = names or [image.name for image in frames.images], []
-    for start, stop in parts_of(len(names), config.mapping):
-        which = f"of_{len(names)}_by_{config.seed}_from_{start}"
+    """The models that a mapper finds, of all frames or of some rows (N,); of many, part by part, as
+    a mapper takes three times as long for twice as many.  The global mapper's models stay of parts
+    in which all frames have a camera (T,)."""
+    rows, models = np.arange(len(frames.images)) if rows is None else rows, []
+    for start, stop in parts_of(len(rows), config.mapping):
+        which = f"of_{len(rows)}_by_{config.seed}_from_{start}"
         if has_camera is not None and has_camera[start:stop].all():
             kept = sorted((work_dir / f"global_{which}").iterdir())
             models += [pycolmap.Reconstruction(folder) for folder in kept]
             continue
+        part = rows[start:stop]
+        if config.mapping.in_parts(len(rows)):
+            part = with_anchors(part, matches, config.mapping)
         out_dir = work_dir / f"{mapper}_{which}"
         out_dir.mkdir()
         files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
-        models += _run_part(mapper, files, names[start:stop], config)
+        names = [frames.images[row].name for row in part]
+        models += _run_part(mapper, files, names, config)
     return models
 
 

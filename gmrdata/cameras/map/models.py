@@ -93,6 +93,25 @@ def parts_of(n_frames: int, config: MappingConfig) -> list[tuple[int, int]]:
     return [(start, start + size) for start in starts]
 
 
+def with_anchors(part: np.ndarray, matches: Matches, config: MappingConfig) -> np.ndarray:
+    """Rows (N,) of a part, and those that its frames match where one does not match the one before
+    it: frames between them that showed nothing new were left out.
+
+    What comes then would share no frame with any other part.
+    """
+    count = matches.n_of_pair
+    steps = zip(part[:-1].tolist(), part[1:].tolist(), strict=True)
+    breaks = [at for at, step in enumerate(steps, 1) if step not in count]
+    after = {row for at in breaks for row in part[at : at + config.part_overlap].tolist()}
+    inside, votes = set(part.tolist()), Counter[int]()
+    for (first, second), n_matches in count.items():
+        for row, other in ((first, second), (second, first)):
+            if row in after and other not in inside:
+                votes[other] += n_matches
+    anchors = [row for row, _ in votes.most_common(config.part_overlap * len(breaks))]
+    return np.union1d(part, np.array(anchors, np.int64))
+
+
 def join_models(models: list[Any], config: SfmConfig) -> tuple[Any, tuple[ModelRecord, ...]]:
     """The largest model with all that share enough with it; what became of each, largest first."""
     ranked = sorted(models, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))

@@ -1,6 +1,6 @@
 """Verified matches between frames, and the features of each, those inside its mask last."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -35,6 +35,23 @@ class PairMatches:
 
 
 @dataclass(frozen=True, eq=False)
+class _OfRows(Mapping[int, np.ndarray]):
+    """What some rows have, by their new numbers; read when it is asked for."""
+
+    of: Mapping[int, np.ndarray]
+    rows: list[int]
+
+    def __getitem__(self, row: int) -> np.ndarray:
+        return self.of[self.rows[row]]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(len(self)))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+@dataclass(frozen=True, eq=False)
 class Matches:
     """All that is known of a sequence before a geometry is chosen."""
 
@@ -56,6 +73,20 @@ class Matches:
         """(M, 2) places of a pair's matches in its first and in its second frame [px]."""
         first_px, second_px = self.keypoints_px[pair.first], self.keypoints_px[pair.second]
         return first_px[pair.features[:, 0]], second_px[pair.features[:, 1]]
+
+    def some(self, rows: np.ndarray) -> "Matches":
+        """Those of some rows (N,), in order, with each other."""
+        new = {row: n for n, row in enumerate(rows.tolist())}
+        return Matches(
+            [self.keypoints_px[row] for row in new],
+            [
+                replace(pair, first=new[pair.first], second=new[pair.second])
+                for pair in self.pairs
+                if pair.first in new and pair.second in new
+            ],
+            [self.n_free[row] for row in new] if self.n_free else [],
+            _OfRows(self.descriptors, list(new)) if self.descriptors else {},
+        )
 
     def without(self, lens: Distortion | None, intrinsics_px: np.ndarray) -> "Matches":
         """The same with image points where they would be without distortion."""

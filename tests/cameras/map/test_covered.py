@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gmrdata.cameras.map.covered import alone, covered_rows
+from gmrdata.cameras.map.covered import alone, covered_rows, without_seen_again
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import MappingConfig
 
@@ -43,6 +43,43 @@ def test_a_place_seen_again_and_again_keeps_as_many_as_once(times):
     again = {row: once[place] for row, place in enumerate(there_and_back)}
     stay = len(again) - len(covered_rows(again, CONFIG))
     assert stay < 40
+
+
+def matched(places: list[int], alike: int = 3, step: int = 10) -> Matches:
+    """Matches of keyframes at places along a row of points: with those near in time, and further
+    before with those that see most of the same."""
+    points = [set(range(place * step, place * step + 100)) for place in places]
+    pairs = []
+    for row, seen in enumerate(points):
+        near = {row - 2**power for power in range(CONFIG.near_overlap)}
+        far = range(max(0, row - max(2**power for power in range(CONFIG.near_overlap))))
+        most = sorted(far, key=lambda other: -len(seen & points[other]))[:alike]
+        for other in sorted({*near, *most}):
+            if other >= 0 and (common := sorted(seen & points[other])):
+                at = [[p - places[of] * step for of in (other, row)] for p in common]
+                pairs.append(PairMatches(other, row, np.array(at, np.int32), ""))
+    return Matches([np.zeros((100, 2))] * len(places), pairs)
+
+
+def test_a_long_video_that_comes_back_maps_what_it_saw_once():
+    there_and_back = [*range(80), *reversed(range(80))]
+    mapped = without_seen_again(matched(there_and_back * 3), CONFIG)
+    # Of the way back what is too near in time is mapped again.
+    assert mapped[:80].tolist() == list(range(80)) and len(mapped) < 130
+    assert without_seen_again(matched(list(range(300))), CONFIG).tolist() == list(range(300))
+
+
+def test_what_is_new_after_a_place_seen_again_is_mapped():
+    mapped = without_seen_again(matched([*range(150), *range(100, 220)]), CONFIG)
+    assert set(range(150)) <= set(mapped) and set(range(205, 270)) <= set(mapped)
+    assert 30 < len(set(range(150, 205)) - set(mapped)) < 56
+
+
+def test_few_keyframes_that_see_again_are_mapped():
+    few = matched([*range(90), *range(60, 80), *range(90, 120)])
+    assert len(without_seen_again(few, CONFIG)) == len(few.keypoints_px)
+    again = matched([*range(45), *reversed(range(45))])
+    assert len(without_seen_again(again, CONFIG)) == 90  # not a long video
 
 
 def test_keyframes_that_see_nothing_are_not_covered():

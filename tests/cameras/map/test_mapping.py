@@ -12,10 +12,17 @@ from pydantic import ValidationError
 
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.files import Mapper, WeakestStep
-from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.frames import Frames, linked
 from gmrdata.cameras.map import mapping
+from gmrdata.cameras.map.covered import without_seen_again
 from gmrdata.cameras.map.mapping import map_frames
-from gmrdata.cameras.map.models import _held, _running_medians, parts_of, weakest_step
+from gmrdata.cameras.map.models import (
+    _held,
+    _running_medians,
+    parts_of,
+    weakest_step,
+    with_anchors,
+)
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
 from gmrdata.cameras.map.solution import Placed, Solution
 from gmrdata.cameras.match.matches import (
@@ -31,7 +38,7 @@ from gmrdata.cameras.reconstruct import explains_better
 from gmrdata.read.frames import list_images
 from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames
-from gmrdata.values.transforms import rigid
+from gmrdata.values.transforms import fit_similarity, rigid
 from tests.filming import Filmed, film_cameras, look_at
 
 SMALL = SfmConfig(max_features=400, first_octave=-1)
@@ -57,7 +64,7 @@ def test_both_mappers_find_the_same_cameras(arc):
     filmed, frames, matches, work_dir = arc
     mappers: tuple[Mapper, ...] = ("global", "incremental")
     for name in mappers:
-        models = mapping._run(name, frames, work_dir, SMALL)
+        models = mapping._run(name, frames, matches, work_dir, SMALL)
         mapped = mapping._finish(models, name, frames, matches, work_dir, SMALL)
         assert mapped.has_camera.all()
         assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
@@ -110,6 +117,43 @@ def test_parts_become_one_model_as_good_as_that_of_all(arc, tmp_path):
     second, error_px = mapping.map_again(mapped, rows, frames, matches, tmp_path, again)
     assert np.isfinite(second[rows]).all() and np.isnan(second[1]).all() and error_px < 1.0
     assert relative_angles_deg(second[rows], filmed.world_from_cam[rows]).max() < 0.5
+
+
+def test_what_comes_after_frames_that_were_left_out_is_held_by_what_it_matches():
+    config = MappingConfig(part_frames=5, part_overlap=3)
+    one = np.zeros((4, 2), np.int32)
+    rows = [*((row, row + 1) for row in (0, 1, 2, 3, 5, 6, 7)), (1, 5), (2, 5), (2, 6), (0, 8)]
+    matches = Matches([], [PairMatches(*pair, one, "") for pair in rows])
+    assert with_anchors(np.arange(5), matches, config).tolist() == [0, 1, 2, 3, 4]
+    assert with_anchors(np.arange(5, 9), matches, config).tolist() == [5, 6, 7, 8]
+    # 8 is not among the first three after the break.
+    assert with_anchors(np.arange(3, 9), matches, config).tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
+
+
+def test_a_camera_that_comes_back_and_goes_on_is_one_path(film, tmp_path):
+    """What it sees again is placed, and what is new is mapped with what it matches."""
+    filmed = film("dolly", 14)
+    order = [*range(9), *range(7, -1, -1), *range(1, 14)]
+    source = [filmed.frames.images[row] for row in order]
+    linked(tmp_path / "frames", {f"{n:05d}.jpg": path for n, path in enumerate(source)})
+    frames = replace(filmed.frames, images=list_images(tmp_path / "frames"), masks_dir=None)
+    parts = {"part_frames": 6, "part_overlap": 3, "near_overlap": 2}
+    config = SMALL.model_copy(update={"mapping": SMALL.mapping.model_copy(update=parts)})
+    matches = match_frames(frames, tmp_path, config)
+    mapped = without_seen_again(matches, config.mapping)
+    missing = np.setdiff1d(np.arange(30), mapped)
+    assert set(missing) >= set(range(13, 24)) and missing.min() > 8 and missing.max() < 26
+    of_mapped = matches.some(mapped)
+    assert {26, 27, 28, 29} <= set(mapped) and len(of_mapped.pairs) < len(matches.pairs)
+    found = mapping.map_frames(frames.some(mapped), of_mapped, tmp_path, config)
+    assert found is not None and found.has_camera.all()
+    placed = mapping.place_between(found, mapped, missing, matches, frames.intrinsics_px)
+    assert placed.has_camera.all() and placed.n_resected >= len(missing)
+    true = filmed.world_from_cam[order]
+    assert relative_angles_deg(placed.world_from_cam, true).max() < 0.3
+    fit = fit_similarity(true[:, :3, 3], placed.world_from_cam[:, :3, 3], scale=True)
+    there = fit.scale * placed.world_from_cam[:, :3, 3] @ fit.rotmat.T + fit.translation_m
+    assert np.linalg.norm(there - true[:, :3, 3], axis=1).max() < 0.02
 
 
 def test_frames_of_many_are_matched_with_those_that_look_alike(arc, tmp_path):
