@@ -19,13 +19,12 @@ from gmrdata.gmr.losses import Bodies, LossBody, Motions, counts_of, gmr_loss, m
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
 from gmrdata.gmr.runs import (
-    ClipFile,
     LazyClips,
     Mix,
     Split,
     fitting_clips,
     no_runs,
-    recording_of,
+    not_trained_on,
     runs_at,
     split_manifests,
     usable_files,
@@ -56,8 +55,7 @@ def fit_manifests(
     split = split_manifests(manifest_paths, config.data)
     asked = [file for path in held_out_paths for file in usable_files(path)[0]]
     # Whoever is trained on would choose weights that know nobody else.
-    trained_on = {key for file in split.training for key in _known_by(file)}
-    scored = [file for file in asked if trained_on.isdisjoint(_known_by(file))]
+    scored = not_trained_on(asked, split.training)
     statements = [split.statement] if split.statement else []
     if len(scored) < len(asked):
         n_known = len(asked) - len(scored)
@@ -72,12 +70,6 @@ def fit_manifests(
     if processes.is_first:
         remove_files(pack_dir)
     return split
-
-
-def _known_by(file: ClipFile) -> set[str | tuple[str, str]]:
-    """A clip's arrays, and its recording where its source tells it: other forms have others."""
-    recording = recording_of(file.entry.source)
-    return {file.entry.arrays.sha256} | ({recording} if recording else set())
 
 
 def fit(

@@ -269,6 +269,18 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
     return split
 
 
+def not_trained_on(files: Sequence[ClipFile], training: Sequence[ClipFile]) -> list[ClipFile]:
+    """Those of some clips that are not among those of a training, in whatever form."""
+    known = {key for file in training for key in _known_by(file)}
+    return [file for file in files if known.isdisjoint(_known_by(file))]
+
+
+def _known_by(file: ClipFile) -> set[str | tuple[str, str]]:
+    """A clip's arrays, and its recording where its source tells it: other forms have others."""
+    recording = recording_of(file.entry.source)
+    return {file.entry.arrays.sha256} | ({recording} if recording else set())
+
+
 def _parts(files: list[ClipFile], config: DataConfig) -> list[list[ClipFile]]:
     """A manifest's clips, person by person where people are balanced; those of nobody who is named
     count as one's."""

@@ -7,11 +7,12 @@ import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.predict import load_gmr
-from gmrdata.gmr.runs import ClipFile, split_manifests, usable_files
+from gmrdata.gmr.runs import ClipFile, not_trained_on, split_manifests, usable_files
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Clip
 from gmrdata.manifest.read import rows_in
@@ -34,6 +35,7 @@ from gmrdata.score.camera_as_world import predict_camera_as_world
 from gmrdata.score.records import GroupScore, PaperMetrics, Scores
 from gmrdata.score.score import score
 from gmrdata.stage.jobs import Job, run_jobs
+from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.stage.workers import worker_pool
@@ -201,19 +203,26 @@ def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None)
 
 def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
     given = plan.given
-    sizes, left_out = [len(usable_files(path)[0]) for path in given.videos], {}
+    filmed, left_out = [usable_files(path)[0] for path in given.videos], {}
+    sizes, training = [len(files) for files in filmed], list(chain(*filmed))
     if given.manifests:
         split = split_manifests(given.manifests, _data_config(plan))
         sizes, left_out = [*split.mix.sizes_of_manifests, *sizes], split.left_out
+        training += split.training
     sets = zip((*given.manifests, *given.videos), sizes, strict=True)
     what = "the held-out subjects" if given.scored is None else _name_of(given.scored)
+    asked = [] if given.scored is None else usable_files(given.scored)[0]
+    n_known = len(asked) - len(not_trained_on(asked, training))
+    known = f"; {n_known} of these clips are trained on" if n_known else ""
+    if n_known:
+        remark(f"{what}{known}: a network's figures are too good")
     return comparison.TableData(
         paper=plan.recipe.paper_data,
         training=tuple(comparison.TrainingSet(name=_name_of(path), clips=n) for path, n in sets),
         left_out=left_out,
         network=None if given.network is None else load_gmr(given.network).name,
         estimator=given.estimator,
-        scored=f"{what} ({overall.n_clips} clips, {overall.n_motions} motions)",
+        scored=f"{what} ({overall.n_clips} clips, {overall.n_motions} motions{known})",
         held_out_subjects=plan.subjects,
     )
 

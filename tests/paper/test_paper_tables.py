@@ -370,6 +370,17 @@ def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):
         held_out_set([motions], DataConfig(), tmp_path / "other")
 
 
+def test_scored_clips_that_are_trained_on_are_counted(write_walks, tmp_path, capsys):
+    recipe = tmp_path / "tiny.yaml"
+    recipe.write_text(TINY)
+    motions = write_walks("walks", ["01_01", "02_01"], 1)
+    given = Given((motions,), scored=write_walks("scored", ["02_01", "03_01"], 2))
+    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
+    data = _data(plan_table(load_table(str(recipe)), "small", given), overall)
+    assert data.scored.endswith("motions; 1 of these clips are trained on)")
+    assert "scored/manifest.yaml; 1 of these clips are trained on" in capsys.readouterr().err
+
+
 def _written(out: Path) -> dict[str, int]:
     """When each run and score was written."""
     return {
