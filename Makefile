@@ -94,7 +94,7 @@ bench-gmr: setup
 bench-gmr-cmu: setup
 	$(BIN)/python -m pytest benchmarks/bench_gmr_cmu.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
-# The bundled GMR's recipe without two of CMU's 16 people at a time, scored on these.  ARGS=--small only tries every part.
+# The bundled GMR's recipe without two of CMU's 19 people at a time, scored on these.  ARGS=--small only tries every part.
 bench-folds: setup
 	$(BIN)/python -m pytest benchmarks/bench_folds.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 

@@ -10,7 +10,7 @@ from gmrdata.cli.answers import answer, fail
 def blender(
     job: Positional[Literal["setup"]], python: str | None = None, redo: bool = False
 ) -> None:
-    """Make the environment that Blender runs in, 1.3 GB: bpy and what gmrdata's side of it imports.
+    """Make the environment that Blender runs in, 1.1 GB: bpy and what gmrdata's side of it imports.
 
     It is .venv-blender of a checkout, else $XDG_DATA_HOME/gmrdata/blender (~/.local/share).
     GMRDATA_BLENDER_PYTHON names another one's Python.

@@ -42,8 +42,8 @@ def export(
     """Write clips in the formats of other programs.  Clips that can't be written are named.
 
     Args:
-        source: A manifest, a clip's file, or the folder of a rendered set, of sfm, threedpw, floor,
-            motions, infer, a baseline or a demo; or of clips' files.
+        source: A manifest, a clip's file, or the folder of a video, a rendered set, sfm, threedpw,
+            floor, motions, infer, a baseline, a demo, or clips' files; for onnx of a training.
         out: Output folder: <format>/<clip id>.
         clips: Names of the clips to write; all when left out.
         of: The trajectory in tum and kitti: of the camera, or of the person's pelvis.

@@ -162,10 +162,10 @@ class _Given(NamedTuple):
 
 
 def _sequences(wanted: Sequence[ClipFiles]) -> list[list[ClipFiles]]:
-    """The people of each sequence."""
-    sequences: dict[str, list[ClipFiles]] = {}
+    """The people of each sequence: folders may differ where their names, fit for files, don't."""
+    sequences: dict[tuple[str, Path], list[ClipFiles]] = {}
     for files in wanted:
-        sequences.setdefault(files.sequence, []).append(files)
+        sequences.setdefault((files.sequence, files.clip_path.parent), []).append(files)
     return list(sequences.values())
 
 

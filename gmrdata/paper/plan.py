@@ -212,7 +212,7 @@ class Given:
     estimator: str = VIBE  # whose poses and keypoints they are
 
     def subjects(self, scale: Scale) -> tuple[int | str, ...]:
-        """Who is not trained on; nobody is held out where a manifest to score is given."""
+        """Who is not trained on; nobody of the recipe's where a manifest to score is given."""
         return self.held_out or (() if self.scored else scale.held_out_subjects)
 
 

@@ -149,7 +149,7 @@ class VideoVerdict(Record):
     fps_hz: NonNegativeFloat
     """Images per second."""
     accepted: bool
-    """The camera path can be used and, where there are people, one of them at least."""
+    """The camera path can be used and, where people were asked for, one of them."""
     reasons: tuple[str, ...]
     """Why not."""
     camera: Verdict

@@ -255,8 +255,8 @@ def solve_videos(
         sources: Video files and folders of numbered images, or one folder with video files.
         out_dir: Gets `videos/<name>/` of each.
         height_m: As of `solve_video`, in every video.
-        poses: As of `solve_video`; files of systems are in a folder, as `<name>.pkl`, `<name>.pt`
-            or `<name>/` for each video that has people.
+        poses: As of `solve_video`; files of systems are in a folder, as `<name>.pkl`, `.pt`,
+            `.npz` or `<name>/` for each video that has people.
         after: A module-level function for each solved video's folder.
         leaves: Files that it leaves in the folder: without them the video is solved again.
 

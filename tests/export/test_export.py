@@ -16,7 +16,9 @@ from evo.tools import file_interface
 import gmrdata
 from gmrdata.cameras.files import load_quality
 from gmrdata.cli.export import SAID
+from gmrdata.export.export import _sequences
 from gmrdata.export.formats import FORMATS, FormatName
+from gmrdata.export.sources import ClipFiles
 from gmrdata.read.systems.result import read_system
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of, load_clip, save_clip
@@ -185,6 +187,13 @@ def test_people_of_a_sequence_share_the_file_of_their_one_camera(walkers, small_
         made = gmrdata.export(str(tmp_path / "walk"), ["tum"], tmp_path / of, of=of)
         assert [one.unit.path.name for one in made if not one.left_out] == names[of]
         assert sorted(path.name for path in (tmp_path / of / "tum").iterdir()) == names[of]
+
+
+def test_folders_whose_names_become_one_are_two_sequences():
+    """The people of `a b` and of `a_b` went into one scene."""
+    paths = [Path(f"{name}/pseudo_gt/person_0.npz") for name in ("a b", "a_b")]
+    files = [ClipFiles(f"walk_{n}", "a_b", path) for n, path in enumerate(paths)]
+    assert _sequences(files) == [[files[0]], [files[1]]]
 
 
 def test_times_are_those_of_the_video(walkers, small_body, tmp_path, capsys):
