@@ -277,16 +277,20 @@ class Film(Config):
     """Horizontal field of view [degrees]."""
 
 
-def frame_rate_hz(duration_s: float, film: Film) -> float:
-    """The recipe's rate, or the highest multiple of 10 fps within `film.max_frames`."""
-    fitting = (rate for rate in RATES_HZ if duration_s * rate <= film.max_frames)
+def frame_rate_hz(duration_s: float, film: Film, fastest_hz: float = np.inf) -> float:
+    """The recipe's rate, or the highest multiple of 10 fps within `film.max_frames`, of those that
+    are not faster than a motion."""
+    fitting = (r for r in RATES_HZ if duration_s * r <= film.max_frames and r <= fastest_hz)
     return film.fps_hz or next(fitting, RATES_HZ[-1])
 
 
 def film_motion(motion: Motion, film: Film) -> Motion:
     """The part of a motion that is filmed, at its frame rate, with its middle over the origin."""
     duration_s = min(motion.n_frames / motion.fps_hz, film.duration_s)
-    rate_hz = min(frame_rate_hz(duration_s, film), motion.fps_hz)
+    rate_hz = min(frame_rate_hz(duration_s, film, motion.fps_hz), motion.fps_hz)
+    if film.fps_hz is not None and rate_hz < film.fps_hz:
+        what = f"{motion.fps_hz:g} Hz are fewer than the {film.fps_hz:g} of film.fps_hz"
+        raise BadMotionFile(f"{motion.source}: {what}. Take a faster motion, or a lower rate")
     cut = resample(slice_motion(motion, 0, round(duration_s * motion.fps_hz)), rate_hz)
     if cut.n_frames < MIN_FRAMES:
         enough = f"it takes {MIN_FRAMES / rate_hz:.2f} s, {MIN_FRAMES} frames at {rate_hz:g} Hz"

@@ -216,8 +216,9 @@ def planned_clip(
     if motion_path is not None:
         motion = read_file(motion_path, body, clip.read or recipe.read, shape=shape).motion
     else:
-        lasts_s = max(film.duration_s, (clip.hold_s or 0.0) + 1 / GAIT_FPS_HZ)
-        motion = make_gait(clip.gait or "", lasts_s, GAIT_FPS_HZ, body, rng, shape=shape)
+        rate_hz = max(GAIT_FPS_HZ, film.fps_hz or 0.0)
+        lasts_s = max(film.duration_s, (clip.hold_s or 0.0) + 1 / rate_hz)
+        motion = make_gait(clip.gait or "", lasts_s, rate_hz, body, rng, shape=shape)
     if clip.hold_s is not None:
         motion = hold_pose(motion, clip.hold_s, round(film.duration_s * motion.fps_hz))
     return plan_clip(clip.id, film_motion(motion, film), clip.programme, film, rng)

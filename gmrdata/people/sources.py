@@ -225,6 +225,12 @@ def network_files(config: MasksConfig) -> dict[str, Path]:
     return found
 
 
+def mask_folders(config: MasksConfig) -> dict[str, Path]:
+    """The folders of masks that other tools made, by role."""
+    named = zip(source_names(config.sources), config.sources, strict=True)
+    return {f"{name} masks": one.path for name, one in named if isinstance(one, FolderSource)}
+
+
 def without_files(config: MasksConfig) -> MasksConfig:
     """The recipe without its networks' files, whose hashes stand in the record instead."""
     files = {"model", "landmarks", "weights"}

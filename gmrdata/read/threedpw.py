@@ -54,7 +54,7 @@ class SequenceImages:
     width_px: int  # of the images as stored, as is `height_px` [px]
     height_px: int
     faults: tuple[str, ...]  # (N,) why a row's image can't be used; empty where it can
-    spare: int  # images in the folder that no row belongs to
+    spare: tuple[int, ...]  # numbers of images in the folder that no row belongs to
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ def _problems(files: SequenceFiles, arrays: SequenceArrays, images: SequenceImag
     found = (
         (arrays.name != files.name, f"the file says that it is sequence {arrays.name[:100]!r}"),
         (bad_images, f"{bad_images} of {arrays.n_frames} images can't be used"),
-        (images.spare, f"{images.spare} images beyond the last row"),
+        (images.spare, f"{len(images.spare)} images beyond the last row"),
         (n_people > 2, f"{n_people} people, 3DPW has one or two"),
         *((what, f"person {index}: {what}") for index, what in enumerate(odd)),
     )
@@ -138,7 +138,7 @@ def check_sequence_images(files: SequenceFiles, n_frames: int) -> SequenceImages
         for size, fault in looked_at
     )
     numbers = [number_in_name(path.name) for path in files.image_dir.glob("image_*.jpg")]
-    spare = sum(number is not None and number >= n_frames for number in numbers)
+    spare = tuple(sorted(number for number in numbers if number is not None and number >= n_frames))
     return SequenceImages(tuple(paths), *most, faults, spare)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, TypeVar
+from uuid import uuid4
 
 from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Shard
@@ -182,8 +183,10 @@ def _require_whole(description: str, jobs: Sequence[Job], outcome: Outcome, shar
 def _by_dask(
     description: str, jobs: Sequence[Job], client: Any, units: Units, fault: Fault | None
 ) -> Outcome:
+    # A key names a task for all clients of a scheduler: another command may have jobs of these ids.
+    own = uuid4().hex
     futures = {
-        job.id: client.submit(_call, job, fault, key=f"{description}-{job.id}", pure=False)
+        job.id: client.submit(_call, job, fault, key=f"{description}-{job.id}-{own}", pure=False)
         for job in jobs
     }
     _wait(description, futures, units)

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.manifest.write import ManifestHead, made_by, write_manifest
+from gmrdata.people.sources import FolderSource
 from gmrdata.read import threedpw
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.threedpw_files import (
@@ -18,14 +19,14 @@ from gmrdata.read.threedpw_files import (
     splits_of,
 )
 from gmrdata.stage.jobs import Job, raise_failures, try_jobs
-from gmrdata.stage.progress import console, track
+from gmrdata.stage.progress import console, remark, track
 from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
 from gmrdata.values.camera_motion import MotionClass
-from gmrdata.values.errors import BadSequence, GmrdataError, MissingInput
+from gmrdata.values.errors import BadRecipe, BadSequence, GmrdataError, MissingInput
 from gmrdata.values.files import remove_orphans
 from gmrdata.values.records import PART, Figure, Record
 from gmrdata.world.judge import load_record
@@ -105,6 +106,7 @@ def regenerate_set(
     Where nothing is left to make, no worker starts.  StageFailed where some sequences failed.
     """
     chosen, refused = choose(root, recipe.sequences)
+    _require_fitting(recipe, root, len(chosen))
     paths = SetPaths(out_dir.resolve())
     for folder in (paths.root, paths.failures_dir):
         remove_orphans(folder)
@@ -141,6 +143,17 @@ def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[
         except BadSequence as error:
             refused[files.name] = str(error)
     return chosen, refused
+
+
+def _require_fitting(recipe: ThreedpwRecipe, root: Path, n_chosen: int) -> None:
+    """Refuse masks that all sequences would share; say whose decisions are of no sequence."""
+    masks = recipe.sequence.masks
+    sources = () if masks is None else masks.sources
+    if n_chosen > 1 and any(isinstance(source, FolderSource) for source in sources):
+        raise BadRecipe("sequence.masks: a folder of masks is of one sequence. Name that one alone")
+    # Not an error: of twins, which share the recipe, there may be fewer.
+    if unknown := sorted(recipe.overrides.keys() - {files.name for files in find_sequences(root)}):
+        remark(f"overrides of {', '.join(unknown)}: {root} has no such sequence")
 
 
 def plan(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> list[tuple[str, ...]]:

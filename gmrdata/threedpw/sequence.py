@@ -12,6 +12,7 @@ from gmrdata.cameras.files import QUALITY_FILE
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
+from gmrdata.people.sources import mask_folders, network_files, without_files
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
 from gmrdata.read.threedpw_files import SequenceFiles, require_name
@@ -122,10 +123,11 @@ def _write(
         frames=tuple(tuple(unusable_reasons(sequence, number, rule)) for number in people),
         sequence=() if wrong is None else (wrong,),
     ).write(partial / DOUBTS_FILE)
+    faulty = (row for row, fault in enumerate(sequence.images.faults) if fault)
     PeopleRecord(
         bodies=tuple(chosen),
         genders=tuple(person.gender for person in sequence.arrays.people),
-        left_out=tuple(row for row, fault in enumerate(sequence.images.faults) if fault),
+        left_out=(*faulty, *sequence.images.spare),
         problems=sequence.problems,
         focal=focal,
     ).write(partial / PEOPLE_FILE)
@@ -144,7 +146,13 @@ def regenerate_one(
     given = make_people(files, body_paths, people_dir, recipe, run=run)
     inputs = {"images": files.image_dir, "people": people_dir}
     config = recipe.of_sequence(files.name)
-    if is_made(UNSOLVED, out_dir, config, inputs, run):
+    # Other masks may show what these hide.
+    if config.masks is not None:
+        inputs |= network_files(config.masks) | mask_folders(config.masks)
+    made_by = config.model_copy(
+        update={"masks": None if config.masks is None else without_files(config.masks)}
+    )
+    if is_made(UNSOLVED, out_dir, made_by, inputs, run):
         return out_dir
     try:
         return solve_sequence(
@@ -159,7 +167,7 @@ def regenerate_one(
         )
     except NoReconstruction as error:
         work = partial(_write_unsolved, given, str(error))
-        return run_stage(UNSOLVED, out_dir, config, inputs, work, run=run)
+        return run_stage(UNSOLVED, out_dir, made_by, inputs, work, run=run)
 
 
 def _write_unsolved(given: SequencePeople, reason: str, out_dir: Path) -> None:

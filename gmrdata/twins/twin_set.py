@@ -1,5 +1,6 @@
 """Twins: rendered frames and exact clips as faulty sequences of 3DPW, the truth beside them."""
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -300,6 +301,8 @@ def write_sequence_twin(
     paths = [rendered / file for file in config.people]
 
     def work(partial_dir: Path) -> None:
+        # What lies elsewhere goes: whoever is stopped here must find nothing that looks made.
+        shutil.rmtree(root / IMAGES_DIR / clip.id, ignore_errors=True)
         for split in SPLITS:  # of another recipe, which had more people or another split
             (root / SEQUENCES_DIR / split / f"{clip.id}.pkl").unlink(missing_ok=True)
         for stale in truth_dir.glob(f"{clip.id}.p[0-9].npz"):

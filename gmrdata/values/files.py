@@ -25,7 +25,6 @@ from gmrdata.values.errors import BadMotionFile, BadRecord, GmrdataError, Missin
 from gmrdata.values.limits import Budget, OverBudget
 
 STAGE_FILE, RECIPE_FILE = "stage.json", "recipe.json"
-_BESIDE_A_STAGE = re.compile(r"\..+\.(lock|inputs)(\..+)?")
 _TEMPORARY_NAME = re.compile(r"\..+\.(?P<host>[0-9a-f]{12})-(?P<pid>\d+)-\d+\.tmp(\..*)?")
 """`temporary_name`: what the file is called that a process writes."""
 ORPHAN_AGE_S = 86400.0  # after which another machine's unfinished file has lost its process
@@ -59,22 +58,18 @@ def sha256_of_file(path: Path) -> str:
 
 
 def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file) -> str:
-    """Hex SHA-256 of a file, or of a folder's paths and contents but for what stages keep of it."""
+    """Hex SHA-256 of a file, or of a folder's paths and contents but for what stages keep of it and
+    for hidden files, which they and desktops leave."""
     if not path.is_dir():
         return hash_file(path)
     digest = hashlib.sha256()
     # Folders that are links are not entered.
     for file in sorted(Path(root, name) for root, _, names in os.walk(path) for name in names):
-        kept = file.name in (STAGE_FILE, RECIPE_FILE) or is_beside_a_stage(file.name)
+        kept = file.name in (STAGE_FILE, RECIPE_FILE) or file.name.startswith(".")
         if kept or not file.is_file():
             continue
         digest.update(f"{file.relative_to(path).as_posix()}\0{hash_file(file)}\n".encode())
     return digest.hexdigest()
-
-
-def is_beside_a_stage(name: str) -> bool:
-    """Whether a file is one that stages keep beside their folders: locks, hashes of inputs."""
-    return _BESIDE_A_STAGE.fullmatch(name) is not None
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -12,10 +13,9 @@ import numpy as np
 import psutil
 import yaml
 
-from gmrdata.values.files import is_beside_a_stage
-
 VICTIMS = ("parent", "worker", "blender")
 ORPHANS_END_S = 20.0
+BESIDE_A_STAGE = re.compile(r"\..+\.(lock|inputs)(\..+)?")
 LEFTOVERS = (".tmp", ".partial", ".old", ".unfinished", "job.json", "blender.log")
 
 
@@ -117,7 +117,8 @@ def contents(out_dir: Path) -> dict[str, str]:
     found = {}
     for path in sorted(path for path in out_dir.rglob("*") if path.is_file()):
         data = path.read_bytes()
-        if is_beside_a_stage(path.name):  # inodes and times of this disk, a dead process's lock
+        # Inodes and times of this disk, a dead process's lock.
+        if BESIDE_A_STAGE.fullmatch(path.name):
             continue
         if path.name == "stage.json":
             record = json.loads(data)

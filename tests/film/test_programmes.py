@@ -280,6 +280,19 @@ def test_a_rate_that_is_given_is_kept():
     assert frame_rate_hz(1.0, Film(fps_hz=10)) == 10.0
 
 
+@pytest.mark.parametrize(("motion_hz", "rate_hz"), [(24.0, 20.0), (25.0, 20.0), (8.0, 8.0)])
+def test_a_rate_that_is_chosen_is_none_that_the_motion_has_not(small_body, motion_hz, rate_hz):
+    """At 25 Hz phases of 10 Hz would have frames that nobody filmed."""
+    motion = make_gait("walk", 1.0, motion_hz, small_body, np.random.default_rng(3))
+    assert film_motion(motion, Film(duration_s=1.0)).fps_hz == rate_hz
+
+
+def test_a_motion_that_is_slower_than_the_rate_that_is_given_is_refused(small_body):
+    motion = make_gait("walk", 1.0, 25.0, small_body, np.random.default_rng(3))
+    with pytest.raises(BadMotionFile, match=r"25 Hz are fewer than the 30 of film\.fps_hz"):
+        film_motion(motion, Film(duration_s=1.0, fps_hz=30.0))
+
+
 def test_the_motion_is_cut_and_its_middle_lies_over_the_origin(small_body):
     rng = np.random.default_rng(3)
     motion = make_gait("walk", 6.0, 30.0, small_body, rng)

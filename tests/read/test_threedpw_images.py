@@ -59,6 +59,7 @@ def test_broken_images_are_faults_of_their_rows(make_dataset, jpeg):
         9: "image_00009.jpg is truncated or no image",
         29: "image of 160x90 px, others have 90x160 px",
     }
+    assert sequence.images.spare == (30,)
     assert sequence.problems == ("5 of 30 images can't be used", "1 images beyond the last row")
 
 

@@ -9,7 +9,7 @@ from gmrdata.stage import store
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import NotMade, run_stage
 from gmrdata.values.errors import StaleOutput
-from gmrdata.values.files import sha256_of_file
+from gmrdata.values.files import sha256_of_file, sha256_of_path
 from gmrdata.values.records import Config
 
 
@@ -93,6 +93,15 @@ def test_a_copy_elsewhere_is_hashed_and_remembered(frames, hashed):
     forget()
     stage(frames)
     assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
+
+
+def test_what_a_desktop_leaves_in_a_folder_is_no_other_content(frames):
+    before = sha256_of_path(frames)
+    (frames / ".DS_Store").write_bytes(b"Bud1")
+    (frames / "._0.jpg").write_bytes(b"AppleDouble")
+    assert sha256_of_path(frames) == before
+    (frames / "3.jpg").write_bytes(b"3")
+    assert sha256_of_path(frames) != before
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "gmrdata-inputs/1", "files": {"a": 1}}'])

@@ -153,6 +153,31 @@ def test_a_running_scheduler_is_used(tmp_path):
     assert set(results) == {"a"}
 
 
+def name_slowly(name: str) -> str:
+    time.sleep(1)
+    return name
+
+
+def test_two_commands_on_one_scheduler_get_their_own_results(tmp_path):
+    """A key stands for one task of all clients: the second had the first one's folders."""
+    found: dict[str, str] = {}
+
+    def ask(name: str, address: str) -> None:
+        with worker_pool(Run(scheduler=address)) as pool:
+            job = Job("walk", name_slowly, {"name": name})
+            found[name] = run_jobs("naming", [job], pool, tmp_path)["walk"]
+
+    with LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster:
+        commands = [
+            threading.Thread(target=ask, args=(name, cluster.scheduler_address)) for name in "ab"
+        ]
+        for command in commands:
+            command.start()
+        for command in commands:
+            command.join()
+    assert found == {"a": "a", "b": "b"}
+
+
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])  # without a certificate
 def test_no_scheduler_at_the_address_is_a_clear_error(monkeypatch, protocol):
     monkeypatch.setattr(workers, "CONNECT_S", 0.5)

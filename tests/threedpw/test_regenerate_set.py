@@ -1,5 +1,6 @@
 """From 3DPW's layout to a manifest of world motions, with verdicts, on real workers."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,7 +20,7 @@ from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import plan, regenerate_set
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import BadManifest, MissingInput, StageFailed
+from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput, StageFailed
 from gmrdata.values.files import read_json
 
 pytestmark = pytest.mark.slow
@@ -108,6 +109,8 @@ def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
     images = copied_set.root / "imageFiles"
     (images / "arc_00" / "image_00020.jpg").unlink()
     (images / "arc_00" / "image_00007.jpg").write_bytes(b"")
+    # Nobody has a row there, and so no mask.
+    shutil.copy(images / "arc_00" / "image_00035.jpg", images / "arc_00" / "image_00036.jpg")
     grey = cv2.imencode(".jpg", np.full((180, 320, 3), 120, np.uint8))[1].tobytes()
     for path in sorted((images / "pan_00").glob("*.jpg")):
         path.write_bytes(grey)
@@ -141,6 +144,35 @@ def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
         copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, run=Run(redo=False)
     )
     assert stage.stat().st_mtime_ns == before
+
+
+def test_without_a_reconstruction_other_masks_are_tried(copied_set, tmp_path):
+    pan, masks = copied_set.root / "imageFiles" / "pan_00", tmp_path / "masks"
+    masks.mkdir()
+    for path in sorted(pan.glob("*.jpg")):
+        cv2.imwrite(str(masks / f"{path.stem}.png"), np.full((180, 320), 255, np.uint8))
+    source = {"kind": "folder", "path": str(masks)}
+    sequence = {"masks": {"sources": [source]}, "sfm": {"max_features": 800}}
+    recipe = copied_set.recipe(sequence=sequence, sequences=["pan_00"])
+    out_dir = tmp_path / "out"
+    regenerate_set(recipe, copied_set.root, out_dir)
+    assert "masks" in read_json(out_dir / "verdicts.json")["sequences"][0]["reasons"][0]
+    for path in masks.iterdir():
+        cv2.imwrite(str(path), np.zeros((180, 320), np.uint8))
+    with pytest.raises(StageFailed, match="other values of inputs"):
+        regenerate_set(recipe, copied_set.root, out_dir)
+    regenerate_set(recipe, copied_set.root, out_dir, run=Run(redo=True))
+    assert read_json(out_dir / "verdicts.json")["sequences"][0]["accepted"]
+    # Images of all sequences have the same names.
+    with pytest.raises(BadRecipe, match="a folder of masks is of one sequence"):
+        regenerate_set(copied_set.recipe(sequence=sequence), copied_set.root, tmp_path / "both")
+
+
+def test_a_decision_on_a_sequence_that_is_not_there_is_named(filmed_set, tmp_path, capsys):
+    overrides = {"arc_0": {"verdict": "rejected", "because": "drifts"}}
+    recipe = filmed_set.recipe(overrides=overrides, sequences=["nobody"])
+    regenerate._require_fitting(recipe, filmed_set.root, 1)
+    assert "overrides of arc_0" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_manifest_that_is_refused_leaves_the_verdicts_as_they_were(tmp_path, monkeypatch):

@@ -21,6 +21,7 @@ from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.clips import camera_clip
 from gmrdata.threedpw.regenerate import sequence_rows
+from gmrdata.twins import twin_set
 from gmrdata.twins.twin_set import (
     TwinRecipe,
     TwinSequence,
@@ -231,6 +232,22 @@ def test_another_split_is_refused_and_with_redo_leaves_no_second_file(out, tmp_p
     found = sorted((tmp_path / "copy" / "3DPW").rglob(f"{ONE}.pkl"))
     assert [path.parent.name for path in found] == ["test"]
     assert read_sequence(tmp_path / "copy" / "3DPW", ONE).problems == ()
+
+
+@pytest.mark.slow
+def test_a_redo_that_is_stopped_leaves_nothing_that_looks_made(out, tmp_path, monkeypatch):
+    """The old recipe found its images, and no annotations of them."""
+    shutil.copytree(out, tmp_path / "copy")
+    clip = RECIPE.set.clips[1]
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(twin_set, "write_twin", stop)
+        write_sequence_twin(reseeded(2), clip, tmp_path / "copy", run=Run(redo=True))
+    write_sequence_twin(RECIPE, clip, tmp_path / "copy")
+    assert files_of(tmp_path / "copy" / "3DPW") == files_of(out / "3DPW")
 
 
 @pytest.mark.slow
