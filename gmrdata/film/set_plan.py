@@ -26,7 +26,7 @@ from gmrdata.film.programmes import (
 )
 from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.scene import SceneConfig
-from gmrdata.manifest.current import CameraMotion, ListManifest
+from gmrdata.manifest.current import CameraMotion, ListManifest, Semver
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import find_motions, input_files, read_file
 from gmrdata.motion.gait import make_gait
@@ -52,7 +52,7 @@ PROGRAMMES = {
 
 
 class SyntheticClip(Config):
-    id: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    id: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=100)
     """Name of the clip and of its folders."""
     trial: str | None = None
     """Name of a motion file, without suffix."""
@@ -91,7 +91,7 @@ class PeopleConfig(Config):
 class SyntheticRecipe(Config):
     recipe: Literal["synthetic"]
     name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
-    version: str = "1.0.0"
+    version: Semver = "1.0.0"
     seed: int = Field(default=0, ge=0, le=limits.LARGEST_SEED)
     """Of every random choice."""
     body: str = "anny"

@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from gmrdata.manifest.current import Semver
 from gmrdata.read.threedpw import ValidRule
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
@@ -20,7 +21,7 @@ class ThreedpwRecipe(Config):
     recipe: Literal["threedpw"]
     name: str = Field(default="3dpw-world", pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
     """Name of the data set that is made."""
-    version: str = "1.0.0"
+    version: Semver = "1.0.0"
     """Its version, major.minor.patch."""
     licence: str = Field(default="3DPW's licence: research only, not to be passed on", min_length=1)
     bodies: tuple[str, ...] = Field(default=("anny",), min_length=1)

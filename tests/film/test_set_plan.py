@@ -319,3 +319,13 @@ def test_who_is_too_tall_too_small_too_heavy_or_too_light_is_left_out(anny):
     wide = np.array([1.35, 1.0, 1.35])
     people_m = np.stack([mean_m, 1.25 * mean_m, 0.8 * mean_m, mean_m * wide, mean_m / wide])
     assert within_bounds(people_m, anny.faces).tolist() == [True, False, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("said", "where"),
+    [({"version": "1.0"}, "version"), ({"clips": [{"id": "-a"}]}, r"clips\.0\.id")],
+)
+def test_what_no_manifest_takes_is_refused_before_any_work(said, where):
+    """They were refused when all was rendered."""
+    with pytest.raises(ValidationError, match=where):
+        SyntheticRecipe.model_validate({"recipe": "synthetic", "name": "set"} | said)
