@@ -20,7 +20,7 @@ from gmrdata.values.files import safe_relative
 __all__ = [
     "FORMAT", "AnyManifest", "CameraMotion", "Clip", "CreatedBy", "DroppedRange", "Extra",
     "FileRecord", "FolderRecord", "FrameRange", "ListedClip", "ListManifest", "Manifest", "Quality",
-    "Recipe", "Source",
+    "Recipe", "Semver", "Source",
 ]  # fmt: skip
 FORMAT = "gmrdata/1"
 

@@ -24,18 +24,38 @@ FEW_BETWEEN = 5  # keyframes, each a small step from the next, show what those a
 
 def without_seen_again(matches: Matches, config: MappingConfig) -> np.ndarray:
     """Rows (N,) of the keyframes that are to be mapped: not those of a long stretch whose matches
-    nearly all go to such as are mapped and far before them."""
+    nearly all go to features of much earlier ones that are mapped, or show what those show."""
     n_matched = matched_points(matches)
-    mapped = np.ones(len(n_matched), dtype=bool)
-    if config.in_parts(len(mapped)):
-        for row, pairs in _far_before(matches, config).items():
-            seen = [pair.features[:, 1] for pair in pairs if mapped[pair.first]]
-            n_seen = len(np.unique(np.concatenate(seen))) if seen else 0
-            mapped[row] = n_seen < config.cover_share * n_matched[row]
-        # The closing alone would open the ends.
-        again = ~mapped | binary_closing(~mapped, np.ones(FEW_BETWEEN + 1))
-        mapped = ~binary_opening(again, np.ones(config.part_overlap))
-    return np.flatnonzero(mapped)
+    if not config.in_parts(len(n_matched)):
+        return np.arange(len(n_matched))
+    far, mapped = _far_before(matches, config), np.ones(len(n_matched), dtype=bool)
+    # Features that show what is mapped; of one that is placed in the map but some.
+    known = [np.ones(len(points_px), dtype=bool) for points_px in matches.keypoints_px]
+    for row, pairs in far.items():
+        seen = np.zeros(len(known[row]), dtype=bool)
+        for pair in pairs:
+            seen[pair.features[known[pair.first][pair.features[:, 0]], 1]] = True
+        mapped[row] = seen.sum() < config.cover_share * n_matched[row]
+        known[row] = known[row] if mapped[row] else seen
+    # The closing alone would open the ends.
+    again = ~mapped | binary_closing(~mapped, np.ones(FEW_BETWEEN + 1))
+    stretches = binary_opening(again, np.ones(config.part_overlap))
+    return np.flatnonzero(_linked(~stretches, far, config))
+
+
+def _linked(
+    mapped: np.ndarray, far: dict[int, list[PairMatches]], config: MappingConfig
+) -> np.ndarray:
+    """The same rows (T,) bool, and those through which what comes after a stretch that is left out
+    matches what is mapped."""
+    linked = mapped.copy()
+    starts = np.flatnonzero(mapped[1:] & ~mapped[:-1]) + 1
+    after = {row for start in starts.tolist() for row in range(start, start + config.part_overlap)}
+    for row in sorted(after.intersection(np.flatnonzero(mapped).tolist())):
+        while (pairs := far.get(row)) and not any(linked[pair.first] for pair in pairs):
+            row = max(pairs, key=lambda pair: len(pair.features)).first
+            linked[row] = True
+    return linked
 
 
 def _far_before(matches: Matches, config: MappingConfig) -> dict[int, list[PairMatches]]:

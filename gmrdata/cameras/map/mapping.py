@@ -150,7 +150,7 @@ def place_between(
     intrinsics_px: np.ndarray,
 ) -> Solution:
     """A reconstruction of K keyframes, with the rest placed against its points: first other
-    keyframes (N,), which match those, then the frames between, which match their neighbours."""
+    keyframes (N,), which match those or each other, then the frames between."""
     n = len(matches.keypoints_px)
     world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
     world_from_cam[key_rows], inliers[key_rows] = keys.world_from_cam, keys.inliers
@@ -159,7 +159,10 @@ def place_between(
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
     between = set(range(n)) - set(key_rows.tolist()) - set(others.tolist())
     placed = Placed(world_from_cam, inliers, keys.points, seen)
-    n_resected = keys.n_resected + place_frames(others.tolist(), placed, matches, intrinsics_px)
+    left, n_resected = set(others.tolist()), keys.n_resected
+    # Some match but such as are placed themselves.
+    while n_more := place_frames(left, placed, matches, intrinsics_px):
+        left, n_resected = left - set(placed.seen), n_resected + n_more
     place_frames(between, placed, matches, intrinsics_px)
     return replace(
         keys,

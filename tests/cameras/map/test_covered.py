@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from gmrdata.cameras.map.covered import alone, covered_rows, without_seen_again
 from gmrdata.cameras.match.matches import Matches, PairMatches
@@ -45,15 +47,17 @@ def test_a_place_seen_again_and_again_keeps_as_many_as_once(times):
     assert stay < 40
 
 
-def matched(places: list[int], alike: int = 3, step: int = 10) -> Matches:
+def matched(places: list[int], alike: int = 3, last: bool = False) -> Matches:
     """Matches of keyframes at places along a row of points: with those near in time, and further
-    before with those that see most of the same."""
+    before with those that see most of the same, the first or the `last` of these."""
+    step = 10
     points = [set(range(place * step, place * step + 100)) for place in places]
     pairs = []
     for row, seen in enumerate(points):
         near = {row - 2**power for power in range(CONFIG.near_overlap)}
         far = range(max(0, row - max(2**power for power in range(CONFIG.near_overlap))))
-        most = sorted(far, key=lambda other: -len(seen & points[other]))[:alike]
+        in_order = reversed(far) if last else far
+        most = sorted(in_order, key=lambda other: -len(seen & points[other]))[:alike]
         for other in sorted({*near, *most}):
             if other >= 0 and (common := sorted(seen & points[other])):
                 at = [[p - places[of] * step for of in (other, row)] for p in common]
@@ -67,6 +71,24 @@ def test_a_long_video_that_comes_back_maps_what_it_saw_once():
     # Of the way back what is too near in time is mapped again.
     assert mapped[:80].tolist() == list(range(80)) and len(mapped) < 130
     assert without_seen_again(matched(list(range(300))), CONFIG).tolist() == list(range(300))
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_each_time_round_matches_the_one_before_or_the_first(last):
+    """Of a film of fifteen rounds 22 keyframes of each were mapped anew, and lost: what they match
+    was placed itself."""
+    laps = [*range(80), *reversed(range(80))] * 4
+    matches = matched([*laps, *range(60), *range(60, 140)], last=last)
+    mapped = without_seen_again(matches, CONFIG)
+    assert len(set(mapped) & set(range(160, 640))) < 90
+    assert set(range(len(laps) + 84, len(laps) + 140)) <= set(mapped)
+    # Whatever is mapped hangs together.
+    pairs = matches.some(mapped).pairs
+    links = coo_array(
+        (np.ones(len(pairs)), np.array([(pair.first, pair.second) for pair in pairs]).T),
+        shape=(len(mapped), len(mapped)),
+    )
+    assert connected_components(links, directed=False)[0] == 1
 
 
 def test_what_is_new_after_a_place_seen_again_is_mapped():
