@@ -82,25 +82,27 @@ def motion_vertices_m(
     """Vertices of a motion, or of some of its rows, float32 [m], in the motion's frame."""
     _check_shape(body, motion)
     rest_joints_m = body.rest_joints_m(motion.shape)
-    joints_m, frame_from_joint = posed_joints_m(rest_joints_m, motion.rotmats, motion.pelvis_m)
+    numbers = np.arange(motion.n_frames)[slice(None) if rows is None else rows]
+    # Of these rows alone: else few at a time of a long motion would take as long as all, each time.
+    posed = motion.take(numbers)
+    joints_m, frame_from_joint = posed_joints_m(rest_joints_m, posed.rotmats, posed.pelvis_m)
     # A joint's transform maps rest points to posed points, so its own rest place comes off first.
     # Seen from the pelvis, single precision is fine: far from the origin it would not be.
     pelvis_m = joints_m[:, :1]
     turned_m = (frame_from_joint @ (rest_joints_m - rest_joints_m[0])[..., None])[..., 0]
     offsets_m = joints_m - pelvis_m - turned_m
     transforms = np.concatenate([frame_from_joint, offsets_m[..., None]], axis=-1)
-    numbers = np.arange(motion.n_frames)[slice(None) if rows is None else rows]
     template_m = body.rest_vertices_m(motion.shape) - rest_joints_m[0]
     weights = body.skin_weights.astype(np.float32)
     vertices_m = np.empty((len(numbers), *template_m.shape), dtype=np.float32)
     chunk = max(1, CHUNK_BYTES // (len(template_m) * 12 * 4))
     for start in range(0, len(numbers), chunk):
-        now = numbers[start : start + chunk]
-        rest_m = _bent(body, template_m, motion, now)
-        moved = transforms[now].reshape(-1, N_JOINTS, 12).astype(np.float32)
-        blended = (weights @ moved).reshape(len(now), -1, 3, 4)
+        here = slice(start, start + chunk)
+        rest_m = _bent(body, template_m, motion, numbers[here])
+        moved = transforms[here].reshape(-1, N_JOINTS, 12).astype(np.float32)
+        blended = (weights @ moved).reshape(len(moved), -1, 3, 4)
         posed_m = np.einsum("tvij,tvj->tvi", blended[..., :3], rest_m) + blended[..., 3]
-        vertices_m[start : start + chunk] = posed_m + pelvis_m[now]
+        vertices_m[here] = posed_m + pelvis_m[here]
     return vertices_m
 
 

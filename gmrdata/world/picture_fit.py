@@ -271,6 +271,8 @@ def _outlines(
 ) -> dict[int, _Outline]:
     """Outlines of a person in those of the rows in which the body is known."""
     own = rows[clip.valid[rows]]
+    if not len(own):
+        return {}
     posed_m = motion_vertices_m(body, clip.motion, rows=own)
     intrinsics_px = camera_of(clip).intrinsics_px
     of_legs = body.skin_weights[:, LEGS].sum(axis=1) > VISIBLE
