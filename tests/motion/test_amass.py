@@ -139,6 +139,18 @@ def test_cmus_index_wins_over_amass(tmp_path, small_body):
         assert read_motion(path, small_body, fps_hz=99).fps_hz == 99.0
 
 
+def test_cmus_index_does_not_depend_on_how_the_path_is_typed(tmp_path, small_body, monkeypatch):
+    folder = _save(tmp_path / "CMU" / "62" / "62_11_poses.npz", _arrays()).parent
+    (tmp_path / "mine").symlink_to(folder)
+    for here, typed in (
+        (tmp_path, "mine/62_11_poses.npz"),
+        (tmp_path / "CMU", "62/62_11_poses.npz"),
+        (folder, "62_11_poses.npz"),
+    ):
+        monkeypatch.chdir(here)
+        assert read_motion(Path(typed), small_body).fps_hz == 60.0
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
