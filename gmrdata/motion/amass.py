@@ -21,6 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import levelled, motion_of
+from gmrdata.motion.resample import between_known
 from gmrdata.motion.up_axis import turn_upright, turned
 from gmrdata.read.amass_keys import RATE_KEYS, gender_word, joined_poses
 from gmrdata.read.numbers import finite_numbers, require_radians
@@ -41,6 +42,7 @@ from gmrdata.values.body import (
     leg_length_m,
     shape_on,
 )
+from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadBodyFile, BadMotionFile
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
@@ -103,7 +105,8 @@ def read_amass(
     arrays = joined_poses(read_npz(path, plain_alone=True))
     if str(arrays.get("frame", "world")) != "world":
         raise BadMotionFile(f"{path}: a clip in camera frames; make its pseudo ground truth first")
-    poses, trans = _pose_arrays(arrays, path)
+    known = _known_rows(arrays, path)
+    poses, trans = _pose_arrays(arrays, known, path)
     trans = trans * (1.0 if config.unit_m is None else config.unit_m)
     rate_hz, rate_note = amass_rate(arrays, config.fps_hz, path)
     kept = _holds_shape_of(arrays, body, poses.shape[1])
@@ -124,21 +127,54 @@ def read_amass(
         rest_m = scale * source_pelvis_m
         motion = turned(motion, *found)
         motion = replace(motion, pelvis_m=motion.pelvis_m + rest_m - found[0] @ rest_m)
-    return levelled(body, motion, not is_own if ground is None else ground)
+    motion = levelled(body, motion, not is_own if ground is None else ground)
+    return motion if known is None else _on_all_rows(motion, known)
 
 
-def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Checked `poses` (T, 72 | 156 | 165) [rad] and `trans` (T, 3) [m]."""
+def _known_rows(arrays: dict[str, np.ndarray], path: Path) -> np.ndarray | None:
+    """(T,) bool: rows of one of gmrdata's clips that hold a motion; None for any other file.
+
+    A row that is not valid may be NaN, where a data set says nothing of the person.
+    """
+    if str(arrays.get("format")) != CLIP_FORMAT:
+        return None
+    clip = load_clip(path)
+    has_pose = np.isfinite(clip.motion.rotmats).all(axis=(1, 2, 3))
+    return np.asarray(clip.valid | (has_pose & np.isfinite(clip.motion.pelvis_m).all(axis=1)))
+
+
+def _on_all_rows(motion: Motion, known: np.ndarray) -> Motion:
+    """A motion of the known rows (T,) of a clip with the others filled, turned and moved evenly."""
+    rows = between_known(np.flatnonzero(known), np.arange(len(known)))
+    rotmats, n_filled = rows.turned(motion.rotmats), int((~known).sum())
+    return replace(
+        motion,
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=rows.placed(motion.pelvis_m),
+        source=motion.source + (f", {n_filled} missing frames filled" if n_filled else ""),
+    )
+
+
+def _pose_arrays(
+    arrays: dict[str, np.ndarray], known: np.ndarray | None, path: Path
+) -> tuple[np.ndarray, np.ndarray]:
+    """Checked `poses` (N, 72 | 156 | 165) [rad] and `trans` (N, 3) [m] of the known rows."""
     if missing := [key for key in ("poses", "trans") if key not in arrays]:
         lacks = f"it has no array {missing[0]!r} (it has {', '.join(arrays)[:200]})"
         raise BadMotionFile(f"{path}: no AMASS motion, {lacks}")
-    poses, trans = (finite_numbers(arrays[key], key, path) for key in ("poses", "trans"))
+    poses, trans = arrays["poses"], arrays["trans"]
+    if known is not None:  # the other rows are not checked, and errors count the file's rows
+        poses, trans = (np.where(known[:, None], array, 0.0) for array in (poses, trans))
+    poses, trans = finite_numbers(poses, "poses", path), finite_numbers(trans, "trans", path)
     if poses.ndim != 2 or poses.shape[1] not in HANDS:
-        known = "(T, 72) of SMPL, (T, 156) of SMPL+H and (T, 165) of SMPL-X"
-        raise BadMotionFile(f"{path}: poses are {poses.shape}; known are {known}")
+        forms = "(T, 72) of SMPL, (T, 156) of SMPL+H and (T, 165) of SMPL-X"
+        raise BadMotionFile(f"{path}: poses are {poses.shape}; known are {forms}")
     if trans.shape != (len(poses), 3):
         found = f"trans is {trans.shape} for {len(poses)} frames"
         raise BadMotionFile(f"{path}: {found}; fetch it again")
+    if known is not None:
+        poses, trans = poses[known], trans[known]
     if len(poses) < 2:
         raise BadMotionFile(f"{path}: {len(poses)} frames are no motion; it takes at least 2")
     require_radians(poses, "poses", path)

@@ -10,12 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.motion.files import read_motion
+from gmrdata.motion.files import read_file, read_motion
 from gmrdata.motion.local_poses import read_local_poses
+from gmrdata.read.source_motion import DEFAULT_READING
 from gmrdata.read.systems.result import read_system
-from gmrdata.values.body import SMPL_LEG_M, SMPL_REST_PELVIS_M, leg_length_m
+from gmrdata.values.body import SMPL_LEG_M, SMPL_REST_PELVIS_M, BodyModel, leg_length_m
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
 from tests.damage import in_one_folder, part_replaced, read_or_refused
 
 HAND_COLUMNS = {72: (22, 23), 156: (22, 37), 165: (25, 40)}
@@ -114,6 +116,51 @@ def test_a_clip_of_the_same_body_comes_back(tmp_path, small_body):
     save_clip(tmp_path / "camera.npz", camera, small_body.rest_pelvis_m(motion.shape))
     with pytest.raises(BadMotionFile, match="camera frames"):
         read_motion(tmp_path / "camera.npz", small_body)
+
+
+def _clip(path: Path, motion: Motion, valid: np.ndarray, body: BodyModel) -> Path:
+    clip = Clip("c", motion, valid, np.full(len(valid), -1), None)
+    save_clip(path, clip, body.rest_pelvis_m(motion.shape))
+    return path
+
+
+def test_rows_of_a_clip_that_are_not_valid_may_be_nan(tmp_path, small_body):
+    """As clips of EMDB and Human3.6M have them: the motion of the other rows is read."""
+    motion = read_motion(_save(tmp_path / "a.npz", _arrays(n_frames=12)), small_body)
+    missing = np.isin(np.arange(12), [0, 4, 5])
+    valid = ~missing & (np.arange(12) != 11)  # row 11 is not valid, and a pose all the same
+    rotmats, pelvis_m = motion.rotmats, motion.pelvis_m.copy()
+    rotmats[missing], pelvis_m[missing] = np.nan, np.nan
+    gaps = replace(
+        motion, local_rotmats=rotmats[:, 1:], root_rotmats=rotmats[:, 0], pelvis_m=pelvis_m
+    )
+    path = _clip(tmp_path / "gaps.npz", gaps, valid, small_body)
+    read = read_file(path, small_body, DEFAULT_READING)
+    np.testing.assert_array_equal(read.valid, valid)
+    np.testing.assert_allclose(read.motion.rotmats[~missing], rotmats[~missing], atol=1e-12)
+    np.testing.assert_allclose(read.motion.pelvis_m[~missing], pelvis_m[~missing], atol=1e-12)
+    np.testing.assert_array_equal(read.motion.rotmats[0], read.motion.rotmats[1])
+    third_m = (2 * pelvis_m[3] + pelvis_m[6]) / 3
+    np.testing.assert_allclose(read.motion.pelvis_m[4], third_m, atol=1e-12)
+    assert read.motion.source.endswith(", 3 missing frames filled")
+    # The floor is that of the rows that are there.
+    known = _clip(tmp_path / "known.npz", motion.take(~missing), valid[~missing], small_body)
+    grounded, wanted = (read_motion(one, small_body, ground=True) for one in (path, known))
+    np.testing.assert_array_equal(grounded.pelvis_m[~missing], wanted.pelvis_m)
+
+
+def test_a_clip_without_a_motion_says_so(tmp_path, small_body):
+    motion = read_motion(_save(tmp_path / "a.npz", _arrays()), small_body)
+    pelvis_m = motion.pelvis_m.copy()
+    pelvis_m[3] = np.nan
+    lost = replace(motion, pelvis_m=pelvis_m)
+    path = _clip(tmp_path / "b.npz", lost, np.full(6, True), small_body)
+    with pytest.raises(BadMotionFile, match=r"b\.npz: trans is not finite at frame 3"):
+        read_motion(path, small_body)
+    nobody = replace(motion, pelvis_m=np.full((6, 3), np.nan))
+    path = _clip(tmp_path / "c.npz", nobody, np.full(6, False), small_body)
+    with pytest.raises(BadMotionFile, match=r"c\.npz: 0 frames are no motion"):
+        read_motion(path, small_body)
 
 
 def test_pythons_objects_beside_the_motion_are_left_out(tmp_path, small_body):
