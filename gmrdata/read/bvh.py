@@ -25,6 +25,8 @@ from gmrdata.values.transforms import euler_rotmats
 
 CMU_UNIT_M = 0.0254 / 0.45  # CMU's files hold inches times 0.45
 CENTIMETRE_M = 0.01
+MAX_FORM = {"LHipJoint", "lowerback", "LeftHip"}
+"""Joints of CMU's trials in cgspeed's release for 3ds Max, which has the same unit and header."""
 _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
 
 
@@ -148,7 +150,7 @@ def read_bvh(
     tree = read_hierarchy(lines[:motion_line], path)
     n_frames, frame_time, table_line = _read_motion_header(lines, motion_line + 1, path)
     table = _read_table(lines, table_line, tree, n_frames, path)
-    cmu = is_cmu(tree.names)
+    cmu = is_cmu(tree.names) or set(tree.names) >= MAX_FORM
     unit_note = "given" if unit_m is not None else "CMU's" if cmu else "centimetres"
     unit_m = unit_m if unit_m is not None else CMU_UNIT_M if cmu else CENTIMETRE_M
     if fps_hz is not None:

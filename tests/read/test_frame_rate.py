@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -96,3 +97,14 @@ def test_cmus_joints_alone_are_no_rate(tmp_path, name, time, fps_hz):
     path = tmp_path / name
     path.write_text(CMU_LIKE.format(time=time))
     assert read_bvh(path).fps_hz == fps_hz
+
+
+def test_cmus_trials_for_3ds_max_are_known(tmp_path):
+    """cgspeed's other release calls joints as 3ds Max wants them, and says 120 Hz of each trial."""
+    leg = "JOINT LeftHip\n{\nOFFSET 0 1 0\nCHANNELS 0\nEnd Site\n{\nOFFSET 0 1 0\n}\n}\n"
+    text = CMU_LIKE.format(time=".0083333").replace("JOINT LowerBack", f"{leg}JOINT lowerback")
+    path = tmp_path / "62_11.bvh"
+    path.write_text(text)
+    source = read_bvh(path)
+    assert (source.fps_hz, source.rate_from) == (60.0, "CMU's index")
+    np.testing.assert_allclose(source.offsets_m[2], [0, 0.0254 / 0.45, 0])
