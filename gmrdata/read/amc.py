@@ -218,8 +218,9 @@ def read_amc(
     """Read an AMC motion with its ASF skeleton.
 
     Without `asf_path`, the skeleton beside it has the longest name with which the file's begins
-    (`02_03.amc`: `02_03.asf`, then `02.asf`), or is the only .asf there.  The format does not hold
-    the frame rate; without `fps_hz` CMU's index decides, and others of its skeleton have 120 Hz.
+    (`02_03.amc`: `02_03.asf`, then `02.asf`), or is the only .asf there and has no other subject's
+    number.  The format does not hold the frame rate; without `fps_hz` CMU's index decides, and
+    others of its skeleton have 120 Hz.
     """
     text = read_text(path)
     asf_path = asf_path if asf_path is not None else find_asf(path)
@@ -262,12 +263,20 @@ def find_asf(amc_path: Path) -> Path:
     named = [
         path for path in there if re.match(f"{re.escape(path.stem.lower())}(?![a-z0-9])", stem)
     ]
-    if named or len(there) == 1:
-        return max(named or there, key=lambda path: len(path.stem))
+    if named:
+        return max(named, key=lambda path: len(path.stem))
+    if len(there) == 1 and not _is_anothers(there[0], amc_path):
+        return there[0]
     what = f"its skeleton {amc_path.stem.rpartition('_')[0] or amc_path.stem}.asf is not beside it"
     others = f" ({', '.join(path.name for path in there)})" if there else ""
     remedy = "put it there, under a name with which the AMC's begins"
     raise MissingInput(f"{amc_path}: {what}{others}; {remedy}")
+
+
+def _is_anothers(asf_path: Path, amc_path: Path) -> bool:
+    """Whether a skeleton has the number of another of CMU's subjects than the motion has."""
+    number, subject = re.match("[0-9]{1,3}(?=_|$)", asf_path.stem), cmu_subject(amc_path)
+    return number is not None and subject is not None and int(number[0]) != subject
 
 
 def _body(text: str, asf: Asf, path: Path) -> tuple[int, list[str], bool]:

@@ -198,6 +198,16 @@ def test_the_skeleton_beside_it(tmp_path):
     assert find_asf(path) == tmp_path / "anyone.asf"
 
 
+def test_the_skeleton_of_another_subject_is_not_taken(tmp_path):
+    path = _write(tmp_path)
+    for name in ("02.asf", "02_01.asf"):
+        other = next(tmp_path.glob("*.asf")).rename(tmp_path / name)
+        with pytest.raises(MissingInput, match=rf"its skeleton 07\.asf is not .* \({other.name}\)"):
+            read_amc(path, fps_hz=50)
+    own = other.rename(tmp_path / "7.asf")
+    assert find_asf(path) == own
+
+
 @in_one_folder(150)
 @given(data=st.data())
 def test_damage_never_raises_anything_else(data, tmp_path):
