@@ -149,13 +149,14 @@ def _most_deg(turns: np.ndarray) -> float:
     return float(np.rad2deg(np.percentile(angles_rad(turns.reshape(-1, 3, 3)), 95)))
 
 
-def read_poses(path: Path, body: BodyModel, config: ReadConfig) -> Motion:
-    """The same for its local poses: not on the floor, and whichever axis is up."""
+def read_poses(path: Path, body: BodyModel, config: ReadConfig) -> tuple[Motion, int]:
+    """The same for its local poses: not on the floor, and whichever axis is up; and which row of
+    the file is its first."""
     require_text(path, BadMotionFile)
     if path.suffix.lower() == ".npz":
-        return read_amass(path, body, config.model_copy(update={"up": "z"}), ground=False)
-    said = Retargeting(ground=False, any_up=True)
-    return _on_body(_read_source(path, config), path, body, config, said)[0]
+        return read_amass(path, body, config.model_copy(update={"up": "z"}), ground=False), 0
+    said, source = Retargeting(ground=False, any_up=True), _read_source(path, config)
+    return _on_body(source, path, body, config, said)[0], source.first_row
 
 
 def _read_source(

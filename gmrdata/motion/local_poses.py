@@ -85,9 +85,9 @@ def read_local_poses(
         return _of_clip(path, fps_hz, body)
     if is_motion:
         names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
-        motion = read_poses(path, body, ReadConfig(fps_hz=fps_hz, joint_map=names))
-        n = motion.n_frames
-        return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
+        motion, first = read_poses(path, body, ReadConfig(fps_hz=fps_hz, joint_map=names))
+        rows = first + np.arange(motion.n_frames)
+        return (Clip(path.stem, motion, np.ones(len(rows), bool), rows, None),)
     return _of_people(path, fps_hz, body, bridge_frames)
 
 

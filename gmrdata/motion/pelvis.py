@@ -75,7 +75,7 @@ def hung_on(source: SourceMotion, pelvis: int) -> SourceMotion:
     places_m = joint_positions_m(source.parents, frames, source.translations_m)
     rest_m = source.rest_joints_m()
     parents = list(source.parents)
-    turned = frames.copy()
+    framed = list(range(len(parents)))  # the bone whose frame each gets
     for above, below in pairwise(line):
         parents[above] = below
     parents[pelvis] = -1
@@ -83,7 +83,8 @@ def hung_on(source: SourceMotion, pelvis: int) -> SourceMotion:
         bones_m = places_m[:, bone] - places_m[:, below]
         held_m = np.einsum("tji,tj->ti", frames[:, below], bones_m)
         if np.ptp(held_m, axis=0).max() > RIGID_M:
-            turned[:, below] = frames[:, bone]
+            framed[below] = bone
+    turned = frames[:, framed]
     notes = (*source.notes, f"hung on {source.names[pelvis]} instead of {source.names[0]}")
     if np.any(turned[:, line[1]] != frames[:, line[1]]):
         notes += (f"{NO_TURN} {source.names[0]}",)
@@ -94,6 +95,11 @@ def hung_on(source: SourceMotion, pelvis: int) -> SourceMotion:
     over = np.where(is_root[:, None, None], np.eye(3), turned[:, over_bones])
     starts_m = np.where(is_root[:, None], 0.0, places_m[:, over_bones])
     offsets_m = rest_m[order] - np.where(is_root[:, None], 0.0, rest_m[over_bones])
+    added_pose = source.added_pose
+    if added_pose is not None:
+        posed = global_rotmats(source.parents, added_pose[None])[0, framed]
+        over_added = np.where(is_root[:, None, None], np.eye(3), posed[over_bones])
+        added_pose = over_added.swapaxes(-1, -2) @ posed[order]
     return replace(
         source,
         names=tuple(source.names[bone] for bone in order),
@@ -103,4 +109,5 @@ def hung_on(source: SourceMotion, pelvis: int) -> SourceMotion:
         local_rotmats=over.swapaxes(-1, -2) @ turned[:, order],
         translations_m=np.einsum("tjlk,tjl->tjk", over, places_m[:, order] - starts_m),
         notes=notes,
+        added_pose=added_pose,
     )

@@ -196,16 +196,14 @@ def from_standing(
     if likely and _hips_off_deg(source, joints, rest_m) < LARGEST_HIPS_OFF_DEG:
         return source
     given = rest == "first_frame" or isinstance(rest, SourceMotion)
-    pose, said = source.local_rotmats[0], "frame 0" if given else "frame 0, a T-pose"
-    if isinstance(rest, SourceMotion):
-        pose, said = _pose_of(rest, source, name), "the first frame of rest_pose's file"
     up = _up_axis(source, joints) if said_up is None else axis_of(said_up)
     aside = np.eye(3)[1 if up[0] else 0]
     axes = np.stack([aside, up, np.cross(aside, up)], axis=1)
-    standing = _told_from(source, joints, pose, up, axes)
-    rest_m = zero_pose_m(standing, joints)
-    if stands(rest_m) and (given or np.abs(arms_deg(rest_m)).max() < SPREAD_DEG):
-        return replace(standing, notes=(*source.notes, f"{TOLD_FROM} {said}"))
+    for pose, said in _first_poses(source, rest, name):
+        standing = _told_from(source, joints, pose, up, axes)
+        rest_m = zero_pose_m(standing, joints)
+        if stands(rest_m) and (given or np.abs(arms_deg(rest_m)).max() < SPREAD_DEG):
+            return replace(standing, notes=(*source.notes, f"{TOLD_FROM} {said}"))
     if given:
         what = "the person does not stand upright in the first frame that --rest-pose names"
         raise BadMotionFile(f"{name}: {what}; leave --rest-pose out, or give another")
@@ -223,6 +221,25 @@ NOWHERE_STANDING = (
     "export the motion with a T-pose as its rest pose or its first frame, or give --rest-pose: a "
     "file of the same skeleton that begins with one"
 )
+
+
+def _first_poses(
+    source: SourceMotion, rest: RestPose | SourceMotion | None, name: str
+) -> list[tuple[np.ndarray, str]]:
+    """Local rotations (J, 3, 3) in which the person may stand, and what they are.
+
+    A rest pose that the reader dropped is the file's frame 0.  Where nobody says that the person
+    stands there, the first frame of the recording may be a T-pose as well.
+    """
+    if isinstance(rest, SourceMotion):
+        return [(_pose_of(rest, source, name), "the first frame of rest_pose's file")]
+    added, recorded = source.added_pose, source.local_rotmats[0]
+    if rest == "first_frame":
+        return [(recorded if added is None else added, "frame 0")]
+    if added is None:
+        return [(recorded, "frame 0, a T-pose")]
+    row = source.first_row
+    return [(added, "frame 0, a T-pose"), (recorded, f"frame {row}, a T-pose")]
 
 
 def _mean_pose(source: SourceMotion) -> np.ndarray:
@@ -344,6 +361,7 @@ def _told_from(
         tips_m=np.einsum("jkl,jl->jk", zero, source.tips_m),
         translations_m=np.einsum("jkl,tjl->tjk", above, source.translations_m),
         local_rotmats=above @ source.local_rotmats @ zero.swapaxes(1, 2),
+        added_pose=None,  # its frames are not these
     )
 
 

@@ -147,8 +147,16 @@ def _turned(source: SourceMotion, turn: np.ndarray, note: str) -> SourceMotion:
     rotmats, translations_m = source.local_rotmats.copy(), source.translations_m.copy()
     rotmats[:, 0] = turn @ rotmats[:, 0]
     translations_m[:, 0] = translations_m[:, 0] @ turn.T
-    notes = (*source.notes, note)
-    return replace(source, local_rotmats=rotmats, translations_m=translations_m, notes=notes)
+    added_pose = source.added_pose
+    if added_pose is not None:
+        added_pose = np.concatenate([turn @ added_pose[:1], added_pose[1:]])
+    return replace(
+        source,
+        local_rotmats=rotmats,
+        translations_m=translations_m,
+        notes=(*source.notes, note),
+        added_pose=added_pose,
+    )
 
 
 def _put_on(

@@ -252,6 +252,7 @@ def read_amc(
         fps_hz=fps_hz,
         rate_from=rate_note,
         notes=(*notes, f"{asf.unit_m:.6g} m per unit", *rows_notes),
+        first_row=rows.start,
     )
 
 

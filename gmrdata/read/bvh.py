@@ -17,7 +17,7 @@ import numpy as np
 
 from gmrdata.read import source_motion
 from gmrdata.read.numbers import bad_line, parse_floats, parse_table, read_text
-from gmrdata.read.source_motion import SourceMotion, recorded_rows
+from gmrdata.read.source_motion import DROPPED_REST, SourceMotion, recorded_rows
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.joint_names import is_cmu
 from gmrdata.values.limits import MOST_JOINTS, Budget, OverBudget
@@ -140,8 +140,8 @@ def read_bvh(
 
     Without `fps_hz`, CMU's trials (known by their joints, their `02_03` names and a header of 120
     Hz) have the rate of CMU's index, all others their header's.  Without `unit_m`, CMU files are
-    0.056444 m per unit, all others centimetres.  `drop_rest_frame` says whether frame 0 is an added
-    rest pose to leave out, as in cgspeed's CMU files; None looks for itself (see `recorded_rows`).
+    0.056444 m per unit, all others centimetres.  `drop_rest_frame`: whether frame 0 is an added
+    rest pose, which is left out; None looks for itself (see `recorded_rows`).
     """
     lines = read_text(path).split("\n")
     motion_line = next((i for i, line in enumerate(lines) if line.strip() == "MOTION"), None)
@@ -159,12 +159,10 @@ def read_bvh(
         header_hz = source_motion.rate_of_frame_time_hz(frame_time, path, table_line)
         fps_hz, rate_note = _rate_hz(header_hz, cmu, path)
     notes = (f"{fps_hz:.7g} Hz ({rate_note})", f"{unit_m:.6g} m per unit ({unit_note})")
-    rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
-    rows, rows_notes = recorded_rows(
-        table, rotation_columns, cmu, drop_rest_frame, path, fewest_frames
-    )
-    table = table[rows]
-    translations, offsets = _translations(tree, table), np.array(tree.offsets)
+    turns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
+    rows, dropped = recorded_rows(table, turns, cmu, drop_rest_frame, path, fewest_frames)
+    added_pose = _local_rotmats(tree, table[:1])[0] if DROPPED_REST in dropped else None
+    translations, offsets = _translations(tree, table[rows]), np.array(tree.offsets)
     if not offsets[1:].any():
         offsets[1:] = np.median(translations[:, 1:], axis=0)
     return SourceMotion(
@@ -172,11 +170,13 @@ def read_bvh(
         parents=tuple(tree.parents),
         offsets_m=offsets * unit_m,
         tips_m=np.array(tree.tips) * unit_m,
-        local_rotmats=_local_rotmats(tree, table),
+        local_rotmats=_local_rotmats(tree, table[rows]),
         translations_m=translations * unit_m,
         fps_hz=fps_hz,
         rate_from=rate_note,
-        notes=notes + rows_notes,
+        notes=notes + dropped,
+        first_row=rows.start,
+        added_pose=added_pose,
     )
 
 

@@ -82,6 +82,9 @@ class SourceMotion:
     fps_hz: float
     rate_from: str  # "header", "CMU's index" or "given"
     notes: tuple[str, ...]  # what the reader decided (unit, rate, dropped frame), for the record
+    first_row: int = 0  # of the file's rows, the one that is frame 0 here
+    added_pose: np.ndarray | None = None
+    """(J, 3, 3) local rotations of the rest pose in the file's frame 0, where it was dropped."""
 
     @property
     def n_frames(self) -> int:
@@ -93,8 +96,11 @@ class SourceMotion:
         return np.asarray(joint_positions_m(self.parents, unturned, self.offsets_m)[0])
 
 
+DROPPED_REST = "added rest pose in frame 0 dropped"
 REST_FRAME_JUMP_DEG = 10.0
 """A first frame without any root rotation is an added rest pose if a joint then jumps this far."""
+ROOTS = 3
+"""Of so many first joints the first that turns is the root: a Reference may stand still above."""
 
 
 def recorded_rows(
@@ -126,7 +132,7 @@ def recorded_rows(
     if empty[start:stop].any():
         gap = start + int(np.argmax(empty[start:stop]))
         raise BadMotionFile(f"{path}: frame {gap} holds no data, all is zero; split the file there")
-    notes = ("added rest pose in frame 0 dropped",) if drop_rest_frame else ()
+    notes = (DROPPED_REST,) if drop_rest_frame else ()
     n_empty = len(table) - (stop - start) - len(notes)
     return slice(start, stop), notes + ((f"{n_empty} empty frames dropped",) if n_empty else ())
 
@@ -136,8 +142,12 @@ def _starts_with_rest_frame(
 ) -> bool:
     """Whether row 0 is a pose that was put in front of a recording."""
     later = np.flatnonzero(~empty[1:]) + 1
-    root = list(rotation_columns[0])
-    if not len(later) or not root or table[0, root].any() or not table[later[0], root].any():
+    if not len(later):
+        return False
+    first_joints = [list(columns) for columns in rotation_columns[:ROOTS]]
+    turning = (joint for joint in first_joints if (table[:, joint] != table[0, joint]).any())
+    root = next(turning, [])
+    if not root or table[0, root].any() or not table[later[0], root].any():
         return False
     angles_deg = table[:, [column for columns in rotation_columns for column in columns]]
     turn_deg = angles_deg[later[0]] - angles_deg[0]

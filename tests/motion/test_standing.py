@@ -14,6 +14,9 @@ from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library, motion_table
+from gmrdata.motion.local_poses import read_local_poses
+from gmrdata.motion.pelvis import hung_on
+from gmrdata.motion.retarget import _turned as turned_source
 from gmrdata.motion.retarget import retarget
 from gmrdata.motion.up_axis import is_upright, person_of
 from gmrdata.read.body_file import save_body
@@ -136,6 +139,42 @@ def test_a_t_pose_in_frame_0_says_what_rotations_mean(write, small_body, raised)
     # Toe bones that were drawn along x may show how flat a foot is to a hair.
     assert _apart_deg(motion, other).max() < 0.01
     np.testing.assert_allclose(other.pelvis_m, motion.pelvis_m, atol=1e-3)
+
+
+@pytest.mark.parametrize("rest_pose", [None, "first_frame"])
+def test_a_t_pose_that_is_dropped_says_it_too(write, small_body, rest_pose):
+    path = write("up", _turned(shoulder=-90.0), t_pose=True)
+    kept = read_motion(path, small_body, drop_rest_frame=False, rest_pose=rest_pose, ground=False)
+    motion = read_motion(path, small_body, rest_pose=rest_pose, ground=False)
+    assert "added rest pose in frame 0 dropped, turns told from frame 0" in motion.source
+    assert motion.n_frames == kept.n_frames - 1
+    # What a flat foot is, is told from the frames.
+    apart_deg = _apart_deg(kept.take(slice(1, None)), motion)
+    assert np.delete(apart_deg, [7, 8, 10, 11]).max() < 1e-5
+
+
+def test_a_t_pose_after_an_added_one_says_it_as_well(write, small_body):
+    zero, t_pose = _turned(shoulder=-90.0), np.tile(np.eye(3), (24, 1, 1))
+    source = read_bvh(write("up", zero, t_pose=True), drop_rest_frame=False)
+    source = replace(source, first_row=1, added_pose=t_pose)  # the arms go up in it, as at zero
+    joints = find_joints(source.names, source.parents, None, Path("a"))
+    motion, _ = retarget(source, joints, small_body)
+    assert "turns told from frame 1, a T-pose" in motion.source
+
+
+def test_the_added_pose_goes_with_its_motion(write):
+    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
+    source = replace(source, added_pose=source.local_rotmats[0])
+    hung = hung_on(source, source.names.index("LeftArm"))
+    np.testing.assert_allclose(hung.added_pose, hung.local_rotmats[0], atol=1e-12)
+    turned = turned_source(source, Rotation.from_euler("x", 90, degrees=True).as_matrix(), "")
+    np.testing.assert_array_equal(turned.added_pose, turned.local_rotmats[0])
+
+
+def test_local_poses_are_counted_by_the_files_rows(write, small_body):
+    path = write("t", np.tile(np.eye(3), (24, 1, 1)), t_pose=True)
+    (clip,) = read_local_poses(path, body=small_body)
+    np.testing.assert_array_equal(clip.image_numbers, np.arange(1, 60))
 
 
 def test_without_a_t_pose_it_is_the_mean_pose(write, small_body):

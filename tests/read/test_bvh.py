@@ -207,8 +207,8 @@ def test_damage_never_raises_anything_else(data, tmp_path):
         assert np.isfinite(source.local_rotmats).all() and np.isfinite(source.translations_m).all()
 
 
-def _with_rows(path: Path, rows: list[str]) -> Path:
-    head = GOOD[: GOOD.index("1 2 3 90")].replace("Frames: 3", f"Frames: {len(rows)}")
+def _with_rows(path: Path, rows: list[str], text: str = GOOD) -> Path:
+    head = text[: text.index("1 2 3 90")].replace("Frames: 3", f"Frames: {len(rows)}")
     path.write_text(head + "\n".join(rows) + "\n")
     return path
 
@@ -223,6 +223,23 @@ def test_an_added_rest_pose_is_dropped_and_a_start_at_rest_is_not(tmp_path):
     assert read_bvh(path, drop_rest_frame=True).n_frames == 2
     turned = ["1 2 3 0 0.1 0 8 0", "1 2 3 5 1 2 30 9"]
     assert read_bvh(_with_rows(path, turned)).n_frames == 2
+
+
+REFERENCE = GOOD.replace(
+    "ROOT a\n", "ROOT r\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Yrotation Xrotation\nJOINT a\n"
+).replace("}\nMOTION", "}\n}\nMOTION")
+
+
+@pytest.mark.parametrize("turn", ["0 0 0", "0 0 -90"])
+def test_a_rest_pose_is_found_under_a_joint_that_never_turns(tmp_path, turn):
+    """As MotionBuilder writes: the Reference's frame is that of the scene."""
+    path = tmp_path / "a.bvh"
+    rows = [f"{turn} {row}" for row in ("1 2 3 0 0 0 8 0", "1 2 3 5 1 2 30 9", "1 2 3 5 1 2 30 8")]
+    added = read_bvh(_with_rows(path, rows, REFERENCE))
+    assert (added.n_frames, added.first_row) == (2, 1)
+    assert "added rest pose in frame 0 dropped" in added.notes
+    rows[0] = f"{turn} 1 2 3 0 0.1 0 8 0"
+    assert read_bvh(_with_rows(path, rows, REFERENCE)).n_frames == 3
 
 
 def _chain(n_joints: int) -> str:
