@@ -197,7 +197,8 @@ def _rest(rest_pose: RestPose | Path | None) -> RestPose | SourceMotion | None:
     if not rest_pose.is_file():
         known = ", ".join(get_args(RestPose))
         raise MissingInput(f"{rest_pose}: no such file. --rest-pose takes a BVH file, or {known}")
-    return read_bvh(rest_pose, drop_rest_frame=False, fewest_frames=1)
+    # A pose has no rate, so whatever its header says is no fault.
+    return read_bvh(rest_pose, fps_hz=30.0, drop_rest_frame=False, fewest_frames=1)
 
 
 def input_files(path: Path) -> dict[str, Path]:

@@ -207,6 +207,18 @@ def test_the_zero_pose_may_be_given(write, small_body):
             read_motion(path, small_body, rest_pose=wrong)
 
 
+@pytest.mark.parametrize("frame_time", ["0", "1"])
+def test_the_file_of_a_zero_pose_needs_no_rate(write, small_body, frame_time):
+    up = _turned(shoulder=-90.0)
+    path, rest = write("up", up), write("rest", up, t_pose=True)
+    wanted = read_motion(path, small_body, rest_pose=rest)
+    head, _, table = rest.read_text().partition("Frames: 60\nFrame Time: 0.04\n")
+    first = table.partition("\n")[0]
+    rest.write_text(f"{head}Frames: 1\nFrame Time: {frame_time}\n{first}\n")
+    found = read_motion(path, small_body, rest_pose=rest)
+    np.testing.assert_array_equal(found.rotmats, wanted.rotmats)
+
+
 def test_a_recipe_says_how_files_are_read(write, small_body):
     path = write("odd", _turned(shoulder=-90.0))
     path.write_text(path.read_text().replace("LeftLeg", "Bone7"))
