@@ -43,7 +43,8 @@ def read_text(path: Path) -> str:
     n_lines = data.count(b"\n") + data.count(b"\r")
     if n_lines > max(FREE_LINES, len(data) // BYTES_PER_LINE):
         raise BadMotionFile(f"{path}: {n_lines} lines, nearly all of them empty; fetch it again")
-    text = data.decode("utf-8-sig", errors="replace")
+    # Names in another encoding, as Shift-JIS, stay different from each other.
+    text = data.decode("utf-8-sig", errors="backslashreplace")
     return _plain_separators(text.replace("\r\n", "\n").replace("\r", "\n"))
 
 

@@ -242,6 +242,13 @@ def test_a_rest_pose_is_found_under_a_joint_that_never_turns(tmp_path, turn):
     assert read_bvh(_with_rows(path, rows, REFERENCE)).n_frames == 3
 
 
+def test_names_in_another_encoding_stay_different(tmp_path):
+    path = tmp_path / "a.bvh"
+    text = GOOD.replace("ROOT a", "ROOT 頭").replace("JOINT b", "JOINT 首")
+    path.write_bytes(text.encode("shift_jis"))
+    assert read_bvh(path).names == (r"\x93\xaa", r"\x8e\xf1")
+
+
 def _chain(n_joints: int) -> str:
     """A hierarchy as deep as it has joints."""
     joint = "JOINT j{}\n{{\nOFFSET 0 1 0\nCHANNELS 1 Xrotation\n"
