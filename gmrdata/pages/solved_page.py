@@ -386,7 +386,7 @@ def _level_cues(record: PseudoGtQuality | None) -> Table | None:
             one.name,
             f"{one.apart_deg:.1f}",
             f"{one.sigma_deg:.1f}",
-            "yes" if one.used else "no: steep",
+            "yes" if one.used else "no" if one.name == "picture" else "no: steep",
         )
         for one in record.level.cues
     ]

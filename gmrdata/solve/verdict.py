@@ -184,7 +184,8 @@ def judge_video(solved: Solved) -> VideoVerdict:
     notes += solved.remarks
     if solved.world_dir is not None:
         world = load_record(solved.world_dir)
-        notes += [] if world.level is None or world.level.remark is None else [world.level.remark]
+        if world.level is not None:
+            notes += [one for one in (world.level.remark, world.level.tipped) if one is not None]
         notes += [*_scale_notes(world), *_unchecked(world)]
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())

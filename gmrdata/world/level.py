@@ -22,7 +22,7 @@ from gmrdata.values.records import PART, Config, Figure
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
-CueName = Literal["bodies", "gravity", "contacts", "feet", "ground"]
+CueName = Literal["bodies", "gravity", "contacts", "feet", "ground", "picture"]
 BALANCE_SIGMA_RAD = np.deg2rad(4.0)
 """Of the direction in which a person's mass is above its feet, along each of two axes: mostly how a
 system sees the body (docs/figures.md).  Where a trunk is upright tells much less."""
@@ -30,6 +30,13 @@ TRUNK_SIGMA_RAD = np.deg2rad(12.0)
 SHARED = 0.5  # share of that variance which people of one system have in common
 BODY_TIME_S = 2.0  # over which a person keeps leaning the same way
 STANDS = 0.75  # a mass that is lower over the feet, as a share of that at rest, sits or lies
+LOW = 0.95
+"""And one that is a little lower: of people who crouch, who bow, and who sit on a chair or on the
+floor with legs stretched out."""
+OVER_SOLES_RAD = np.deg2rad(15.0)
+"""From a sole's normal to the direction of the mass: 0 to 5 degrees of who crouches or bows with
+flat feet, 25 to 45 on a chair, whose back holds the mass behind the feet."""
+STRAIGHT_RAD = np.deg2rad(30.0)  # of a knee that is hardly bent, and of a trunk in line with legs
 FEWEST_S = 0.1  # of standing that is believed
 STILL_M_PER_S = 0.25  # speed of a foot at which it carries a third of what one at rest does
 SPEED_TIME_S = 0.1
@@ -54,6 +61,11 @@ GRAVITY_SIGMA_RAD = np.deg2rad(0.5)
 floor, in the one recording at hand that has both."""
 STEEP_SHARE, STEEP_SIGMA_RAD = 0.1, np.deg2rad(8.0)
 """Share of grounds that are not level, and how steep those are along each axis."""
+
+
+UNSURE_RAD = np.deg2rad(60.0)
+"""From the picture's up to the bodies', from which one of them is not up; and of up then, along
+each axis.  Whoever lies straight has the pose of somebody who stands: only the picture tells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +110,22 @@ class LevelEstimate(Config):
         above_m = float(np.percentile(heights_m, high)) if len(heights_m) else None
         return LevelEstimate(sigma_deg=self.sigma_deg, cues=self.cues, soles_above_m=above_m)
 
+    def beside_picture(self, apart_deg: float) -> "LevelEstimate":
+        """The same of a world of which the picture's up is that far off: who knows which is up."""
+        sigma_deg = _angle_deg(UNSURE_RAD**2 * np.eye(2))
+        said = LevelCue(name="picture", apart_deg=apart_deg, sigma_deg=sigma_deg, used=False)
+        cues = (*self.cues, said)
+        return LevelEstimate(sigma_deg=sigma_deg, cues=cues, soles_above_m=self.soles_above_m)
+
+    @property
+    def tipped(self) -> str | None:
+        """What one should know of a picture that is not upright in the world; None where it is."""
+        off = [cue.apart_deg for cue in self.cues if cue.name == "picture"]
+        if not off:
+            return None
+        why = "somebody lies, or the camera was on its side or looked steeply down"
+        return f"up by the bodies is {off[0]:.0f} degrees from that of the picture: {why}"
+
     @property
     def remark(self) -> str | None:
         """What one should know of the floor; None where it is one."""
@@ -113,12 +141,19 @@ def across(up: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.svd(up[None])[2][1:])
 
 
+def from_picture_rad(world_from_cam: np.ndarray, up: np.ndarray) -> float:
+    """Angle between a direction (3,) and up in the pictures of cameras (N, 4, 4): the median."""
+    cosines = -world_from_cam[:, :3, 1] @ up
+    return float(np.median(np.arccos(np.clip(cosines, -1.0, 1.0))))
+
+
 def body_cue(bodies: Sequence[BodyModel], motions: Sequence[Motion]) -> UpCue:
     """Where people's masses are above their feet, on average over time; of a person who never
     stands, along the trunk.
 
-    Who keeps standing has the mass over the feet, also in a bow, on one leg or on a walk: what it
-    is off by in a moment averages out.  How a system sees people does not, only in part over them.
+    Who keeps standing has the mass over the feet, also in a crouch, on one leg or on a walk: what
+    it is off by in a moment averages out.  How a system sees people does not, only in part over
+    them.
     """
     ups, variances = zip(*map(_upright_of, bodies, motions), strict=True)
     weights = 1 / np.array(variances)
@@ -149,7 +184,8 @@ def _upright_of(body: BodyModel, motion: Motion) -> tuple[np.ndarray, float]:
 def balance(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Where a person's mass is over what the feet stand on, (T, 3) [m], and how far they do, (T,):
     1 at rest, 0 of somebody who sits or lies."""
-    feet_m = _feet_m(body, motion)
+    soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
+    feet_m = soles_m.mean(axis=2)
     reach = max(1, round(SPEED_TIME_S * motion.fps_hz / 2))
     before, after = (np.clip(np.arange(len(feet_m)) + way, 0, len(feet_m) - 1)
                      for way in (-reach, reach))  # fmt: skip
@@ -157,16 +193,38 @@ def balance(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     speeds = np.linalg.norm(feet_m[after] - feet_m[before], axis=-1) / seconds
     carried = np.exp(-speeds / STILL_M_PER_S)
     support_m = np.einsum("tf,tfk->tk", carried / carried.sum(axis=1, keepdims=True), feet_m)
-    above_m = np.einsum("j,tjk->tk", MASSES, motion_joints_m(body, motion)) - support_m
+    joints_m = motion_joints_m(body, motion)
+    above_m = np.einsum("j,tjk->tk", MASSES, joints_m) - support_m
     rest_m = body.rest_joints_m(motion.shape)
     usual_m = float((MASSES @ rest_m - rest_m[[JOINT["left_foot"], JOINT["right_foot"]]].min(0))[1])
+    heights = np.linalg.norm(above_m, axis=1) / usual_m
+    stands = (heights > LOW) | ((heights > STANDS) & ~_sits(joints_m, soles_m, above_m))
     # Little of a moment in which no foot stands, as in a run.
-    return above_m, carried.max(axis=1) * (np.linalg.norm(above_m, axis=1) > STANDS * usual_m)
+    return above_m, carried.max(axis=1) * stands
 
 
-def _feet_m(body: BodyModel, motion: Motion) -> np.ndarray:
-    """The middle of each sole (T, 2, 3) [m]."""
-    return np.asarray(foot_points_m(body, motion)[:, :, SOLE_POINTS].mean(axis=2))
+def _sits(joints_m: np.ndarray, soles_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:
+    """(T,) bool: of people whose mass is low, by joints (T, 24, 3), soles (T, 2, 3, 3) and where
+    the mass is (T, 3): who has it over neither sole, or has straight legs and bent hips.
+
+    The latter sits with legs stretched out, or is in a deep bow: no pose tells which.
+    """
+    ahead = _cosines(soles_m[:, :, 2] - soles_m[:, :, 0], above_m[:, None])
+    beside = np.abs(ahead).min(axis=1) > np.sin(OVER_SOLES_RAD)
+    hips_m, knees_m, ankles_m = (
+        joints_m[:, [JOINT[f"{side}_{part}"] for side in ("left", "right")]]
+        for part in ("hip", "knee", "ankle")
+    )
+    straight = _cosines(knees_m - hips_m, ankles_m - knees_m).min(axis=1) > np.cos(STRAIGHT_RAD)
+    trunk_m = joints_m[:, JOINT["neck"]] - joints_m[:, 0]
+    bent = _cosines(trunk_m, above_m) < np.cos(STRAIGHT_RAD)
+    return np.asarray(beside | (straight & bent))
+
+
+def _cosines(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of the angles between vectors (..., 3)."""
+    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    return np.asarray((a * b).sum(axis=-1) / np.maximum(lengths, 1e-12))
 
 
 def contact_cue(

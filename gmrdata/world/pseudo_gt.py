@@ -23,10 +23,12 @@ from gmrdata.world.compose import metric_cameras, motion_in_world
 from gmrdata.world.judge import SolvedCameras, judge_people, telling_rows
 from gmrdata.world.level import (
     ONE_FLOOR_M,
+    UNSURE_RAD,
     LevelEstimate,
     UpCue,
     body_cue,
     contact_cue,
+    from_picture_rad,
     gravity_cue,
     ground_cue,
     level_from_world,
@@ -328,8 +330,17 @@ def _level(
     plane = ground_plane(points_m, feet_m, upright.up, 1.0, config) if len(feet_m) else None
     cues = [contact_cue(planted_m, stances, upright.up, config.stance_sigma_m)]
     cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]
-    felt = None if metric.up_cam is None else _felt(metric, upright)
+    apart_rad = from_picture_rad(world_from_cam[metric.path.has_camera], upright.up)
+    tipped = apart_rad > UNSURE_RAD
+    felt = None
+    if metric.up_cam is not None:
+        # Who lies says nothing of up beside a phone that feels it.
+        unsure = replace(upright, precision=np.eye(3) / UNSURE_RAD**2) if tipped else upright
+        felt = _felt(metric, unsure)
+        upright = upright if felt is None else unsure
     up, level = up_of(upright, [cue for cue in cues if cue is not None], felt)
+    if tipped and felt is None:
+        level = level.beside_picture(float(np.rad2deg(apart_rad)))
     floor_m = _floor_m(soles_on_floor_m(feet_m, np.concatenate(of_all_m), up), up, plane, config)
     first = np.any(usable, axis=0).argmax()
     pelvis_m = next(motion.pelvis_m[0] for _, motion in known)

@@ -217,6 +217,55 @@ def test_nobody_sinks_into_the_floor(small_body, tmp_path, rise_m, way_m):
     assert ((level.soles_above_m or 0.0) > 0.5) == (level.remark is not None) == bool(rise_m)
 
 
+def on_its_side(clip: Clip) -> Clip:
+    """The same before a camera that was turned by 90 degrees about its axis."""
+    assert clip.camera is not None
+    quarter = transforms.rigid(Rotation.from_euler("z", 90, degrees=True).as_matrix(), np.zeros(3))
+    camera = replace(clip.camera, world_from_cam=clip.camera.world_from_cam @ quarter)
+    return replace(clip, camera=camera)
+
+
+def test_a_picture_on_its_side_makes_up_unsure_and_is_said(small_body, tmp_path):
+    """Who lies straight before an upright camera gives the same numbers, and up was told to 5
+    degrees.  People who stand before a camera on its side still stand."""
+    true = true_clip(small_body, Circular())
+    levels = []
+    for name, clip in (("upright", true), ("side", on_its_side(true))):
+        (tmp_path / name).mkdir()
+        out_dir = made(tmp_path / name, clip, small_body, "full", [])
+        error = compare_clips(load_clip(out_dir / person_file(0)), clip)
+        assert error.true_from_pseudo[2, 2] > np.cos(np.deg2rad(1.0))
+        levels.append(load_record(out_dir).level)
+    upright, side = levels
+    assert upright is not None and upright.sigma_deg < 10 and upright.tipped is None
+    assert side is not None and side.sigma_deg == pytest.approx(60 * np.sqrt(2), rel=1e-3)
+    assert [cue.name for cue in side.cues] == [*(cue.name for cue in upright.cues), "picture"]
+    off_deg = side.cues[-1].apart_deg
+    assert off_deg == pytest.approx(90, abs=4) and not side.cues[-1].used
+    assert side.tipped == (
+        f"up by the bodies is {off_deg:.0f} degrees from that of the picture: somebody lies, or "
+        "the camera was on its side or looked steeply down"
+    )
+
+
+def test_a_phone_tells_up_of_who_lies(small_body, tmp_path):
+    """It was refused as another video's, as it was 90 degrees from the body's."""
+    true = true_clip(small_body, Panning())
+    assert true.camera is not None
+    at_rest = np.tile(true.camera.world_from_cam[:1], (true.motion.n_frames, 1, 1))
+    lying = on_its_side(replace(true, camera=replace(true.camera, world_from_cam=at_rest)))
+    people = (person_files(tmp_path, as_input(lying), small_body),)
+    sfm_dir = reconstruction(tmp_path / "sfm", lying, "rotation_only", [])
+    gravity_path = tmp_path / "g.npz"
+    save_gravity(gravity_path, np.tile([0.0, -1.0, 0.0], (len(at_rest), 1)))
+    evidence = WorldEvidence(sfm_dir, people, gravity_path=gravity_path)
+    out_dir = make_pseudo_gt(evidence, tmp_path / "out", PseudoGtConfig())
+    found, level = load_clip(out_dir / person_file(0)), load_record(out_dir).level
+    assert found.camera is not None and level is not None
+    np.testing.assert_allclose(-found.camera.world_from_cam[:, 2, 1], 1.0, atol=1e-3)
+    assert level.sigma_deg < 1.0 and level.tipped is None
+
+
 def test_frames_without_a_camera_are_not_valid_but_finite(small_body, tmp_path):
     true = true_clip(small_body, Circular())
     lost = [0, 7, 8, true.motion.n_frames - 1]
