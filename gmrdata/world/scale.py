@@ -127,6 +127,7 @@ class ScaleEstimate:
 
 
 LEAST_SIZE = 1e-4  # standard error of a size that is known, as a share
+LEAST_VARIANCE = 1e-30  # of a scale that is said to be exact
 NO_SCALE = ScaleEstimate(None, None, (), matters=False)
 
 
@@ -291,9 +292,15 @@ def fuse(
 def _of_cues(
     cues: tuple[CueEstimate, ...], size_sigmas: tuple[float, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The cues' scales (N,), and their covariance (N, N)."""
+    """The cues' scales (N,), and their covariance (N, N).
+
+    The error of a size is taken as a share of one scale for all cues.  As a share of each cue's own
+    the lower of two that differ would seem surer, and their mean would be below both.
+    """
     scales = np.array([cue.scale for cue in cues])
+    own = np.array([cue.sigma for cue in cues]) ** 2
     people = np.array([-1 if cue.person is None else cue.person for cue in cues])
     shares = np.array([size_sigmas[one] if 0 <= one < len(size_sigmas) else 0.0 for one in people])
-    common = np.where(people[:, None] == people, np.outer(shares * scales, shares * scales), 0.0)
-    return scales, common + np.diag([cue.sigma**2 for cue in cues])
+    middle = float(np.average(scales, weights=1 / np.maximum(own, LEAST_VARIANCE)))
+    common = np.where(people[:, None] == people, np.outer(shares, shares) * middle**2, 0.0)
+    return scales, common + np.diag(own)

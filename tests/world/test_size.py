@@ -62,6 +62,19 @@ def test_one_person_carries_the_whole_spread_of_sizes():
     assert fused.sizes[0] == pytest.approx((1.0, 0.07), rel=1e-3)
 
 
+def test_two_cues_of_one_person_give_a_scale_between_them():
+    """Their common error was a share of each one's own scale: the mean was 0.967."""
+    cues = (
+        CueEstimate("planted_feet", 1.0, 0.01, 9, 0.01, 0),
+        CueEstimate("ground_contact", 1.05, 0.0105, 9, 0.01, 0),
+    )
+    fused, alone = fuse(cues, 0.0, (0.07,)), fuse(cues)
+    assert fused.scale == pytest.approx(1.0238, abs=1e-4) == alone.scale
+    assert fused.sigma == pytest.approx(np.hypot(0.07 * 1.0238, alone.sigma or 0.0), rel=1e-3)
+    exact = fuse((replace(cues[0], sigma=0.0), cues[1]), 0.0, (0.07,))
+    assert exact.scale == pytest.approx(1.0)
+
+
 def test_two_people_share_the_scale_and_get_their_sizes_from_it():
     """One is of 0.95 of its body's size, the other of 1.05: neither cue is wrong."""
     fused = fuse((cue(1.9, 0), cue(2.1, 1)), 0.0, (0.07, 0.07))
