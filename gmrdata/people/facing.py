@@ -34,6 +34,14 @@ COMPARED_HZ, COMPARED_FRAMES = 8.0, 64
 """Of the frames by which a whole track is compared with its mirror image."""
 
 
+def rate_remarks(rate_hz: float) -> tuple[str, ...]:
+    """What one should know of people in so many images per second."""
+    if rate_hz * LEAP_WITHIN_S > 1:
+        return ()
+    what = "are too few to tell where front and back were exchanged for a while"
+    return (f"{rate_hz:.3g} images per second {what}; take more of them, by a smaller --every",)
+
+
 def unsure_frames(seen: SeenLandmarks) -> np.ndarray:
     """(T,) bool: frames between leaps, and those that look the other way than most."""
     n, times_s = len(seen.times_s), seen.times_s

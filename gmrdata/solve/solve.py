@@ -16,6 +16,7 @@ from gmrdata.cameras.lens.intrinsics import find_intrinsics, load_intrinsics
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.fusion.fuse import fuse_own_people
 from gmrdata.people import sources as mask_sources
+from gmrdata.people.facing import rate_remarks
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord
 from gmrdata.people.local_poses import POSES_FOLDER, local_poses
 from gmrdata.people.sources import (
@@ -275,7 +276,7 @@ def _people(solved: Solved) -> Solved:
     remarks = (*record.notes, *record.left_out)
     if people.are_own and solved.followed_dir is not None:
         followed = FollowedRecord.read(solved.followed_dir / FOLLOWED_FILE)
-        remarks = (*remarks, *followed.doubts())
+        remarks = (*remarks, *followed.doubts(), *rate_remarks(solved.frames.rate_hz))
     own = (f"{name}: {doubt}" for name, doubt in _own_doubts(solved).items())
     return replace(solved, bodies=bodies, remarks=(*remarks, *own))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.people.facing import looks_reversed, mirrored, unsure_frames
+from gmrdata.people.facing import looks_reversed, mirrored, rate_remarks, unsure_frames
 from gmrdata.people.fit import FitConfig, fit
 from gmrdata.people.landmark_body import SeenLandmarks
 from gmrdata.people.local_poses import LocalPosesConfig, sure_frames
@@ -95,6 +95,14 @@ def test_at_ten_frames_a_second_leaps_are_none_wherever_the_video_begins(numbers
         times_s = (first + np.arange(10)) / 10.0
         late = SeenLandmarks(times_s, seen.rays, seen.world_m, seen.visibility)
         assert not unsure_frames(late).any()
+
+
+def test_a_rate_at_which_leaps_are_none_is_said():
+    assert rate_remarks(10.2) == ()
+    assert rate_remarks(10.0) == (
+        "10 images per second are too few to tell where front and back were exchanged for a while; "
+        "take more of them, by a smaller --every",
+    )
 
 
 def test_a_view_that_is_reversed_throughout_is_doubted(numbers, anny):
