@@ -8,6 +8,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from gmrdata.fusion.smoothing import FusedPoses, PlantedFeet, SeenMotions, SeenPoses
+from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion, without_root
@@ -19,6 +20,7 @@ from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 ROBUST = 1.4826  # from the median of absolute values to a standard deviation
 FEWEST_STEPS = 10  # of three known frames equally far apart, behind a measured noise
 FURTHEST_S = 0.2  # of those three: over longer steps the network's own error hides the noise
+A_STEP_S = 0.5  # of a walk: a pose made up between two that are nearer is about right
 
 
 class FusionConfig(Config):
@@ -59,7 +61,7 @@ class FusionConfig(Config):
     slip_time_s: float = Field(default=0.5, gt=0)
     """Time over which such an error lasts [s]."""
     ground: bool = True
-    """Whether planted feet are on the ground, z = 0."""
+    """Whether planted feet are on the ground, z = 0; not where the world's record has steps."""
     ground_sigma_m: float = Field(default=0.04, gt=0)
     """Standard deviation of a planted point's height over a step or stance [m]."""
 
@@ -130,6 +132,16 @@ def unseen_frames(clip: Clip) -> np.ndarray:
     if clip.camera is None:
         return ~clip.valid
     return ~clip.valid & clip.camera.has_camera
+
+
+def hidden_frames(clip: Clip, seen: np.ndarray) -> np.ndarray:
+    """(T,) bool: frames with a camera in which nobody saw the person, by (T,), for longer than a
+    step takes: the pose between its neighbours skips steps then."""
+    hidden = unseen_frames(clip) & ~seen
+    for start, stop in valid_runs(hidden):
+        if stop - start <= A_STEP_S * clip.motion.fps_hz:
+            hidden[start:stop] = False
+    return hidden
 
 
 @dataclass(frozen=True)

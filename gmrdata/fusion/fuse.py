@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from pydantic import Field
@@ -15,6 +16,7 @@ from gmrdata.fusion.camera_evidence import (
     WorldErrors,
     error_bars,
     fusion_config_of,
+    hidden_frames,
     known_frames,
     measured_noise,
     planted_feet,
@@ -25,6 +27,7 @@ from gmrdata.fusion.network_evidence import (
     DELTA_ERRORS_FILE,
     DeltaErrors,
     corrected_by_like_poses,
+    free_where_hidden,
     seen_motions,
     widened,
     with_pace_errors,
@@ -173,7 +176,7 @@ def fuse(
             One without any camera is the network's path alone, bent by feet and loops.
         out_dir: Gets `fusion.json`, and of each person `sigma_<n>.npz` and `person_<n>.npz`, with a
             pose in each frame.  `valid` are those in which the person was seen.  A person without
-            any camera is valid nowhere beside people with cameras.
+            a usable camera is valid nowhere in a world with cameras.
         network: Run folder of a trained network, or "bundled" for the one of the package.
         body_path: Body of the clips; None for the default body.
         config: When None, settings that suit the system that saw the people.
@@ -190,13 +193,12 @@ def fuse(
         body = load_body(body_path)
         weighed = WeighedGmr.load(given, config.which)
         said = []
-        placed = [known_frames(person.clip).any() for person in people]
+        fusion = _on_floors(config.fusion, given.quality_path)
+        has_world = any(_has_cameras(person.clip) for person in people)
         for number, person in enumerate(people):
-            fused = fuse_person(person, weighed, body, config.fusion)
-            if any(placed) and not placed[number]:
-                # In a world of one's own, which nothing ties to that of the others.
-                nowhere = replace(fused.clip, valid=np.zeros_like(fused.clip.valid))
-                fused = replace(fused, clip=nowhere)
+            fused = fuse_person(person, weighed, body, fusion)
+            if has_world and not known_frames(person.clip).any():
+                fused = fused.shown_nowhere
             rest_pelvis_m = body.rest_pelvis_m(fused.clip.motion.shape)
             save_clip(partial / person_file(number), fused.clip, rest_pelvis_m)
             write_npz(partial / sigma_file(number), {"format": SIGMA_FORMAT, **fused.arrays})
@@ -242,6 +244,19 @@ def world_errors(quality_path: Path | None, number: int = 0) -> WorldErrors:
     if not quality.scale or quality.scale_sigma is None:
         return WorldErrors(away, away, level_deg)
     return WorldErrors(abs(quality.scale_sigma / quality.scale), away, level_deg)
+
+
+def _on_floors(config: FusionConfig, quality_path: Path | None) -> FusionConfig:
+    """The same without a ground at z = 0 where a pseudo ground truth has people on steps, on a
+    slope or on a platform: they would be pulled down to it."""
+    level = None if quality_path is None else PseudoGtQuality.read(quality_path).level
+    if level is None or level.remark is None:
+        return config
+    return config.model_copy(update={"ground": False})
+
+
+def _has_cameras(clip: Clip) -> bool:
+    return clip.camera is not None and bool(clip.camera.has_camera.any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,6 +340,11 @@ class FusedClip:
     noise: Noise
     network_m: np.ndarray  # (T, 3) path by the network's motions alone, from the first pose on
 
+    @property
+    def shown_nowhere(self) -> Self:
+        """The same of a world of one's own, which nothing ties to that of the cameras."""
+        return replace(self, clip=replace(self.clip, valid=np.zeros_like(self.clip.valid)))
+
 
 def fuse_person(
     person: WorldPerson, network: WeighedGmr, body: BodyModel, config: FusionConfig
@@ -335,7 +355,9 @@ def fuse_person(
     check_finite(clip)
     found = deltas_at_source_rate(gmr, motion)
     motions = seen_motions(found, motion.fps_hz, network.errors)
+    hidden = hidden_frames(clip, person.seen)
     motions = widened(motions, unseen_frames(clip), config.unseen_widening)
+    motions = free_where_hidden(motions, hidden)
     if config.pace_share > 0:
         motions = with_pace_errors(motions, motion.fps_hz, config.pace_share)
     if not known.any():
@@ -346,6 +368,8 @@ def fuse_person(
     if config.like_poses:
         motions = corrected_by_like_poses(body, motion, motions, seen)
     feet = planted_feet(body, motion, motions, config) if config.feet else None
+    if feet is not None:
+        feet = replace(feet, still=feet.still & ~(hidden[1:] | hidden[:-1])[:, None])
     poses = smooth(motion.fps_hz, seen, motions, feet=feet, loops=person.loops)
     first = int(known.argmax())
     alone = _placed(motion, *found[:2], poses.rotmats[first], poses.pelvis_m[first], first)

@@ -36,6 +36,9 @@ SPEED_TIME_S = 1.0  # over which a speed is the mean
 DOUBT_TIME_S = 0.5  # and a doubt: as long as a step or a jump
 LEAST_DOUBT = 1e-9  # for its logarithm
 PACE_AXES = (0.5, 0.3, 1.0)  # of a wrong pace, along left, up and front
+FREE = np.array([1.0, 1.0, 1.0, 2.0, 0.5, 2.0])
+"""Rates of people whom nobody sees: turns about left, up and front, and ways along them [rad/s,
+m/s]."""
 
 LIKE_M = 0.5
 """Length over which poses lose their likeness: of all joints' differences in place and speed."""
@@ -166,6 +169,14 @@ def widened(motions: SeenMotions, unseen: np.ndarray, factor: float) -> SeenMoti
     factors = np.where(unseen[1:] | unseen[:-1], factor, 1.0)[:, None]
     fast, slow = (replace(p, sigma=p.sigma * factors) for p in (motions.fast, motions.slow))
     return replace(motions, fast=fast, slow=slow)
+
+
+def free_where_hidden(motions: SeenMotions, hidden: np.ndarray) -> SeenMotions:
+    """Motions that may be any that people make where they begin or end in a hidden frame: what a
+    network sees in poses that are made up says nothing of the way."""
+    touched = (hidden[1:] | hidden[:-1])[:, None]
+    fast = replace(motions.fast, sigma=np.hypot(motions.fast.sigma, touched * FREE))
+    return replace(motions, fast=fast)
 
 
 def with_pace_errors(motions: SeenMotions, fps_hz: float, share: float) -> SeenMotions:

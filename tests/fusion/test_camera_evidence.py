@@ -14,13 +14,14 @@ from gmrdata.fusion.camera_evidence import (
     WorldErrors,
     error_bars,
     fusion_config_of,
+    hidden_frames,
     known_frames,
     measured_noise,
     planted_feet,
     seen_poses,
     unseen_frames,
 )
-from gmrdata.fusion.network_evidence import widened, with_pace_errors
+from gmrdata.fusion.network_evidence import free_where_hidden, widened, with_pace_errors
 from gmrdata.fusion.smoothing import ErrorProcess, FusedPoses, SeenMotions
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
@@ -155,6 +156,23 @@ def test_known_and_unseen_frames(motion):
     wide = widened(motions_of(motion), unseen_frames(cut), 3.0).fast.sigma[:, 0] / 0.05
     assert np.flatnonzero(wide > 1).tolist() == list(range(9, 20))
     assert not known_frames(replace(clip, camera=None)).any()
+
+
+def test_who_is_hidden_for_longer_than_a_step_may_go_anywhere(motion):
+    clip = clip_of(motion)
+    valid = clip.valid.copy()
+    valid[10:20] = valid[40:80] = valid[100:140] = False
+    seen = valid.copy()
+    seen[100:140] = True  # dropped, with a pose of their own
+    hidden = hidden_frames(replace(clip, valid=valid), seen)
+    assert np.flatnonzero(hidden).tolist() == [*range(40, 80)]
+    motions = motions_of(motion)
+    free = free_where_hidden(motions, hidden)
+    assert free.slow is motions.slow
+    touched = np.isin(np.arange(239), np.arange(39, 80))
+    expected = np.hypot(0.05, [1.0, 1.0, 1.0, 2.0, 0.5, 2.0])
+    np.testing.assert_allclose(free.fast.sigma[touched], np.tile(expected, (41, 1)))
+    np.testing.assert_array_equal(free.fast.sigma[~touched], 0.05)
 
 
 def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion):

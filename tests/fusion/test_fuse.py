@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.fusion.camera_evidence import FusionConfig
+from gmrdata.fusion.camera_evidence import OWN_FUSION, FusionConfig
 from gmrdata.fusion.fuse import (
     HEADINGS,
     FuseConfig,
@@ -35,11 +35,14 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import write_npz
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.world.judge import PseudoGtQuality
+from gmrdata.world.level import LevelEstimate
 from tests.fusion.test_camera_evidence import clip_of
 from tests.fusion.test_network_evidence import record
 from tests.reconstructions import pseudo_gt_quality, quality_of_path
+from tests.world.test_level import standing_still
 
 GAP = slice(20, 50)
 
@@ -189,6 +192,52 @@ def test_who_never_met_a_camera_is_not_shown_beside_who_did(
     assert shown == [True, False]
 
 
+def test_who_lost_every_frame_is_not_shown_beside_the_cameras(
+    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path
+):
+    """Alone as well: such a person was valid, in a world that is not that of the cameras."""
+    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+    nobody = replace(clip, valid=np.zeros(90, dtype=bool))
+    (pseudo_gt / "quality.json").unlink()
+    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
+    shown = []
+    for name, one in (("dropped", nobody), ("without", replace(clip, camera=None))):
+        save_clip(pseudo_gt / "person_0.npz", one, rest_pelvis_m)
+        made = fuse(pseudo_gt, tmp_path / name, body_path=body_path, **given)
+        shown.append(load_clip(made / "person_0.npz").valid.any())
+    assert shown == [False, True]
+
+
+def test_nobody_is_pulled_down_from_a_platform(
+    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path, monkeypatch
+):  # fmt: skip
+    """Where the world's record has feet above its floor, z = 0 is not where they stand."""
+    sees_truth(monkeypatch, clip.motion)
+    pelvis_m = clip.motion.pelvis_m + 0.3 * np.eye(3)[2]
+    raised = replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m))
+    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+    save_clip(pseudo_gt / "person_0.npz", raised, rest_pelvis_m)
+    quality = PseudoGtQuality.read(pseudo_gt / "quality.json")
+    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
+    given |= {"body_path": body_path, "config": FuseConfig(fusion=OWN_FUSION)}
+    off_m = []
+    for above_m in (0.1, 0.3):
+        level = LevelEstimate(sigma_deg=1.0, cues=(), soles_above_m=above_m)
+        quality.model_copy(update={"level": level}).write(pseudo_gt / "quality.json")
+        made = fuse(pseudo_gt, tmp_path / f"{above_m}", **given)
+        found_m = load_clip(made / "person_0.npz").motion.pelvis_m
+        off_m.append(np.abs(found_m - pelvis_m)[:, 2].max())
+    assert off_m[0] > 0.05 and off_m[1] < 0.01
+
+
+def sees_truth(monkeypatch: pytest.MonkeyPatch, truth: Motion) -> None:
+    """Every network sees the true motions."""
+    from gmrdata.fusion import fuse as stage
+
+    found = *deltas(truth.root_rotmats, truth.pelvis_m), np.zeros((truth.n_frames - 1, 2))
+    monkeypatch.setattr(stage, "deltas_at_source_rate", lambda gmr, motion: DoubtedMotions(*found))
+
+
 def test_one_clip_of_a_pseudo_ground_truth_is_as_in_its_folder(
     pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path, monkeypatch
 ):  # fmt: skip
@@ -224,22 +273,32 @@ def test_one_clip_of_a_pseudo_ground_truth_is_as_in_its_folder(
 
 def test_the_true_motions_fill_the_gap(clip, small_body, untrained, monkeypatch):
     """With a network that is right, the gap holds the truth."""
-    from gmrdata.fusion import fuse as stage
-    from gmrdata.values.motion import deltas
-
     truth = clip.motion
-    monkeypatch.setattr(
-        stage,
-        "deltas_at_source_rate",
-        lambda gmr, motion: DoubtedMotions(
-            *deltas(truth.root_rotmats, truth.pelvis_m), np.zeros((truth.n_frames - 1, 2))
-        ),
-    )
+    sees_truth(monkeypatch, truth)
     config = FusionConfig(ground=False)
     fused = fused_alone(clip, untrained, small_body, config)
     off_m = np.linalg.norm(fused.clip.motion.pelvis_m - truth.pelvis_m, axis=1)
     assert off_m.max() < 0.02
     np.testing.assert_allclose(fused.network_m, truth.pelvis_m, atol=0.02)
+
+
+@pytest.mark.parametrize("ground", [True, False])
+def test_who_comes_back_elsewhere_is_where_they_were_seen(small_body, constant, ground):
+    """Between two places a person who is hidden has poses that are made up: a network sees one who
+    stands, and pulled the frames in which the person was seen up to 1.6 m towards each other."""
+    motion = standing_still(small_body, 210)
+    shares = np.clip((np.arange(210) - 59) / 91, 0, 1)
+    rise_m = 0.0 if ground else 1.5
+    pelvis_m = motion.pelvis_m + shares[:, None] * [4.0, 0.0, rise_m]
+    valid = (shares <= 0) | (shares >= 1)
+    clip = replace(clip_of(replace(motion, pelvis_m=pelvis_m)), valid=valid)
+    still = constant([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    config = OWN_FUSION.model_copy(update={"ground": ground})
+    fused = fused_alone(clip, still, small_body, config)
+    off_m = np.linalg.norm(fused.clip.motion.pelvis_m - pelvis_m, axis=1)
+    assert off_m[valid].max() < 0.05
+    place_m = fused.arrays["place_sigma_m"].max(axis=1)
+    assert place_m[valid].max() < 0.15 and place_m[105] > 0.5
 
 
 def test_a_clip_without_cameras_is_the_networks_path(clip, small_body, constant):
