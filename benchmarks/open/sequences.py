@@ -36,7 +36,7 @@ def threedpw(motion: Motion, body: BodyModel, folder: Path) -> Motion:
     arrays = sequence_arrays("walk", [clip], [named], [gender], unseen)
     path = folder / "walk.pkl"
     write_sequence_file(path, arrays)
-    images = SequenceImages((), WIDTH_PX, HEIGHT_PX, ("",) * motion.n_frames, 0)
+    images = SequenceImages((), WIDTH_PX, HEIGHT_PX, ("",) * motion.n_frames, ())
     files = SequenceFiles(folder, "walk", "test")
     sequence = Sequence3DPW(files, read_sequence_file(path), images, ())
     return _as(motion, world_clip(sequence, 0, [named]).motion)
