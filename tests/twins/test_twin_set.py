@@ -67,7 +67,10 @@ def wrong(**changes: object) -> dict[str, object]:
         ({"film": {}}, "3DPW has 30 frames a second"),
         ({"render": {"image_format": "png"}}, "images are jpg"),
         ({"camera_off": True}, "name each sequence"),
-        ({"clips": [{"id": "-a", "gait": "walk", "programme": {"kind": "static"}}]}, "no name of"),
+        (
+            {"clips": [{"id": "-a", "gait": "walk", "programme": {"kind": "static"}}]},
+            r"clips\.0\.id",
+        ),
         ({"clips": []}, "splits: no clips park_walk_00"),
     ],
 )
