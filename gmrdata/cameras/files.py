@@ -181,7 +181,8 @@ class CamerasQuality(records.Record):
     models: tuple[ModelRecord, ...]
     """The largest first; none for a pure rotation."""
     resected_frames: NonNegativeInt
-    """Keyframes that the mapper left out, or that others cover, placed against its points."""
+    """Keyframes that the mapper left out, or that show what others show, placed against its
+    points."""
     focal_factor: Figure | None
     """Focal length that the background asks for, over the given one; null where it holds none."""
     focal_sigma: Figure | None

@@ -3,6 +3,7 @@
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +193,16 @@ class _Keyed:
     timeline: Timeline
     config: SfmConfig
 
+    @property
+    def mapped_rows(self) -> np.ndarray:
+        """(M,) the same among all frames."""
+        return self.rows[self.mapped]
+
+    @cached_property
+    def mapped_matches(self) -> Matches:
+        """Of the M keyframes, with each other."""
+        return self.matches.some(self.mapped)
+
     def turning(self, of: Matches) -> RotationOnly:
         rng, config = np.random.default_rng(self.config.seed), self.config
         return solve_rotation_only(
@@ -227,13 +238,14 @@ def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence,
 def _mapped(keyed: _Keyed, work_dir: Path, *, turns: bool) -> tuple[Solution | None, Matches]:
     """A model of the keyframes that are mapped, unless the camera only turns, with what a second
     one says of it; and the matches of all frames."""
-    config, keys = keyed.config, keyed.frames.some(keyed.rows[keyed.mapped])
-    matches = keyed.matches.some(keyed.mapped)
+    config, matches = keyed.config, keyed.mapped_matches
+    keys = keyed.frames.some(keyed.mapped_rows)
     # Mapping takes one core.  No second mapping is run beside it: of two at once pycolmap 4.2.1 now
     # and then gives another model.
     with ThreadPoolExecutor(1) as beside:
-        of_all = keyed.matches, keyed.rows, keyed.frames
-        between = beside.submit(with_frames_between, *of_all, config)
+        between = beside.submit(
+            with_frames_between, keyed.matches, keyed.rows, keyed.frames, config
+        )
         mapped = None if turns else map_frames(keys, matches, work_dir, config)
         if mapped is not None:
             mapped = compare_again(mapped, keys, matches, work_dir, config)
@@ -254,8 +266,8 @@ def _as_turning(keyed: _Keyed, turning: RotationOnly, matches: Matches) -> Solut
 def _as_mapped(keyed: _Keyed, mapped: Solution, matches: Matches) -> Solution:
     """Cameras of all frames by a model of the keyframes and the matches of all."""
     config, intrinsics_px = keyed.config, keyed.frames.intrinsics_px
-    rows, of_mapped = keyed.rows[keyed.mapped], keyed.matches.some(keyed.mapped)
-    of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in (of_mapped, matches))
+    rows, both = keyed.mapped_rows, (keyed.mapped_matches, matches)
+    of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in both)
     step = weakest_step(mapped, of_keys, rows, intrinsics_px, config.max_reprojection_px)
     others = np.setdiff1d(keyed.rows, rows)
     mapped = replace(mapped, weakest_step=step)

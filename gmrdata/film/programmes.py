@@ -268,7 +268,8 @@ class Film(Config):
     duration_s: float = Field(default=4.8, gt=0, le=limits.LONGEST_S)
     """Longest clip [s]; a longer motion is cut after it."""
     fps_hz: float | None = Field(default=None, ge=1, le=240)
-    """Frame rate [Hz]; when left out 30, 20 or 10: the highest within `max_frames`."""
+    """Frame rate [Hz]; when left out 30, 20 or 10: the highest within `max_frames` and that of the
+    motion.  A motion of a lower one is refused."""
     max_frames: int = Field(default=56, ge=10, le=limits.MOST_FRAMES)
     """Most frames of a clip whose rate is chosen; a long one gets 10 fps and more frames."""
     width_px: int = Field(default=640, ge=64, le=limits.LARGEST_SIDE_PX)

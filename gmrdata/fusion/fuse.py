@@ -29,6 +29,7 @@ from gmrdata.fusion.network_evidence import (
     corrected_by_like_poses,
     free_where_hidden,
     seen_motions,
+    steps_of,
     widened,
     with_pace_errors,
 )
@@ -369,7 +370,7 @@ def fuse_person(
         motions = corrected_by_like_poses(body, motion, motions, seen)
     feet = planted_feet(body, motion, motions, config) if config.feet else None
     if feet is not None:
-        feet = replace(feet, still=feet.still & ~(hidden[1:] | hidden[:-1])[:, None])
+        feet = replace(feet, still=feet.still & ~steps_of(hidden))
     poses = smooth(motion.fps_hz, seen, motions, feet=feet, loops=person.loops)
     first = int(known.argmax())
     alone = _placed(motion, *found[:2], poses.rotmats[first], poses.pelvis_m[first], first)

@@ -164,9 +164,14 @@ def _window_means(values: np.ndarray, reach: int) -> np.ndarray:
     return np.asarray((sums[stop] - sums[start]) / (stop - start)[:, None])
 
 
+def steps_of(frames: np.ndarray) -> np.ndarray:
+    """(T - 1, 1) bool: steps that begin or end in some frames, (T,) bool."""
+    return np.asarray((frames[1:] | frames[:-1])[:, None])
+
+
 def widened(motions: SeenMotions, unseen: np.ndarray, factor: float) -> SeenMotions:
     """Motions whose errors are larger by a factor where they begin or end in an unseen frame."""
-    factors = np.where(unseen[1:] | unseen[:-1], factor, 1.0)[:, None]
+    factors = np.where(steps_of(unseen), factor, 1.0)
     fast, slow = (replace(p, sigma=p.sigma * factors) for p in (motions.fast, motions.slow))
     return replace(motions, fast=fast, slow=slow)
 
@@ -174,8 +179,8 @@ def widened(motions: SeenMotions, unseen: np.ndarray, factor: float) -> SeenMoti
 def free_where_hidden(motions: SeenMotions, hidden: np.ndarray) -> SeenMotions:
     """Motions that may be any that people make where they begin or end in a hidden frame: what a
     network sees in poses that are made up says nothing of the way."""
-    touched = (hidden[1:] | hidden[:-1])[:, None]
-    fast = replace(motions.fast, sigma=np.hypot(motions.fast.sigma, touched * FREE))
+    sigma = np.hypot(motions.fast.sigma, steps_of(hidden) * FREE)
+    fast = replace(motions.fast, sigma=sigma)
     return replace(motions, fast=fast)
 
 

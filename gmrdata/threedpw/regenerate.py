@@ -159,6 +159,7 @@ def _require_fitting(recipe: ThreedpwRecipe, root: Path, n_chosen: int) -> None:
 def plan(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> list[tuple[str, ...]]:
     """Rows for `HEADINGS`: what a run would do, without doing it."""
     chosen, refused = choose(root, recipe.sequences)
+    _require_fitting(recipe, root, len(chosen))
     paths = SetPaths(out_dir.resolve())
     rows: list[tuple[str, ...]] = []
     for files in chosen:

@@ -150,7 +150,8 @@ def compare_turned_again(
     rows = without_each(2, matches, config.second.well_matched)
     if len(rows) < config.second.few_keyframes:
         return solution
-    among = [pair for pair in matches.pairs if {pair.first, pair.second} <= set(rows.tolist())]
+    kept = set(rows.tolist())
+    among = [pair for pair in matches.pairs if {pair.first, pair.second} <= kept]
     if not among:
         return replace(solution, second_share=0.0)
     rng = np.random.default_rng(config.reseeded(1).seed)

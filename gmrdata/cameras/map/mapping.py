@@ -22,7 +22,7 @@ from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.map.covered import Core
 from gmrdata.cameras.map.focal import freed_focal, with_lens
-from gmrdata.cameras.map.models import parts_of, place_frames, with_anchors
+from gmrdata.cameras.map.models import Part, parts_among, place_frames
 from gmrdata.cameras.map.refinement import (
     adjust,
     forget_astray,
@@ -53,6 +53,7 @@ def map_frames(
     found: list[Solution] = []
     mappers: tuple[Mapper, ...] = ("global", "incremental", "small_parallax")
     n_matched = matched_points(matches)
+    parts = parts_among(np.arange(len(frames.images)), matches, config.mapping)
 
     def good(one: Solution) -> bool:
         return explains(one, n_matched, config) and not hardly_travels(
@@ -63,9 +64,8 @@ def map_frames(
         if mapper == "small_parallax" and any(good(one) for one in found):
             break
         has_camera = found[-1].has_camera if found and good(found[-1]) else None
-        if models := _run(mapper, frames, matches, work_dir, config, has_camera=has_camera):
-            kept = has_camera is not None and len(parts_of(len(has_camera), config.mapping)) > 1
-            by: Mapper = "global" if kept else mapper
+        if models := _run(mapper, frames, parts, work_dir, config, has_camera):
+            by: Mapper = "global" if has_camera is not None and len(parts) > 1 else mapper
             found.append(_finish(models, by, frames, matches, work_dir, config))
             if found[-1].has_camera.all() and good(found[-1]):
                 break
@@ -104,10 +104,11 @@ def map_again(
     some.  Lower thresholds for parallax are tried then, as in the first solution.
     """
     world_from_cam = np.full((len(frames.images), 4, 4), np.nan)
-    models = _run(first.mapper, frames, matches, work_dir, config, rows)
+    parts = parts_among(rows, matches, config.mapping)
+    models = _run(first.mapper, frames, parts, work_dir, config)
     short = hardly_travels(first, config.small_travel_share)
     if not models and short and first.mapper != "small_parallax":
-        models = _run("small_parallax", frames, matches, work_dir, config, rows)
+        models = _run("small_parallax", frames, parts, work_dir, config)
     if not models:
         return world_from_cam, np.inf
     core, _ = joined_core(models, frames, len(rows), matches, work_dir, config)
@@ -129,7 +130,8 @@ def map_otherwise(
     first: Solution, frames: Frames, matches: Matches, work_dir: Path, config: SfmConfig
 ) -> Solution:
     """The better of a solution and one that the same mapper begins elsewhere, by another seed."""
-    models = _run(first.mapper, frames, matches, work_dir, config)
+    parts = parts_among(np.arange(len(frames.images)), matches, config.mapping)
+    models = _run(first.mapper, frames, parts, work_dir, config)
     if not models:
         return first
     other = _finish(models, first.mapper, frames, matches, work_dir, config)
@@ -196,29 +198,25 @@ def refine_mapped(
 def _run(
     mapper: Mapper,
     frames: Frames,
-    matches: Matches,
+    parts: Sequence[Part],
     work_dir: Path,
     config: SfmConfig,
-    rows: np.ndarray | None = None,
     has_camera: np.ndarray | None = None,
 ) -> list[Any]:
-    """The models that a mapper finds, of all frames or of some rows (N,); of many, part by part, as
-    a mapper takes three times as long for twice as many.  The global mapper's models stay of parts
-    in which all frames have a camera (T,)."""
-    rows, models = np.arange(len(frames.images)) if rows is None else rows, []
-    for start, stop in parts_of(len(rows), config.mapping):
-        which = f"of_{len(rows)}_by_{config.seed}_from_{start}"
-        if has_camera is not None and has_camera[start:stop].all():
+    """The models that a mapper finds, part by part, as a mapper takes three times as long for twice
+    as many frames.  The global mapper's models stay of parts in which all frames have a camera
+    (T,)."""
+    models = []
+    for part in parts:
+        which = f"{part.name}_by_{config.seed}"
+        if has_camera is not None and has_camera[part.own].all():
             kept = sorted((work_dir / f"global_{which}").iterdir())
             models += [pycolmap.Reconstruction(folder) for folder in kept]
             continue
-        part = rows[start:stop]
-        if config.mapping.in_parts(len(rows)):
-            part = with_anchors(part, matches, config.mapping)
         out_dir = work_dir / f"{mapper}_{which}"
         out_dir.mkdir()
         files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
-        names = [frames.images[row].name for row in part]
+        names = [frames.images[row].name for row in part.rows]
         models += _run_part(mapper, files, names, config)
     return models
 

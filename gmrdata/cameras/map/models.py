@@ -5,7 +5,7 @@ frames that it has already.  What both models see there fixes the similarity bet
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,18 +93,41 @@ def parts_of(n_frames: int, config: MappingConfig) -> list[tuple[int, int]]:
     return [(start, start + size) for start in starts]
 
 
-def with_anchors(part: np.ndarray, matches: Matches, config: MappingConfig) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Keyframes that are mapped at once."""
+
+    name: str  # by how many are mapped in all, and where among these it begins
+    own: np.ndarray  # (N,) rows, in order
+    rows: np.ndarray  # (M,) rows: its own, and what links them with each other
+
+
+def parts_among(rows: np.ndarray, matches: Matches, config: MappingConfig) -> list[Part]:
+    """The parts in which some rows (N,) of keyframes are mapped."""
+    parts, count = parts_of(len(rows), config), matches.n_of_pair
+    found = []
+    for start, stop in parts:
+        own = rows[start:stop]
+        linked = with_anchors(own, count, config) if len(parts) > 1 else own
+        found.append(Part(f"of_{len(rows)}_from_{start}", own, linked))
+    return found
+
+
+def with_anchors(
+    part: np.ndarray, n_of_pair: Mapping[tuple[int, int], int], config: MappingConfig
+) -> np.ndarray:
     """Rows (N,) of a part, and those that its frames match where one does not match the one before
     it: frames between them that showed nothing new were left out.
 
     What comes then would share no frame with any other part.
     """
-    count = matches.n_of_pair
     steps = zip(part[:-1].tolist(), part[1:].tolist(), strict=True)
-    breaks = [at for at, step in enumerate(steps, 1) if step not in count]
+    breaks = [at for at, step in enumerate(steps, 1) if step not in n_of_pair]
+    if not breaks:
+        return part
     after = {row for at in breaks for row in part[at : at + config.part_overlap].tolist()}
     inside, votes = set(part.tolist()), Counter[int]()
-    for (first, second), n_matches in count.items():
+    for (first, second), n_matches in n_of_pair.items():
         for row, other in ((first, second), (second, first)):
             if row in after and other not in inside:
                 votes[other] += n_matches

@@ -46,7 +46,7 @@ class Solution:
     """(N,) frames of the adjustment that see each point."""
     models: tuple[files.ModelRecord, ...] = ()
     n_resected: int = 0
-    """Frames that the mapper left out, or that others cover, which its points placed afterwards."""
+    """Frames that the mapper left out, or that show what others show, which its points placed."""
     seen: SeenPoints = field(default_factory=dict)
     adjusted: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """(T,) frames that the bundle adjustment had; none but for "full"."""

@@ -19,6 +19,7 @@ from gmrdata.cameras.map.mapping import map_frames
 from gmrdata.cameras.map.models import (
     _held,
     _running_medians,
+    parts_among,
     parts_of,
     weakest_step,
     with_anchors,
@@ -63,8 +64,9 @@ def relative_angles_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
 def test_both_mappers_find_the_same_cameras(arc):
     filmed, frames, matches, work_dir = arc
     mappers: tuple[Mapper, ...] = ("global", "incremental")
+    parts = parts_among(np.arange(len(frames.images)), matches, SMALL.mapping)
     for name in mappers:
-        models = mapping._run(name, frames, matches, work_dir, SMALL)
+        models = mapping._run(name, frames, parts, work_dir, SMALL)
         mapped = mapping._finish(models, name, frames, matches, work_dir, SMALL)
         assert mapped.has_camera.all()
         assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
@@ -123,7 +125,7 @@ def test_what_comes_after_frames_that_were_left_out_is_held_by_what_it_matches()
     config = MappingConfig(part_frames=5, part_overlap=3)
     one = np.zeros((4, 2), np.int32)
     rows = [*((row, row + 1) for row in (0, 1, 2, 3, 5, 6, 7)), (1, 5), (2, 5), (2, 6), (0, 8)]
-    matches = Matches([], [PairMatches(*pair, one, "") for pair in rows])
+    matches = Matches([], [PairMatches(*pair, one, "") for pair in rows]).n_of_pair
     assert with_anchors(np.arange(5), matches, config).tolist() == [0, 1, 2, 3, 4]
     assert with_anchors(np.arange(5, 9), matches, config).tolist() == [5, 6, 7, 8]
     # 8 is not among the first three after the break.
