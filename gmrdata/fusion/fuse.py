@@ -66,6 +66,9 @@ from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.judge import PseudoGtQuality
 
+AROUND_S = 1.0
+"""About the time in which a person is seen: the motion before and after counts for the network, and
+nothing says where the person is in a film's other minutes."""
 HEADINGS = ("person", "frames", "rate [Hz]", "with camera", "gaps [s]", "loops")
 
 
@@ -269,6 +272,33 @@ class WorldPerson:
     loops: tuple[SamePlace, ...] = ()
     errors: WorldErrors = EXACT
 
+    @property
+    def rows(self) -> slice:
+        """From the first frame that tells of the person to the last one, and `AROUND_S` about them;
+        all frames where none does."""
+        ends = [end for loop in self.loops for end in loop[:2]]
+        there = np.r_[np.flatnonzero(self.seen), np.array(ends, dtype=int)]
+        if not len(there):
+            return slice(0, len(self.seen))
+        around = round(AROUND_S * self.clip.motion.fps_hz)
+        first, last = int(there.min()), int(there.max())
+        return slice(max(0, first - around), min(len(self.seen), last + around + 1))
+
+    def take(self, rows: slice) -> "WorldPerson":
+        """The same of some frames, which hold all loops."""
+        clip, first = self.clip, rows.start
+        cut = replace(
+            clip,
+            motion=clip.motion.take(rows),
+            valid=clip.valid[rows],
+            image_numbers=clip.image_numbers[rows],
+            camera=None if clip.camera is None else clip.camera.at_rows(rows),
+        )
+        loops = tuple(
+            SamePlace(one.row - first, one.other_row - first, one.sigma_m) for one in self.loops
+        )
+        return replace(self, clip=cut, seen=self.seen[rows], loops=loops)
+
 
 @dataclass(frozen=True, eq=False)
 class WeighedGmr:
@@ -341,6 +371,20 @@ class FusedClip:
     noise: Noise
     network_m: np.ndarray  # (T, 3) path by the network's motions alone, from the first pose on
 
+    def within(self, whole: Clip, rows: slice) -> "FusedClip":
+        """These frames as some of a whole clip's: the person stays as in the first of them before,
+        and as in the last one after, with no error bar (NaN)."""
+        n = whole.motion.n_frames
+        nearest = np.clip(np.arange(n) - rows.start, 0, self.clip.motion.n_frames - 1)
+        outside = np.ones(n, dtype=bool)
+        outside[rows] = False
+        arrays = {key: of[nearest] for key, of in self.arrays.items()}
+        for key, of in arrays.items():
+            of[outside] = False if key == "has_camera" else np.nan
+        valid = self.clip.valid[nearest] & ~outside
+        clip = replace(whole, motion=self.clip.motion.take(nearest), valid=valid)
+        return replace(self, clip=clip, arrays=arrays, network_m=self.network_m[nearest])
+
     @property
     def shown_nowhere(self) -> Self:
         """The same of a world of one's own, which nothing ties to that of the cameras."""
@@ -350,7 +394,14 @@ class FusedClip:
 def fuse_person(
     person: WorldPerson, network: WeighedGmr, body: BodyModel, config: FusionConfig
 ) -> FusedClip:
-    """Put a clip's cameras, a network's motions, feet and loops together."""
+    """Put a clip's cameras, a network's motions, feet and loops together, in the person's time."""
+    rows = person.rows
+    return _fused(person.take(rows), network, body, config).within(person.clip, rows)
+
+
+def _fused(
+    person: WorldPerson, network: WeighedGmr, body: BodyModel, config: FusionConfig
+) -> FusedClip:
     clip, gmr = clip_on_body(person.clip, body), network.gmr
     motion, known = clip.motion, known_frames(clip)
     check_finite(clip)
@@ -410,6 +461,7 @@ def _described(fused: FusedClip, loops: tuple[SamePlace, ...]) -> FusedPerson:
     place_m, turn_deg = (
         overall_sigma(fused.arrays[key]) for key in ("place_sigma_m", "turn_sigma_deg")
     )
+    there = np.isfinite(place_m)
     gaps = tuple(
         Gap(
             start=start,
@@ -418,7 +470,7 @@ def _described(fused: FusedClip, loops: tuple[SamePlace, ...]) -> FusedPerson:
             place_sigma_m=float(place_m[start:stop].max()),
             turn_sigma_deg=float(turn_deg[start:stop].max()),
         )
-        for start, stop in valid_runs(~known)
+        for start, stop in valid_runs(~known & there)
     )
     ends = [(loop, clip.motion.pelvis_m, fused.network_m) for loop in loops]
     return FusedPerson(
@@ -429,10 +481,10 @@ def _described(fused: FusedClip, loops: tuple[SamePlace, ...]) -> FusedPerson:
         noise_along_m=fused.noise.along_m,
         noise_across_m=fused.noise.across_m,
         noise_turn_deg=float(np.rad2deg(fused.noise.turn_rad)),
-        place_sigma_m=float(np.median(place_m)),
-        turn_sigma_deg=float(np.median(turn_deg)),
-        largest_place_sigma_m=float(place_m.max()),
-        largest_turn_sigma_deg=float(turn_deg.max()),
+        place_sigma_m=float(np.median(place_m[there])),
+        turn_sigma_deg=float(np.median(turn_deg[there])),
+        largest_place_sigma_m=float(place_m[there].max()),
+        largest_turn_sigma_deg=float(turn_deg[there].max()),
         gaps=gaps,
         loops=tuple(
             LoopFound(
@@ -462,10 +514,11 @@ def plan(
     WeighedGmr.load(given, config.which)
     rows: list[tuple[str, ...]] = []
     for path in given.clip_paths:
-        clip = _world_clip(path)
-        known, fps_hz = known_frames(clip), clip.motion.fps_hz
-        gaps = ", ".join(f"{(stop - start) / fps_hz:.2f}" for start, stop in valid_runs(~known))
-        n_loops = len(_loop_rows(clip, config))
+        person = _person(given, path, config)
+        clip, fps_hz = person.clip, person.clip.motion.fps_hz
+        known = known_frames(clip)
+        runs = valid_runs(~known[person.rows])
+        gaps = ", ".join(f"{(stop - start) / fps_hz:.2f}" for start, stop in runs)
         counts = str(len(known)), f"{fps_hz:g}", str(int(known.sum()))
-        rows.append((clip.id, *counts, gaps or "none", str(n_loops)))
+        rows.append((clip.id, *counts, gaps or "none", str(len(person.loops))))
     return rows

@@ -30,6 +30,7 @@ from gmrdata.fusion.record import (
     load_sigma,
     result_rows,
 )
+from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr, deltas_at_source_rate
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
@@ -299,6 +300,45 @@ def test_who_comes_back_elsewhere_is_where_they_were_seen(small_body, constant, 
     assert off_m[valid].max() < 0.05
     place_m = fused.arrays["place_sigma_m"].max(axis=1)
     assert place_m[valid].max() < 0.15 and place_m[105] > 0.5
+
+
+def test_a_minute_of_a_film_is_put_together_as_if_it_were_alone(
+    walk, clip, untrained, small_body, monkeypatch
+):  # fmt: skip
+    """Each of 46 people of a film was predicted and smoothed over all of its ten minutes."""
+    from gmrdata.fusion import fuse as stage
+
+    lengths = []
+    monkeypatch.setattr(
+        stage, "smooth", lambda fps, seen, *of, **how: (
+            lengths.append(len(seen.known)) or smooth(fps, seen, *of, **how)
+        )
+    )  # fmt: skip
+    film = clip_of(walk(30.0, 1800))
+    assert film.camera is not None
+    valid = np.zeros(1800, dtype=bool)
+    valid[600:690] = clip.valid
+    film = replace(film, valid=valid, camera=replace(film.camera, has_camera=np.arange(1800) < 640))
+    person = WorldPerson(film, seen_frames(film))
+    assert person.rows == slice(570, 720)
+    fused = fuse_person(person, WeighedGmr(untrained, record()), small_body, FusionConfig())
+    alone = fused_alone(person.take(person.rows).clip, untrained, small_body, FusionConfig())
+    assert lengths == [150, 150]
+    for of, wanted in (
+        (fused.clip.motion.pelvis_m, alone.clip.motion.pelvis_m),
+        (fused.clip.motion.root_rotmats, alone.clip.motion.root_rotmats),
+        *((fused.arrays[key], alone.arrays[key]) for key in alone.arrays),
+        (fused.clip.valid, alone.clip.valid),
+    ):
+        np.testing.assert_array_equal(of[570:720], wanted)
+    for key in ("place_sigma_m", "turn_sigma_deg"):
+        is_told = np.isfinite(fused.arrays[key]).all(axis=1)
+        assert np.flatnonzero(is_told).tolist() == list(range(570, 720))
+    assert not fused.clip.valid[[*range(570), *range(720, 1800)]].any()
+    assert np.isfinite(fused.clip.motion.pelvis_m).all()
+    looped = replace(person, loops=(SamePlace(100, 700, 0.1),))
+    assert looped.rows == slice(70, 731)
+    assert looped.take(looped.rows).loops == (SamePlace(30, 630, 0.1),)
 
 
 def test_a_clip_without_cameras_is_the_networks_path(clip, small_body, constant):
