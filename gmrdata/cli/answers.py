@@ -6,10 +6,10 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from gmrdata.stage.progress import answers, console, remark
-from gmrdata.values.errors import StageFailed
+from gmrdata.values.errors import GmrdataError, StageFailed
 
 
 def answer(value: object) -> None:
@@ -59,11 +59,13 @@ def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 @contextmanager
 def then(draw: Callable[[], object]) -> Iterator[None]:
-    """Draw pages after the stages inside, of what there is where some of it failed."""
+    """Draw pages after the stages inside, of what there is where some of it failed: what failed is
+    said then, not that nothing is there to draw."""
     try:
         yield
     except StageFailed:
-        draw()
+        with suppress(GmrdataError):
+            draw()
         raise
     draw()
 

@@ -44,7 +44,7 @@ def fuse(
     *,
     parts: Annotated[Parts, OmitArgPrefixes],
 ) -> None:
-    """Put cameras and a network together: a world motion without gaps, with an error bar a frame.
+    """Put cameras and a network together: a world motion from first to last seen, with error bars.
 
     Args:
         source: Folder of a pseudo ground truth, as of `gmrdata video` with people; or one clip.

@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, answer_json, fail, print_table, then
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import console, remark
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 
@@ -272,7 +272,9 @@ def leave_files(out: Path, verdict: "VideoVerdict") -> None:
     """Files to take along, of people or of cameras alone."""
     from gmrdata.export.export import write_files
 
-    write_files(out, images=out / verdict.images_dir)  # an absolute path stays as it is
+    # An absolute path stays as it is.
+    for what, why in write_files(out, images=out / verdict.images_dir):
+        remark(f"{out}: {what} not written: {why}")
 
 
 def leave_files_and_page(out: Path, verdict: "VideoVerdict") -> Path:

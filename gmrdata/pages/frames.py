@@ -71,7 +71,7 @@ def make_mask_sheet(images_dir: Path, masks_dir: Path, out_dir: Path) -> Path:
     def work(partial: Path) -> None:
         write_bytes(partial / CONTACT_FILE, jpeg(mask_sheet(images_dir, masks_dir)))
 
-    inputs, anew = {"images": images_dir, "masks": masks_dir}, Run(redo=True)
+    inputs, anew = {"images": images_dir, "masks": masks_dir}, Run(anew=True)
     return run_stage("mask_sheet", out_dir, Config(), inputs, work, run=anew) / CONTACT_FILE
 
 

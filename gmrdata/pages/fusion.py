@@ -89,8 +89,8 @@ def plot_person(plot: Figure, clip: Clip, sigma: dict[str, np.ndarray]) -> None:
     heights = [PLACE_IN] * 3 + [SIGMA_IN] * 2
     column, colour = plot.subplots(5, sharex=True, height_ratios=heights), COLOURS["gmr"]
     for number, (axes, name) in enumerate(zip(column[:3], "xyz", strict=True)):
-        place_m = clip.motion.pelvis_m[:, number]
         reach_m = 2 * sigma["place_sigma_m"][:, number]
+        place_m = np.where(np.isfinite(reach_m), clip.motion.pelvis_m[:, number], np.nan)
         band = place_m - reach_m, place_m + reach_m
         axes.fill_between(times_s, *band, color=colour, alpha=0.25, linewidth=0)
         axes.plot(times_s, place_m, color=colour, linewidth=1.4)
@@ -110,7 +110,8 @@ def plot_person(plot: Figure, clip: Clip, sigma: dict[str, np.ndarray]) -> None:
         quiet(axes)
     plot.align_ylabels(column)
     column[-1].set_xlabel("time [s]")
-    column[-1].set_xlim(-half_s, times_s[-1] + half_s)
+    told_s = times_s[np.isfinite(sigma["place_sigma_m"]).all(axis=1)]
+    column[-1].set_xlim(told_s[0] - half_s, told_s[-1] + half_s)
 
 
 def _statements(person: FusedPerson) -> list[str]:

@@ -31,6 +31,7 @@ from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput
 from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
 from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import MAKE_AGAIN
+from gmrdata.world.bodies import NOT_SEEN
 from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.pseudo_gt import config_of
 from gmrdata.world.recipe import Doubts, PseudoGtConfig, Verdict, load_dataset_camera
@@ -123,7 +124,7 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
     clips = read_people(reader, pseudo_gt_dir, record)
     has_fused = bool(clips) and (folder / FUSED).is_dir()
     fused = reader.read(lambda fused_dir: _fused(fused_dir, clips), folder / FUSED, has_fused)
-    clips = clips if fused is None else dict(fused.clips)
+    clips = _in_their_time(clips, record, fused)
     solved = read_reconstruction(reader, folder / SFM) if SFM in there else None
     config = reader.read(config_of, pseudo_gt_dir, has_people) or PseudoGtConfig()
     has_lens = (folder / INTRINSICS).is_dir()
@@ -144,9 +145,11 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
     else:
         verdict = said.camera if said is not None else _judge(reader, found)
     found = replace(found, camera_verdict=verdict, reasons=_reasons(record, verdict))
-    found = _with_frames(reader, found, folder / FRAMES if images_dir is None else images_dir)
+    said_hz = (0.0 if said is None else said.fps_hz) or UNKNOWN_FPS_HZ
+    frames_dir = folder / FRAMES if images_dir is None else images_dir
+    found = _with_frames(reader, found, frames_dir, said_hz)
     people_dir = folder / (PSEUDO_GT if fused is None else FUSED)
-    people = _people(reader, people_dir, images_dir, body) if clips else ()
+    people = _people(reader, people_dir, images_dir, body, clips) if clips else ()
     return replace(found, people=people, missing=tuple(reader.missing))
 
 
@@ -210,6 +213,34 @@ def _fused(fused_dir: Path, clips: Mapping[int, Clip]) -> "FusedPeople":
     return found
 
 
+def _in_their_time(
+    clips: Mapping[int, Clip], record: PseudoGtQuality | None, fused: "FusedPeople | None"
+) -> dict[int, Clip]:
+    """Everybody's motion, without a place before and after the frames that tell of the person.
+
+    Who was fused is valid in frames with a camera alone: the others are filled in.  Who has no such
+    frame beside people with cameras is in a world of one's own, so nowhere in theirs.
+    """
+    shown = {}
+    for person, clip in (clips if fused is None else fused.clips).items():
+        valid = clip.valid
+        if fused is not None:
+            sigmas = fused.sigmas[person]
+            told = np.isfinite(sigmas["place_sigma_m"]).all(axis=1)
+            told &= clip.camera is None or bool(valid.any())
+            valid = sigmas["has_camera"]
+        else:
+            assert record is not None
+            reasons = record.people[person].frame_reasons
+            rows = [row for row, reason in enumerate(reasons) if reason != NOT_SEEN]
+            told = np.zeros(len(valid), dtype=bool)
+            told[slice(rows[0], rows[-1] + 1) if rows else slice(0)] = True
+        pelvis_m = np.where(told[:, None], clip.motion.pelvis_m, np.nan)
+        motion = replace(clip.motion, pelvis_m=pelvis_m)
+        shown[person] = replace(clip, motion=motion, valid=valid)
+    return shown
+
+
 def _camera_of(clips: Mapping[int, Clip]) -> CameraPath | None:
     """The camera of the T frames, as the people's clips have it."""
     return next((clip.camera for clip in clips.values() if clip.camera is not None), None)
@@ -233,15 +264,15 @@ def _judge(reader: Reader, found: Solved) -> Verdict | None:
     """The verdict on cameras of which no record has one."""
     if found.folder is None or found.reconstruction is None:
         return None
-    config, rate_hz = found.config.verdict, _rate_hz(found)
+    config, rate_hz = found.config.verdict, _rate_hz(found, UNKNOWN_FPS_HZ)
     return reader.read(lambda folder: judge_cameras(folder, rate_hz, config), found.folder / SFM)
 
 
-def _rate_hz(found: Solved) -> float:
-    return found.fps_hz if found.clips else UNKNOWN_FPS_HZ
+def _rate_hz(found: Solved, said_hz: float) -> float:
+    return found.fps_hz if found.clips else said_hz
 
 
-def _with_frames(reader: Reader, found: Solved, frames_dir: Path) -> Solved:
+def _with_frames(reader: Reader, found: Solved, frames_dir: Path, said_hz: float) -> Solved:
     """With the image, the mask and the time of each of the T frames."""
     assert found.folder is not None
     numbers = np.zeros(0, np.int64)
@@ -251,7 +282,7 @@ def _with_frames(reader: Reader, found: Solved, frames_dir: Path) -> Solved:
         numbers = found.reconstruction.cameras.image_numbers
     has_video = (frames_dir / VIDEO_FILE).is_file()
     video = reader.read(VideoRecord.read, frames_dir / VIDEO_FILE, has_video)
-    times_s = np.arange(len(numbers)) / _rate_hz(found)
+    times_s = np.arange(len(numbers)) / _rate_hz(found, said_hz)
     if video is not None and len(numbers):
         own_s = video.times_of(numbers)  # the video's own, as far as it knows them all
         if np.isfinite(own_s).all() and (np.diff(own_s) > 0).all():
@@ -285,17 +316,22 @@ def _images(reader: Reader, frames_dir: Path, numbers: np.ndarray) -> tuple[Path
 
 
 def _people(
-    reader: Reader, folder: Path, images_dir: Path | None, body: str | None
-) -> tuple[ExportedClip, ...]:
-    """Everybody with the body at hand; those without are named and not drawn."""
-
-    def load(folder: Path) -> list[ExportedClip]:
-        return [load_exported(one, body=body, images=images_dir) for one in list_clips(folder)]
-
-    there = []
-    for person in reader.read(load, folder) or []:
-        try:
-            there.append((person, person.body)[0])
-        except GmrdataError as error:
-            reader.note(str(error))
+    reader: Reader, folder: Path, images_dir: Path | None, body: str | None,
+    clips: Mapping[int, Clip],
+) -> tuple[ExportedClip, ...]:  # fmt: skip
+    """Everybody with the body at hand; those without are named and not drawn.  Motions are those
+    of `clips`: of ten minutes each takes 35 MB."""
+    motions, there = {clip.id: clip.motion for clip in clips.values()}, []
+    try:
+        for files in list_clips(folder):
+            person = load_exported(files, body=body, images=images_dir)
+            if (motion := motions.get(person.clip.id)) is not None:
+                person = replace(person, clip=replace(person.clip, motion=motion))
+            try:
+                there.append((person, person.body)[0])
+            except GmrdataError as error:
+                reader.note(str(error))
+    except (GmrdataError, OSError) as error:
+        reader.note(str(error))
+        return ()
     return tuple(there)

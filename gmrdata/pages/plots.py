@@ -278,23 +278,32 @@ def _place_labels(plot: Figure) -> None:
         return
     plot.draw_without_rendering()
     taken = [text.get_window_extent() for text in texts if text not in labels]
+    points = {id(axes): _points_of(axes) for axes in plot.axes}
     for label in labels:
+        of_paths = points[id(label.axes)]
         first = float(np.arctan2(label.xyann[1], label.xyann[0]))
         sides = [first + turn * np.pi / 4 for turn in (0, 1, -1, 2, -2, 3, -3, 4)]
-        _put(label, min(sides, key=lambda side: _covered(label, side, taken)))
+        _put(label, min(sides, key=lambda side: _covered(label, side, taken, of_paths)))
         taken.append(label.get_window_extent())
 
 
-def _covered(label: Annotation, angle_rad: float, taken: Sequence[Bbox]) -> tuple[int, bool, int]:
+def _points_of(axes: Axes) -> np.ndarray:
+    """(N, 2) where the points of all paths are in the picture, as far as they are known."""
+    paths = [np.zeros((0, 2)), *(np.asarray(line.get_xydata()) for line in axes.get_lines())]
+    paths += [np.asarray(path.vertices) for c in axes.collections for path in c.get_paths()]
+    points = axes.transData.transform(np.concatenate(paths))
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def _covered(
+    label: Annotation, angle_rad: float, taken: Sequence[Bbox], points: np.ndarray
+) -> tuple[int, bool, int]:
     """Texts that a label covers on a side, whether it leaves its axes, and points of paths."""
     _put(label, angle_rad)
     axes, box = label.axes, label.get_window_extent()
     assert axes is not None
     room = axes.get_window_extent()
     leaves = not (room.contains(box.x0, box.y0) and room.contains(box.x1, box.y1))
-    paths = [np.asarray(line.get_xydata()) for line in axes.get_lines()]
-    paths += [np.asarray(path.vertices) for c in axes.collections for path in c.get_paths()]
-    points = axes.transData.transform(np.concatenate(paths))
     inside = ((points >= box.min) & (points <= box.max)).all(axis=1)
     return box.count_overlaps(list(taken)), leaves, int(inside.sum())
 

@@ -37,7 +37,7 @@ PLOT_IN = 4.0
 PREVIEW_FOLDER = "preview"
 PREVIEW_WIDTH_PX = 240
 RETRIES = 1
-ANEW = Run(redo=True)
+ANEW = Run(anew=True)
 
 
 def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:

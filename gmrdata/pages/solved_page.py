@@ -314,7 +314,7 @@ def make_overlay(found: Solved, footage: Footage) -> Path:
     inputs = {name: path for name, path in inputs.items() if path.is_dir()}
     people = tuple(person.name for person in footage.people)
     config = OverlayConfig(people=people, dropped=tuple(valid_runs(footage.dropped)))
-    return run_stage(OVERLAY, folder / OVERLAY, config, inputs, work, run=Run(redo=True))
+    return run_stage(OVERLAY, folder / OVERLAY, config, inputs, work, run=Run(anew=True))
 
 
 def _folder(found: Solved) -> Path:

@@ -179,6 +179,8 @@ def plot_paths(
         plots.plot_camera(axes, theirs, "camera-pale", plots.TRUE_WIDTH, tick_m)
     plots.plot_camera(axes, view_from_cam, "camera", plots.RECOVERED_WIDTH, tick_m)
     away_m = np.concatenate(paths_m[1:] or [paths_m[0]])
+    if not np.isfinite(away_m).all(axis=1).any():
+        away_m = paths_m[0]
     plots.mark_start(axes, paths_m[0], "camera", "camera", away_m)
     _plot_error_bar(axes, paths_m[0], paths_m[0], found.scale_share, "camera")
     for person, pelvis_m in zip(found.clips, paths_m[1:], strict=True):

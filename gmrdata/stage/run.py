@@ -35,6 +35,9 @@ class Run:
     """Passed on as it is from a command to its stages."""
 
     redo: bool = False  # throw away and make anew what another recipe or other inputs made
+    anew: bool = False
+    """The same for what a page shows, which nobody asked to keep; hashes that an earlier process
+    remembered are believed."""
     workers: int | None = None  # local worker processes; as many as the recipe says when None
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:port); local processes when None."""

@@ -292,7 +292,7 @@ def _is_stale(out_dir: Path, recipe: RecipeRecord, run: Run) -> bool:
         fault = f"made with other values of {', '.join(keys)}" if keys else ""
     except BadRecord as error:
         fault = f"what made it can't be read ({error})"
-    if fault and not run.redo:
+    if fault and not (run.redo or run.anew):
         raise StaleOutput(f"{out_dir}: {fault}. {AGAIN}")
     return bool(fault)
 

@@ -263,8 +263,11 @@ def make_twins(
     clips = [
         take.clip
         for take in select(recipe.set, motions_dir).takes
-        if not (failures_dir / f"{take.id}.txt").exists()
+        if render_dir(out_dir / SET_FOLDER, take.id).is_dir()
+        and not (failures_dir / f"{take.id}.txt").exists()
     ]
+    if failed is not None and not clips:
+        raise failed
     for folder in (out_dir / TRUTH_FOLDER, *(out_dir / DATASET_FOLDER).glob("*/*/")):
         remove_orphans(folder)
     for clip in track(clips, "writing sequences"):

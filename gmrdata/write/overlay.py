@@ -90,10 +90,10 @@ def draw_people(
     """A copy of a BGR image with those who are shown in a row, near ones over far ones, and with
     everybody's path on the floor, a dot at each `every`-th row."""
     cam_from_world = transforms.invert(path.world_from_cam[row])
-    itself, drawn = np.eye(4), image
+    itself, drawn, every = np.eye(4), image, max(1, every)
     for person in people:
-        floor_m = bend(transforms.apply(cam_from_world, floor_path_m(person)))
-        drawn = draw_floor_path(drawn, itself, path.intrinsics_px, floor_m, max(1, every))
+        floor_m = bend(transforms.apply(cam_from_world, floor_path_m(person, every)))
+        drawn = draw_floor_path(drawn, itself, path.intrinsics_px, floor_m, every)
     there = [person for person in people if person.shown[row]]
     towards = path.world_from_cam[row, :3, 2]
     for person in sorted(there, key=lambda one: -float(one.motion.pelvis_m[row] @ towards)):
@@ -103,9 +103,13 @@ def draw_people(
     return drawn
 
 
-def floor_path_m(person: Performer) -> np.ndarray:
-    """(T, 3) pelvis path on the floor z = 0; NaN in frames without a pose, where it is broken."""
-    path_m = np.where(person.shown[:, None], person.motion.pelvis_m, np.nan)
+def floor_path_m(person: Performer, every: int = 1) -> np.ndarray:
+    """(N, 3) pelvis path on the floor z = 0, NaN in frames without a pose, where it is broken: from
+    the `every`-th row at or before the first pose to the last one.  A film's other minutes are no
+    part of it."""
+    rows = np.flatnonzero(person.shown)
+    time = slice(rows[0] // every * every, rows[-1] + 1) if len(rows) else slice(0)
+    path_m = np.where(person.shown[time, None], person.motion.pelvis_m[time], np.nan)
     path_m[:, 2] = 0.0
     return path_m
 

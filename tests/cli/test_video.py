@@ -11,9 +11,10 @@ import pycolmap
 import pytest
 
 from gmrdata.cli import main
+from gmrdata.cli.video import leave_files
 from gmrdata.read.body_file import save_body
 from gmrdata.solve.plan import VideoPlan
-from gmrdata.solve.verdict import VideoVerdict
+from gmrdata.solve.verdict import VideoVerdict, unsolved
 from gmrdata.solve.videos import Videos
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
@@ -269,3 +270,15 @@ def test_a_dry_run_says_how_much_there_is_to_do(dolly, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
     long = VideoPlan(18_780, (1280, 720), {}, 14.23).summary(source)
     assert long.endswith(" GB of memory and 14.2 GB of disk")
+
+
+def test_files_that_can_not_be_written_are_said_without_a_page(tmp_path, capsys):
+    camera = unsolved("no two frames show the same place", 3)
+    verdict = VideoVerdict(
+        images_dir="frames", fps_hz=10.0, accepted=False, reasons=camera.reasons, camera=camera,
+        people=(), notes=(),
+    )  # fmt: skip
+    (tmp_path / "pseudo_gt").mkdir()
+    leave_files(tmp_path, verdict)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "all formats not written" in said and "quality.json" in said

@@ -71,6 +71,14 @@ def test_the_same_again_makes_what_is_missing_alone(solved_videos, clips, gmrdat
     assert other.returncode == 1 and "other values of config.solve.sfm.seed" in other.stderr
 
 
+def test_what_failed_is_said_where_nothing_is_there_to_show(clips, gmrdata, tmp_path):
+    """That `videos.json` is missing was said instead."""
+    command = ("video", clips, "--out", tmp_path / "out", *CAMERAS_ALONE)
+    failed = gmrdata(*command, "--scheduler", "tcp://127.0.0.1:9")
+    assert failed.returncode == 1 and "tcp://127.0.0.1:9" in failed.stderr
+    assert "videos.json" not in failed.stderr
+
+
 def test_a_dry_run_lists_the_videos_and_does_nothing(clips, gmrdata, tmp_path):
     said = gmrdata("video", clips, "--out", tmp_path / "out", *CAMERAS_ALONE, "--dry-run")
     assert said.returncode == 1 and "1 of 3 videos can't be read" in said.stderr

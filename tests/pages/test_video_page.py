@@ -7,15 +7,19 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.pages.footage import BAR_PX, footage_of
+from gmrdata.pages.fusion import plot_person
 from gmrdata.pages.gather import gather_video
 from gmrdata.pages.solved_page import make_video_page
+from gmrdata.pages.view3d import view_of
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, unsolved
 from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import read_npz, write_npz
+from gmrdata.world.bodies import NOT_SEEN
 from gmrdata.world.judge import load_record
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig, verdict_of
 from tests.pages.html_pages import Page
@@ -170,6 +174,59 @@ def test_people_with_the_network_s_motions_are_shown_in_all_frames(small_body, r
     with av.open(str(folder / "overlay" / "poster.jpg")) as container:
         poster = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(int)
     assert (poster[..., 2] - poster[..., 0] > 60).sum() > 500  # the body: its row has a camera
+
+
+def test_nobody_is_shown_in_the_film_s_other_minutes(small_body, run_dir, tmp_path):
+    """A person who was seen for some seconds stood in the 3D view, and had a path without an error
+    bar, throughout; and one without any usable frame stood at the origin of the others' world."""
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body, lost=[9, 10, 11])
+    fused = fuse_video(folder, run_dir)
+    sigmas = read_npz(fused / "sigma_0.npz")
+    for key in ("place_sigma_m", "camera_sigma_m", "turn_sigma_deg"):
+        sigmas[key][:5] = np.nan
+    sigmas["has_camera"][:5] = False
+    write_npz(fused / "sigma_0.npz", sigmas)
+    clip = load_clip(fused / "person_0.npz")
+    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+    save_clip(fused / "person_0.npz", replace(clip, valid=np.arange(N_ROWS) >= 5), rest_pelvis_m)
+    found = gather_video(folder)
+    (shown,) = view_of(found).people
+    known = np.isfinite(shown.clip.motion.pelvis_m).all(axis=1)
+    assert np.flatnonzero(known).tolist() == list(range(5, N_ROWS))
+    assert np.flatnonzero(shown.clip.valid).tolist() == [*range(5, 9), *range(12, N_ROWS)]
+    (person,) = found.people
+    assert person.clip.motion is found.clips[0].motion and person.clip.valid[9]
+    plot = Figure()
+    plot_person(plot, clip, sigmas)
+    x_place, *_ = plot.axes
+    assert x_place.get_xlim() == pytest.approx((0.45, 2.35))
+    assert np.isnan(x_place.lines[0].get_ydata()[:5]).all()
+    nowhere = replace(clip, valid=np.zeros(N_ROWS, dtype=bool))
+    save_clip(fused / "person_0.npz", nowhere, rest_pelvis_m)
+    assert not np.isfinite(gather_video(folder).clips[0].motion.pelvis_m).any()
+    assert "In 3D" in drawn(folder).words
+
+
+def test_a_person_of_another_system_who_left_does_not_follow_the_camera(copied):
+    path = copied / "pseudo_gt" / "quality.json"
+    record = load_record(copied / "pseudo_gt")
+    reasons = [NOT_SEEN] * 6 + [""] * 8 + [NOT_SEEN] * 2 + [""] * 2 + [NOT_SEEN] * 6
+    people = (verdict_of("walk", True, (), reasons),)
+    record.model_copy(update={"people": people}).write(path)
+    known = np.isfinite(gather_video(copied).clips[0].motion.pelvis_m).all(axis=1)
+    assert np.flatnonzero(known).tolist() == list(range(6, 18))
+
+
+def test_cameras_alone_of_images_are_shown_at_their_rate(small_body, tmp_path):
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body, person=False)
+    camera = verdict_of("camera", True, (), [""] * N_ROWS)
+    VideoVerdict(
+        images_dir="frames", fps_hz=10.0, accepted=True, reasons=(), camera=camera,
+        people=(), notes=(),
+    ).write(folder / VERDICT_FILE)  # fmt: skip
+    np.testing.assert_allclose(np.diff(gather_video(folder).times_s), 0.1)
 
 
 def test_the_network_s_motions_come_and_go(copied, run_dir):

@@ -62,6 +62,18 @@ def test_the_next_process_hashes_nothing_unless_all_is_made_again(frames, hashed
     assert hashed == (["0.jpg", "1.jpg", "2.jpg"] if redo else [])
 
 
+def test_what_a_page_shows_is_made_anew_and_hashes_what_changed(frames, hashed):
+    stage(frames)
+    forget()
+    hashed.clear()
+    stage(frames, anew=True)
+    assert hashed == []
+    (frames / "1.jpg").write_bytes(b"99")
+    stage(frames, anew=True)
+    assert hashed == ["1.jpg"]
+    stage(frames)
+
+
 def test_a_change_of_the_same_size_and_time_is_noticed(frames, hashed):
     """Anybody can set a file's time, but not the system's own."""
     stage(frames)

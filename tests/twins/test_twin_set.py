@@ -267,6 +267,12 @@ def test_a_clip_that_fails_is_named_and_the_others_are_written(out, tmp_path):
     assert [sequence["name"] for sequence in listed] == [clip.id for clip in RECIPE.set.clips]
 
 
+def test_a_set_of_which_nothing_was_rendered_says_why(tmp_path):
+    """A clip that was never begun counted as rendered, and its file was missing."""
+    with pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"):
+        make_twins(RECIPE, tmp_path, run=Run(scheduler="tcp://127.0.0.1:9"))
+
+
 def write_index(folder: Path, record: Any) -> None:
     (folder / "truth").mkdir(exist_ok=True)
     write_json(folder / "truth" / "twins.json", record)

@@ -14,7 +14,7 @@ from gmrdata.values import transforms
 from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames, BadMotionFile
 from gmrdata.values.skinning import motion_vertices_m
-from gmrdata.write.overlay import write_overlay
+from gmrdata.write.overlay import draw_people, floor_path_m, write_overlay
 from gmrdata.write.take import Performer, Take
 from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX
 
@@ -59,6 +59,28 @@ def test_bodies_cover_their_silhouettes(take, images, tmp_path):
         elsewhere = cv2.dilate(yellow.astype(np.uint8), np.ones((5, 5))) == 0
         covered, expected = (frame.max(axis=2) > 75) & elsewhere, expected & elsewhere
         assert (covered & expected).sum() > 0.95 * (covered | expected).sum() > 500
+
+
+def test_a_person_s_path_is_drawn_over_the_person_s_time_alone(take):
+    """Everybody's path over the whole film was handled for each picture; the dots stay where they
+    are."""
+    shown = np.isin(np.arange(N_FRAMES), [3, 4, 6])
+    person, camera = take.people[0]._replace(shown=shown), take.camera
+    assert camera is not None
+    path_m = floor_path_m(person, 2)
+    assert np.isnan(path_m[:, 0]).tolist() == [True, False, False, True, False]
+    np.testing.assert_array_equal(path_m[1:3, :2], person.motion.pelvis_m[3:5, :2])
+    assert floor_path_m(person._replace(shown=np.zeros(N_FRAMES, bool))).shape == (0, 3)
+    lengths: list[int] = []
+
+    def bend(points_cam_m: np.ndarray) -> np.ndarray:
+        lengths.append(len(points_cam_m))
+        return points_cam_m
+
+    image = np.zeros((SIZE_PX[1], SIZE_PX[0], 3), np.uint8)
+    away = person._replace(shown=np.zeros(N_FRAMES, bool))
+    draw_people(image, (person, away), camera, 0, 2, bend)
+    assert lengths == [5, 0]
 
 
 def test_the_path_lies_on_the_floor_and_has_the_gap(take, images, tmp_path):

@@ -78,13 +78,12 @@ function addFloor() {
 // Two standard errors of the place to either side, frame by frame: together a tube round the path.
 function addTube(one) {
   const sigmas = rows(floats(one.sigma), 3);
+  const known = sigmas.map((_, i) => i).filter((i) => isKnown(one.path[i]) && isKnown(sigmas[i]));
   const material = new THREE.MeshBasicMaterial({ color: one.colour, transparent: true, opacity: 0.06, depthWrite: false });
-  const balls = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 12, 8), material, sigmas.length);
-  sigmas.forEach((sigma, i) => {
-    const matrix = new THREE.Matrix4().makeScale(...sigma.map((s) => Math.max(2 * s, 1e-4)));
-    if (isKnown(one.path[i]) && isKnown(sigma)) matrix.setPosition(...one.path[i]);
-    else matrix.makeScale(0, 0, 0);
-    balls.setMatrixAt(i, matrix);
+  const balls = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 12, 8), material, known.length);
+  known.forEach((i, number) => {
+    const matrix = new THREE.Matrix4().makeScale(...sigmas[i].map((s) => Math.max(2 * s, 1e-4)));
+    balls.setMatrixAt(number, matrix.setPosition(...one.path[i]));
   });
   balls.frustumCulled = false;
   scene.add(balls);
