@@ -70,8 +70,8 @@ class WeakestStep:
     moving_share: Figure
     """Share of the matches that don't move as the cameras say, in the worst tenth of the pairs."""
     distance_ratio: Figure
-    """Largest ratio, at any step, of the distances of what two successive keyframes see: of the
-    medians, or of the near tenths where that is less."""
+    """Largest ratio, at any step, of the distances of what two successive keyframes see: the least
+    of those of the medians, of the near tenths, and of the means by how well each is known."""
 
     @property
     def loose_moving_share(self) -> float:

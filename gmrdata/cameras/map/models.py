@@ -332,11 +332,25 @@ def weakest_step(
     worst = int(shares.argmax())
     after, before = key_rows[placed[worst : worst + 2]].tolist()
     moving = _moving_share(mapped.world_from_cam, matches, intrinsics_px, most_px)
-    of_each = np.split(seen.distances, np.flatnonzero(np.diff(seen.camera)) + 1)
-    # The view through a window is far away, but hardly all of what is seen beside it.
-    distances = [np.percentile(distances, [10, 50]) for distances in of_each]
-    ratios = np.abs(np.diff(np.log(distances), axis=0)).min(axis=1)
+    ratios = np.abs(np.diff(np.log(_distances_of_each(seen)), axis=0)).min(axis=1)
     return WeakestStep(after, before, float(shares[worst]), moving, float(np.exp(ratios.max())))
+
+
+def _distances_of_each(seen: _Seen) -> np.ndarray:
+    """(K, 3) how far away is what each camera sees: the near tenth, the median, and the geometric
+    mean by how well each is known.  The view through a window is far away, and may fill nearly the
+    whole picture, but the little beside it is known much better."""
+    total = np.zeros((len(seen.points), 3, 3))
+    np.add.at(total, seen.point, seen.information)
+    rays = (seen.points[seen.point] - seen.centres[seen.camera]) / seen.distances[:, None]
+    variance = ((np.linalg.inv(_damped(total))[seen.point] @ rays[..., None])[..., 0] * rays).sum(1)
+    known = seen.distances**2 / variance  # of the distance's logarithm
+    ends = np.flatnonzero(np.diff(seen.camera)) + 1
+    of_each = zip(np.split(seen.distances, ends), np.split(known, ends), strict=True)
+    return np.array([
+        [*np.percentile(away, [10, 50]), np.exp(np.average(np.log(away), weights=weights))]
+        for away, weights in of_each
+    ])  # fmt: skip
 
 
 def _moving_share(
@@ -442,9 +456,14 @@ def _running_medians(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
 def _held(left: np.ndarray, total: np.ndarray) -> np.ndarray:
     """(N, 3, 3) information by which points hold two sides together, by that of one and of both."""
-    # Hardly anything, so that a point without a depth can be inverted.
-    damping = 1e-9 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    return np.asarray(left @ np.linalg.solve(total + damping, total - left))
+    return np.asarray(left @ np.linalg.solve(_damped(total), total - left))
+
+
+def _damped(information: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) with hardly anything more, so that that of a point without a depth has an inverse;
+    and for one that no image explains."""
+    more = np.maximum(1e-9 * np.trace(information, axis1=1, axis2=2), 1e-12)
+    return np.asarray(information + more[:, None, None] * np.eye(3))
 
 
 def _left_open(known: np.ndarray) -> np.ndarray:
