@@ -40,9 +40,9 @@ def fetch(
     """
     import numpy as np
 
-    from gmrdata.motion.cmu import fetch_trials, listed_trials, plan
-    from gmrdata.read.download import FetchConfig
-    from gmrdata.read.models import fetch_models, models_dir, plan_models
+    from gmrdata.motion.cmu import fetch_trials, listed_trials, wanted_trials
+    from gmrdata.read.download import FetchConfig, fetch_plan
+    from gmrdata.read.models import fetch_models, models_dir, wanted_models
 
     with flags.flags_named():
         config = FetchConfig(base_url=base_url, timeout_s=timeout_s)
@@ -53,14 +53,14 @@ def fetch(
             raise BadRecipe("trials and --list are for fetch cmu; fetch models gets all of them")
         folder = out or models_dir()
         if dry_run:
-            print_table(*plan_models(folder, config))
+            print_table(*fetch_plan(wanted_models(folder, config)))
         else:
             answer("\n".join(map(str, fetch_models(folder, config, rng, redo=redo))))
         return
     flags.need(wanted, "trials like 02_03, or --list paper_table8")
     out = out or Path("cmu")
     if dry_run:
-        print_table(*plan(wanted, out, config))
+        print_table(*fetch_plan(wanted_trials(wanted, out, config)))
         return
     answer(fetch_trials(wanted, out, config, rng, redo=redo))
 

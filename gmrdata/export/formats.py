@@ -18,7 +18,7 @@ from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
 from gmrdata.values.body import SMPL, BodyModel
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import BadMotionFile, BadSequence
+from gmrdata.values.errors import BadMotionFile, BadSequence, some
 from gmrdata.values.files import visible
 from gmrdata.values.motion import Motion
 
@@ -246,9 +246,7 @@ def export_gem_x(clips: Sequence["ExportedClip"], path: Path, options: ExportOpt
 
 def _require_all(exported: "ExportedClip", known: np.ndarray, of: Trajectory, remedy: str) -> None:
     if len(missing := np.flatnonzero(~known)):
-        frames = ", ".join(map(str, missing[:3]))
-        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        what = f"clip {exported.id}: the {of} of frame {frames}{more} is not known"
+        what = f"clip {exported.id}: the {of} of frame {some(missing.tolist())} is not known"
         raise BadMotionFile(f"{what}; {remedy}")
 
 

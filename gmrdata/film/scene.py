@@ -13,7 +13,7 @@ from gmrdata.motion.resample import hold_pose, resample, slice_motion
 from gmrdata.values import limits
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.errors import BadRecipe
 from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
@@ -164,15 +164,6 @@ def save_extras(
     for name, car in zip(names[len(cast.walkers) :], cast.cars, strict=True):
         arrays = {"world_from_car": car.world_from_car[:n_frames], "size_m": CAR_SIZE_M}
         write_npz(folder / f"{name}.npz", arrays)
-
-
-def load_car(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Transforms `world_from_car` (T, 4, 4) and size (3,) [m] of a car's file."""
-    arrays = read_npz(path)
-    world_from_car, size_m = (arrays.get(key, np.empty(0)) for key in ("world_from_car", "size_m"))
-    if world_from_car.shape[1:] != (4, 4) or size_m.shape != (3,):
-        raise BadMotionFile(f"{path}: not a car's file; render the clip again")
-    return world_from_car, size_m
 
 
 Light = Literal["sun", "overcast", "indoor"]

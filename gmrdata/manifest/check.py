@@ -17,7 +17,7 @@ from gmrdata.stage.progress import progress_bar
 from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import load_character, load_joints
-from gmrdata.values.errors import BadManifest, BadMotionFile, MissingInput
+from gmrdata.values.errors import BadManifest, BadMotionFile, MissingInput, some
 from gmrdata.values.files import resolve_inside, sha256_of_file
 
 ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations are stored in float64
@@ -118,13 +118,6 @@ def _camera_problems(camera: CameraPath) -> Iterator[str]:
 
 def _rows(mask: np.ndarray) -> str:
     return some(np.flatnonzero(mask).tolist())
-
-
-def some(items: list[int] | list[str]) -> str:
-    """The first three items for a reader, and how many more there are; "" for none."""
-    return ", ".join(map(str, items[:3])) + (
-        f" and {len(items) - 3} more" if len(items) > 3 else ""
-    )
 
 
 AGAIN = "copy it again, or write the manifest again if the change is meant"

@@ -146,14 +146,9 @@ def _known_rows(arrays: dict[str, np.ndarray], path: Path) -> np.ndarray | None:
 def _on_all_rows(motion: Motion, known: np.ndarray) -> Motion:
     """A motion of the known rows (T,) of a clip with the others filled, turned and moved evenly."""
     rows = between_known(np.flatnonzero(known), np.arange(len(known)))
-    rotmats, n_filled = rows.turned(motion.rotmats), int((~known).sum())
-    return replace(
-        motion,
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
-        pelvis_m=rows.placed(motion.pelvis_m),
-        source=motion.source + (f", {n_filled} missing frames filled" if n_filled else ""),
-    )
+    n_filled = int((~known).sum())
+    source = motion.source + (f", {n_filled} missing frames filled" if n_filled else "")
+    return replace(rows.moved(motion), source=source)
 
 
 def _pose_arrays(

@@ -2,7 +2,7 @@
 
 import shlex
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext, suppress
 from functools import partial
 from pathlib import Path
@@ -13,11 +13,10 @@ import numpy as np
 from gmrdata.manifest.current import ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.amc import read_amc, read_asf
-from gmrdata.read.download import FetchConfig, download, drop_part, folder_address, part_of
+from gmrdata.read.download import FetchConfig, Wanted, fetch_files, folder_address
 from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import recipes
 from gmrdata.stage.locks import locked
-from gmrdata.stage.progress import console, progress_bar
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, FetchFailed
 from gmrdata.values.files import sha256_of_file, write_text
 from gmrdata.values.records import Config, Record
@@ -94,86 +93,49 @@ def fetch_trials(
     broken.
     """
     trials = check_trials(trials)
-    names = _files(trials)
-    urls = {name: file_url(config.base_url, name) for name in names}
-    out_dir.mkdir(parents=True, exist_ok=True)
-    problems: dict[str, str] = {}
-    get = partial(download, config=config, rng=rng, sleep=sleep)
-    with locked(out_dir / "fetch"), progress_bar() as bar:
-        task = bar.add_task("fetching", total=len(names))
-        for name in names:
-            bar.update(task, description=f"fetching {name}")
-            try:
-                skeleton = skeleton_of(Path(name).stem)
-                if name != skeleton and skeleton in problems:
-                    raise FetchFailed(f"its skeleton {skeleton} is missing")
-                _fetch_file(out_dir / name, urls[name], get, redo)
-            except FetchFailed as error:
-                problems[name] = str(error)
-                console.print(f"{_what(name)}: {error}", markup=False, soft_wrap=True)
-            bar.advance(task)
-    if missing := [trial for trial in trials if f"{trial}.amc" in problems]:
-        reasons = "\n".join(f"  {_what(name)}: {said}" for name, said in problems.items())
+    file_url(config.base_url, "01.asf")  # an address that is none is told before a folder is made
+    with locked(out_dir / "fetch"):
+        wanted = wanted_trials(trials, out_dir, config, redo=redo)
+        problems = fetch_files(wanted, config, rng, sleep, redo)
+    if missing := [trial for trial in trials if f"trial {trial}" in problems]:
+        reasons = "\n".join(f"  {title}: {said}" for title, said in problems.items())
         raise FetchFailed(
             f"{len(missing)} of {len(trials)} trials missing: {', '.join(missing)}\n{reasons}"
         )
     return out_dir
 
 
-def plan(
-    trials: Sequence[str], out_dir: Path, config: FetchConfig
-) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    """A table of what `fetch_trials` would do, without doing or asking anything."""
-    record = _recorded(out_dir)
-    rows = [
-        (name, file_url(config.base_url, name), _state(out_dir / name, record))
-        for name in _files(check_trials(trials))
-    ]
-    return ("file", "address", "state"), rows
+def wanted_trials(
+    trials: Sequence[str], out_dir: Path, config: FetchConfig, *, redo: bool = False
+) -> list[Wanted]:
+    """The files of `fetch_trials`, each skeleton before the first of its trials."""
+    record = _recorded(out_dir, redo=redo)
+
+    def file(title: str, name: str, needs: str = "") -> Wanted:
+        path, url = out_dir / name, file_url(config.base_url, name)
+        sha256 = record[name].sha256 if name in record else None
+        return Wanted(title, path, url, sha256, partial(_accept, path, url, redo), needs)
+
+    files: dict[str, Wanted] = {}
+    for trial in check_trials(trials):
+        skeleton = skeleton_of(trial)
+        files.setdefault(skeleton, file(f"skeleton {skeleton}", skeleton))
+        files[trial] = file(f"trial {trial}", f"{trial}.amc", f"skeleton {skeleton}")
+    return list(files.values())
 
 
-def _files(trials: Sequence[str]) -> list[str]:
-    """File names, each trial's skeleton before it."""
-    pairs = [(skeleton_of(trial), f"{trial}.amc") for trial in trials]
-    return list(dict.fromkeys(name for pair in pairs for name in pair))
-
-
-def _what(name: str) -> str:
-    stem = Path(name).stem
-    return f"trial {stem}" if name.endswith(".amc") else f"skeleton of subject {stem}"
-
-
-def _state(path: Path, record: Mapping[str, FetchedFile]) -> str:
-    if not path.is_file():
-        return "unfinished" if part_of(path).is_file() else "to do"
-    if path.name not in record:
-        return "there, not recorded"
-    same = sha256_of_file(path) == record[path.name].sha256
-    return "done" if same else "there, with another hash"
-
-
-def _fetch_file(path: Path, url: str, get: Callable[[str, Path], Path], redo: bool) -> None:
-    record = _recorded(path.parent, redo=redo)
-    state = _state(path, record)
-    if state == "done":
-        return
-    if path.exists() and not redo:
-        raise FetchFailed(f"{path} is {state}: move it away, or pass --redo to fetch it again")
-    part = get(url, path)
+def _accept(path: Path, url: str, redo: bool, part: Path) -> None:
     try:
         _check_content(part, path)
     except BadMotionFile as error:
-        drop_part(path)
         said = f"no usable {path.suffix}: {str(error).replace(str(part), path.name)}"
         raise FetchFailed(f"{url}: what the server sent is {said}") from None
-    entry = FetchedFile(url=url, size_bytes=part.stat().st_size, sha256=sha256_of_file(part))
     # The record first: a run that is killed in between then fetches the file once more.
-    files = record | {path.name: entry}
+    entry = FetchedFile(url=url, size_bytes=part.stat().st_size, sha256=sha256_of_file(part))
+    files = _recorded(path.parent, redo=redo) | {path.name: entry}
     Fetched(files=files).write(path.parent / RECORD)
     lines = [f"{file.sha256}  {name}\n" for name, file in sorted(files.items())]
     write_text(path.parent / SUMS, "".join(lines))
-    part.replace(path)
-    drop_part(path)
 
 
 def _check_content(part: Path, path: Path) -> None:

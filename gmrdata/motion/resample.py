@@ -14,14 +14,7 @@ ON_A_SAMPLE = 1e-6  # sample times closer than this to a source frame, in frames
 def resample(motion: Motion, fps_hz: float, *, start_s: float = 0.0) -> Motion:
     """A motion from `start_s` on at another rate, by slerp and linearly; exact on source frames."""
     rows = _brackets(motion.n_frames, motion.fps_hz, fps_hz, start_s)
-    rotmats = rows.turned(motion.rotmats)
-    return replace(
-        motion,
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
-        pelvis_m=rows.placed(motion.pelvis_m),
-        fps_hz=float(fps_hz),
-    )
+    return replace(rows.moved(motion), fps_hz=float(fps_hz))
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +46,16 @@ class Between:
         )
         start = values[self.before]
         return np.asarray(start + (values[self.after] - start) / apart * past)
+
+    def moved(self, motion: Motion) -> Motion:
+        """A motion of the N rows at the wanted ones: turned and placed."""
+        rotmats = self.turned(motion.rotmats)
+        return replace(
+            motion,
+            local_rotmats=rotmats[:, 1:],
+            root_rotmats=rotmats[:, 0],
+            pelvis_m=self.placed(motion.pelvis_m),
+        )
 
 
 def between_known(known: np.ndarray, wanted: np.ndarray) -> Between:

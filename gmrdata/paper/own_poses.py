@@ -249,12 +249,10 @@ def rows_between(rows: np.ndarray, n_rows: int) -> Between:
 
 def posed_clip(clip: Clip, poses: LocalPoses, between: Between, body: BodyModel) -> Clip:
     """The estimator's poses at a clip's rows, in the camera's frame, on a body of mean shape."""
-    rotmats = np.concatenate([poses.root_rotmats[:, None], poses.local_rotmats], axis=1)
-    turned = between.turned(rotmats)
-    motion = Motion(
-        local_rotmats=turned[:, 1:],
-        root_rotmats=turned[:, 0],
-        pelvis_m=between.placed(poses.pelvis_m),
+    seen = Motion(
+        local_rotmats=poses.local_rotmats,
+        root_rotmats=poses.root_rotmats,
+        pelvis_m=poses.pelvis_m,
         shape=np.zeros(body.n_shape),
         fps_hz=clip.motion.fps_hz,
         body=body.name,
@@ -262,7 +260,8 @@ def posed_clip(clip: Clip, poses: LocalPoses, between: Between, body: BodyModel)
         frame="camera",
         source=f"{ESTIMATOR}, of the images of {clip.id}",
     )
-    return Clip(clip.id, motion, np.ones(len(turned), bool), clip.image_numbers, camera=None)
+    everywhere = np.ones(clip.motion.n_frames, bool)
+    return Clip(clip.id, between.moved(seen), everywhere, clip.image_numbers, camera=None)
 
 
 def write_keypoints(folder: Path, clip: Clip, track: Sightings, between: Between) -> None:

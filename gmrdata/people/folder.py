@@ -14,7 +14,7 @@ from gmrdata.stage.jobs import in_threads
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.errors import BadFrames, MissingInput
+from gmrdata.values.errors import BadFrames, MissingInput, some
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import Config, Figure, Record, figure
 
@@ -174,16 +174,11 @@ def _report(masks_dir: Path, config: UnionConfig) -> None:
     record = MasksRecord.read(masks_dir / RECORD_FILE)
     say = partial(console.print, markup=False, soft_wrap=True)
     if record.covered:
-        what = f"more than {config.max_masked_share:.0%} of the picture is masked in"
+        what = f"more than {config.max_masked_share:.0%} of the picture is masked in frame"
         remedy = "Look at these masks: such frames may get no camera"
-        say(f"{masks_dir}: {what} {_named(record.covered)}. {remedy}")
+        say(f"{masks_dir}: {what} {some(record.covered, NAMED_FRAMES)}. {remedy}")
     if record.unmasked:
         count = f"{len(record.unmasked)} of {len(record.masked_share)}"
         remedy = "lower the score that the detector asks for, or unite it with another source"
-        what = f"nothing is masked in {_named(record.unmasked)} ({count})"
+        what = f"nothing is masked in frame {some(record.unmasked, NAMED_FRAMES)} ({count})"
         say(f"{masks_dir}: {what}. If somebody is to be seen there, {remedy}")
-
-
-def _named(stems: tuple[str, ...]) -> str:
-    more = len(stems) - NAMED_FRAMES
-    return f"frame {', '.join(stems[:NAMED_FRAMES])}" + (f" and {more} more" if more > 0 else "")

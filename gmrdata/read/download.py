@@ -13,19 +13,21 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
 from pathlib import Path
-from typing import IO, Any, Literal, Self
+from typing import IO, Any, Literal, NamedTuple, Self
 from urllib.parse import urlsplit
 
 import numpy as np
 from pydantic import Field
 
 from gmrdata import __version__
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import console, progress_bar
 from gmrdata.values.errors import BadRecipe, BadRecord, FetchFailed, MissingInput
+from gmrdata.values.files import sha256_of_file
 from gmrdata.values.records import Config, Record
 
 
@@ -138,6 +140,73 @@ def download(
             sleep(pause_s)
             wait_s *= 2
     return part_of(path)
+
+
+class Wanted(NamedTuple):
+    """A file to fetch."""
+
+    title: str  # by which a problem is told
+    path: Path
+    url: str
+    sha256: str | None  # None where it is not on record
+    accept: Callable[[Path], None]
+    """Looks at what came, a `.part`; FetchFailed where it is not the file."""
+    needs: str = ""  # title of the file without which this one is of no use
+
+    def state(self) -> str:
+        """In words, for a plan."""
+        if not self.path.is_file():
+            return "unfinished" if part_of(self.path).is_file() else "to do"
+        if self.sha256 is None:
+            return "there, not recorded"
+        same = sha256_of_file(self.path) == self.sha256
+        return "done" if same else "there, with another hash"
+
+    def fetch(self, get: Callable[[str, Path], Path], redo: bool) -> None:
+        """Get it, unless it is there with its hash; other content stays without `redo`."""
+        if (state := self.state()) == "done":
+            return
+        if self.path.exists() and not redo:
+            remedy = "move it away, or pass --redo to fetch it again"
+            raise FetchFailed(f"{self.path} is {state}: {remedy}")
+        part = get(self.url, self.path)
+        try:
+            self.accept(part)
+        except FetchFailed:
+            drop_part(self.path)
+            raise
+        part.replace(self.path)
+        drop_part(self.path)
+
+
+def fetch_files(
+    files: Sequence[Wanted],
+    config: FetchConfig,
+    rng: np.random.Generator,
+    sleep: Callable[[float], None],
+    redo: bool,
+) -> dict[str, str]:
+    """Fetch one file after the other; why some are missing, by title."""
+    problems: dict[str, str] = {}
+    get = partial(download, config=config, rng=rng, sleep=sleep)
+    with progress_bar() as bar:
+        task = bar.add_task("fetching", total=len(files))
+        for file in files:
+            bar.update(task, description=f"fetching {file.path.name}")
+            try:
+                if file.needs in problems:
+                    raise FetchFailed(f"its {file.needs} is missing")
+                file.fetch(get, redo)
+            except FetchFailed as error:
+                problems[file.title] = str(error)
+                console.print(f"{file.title}: {error}", markup=False, soft_wrap=True)
+            bar.advance(task)
+    return problems
+
+
+def fetch_plan(files: Sequence[Wanted]) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    """A table of what `fetch_files` would do, without doing or asking anything."""
+    return ("file", "address", "state"), [(f.path.name, f.url, f.state()) for f in files]
 
 
 def _copied(source: Path, part: Path, config: FetchConfig) -> Path:

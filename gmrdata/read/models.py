@@ -2,23 +2,15 @@
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.download import (
-    DEFAULT_FETCH,
-    FetchConfig,
-    download,
-    drop_part,
-    folder_address,
-    part_of,
-)
+from gmrdata.read.download import DEFAULT_FETCH, FetchConfig, Wanted, fetch_files, folder_address
 from gmrdata.stage.locks import locked
-from gmrdata.stage.progress import track as with_bar
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingInput
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.limits import MIB, MOST_NETWORK_BYTES
@@ -100,55 +92,28 @@ def fetch_models(
     file of another content is fetched again.  BadRecipe: the address is not one of
     the web.  FetchFailed: some were not fetched, or not as published; the others are there.
     """
-    urls = [_url(model, config) for model in MODELS]
     out_dir = models_dir() if out_dir is None else Path(out_dir)
     rng = np.random.default_rng() if rng is None else rng
-    out_dir.mkdir(parents=True, exist_ok=True)
-    get = partial(download, config=config, rng=rng, sleep=sleep)
-    problems = []
+    wanted = wanted_models(out_dir, config)
     with locked(out_dir / "fetch"):
-        for model, url in zip(with_bar(MODELS, "fetching models"), urls, strict=True):
-            try:
-                _fetch(model, out_dir / model.name, url, get, redo)
-            except FetchFailed as error:
-                problems.append(str(error))
+        problems = fetch_files(wanted, config, rng, sleep, redo)
     if problems:
-        raise FetchFailed("\n".join(problems))
-    return [out_dir / model.name for model in MODELS]
+        raise FetchFailed("\n".join(problems.values()))
+    return [file.path for file in wanted]
 
 
-def plan_models(
-    out_dir: Path, config: FetchConfig
-) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    """A table of what `fetch_models` would do, without doing or asking anything."""
-    rows = [(m.name, _url(m, config), _state(m, out_dir / m.name)) for m in MODELS]
-    return ("file", "address", "state"), rows
+def wanted_models(out_dir: Path, config: FetchConfig) -> list[Wanted]:
+    """The files of `fetch_models`."""
+    base = None if config.base_url is None else folder_address(config.base_url)
+    files = []
+    for model in MODELS:
+        url = model.url if base is None else f"{base}/{model.name}"
+        accept = partial(_accept, model, url)
+        files.append(Wanted(model.name, out_dir / model.name, url, model.sha256, accept))
+    return files
 
 
-def _url(model: Model, config: FetchConfig) -> str:
-    return (
-        model.url if config.base_url is None else f"{folder_address(config.base_url)}/{model.name}"
-    )
-
-
-def _state(model: Model, path: Path) -> str:
-    if not path.is_file():
-        return "unfinished" if part_of(path).is_file() else "to do"
-    return "done" if sha256_of_file(path) == model.sha256 else "there, with another hash"
-
-
-def _fetch(
-    model: Model, path: Path, url: str, get: Callable[[str, Path], Path], redo: bool
-) -> None:
-    state = _state(model, path)
-    if state == "done":
-        return
-    if path.exists() and not redo:
-        raise FetchFailed(f"{path} is {state}: move it away, or pass --redo to fetch it again")
-    part = get(url, path)
+def _accept(model: Model, url: str, part: Path) -> None:
     if (found := sha256_of_file(part)) != model.sha256:
-        drop_part(path)
         what = f"its SHA-256 is {found}, that of the published file {model.sha256}"
         raise FetchFailed(f"{url}: not the published file: {what}")
-    part.replace(path)
-    drop_part(path)

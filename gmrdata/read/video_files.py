@@ -1,12 +1,12 @@
 """Which videos a batch is of, what each is called, and which poses are whose, by their names."""
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from gmrdata.read.frames import IMAGE_SUFFIXES
-from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.errors import BadRecipe, MissingInput, some
 
 VIDEO_SUFFIXES = (
     ".mp4", ".m4v", ".mov", ".qt", ".3gp", ".3g2", ".mkv", ".webm", ".avi", ".flv", ".wmv", ".asf",
@@ -66,8 +66,8 @@ def find_videos(sources: Sequence[Path]) -> FoundVideos | None:
     for source, (found, others) in zip(sources, (one or ([], []) for one in listed), strict=True):
         paths += found or [source]
         if others:
-            what = f"{len(others)} that are not named as videos are left out: {_listed(others)}"
-            remarks.append(f"{source}: {what}")
+            what = f"{len(others)} that are not named as videos are left out"
+            remarks.append(f"{source}: {what}: {some(others, MAX_LISTED)}")
     named: dict[str, Path] = {}
     for path in dict.fromkeys(map(_absolute, paths)):
         name = _name_of(path)
@@ -150,9 +150,10 @@ def with_poses(found: FoundVideos, folder: Path) -> FoundVideos:
     remarks = list(found.remarks)
     if without:
         what = f"{len(without)} of {len(videos)} videos have no poses and end in cameras alone"
-        remarks.append(f"{folder}: {what}: {_listed(without)}")
+        remarks.append(f"{folder}: {what}: {some(without, MAX_LISTED)}")
     if entries:
-        remarks.append(f"{folder}: poses that belong to no video: {_listed(sorted(entries))}")
+        what = "poses that belong to no video"
+        remarks.append(f"{folder}: {what}: {some(sorted(entries), MAX_LISTED)}")
     return FoundVideos(tuple(videos), tuple(remarks))
 
 
@@ -175,9 +176,3 @@ def _poses_file(path: Path) -> Path:
         names = " and ".join(file.name for file in there)
         raise BadRecipe(f"{path}: holds {names}. Leave the poses of one system there")
     return there[0] if there else path
-
-
-def _listed(names: Iterable[str]) -> str:
-    names = list(names)
-    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
-    return ", ".join(names[:MAX_LISTED]) + more

@@ -102,11 +102,6 @@ def schema_v1() -> Path:
     return _PUBLISHED / "schema" / "v1.json"
 
 
-def format_page() -> Path:
-    """Path of FORMAT.md, the whole manifest format on one page."""
-    return _PUBLISHED / "FORMAT.md"
-
-
 def _names(folder: Path) -> list[str]:
     # rglob would not enter `folder` through a link on every Python, so the link is followed first.
     real = folder.resolve()

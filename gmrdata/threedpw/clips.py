@@ -6,7 +6,6 @@ and the root rotation R to A R; with the pelvis = trans + J0 it is simply A pelv
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,6 +20,7 @@ from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadBodyFile, BadSequence
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, invert, rigid
+from gmrdata.world.compose import moved
 
 WORLD_FROM_3DPW = rigid(Rotation.from_euler("x", 90, degrees=True).as_matrix(), np.zeros(3))
 """(4, 4): 3DPW's world is y-up, ours z-up."""
@@ -45,7 +45,8 @@ def camera_clip(
     clip, cam_from_world = _in_dataset_world(sequence, person_index, bodies, rule)
     nowhere = np.zeros(sequence.n_frames, dtype=bool)
     camera = _camera(sequence, np.full((sequence.n_frames, 4, 4), np.nan), nowhere)
-    return replace(clip, motion=_moved(clip.motion, cam_from_world, "camera"), camera=camera)
+    motion = moved(clip.motion, cam_from_world, "world", "camera")
+    return replace(clip, motion=motion, camera=camera)
 
 
 def world_clip(
@@ -62,7 +63,8 @@ def world_clip(
     clip, cam_from_world = _in_dataset_world(sequence, person_index, bodies, rule)
     world_from_cam = np.full((sequence.n_frames, 4, 4), np.nan)
     world_from_cam[clip.valid] = WORLD_FROM_3DPW @ invert(cam_from_world[clip.valid])
-    motion = _moved(clip.motion, np.broadcast_to(WORLD_FROM_3DPW, world_from_cam.shape), "world")
+    turn = np.broadcast_to(WORLD_FROM_3DPW, world_from_cam.shape)
+    motion = moved(clip.motion, turn, "world", "world")
     return replace(clip, motion=motion, camera=_camera(sequence, world_from_cam, clip.valid))
 
 
@@ -135,16 +137,6 @@ def _in_dataset_world(
     clip = Clip(f"{sequence.name}.p{person_index}", motion, valid, image_numbers, None)
     cam_from_world = sequence.arrays.cam_from_world
     return clip, np.where(rigid_rows(cam_from_world)[:, None, None], cam_from_world, np.nan)
-
-
-def _moved(motion: Motion, a_from_b: np.ndarray, frame: Literal["world", "camera"]) -> Motion:
-    with np.errstate(invalid="ignore"):
-        return replace(
-            motion,
-            root_rotmats=a_from_b[:, :3, :3] @ motion.root_rotmats,
-            pelvis_m=apply(a_from_b, motion.pelvis_m[:, None])[:, 0],
-            frame=frame,
-        )
 
 
 def _pelvis_off_m(person: Person, body: BodyModel) -> float:

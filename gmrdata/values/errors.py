@@ -1,6 +1,6 @@
 """One error per way to fail.  Each message names the file or clip and says what to do about it."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -137,3 +137,9 @@ def nearest(word: str, known: Collection[str]) -> str:
     """The end of a message that offers the known word most like a mistyped one; or empty."""
     alike = get_close_matches(word, known, n=1)
     return f"; did you mean {alike[0]!r}?" if alike else ""
+
+
+def some(items: Sequence[object], most: int = 3) -> str:
+    """The first few items for a reader, and how many more there are; empty for none."""
+    more = len(items) - most
+    return ", ".join(map(str, items[:most])) + (f" and {more} more" if more > 0 else "")

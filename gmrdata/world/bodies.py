@@ -264,13 +264,11 @@ def _on_rows(
     known = known[(depths_m > NEAREST_M) & (depths_m < FURTHEST_M)]
     if len(known) < 2:
         return None
-    at, between = rows[known], between_known(known, np.arange(len(rows)))
-    rotmats = np.concatenate([placed.root_rotmats[:, None], person.local_rotmats], axis=1)
-    filled = between.turned(rotmats[at])
-    motion = Motion(
-        local_rotmats=filled[:, 1:],
-        root_rotmats=filled[:, 0],
-        pelvis_m=between.placed(placed.pelvis_m[at]),
+    at = rows[known]
+    seen = Motion(
+        local_rotmats=person.local_rotmats[at],
+        root_rotmats=placed.root_rotmats[at],
+        pelvis_m=placed.pelvis_m[at],
         shape=placed.shape,
         fps_hz=frames.rate_hz,
         body=body.name,
@@ -278,7 +276,7 @@ def _on_rows(
         frame="camera",
         source=source,
     )
-    return motion, known
+    return between_known(known, np.arange(len(rows))).moved(seen), known
 
 
 def _clip(

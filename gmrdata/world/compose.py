@@ -23,12 +23,12 @@ from gmrdata.values.transforms import Similarity
 
 def motion_in_world(seen: Motion, world_from_cam: np.ndarray, scale: float = 1.0) -> Motion:
     """R_w = R_col R_c and T_w = R_col T_c + s T_col (eqs. 7, 8), s metres per unit of T_col."""
-    return _moved(seen, metric_cameras(world_from_cam, scale), "camera", "world")
+    return moved(seen, metric_cameras(world_from_cam, scale), "camera", "world")
 
 
 def motion_in_camera(motion: Motion, world_from_cam: np.ndarray) -> Motion:
     """The person as each camera sees it: the inverse of `motion_in_world` for metric cameras."""
-    return _moved(motion, transforms.invert(world_from_cam), "world", "camera")
+    return moved(motion, transforms.invert(world_from_cam), "world", "camera")
 
 
 def metric_cameras(world_from_cam: np.ndarray, scale: float) -> np.ndarray:
@@ -36,7 +36,8 @@ def metric_cameras(world_from_cam: np.ndarray, scale: float) -> np.ndarray:
     return transforms.rigid(world_from_cam[:, :3, :3], scale * world_from_cam[:, :3, 3])
 
 
-def _moved(motion: Motion, b_from_a: np.ndarray, a: str, b: Literal["world", "camera"]) -> Motion:
+def moved(motion: Motion, b_from_a: np.ndarray, a: str, b: Literal["world", "camera"]) -> Motion:
+    """A motion of frame a in frame b, by b_from_a (T, 4, 4)."""
     if motion.frame != a:
         raise ValueError(f"the motion is in the {motion.frame} frame, expected the {a} frame")
     if len(b_from_a) != motion.n_frames:

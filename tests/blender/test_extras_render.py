@@ -8,13 +8,14 @@ import pytest
 from gmrdata.film.programmes import Film, Panning, film_motion, plan_clip
 from gmrdata.film.render import RenderConfig, optional_outputs
 from gmrdata.film.render_outputs import read_depth, read_flow, read_instances
-from gmrdata.film.scene import Extras, SceneConfig, load_car
+from gmrdata.film.scene import Extras, SceneConfig
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.files import read_npz
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.values.transforms import apply, invert
 from tests.blender.jobs import Job, contents, mask_of, overlap, save_job, unprojected
@@ -129,7 +130,8 @@ def test_the_person_is_the_same_without_extras(filmed, instances, job, tmp_path)
 
 def test_flow_on_the_car_is_its_rigid_motion(filmed, instances):
     camera = camera_of(load_clip(filmed / "clip.npz"))
-    world_from_car, size_m = load_car(filmed / "extras/car_1.npz")
+    car = read_npz(filmed / "extras/car_1.npz")
+    world_from_car, size_m = car["world_from_car"], car["size_m"]
     pixels = np.stack(np.meshgrid(np.arange(WIDTH_PX), np.arange(HEIGHT_PX)), axis=-1) + 0.5
     compared = 0
     for row in range(N_FRAMES - 1):

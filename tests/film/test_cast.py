@@ -22,7 +22,6 @@ from gmrdata.film.programmes import (
 from gmrdata.film.scene import (
     Cast,
     Extras,
-    load_car,
     load_cast,
     looks_of,
     make_cast,
@@ -39,7 +38,8 @@ from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, in_frame, person_box, project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import motion_vertices_m
@@ -268,11 +268,10 @@ def test_files_of_the_truth(casts, small_body, tmp_path):
     assert company.id == "clip_company_1" and company.valid.all()
     np.testing.assert_allclose(company.motion.pelvis_m, cast.walkers[0].pelvis_m, atol=1e-12)
     np.testing.assert_array_equal(camera_of(company).world_from_cam, camera_of(clip).world_from_cam)
-    world_from_car, size_m = load_car(tmp_path / "extras/car_1.npz")
-    np.testing.assert_array_equal(world_from_car, cast.cars[0].world_from_car)
-    np.testing.assert_array_equal(size_m, CAR_SIZE_M)
-    with pytest.raises(BadMotionFile, match="not a car's file"):
-        load_car(tmp_path / "extras/company_1.npz")
+    car = read_npz(tmp_path / "extras/car_1.npz")
+    assert car.keys() == {"world_from_car", "size_m"}
+    np.testing.assert_array_equal(car["world_from_car"], cast.cars[0].world_from_car)
+    np.testing.assert_array_equal(car["size_m"], CAR_SIZE_M)
 
 
 @pytest.mark.parametrize("number", range(6))

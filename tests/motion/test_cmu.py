@@ -11,8 +11,14 @@ import numpy as np
 import pytest
 
 from gmrdata import cli
-from gmrdata.motion.cmu import check_trials, fetch_command, fetch_trials, listed_trials, plan
-from gmrdata.read.download import FetchConfig
+from gmrdata.motion.cmu import (
+    check_trials,
+    fetch_command,
+    fetch_trials,
+    listed_trials,
+    wanted_trials,
+)
+from gmrdata.read.download import FetchConfig, fetch_plan
 from gmrdata.values.errors import BadRecipe, FetchFailed
 from tests.fixtures.file_server import (
     Answer,
@@ -106,7 +112,7 @@ def test_a_later_run_resumes(server, tmp_path):
     with pytest.raises(FetchFailed, match="1 of 1 trials missing: 02_03\n.*503"):
         _fetch(server, tmp_path)
     assert "02_03.amc" not in _names(tmp_path) and "02_03.amc.part" in _names(tmp_path)
-    assert [row[-1] for row in plan(["02_03"], tmp_path, FetchConfig())[1]] == [
+    assert [file.state() for file in wanted_trials(["02_03"], tmp_path, FetchConfig())] == [
         "done",
         "unfinished",
     ]
@@ -205,12 +211,18 @@ def test_a_file_that_is_not_as_recorded_is_kept_without_redo(server, tmp_path):
 def test_names_that_are_no_trials(name):
     with pytest.raises(BadRecipe, match="no name of a CMU trial"):
         check_trials([name])
+    with pytest.raises(BadRecipe, match="no name of a CMU trial"):
+        wanted_trials([name], Path(), FetchConfig())
 
 
 @pytest.mark.parametrize("url", ["file:///tmp", "ftp://127.0.0.1", "127.0.0.1:80", "http://"])
 def test_addresses_that_are_not_of_the_web(url, tmp_path):
     with pytest.raises(BadRecipe, match="--base-url"):
-        plan(["02_03"], tmp_path, FetchConfig(base_url=url))
+        wanted_trials(["02_03"], tmp_path, FetchConfig(base_url=url))
+    with pytest.raises(BadRecipe, match="--base-url"):
+        rng = np.random.default_rng(1)
+        fetch_trials(["02_03"], tmp_path / "out", FetchConfig(base_url=url), rng)
+    assert not (tmp_path / "out").exists()
 
 
 def test_lists_and_addresses(tmp_path):
@@ -218,7 +230,7 @@ def test_lists_and_addresses(tmp_path):
     assert len(trials) == 50 and trials[0] == "02_03"
     with pytest.raises(BadRecipe, match="names no CMU trials"):
         listed_trials("paper_table7")
-    _, rows = plan(["143_18"], tmp_path / "out", FetchConfig())
+    _, rows = fetch_plan(wanted_trials(["143_18"], tmp_path / "out", FetchConfig()))
     assert rows[0] == ("143.asf", "http://mocap.cs.cmu.edu/subjects/143/143.asf", "to do")
     assert rows[1][1] == "http://mocap.cs.cmu.edu/subjects/143/143_18.amc"
     assert not (tmp_path / "out").exists()

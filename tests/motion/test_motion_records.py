@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from gmrdata.motion.cmu import RECORD, Fetched, FetchedFile, plan
+from gmrdata.motion.cmu import RECORD, Fetched, FetchedFile, wanted_trials
 from gmrdata.motion.emdb import EmdbAbout
 from gmrdata.read.download import FetchConfig, PartNote
 from gmrdata.values.errors import BadRecord
@@ -37,4 +37,4 @@ def test_each_key_is_required(record, tmp_path):
 def test_a_list_of_fetched_files_without_a_tag_is_refused(tmp_path):
     (tmp_path / RECORD).write_text('{"files": {}}')
     with pytest.raises(BadRecord, match=r"fetched\.json: has no `format`.*--redo"):
-        plan(["02_03"], tmp_path, FetchConfig())
+        wanted_trials(["02_03"], tmp_path, FetchConfig())

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gmrdata import cli
-from gmrdata.read import models
-from gmrdata.read.download import FetchConfig
+from gmrdata.read.download import FetchConfig, fetch_plan
 from gmrdata.read.models import (
     MODELS,
     POSE_LANDMARKS,
@@ -15,6 +14,7 @@ from gmrdata.read.models import (
     YOLOX_NANO,
     fetch_models,
     find_model,
+    wanted_models,
 )
 from gmrdata.values.errors import BadDetector, BadRecipe, FetchFailed, MissingInput
 from tests.fixtures.file_server import Server, drop_half, status
@@ -72,14 +72,14 @@ def test_a_folder_of_this_machine_is_a_mirror(server, tmp_path):
 
 def test_a_dry_run_tells_the_published_addresses_and_what_is_there(server, cache, capsys):
     assert not cache.exists()
-    rows = models.plan_models(cache, FetchConfig())[1]
+    _, rows = fetch_plan(wanted_models(cache, FetchConfig()))
     assert rows == [
         (model.name, model.url, "to do") for model in (YOLOX_NANO, POSE_LANDMARKS, QUICK_LANDMARKS)
     ]
     server.answers["/yolox_nano.onnx"] = [drop_half, status(503)]
     with pytest.raises(FetchFailed):
         fetch(server, cache)
-    states = [row[2] for row in models.plan_models(cache, FetchConfig())[1]]
+    states = [file.state() for file in wanted_models(cache, FetchConfig())]
     assert states == ["unfinished", "done", "done"]
     cli.main(["fetch", "models", "--dry-run"])
     assert "pose_landmark_heavy.tflite" in capsys.readouterr().out
