@@ -140,14 +140,9 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Motion]:
     have at least two frames.
     """
     check_finite(clip)
-    ratio = clip.motion.fps_hz / fps_hz
+    check_rate(clip.id, clip.motion.fps_hz, fps_hz)
     step = whole_ratio(clip.motion.fps_hz, fps_hz)
-    if ratio < 1 - 1e-3:
-        raise BadMotionFile(
-            f"clip {clip.id}: {clip.motion.fps_hz:g} fps is lower than {fps_hz:g} fps, so frames"
-            " would have to be made up. Use a source of a higher rate"
-        )
-    n_phases = (step or max(1, int(ratio))) if all_phases else 1
+    n_phases = (step or max(1, int(clip.motion.fps_hz / fps_hz))) if all_phases else 1
     runs = []
     for start, stop in valid_runs(clip.valid):
         for phase in range(n_phases):
@@ -160,6 +155,15 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Motion]:
             if motion.n_frames >= MIN_FRAMES:
                 runs.append(motion)
     return runs
+
+
+def check_rate(clip_id: str, fps_hz: float, wanted_hz: float) -> None:
+    """Refuse a frame rate below the wanted one [Hz], with a BadMotionFile."""
+    if fps_hz / wanted_hz < 1 - 1e-3:
+        raise BadMotionFile(
+            f"clip {clip_id}: {fps_hz:g} fps is lower than {wanted_hz:g} fps, so frames would have"
+            " to be made up. Use a source of a higher rate"
+        )
 
 
 def check_finite(clip: Clip) -> None:
