@@ -250,7 +250,8 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
         training.append([])
         for file in usable_files(path)[0]:
             subject = subject_of(file.entry.source)
-            on_lists = [name for name, keys in lists.items() if _key(file.entry.source) in keys]
+            key = source_key(file.entry.source)
+            on_lists = [name for name, keys in lists.items() if key in keys]
             if subject is not None and subject in wanted:
                 found.add(subject)
                 held_out.append(file)
@@ -323,10 +324,10 @@ def _listed(name: str) -> frozenset[tuple[str, str]]:
     published = read_manifest(recipes.published_manifest(name))
     if not isinstance(published, ListManifest):
         raise BadRecipe(f"data.never_train_on: {name} is no published list")
-    return frozenset(_key(row.source) for row in published.clips)
+    return frozenset(source_key(row.source) for row in published.clips)
 
 
-def _key(source: Source) -> tuple[str, str]:
+def source_key(source: Source) -> tuple[str, str]:
     """What a clip and a row of a list have in common."""
     return recording_of(source) or (source.dataset, source.sequence)
 

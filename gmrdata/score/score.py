@@ -12,6 +12,7 @@ from gmrdata.gmr.runs import (
     UsableClips,
     fitting_clips,
     given_body,
+    source_key,
     usable_clips,
     usable_files,
 )
@@ -276,9 +277,9 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
         if isinstance(published, ListManifest):
             for row in published.clips:
                 if row.label is not None:
-                    labels.setdefault((row.source.dataset, row.source.sequence), row.label)
-    sources = {one.id: (one.source.dataset, one.source.sequence) for one in manifest.clips}
-    return {id: labels[source] for id, source in sources.items() if source in labels}
+                    labels.setdefault(source_key(row.source), row.label)
+    keys = {one.id: source_key(one.source) for one in manifest.clips}
+    return {id: labels[key] for id, key in keys.items() if key in labels}
 
 
 def videos_of(manifest: Manifest) -> dict[str, str]:

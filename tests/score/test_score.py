@@ -402,10 +402,11 @@ def test_predictions_of_another_body_need_that_body(
 def test_a_trial_of_the_published_list_has_its_type(clips, small_body, tmp_path):
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     assert motion_types(usable_clips(manifest_path).manifest) == {}
-    text = manifest_path.read_text().replace("dataset: gmrdata", "dataset: CMU")
-    text = text.replace("sequence: clip_0", "sequence: '02_03'")
-    manifest_path.write_text(text.replace("sequence: clip_1", "sequence: '99_99'"))
-    assert motion_types(usable_clips(manifest_path).manifest) == {"clip_0": "run/jog"}
+    text = manifest_path.read_text().replace("sequence: clip_1", "sequence: '99_99'")
+    for dataset, sequence in (("CMU", "'02_03'"), ("AMASS", "CMU/02/02_03_poses")):
+        said = text.replace("dataset: gmrdata", f"dataset: {dataset}")
+        manifest_path.write_text(said.replace("sequence: clip_0", f"sequence: {sequence}"))
+        assert motion_types(usable_clips(manifest_path).manifest) == {"clip_0": "run/jog"}
 
 
 def test_the_network_in_the_package_by_its_word(clips, small_body, body_path, tmp_path):
