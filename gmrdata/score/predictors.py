@@ -1,6 +1,7 @@
 """What can be scored: a trained network, clips of gmrdata's own, or results of other systems."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -22,7 +23,8 @@ from gmrdata.score.predictions import (
     clip_beside_truth,
     file_clip,
     network_clip,
-    rows_of_file,
+    rows_between,
+    whole_steps,
 )
 from gmrdata.score.protocols import protocol_as
 from gmrdata.score.records import Protocol, ScoredFiles, ScoredNetwork, ScoredResults
@@ -38,9 +40,10 @@ from gmrdata.score.results import (
 )
 from gmrdata.values import limits
 from gmrdata.values.body import BodyModel, body_of
-from gmrdata.values.clip import Clip
+from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.files import resolve_inside
+from gmrdata.values.motion import whole_ratio
 from gmrdata.values.people import EstimatedPerson
 from gmrdata.values.records import Config
 
@@ -218,16 +221,33 @@ class ResultSets:
         return {f"result_{n}": file for n, file in enumerate(files)} | folders
 
     def shared_rows(self, true: Clip) -> np.ndarray:
-        """(T,) bool: rows of a clip in which all who predict it do so."""
-        frames = self._frames(true)
+        """(T,) bool: rows of a clip in which all who predict it do so.
+
+        Beside a prediction at a k-th of the clip's rate, they are whole steps of that.
+        """
+        frames, step = self._frames(true), 1
         shared = np.ones(len(frames), dtype=bool)
         for people in self._people:
             person = people.get(true.id)
             if person is not None and not person.has_own_rate:
                 shared &= has_rows(person, true, frames, self.config.camera)
+        for valid, fps_hz in self._timed(true):
+            its_step = whole_ratio(true.motion.fps_hz, fps_hz) or 1
+            shared &= rows_between(valid, its_step, len(frames))
+            step = math.lcm(step, its_step)
+        return shared if step == 1 else whole_steps(shared & true.valid, step)
+
+    def _timed(self, true: Clip) -> Iterator[tuple[np.ndarray, float]]:
+        """`valid` (N,) and the rate [Hz] of each prediction of a clip that has its own rate."""
+        for one, people in zip(self.sets, self._people, strict=True):
+            person = people.get(true.id)
+            if person is not None and person.has_own_rate:
+                n_rows, fps_hz = len(person.frame_numbers), one.results[true.id].fps_hz
+                yield np.ones(n_rows, dtype=bool), fps_hz or true.motion.fps_hz
         for folder in self.clip_folders:
-            shared &= rows_of_file(folder, true)
-        return shared
+            if (path := folder / f"{true.id}.npz").is_file():
+                clip = load_clip(path)
+                yield clip.valid, clip.motion.fps_hz
 
     @cached_property
     def _people(self) -> list[dict[str, EstimatedPerson]]:
@@ -265,9 +285,9 @@ class ResultSets:
     ) -> MatchedClip:
         """A clip's prediction, on the frames that all results of it have where some may lack."""
         result, body = one.results[true.id], _body_of(person, true, bodies)
-        if result.system == "amass":
-            return timed_clip(result, person, true, body)
         shared = self.shared_rows(true) if self.config.missing == "drop" else None
+        if result.system == "amass":
+            return timed_clip(result, person, true, body, shared)
         rows = RowsOfVideo(self._frames(true), shared)
         return matched_clip(result, person, true, body, self.config.camera, rows)
 

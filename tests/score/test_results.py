@@ -364,6 +364,27 @@ def test_clips_and_results_are_scored_on_the_frames_that_they_share(tmp_path, da
     assert again == made
 
 
+@pytest.mark.parametrize(("step", "n_motions"), [(1, 11 + 6 + 34), (3, 6 + 2 + 6)])
+def test_files_with_their_own_rate_are_scored_on_the_frames_that_all_share(
+    step, n_motions, tmp_path, data, body, true
+):
+    """The file with AMASS's keys was scored on all of its own."""
+    folder, fps_hz = tmp_path / "sets", 30.0 / step
+    slow, rows = true.motion.take(slice(0, None, step), fps_hz), np.r_[0:20, 25:60]
+    people = {3: (true.motion.take(rows), FRAMES[rows])}
+    (folder / "wham").mkdir(parents=True)
+    files.write_wham(folder / "wham" / "wham_output.pkl", people, rest(body, true))
+    files.write_amass(folder / "mocap" / f"{true.id}.npz", slow, rest(body, true))
+    without_12 = np.arange(slow.n_frames) != 12
+    ours = Clip(true.id, slow, without_12, np.full(slow.n_frames, -1), None)
+    (folder / "ours").mkdir()
+    save_clip(folder / "ours" / f"{true.id}.npz", ours, rest(body, true))
+    made = score(data, folder, tmp_path / "out", missing="drop", fps_hz=fps_hz)
+    assert made.comparison is not None
+    assert Comparison.read(made.comparison).runs == ("mocap", "ours", "wham")
+    assert [Scores.read(path).clips[0].n_motions for path in made.scores] == 3 * [n_motions]
+
+
 def test_an_amass_like_file_has_its_own_rate(tmp_path, data, body, true):
     slow = true.motion.take(slice(0, None, 3), 10.0)
     path = files.write_amass(tmp_path / f"{true.id}.npz", slow, rest(body, true))
