@@ -200,7 +200,8 @@ def _scores(source: Source, given: _Given, config: ScoreConfig) -> Scores:
     scored, skipped = score_clips(one.predict, bodies, usable.clips, protocol, regressor)
     used = {clip.clip.motion.body for clip in usable.clips}
     if not scored:
-        raise BadManifest(f"{given.manifest_path}: no clip has two valid frames in a row")
+        id, reason = next(iter(skipped.items()))
+        raise BadManifest(f"{given.manifest_path}: no clip can be scored. Clip {id}: {reason}")
     labelled = _labelled(scored, usable, protocol)
     rng = np.random.default_rng(config.seed)
     summary = summarise(labelled, one.fps_hz, config.resamples, rng)

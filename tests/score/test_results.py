@@ -28,6 +28,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import (
+    BadManifest,
     BadMotionFile,
     BadRecipe,
     GmrdataError,
@@ -383,6 +384,17 @@ def test_files_with_their_own_rate_are_scored_on_the_frames_that_all_share(
     assert made.comparison is not None
     assert Comparison.read(made.comparison).runs == ("mocap", "ours", "wham")
     assert [Scores.read(path).clips[0].n_motions for path in made.scores] == 3 * [n_motions]
+
+
+def test_systems_without_a_common_frame_are_refused_for_that(tmp_path, data, body, true):
+    folder = tmp_path / "sets"
+    for name, rows in (("early", slice(0, 30)), ("late", slice(30, 60))):
+        (folder / name).mkdir(parents=True)
+        people = {3: (true.motion.take(rows), FRAMES[rows])}
+        files.write_wham(folder / name / "wham_output.pkl", people, rest(body, true))
+    said = r"scored\. Clip walk\.p0: no two frames in a row with a prediction at 30 fps"
+    with pytest.raises(BadManifest, match=said):
+        score(data, folder, tmp_path / "out", missing="drop")
 
 
 def test_an_amass_like_file_has_its_own_rate(tmp_path, data, body, true):

@@ -320,7 +320,8 @@ def test_clips_of_another_body_or_without_motions_are_refused(
         score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
     flicker = replace(clips[0], valid=np.arange(60) % 2 == 0)
     manifest_path = write_clips(tmp_path / "flicker", small_body, [flicker])
-    with pytest.raises(BadManifest, match="no clip has two valid frames in a row"):
+    said = "no clip can be scored. Clip clip_0: no two valid frames in a row at 10 fps"
+    with pytest.raises(BadManifest, match=said):
         score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
     assert not (tmp_path / "scores").exists()
 
