@@ -33,15 +33,6 @@ class UsableClip:
     camera_motion: str  # class of its camera's motion: "none" without a camera
 
 
-@dataclass(frozen=True, eq=False)
-class UsableClips:
-    """Clips that a manifest vouches for, and the reason by id for those that it does not."""
-
-    clips: tuple[UsableClip, ...]
-    skipped: dict[str, str]
-    manifest: Manifest
-
-
 @dataclass(frozen=True)
 class ClipFile:
     """A clip that the manifest vouches for, still on disk."""
@@ -66,15 +57,9 @@ class LazyClips(Sequence[Clip]):
         return self._files[index].load()
 
 
-def usable_clips(path: Path) -> UsableClips:
-    """Load the clips of a manifest, except those that its quality record rejects."""
-    files, skipped, manifest = usable_files(path)
-    clips = tuple(UsableClip(file.load(), file.entry.camera_motion) for file in files)
-    return UsableClips(clips, skipped, manifest)
-
-
 def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
-    """The same, still on disk, and why by id for the rest."""
+    """The clips of a manifest, except those that its quality record rejects; the reason by id for
+    those; and the manifest."""
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
         raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")

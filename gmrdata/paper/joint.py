@@ -31,7 +31,7 @@ from gmrdata.gmr.runs import (
     fitting_clips,
     given_body,
     no_runs,
-    usable_clips,
+    usable_files,
 )
 from gmrdata.gmr.steps import (
     Learner,
@@ -262,7 +262,7 @@ def train_joint(
     or each other.
     """
     config = config or JointConfig()
-    clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]
+    clips = [file.load() for path in manifest_paths for file in usable_files(path)[0]]
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"features_{clip.id}": features_dir / f"{clip.id}.npz" for clip in clips}
     inputs |= body_inputs(body_path)

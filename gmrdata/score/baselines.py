@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from gmrdata.gmr.runs import no_runs, runs_at, usable_clips, usable_files
+from gmrdata.gmr.runs import LazyClips, no_runs, runs_at, usable_files
 from gmrdata.motion.resample import valid_runs
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -264,8 +264,8 @@ def predict_mean(
     config = config or MeanConfig()
 
     def work(partial_dir: Path) -> None:
-        training = [one.clip for path in training_paths for one in usable_clips(path).clips]
-        mean = mean_motion(training, config.fps_hz)
+        training = [file for path in training_paths for file in usable_files(path)[0]]
+        mean = mean_motion(LazyClips(training), config.fps_hz)
         subjects, skipped = manifest_subjects(manifest_path)
         found = [moving_as(mean, one) for one in subjects]
         write_predictions(partial_dir, "mean", found, skipped, MeanPredictions, mean)

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.gmr.config import Which
-from gmrdata.gmr.runs import UsableClip, usable_clips, usable_files
+from gmrdata.gmr.runs import ClipFile, LazyClips, UsableClip, usable_files
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.listing import read_listing
 from gmrdata.read.bodies import load_bodies
@@ -254,21 +254,17 @@ class ResultSets:
         return [people_of_clips(one, self.names, self.config.person) for one in self.sets]
 
     @cached_property
-    def _entries(self) -> dict[str, ClipEntry]:
-        return {file.entry.id: file.entry for file in usable_files(self.manifest_path)[0]}
+    def _files(self) -> dict[str, ClipFile]:
+        return {file.entry.id: file for file in usable_files(self.manifest_path)[0]}
 
     def _frames(self, true: Clip) -> np.ndarray:
-        images = _image_numbers(self._entries[true.id], self.manifest_path)
+        images = _image_numbers(self._files[true.id].entry, self.manifest_path)
         return frames_of_rows(true, images, self.config.first_image)
 
     def _opened(self, one: ResultSet, people: Mapping[str, EstimatedPerson]) -> Predictor:
-        usable, config = usable_clips(self.manifest_path), self.config
-        bodies = load_bodies(self.body_path)
-        matched = {
-            clip.clip.id: self._matched(one, people[clip.clip.id], clip.clip, bodies)
-            for clip in usable.clips
-            if clip.clip.id in people
-        }
+        config, bodies = self.config, load_bodies(self.body_path)
+        clips = LazyClips([file for id, file in self._files.items() if id in people])
+        matched = {clip.id: self._matched(one, people[clip.id], clip, bodies) for clip in clips}
         model = ScoredResults(
             kind="results",
             predictions=self.path.resolve().name,

@@ -11,8 +11,8 @@ import pytest
 from gmrdata.cli import main
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.predict import load_gmr
-from gmrdata.gmr.runs import usable_clips
 from gmrdata.gmr.train import GmrRecipe
+from gmrdata.manifest.read import load_clips
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.paper.comparison import (
     OverSeeds,
@@ -360,8 +360,8 @@ def test_a_table_says_how_many_clips_a_manifest_gave_where_people_are_balanced(
 def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):
     motions = write_walks("walks", ["01_01", "02_01", "02_02"], 1)
     path = held_out_set([motions], DataConfig(held_out_subjects=(2,)), tmp_path / "held_out")
-    copies = {one.clip.id: one.clip for one in usable_clips(path).clips}
-    originals = {one.clip.id: one.clip for one in usable_clips(motions).clips}
+    copies = {clip.id: clip for clip in load_clips(path)}
+    originals = {clip.id: clip for clip in load_clips(motions)}
     assert copies.keys() == {"02_01", "02_02"}
     for id, clip in copies.items():
         assert (clip.motion.pelvis_m == originals[id].motion.pelvis_m).all()

@@ -38,6 +38,7 @@ from gmrdata.values.errors import (
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from tests.clip_manifests import write_clips
+from tests.clips_in_memory import counted_clips
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files as files
 
@@ -395,6 +396,20 @@ def test_systems_without_a_common_frame_are_refused_for_that(tmp_path, data, bod
     said = r"scored\. Clip walk\.p0: no two frames in a row with a prediction at 30 fps"
     with pytest.raises(BadManifest, match=said):
         score(data, folder, tmp_path / "out", missing="drop")
+
+
+def test_true_clips_are_beside_results_one_by_one(tmp_path, data, body, true, monkeypatch):
+    clips = [replace(true, id=f"walk_{n}") for n in range(4)]
+    manifest = write_clips(tmp_path / "data", body, clips)
+    for clip in clips:
+        path = tmp_path / "results" / f"{clip.id}.pkl"
+        path.parent.mkdir(exist_ok=True)
+        files.write_wham(path, {0: (true.motion, FRAMES)}, rest(body, true))
+    in_memory, _ = counted_clips(monkeypatch)
+    given = (tmp_path / "results", manifest, tmp_path / "out", ScoreConfig(resamples=100))
+    scores = only(score_predictor(*given, body_path=data / "body.npz"))
+    assert len(scores.clips) == 4 and len(in_memory) == 8
+    assert max(in_memory) <= 2
 
 
 def test_an_amass_like_file_has_its_own_rate(tmp_path, data, body, true):
