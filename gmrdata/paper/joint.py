@@ -169,10 +169,13 @@ def predict_joint(
     body of mean shape.
 
     `run_dir` is a finished run of `train_joint`; `body_path` is the clips' body, None the default
-    one.  Errors are MissingInput, BadCheckpoint, BadFeatures for those of other clips or networks,
-    and BadMotionFile for a clip of another body, or whose rate is no multiple of the network's.
+    one.  The record names clips without features.  Errors are MissingInput where no clip has any,
+    BadCheckpoint, BadFeatures for those of other clips or networks, and BadMotionFile for a clip of
+    another body, or whose rate is no multiple of the network's.
     """
-    subjects, left_out = predictions.manifest_subjects(manifest_path)
+    subjects, left_out = predictions.manifest_subjects(
+        manifest_path, lambda id: (features_dir / f"{id}.npz",)
+    )
     inputs = {"run": run_dir, "manifest": manifest_path} | body_inputs(body_path)
     inputs |= {f"features_{one.clip.id}": features_dir / f"{one.clip.id}.npz" for one in subjects}
 

@@ -93,13 +93,15 @@ def predict_vibe_cam(
     """Predict world motions as VIBE-CAM does.
 
     Of the manifest's clips, only the intrinsics, the image size and the images' numbers are used.
-    The record says of each clip which rows have no prediction and why.  Errors are MissingInput,
-    BadMotionFile, BadRecord, BadKeypoints, and BadRecipe where `person_ids` names a clip that is
-    not there.
+    The record says of each clip which rows have no prediction and why, and names the clips without
+    files.  Errors are MissingInput where no clip has them, BadMotionFile, BadRecord, BadKeypoints,
+    and BadRecipe where `person_ids` names a clip that is not there.
     """
     config = config or VibeCamConfig()
-    subjects, left_out = predictions.manifest_subjects(manifest_path)
-    _check_ids(config, [one.clip.id for one in subjects])
+    subjects, left_out = predictions.manifest_subjects(
+        manifest_path, lambda id: (files.poses_dir / f"{id}.npz", files.keypoints_dir / id)
+    )
+    _check_ids(config, [*(one.clip.id for one in subjects), *left_out])
     inputs = {"manifest": manifest_path} | body_inputs(files.body_path)
     for id in (one.clip.id for one in subjects):
         inputs[f"poses_{id}"] = files.poses_dir / f"{id}.npz"
@@ -186,10 +188,14 @@ def infer_poses(
 ) -> Path:
     """Predict world motions from given local poses; their orientations are not looked at.
 
-    Clips that are written are at the network's frame rate, and have the given poses and shape.
-    `poses_dir` and `body_path` are as in `SeenFiles`.
+    Clips that are written have the given poses and shape; runs of frames that are too short for the
+    network are not predicted, and clips without poses are left out.  `poses_dir` and `body_path`
+    are as in `SeenFiles`.  MissingInput where no clip has poses, BadMotionFile where they have a
+    lower rate than the network.
     """
-    subjects, left_out = predictions.manifest_subjects(manifest_path)
+    subjects, left_out = predictions.manifest_subjects(
+        manifest_path, lambda id: (poses_dir / f"{id}.npz",)
+    )
     inputs = {"run": run_dir, "manifest": manifest_path} | body_inputs(body_path)
     inputs |= {f"poses_{one.clip.id}": poses_dir / f"{one.clip.id}.npz" for one in subjects}
 

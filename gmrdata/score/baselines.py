@@ -35,11 +35,24 @@ class Subject:
     rest_pelvis_m: np.ndarray  # (3,) J0 of its body and shape, rest frame [m]
 
 
-def manifest_subjects(path: Path) -> tuple[list[Subject], dict[str, str]]:
-    """The clips of a manifest, and the reason by id of those that can't be used."""
+def manifest_subjects(
+    path: Path, files_of: Callable[[str], Sequence[Path]] = lambda id: ()
+) -> tuple[list[Subject], dict[str, str]]:
+    """The clips of a manifest, and the reason by id of those that can't be used.
+
+    A clip that lacks one of its files, `files_of` its id, can't.  Where all lack one, the folder is
+    wrong: they are kept, and whoever reads them says so.
+    """
     files, left_out, _ = usable_files(path)
+    lacking = {}
+    for id in (file.entry.id for file in files):
+        if (missing := next((one for one in files_of(id) if not one.exists()), None)) is not None:
+            lacking[id] = f"no {missing.parent.name}/{missing.name}"
+    left_out |= lacking if len(lacking) < len(files) else {}
     subjects = []
     for file in files:
+        if file.entry.id in left_out:
+            continue
         clip = file.load()
         if clip.valid.any():
             arrays = read_npz(resolve_inside(path.parent, file.entry.arrays.path))
