@@ -32,6 +32,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import Which, network_dir
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
+from gmrdata.gmr.runs import check_rate
 from gmrdata.motion.files import input_files
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
@@ -308,11 +309,13 @@ def plan_infer(
         joint_map=None if joint_map is None else Path(joint_map),
         bridge_frames=config.bridge_frames,
     )
-    for run in runs:
+    reasons = [too_short(run.motion, gmr.fps_hz) for run in runs]
+    if all(reasons):
+        raise _all_too_short(Path(poses_path), runs[0].id, reasons[0])
+    for run, reason in zip(runs, reasons, strict=True):
         first, last = int(run.image_numbers[0]), int(run.image_numbers[-1])
-        state = _too_short(run.motion, gmr.fps_hz) or "to predict"
         frames, rate = str(run.motion.n_frames), f"{run.motion.fps_hz:g}"
-        rows.append((run.id, frames, f"{first}-{last}", rate, state))
+        rows.append((run.id, frames, f"{first}-{last}", rate, reason or "to predict"))
     return rows
 
 
@@ -353,7 +356,7 @@ def _predict(
     left_out: dict[str, str] = {}
     for run in track(runs, "predicting", total=len(runs)):
         name = _folder_name(run.id, worlds.keys() | left_out.keys())
-        if reason := _too_short(run.motion, gmr.fps_hz):
+        if reason := too_short(run.motion, gmr.fps_hz):
             left_out[name] = reason
             continue
         world = predict_at_source_rate(gmr, run.motion)
@@ -363,11 +366,7 @@ def _predict(
         clip = Clip(name, world, run.valid, run.image_numbers, None)
         worlds[name] = _World(clip, level)
     if not worlds:
-        name, reason = next(iter(left_out.items()))
-        raise BadMotionFile(
-            f"{source}: no run of frames is long enough ({name}: {reason}). Give a longer sequence,"
-            " or the true frame rate with --fps-hz"
-        )
+        raise _all_too_short(source, *next(iter(left_out.items())))
     remarks = {name: one.level.remark for name, one in worlds.items() if one.level is not None}
     for name, remark in remarks.items():
         if remark is not None:
@@ -377,13 +376,22 @@ def _predict(
     return worlds, left_out
 
 
-def _too_short(motion: Motion, fps_hz: float) -> str:
-    """Why a motion has no two frames at a rate [Hz]; empty if it has, or if its rate is lower."""
-    steps = (motion.n_frames - 1) / motion.fps_hz * fps_hz
-    if motion.n_frames >= MIN_FRAMES and (steps > 1 - ON_A_SAMPLE or motion.fps_hz < fps_hz):
-        return ""
+def too_short(motion: Motion, fps_hz: float) -> str:
+    """Why a motion has no two frames at a rate [Hz]; empty if it has.  BadMotionFile where its own
+    rate is lower."""
+    if motion.n_frames >= MIN_FRAMES:
+        check_rate(motion.source, motion.fps_hz, fps_hz)
+        if (motion.n_frames - 1) / motion.fps_hz * fps_hz > 1 - ON_A_SAMPLE:
+            return ""
     frames = "1 frame" if motion.n_frames == 1 else f"{motion.n_frames} frames"
     return f"{frames} at {motion.fps_hz:g} fps: less than two at {fps_hz:g} fps"
+
+
+def _all_too_short(source: Path, name: str, reason: str) -> BadMotionFile:
+    return BadMotionFile(
+        f"{source}: no run of frames is long enough ({name}: {reason}). Give a longer sequence, or"
+        " the true frame rate with --fps-hz"
+    )
 
 
 def _write_files(folder: Path, clip: Clip, body: BodyModel) -> None:

@@ -256,7 +256,11 @@ def held_out_runs(
     if not clips:
         return []
     fitting = fitting_clips(clips, bodies)
-    runs = [run for clip in fitting for run in runs_at(clip, fps_hz, all_phases=False)]
+    runs = [
+        run.take(np.arange(run.n_frames))  # a copy: every k-th row alone would keep all of them
+        for clip in fitting
+        for run in runs_at(clip, fps_hz, all_phases=False)
+    ]
     if not runs:
         raise no_runs(len(clips), "held-out", fps_hz, "Give others, or none")
     return runs

@@ -33,15 +33,6 @@ class UsableClip:
     camera_motion: str  # class of its camera's motion: "none" without a camera
 
 
-@dataclass(frozen=True, eq=False)
-class UsableClips:
-    """Clips that a manifest vouches for, and the reason by id for those that it does not."""
-
-    clips: tuple[UsableClip, ...]
-    skipped: dict[str, str]
-    manifest: Manifest
-
-
 @dataclass(frozen=True)
 class ClipFile:
     """A clip that the manifest vouches for, still on disk."""
@@ -66,15 +57,9 @@ class LazyClips(Sequence[Clip]):
         return self._files[index].load()
 
 
-def usable_clips(path: Path) -> UsableClips:
-    """Load the clips of a manifest, except those that its quality record rejects."""
-    files, skipped, manifest = usable_files(path)
-    clips = tuple(UsableClip(file.load(), file.entry.camera_motion) for file in files)
-    return UsableClips(clips, skipped, manifest)
-
-
 def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
-    """The same, still on disk, and why by id for the rest."""
+    """The clips of a manifest, except those that its quality record rejects; the reason by id for
+    those; and the manifest."""
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
         raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")
@@ -140,14 +125,9 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Motion]:
     have at least two frames.
     """
     check_finite(clip)
-    ratio = clip.motion.fps_hz / fps_hz
+    check_rate(clip.id, clip.motion.fps_hz, fps_hz)
     step = whole_ratio(clip.motion.fps_hz, fps_hz)
-    if ratio < 1 - 1e-3:
-        raise BadMotionFile(
-            f"clip {clip.id}: {clip.motion.fps_hz:g} fps is lower than {fps_hz:g} fps, so frames"
-            " would have to be made up. Use a source of a higher rate"
-        )
-    n_phases = (step or max(1, int(ratio))) if all_phases else 1
+    n_phases = (step or max(1, int(clip.motion.fps_hz / fps_hz))) if all_phases else 1
     runs = []
     for start, stop in valid_runs(clip.valid):
         for phase in range(n_phases):
@@ -160,6 +140,15 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Motion]:
             if motion.n_frames >= MIN_FRAMES:
                 runs.append(motion)
     return runs
+
+
+def check_rate(clip_id: str, fps_hz: float, wanted_hz: float) -> None:
+    """Refuse a frame rate below the wanted one [Hz], with a BadMotionFile."""
+    if fps_hz / wanted_hz < 1 - 1e-3:
+        raise BadMotionFile(
+            f"clip {clip_id}: {fps_hz:g} fps is lower than {wanted_hz:g} fps, so frames would have"
+            " to be made up. Use a source of a higher rate"
+        )
 
 
 def check_finite(clip: Clip) -> None:
@@ -246,7 +235,8 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
         training.append([])
         for file in usable_files(path)[0]:
             subject = subject_of(file.entry.source)
-            on_lists = [name for name, keys in lists.items() if _key(file.entry.source) in keys]
+            key = source_key(file.entry.source)
+            on_lists = [name for name, keys in lists.items() if key in keys]
             if subject is not None and subject in wanted:
                 found.add(subject)
                 held_out.append(file)
@@ -319,10 +309,10 @@ def _listed(name: str) -> frozenset[tuple[str, str]]:
     published = read_manifest(recipes.published_manifest(name))
     if not isinstance(published, ListManifest):
         raise BadRecipe(f"data.never_train_on: {name} is no published list")
-    return frozenset(_key(row.source) for row in published.clips)
+    return frozenset(source_key(row.source) for row in published.clips)
 
 
-def _key(source: Source) -> tuple[str, str]:
+def source_key(source: Source) -> tuple[str, str]:
     """What a clip and a row of a list have in common."""
     return recording_of(source) or (source.dataset, source.sequence)
 

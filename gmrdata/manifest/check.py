@@ -10,7 +10,7 @@ import numpy as np
 from gmrdata.manifest import listing
 from gmrdata.manifest.current import Clip, FileRecord, FolderRecord, ListManifest, Manifest
 from gmrdata.manifest.listing import ListedFile
-from gmrdata.manifest.read import join_problems, read_manifest, rows_in
+from gmrdata.manifest.read import disagreements, join_problems, read_manifest, rows_in
 from gmrdata.manifest.write import recipe_sha256
 from gmrdata.read.frames import number_in_name
 from gmrdata.stage.progress import progress_bar
@@ -25,7 +25,10 @@ ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations a
 
 def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
     """What is wrong with a clip's arrays, one line each, field first."""
-    yield from _disagreements(entry, clip)
+    yield from disagreements(entry, clip)
+    if (entry.camera_motion == "none") != (clip.camera is None):
+        has = "no camera" if clip.camera is None else "a camera"
+        yield f"camera_motion: is {entry.camera_motion}, but the file has {has}; correct the class"
     if clip.motion.n_frames != entry.n_frames:
         return  # rows can't be compared
     kept = rows_in(entry.kept, entry.n_frames)
@@ -72,16 +75,6 @@ def rows_problems(field: str, path: Path, clip: clip_file.Clip) -> Iterator[str]
         return
     if n_rows != clip.motion.n_frames:
         yield f"{field}: {n_rows} rows, the clip has {clip.motion.n_frames}; render it again"
-
-
-def _disagreements(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
-    for field in ("id", "n_frames", "fps_hz", "body", "frame"):
-        said, found = getattr(entry, field), getattr(clip if field == "id" else clip.motion, field)
-        if said != found:
-            yield f"{field}: is {said}, but the file has {found}; write the manifest again"
-    if (entry.camera_motion == "none") != (clip.camera is None):
-        has = "no camera" if clip.camera is None else "a camera"
-        yield f"camera_motion: is {entry.camera_motion}, but the file has {has}; correct the class"
 
 
 def _image_number_problems(image_numbers: np.ndarray) -> Iterator[str]:

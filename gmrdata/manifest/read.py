@@ -6,7 +6,7 @@ models, to manifests/schema/v1.json of a checkout; a test compares the two.
 
 import datetime
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -58,7 +58,7 @@ def load_clips(path: str | Path) -> list[Clip]:
     """Load every clip of a manifest; `valid` is False outside the manifest's kept ranges.
 
     Hashes are not checked here, `gmrdata manifest check` does that.  BadManifest also where a
-    clip's file has another id or length than the manifest says, or the manifest is a list without
+    clip's file is not what the manifest says (`disagreements`), or the manifest is a list without
     files.
     """
     path = Path(path)
@@ -77,12 +77,18 @@ def load_entry(path: Path, entry: ClipEntry) -> Clip:
     except ValueError as error:
         raise BadManifest(f"{path}: clip {entry.id}: arrays.path: {error}") from None
     clip = load_clip(file)
-    if clip.id != entry.id or clip.motion.n_frames != entry.n_frames:
-        raise BadManifest(
-            f"{path}: clip {entry.id} with {entry.n_frames} frames: {file} holds clip "
-            f"{clip.id} with {clip.motion.n_frames} frames; write the manifest again"
-        )
+    if problems := list(disagreements(entry, clip)):
+        said = [f"{path}: clip {entry.id}: {problem}" for problem in problems]
+        raise BadManifest(join_problems(path, said))
     return replace(clip, valid=clip.valid & rows_in(entry.kept, entry.n_frames))
+
+
+def disagreements(entry: ClipEntry, clip: Clip) -> Iterator[str]:
+    """What a manifest says of a motion and its file says otherwise, one line each, field first."""
+    for field in ("id", "n_frames", "fps_hz", "body", "frame"):
+        said, found = getattr(entry, field), getattr(clip if field == "id" else clip.motion, field)
+        if said != found:
+            yield f"{field}: is {said}, but the file has {found}; write the manifest again"
 
 
 def rows_in(ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndarray:

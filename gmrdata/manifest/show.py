@@ -74,6 +74,8 @@ def _by_id(manifest: Manifest | ListManifest) -> Mapping[str, object]:
 
 
 def _differences(a: Any, b: Any, at: str) -> list[str]:
+    if isinstance(a, list) and isinstance(b, list):
+        a, b = ({f"[{i}]": item for i, item in enumerate(one)} for one in (a, b))
     if isinstance(a, dict) and isinstance(b, dict):
         lines = []
         for key in [*a, *(key for key in b if key not in a)]:
@@ -85,13 +87,12 @@ def _differences(a: Any, b: Any, at: str) -> list[str]:
             else:
                 lines += _differences(a[key], b[key], name)
         return lines
-    return [] if a == b else [f"{at}: {_short(a)} -> {_short(b)}"]
+    # Both whole: where a text is cut, what differs may be behind.
+    return [] if a == b else [f"{at}: {a} -> {b}"]
 
 
 def _value(value: Any) -> str:
-    return "" if isinstance(value, dict) else f" ({_short(value)})"
-
-
-def _short(value: Any) -> str:
+    if isinstance(value, dict):
+        return ""
     text = str(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return f" ({text})" if len(text) <= 80 else f" ({text[:77]}...)"

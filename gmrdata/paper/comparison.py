@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import JsonValue
 
+from gmrdata.manifest.check import some
 from gmrdata.paper import VIBE
 from gmrdata.score import METRICS, Metric
 from gmrdata.score.records import PaperMetrics
@@ -38,6 +39,10 @@ class TableRow(Config):
     """Settings of its trainings but the seed; None without any."""
     ours: PaperMetrics[OverSeeds] | None
     """Our figures; None where the row could not be made."""
+    dropped_frames: int
+    """Valid frames of its clips that have no prediction."""
+    left_out: dict[str, str]
+    """Why clips of the set are not scored, by id."""
 
 
 class TrainingSet(Config):
@@ -66,7 +71,7 @@ class TableData(Config):
 class TableRecord(Record):
     """A `table<N>.json`."""
 
-    format: Literal["gmrdata-table/3"] = "gmrdata-table/3"
+    format: Literal["gmrdata-table/4"] = "gmrdata-table/4"
     table: int
     title: str
     scale: str
@@ -107,8 +112,23 @@ def explanations(record: TableRecord) -> list[str]:
         f"Scale {record.scale}. {record.note}".strip(),
         *_paper_readings(record.rows),
         "± is the standard deviation over seeds. The data differ, so figures don't compare.",
+        *_left_out(record.rows),
         *(f"{row}: not made. It needs {'; '.join(what)}." for row, what in record.lacking.items()),
     ]
+
+
+def _left_out(rows: Sequence[TableRow]) -> list[str]:
+    """What is not scored, with the rows of which that is said."""
+    names: dict[tuple[int, tuple[str, ...]], list[str]] = {}
+    for row in rows:
+        names.setdefault((row.dropped_frames, tuple(sorted(row.left_out))), []).append(row.name)
+    lines = []
+    for (n_frames, ids), of_rows in names.items():
+        parts = [f"valid frames without a prediction: {n_frames}"] if n_frames else []
+        parts += [f"clips: {some(list(ids))}"] if ids else []
+        if parts:
+            lines.append(f"Left out of {'; '.join(of_rows)}: {'; '.join(parts)}.")
+    return lines
 
 
 def _paper_readings(rows: Sequence[TableRow]) -> list[str]:

@@ -31,7 +31,7 @@ from gmrdata.gmr.runs import (
     fitting_clips,
     given_body,
     no_runs,
-    usable_clips,
+    usable_files,
 )
 from gmrdata.gmr.steps import (
     Learner,
@@ -169,10 +169,13 @@ def predict_joint(
     body of mean shape.
 
     `run_dir` is a finished run of `train_joint`; `body_path` is the clips' body, None the default
-    one.  Errors are MissingInput, BadCheckpoint, BadFeatures for those of other clips or networks,
-    and BadMotionFile for a clip of another body, or whose rate is no multiple of the network's.
+    one.  The record names clips without features.  Errors are MissingInput where no clip has any,
+    BadCheckpoint, BadFeatures for those of other clips or networks, and BadMotionFile for a clip of
+    another body, or whose rate is no multiple of the network's.
     """
-    subjects, left_out = predictions.manifest_subjects(manifest_path)
+    subjects, left_out = predictions.manifest_subjects(
+        manifest_path, lambda id: (features_dir / f"{id}.npz",)
+    )
     inputs = {"run": run_dir, "manifest": manifest_path} | body_inputs(body_path)
     inputs |= {f"features_{one.clip.id}": features_dir / f"{one.clip.id}.npz" for one in subjects}
 
@@ -262,7 +265,7 @@ def train_joint(
     or each other.
     """
     config = config or JointConfig()
-    clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]
+    clips = [file.load() for path in manifest_paths for file in usable_files(path)[0]]
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"features_{clip.id}": features_dir / f"{clip.id}.npz" for clip in clips}
     inputs |= body_inputs(body_path)

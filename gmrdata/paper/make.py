@@ -32,6 +32,7 @@ from gmrdata.paper.plan import (
 from gmrdata.paper.vibe_cam import SeenFiles, infer_poses, predict_vibe_cam
 from gmrdata.score import METRICS, Method, Metric
 from gmrdata.score.camera_as_world import predict_camera_as_world
+from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.records import GroupScore, PaperMetrics, Scores
 from gmrdata.score.score import score
 from gmrdata.stage.jobs import Job, run_jobs
@@ -139,19 +140,20 @@ def _data_config(plan: Plan) -> DataConfig:
 
 def _record(plan: Plan, scores: Mapping[str, Sequence[Scores]]) -> comparison.TableRecord:
     recipe = plan.recipe
-    first = next(iter(scores.values()))[0]
+    fullest = max(chain(*scores.values()), key=lambda one: one.overall.n_motions)
     rows = [_row(plan, row, scores.get(row.name, ())) for row in recipe.rows]
     zero_motion = comparison.TableRow(
         name="no motion at all", name_in_paper=None, method="zero", clips="all", seeds=(),
         settings=None, paper=PaperMetrics(**dict.fromkeys(METRICS)),
-        ours=_over_seeds([first], "zero"),
+        ours=_over_seeds([fullest], "zero"), dropped_frames=fullest.dropped_frames,
+        left_out=fullest.skipped,
     )  # fmt: skip
     return comparison.TableRecord(
         table=recipe.table,
         title=recipe.title,
         scale=plan.scale,
         note=recipe.scales[plan.scale].note,
-        data=_data(plan, first.overall),
+        data=_data(plan, fullest.overall),
         rows=(*rows, zero_motion),
         lacking={name: tuple(wanted) for name, wanted in plan.lacking.items()},
         statements=tuple(comparison.orderings(rows)),
@@ -170,6 +172,14 @@ def _row(plan: Plan, row: Row, scores: Sequence[Scores]) -> comparison.TableRow:
         seeds=tuple(config.seed for config in configs),
         settings=configs[0].model_dump(mode="json", exclude={"seed"}) if configs else None,
         ours=_over_seeds(scores, "predicted", row) if scores else None,
+        # Frames are left out before a network sees them, so a row's seeds have the same.
+        dropped_frames=sum(
+            clip.dropped_frames
+            for one in scores[:1]
+            for clip in one.clips
+            if _counts(row, clip.camera_motion)
+        ),
+        left_out=scores[0].skipped if scores else {},
     )
 
 
@@ -189,16 +199,19 @@ def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None)
     """Mean over all motions of the clips that count."""
     if row is None or row.clips == "all":
         return scores.overall.paper().get(method).get(metric)
-    still = row.clips == "still"
-    groups = [group for name, group in scores.camera_motion.items() if (name == "static") == still]
+    groups = [group for name, group in scores.camera_motion.items() if _counts(row, name)]
     n_motions = sum(group.n_motions for group in groups)
     if not n_motions:
-        raise BadManifest(
-            f"row {row.name!r}: of the scored clips none has a camera that "
-            f"{'stands still' if still else 'moves'}. Give a set with both, like clips and twins"
-        )
+        does = "stands still" if row.clips == "still" else "moves"
+        what = f"of the scored clips none has a camera that {does}"
+        raise BadManifest(f"row {row.name!r}: {what}. Give a set with both, like clips and twins")
     sums = [group.paper().get(method).get(metric) * group.n_motions for group in groups]
     return sum(sums) / n_motions
+
+
+def _counts(row: Row, camera_motion: str) -> bool:
+    """Whether clips of a class of camera motion count in a row."""
+    return row.clips == "all" or (camera_motion == "static") == (row.clips == "still")
 
 
 def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
@@ -244,14 +257,18 @@ def train_one(
 
 
 def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:
-    """Predict where a row needs it, and score into `out_dir/scores`; gives its `scores.json`."""
+    """Predict where a row needs it, and score into `out_dir/scores`; gives its `scores.json`.
+
+    Frames and clips without a prediction are left out: estimators don't see all.
+    """
     manifest = given.scored or out_dir / "held_out" / "manifest.yaml"
-    scores_dir = out_dir / "scores" / scoring.id
+    scores_dir, config = out_dir / "scores" / scoring.id, ScoreConfig()
     if scoring.row.method == "gmr" and scoring.row.poses == "true":
         predictor = _network(scoring, given, out_dir)
     else:
         predictor = _predict(scoring, manifest, given, out_dir, run)
-    return score(predictor, manifest, scores_dir, body_path=given.body, run=run).scores[0]
+        config = ScoreConfig(missing="drop")
+    return score(predictor, manifest, scores_dir, config, body_path=given.body, run=run).scores[0]
 
 
 def _network(scoring: Scoring, given: Given, out_dir: Path) -> Path:

@@ -14,8 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_deltas
+from gmrdata.gmr.infer import predict_at_source_rate, too_short
+from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.runs import given_body
+from gmrdata.motion.resample import valid_runs
 from gmrdata.paper.placement import (
     ClipKeypoints,
     Placed,
@@ -26,14 +28,13 @@ from gmrdata.paper.placement import (
 from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.score import baselines as predictions
 from gmrdata.score.camera_as_world import as_if_still
-from gmrdata.score.predictions import every_row
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip, text_runs
 from gmrdata.values.errors import BadMotionFile, BadRecipe
-from gmrdata.values.motion import whole_ratio
+from gmrdata.values.motion import deltas
 from gmrdata.values.records import Config
 
 
@@ -92,13 +93,15 @@ def predict_vibe_cam(
     """Predict world motions as VIBE-CAM does.
 
     Of the manifest's clips, only the intrinsics, the image size and the images' numbers are used.
-    The record says of each clip which rows have no prediction and why.  Errors are MissingInput,
-    BadMotionFile, BadRecord, BadKeypoints, and BadRecipe where `person_ids` names a clip that is
-    not there.
+    The record says of each clip which rows have no prediction and why, and names the clips without
+    files.  Errors are MissingInput where no clip has them, BadMotionFile, BadRecord, BadKeypoints,
+    and BadRecipe where `person_ids` names a clip that is not there.
     """
     config = config or VibeCamConfig()
-    subjects, left_out = predictions.manifest_subjects(manifest_path)
-    _check_ids(config, [one.clip.id for one in subjects])
+    subjects, left_out = predictions.manifest_subjects(
+        manifest_path, lambda id: (files.poses_dir / f"{id}.npz", files.keypoints_dir / id)
+    )
+    _check_ids(config, [*(one.clip.id for one in subjects), *left_out])
     inputs = {"manifest": manifest_path} | body_inputs(files.body_path)
     for id in (one.clip.id for one in subjects):
         inputs[f"poses_{id}"] = files.poses_dir / f"{id}.npz"
@@ -185,10 +188,14 @@ def infer_poses(
 ) -> Path:
     """Predict world motions from given local poses; their orientations are not looked at.
 
-    Clips that are written are at the network's frame rate, and have the given poses and shape.
-    `poses_dir` and `body_path` are as in `SeenFiles`.
+    Clips that are written have the given poses and shape; runs of frames that are too short for the
+    network are not predicted, and clips without poses are left out.  `poses_dir` and `body_path`
+    are as in `SeenFiles`.  MissingInput where no clip has poses, BadMotionFile where they have a
+    lower rate than the network.
     """
-    subjects, left_out = predictions.manifest_subjects(manifest_path)
+    subjects, left_out = predictions.manifest_subjects(
+        manifest_path, lambda id: (poses_dir / f"{id}.npz",)
+    )
     inputs = {"run": run_dir, "manifest": manifest_path} | body_inputs(body_path)
     inputs |= {f"poses_{one.clip.id}": poses_dir / f"{one.clip.id}.npz" for one in subjects}
 
@@ -200,7 +207,7 @@ def infer_poses(
         kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
         predictions.write_predictions(partial_dir, "gmr", found, left_out, kind, figures)
 
-    # There is nothing to choose: the frame rate is the network's.
+    # There is nothing to choose.
     return run_stage("gmr-on-poses", out_dir, Config(), inputs, work, run=run)
 
 
@@ -209,30 +216,23 @@ def _moved(
 ) -> predictions.Prediction:
     """The poses with the world motion that the network sees in them."""
     motion = seen.motion
-    step = whole_ratio(motion.fps_hz, gmr.fps_hz)
-    if step is None:
-        raise BadMotionFile(
-            f"clip {subject.clip.id}: {motion.fps_hz:g} fps is no multiple of the network's "
-            f"{gmr.fps_hz:g}"
-        )
-    rows, valid = every_row(subject.clip.valid & seen.valid, step)
-    local_rotmats = motion.local_rotmats[rows]
+    valid = subject.clip.valid & seen.valid & np.isfinite(motion.local_rotmats).all((1, 2, 3))
+    for first, stop in valid_runs(valid):
+        if too_short(motion.take(slice(first, stop)), gmr.fps_hz):
+            valid[first:stop] = False
 
     def motions_of(run: slice) -> tuple[np.ndarray, np.ndarray]:
-        if run.stop - run.start == 1:
-            return np.zeros((0, 3, 3)), np.zeros((0, 3))
-        return predict_deltas(gmr, local_rotmats[run])
+        world = predict_at_source_rate(gmr, motion.take(run))
+        return deltas(world.root_rotmats, world.pelvis_m)
 
     start = predictions.first_pose(subject.clip)
     root_rotmats, pelvis_m = predictions.roots_of_runs(valid, start, motions_of)
     moved = replace(
         motion,
-        local_rotmats=local_rotmats,
         root_rotmats=root_rotmats,
         pelvis_m=pelvis_m,
-        fps_hz=gmr.fps_hz,
         frame="world",
         source=f"GMR on local poses of: {motion.source}",
     )
     rest_m = body.rest_pelvis_m(motion.shape)
-    return predictions.predicted(subject, moved, valid, step=step, rest_pelvis_m=rest_m)
+    return predictions.predicted(subject, moved, valid, rest_pelvis_m=rest_m)

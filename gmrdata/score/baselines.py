@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from gmrdata.gmr.runs import no_runs, runs_at, usable_clips, usable_files
+from gmrdata.gmr.runs import LazyClips, no_runs, runs_at, usable_files
 from gmrdata.motion.resample import valid_runs
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -35,11 +35,24 @@ class Subject:
     rest_pelvis_m: np.ndarray  # (3,) J0 of its body and shape, rest frame [m]
 
 
-def manifest_subjects(path: Path) -> tuple[list[Subject], dict[str, str]]:
-    """The clips of a manifest, and the reason by id of those that can't be used."""
+def manifest_subjects(
+    path: Path, files_of: Callable[[str], Sequence[Path]] = lambda id: ()
+) -> tuple[list[Subject], dict[str, str]]:
+    """The clips of a manifest, and the reason by id of those that can't be used.
+
+    A clip that lacks one of its files, `files_of` its id, can't.  Where all lack one, the folder is
+    wrong: they are kept, and whoever reads them says so.
+    """
     files, left_out, _ = usable_files(path)
+    lacking = {}
+    for id in (file.entry.id for file in files):
+        if (missing := next((one for one in files_of(id) if not one.exists()), None)) is not None:
+            lacking[id] = f"no {missing.parent.name}/{missing.name}"
+    left_out |= lacking if len(lacking) < len(files) else {}
     subjects = []
     for file in files:
+        if file.entry.id in left_out:
+            continue
         clip = file.load()
         if clip.valid.any():
             arrays = read_npz(resolve_inside(path.parent, file.entry.arrays.path))
@@ -264,8 +277,8 @@ def predict_mean(
     config = config or MeanConfig()
 
     def work(partial_dir: Path) -> None:
-        training = [one.clip for path in training_paths for one in usable_clips(path).clips]
-        mean = mean_motion(training, config.fps_hz)
+        training = [file for path in training_paths for file in usable_files(path)[0]]
+        mean = mean_motion(LazyClips(training), config.fps_hz)
         subjects, skipped = manifest_subjects(manifest_path)
         found = [moving_as(mean, one) for one in subjects]
         write_predictions(partial_dir, "mean", found, skipped, MeanPredictions, mean)

@@ -111,17 +111,29 @@ def network_clip(gmr: "TrainedGmr", one: UsableClip, how: Pairing) -> PredictedC
     return PredictedClip(one.clip.id, one.camera_motion, tuple(runs), worlds)
 
 
-def rows_of_file(folder: Path, true: Clip) -> np.ndarray:
-    """(T,) bool: rows of a clip that `<clip id>.npz` of a folder predicts; all without the file."""
-    has = np.ones(true.motion.n_frames, dtype=bool)
-    if not (path := folder / f"{true.id}.npz").is_file():
-        return has
-    predicted = load_clip(path)
+def rows_between(valid: np.ndarray, step: int, n_rows: int) -> np.ndarray:
+    """(T,) bool: rows of a clip up to each `step`-th that a file has as `valid` (N,), from the one
+    before on."""
+    at = -(-np.arange(n_rows) // step)
+    return np.asarray((at < len(valid)) & valid[at.clip(max=len(valid) - 1)])
+
+
+def whole_steps(valid: np.ndarray, step: int) -> np.ndarray:
+    """(T,) bool: `valid` (T,) rows from a `step`-th row to another without a gap between."""
+    rows, known = every_row(valid, step)
+    kept = np.zeros(len(valid), dtype=bool)
+    for first, stop in valid_runs(known):
+        kept[rows[first] : rows[stop - 1] + 1] = True
+    return kept
+
+
+def on_rows(predicted: Clip, true: Clip, wanted: np.ndarray) -> Clip:
+    """A prediction at a clip's rate or a k-th of it, `valid` on `wanted` (T,) rows of it alone."""
     step = whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz) or 1
-    known = np.repeat(predicted.valid, step)[: len(has)]
-    has[: len(known)] = known
-    has[len(known) :] = False
-    return has
+    rows = wanted[::step][: predicted.motion.n_frames]
+    valid = predicted.valid.copy()
+    valid[: len(rows)] &= rows
+    return replace(predicted, valid=valid)
 
 
 def file_clip(
@@ -143,11 +155,7 @@ def file_clip(
     if path.is_file():
         predicted = load_clip(path)
         if shared is not None:
-            step = whole_ratio(one.clip.motion.fps_hz, predicted.motion.fps_hz) or 1
-            rows = shared(one.clip)[::step][: predicted.motion.n_frames]
-            valid = predicted.valid.copy()
-            valid[: len(rows)] &= rows
-            predicted = replace(predicted, valid=valid)
+            predicted = on_rows(predicted, one.clip, shared(one.clip))
         return clip_beside_truth(path, predicted, one, how)
     reason = f"no prediction {path.name}"
     if how.drop_missing:

@@ -1,6 +1,7 @@
 """What can be scored: a trained network, clips of gmrdata's own, or results of other systems."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.gmr.config import Which
-from gmrdata.gmr.runs import UsableClip, usable_clips, usable_files
+from gmrdata.gmr.runs import ClipFile, LazyClips, UsableClip, usable_files
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.listing import read_listing
 from gmrdata.read.bodies import load_bodies
@@ -22,7 +23,8 @@ from gmrdata.score.predictions import (
     clip_beside_truth,
     file_clip,
     network_clip,
-    rows_of_file,
+    rows_between,
+    whole_steps,
 )
 from gmrdata.score.protocols import protocol_as
 from gmrdata.score.records import Protocol, ScoredFiles, ScoredNetwork, ScoredResults
@@ -38,9 +40,10 @@ from gmrdata.score.results import (
 )
 from gmrdata.values import limits
 from gmrdata.values.body import BodyModel, body_of
-from gmrdata.values.clip import Clip
+from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.files import resolve_inside
+from gmrdata.values.motion import whole_ratio
 from gmrdata.values.people import EstimatedPerson
 from gmrdata.values.records import Config
 
@@ -218,37 +221,50 @@ class ResultSets:
         return {f"result_{n}": file for n, file in enumerate(files)} | folders
 
     def shared_rows(self, true: Clip) -> np.ndarray:
-        """(T,) bool: rows of a clip in which all who predict it do so."""
-        frames = self._frames(true)
+        """(T,) bool: rows of a clip in which all who predict it do so.
+
+        Beside a prediction at a k-th of the clip's rate, they are whole steps of that.
+        """
+        frames, step = self._frames(true), 1
         shared = np.ones(len(frames), dtype=bool)
         for people in self._people:
             person = people.get(true.id)
             if person is not None and not person.has_own_rate:
                 shared &= has_rows(person, true, frames, self.config.camera)
+        for valid, fps_hz in self._timed(true):
+            its_step = whole_ratio(true.motion.fps_hz, fps_hz) or 1
+            shared &= rows_between(valid, its_step, len(frames))
+            step = math.lcm(step, its_step)
+        return shared if step == 1 else whole_steps(shared & true.valid, step)
+
+    def _timed(self, true: Clip) -> Iterator[tuple[np.ndarray, float]]:
+        """`valid` (N,) and the rate [Hz] of each prediction of a clip that has its own rate."""
+        for one, people in zip(self.sets, self._people, strict=True):
+            person = people.get(true.id)
+            if person is not None and person.has_own_rate:
+                n_rows, fps_hz = len(person.frame_numbers), one.results[true.id].fps_hz
+                yield np.ones(n_rows, dtype=bool), fps_hz or true.motion.fps_hz
         for folder in self.clip_folders:
-            shared &= rows_of_file(folder, true)
-        return shared
+            if (path := folder / f"{true.id}.npz").is_file():
+                clip = load_clip(path)
+                yield clip.valid, clip.motion.fps_hz
 
     @cached_property
     def _people(self) -> list[dict[str, EstimatedPerson]]:
         return [people_of_clips(one, self.names, self.config.person) for one in self.sets]
 
     @cached_property
-    def _entries(self) -> dict[str, ClipEntry]:
-        return {file.entry.id: file.entry for file in usable_files(self.manifest_path)[0]}
+    def _files(self) -> dict[str, ClipFile]:
+        return {file.entry.id: file for file in usable_files(self.manifest_path)[0]}
 
     def _frames(self, true: Clip) -> np.ndarray:
-        images = _image_numbers(self._entries[true.id], self.manifest_path)
+        images = _image_numbers(self._files[true.id].entry, self.manifest_path)
         return frames_of_rows(true, images, self.config.first_image)
 
     def _opened(self, one: ResultSet, people: Mapping[str, EstimatedPerson]) -> Predictor:
-        usable, config = usable_clips(self.manifest_path), self.config
-        bodies = load_bodies(self.body_path)
-        matched = {
-            clip.clip.id: self._matched(one, people[clip.clip.id], clip.clip, bodies)
-            for clip in usable.clips
-            if clip.clip.id in people
-        }
+        config, bodies = self.config, load_bodies(self.body_path)
+        clips = LazyClips([file for id, file in self._files.items() if id in people])
+        matched = {clip.id: self._matched(one, people[clip.id], clip, bodies) for clip in clips}
         model = ScoredResults(
             kind="results",
             predictions=self.path.resolve().name,
@@ -265,9 +281,9 @@ class ResultSets:
     ) -> MatchedClip:
         """A clip's prediction, on the frames that all results of it have where some may lack."""
         result, body = one.results[true.id], _body_of(person, true, bodies)
-        if result.system == "amass":
-            return timed_clip(result, person, true, body)
         shared = self.shared_rows(true) if self.config.missing == "drop" else None
+        if result.system == "amass":
+            return timed_clip(result, person, true, body, shared)
         rows = RowsOfVideo(self._frames(true), shared)
         return matched_clip(result, person, true, body, self.config.camera, rows)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from gmrdata.read.systems.entries import Z_UP_FROM_Y_DOWN
 from gmrdata.score import SeenAs
+from gmrdata.score.predictions import on_rows
 from gmrdata.score.records import MatchedResult
 from gmrdata.score.result_files import ClipName, ResultSet
 from gmrdata.values.body import BodyModel, gender_of, shape_on
@@ -308,9 +309,16 @@ def _spread(motion: Motion, has: np.ndarray) -> Motion:
 
 
 def timed_clip(
-    result: EstimatedPeople, person: EstimatedPerson, true: Clip, body: BodyModel
+    result: EstimatedPeople,
+    person: EstimatedPerson,
+    true: Clip,
+    body: BodyModel,
+    wanted: np.ndarray | None,
 ) -> MatchedClip:
-    """A motion with its own frame rate: row i is the clip's row i, or k i at a k-th of its rate."""
+    """A motion with its own frame rate: row i is the clip's row i, or k i at a k-th of its rate.
+
+    `wanted` (T,) bool are the clip's rows to take; None for all.
+    """
     n_rows, fps_hz = len(person.frame_numbers), result.fps_hz or true.motion.fps_hz
     shape, notes = _shape_on(person, body)
     if result.fps_hz is None:
@@ -321,15 +329,16 @@ def timed_clip(
         frame="world",
         source=f"{result.system}: {result.files[0].name}",
     )
+    whole = Clip(true.id, motion, np.ones(n_rows, dtype=bool), np.full(n_rows, -1), None)
+    clip = whole if wanted is None else on_rows(whole, true, wanted)
     matched = MatchedResult(
         file=result.files[0].name,
         person=person.name,
         people=1,
         frames=n_rows,
-        used_frames=n_rows,
+        used_frames=int(clip.valid.sum()),
         unused_frames=0,
         first_unused_frame=None,
         notes=notes,
     )
-    whole = np.ones(n_rows, dtype=bool)
-    return MatchedClip(Clip(true.id, motion, whole, np.full(n_rows, -1), None), matched)
+    return MatchedClip(clip, matched)

@@ -8,11 +8,11 @@ import numpy as np
 
 from gmrdata.gmr.config import is_network, network_dir
 from gmrdata.gmr.runs import (
+    LazyClips,
     UsableClip,
-    UsableClips,
     fitting_clips,
     given_body,
-    usable_clips,
+    source_key,
     usable_files,
 )
 from gmrdata.manifest.current import ListManifest, Manifest
@@ -41,6 +41,7 @@ from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel, body_of, names_of
+from gmrdata.values.clip import Clip
 from gmrdata.values.errors import (
     BadBodyFile,
     BadManifest,
@@ -187,20 +188,23 @@ def _write_scores(
 
 
 def _scores(source: Source, given: _Given, config: ScoreConfig) -> Scores:
-    one, usable, protocol = source.open(), usable_clips(given.manifest_path), config.its_protocol()
+    one, protocol = source.open(), config.its_protocol()
+    files, rejected, manifest = usable_files(given.manifest_path)
     floor = regressor = None
     if given.floor_path is not None:
-        kind = usable.manifest.kind
+        kind = manifest.kind
         floor = read_fitting_floor(given.floor_path, given.manifest_path, kind, one.fps_hz)
     bodies = bodies_for(given.body_path, given.predictions_body_path)
     if given.joint_regressor_path is not None:
         body = bodies.of_clips[0]
         regressor, protocol = _joint_regressor(given.joint_regressor_path, body, protocol)
-    scored, skipped = score_clips(one.predict, bodies, usable.clips, protocol, regressor)
-    used = {clip.clip.motion.body for clip in usable.clips}
+    clips, classes = LazyClips(files), [file.entry.camera_motion for file in files]
+    scored, skipped = score_clips(one.predict, bodies, clips, classes, protocol, regressor)
+    used = {file.entry.body for file in files}
     if not scored:
-        raise BadManifest(f"{given.manifest_path}: no clip has two valid frames in a row")
-    labelled = _labelled(scored, usable, protocol)
+        id, reason = next(iter(skipped.items()))
+        raise BadManifest(f"{given.manifest_path}: no clip can be scored. Clip {id}: {reason}")
+    labelled = _labelled(scored, manifest, protocol)
     rng = np.random.default_rng(config.seed)
     summary = summarise(labelled, one.fps_hz, config.resamples, rng)
     return Scores(
@@ -211,19 +215,19 @@ def _scores(source: Source, given: _Given, config: ScoreConfig) -> Scores:
         body=names_of(body for body in bodies.of_clips if body.name in used),
         protocol=protocol,
         bootstrap=Bootstrap(resamples=config.resamples, seed=config.seed),
-        skipped=usable.skipped | skipped,
+        skipped=rejected | skipped,
         dropped_frames=sum(clip.dropped_frames for clip in scored),
     )
 
 
 def _labelled(
-    scored: Sequence[ClipErrors], usable: UsableClips, protocol: Protocol | None
+    scored: Sequence[ClipErrors], manifest: Manifest, protocol: Protocol | None
 ) -> list[ClipErrors]:
     """Clips with what a protocol takes across them, and with the groups that they belong to."""
-    types, subsets = motion_types(usable.manifest), subsets_of(usable.manifest)
+    types, subsets = motion_types(manifest), subsets_of(manifest)
     return [
         replace(one, motion_type=types.get(one.clip_id), subsets=subsets.get(one.clip_id, ()))
-        for one in across_clips(scored, protocol, videos_of(usable.manifest))
+        for one in across_clips(scored, protocol, videos_of(manifest))
     ]
 
 
@@ -238,18 +242,20 @@ class ScoredBodies:
 def score_clips(
     predict: Callable[[UsableClip], PredictedClip | str],
     bodies: ScoredBodies,
-    clips: Sequence[UsableClip],
+    clips: Sequence[Clip],
+    camera_motions: Sequence[str],
     protocol: Protocol | None = None,
     regressor: np.ndarray | None = None,
 ) -> tuple[list[ClipErrors], dict[str, str]]:
     """Errors of each clip that has a prediction, and the reason by id of each that has none.
 
-    Clip and prediction are posed on their own bodies.
+    Clip and prediction are posed on their own bodies.  `camera_motions` are the classes of the
+    clips' cameras.  Clips are gone through once and not kept, so they may come from disk.
     """
     scored, skipped = [], {}
-    fitting = fitting_clips((one.clip for one in clips), bodies.of_clips)
-    for one, clip in track(list(zip(clips, fitting, strict=True)), "scoring", total=len(clips)):
-        predicted = predict(replace(one, clip=clip))
+    fitting = zip(fitting_clips(clips, bodies.of_clips), camera_motions, strict=True)
+    for clip, camera_motion in track(fitting, "scoring", total=len(clips)):
+        predicted = predict(UsableClip(clip, camera_motion))
         if isinstance(predicted, str):
             skipped[clip.id] = predicted
             continue
@@ -276,9 +282,9 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
         if isinstance(published, ListManifest):
             for row in published.clips:
                 if row.label is not None:
-                    labels.setdefault((row.source.dataset, row.source.sequence), row.label)
-    sources = {one.id: (one.source.dataset, one.source.sequence) for one in manifest.clips}
-    return {id: labels[source] for id, source in sources.items() if source in labels}
+                    labels.setdefault(source_key(row.source), row.label)
+    keys = {one.id: source_key(one.source) for one in manifest.clips}
+    return {id: labels[key] for id, key in keys.items() if key in labels}
 
 
 def videos_of(manifest: Manifest) -> dict[str, str]:

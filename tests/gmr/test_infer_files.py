@@ -187,6 +187,9 @@ def test_bad_poses_leave_nothing_behind(fault, tmp_path, run_dir, body_path):
         infer(run_dir, source, tmp_path / "o" / "out", config, body_path=body_path)
     assert "bad.pkl" in str(caught.value)
     assert sorted(tmp_path.rglob("*")) == before
+    with pytest.raises(BadMotionFile, match=message) as planned:
+        stage.plan_infer(run_dir, source, config, body_path=body_path)
+    assert str(planned.value) == str(caught.value)
 
 
 def test_broken_files_and_runs_leave_nothing_behind(tmp_path, run_dir, body_path):

@@ -15,9 +15,12 @@ from gmrdata.gmr.checkpoint import BestScore, latest_checkpoint, read_best, read
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.loop import fit, held_out_runs, held_out_scores, learning_rate_at
 from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.runs import LazyClips, usable_files
 from gmrdata.gmr.windows import make_batch
 from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
 from gmrdata.values.files import write_json
+from tests.clip_manifests import write_clips
+from tests.clips_in_memory import counted_clips
 
 
 def bytes_of(run_dir: Path) -> dict[str, bytes]:
@@ -85,6 +88,15 @@ def test_the_best_weights_are_those_of_the_lowest_score(training, best_by):
     assert found[best_by] == scores[step]
     assert load_gmr(training.path, "best").step == step
     assert load_gmr(training.path).step == 12
+
+
+def test_held_out_runs_keep_none_of_the_clips(training, monkeypatch):
+    """Every second row of a clip is looked at, and kept all of it."""
+    manifest = write_clips(training.path / "set", training.body, training.make_clips(4, 2))
+    in_memory, alive = counted_clips(monkeypatch)
+    runs = held_out_runs(LazyClips(usable_files(manifest)[0]), [training.body], 10.0)
+    assert len(runs) == len(in_memory) == 4
+    assert max(in_memory) <= 2 and alive() == 0
 
 
 def test_without_held_out_clips_there_are_no_best_weights(training):

@@ -160,6 +160,19 @@ def test_dates_and_names_of_trials_stay_text(tmp_path):
     assert (manifest.name, manifest.description) == ("02_03", "2021-12-01")
 
 
+def test_clips_that_are_not_as_the_manifest_says_are_not_loaded(edit):
+    """A corrected rate was ignored without a word, and the file's was taken."""
+
+    def change(data: dict) -> None:
+        data["clips"][1] |= {"fps_hz": 25.0, "body": "giant"}
+
+    path = edit(change)
+    with pytest.raises(BadManifest) as caught:
+        load_clips(path)
+    assert f"{path}: clip walk: fps_hz: is 25.0, but the file has 10.0; write" in str(caught.value)
+    assert f"{path}: clip walk: body: is giant, but the file has " in str(caught.value)
+
+
 def test_lists_have_no_clips_to_load():
     with pytest.raises(BadManifest, match="only lists clips"):
         load_clips(published_manifest("paper_table7"))

@@ -1,5 +1,7 @@
 """The table of a manifest, and the difference of two."""
 
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
@@ -41,6 +43,30 @@ def test_brackets_are_text_and_no_markup(edit):
 def test_same_manifests_do_not_differ(finished_data_set):
     path = finished_data_set / "set.yaml"
     assert diff_manifests(path, path) == []
+
+
+def test_what_changed_in_a_list_is_named_by_its_place(data_set, edit):
+    """Both halves of a line were the start of the list, which is the same."""
+
+    def ranges(last: int) -> Callable[[dict], None]:
+        kept = [{"start": n, "stop": n + 1} for n in (0, 2, *range(4, last))]
+        dropped = [{"start": n, "stop": n + 1, "reason": "no camera found"} for n in (1, 3)]
+        dropped.append({"start": last, "stop": 6, "reason": "no camera found"})
+        return lambda data: data["clips"][1].update(kept=kept, dropped=dropped)
+
+    old = edit(ranges(5)).rename(data_set / "old.yaml")
+    shutil.copy(old, data_set / "set.yaml")
+    assert diff_manifests(old, edit(ranges(4))) == [
+        "clips[walk].kept[2]: removed",
+        "clips[walk].dropped[2].start: 5 -> 4",
+    ]
+
+
+def test_long_texts_are_whole_where_they_differ(finished_data_set, edit):
+    old = finished_data_set / "set.yaml"
+    new = edit(lambda data: data.update(description=data["description"] + 90 * "." + "!"))
+    said = "Clips of a test."
+    assert diff_manifests(old, new) == [f"description: {said} -> {said}{90 * '.'}!"]
 
 
 def test_difference(finished_data_set, edit):

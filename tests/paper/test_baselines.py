@@ -37,6 +37,7 @@ from gmrdata.values.errors import (
 from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.world.compose import metric_cameras, motion_in_camera
+from tests.clips_in_memory import counted_clips
 from tests.reconstructions import good_quality, pseudo_gt_quality
 
 RECOVERED = CameraAsWorldConfig(camera="recovered")
@@ -292,6 +293,16 @@ def test_the_verbs(filmed, small_body, write_set, tmp_path, capsys):
         np.testing.assert_allclose(arrays["rest_pelvis_m"], expected_m)
     with pytest.raises(StaleOutput, match="fps_hz"):
         predict_mean(manifest, [training], tmp_path / "again", MeanConfig(fps_hz=20.0))
+
+
+def test_the_clips_of_a_mean_are_read_one_by_one(filmed, write_set, tmp_path, monkeypatch):
+    """All of CMU at once were 7 GB."""
+    clips = [replace(filmed[0], id=f"walk_{n}", camera=None) for n in range(4)]
+    manifest = write_set(tmp_path / "set", clips[:1])
+    training = write_set(tmp_path / "training", clips)
+    in_memory, _ = counted_clips(monkeypatch)
+    predict_mean(manifest, [training], tmp_path / "mean")
+    assert len(in_memory) == 1 + 4 and max(in_memory) <= 2
 
 
 def test_there_is_no_mean_of_nothing(filmed):

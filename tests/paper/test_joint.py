@@ -37,7 +37,7 @@ from gmrdata.values.errors import (
     MissingInput,
     TrainingDiverged,
 )
-from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.files import read_json, read_npz, write_npz
 from gmrdata.values.motion import deltas
 from gmrdata.values.motion_metrics import angles_rad
 
@@ -248,7 +248,8 @@ def test_a_window_played_backwards(walks):
 
 
 def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, body_path, tmp_path):
-    """And one frame alone is a pose; rows beside a gap are not valid at the lower rate."""
+    """And one frame alone is a pose; rows beside a gap are not valid at the lower rate.  A clip
+    without features is left out."""
     valid = np.ones(80, bool)
     valid[[21, 25]] = False
     clip = replace(walks[0], valid=valid)
@@ -256,9 +257,11 @@ def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, body_p
     (tmp_path / "run").mkdir()
     model = fit_joint(runs, [small_body], tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
     write_features(tmp_path / "features", [clip])
-    manifest = write_set(tmp_path / "set", [clip])
+    manifest = write_set(tmp_path / "set", [clip, walks[1]])
     features, body = tmp_path / "features", {"body_path": body_path}
     predict_joint(tmp_path / "run", manifest, features, tmp_path / "out", **body)
+    left_out = read_json(tmp_path / "out" / "predictions.json")["left_out"]
+    assert left_out == {"walk_1": "no features/walk_1.npz"}
     with pytest.raises(BadMotionFile, match=r"clip walk_0: of body .* Give the clips' own body"):
         predict_joint(tmp_path / "run", manifest, features, tmp_path / "anny")
     found = load_clip(tmp_path / "out" / "predictions" / "walk_0.npz")

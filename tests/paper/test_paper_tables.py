@@ -11,8 +11,8 @@ import pytest
 from gmrdata.cli import main
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.predict import load_gmr
-from gmrdata.gmr.runs import usable_clips
 from gmrdata.gmr.train import GmrRecipe
+from gmrdata.manifest.read import load_clips
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.paper.comparison import (
     OverSeeds,
@@ -40,7 +40,7 @@ from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
 from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import write_clips
-from tests.paper.openpose_files import write_frames
+from tests.paper.openpose_files import person, write_frame, write_frames
 from tests.record_keys import assert_each_key_is_needed
 from tests.score.score_records import clip_score, metrics
 from tests.score.score_records import scores as score_record
@@ -218,6 +218,8 @@ def test_orderings_in_sentences():
             seeds=(0, 1),
             settings=None,
             ours=PaperMetrics(ome_deg=ours, tme_mm=ours, vme_mm=ours),
+            dropped_frames=0,
+            left_out={},
         )
 
     lines = orderings([row("a", 1.0, 2.0), row("b", 1.1, 1.95), row("c", 1.2, 3.0)])
@@ -241,6 +243,8 @@ def test_each_key_of_a_table_is_needed(tmp_path):
         seeds=(0,),
         settings={"steps": 3},
         ours=PaperMetrics(ome_deg=ours, tme_mm=ours, vme_mm=ours),
+        dropped_frames=2,
+        left_out={"walk": "no prediction walk.npz"},
     )
     data = TableData(
         paper="3DPW",
@@ -261,7 +265,7 @@ def test_each_key_of_a_table_is_needed(tmp_path):
         lacking={"b": ("clips to score (--scored)",)},
         statements=(),
     )
-    free = ("data.left_out", "lacking", "rows.0.settings")
+    free = ("data.left_out", "lacking", "rows.0.settings", "rows.0.left_out")
     assert_each_key_is_needed(record, tmp_path / "table2.json", free)
 
 
@@ -360,8 +364,8 @@ def test_a_table_says_how_many_clips_a_manifest_gave_where_people_are_balanced(
 def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):
     motions = write_walks("walks", ["01_01", "02_01", "02_02"], 1)
     path = held_out_set([motions], DataConfig(held_out_subjects=(2,)), tmp_path / "held_out")
-    copies = {one.clip.id: one.clip for one in usable_clips(path).clips}
-    originals = {one.clip.id: one.clip for one in usable_clips(motions).clips}
+    copies = {clip.id: clip for clip in load_clips(path)}
+    originals = {clip.id: clip for clip in load_clips(motions)}
     assert copies.keys() == {"02_01", "02_02"}
     for id, clip in copies.items():
         assert (clip.motion.pelvis_m == originals[id].motion.pelvis_m).all()
@@ -389,10 +393,9 @@ def _written(out: Path) -> dict[str, int]:
     }
 
 
-def test_every_row_is_made_with_the_network_of_the_package(
-    filmed, small_body, write_set, body_path, tmp_path
-):
-    """With exact poses GMR's two rows agree, and VIBE-CAM's are what the camera sees."""
+@pytest.fixture
+def table5(filmed, small_body, write_set, body_path, tmp_path) -> Callable[[], TableRecord]:
+    """Exact poses and keypoints of two clips, and a function that makes Table 5 of them in out/."""
     clips = [replace(clip, motion=replace(clip.motion, shape=np.zeros(10))) for clip in filmed[:2]]
     manifest = write_set(tmp_path / "set", clips)
     for clip in clips:
@@ -401,11 +404,20 @@ def test_every_row_is_made_with_the_network_of_the_package(
         posed = replace(clip, motion=seen, camera=None)
         save_clip(tmp_path / "poses" / f"{clip.id}.npz", posed, rest_pelvis_m)
         write_frames(tmp_path / "keypoints" / clip.id, clip, small_body)
-    command = ["tables", "5", "--scored", str(manifest), "--network", "bundled"]
-    command += ["--poses", str(tmp_path / "poses"), "--keypoints", str(tmp_path / "keypoints")]
-    command += ["--estimator", "Nobody", "--body", str(body_path), "--workers", "1"]
-    main([*command, "--out", str(tmp_path / "out")])
-    record = TableRecord.read(tmp_path / "out" / "table5.json")
+
+    def make() -> TableRecord:
+        command = ["tables", "5", "--scored", str(manifest), "--network", "bundled"]
+        command += ["--poses", str(tmp_path / "poses"), "--keypoints", str(tmp_path / "keypoints")]
+        command += ["--estimator", "Nobody", "--body", str(body_path), "--workers", "1"]
+        main([*command, "--out", str(tmp_path / "out")])
+        return TableRecord.read(tmp_path / "out" / "table5.json")
+
+    return make
+
+
+def test_every_row_is_made_with_the_network_of_the_package(table5, tmp_path):
+    """With exact poses GMR's two rows agree, and VIBE-CAM's are what the camera sees."""
+    record = table5()
     rows = {row.name: row.ours for row in record.rows}
     assert list(rows) == [
         "Nobody-CAM",
@@ -427,3 +439,26 @@ def test_every_row_is_made_with_the_network_of_the_package(
         )
     scores = read_json(tmp_path / "out" / "scores" / "ours" / "scores.json")
     assert scores["overall"]["n_clips"] == 2
+
+
+def test_a_frame_and_a_clip_that_are_not_seen_are_left_out_and_said(table5, tmp_path):
+    """They cost the whole table, whose rows may be of other frames than each other's."""
+    nobody = [person(np.zeros((24, 2)), 0.0)]
+    write_frame(tmp_path / "keypoints" / "walk_0", 120, nobody)
+    (tmp_path / "poses" / "walk_1.npz").unlink()
+    rows = {row.name: (row.dropped_frames, row.left_out) for row in table5().rows}
+    lacking = {"walk_1": "no prediction walk_1.npz"}
+    assert rows == {
+        "Nobody-CAM": (1, lacking),
+        "Ours(Nobody)": (0, lacking),
+        "Ours(GT input)": (0, {}),
+        "true camera-frame poses as world poses": (0, {}),
+        "no motion at all": (0, {}),
+    }
+    text = (tmp_path / "out" / "table5.md").read_text()
+    said = "valid frames without a prediction: 1; clips: walk_1"
+    assert f"- Left out of Nobody-CAM: {said}.\n" in text
+    assert "- Left out of Ours(Nobody): clips: walk_1.\n" in text and text.count("Left out") == 2
+    assert "scored on set/manifest.yaml (2 clips, 38 motions)." in text
+    record = read_json(tmp_path / "out" / "predictions" / "ours" / "predictions.json")
+    assert record["left_out"] == {"walk_1": "no poses/walk_1.npz"}

@@ -12,10 +12,17 @@ from gmrdata.cli import main
 from gmrdata.film.programmes import static_twin
 from gmrdata.film.render_outputs import project_joints
 from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.infer import predict_at_source_rate
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.predict import TrainedGmr, predict_world_motion
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.paper.placement import clip_keypoints
-from gmrdata.paper.vibe_cam import SeenFiles, VibeCamConfig, VibeCamPredictions, predict_vibe_cam
+from gmrdata.paper.vibe_cam import (
+    SeenFiles,
+    VibeCamConfig,
+    VibeCamPredictions,
+    infer_poses,
+    predict_vibe_cam,
+)
 from gmrdata.score.baselines import MeanPredictions, NetworkPredictions, Predictions
 from gmrdata.score.camera_as_world import CameraPredictions, as_if_still, predict_camera_as_world
 from gmrdata.stage.run import Run
@@ -24,7 +31,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadKeypoints, BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import read_json
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.world.compose import motion_in_camera
 from tests.paper.openpose_files import person, write_frame, write_frames
@@ -251,6 +258,36 @@ def test_the_verb(take, body_path, capsys):
         main([*asked, "--person", "walk_0", "--out", str(take.path / "no")])
     assert ended.value.code == 1
     assert "--person walk_0: expected the clip's id, =, and a number" in capsys.readouterr().err
+
+
+def test_gmr_sees_poses_of_a_rate_that_is_no_multiple_of_its_own(take, run_dir, body_path):
+    """25 fps were refused, though the network's row on true poses resamples them.
+
+    The first three frames are less than two of the network's.
+    """
+    filmed = take.clips[0]
+    clip = replace(filmed, motion=replace(filmed.motion, fps_hz=25.0))
+    manifest = take.write_set(take.path / "set", [clip])
+    poses_dir, seen_rows = take.path / "poses", np.arange(40) != 3
+    write_poses(poses_dir, replace(clip, valid=seen_rows), take.body)
+    made = infer_poses(run_dir, manifest, poses_dir, take.path / "out", body_path=body_path)
+    found = load_clip(made / "predictions" / "walk_0.npz")
+    np.testing.assert_array_equal(found.valid, np.arange(40) > 3)
+    assert found.motion.fps_hz == 25.0
+    np.testing.assert_allclose(found.motion.pelvis_m[4], clip.motion.pelvis_m[0], atol=1e-9)
+    world = predict_at_source_rate(load_gmr(run_dir), clip.motion.take(slice(4, 40)))
+    part = found.motion.take(slice(4, 40))
+    for ours, expected in zip(
+        deltas(part.root_rotmats, part.pelvis_m),
+        deltas(world.root_rotmats, world.pelvis_m),
+        strict=True,
+    ):
+        np.testing.assert_allclose(ours, expected, atol=1e-6)
+    slow = replace(clip, motion=replace(clip.motion, fps_hz=5.0))
+    manifest = take.write_set(take.path / "slow", [slow])
+    write_poses(poses_dir, slow, take.body)
+    with pytest.raises(BadMotionFile, match="5 fps is lower than 10 fps"):
+        infer_poses(run_dir, manifest, poses_dir, take.path / "no", body_path=body_path)
 
 
 @pytest.fixture(scope="module")

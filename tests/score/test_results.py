@@ -28,6 +28,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import (
+    BadManifest,
     BadMotionFile,
     BadRecipe,
     GmrdataError,
@@ -37,6 +38,7 @@ from gmrdata.values.errors import (
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from tests.clip_manifests import write_clips
+from tests.clips_in_memory import counted_clips
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files as files
 
@@ -362,6 +364,52 @@ def test_clips_and_results_are_scored_on_the_frames_that_they_share(tmp_path, da
     assert [one.clips[0].n_motions for one in scores] == [19, 19, 19]
     again = score(data, folder, tmp_path / "out", missing="drop")
     assert again == made
+
+
+@pytest.mark.parametrize(("step", "n_motions"), [(1, 11 + 6 + 34), (3, 6 + 2 + 6)])
+def test_files_with_their_own_rate_are_scored_on_the_frames_that_all_share(
+    step, n_motions, tmp_path, data, body, true
+):
+    """The file with AMASS's keys was scored on all of its own."""
+    folder, fps_hz = tmp_path / "sets", 30.0 / step
+    slow, rows = true.motion.take(slice(0, None, step), fps_hz), np.r_[0:20, 25:60]
+    people = {3: (true.motion.take(rows), FRAMES[rows])}
+    (folder / "wham").mkdir(parents=True)
+    files.write_wham(folder / "wham" / "wham_output.pkl", people, rest(body, true))
+    files.write_amass(folder / "mocap" / f"{true.id}.npz", slow, rest(body, true))
+    without_12 = np.arange(slow.n_frames) != 12
+    ours = Clip(true.id, slow, without_12, np.full(slow.n_frames, -1), None)
+    (folder / "ours").mkdir()
+    save_clip(folder / "ours" / f"{true.id}.npz", ours, rest(body, true))
+    made = score(data, folder, tmp_path / "out", missing="drop", fps_hz=fps_hz)
+    assert made.comparison is not None
+    assert Comparison.read(made.comparison).runs == ("mocap", "ours", "wham")
+    assert [Scores.read(path).clips[0].n_motions for path in made.scores] == 3 * [n_motions]
+
+
+def test_systems_without_a_common_frame_are_refused_for_that(tmp_path, data, body, true):
+    folder = tmp_path / "sets"
+    for name, rows in (("early", slice(0, 30)), ("late", slice(30, 60))):
+        (folder / name).mkdir(parents=True)
+        people = {3: (true.motion.take(rows), FRAMES[rows])}
+        files.write_wham(folder / name / "wham_output.pkl", people, rest(body, true))
+    said = r"scored\. Clip walk\.p0: no two frames in a row with a prediction at 30 fps"
+    with pytest.raises(BadManifest, match=said):
+        score(data, folder, tmp_path / "out", missing="drop")
+
+
+def test_true_clips_are_beside_results_one_by_one(tmp_path, data, body, true, monkeypatch):
+    clips = [replace(true, id=f"walk_{n}") for n in range(4)]
+    manifest = write_clips(tmp_path / "data", body, clips)
+    for clip in clips:
+        path = tmp_path / "results" / f"{clip.id}.pkl"
+        path.parent.mkdir(exist_ok=True)
+        files.write_wham(path, {0: (true.motion, FRAMES)}, rest(body, true))
+    in_memory, _ = counted_clips(monkeypatch)
+    given = (tmp_path / "results", manifest, tmp_path / "out", ScoreConfig(resamples=100))
+    scores = only(score_predictor(*given, body_path=data / "body.npz"))
+    assert len(scores.clips) == 4 and len(in_memory) == 8
+    assert max(in_memory) <= 2
 
 
 def test_an_amass_like_file_has_its_own_rate(tmp_path, data, body, true):

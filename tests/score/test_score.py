@@ -16,7 +16,7 @@ from gmrdata.gmr.checkpoint import best_of
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
-from gmrdata.gmr.runs import UsableClip, runs_at, usable_clips
+from gmrdata.gmr.runs import runs_at, usable_files
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
@@ -43,6 +43,7 @@ from gmrdata.values.files import write_json
 from gmrdata.values.motion import deltas
 from gmrdata.values.skinning import motion_vertices_m
 from tests.clip_manifests import write_clips as write_manifest_of
+from tests.clips_in_memory import counted_clips
 from tests.fixtures.inference import keep_gmr, stepped_gmr
 
 FLOOR_GROUP = {
@@ -122,11 +123,11 @@ def test_known_errors_get_known_scores(clips, small_body, monkeypatch):
     """And zero motion's score is the motion's own size, gaps left out."""
     oracle = Oracle(clips)
     monkeypatch.setattr("gmrdata.gmr.predict.predict_deltas", oracle.predict)
-    usable = [UsableClip(clip, "linear") for clip in clips]
     scored, skipped = score_clips(
         partial(network_clip, oracle, how=Pairing(10.0)),  # type: ignore[arg-type]
         ScoredBodies((small_body,), (small_body,)),
-        usable,
+        clips,
+        ["linear"] * 3,
     )
     assert skipped == {}
     # Frames 0, 3, ..., 57; then 0, ..., 27 and 35, ..., 59; then 0, ..., 27 and 40, ..., 58.
@@ -142,7 +143,7 @@ def test_known_errors_get_known_scores(clips, small_body, monkeypatch):
 
 def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
     predict = partial(network_clip, gmr, how=Pairing(10.0))
-    ((one,), _) = score_clips(predict, ScoredBodies((body,), (body,)), [UsableClip(clip, "none")])
+    ((one,), _) = score_clips(predict, ScoredBodies((body,), (body,)), [clip], ["none"])
     return one
 
 
@@ -320,9 +321,20 @@ def test_clips_of_another_body_or_without_motions_are_refused(
         score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
     flicker = replace(clips[0], valid=np.arange(60) % 2 == 0)
     manifest_path = write_clips(tmp_path / "flicker", small_body, [flicker])
-    with pytest.raises(BadManifest, match="no clip has two valid frames in a row"):
+    said = "no clip can be scored. Clip clip_0: no two valid frames in a row at 10 fps"
+    with pytest.raises(BadManifest, match=said):
         score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
     assert not (tmp_path / "scores").exists()
+
+
+def test_clips_are_scored_one_by_one(clips, small_body, run_dir, body_path, tmp_path, monkeypatch):
+    """All of CMU at once were 7 GB."""
+    many = [replace(clips[0], id=f"clip_{n}") for n in range(5)]
+    manifest_path = write_manifest_of(tmp_path / "data", small_body, many)
+    in_memory, _ = counted_clips(monkeypatch)
+    made = score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path)
+    assert len(Scores.read(made.scores[0]).clips) == len(in_memory) == 5
+    assert max(in_memory) <= 2
 
 
 def test_the_truth_as_a_prediction_scores_zero_in_all_files(clips, small_body, body_path, tmp_path):
@@ -401,11 +413,12 @@ def test_predictions_of_another_body_need_that_body(
 
 def test_a_trial_of_the_published_list_has_its_type(clips, small_body, tmp_path):
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
-    assert motion_types(usable_clips(manifest_path).manifest) == {}
-    text = manifest_path.read_text().replace("dataset: gmrdata", "dataset: CMU")
-    text = text.replace("sequence: clip_0", "sequence: '02_03'")
-    manifest_path.write_text(text.replace("sequence: clip_1", "sequence: '99_99'"))
-    assert motion_types(usable_clips(manifest_path).manifest) == {"clip_0": "run/jog"}
+    assert motion_types(usable_files(manifest_path)[2]) == {}
+    text = manifest_path.read_text().replace("sequence: clip_1", "sequence: '99_99'")
+    for dataset, sequence in (("CMU", "'02_03'"), ("AMASS", "CMU/02/02_03_poses")):
+        said = text.replace("dataset: gmrdata", f"dataset: {dataset}")
+        manifest_path.write_text(said.replace("sequence: clip_0", f"sequence: {sequence}"))
+        assert motion_types(usable_files(manifest_path)[2]) == {"clip_0": "run/jog"}
 
 
 def test_the_network_in_the_package_by_its_word(clips, small_body, body_path, tmp_path):
