@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.read import models
+from gmrdata.read import download, models
 from gmrdata.score.records import Scores
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.stage.progress import console
@@ -70,7 +70,8 @@ def fetched(patch: pytest.MonkeyPatch, there: Path, shared: Path) -> None:
         shutil.copy(shared / LITE, there / model.name)
     right = {there / model.name: model.sha256 for model in models.MODELS}
     plainly = models.sha256_of_file
-    patch.setattr(models, "sha256_of_file", lambda path: right.get(path) or plainly(path))
+    for module in (models, download):
+        patch.setattr(module, "sha256_of_file", lambda path: right.get(path) or plainly(path))
 
 
 def run_page() -> None:
