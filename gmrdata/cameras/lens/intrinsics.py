@@ -1,6 +1,7 @@
 """Stage: the lens, as somebody gives it, the camera notes it, or the frames show it."""
 
 import shutil
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, Self
@@ -17,12 +18,18 @@ from gmrdata.cameras.lens.self_calibration import (
     StartTried,
     self_calibrate,
 )
-from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
+from gmrdata.read.intrinsics import (
+    GIVEN_SIGMA,
+    exif_lens,
+    read_intrinsics,
+    require_shape,
+    video_lens,
+)
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import ASSUMED, GIVEN, Lens, Origin, Source
-from gmrdata.values.errors import BadIntrinsics
-from gmrdata.values.files import as_text
+from gmrdata.values.errors import BadIntrinsics, BadRecord, MissingInput
+from gmrdata.values.files import as_text, read_json
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import PART, Config, Figure, Record
 
@@ -41,7 +48,7 @@ class GivenIntrinsics(Config):
     fov_deg: float | None = Field(default=None, gt=1, lt=170)
     """Horizontal field of view: from the left edge of the picture to the right [degrees]."""
     file: Path | None = None
-    """A calibration, in a format of `gmrdata.read.intrinsics`, or an `intrinsics.json`."""
+    """A calibration, in a format of `gmrdata.read.intrinsics`, or our own record of one."""
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -232,22 +239,30 @@ def _given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Lens,
 
 
 def _lens_of_file(path: Path, size_px: tuple[int, int]) -> Lens:
-    """A calibration, or our own record for frames of this size."""
+    """A calibration, or our own record; of a picture of another size it is scaled."""
     path = path / INTRINSICS_FILE if (path / INTRINSICS_FILE).is_file() else path
-    if path.name != INTRINSICS_FILE:
+    if not _is_own(path):
         return read_intrinsics(path, size_px)
     record = Intrinsics.read(path)
     own = record.lens
     if record.is_guess:
         what = f"its focal length is but a guess, to {100 * record.focal_sigma:.0f} %"
         raise BadIntrinsics(f"{path}: {what}; leave it out, or give one that somebody measured")
-    if own.size_px != size_px:
-        sizes = "for {}x{} px, the frames have {}x{}".format(*own.size_px, *size_px)
-        raise BadIntrinsics(f"{path}: {sizes}; give the intrinsics of these frames")
+    require_shape(path, own, size_px)
     # As uncertain as it was found: by a camera's note to 5 %, in a short turn to 8 %.
     focal_from = Origin("given", max(GIVEN_SIGMA, record.focal_sigma))
     radial_from = Origin("given", record.radial_k1_sigma) if own.radial[0] else ASSUMED
-    return replace(own, focal_from=focal_from, radial_from=radial_from)
+    return replace(own.at_size(size_px), focal_from=focal_from, radial_from=radial_from)
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a file is a record of this stage, of whatever version and name; other programs too
+    have an `intrinsics.json`."""
+    with suppress(MissingInput, BadRecord):
+        value = read_json(path) if path.suffix == ".json" else None
+        said = value.get("format") if isinstance(value, dict) else None
+        return str(said).startswith("gmrdata-intrinsics/")
+    return False
 
 
 def _require_possible(lens: Lens, words: str) -> None:

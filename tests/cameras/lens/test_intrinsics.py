@@ -47,6 +47,7 @@ from gmrdata.solve.verdict import with_lens_error
 from gmrdata.values.camera import Lens, bent
 from gmrdata.values.errors import BadIntrinsics, BadRecord
 from tests.read.test_intrinsics import jpeg_with
+from tests.read.test_lens_files import PINHOLES, READ
 
 FOUND = SelfCalibration("full", 0.7, 0.02, -0.1, 0.01, (), "")
 HIDDEN = SelfCalibration(None, None, np.inf, 0.0, np.inf, (), "the camera does not move")
@@ -97,6 +98,36 @@ def test_a_file_and_our_own_record_are_taken(tmp_path):
     assert (again.focal_px, again.focal_y_px, again.centre_px) == (600, 605, (322, 239))
     assert lens.radial_k1 == again.radial_k1 == -0.15
     assert lens.lens.radial == (-0.15, 0) and lens.lens.size_px == (640, 480)
+
+
+def test_a_record_is_known_by_what_it_says_and_not_by_its_name(tmp_path):
+    """RealSense's and Open3D's programs write an `intrinsics.json` too."""
+    (path := tmp_path / "intrinsics.json").write_text(READ["realsense.json"])
+    lens = made(tmp_path, given=GivenIntrinsics(file=path))
+    assert (lens.focal_px, lens.focal_y_px, lens.radial_k1) == (600, 605, -0.1)
+    assert lens.centre_px == (320, 240)
+    path.write_text(PINHOLES["open3d.json"])
+    lens = made_again(tmp_path / "open3d", path)
+    assert (lens.focal_px, lens.centre_px) == (600, (320, 240))
+    (tmp_path / "out" / "intrinsics.json").rename(tmp_path / "phone.json")
+    assert made_again(tmp_path / "renamed", tmp_path / "phone.json").radial_k1 == -0.1
+
+
+def test_our_own_record_of_another_size_is_scaled(tmp_path):
+    """As that of a video in 4K for one in 1080p."""
+    lens = made(tmp_path, given=GivenIntrinsics(focal_px=500.0))
+    larger = {"width_px": 1280, "height_px": 960, "focal_px": 1200.0, "focal_y_px": 1210.0}
+    larger |= {"centre_px": (660.0, 470.0), "radial_k1": -0.1}
+    path = tmp_path / "larger.json"
+    lens.model_copy(update=larger).write(path)
+    scaled = made_again(tmp_path / "scaled", path)
+    assert (scaled.focal_px, scaled.focal_y_px, scaled.radial_k1) == (600, 605, -0.1)
+    assert scaled.centre_px == (330, 235) and scaled.lens.size_px == (640, 480)
+
+
+def made_again(folder: Path, file: Path) -> Intrinsics:
+    folder.mkdir()
+    return made(folder, given=GivenIntrinsics(file=file))
 
 
 @pytest.mark.parametrize("asked", [-0.13, -0.17])
@@ -247,7 +278,7 @@ def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path):
     value = json.loads(path.read_text())
     path.write_text(json.dumps(value | {"width_px": 320}))
     (tmp_path / "other").mkdir()
-    with pytest.raises(BadIntrinsics, match="for 320x480 px, the frames have 640x480"):
+    with pytest.raises(BadIntrinsics, match="of 320x480 px, the frames have 640x480"):
         made(tmp_path / "other", given=GivenIntrinsics(file=path))
     del value["objections"]
     path.write_text(json.dumps(value))
