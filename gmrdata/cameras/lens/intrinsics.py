@@ -267,13 +267,19 @@ def _is_own(path: Path) -> bool:
 
 def _require_possible(lens: Lens, words: str) -> None:
     """Refuse what can't be a lens: one that sees too wide, or that folds the picture."""
-    r, size_px, k1 = lens.corner_radius, lens.size_px, lens.radial[0]
-    if r > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
+    size_px = lens.size_px
+    if lens.corner_radius > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
         what = f"{words} No camera sees that of {size_px[0]}x{size_px[1]} px"
         raise BadIntrinsics(f"{what}; the focal length is in pixels of these frames")
-    if k1 < 0 and r > 2 / 3 / np.sqrt(-3 * k1):
-        what = f"{words} Its distortion of {k1:g} folds the corners of the picture"
+    if _folds(lens):
+        what = f"{words} Its distortion of {lens.radial[0]:g} folds the corners of the picture"
         raise BadIntrinsics(f"{what}; calibrate again, or undistort the frames")
+
+
+def _folds(lens: Lens) -> bool:
+    """Whether the corners of the picture are further out than its distortion shows anything."""
+    k1 = lens.radial[0]
+    return bool(k1 < 0 and lens.corner_radius > 2 / 3 / np.sqrt(-3 * k1))
 
 
 def _decided(
@@ -285,7 +291,7 @@ def _decided(
     """The record of the lens that is taken."""
     asked = None if found is None else _asked(found, size_px)
     taken, words = _taken(known, asked, found, size_px)
-    notes, objections = [words], []
+    notes, objections = [words], [FOLDED] if _folds(taken) else []
     sigma = taken.focal_from.sigma or 0.0
     if known is not None and asked is not None:
         one = known[0]
@@ -398,6 +404,10 @@ def _lens_in_words(asked: AskedLens) -> str:
     return f"{focal}, and a distortion k1 of {asked.radial_k1:.3f} ± {asked.radial_k1_sigma:.3f}"
 
 
+FOLDED = (
+    "The distortion that was found in the frames folds the corners of the picture, which no lens "
+    "does: give --intrinsics, or undistort the frames."
+)
 NOTHING_SHOWS = "Nothing shows the focal length: a usual one was taken."
 LITTLE_SHOWS = "A usual focal length was taken together with the little that the frames show of it."
 GUESSED = (

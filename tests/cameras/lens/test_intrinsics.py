@@ -272,6 +272,18 @@ def test_a_lens_that_cant_be_is_refused(tmp_path, text, said):
         made(tmp_path, given=GivenIntrinsics(file=path))
 
 
+def test_a_lens_of_the_frames_that_folds_the_picture_is_objected_to(tmp_path, shown):
+    """As one that is given is refused."""
+    shown(replace(FOUND, focal=0.46, radial_k1=-0.25))
+    lens = made(tmp_path, config=IntrinsicsConfig())
+    assert lens.source == "self_calibrated" and lens.radial_k1 == -0.25
+    (objection,) = lens.objections
+    assert "folds the corners of the picture" in objection
+    (tmp_path / "sound").mkdir()
+    shown(FOUND)
+    assert not made(tmp_path / "sound", config=IntrinsicsConfig()).objections
+
+
 def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path):
     made(tmp_path, given=GivenIntrinsics(focal_px=500.0))
     path = tmp_path / "out" / "intrinsics.json"
