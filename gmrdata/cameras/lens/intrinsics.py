@@ -143,6 +143,8 @@ class _IntrinsicsRecipe(Config):
     config: IntrinsicsConfig
     focal_px: float | None
     fov_deg: float | None
+    rate_hz: float | None
+    """Of images that came from no video: how fast they follow says what a rolling shutter does."""
 
 
 def find_intrinsics(
@@ -184,10 +186,12 @@ def find_intrinsics(
             shutil.rmtree(work_dir)
         _decided(known, asked, frames.size_px, config).write(partial / INTRINSICS_FILE)
 
+    free_rate = config.look_in_frames and frames.video is None and np.isfinite(frames.rate_hz)
     recipe = _IntrinsicsRecipe(
         config=config,
         focal_px=None if given is None else given.focal_px,
         fov_deg=None if given is None else given.fov_deg,
+        rate_hz=frames.rate_hz if free_rate else None,
     )
     inputs = {"images": frames.folder, "masks": masks_dir}
     inputs |= {"file": None if given is None else given.file, "video": frames.video_path}

@@ -45,7 +45,7 @@ from gmrdata.read.frames import read_frames
 from gmrdata.solve.request import SolveConfig
 from gmrdata.solve.verdict import with_lens_error
 from gmrdata.values.camera import Lens, bent
-from gmrdata.values.errors import BadIntrinsics, BadRecord
+from gmrdata.values.errors import BadIntrinsics, BadRecord, StaleOutput
 from tests.read.test_intrinsics import jpeg_with
 from tests.read.test_lens_files import PINHOLES, READ
 
@@ -282,6 +282,19 @@ def test_a_lens_of_the_frames_that_folds_the_picture_is_objected_to(tmp_path, sh
     (tmp_path / "sound").mkdir()
     shown(FOUND)
     assert not made(tmp_path / "sound", config=IntrinsicsConfig()).objections
+
+
+def test_images_at_another_rate_are_another_recipe(tmp_path, shown):
+    """By the rate a rolling shutter's part of the error is told; a video's own can't change."""
+    shown(FOUND)
+    made(tmp_path)
+    frames, out_dir = read_frames(tmp_path / "frames"), tmp_path / "at_a_rate"
+    find_intrinsics(frames.with_rate(25.0), None, out_dir, IntrinsicsConfig())
+    find_intrinsics(frames.with_rate(25.0), None, out_dir, IntrinsicsConfig())
+    with pytest.raises(StaleOutput, match=r"other values of config\.rate_hz\."):
+        find_intrinsics(frames.with_rate(50.0), None, out_dir, IntrinsicsConfig())
+    unasked = find_intrinsics(frames.with_rate(25.0), None, tmp_path / "unasked", UNASKED)
+    assert find_intrinsics(frames.with_rate(50.0), None, unasked, UNASKED) == unasked
 
 
 def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path):
