@@ -86,7 +86,8 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
 
     Those that EXIF turns are written too, since COLMAP reads them as they are stored, and those of
     a lens with distortion, as a pinhole would show them.  Names that stand in another order as
-    texts get new ones, since COLMAP goes by that order.
+    texts, or have a space, get new ones: COLMAP goes by that order, and lists pairs of names with a
+    space between.
     """
     import cv2
 
@@ -124,9 +125,12 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
 
 
 def _stems(frames: Frames) -> dict[Path, str]:
-    """Names without suffix whose order as texts is that of the frames: their own, if it is."""
+    """Names without suffix whose order as texts is that of the frames: their own, if it is, and if
+    COLMAP's lists of pairs can hold them."""
     names, stems = [image.name for image in frames.images], [image.stem for image in frames.images]
-    if names != sorted(names) or stems != sorted(stems):
+    # A line has a space between two names, and begins with # where it is not read.
+    unlisted = any(" " in name or name.startswith("#") for name in names)
+    if unlisted or names != sorted(names) or stems != sorted(stems):
         stems = [f"{number:0{MOST_DIGITS}d}" for number in frames.numbers.tolist()]
     return dict(zip(frames.images, stems, strict=True))
 

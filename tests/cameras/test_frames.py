@@ -139,6 +139,16 @@ def test_names_in_another_order_are_linked_with_their_masks(tmp_path):
         assert same.mask(same.images[1]).all()
 
 
+@pytest.mark.parametrize("names", [["a 1", "a 2"], ["#1", "#2"]])
+def test_names_that_colmaps_list_of_pairs_cannot_hold_get_others(names, tmp_path):
+    """Of a long video with a space in its frames' names no place was known again."""
+    images = [tmp_path / f"{name}.png" for name in names]
+    for image in images:
+        cv2.imwrite(str(image), np.zeros((30, 40), np.uint8))
+    listed = reduced(Frames(images, None, K_PX, (40, 30)), 50, tmp_path / "small")
+    assert [image.stem for image in listed.images] == ["000000001", "000000002"]
+
+
 def test_turned_frames_are_written_upright_for_colmap(tmp_path):
     """COLMAP reads pictures as they are stored; the mask is of the upright picture."""
     frames = a_frame(tmp_path)
