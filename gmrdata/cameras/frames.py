@@ -154,7 +154,8 @@ def linked(folder: Path, files: Mapping[str, Path]) -> Path:
     folder.mkdir(parents=True)
     for name, path in files.items():
         try:
-            os.link(path, folder / name)
+            # Of a symbolic link Linux would link the link itself, which may lead nowhere from here.
+            os.link(path.resolve(), folder / name)
         except OSError:
             shutil.copyfile(path, folder / name)
     return folder
