@@ -6,7 +6,7 @@ from more pixels than about a million, while everything takes as many times long
 
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -202,11 +202,12 @@ class Timeline:
         return np.asarray(short & (np.diff(cuts_before) == 0))
 
 
-def cuts_in_words(cuts_after_frames: Sequence[int] | np.ndarray) -> str:
-    """The end of a message about a failure, from the rows after which the picture changes."""
-    if len(cuts_after_frames) == 0:
+def cuts_in_words(after_numbers: np.ndarray) -> str:
+    """The end of a message about a failure, from the numbers (C,) of the images after which the
+    picture changes."""
+    if len(after_numbers) == 0:
         return ""
     return (
-        f"; the picture changes to another place {len(cuts_after_frames)} times, first after frame "
-        f"{cuts_after_frames[0]}: cut the sequence there, or put its images in order"
+        f"; the picture changes to another place {len(after_numbers)} times, first after frame "
+        f"{after_numbers[0]}: cut the sequence there, or put its images in order"
     )

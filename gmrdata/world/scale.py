@@ -176,7 +176,7 @@ def estimate_scale(
         windows = short_windows_scale(path, dataset_camera, fps_hz, config)
         cues += [] if windows is None else [windows]
     if not cues:
-        raise NoReconstruction("; ".join(reasons))
+        raise NoReconstruction("; ".join(dict.fromkeys(reasons)))
     size_sigmas = tuple(person.size_sigma for person in people)
     estimate = fuse(tuple(cues), config.body_share, size_sigmas)
     scale, sigma = estimate.scale or 0.0, estimate.sigma or 0.0

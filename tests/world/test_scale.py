@@ -127,6 +127,15 @@ def test_a_camera_that_does_not_move_has_no_scale(small_body):
         scale_of(small_body, motion, still)
 
 
+def test_why_nobodys_feet_tell_is_said_once(small_body):
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
+    person = SeenPerson(motion_in_camera(motion, still.world_from_cam), small_body, still)
+    with pytest.raises(NoReconstruction) as raised:
+        estimate_scale([person] * 20, "full", CONFIG)
+    assert str(raised.value).count("camera hardly moves") == 1
+
+
 @pytest.mark.parametrize(("way_m", "known"), [(0.004, False), (1.0, True)])
 def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(small_body, way_m, known):
     """Feet of a noisy body move by centimetres, which a hand-held camera does as well."""
