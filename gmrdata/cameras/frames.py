@@ -6,7 +6,7 @@ from more pixels than about a million, while everything takes as many times long
 
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -86,7 +86,8 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
 
     Those that EXIF turns are written too, since COLMAP reads them as they are stored, and those of
     a lens with distortion, as a pinhole would show them.  Names that stand in another order as
-    texts get new ones, since COLMAP goes by that order.
+    texts, or have a space, get new ones: COLMAP goes by that order, and lists pairs of names with a
+    space between.
     """
     import cv2
 
@@ -124,9 +125,12 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
 
 
 def _stems(frames: Frames) -> dict[Path, str]:
-    """Names without suffix whose order as texts is that of the frames: their own, if it is."""
+    """Names without suffix whose order as texts is that of the frames: their own, if it is, and if
+    COLMAP's lists of pairs can hold them."""
     names, stems = [image.name for image in frames.images], [image.stem for image in frames.images]
-    if names != sorted(names) or stems != sorted(stems):
+    # A line has a space between two names, and begins with # where it is not read.
+    unlisted = any(" " in name or name.startswith("#") for name in names)
+    if unlisted or names != sorted(names) or stems != sorted(stems):
         stems = [f"{number:0{MOST_DIGITS}d}" for number in frames.numbers.tolist()]
     return dict(zip(frames.images, stems, strict=True))
 
@@ -150,7 +154,8 @@ def linked(folder: Path, files: Mapping[str, Path]) -> Path:
     folder.mkdir(parents=True)
     for name, path in files.items():
         try:
-            os.link(path, folder / name)
+            # Of a symbolic link Linux would link the link itself, which may lead nowhere from here.
+            os.link(path.resolve(), folder / name)
         except OSError:
             shutil.copyfile(path, folder / name)
     return folder
@@ -197,11 +202,12 @@ class Timeline:
         return np.asarray(short & (np.diff(cuts_before) == 0))
 
 
-def cuts_in_words(cuts_after_frames: Sequence[int] | np.ndarray) -> str:
-    """The end of a message about a failure, from the rows after which the picture changes."""
-    if len(cuts_after_frames) == 0:
+def cuts_in_words(after_numbers: np.ndarray) -> str:
+    """The end of a message about a failure, from the numbers (C,) of the images after which the
+    picture changes."""
+    if len(after_numbers) == 0:
         return ""
     return (
-        f"; the picture changes to another place {len(cuts_after_frames)} times, first after frame "
-        f"{cuts_after_frames[0]}: cut the sequence there, or put its images in order"
+        f"; the picture changes to another place {len(after_numbers)} times, first after frame "
+        f"{after_numbers[0]}: cut the sequence there, or put its images in order"
     )

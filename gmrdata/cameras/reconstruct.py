@@ -175,7 +175,7 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
         keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
         solution, evidence, bent = _solve_keyframes(keyed, work_dir)
     except NoReconstruction as error:
-        why = f"{error.why}{cuts_in_words(keys.cuts)}"
+        why = f"{error.why}{cuts_in_words(frames.numbers[keys.cuts])}"
         raise NoReconstruction(why, error.frames_dir) from None
     filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
     quality = quality_of(solution, marks, evidence, keys, bent, frames.size_px)

@@ -89,10 +89,7 @@ def _require_of_frames(
     if not SHORTEST < max(focal_px) / max(width, height) < LONGEST:
         what = f"a focal length of {focal_px[0]:g} px for {width}x{height} px"
         raise BadIntrinsics(f"{path}: {what}; give it in pixels of these frames")
-    scale = np.divide(size_px, pinhole.size_px)
-    if abs(np.log(scale[0] / scale[1])) > SHAPE_TOLERANCE:
-        what = f"for a picture of {width}x{height} px, the frames have {size_px[0]}x"
-        raise BadIntrinsics(f"{path}: {what}{size_px[1]} px; give the intrinsics of these frames")
+    require_shape(path, pinhole, size_px)
     if not (0 < pinhole.centre_px[0] < width and 0 < pinhole.centre_px[1] < height):
         what = f"principal point {pinhole.centre_px} px is outside of the picture"
         raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")
@@ -104,6 +101,14 @@ def _require_of_frames(
         other = "x".join(f"{2 * one:.0f}" for one in pinhole.centre_px)
         what = f"principal point {pinhole.centre_px} px is the middle of a picture of {other} px"
         raise BadIntrinsics(f"{path}: {what}; give the intrinsics of these frames")
+
+
+def require_shape(path: Path, lens: Lens, size_px: tuple[int, int]) -> None:
+    """BadIntrinsics where a file's lens is of a picture of another shape than the frames."""
+    scale = np.divide(size_px, lens.size_px)
+    if abs(np.log(scale[0] / scale[1])) > SHAPE_TOLERANCE:
+        what = "a picture of {}x{} px, the frames have {}x{} px".format(*lens.size_px, *size_px)
+        raise BadIntrinsics(f"{path}: for {what}; give the intrinsics of these frames")
 
 
 def _require_one_term(path: Path, pinhole: Lens, terms: tuple[float, ...]) -> None:

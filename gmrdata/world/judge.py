@@ -52,7 +52,8 @@ class PseudoGtQuality(Record):
     scale_sigma: Figure | None
     scale_matters: bool
     scale_disagreement: Figure | None
-    """In standard errors; null for fewer than two cues."""
+    """Largest difference of two, in the standard errors that are as unlikely for one pair; null for
+    fewer than two cues."""
     scale_cues: tuple[CueEstimate, ...]
     level: LevelEstimate | None
     """How level the world is; null where there is none."""

@@ -129,7 +129,8 @@ def make_pseudo_gt(
             people = list(map(CameraPerson, clips, bodies, sizes, told_by))
             world = compose_clips(people, cameras, config)
         except NoReconstruction as error:
-            cuts = cuts_in_words(cameras.quality.cuts_after_frames)
+            numbers = files.load_cameras(evidence.sfm_dir).image_numbers
+            cuts = cuts_in_words(numbers[list(cameras.quality.cuts_after_frames)])
             raise NoReconstruction(f"{error}{cuts}") from None
         scale = with_focal_error(world.scale, evidence.focal_sigma)
         common = float(np.hypot(evidence.focal_sigma, config.scale.body_share))

@@ -262,7 +262,8 @@ class VerdictConfig(CamerasVerdictConfig):
     """Standard error of the metric scale, as a share of the scale.  Of a camera that hardly travels
     it may be larger: `scale.slow_m_per_s`."""
     max_cue_disagreement: float = Field(default=3.5, gt=0)
-    """Difference between two cues of the scale, in its standard errors."""
+    """Largest difference between two cues of the scale, in its standard errors; of several pairs as
+    unlikely as this is for one."""
     min_kept_share: float = Field(default=0.5, ge=0, le=1)
     """Share of the frames for which the data set vouches that must be left."""
     max_off_share: float = Field(default=0.25, gt=0)

@@ -11,7 +11,7 @@ import pytest
 
 from gmrdata.cameras import frames as module
 from gmrdata.cameras.files import load_cameras, load_points, load_quality
-from gmrdata.cameras.frames import Frames, reduced
+from gmrdata.cameras.frames import Frames, linked, reduced
 from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
@@ -137,6 +137,27 @@ def test_names_in_another_order_are_linked_with_their_masks(tmp_path):
         assert [int(read_gray(image).mean()) for image in same.images] == [19, 20]
         assert same.size_px == size_px and same.numbers.tolist() == [9, 10]
         assert same.mask(same.images[1]).all()
+
+
+@pytest.mark.parametrize("names", [["a 1", "a 2"], ["#1", "#2"]])
+def test_names_that_colmaps_list_of_pairs_cannot_hold_get_others(names, tmp_path):
+    """Of a long video with a space in its frames' names no place was known again."""
+    images = [tmp_path / f"{name}.png" for name in names]
+    for image in images:
+        cv2.imwrite(str(image), np.zeros((30, 40), np.uint8))
+    listed = reduced(Frames(images, None, K_PX, (40, 30)), 50, tmp_path / "small")
+    assert [image.stem for image in listed.images] == ["000000001", "000000002"]
+
+
+def test_frames_that_are_relative_links_are_linked_to_what_they_point_to(tmp_path):
+    """As git-annex has them; from another folder the link itself leads nowhere."""
+    for name in ("kept", "frames"):
+        (tmp_path / name).mkdir()
+    cv2.imwrite(str(tmp_path / "kept" / "a.png"), np.full((30, 40), 19, np.uint8))
+    (link := tmp_path / "frames" / "1.png").symlink_to(Path("..", "kept", "a.png"))
+    folder = linked(tmp_path / "work" / "linked" / "frames", {"000000001.png": link})
+    assert (read_gray(folder / "000000001.png") == 19).all()
+    assert (folder / "000000001.png").samefile(tmp_path / "kept" / "a.png")
 
 
 def test_turned_frames_are_written_upright_for_colmap(tmp_path):

@@ -225,6 +225,15 @@ def test_frames_without_a_reconstruction_say_why(pictures, said, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_cut_is_named_by_its_images_number(tmp_path):
+    for image in write_pictures(tmp_path / "frames", unrelated(5)):
+        image.rename(image.with_name(f"{100 + int(image.stem)}.png"))
+    frames = read_frames(tmp_path / "frames")
+    lens = Lens((150.0, 150.0), (80.0, 60.0), frames.size_px)
+    with pytest.raises(NoReconstruction, match="another place 1 times, first after frame 101: cut"):
+        reconstruct(frames, None, lens, tmp_path / "out", SMALL)
+
+
 def test_two_frames_are_too_few_and_not_textureless(dolly, tmp_path):
     (tmp_path / "frames").mkdir()
     for image in list_images(dolly.images_dir)[:2]:

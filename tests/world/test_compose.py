@@ -14,6 +14,7 @@ from gmrdata.cameras.files import (
     POINTS_FILE,
     QUALITY_FILE,
     SfmCameras,
+    load_quality,
     save_cameras,
     save_points,
 )
@@ -298,6 +299,17 @@ def test_no_common_frame_is_an_error(small_body, tmp_path):
     with pytest.raises(NoReconstruction, match="walk: no two frames have both pose and camera"):
         made(tmp_path, true, small_body, "full", list(range(true.motion.n_frames)))
     assert not (tmp_path / "out").exists()
+
+
+def test_why_there_is_no_world_names_the_image_before_a_cut(small_body, tmp_path):
+    true = true_clip(small_body, Circular())
+    people = (person_files(tmp_path, as_input(true), small_body),)
+    lost = list(range(true.motion.n_frames))
+    sfm_dir = reconstruction(tmp_path / "sfm", true, "full", lost)
+    quality = load_quality(sfm_dir).model_copy(update={"cuts_after_frames": (7, 20)})
+    quality.write(sfm_dir / QUALITY_FILE)
+    with pytest.raises(NoReconstruction, match="place 2 times, first after frame 107: cut"):
+        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
 
 
 def test_clips_that_do_not_fit_are_refused(small_body, tmp_path):

@@ -127,6 +127,15 @@ def test_a_camera_that_does_not_move_has_no_scale(small_body):
         scale_of(small_body, motion, still)
 
 
+def test_why_nobodys_feet_tell_is_said_once(small_body):
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
+    person = SeenPerson(motion_in_camera(motion, still.world_from_cam), small_body, still)
+    with pytest.raises(NoReconstruction) as raised:
+        estimate_scale([person] * 20, "full", CONFIG)
+    assert str(raised.value).count("camera hardly moves") == 1
+
+
 @pytest.mark.parametrize(("way_m", "known"), [(0.004, False), (1.0, True)])
 def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(small_body, way_m, known):
     """Feet of a noisy body move by centimetres, which a hand-held camera does as well."""
@@ -180,6 +189,42 @@ def test_cues_are_weighted_by_their_variances():
     assert fused.disagreement == pytest.approx(1 / np.hypot(0.1, 0.2))
     alone = fuse((near,))
     assert alone.disagreement is None and alone.sigma == pytest.approx(0.1)
+
+
+CROWD_SIGMAS = 46 * (0.04,)  # standard errors of their sizes, as shares
+
+
+def cues_of_a_crowd(seed: int) -> list[CueEstimate]:
+    """Two cues of each of 46 people whose sizes differ, drawn at a scale of 1."""
+    rng = np.random.default_rng(seed)
+    sizes = rng.normal(1.0, CROWD_SIGMAS[0], len(CROWD_SIGMAS))
+    return [
+        CueEstimate(name, float(rng.normal(size, 0.05)), 0.05, 9, 0.01, person)
+        for person, size in enumerate(sizes)
+        for name in ("planted_feet", "ground_contact")
+    ]
+
+
+def test_right_cues_of_a_crowd_do_not_disagree():
+    """Some two of 92 are 3.5 of their standard errors apart in two of five sequences."""
+    apart = [fuse(tuple(cues_of_a_crowd(s)), 0.0, CROWD_SIGMAS).disagreement for s in range(200)]
+    assert np.mean([found is not None and found > 3.5 for found in apart]) <= 0.01
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_wrong_cue_among_those_of_a_crowd_is_found(seed):
+    cues = cues_of_a_crowd(seed)
+    cues[17] = replace(cues[17], scale=1.0 + 8 * float(np.hypot(0.05, CROWD_SIGMAS[0])))
+    apart = fuse(tuple(cues), 0.0, CROWD_SIGMAS).disagreement
+    assert apart is not None and apart > 3.5
+
+
+def test_two_cues_are_as_far_apart_as_they_are():
+    """Beyond 38 standard errors too, where a float holds no probability."""
+    for sigmas in (0.0, 0.1, 3.5, 40.0, 1e4):
+        far = CueEstimate("other", 2.0 + 0.1 * sigmas * 2**0.5, 0.1, 5, 0.01, None)
+        near = CueEstimate("planted_feet", 2.0, 0.1, 5, 0.01, None)
+        assert fuse((near, far)).disagreement == pytest.approx(sigmas, rel=1e-9, abs=1e-9)
 
 
 def test_sole_points_lie_on_the_ground_while_they_stand(small_body):

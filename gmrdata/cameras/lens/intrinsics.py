@@ -1,6 +1,7 @@
 """Stage: the lens, as somebody gives it, the camera notes it, or the frames show it."""
 
 import shutil
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, Self
@@ -17,12 +18,18 @@ from gmrdata.cameras.lens.self_calibration import (
     StartTried,
     self_calibrate,
 )
-from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
+from gmrdata.read.intrinsics import (
+    GIVEN_SIGMA,
+    exif_lens,
+    read_intrinsics,
+    require_shape,
+    video_lens,
+)
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import ASSUMED, GIVEN, Lens, Origin, Source
-from gmrdata.values.errors import BadIntrinsics
-from gmrdata.values.files import as_text
+from gmrdata.values.errors import BadIntrinsics, BadRecord, MissingInput
+from gmrdata.values.files import as_text, read_json
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import PART, Config, Figure, Record
 
@@ -41,7 +48,7 @@ class GivenIntrinsics(Config):
     fov_deg: float | None = Field(default=None, gt=1, lt=170)
     """Horizontal field of view: from the left edge of the picture to the right [degrees]."""
     file: Path | None = None
-    """A calibration, in a format of `gmrdata.read.intrinsics`, or an `intrinsics.json`."""
+    """A calibration, in a format of `gmrdata.read.intrinsics`, or our own record of one."""
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -136,6 +143,8 @@ class _IntrinsicsRecipe(Config):
     config: IntrinsicsConfig
     focal_px: float | None
     fov_deg: float | None
+    rate_hz: float | None
+    """Of images that came from no video: how fast they follow says what a rolling shutter does."""
 
 
 def find_intrinsics(
@@ -177,10 +186,12 @@ def find_intrinsics(
             shutil.rmtree(work_dir)
         _decided(known, asked, frames.size_px, config).write(partial / INTRINSICS_FILE)
 
+    free_rate = config.look_in_frames and frames.video is None and np.isfinite(frames.rate_hz)
     recipe = _IntrinsicsRecipe(
         config=config,
         focal_px=None if given is None else given.focal_px,
         fov_deg=None if given is None else given.fov_deg,
+        rate_hz=frames.rate_hz if free_rate else None,
     )
     inputs = {"images": frames.folder, "masks": masks_dir}
     inputs |= {"file": None if given is None else given.file, "video": frames.video_path}
@@ -232,33 +243,47 @@ def _given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Lens,
 
 
 def _lens_of_file(path: Path, size_px: tuple[int, int]) -> Lens:
-    """A calibration, or our own record for frames of this size."""
+    """A calibration, or our own record; of a picture of another size it is scaled."""
     path = path / INTRINSICS_FILE if (path / INTRINSICS_FILE).is_file() else path
-    if path.name != INTRINSICS_FILE:
+    if not _is_own(path):
         return read_intrinsics(path, size_px)
     record = Intrinsics.read(path)
     own = record.lens
     if record.is_guess:
         what = f"its focal length is but a guess, to {100 * record.focal_sigma:.0f} %"
         raise BadIntrinsics(f"{path}: {what}; leave it out, or give one that somebody measured")
-    if own.size_px != size_px:
-        sizes = "for {}x{} px, the frames have {}x{}".format(*own.size_px, *size_px)
-        raise BadIntrinsics(f"{path}: {sizes}; give the intrinsics of these frames")
+    require_shape(path, own, size_px)
     # As uncertain as it was found: by a camera's note to 5 %, in a short turn to 8 %.
     focal_from = Origin("given", max(GIVEN_SIGMA, record.focal_sigma))
     radial_from = Origin("given", record.radial_k1_sigma) if own.radial[0] else ASSUMED
-    return replace(own, focal_from=focal_from, radial_from=radial_from)
+    return replace(own.at_size(size_px), focal_from=focal_from, radial_from=radial_from)
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a file is a record of this stage, of whatever version and name; other programs too
+    have an `intrinsics.json`."""
+    with suppress(MissingInput, BadRecord):
+        value = read_json(path) if path.suffix == ".json" else None
+        said = value.get("format") if isinstance(value, dict) else None
+        return str(said).startswith("gmrdata-intrinsics/")
+    return False
 
 
 def _require_possible(lens: Lens, words: str) -> None:
     """Refuse what can't be a lens: one that sees too wide, or that folds the picture."""
-    r, size_px, k1 = lens.corner_radius, lens.size_px, lens.radial[0]
-    if r > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
+    size_px = lens.size_px
+    if lens.corner_radius > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
         what = f"{words} No camera sees that of {size_px[0]}x{size_px[1]} px"
         raise BadIntrinsics(f"{what}; the focal length is in pixels of these frames")
-    if k1 < 0 and r > 2 / 3 / np.sqrt(-3 * k1):
-        what = f"{words} Its distortion of {k1:g} folds the corners of the picture"
+    if _folds(lens):
+        what = f"{words} Its distortion of {lens.radial[0]:g} folds the corners of the picture"
         raise BadIntrinsics(f"{what}; calibrate again, or undistort the frames")
+
+
+def _folds(lens: Lens) -> bool:
+    """Whether the corners of the picture are further out than its distortion shows anything."""
+    k1 = lens.radial[0]
+    return bool(k1 < 0 and lens.corner_radius > 2 / 3 / np.sqrt(-3 * k1))
 
 
 def _decided(
@@ -270,7 +295,7 @@ def _decided(
     """The record of the lens that is taken."""
     asked = None if found is None else _asked(found, size_px)
     taken, words = _taken(known, asked, found, size_px)
-    notes, objections = [words], []
+    notes, objections = [words], [FOLDED] if _folds(taken) else []
     sigma = taken.focal_from.sigma or 0.0
     if known is not None and asked is not None:
         one = known[0]
@@ -383,6 +408,10 @@ def _lens_in_words(asked: AskedLens) -> str:
     return f"{focal}, and a distortion k1 of {asked.radial_k1:.3f} ± {asked.radial_k1_sigma:.3f}"
 
 
+FOLDED = (
+    "The distortion that was found in the frames folds the corners of the picture, which no lens "
+    "does: give --intrinsics, or undistort the frames."
+)
 NOTHING_SHOWS = "Nothing shows the focal length: a usual one was taken."
 LITTLE_SHOWS = "A usual focal length was taken together with the little that the frames show of it."
 GUESSED = (

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import LEAST_NOISE_PX, LOSS_PX, FreeIntrinsic, bundle_adjuster, pycolmap
 from gmrdata.cameras.files import Distortion
-from gmrdata.cameras.map.rotation_only import RotationOnly, slopes_by_turns
+from gmrdata.cameras.map.rotation_only import RotationOnly, most_per_pair, slopes_by_turns
 from gmrdata.cameras.match.keypoint_adjustment import MEASURED_PX
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.recipe import DistortionConfig
@@ -202,11 +202,16 @@ def turning_focal(
     turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray
 ) -> FreedFocal | None:
     """Refine orientations and focal length together; None where the matches don't hold it."""
+    focal_px, longer_px = float(intrinsics_px[0, 0]), 2 * float(intrinsics_px[:2, 2].max())
+    # A camera that stays says nothing by the shortest focal length that may be found, and the fit
+    # of a long video takes minutes.
+    if warp_error(turning, longer_px, float(np.exp(-MAX_LOG_FACTOR)) * focal_px) > MAX_SIGMA:
+        return None
     fit = fit_turning(turning, matches, intrinsics_px, radial=False)
     if fit is None:
         return None
-    factor, longer_px = float(np.exp(fit.log_factor)), 2 * float(intrinsics_px[:2, 2].max())
-    warped = warp_error(turning, longer_px, factor * float(intrinsics_px[0, 0]))
+    factor = float(np.exp(fit.log_factor))
+    warped = warp_error(turning, longer_px, factor * focal_px)
     of_fit = NOT_INDEPENDENT * float(np.sqrt(fit.covariance[0, 0]))
     sigma = float(np.linalg.norm([of_fit, SYSTEMATIC_FOCAL, warped]))
     if sigma > MAX_SIGMA:
@@ -268,9 +273,10 @@ _Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
 def _gather(turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray) -> _Sampled:
     frames = [np.zeros((0, 2), dtype=np.int64)]
     first, second = [np.zeros((0, 2))], [np.zeros((0, 2))]
+    most = most_per_pair(len(matches.pairs), MATCHES_PER_PAIR)
     for pair in matches.pairs:
         if turning.has_camera[pair.first] and turning.has_camera[pair.second]:
-            chosen = pair.features[:: max(1, len(pair.features) // MATCHES_PER_PAIR)]
+            chosen = pair.features[:: max(1, len(pair.features) // most)]
             frames.append(np.tile([pair.first, pair.second], (len(chosen), 1)))
             first.append(matches.keypoints_px[pair.first][chosen[:, 0]])
             second.append(matches.keypoints_px[pair.second][chosen[:, 1]])

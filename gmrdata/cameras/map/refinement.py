@@ -128,7 +128,11 @@ def is_short(centres: np.ndarray, points: np.ndarray, share: float) -> bool:
     """Whether centres (T, 3) are less apart than a share of the distance to points (N, 3)."""
     if not len(centres) or not len(points):
         return False
-    return bool(pdist(centres).max(initial=0.0) < share * background_distance(centres, points))
+    most, sides = share * background_distance(centres, points), np.ptp(centres, axis=0)
+    # The box round them nearly always tells, without a long video's 230 MB of distances.
+    if sides.max() >= most or np.linalg.norm(sides) < most:
+        return bool(sides.max() < most)
+    return bool(pdist(centres).max(initial=0.0) < most)
 
 
 def _is_short_model(model: Any, config: SfmConfig) -> bool:

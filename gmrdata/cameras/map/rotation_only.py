@@ -77,8 +77,7 @@ def solve_rotation_only(
 ) -> RotationOnly:
     """Fit pure rotations to all verified matches; up to `inlier_px` one supports its pair's."""
     threshold_rad = inlier_px / float(intrinsics_px[0, 0])
-    of_a_pair = max(FEWEST_PER_PAIR, MOST_MATCHES // max(1, len(matches.pairs)))
-    most = min(MATCHES_PER_PAIR, of_a_pair)
+    most = most_per_pair(len(matches.pairs), MATCHES_PER_PAIR)
     sampled = [_sample(pair, most, rng) for pair in matches.pairs]
     rays = [unit_rays(points, intrinsics_px) for points in matches.keypoints_px]
     second_from_first, inliers = [], []
@@ -96,6 +95,11 @@ def solve_rotation_only(
     residuals = _residuals_px(rotmats, data, intrinsics_px)
     information = _information(rotmats, linked, data, intrinsics_px)
     return RotationOnly(rotmats, linked, residuals, data.pair, rows, information)
+
+
+def most_per_pair(n_pairs: int, usual: int) -> int:
+    """How many matches of each of so many pairs a fit takes: fewer than usual of a long video's."""
+    return min(usual, max(FEWEST_PER_PAIR, MOST_MATCHES // max(1, n_pairs)))
 
 
 def refine_turning(

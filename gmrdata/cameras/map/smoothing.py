@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, kron
-from scipy.sparse.linalg import splu, spsolve
+from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import LEAST_NOISE_PX
@@ -161,10 +161,10 @@ def smooth_cameras(
     stiffness = np.tile(np.repeat(sigmas**-2, 3), len(differences.rows))
     pulled = csr_array(differ.T * stiffness)
     system = csc_array(held + pulled @ differ)
-    correction, result = np.zeros(len(unknown)), world_from_cam
+    factors, correction, result = splu(system), np.zeros(len(unknown)), world_from_cam
     for _ in range(ITERATIONS):
         pull = pulled @ differences.of(result)[:, :k].ravel()
-        correction -= spsolve(system, held @ correction + slope[unknown] + pull)
+        correction -= factors.solve(held @ correction + slope[unknown] + pull)
         result = _corrected(world_from_cam, correction.reshape(-1, k))
     largest = np.linalg.norm(correction.reshape(len(result[has_camera]), -1, 3), axis=2).max(axis=0)
     return result, _figures(sigmas / units, _noise(held, differ, k) / units, largest / units)

@@ -160,10 +160,11 @@ def _write_alike(pairs_path: Path, database_path: Path, config: SfmConfig) -> bo
     """
     with closing(pycolmap.Database.open(database_path)) as database:
         images = sorted(database.read_all_images(), key=lambda image: str(image.name))
-        # COLMAP's list has a space between two names.
-        if not config.mapping.in_parts(len(images)) or any(" " in one.name for one in images):
+        if not config.mapping.in_parts(len(images)):
             return False
-        tables = (np.asarray(database.read_descriptors(one.image_id).data) for one in images)
+        # Of an image without features COLMAP gives a table of (0, 0).
+        found = (np.asarray(database.read_descriptors(one.image_id).data) for one in images)
+        tables = (table.reshape(-1, 128) for table in found)
         apart = 2 ** (config.mapping.near_overlap - 1)
         pairs = alike_before(tables, apart, config.mapping.alike, config.seed)
     lines = [f"{images[first].name} {images[second].name}\n" for first, second in pairs]

@@ -45,8 +45,9 @@ from gmrdata.read.frames import read_frames
 from gmrdata.solve.request import SolveConfig
 from gmrdata.solve.verdict import with_lens_error
 from gmrdata.values.camera import Lens, bent
-from gmrdata.values.errors import BadIntrinsics, BadRecord
+from gmrdata.values.errors import BadIntrinsics, BadRecord, StaleOutput
 from tests.read.test_intrinsics import jpeg_with
+from tests.read.test_lens_files import PINHOLES, READ
 
 FOUND = SelfCalibration("full", 0.7, 0.02, -0.1, 0.01, (), "")
 HIDDEN = SelfCalibration(None, None, np.inf, 0.0, np.inf, (), "the camera does not move")
@@ -97,6 +98,36 @@ def test_a_file_and_our_own_record_are_taken(tmp_path):
     assert (again.focal_px, again.focal_y_px, again.centre_px) == (600, 605, (322, 239))
     assert lens.radial_k1 == again.radial_k1 == -0.15
     assert lens.lens.radial == (-0.15, 0) and lens.lens.size_px == (640, 480)
+
+
+def test_a_record_is_known_by_what_it_says_and_not_by_its_name(tmp_path):
+    """RealSense's and Open3D's programs write an `intrinsics.json` too."""
+    (path := tmp_path / "intrinsics.json").write_text(READ["realsense.json"])
+    lens = made(tmp_path, given=GivenIntrinsics(file=path))
+    assert (lens.focal_px, lens.focal_y_px, lens.radial_k1) == (600, 605, -0.1)
+    assert lens.centre_px == (320, 240)
+    path.write_text(PINHOLES["open3d.json"])
+    lens = made_again(tmp_path / "open3d", path)
+    assert (lens.focal_px, lens.centre_px) == (600, (320, 240))
+    (tmp_path / "out" / "intrinsics.json").rename(tmp_path / "phone.json")
+    assert made_again(tmp_path / "renamed", tmp_path / "phone.json").radial_k1 == -0.1
+
+
+def test_our_own_record_of_another_size_is_scaled(tmp_path):
+    """As that of a video in 4K for one in 1080p."""
+    lens = made(tmp_path, given=GivenIntrinsics(focal_px=500.0))
+    larger = {"width_px": 1280, "height_px": 960, "focal_px": 1200.0, "focal_y_px": 1210.0}
+    larger |= {"centre_px": (660.0, 470.0), "radial_k1": -0.1}
+    path = tmp_path / "larger.json"
+    lens.model_copy(update=larger).write(path)
+    scaled = made_again(tmp_path / "scaled", path)
+    assert (scaled.focal_px, scaled.focal_y_px, scaled.radial_k1) == (600, 605, -0.1)
+    assert scaled.centre_px == (330, 235) and scaled.lens.size_px == (640, 480)
+
+
+def made_again(folder: Path, file: Path) -> Intrinsics:
+    folder.mkdir()
+    return made(folder, given=GivenIntrinsics(file=file))
 
 
 @pytest.mark.parametrize("asked", [-0.13, -0.17])
@@ -241,13 +272,38 @@ def test_a_lens_that_cant_be_is_refused(tmp_path, text, said):
         made(tmp_path, given=GivenIntrinsics(file=path))
 
 
+def test_a_lens_of_the_frames_that_folds_the_picture_is_objected_to(tmp_path, shown):
+    """As one that is given is refused."""
+    shown(replace(FOUND, focal=0.46, radial_k1=-0.25))
+    lens = made(tmp_path, config=IntrinsicsConfig())
+    assert lens.source == "self_calibrated" and lens.radial_k1 == -0.25
+    (objection,) = lens.objections
+    assert "folds the corners of the picture" in objection
+    (tmp_path / "sound").mkdir()
+    shown(FOUND)
+    assert not made(tmp_path / "sound", config=IntrinsicsConfig()).objections
+
+
+def test_images_at_another_rate_are_another_recipe(tmp_path, shown):
+    """By the rate a rolling shutter's part of the error is told; a video's own can't change."""
+    shown(FOUND)
+    made(tmp_path)
+    frames, out_dir = read_frames(tmp_path / "frames"), tmp_path / "at_a_rate"
+    find_intrinsics(frames.with_rate(25.0), None, out_dir, IntrinsicsConfig())
+    find_intrinsics(frames.with_rate(25.0), None, out_dir, IntrinsicsConfig())
+    with pytest.raises(StaleOutput, match=r"other values of config\.rate_hz\."):
+        find_intrinsics(frames.with_rate(50.0), None, out_dir, IntrinsicsConfig())
+    unasked = find_intrinsics(frames.with_rate(25.0), None, tmp_path / "unasked", UNASKED)
+    assert find_intrinsics(frames.with_rate(50.0), None, unasked, UNASKED) == unasked
+
+
 def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path):
     made(tmp_path, given=GivenIntrinsics(focal_px=500.0))
     path = tmp_path / "out" / "intrinsics.json"
     value = json.loads(path.read_text())
     path.write_text(json.dumps(value | {"width_px": 320}))
     (tmp_path / "other").mkdir()
-    with pytest.raises(BadIntrinsics, match="for 320x480 px, the frames have 640x480"):
+    with pytest.raises(BadIntrinsics, match="of 320x480 px, the frames have 640x480"):
         made(tmp_path / "other", given=GivenIntrinsics(file=path))
     del value["objections"]
     path.write_text(json.dumps(value))

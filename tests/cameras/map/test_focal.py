@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
 from gmrdata.cameras.files import Distortion, load_quality
+from gmrdata.cameras.map import focal, rotation_only
 from gmrdata.cameras.map.focal import (
     FREED_NOT_INDEPENDENT,
     SYSTEMATIC_FOCAL,
@@ -242,6 +243,23 @@ def test_noise_and_a_drift_in_the_hand_stay_within_the_standard_error(turn_deg, 
 def test_a_camera_that_does_not_turn_says_nothing():
     assert freed(panned(0.0, 0.4), 1.0) is None
     assert freed(panned(0.0, 0.0), 1.0) is None
+
+
+def test_a_camera_that_stays_is_not_fitted(monkeypatch):
+    """Of a long video a fit whose answer would mean nothing took minutes."""
+    monkeypatch.setattr(focal, "fit_turning", lambda *_, **__: pytest.fail("was fitted"))
+    assert freed(panned(0.0, 0.4), 1.0) is None
+
+
+def test_of_many_pairs_fewer_matches_are_taken(monkeypatch):
+    matches = panned(30.0, 0.4)
+    monkeypatch.setattr(rotation_only, "MOST_MATCHES", 35 * len(matches.pairs))
+    turning = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(0))
+    rows, _, _ = focal._gather(turning, matches, INTRINSICS_PX)
+    _, of_each = np.unique(rows, axis=0, return_counts=True)
+    assert len(of_each) == len(matches.pairs) and 35 <= of_each.max() < 2 * 35
+    found = freed(matches, 1.3)
+    assert found is not None and abs(found.factor - 1 / 1.3) < 2 * found.sigma < 0.12
 
 
 def test_wrong_matches_are_outvoted():

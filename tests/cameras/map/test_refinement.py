@@ -8,12 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from gmrdata.cameras.colmap import LEAST_NOISE_PX, LOSS_PX, bundle_adjuster, pycolmap
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.map import refinement
 from gmrdata.cameras.map.refinement import (
+    background_distance,
     forget_astray,
     has_weak,
+    is_short,
     refined_model,
     sharpen,
     triangulate_again,
@@ -190,3 +194,17 @@ def test_a_long_path_stays_as_it_is():
 
 def test_an_empty_model_is_no_error():
     assert sharpen(pycolmap.Reconstruction(), SfmConfig()) == LOSS_PX
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("flat", [[1, 1, 1], [1, 0.01, 0], [0, 0, 0]])
+def test_a_path_is_short_by_its_two_furthest_centres(flat, seed, monkeypatch):
+    rng = np.random.default_rng(seed)
+    centres, points = flat * rng.normal(size=(40, 3)), rng.normal([0, 0, 30], 1, (200, 3))
+    diameter, away = pdist(centres).max(), background_distance(centres, points)
+    shares = np.array([0.5, 0.9, 0.999, 1.001, 1.2, 2.0]) * (diameter or 1.0) / away
+    short = [is_short(centres, points, share) for share in shares]
+    assert short == [bool(share * away > diameter) for share in shares]
+    # One that is far longer or shorter is known without all distances.
+    monkeypatch.setattr(refinement, "pdist", lambda _: pytest.fail("was asked"))
+    assert is_short(centres, points, shares[-1]) and not is_short(centres, points, 0.0)

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.match.matches import match_frames
 from gmrdata.cameras.match.retrieval import alike_before
+from gmrdata.cameras.recipe import MappingConfig, SfmConfig
+from tests.cameras.match.test_keyframes import INTRINSICS_PX, SIZE_PX, shifted, texture
+from tests.filming import write_pictures
 
 RNG = np.random.default_rng(0)
 PLACES = RNG.integers(0, 120, size=(6, 80, 128))
@@ -36,3 +41,15 @@ def test_a_black_frame_between_is_left_out():
 def test_the_same_frames_give_the_same_pairs():
     frames = [of_place(place) for place in (0, 1, 2, 3, 0, 1, 2, 3)]
     assert alike_before(frames, 2, 2, seed=1) == alike_before(frames, 2, 2, seed=1)
+
+
+def test_a_black_frame_of_a_long_video_hides_no_place_that_is_seen_again(tmp_path):
+    """COLMAP's database has no descriptors of it, and says so by a table of (0, 0)."""
+    picture = texture(0)
+    pictures = [shifted(picture, shift_px) for shift_px in (0, 90, 180, 90, 0)]
+    pictures.insert(2, np.zeros_like(pictures[0]))
+    images = write_pictures(tmp_path / "frames", pictures)
+    mapping = MappingConfig(part_frames=5, part_overlap=3, near_overlap=1, alike=1)
+    frames = Frames(images, None, INTRINSICS_PX, SIZE_PX)
+    pairs = match_frames(frames, tmp_path, SfmConfig(mapping=mapping)).n_of_pair
+    assert (0, 5) in pairs and not any(2 in pair for pair in pairs)
