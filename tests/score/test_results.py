@@ -1,7 +1,7 @@
 """Other systems' results, as they write them: exact figures, people, frames, what is refused."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -526,6 +526,36 @@ def test_results_are_never_looked_for_outside_or_under_two_names(tmp_path, body,
     wham(tmp_path / "comparison", body, true)
     with pytest.raises(BadMotionFile, match="comparison: a set can't be called so"):
         find_result_sets(tmp_path, clips[:1])
+
+
+def test_slahmrs_runs_are_of_the_sequence_before_their_tracks(tmp_path, body, true):
+    """A run of `walk-fast` was taken for one of `walk`, too; and a run for a set of its own."""
+    clips = [ClipName("walk.p0", "walk"), ClipName("walk-fast.p0", "walk-fast")]
+    for n, tracks in enumerate(("all", "longest-2", "3-7")):
+        run = slahmr(tmp_path / str(n) / f"walk-fast-{tracks}-shot-0-0-180", body, true)
+        for named in (clips, clips[1:]):
+            (found,) = find_result_sets(run.parent, named)
+            assert isinstance(found, ResultSet) and found.name == "slahmr"
+            assert set(found.results) == {"walk-fast.p0"}
+
+
+def test_a_folder_of_many_clips_is_listed_once(tmp_path, true, body, monkeypatch):
+    """It was listed once for each name of each clip."""
+    clips = [ClipName(f"walk.p{n}", f"walk{n}", str(n)) for n in range(300)]
+    save_clip(tmp_path / "walk.p0.npz", true, rest(body, true))
+    content = (tmp_path / "walk.p0.npz").read_bytes()
+    for clip in clips:
+        (tmp_path / f"{clip.id}.npz").write_bytes(content)
+    listed, really = [], Path.iterdir
+
+    def iterdir(path: Path) -> Iterator[Path]:
+        listed.append(path)
+        return really(path)
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)
+    (found,) = find_result_sets(tmp_path, clips)
+    assert not isinstance(found, ResultSet) and found.folder == tmp_path
+    assert len(listed) < 5
 
 
 def test_tram_on_emdb_and_its_cameras(tmp_path, data, body, true):

@@ -35,6 +35,8 @@ from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InWorld
 from gmrdata.values.transforms import invert, rigid
 
 SLAHMR_FILE = re.compile(r".*_(\d{6})_world_results\.npz")
+RUN = r"-(?:all|longest-[0-9]+|[0-9]+(?:-[0-9]+)*)-shot-([0-9]+)(?:-.*)?"
+"""Of a run's name, after the sequence: its tracks, its shot, and the images in that."""
 TRACK_INFO = "track_info.json"
 KEYS = frozenset({"root_orient", "pose_body", "trans"})
 _NOT_INFO = (
