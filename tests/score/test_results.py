@@ -528,6 +528,55 @@ def test_results_are_never_looked_for_outside_or_under_two_names(tmp_path, body,
         find_result_sets(tmp_path, clips[:1])
 
 
+SLAHMRS_CONFIG = """\
+data:
+  type: {type}
+  root: /data
+  video_dir: videos
+  seq: walk
+  ext: mp4
+  src_path: ${{data.root}}/${{data.video_dir}}/${{data.seq}}.${{data.ext}}
+  frame_opts:
+    ext: jpg
+    fps: {fps}
+    start_sec: 0
+    end_sec: -1
+  shot_idx: 0
+  name: ${{data.seq}}-${{data.track_ids}}-shot-${{data.shot_idx}}
+fps: 30
+"""
+"""As Hydra keeps it, in part; the last rate is that of the optimizer's pictures."""
+
+
+def test_slahmrs_frames_are_of_its_rate_and_of_its_shot(tmp_path, data, body, true):
+    """Frames at its default of 25 Hz were taken for those of a video at 30 Hz, and those of a later
+    shot for the video's first."""
+    run = slahmr(tmp_path / "results" / f"{true.id}-longest-2-shot-0-0--1", body, true)
+    file = run / "motion_chunks" / "x_000040_world_results.npz"
+    (run / ".hydra").mkdir()
+
+    def with_config(**said: Any) -> Path:
+        text = SLAHMRS_CONFIG.format(**{"type": "video", "fps": 30} | said)
+        (run / ".hydra" / "config.yaml").write_text(text)
+        return run.parent
+
+    scores = only(score(data, with_config(), tmp_path / "out"))
+    assert scores.name == "slahmr" and scores.clips[0].predicted.tme_mm < 1e-3
+    said = r"at 25 fps, and clip walk\.p0 is of a video at 30 fps"
+    with pytest.raises(BadMotionFile, match=said):
+        score(data, with_config(fps=25), tmp_path / "slow")
+    assert read_system(file, "world").fps_hz == 25.0
+    with_config(type="davis")
+    assert read_system(file, "world").fps_hz is None
+    for fps in ("fast", "-1", "[25]", "{"):
+        with_config(fps=fps)
+        with pytest.raises(BadMotionFile, match=r"config\.yaml: not SLAHMR's config"):
+            read_system(file, "world")
+    later = run.rename(run.with_name(f"{true.id}-3-7-shot-1"))
+    with pytest.raises(BadMotionFile, match=r"walk\.p0-3-7-shot-1 is of a later shot.*first-image"):
+        score(data, later.parent, tmp_path / "later")
+
+
 def test_slahmrs_runs_are_of_the_sequence_before_their_tracks(tmp_path, body, true):
     """A run of `walk-fast` was taken for one of `walk`, too; and a run for a set of its own."""
     clips = [ClipName("walk.p0", "walk"), ClipName("walk-fast.p0", "walk-fast")]
