@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
+from gmrdata.manifest.current import Source
+from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.read.safe_pickle import load_object_npy
@@ -37,7 +39,7 @@ from gmrdata.values.errors import (
 )
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
-from tests.clip_manifests import write_clips
+from tests.clip_manifests import a_head, write_clips
 from tests.clips_in_memory import counted_clips
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files as files
@@ -605,6 +607,31 @@ def test_a_folder_of_many_clips_is_listed_once(tmp_path, true, body, monkeypatch
     (found,) = find_result_sets(tmp_path, clips)
     assert not isinstance(found, ResultSet) and found.folder == tmp_path
     assert len(listed) < 5
+
+
+def test_a_result_of_other_frames_than_the_images_is_refused(tmp_path, data, body, true):
+    """One of every second frame was scored as if it were of the first half."""
+    (tmp_path / "frames").mkdir()
+    for number in FRAMES:
+        (tmp_path / "frames" / f"{number:05d}.jpg").write_bytes(b"a picture")
+    save_clip(tmp_path / "walk.npz", true, rest(body, true))
+    save_body(tmp_path / "body.npz", body)
+    source = Source(dataset="gmrdata", sequence="walk")
+    about = ClipAbout(camera_motion="linear", licence="CC0-1.0", source=source)
+    made = ClipFiles(tmp_path / "walk.npz", images=tmp_path / "frames")
+    entry = clip_entry(tmp_path, made, about)
+    write_manifest(tmp_path / "manifest.yaml", a_head("clips", "motions"), [entry])
+    assert true.camera is not None
+    path, every = tmp_path / "results.pkl", np.arange(0, N, 2)
+    files.write_prompthmr(path, true.motion, true.camera, np.arange(N))
+    scores = only(score(tmp_path, path, tmp_path / "whole"))
+    assert scores.clips[0].n_motions == N - 1 and scores.clips[0].predicted.tme_mm < 1e-3
+    half = true.motion.take(every), true.camera.at_rows(every)
+    files.write_prompthmr(path, *half, np.arange(len(every)))
+    said = r"results\.pkl: of a video of 30 frames, and clip walk\.p0 has 60 images"
+    with pytest.raises(BadMotionFile, match=said):
+        score(tmp_path, path, tmp_path / "half", missing="drop")
+    score(tmp_path, path, tmp_path / "said", missing="drop", first_image=FIRST)
 
 
 def test_tram_on_emdb_and_its_cameras(tmp_path, data, body, true):
