@@ -1,10 +1,10 @@
 """What a pickle of plain data may call, as inert records, and turning those into arrays."""
 
+import io
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -141,16 +141,16 @@ def set_of(members: list[Any], budget: Budget) -> set[Any]:
 
 
 def array_that_follows(
-    state: Any, subclass: str | None, read: Callable[[int], bytes], budget: Budget
-) -> np.ndarray:
+    state: Any, subclass: str | None, stream: IO[bytes], budget: Budget, *, unread: bool
+) -> np.ndarray | None:
     """The array of a joblib `NumpyArrayWrapper`, whose bytes stand in the file right after it.
 
     joblib.dump writes each array so (joblib/numpy_pickle.py, version 0.10 and later): the wrapper
     with shape, order and dtype, then the bytes in that order.  Since 1.2 one byte stands before
     them that says how many bytes of padding follow it.
 
-    `state` are the wrapper's attributes, `subclass` names the class that the array shall have, and
-    `read` gives less at the file's end.
+    `state` are the wrapper's attributes, and `subclass` names the class that the array shall have.
+    None where the array is left unread: then the stream is put behind it.
     """
     keys = ("shape", "order", "dtype")
     match [state.get(key) for key in keys] if isinstance(state, dict) else []:
@@ -161,8 +161,12 @@ def array_that_follows(
     if subclass != "numpy.ndarray" or dtype.hasobject:
         raise UnsafePickle(f"holds a joblib array of {subclass!r} of {dtype}, not of numbers")
     if state.get("numpy_array_alignment_bytes") is not None:
-        read(read(1)[0])
-    return _array(read(_size(shape) * dtype.itemsize), dtype, shape, order, _Done(budget))
+        stream.read(stream.read(1)[0])
+    n_bytes = _size(shape) * dtype.itemsize
+    if unread:
+        stream.seek(n_bytes, io.SEEK_CUR)
+        return None
+    return _array(stream.read(n_bytes), dtype, shape, order, _Done(budget))
 
 
 class _Done(dict[int, Any]):

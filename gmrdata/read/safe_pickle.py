@@ -95,19 +95,20 @@ BROKEN = (
 )  # fmt: skip
 
 
-def load_plain(path: Path) -> Any:
+def load_plain(path: Path, without: frozenset[str] = frozenset()) -> Any:
     """Read a pickle or joblib file of plain data, as it is or compressed, as in `_OPENERS`.
 
     Gives nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Python
     2's strings are read as Latin-1, sparse matrices as `scipy.sparse.csc_matrix` or `csr_matrix`,
     chumpy's arrays and torch's tensors as numpy's.  Anything else is an UnsafePickle that names it.
+    Keys of dicts in `without` are left out: their arrays are neither made nor counted.
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     budget = Budget.of(path)
     with _explained(path, "a pickle"):
         stream = io.BytesIO(_unpacked(path.read_bytes(), budget))
-        return pickle_records.plain(Interpreter(stream, budget).load(), budget)
+        return pickle_records.plain(Interpreter(stream, budget, without).load(), budget)
 
 
 def load_object_npy(path: Path) -> Any:
@@ -179,8 +180,10 @@ class Interpreter(pickle._Unpickler):
     read: Callable[[int], bytes]
     readline: Callable[[], bytes]
 
-    def __init__(self, stream: io.BytesIO, budget: Budget) -> None:
-        self._stream, self.budget = stream, budget
+    def __init__(
+        self, stream: io.BytesIO, budget: Budget, without: frozenset[str] = frozenset()
+    ) -> None:
+        self._stream, self.budget, self._without = stream, budget, without
         super().__init__(stream, encoding="latin1")
 
     def load(self) -> Any:
@@ -245,8 +248,11 @@ class Interpreter(pickle._Unpickler):
             subclass = state.get("subclass") if isinstance(state, dict) else None
             named = subclass.name if isinstance(subclass, Import) else None
             # The bytes stand behind this opcode, which is where a frame has ended.
-            read = self._stream.read
-            self.stack[-1] = pickle_records.array_that_follows(state, named, read, self.budget)
+            key = self.stack[-2] if len(self.stack) > 1 else None
+            unread = isinstance(key, str) and key in self._without
+            self.stack[-1] = pickle_records.array_that_follows(
+                state, named, self._stream, self.budget, unread=unread
+            )
 
     def _bytearray(self) -> None:
         (length,) = struct.unpack("<Q", self.read(8))
@@ -279,6 +285,8 @@ class Interpreter(pickle._Unpickler):
         for key in items[::2]:
             self.budget.check_key(key)
         made.update(zip(items[::2], items[1::2], strict=True))
+        for key in self._without:
+            made.pop(key, None)
 
     def _add_items(self) -> None:
         members = self.pop_mark()

@@ -238,7 +238,7 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         _require_whole(path, n_expected, reading, config)
         _require_several(path, len(numbers), reading)
         rate_hz, times_s = _rated(path, stream, reading)
-        if repeats := said_of_repeats(np.array(changes)):
+        if repeats := said_of_repeats(np.array(changes), config.every):
             remark(f"{path}: {repeats}")
         return VideoRecord(
             container=container.format.name,
@@ -257,9 +257,9 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         )
 
 
-def said_of_repeats(changes: np.ndarray) -> str | None:
-    """What to say of frames that repeat the one before, by mean changes (N-1,) between frames; None
-    where few do, or many on end, as of a picture that stands still."""
+def said_of_repeats(changes: np.ndarray, taken_every: int = 1) -> str | None:
+    """What to say of frames that repeat the one before, by mean changes (N-1,) between those that
+    are taken; None where few do, or many on end, as of a picture that stands still."""
     repeats = changes < REPEATED * np.percentile(changes, 90)
     moves = np.flatnonzero(np.r_[True, ~repeats, True])
     apart = np.diff(moves)
@@ -269,7 +269,7 @@ def said_of_repeats(changes: np.ndarray) -> str | None:
     even = (apart[1:-1] == every).all()
     if even and every == 1:
         return None  # it only stands still at an end
-    remedy = f"--every {every} leaves them out" if even else "give the original"
+    remedy = f"--every {every * taken_every} leaves them out" if even else "give the original"
     n, of = int(repeats.sum()), len(changes) + 1
     return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"
 

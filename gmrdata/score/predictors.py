@@ -44,8 +44,10 @@ from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.files import resolve_inside
 from gmrdata.values.motion import whole_ratio
-from gmrdata.values.people import EstimatedPerson
+from gmrdata.values.people import EstimatedPeople, EstimatedPerson
 from gmrdata.values.records import Config
+
+MOST_FRAMES_OFF = 2  # that programs leave out or count twice at the end of a video
 
 
 class ScoreConfig(Config):
@@ -257,9 +259,11 @@ class ResultSets:
     def _files(self) -> dict[str, ClipFile]:
         return {file.entry.id: file for file in usable_files(self.manifest_path)[0]}
 
+    def _images(self, true: Clip) -> list[int]:
+        return _image_numbers(self._files[true.id].entry, self.manifest_path)
+
     def _frames(self, true: Clip) -> np.ndarray:
-        images = _image_numbers(self._files[true.id].entry, self.manifest_path)
-        return frames_of_rows(true, images, self.config.first_image)
+        return frames_of_rows(true, self._images(true), self.config.first_image)
 
     def _opened(self, one: ResultSet, people: Mapping[str, EstimatedPerson]) -> Predictor:
         config, bodies = self.config, load_bodies(self.body_path)
@@ -284,8 +288,21 @@ class ResultSets:
         shared = self.shared_rows(true) if self.config.missing == "drop" else None
         if result.system == "amass":
             return timed_clip(result, person, true, body, shared)
+        if self.config.first_image is None:
+            _require_same_video(result, true, len(set(self._images(true))))
         rows = RowsOfVideo(self._frames(true), shared)
         return matched_clip(result, person, true, body, self.config.camera, rows)
+
+
+def _require_same_video(result: EstimatedPeople, true: Clip, n_images: int) -> None:
+    """Refuse a result of more or fewer frames than the clip has images, where both are known."""
+    n_frames = result.n_frames or n_images
+    if n_images and abs(n_frames - n_images) > MOST_FRAMES_OFF:
+        raise BadMotionFile(
+            f"{result.files[0]}: of a video of {n_frames} frames, and clip {true.id} has "
+            f"{n_images} images. Give a result of these images, or say with --first-image which "
+            "one is frame 0"
+        )
 
 
 def _body_of(person: EstimatedPerson, clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.read.systems.result import read_system
-from gmrdata.read.systems.slahmr import SLAHMR_FILE
+from gmrdata.read.systems.slahmr import RUN, SLAHMR_FILE
 from gmrdata.read.systems.tram import HPS_FOLDER, is_tram_folder
 from gmrdata.read.video_files import POSES_FILES
 from gmrdata.values.clip import CLIP_FORMAT
@@ -155,20 +155,21 @@ def _candidates(path: Path, clips: Sequence[ClipName]) -> Iterator[tuple[Path, C
         yield from ((path, clip, path) for clip in clips if one_sequence)
         return
     taken = {name for clip in clips for name in clip.names()} | {HPS_FOLDER}
-    roots = [
-        path,
-        *(one for one in sorted(path.iterdir()) if one.is_dir() and one.name not in taken),
+    inside = [
+        one
+        for one in sorted(path.iterdir())
+        if one.is_dir() and one.name not in taken and not any(_is_run(one, n) for n in taken)
     ]
-    for root in roots:
+    for root in (path, *inside):
+        own = list(_own_files(root)) if one_sequence else []
+        runs = [one for one in sorted(root.glob("*-shot-*")) if one.is_dir()]
         for clip in clips:
-            files = [file for name in clip.names() for file in _of_name(root, name)]
-            if one_sequence:
-                files += _own_files(root)
-            yield from ((root, clip, file) for file in dict.fromkeys(files))
+            files = [file for name in clip.names() for file in _of_name(root, name, runs)]
+            yield from ((root, clip, file) for file in dict.fromkeys([*files, *own]))
 
 
-def _of_name(root: Path, name: str) -> Iterator[Path]:
-    """The results in a folder that are named so."""
+def _of_name(root: Path, name: str, runs: Sequence[Path]) -> Iterator[Path]:
+    """The results in a folder that are named so; `runs` are those of SLAHMR's in it."""
     if root.name == "camera" and (root.with_name("smpl") / f"{name}.npz").is_file():
         return  # TRAM's cameras, which are read beside its people
     for file_name in (*(f"{name}{suffix}" for suffix in SUFFIXES), f"demo_{name}.pkl"):
@@ -177,10 +178,15 @@ def _of_name(root: Path, name: str) -> Iterator[Path]:
             yield file
     if (root / name).is_dir():
         yield from _own_files(root / name)
-    # SLAHMR's runs are called <sequence>-<tracks>-shot-<n>-<first>-<last>.
-    for folder in sorted(root.iterdir()):
-        if folder.is_dir() and re.fullmatch(rf"{re.escape(name)}-.*-shot-.*", folder.name):
-            yield from _slahmr_files(folder)
+    for run in runs:
+        if _is_run(run, name):
+            yield from _slahmr_files(run)
+
+
+def _is_run(folder: Path, sequence: str) -> bool:
+    """Whether a folder is named as SLAHMR names its runs of a sequence."""
+    after = folder.name.removeprefix(sequence)
+    return after != folder.name and re.fullmatch(RUN, after) is not None
 
 
 def _own_files(folder: Path) -> Iterator[Path]:

@@ -20,6 +20,8 @@ from gmrdata.values.people import Crop, EstimatedPeople, EstimatedPerson
 from gmrdata.values.transforms import rigid
 from gmrdata.world.compose import motion_in_world
 
+SAME_RATE = 0.01  # as a share: the frames then drift by one in 100
+
 
 @dataclass(frozen=True, eq=False)
 class MatchedClip:
@@ -152,9 +154,10 @@ def matched_clip(
 ) -> MatchedClip:
     """A person's motion on the rows of a clip, at its rate, in a world with z up.
 
-    BadMotionFile: the result has none of the frames.
+    BadMotionFile: the result has none of the frames, or is of frames of another rate.
     """
     file, frames = result.files[0], rows.frames
+    _require_rate(result, true, frames)
     at = rows_of_numbers(person.frame_numbers, frames)
     has = has_rows(person, true, frames, seen_as)
     if not (has & true.valid).any():
@@ -184,6 +187,19 @@ def matched_clip(
     motion = _spread(motion_in_world(seen, z_up_from_file[has]), has)
     camera = _own_camera(person, true, at, has, z_up_from_file)
     return MatchedClip(Clip(true.id, motion, has, true.image_numbers, camera), matched)
+
+
+def _require_rate(result: EstimatedPeople, true: Clip, frames: np.ndarray) -> None:
+    """Refuse a result of frames of another rate than the video's, which the clip's rows show."""
+    rows = np.flatnonzero(frames >= 0)
+    if result.fps_hz is None or len(rows) < 2:
+        return
+    video_hz = true.motion.fps_hz * float(np.median(np.diff(frames[rows]) / np.diff(rows)))
+    if abs(result.fps_hz - video_hz) > SAME_RATE * video_hz:
+        raise BadMotionFile(
+            f"{result.files[0]}: of frames at {result.fps_hz:g} fps, and clip {true.id} is of a "
+            f"video at {video_hz:g} fps. Give a result of that video's own frames"
+        )
 
 
 def _seen(person: EstimatedPerson, true: Clip, body: BodyModel, shape: np.ndarray) -> Motion:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.source_motion import rate_of_frame_time_hz
+from gmrdata.read.source_motion import HIGHEST_HZ, LOWEST_HEADER_HZ, rate_of_frame_time_hz
 from gmrdata.values.body import JOINT_NAMES, PARENTS, WORLD_FROM_REST, BodyModel
 from gmrdata.values.files import write_text
 from gmrdata.values.joint_names import MIXAMO
@@ -44,7 +44,12 @@ def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
 
 
 def frame_time(fps_hz: float) -> str:
-    """The shortest decimal number of seconds, of 7 digits or more, that is read as this rate."""
+    """The shortest decimal number of seconds, of 7 digits or more, that is read as this rate.
+
+    For a rate that is believed in no file, and is asked for with --fps-hz, it has 20.
+    """
+    if not LOWEST_HEADER_HZ <= fps_hz <= HIGHEST_HZ:
+        return f"{1 / fps_hz:.20f}"
     texts = (f"{1 / fps_hz:.{digits}f}" for digits in range(7, 20))
     rates = ((text, rate_of_frame_time_hz(text, Path(), 0)) for text in texts)
     return next((text for text, hz in rates if hz == fps_hz), f"{1 / fps_hz:.20f}")

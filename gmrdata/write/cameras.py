@@ -15,6 +15,7 @@ OpenCV's axes; it takes the first camera as the origin itself.
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,11 @@ class ColmapPoints:
     rows: np.ndarray  # (M,) row of the image of each observation
     points: np.ndarray  # (M,) row in `world_m` of each
     image_px: np.ndarray  # (M, 2) where it is seen [px]
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """(M,) the observations image by image, those of one in the order that they have here."""
+        return np.argsort(self.rows, kind="stable")
 
 
 NO_POINTS = ColmapPoints(
@@ -119,8 +125,11 @@ def _add_images(
     import pycolmap
 
     cam_from_world = transforms.invert(camera.world_from_cam)
-    for row, name in names.items():
-        image = pycolmap.Image(name, points.image_px[points.rows == row], CAMERA_ID, row + 1)
+    rows, of_row = points.rows[points.order], list(names)
+    starts, stops = (np.searchsorted(rows, of_row, side) for side in ("left", "right"))
+    for (row, name), start, stop in zip(names.items(), starts, stops, strict=True):
+        seen_px = points.image_px[points.order[start:stop]]
+        image = pycolmap.Image(name, seen_px, CAMERA_ID, row + 1)
         pose = pycolmap.Rigid3d(np.ascontiguousarray(cam_from_world[row, :3]))
         model.add_image_with_trivial_frame(image, pose)
 
@@ -129,10 +138,9 @@ def _add_points(model: Any, points: ColmapPoints, rows: Sequence[int]) -> None:
     """Points with their tracks; an image point's number is its place among those of its image."""
     import pycolmap
 
-    order = np.argsort(points.rows, kind="stable")
-    starts = np.searchsorted(points.rows[order], np.arange(points.rows.max(initial=0) + 1))
+    in_order = points.rows[points.order]
     number = np.empty_like(points.rows)
-    number[order] = np.arange(len(order)) - starts[points.rows[order]]
+    number[points.order] = np.arange(len(in_order)) - np.searchsorted(in_order, in_order)
     tracks: list[list[Any]] = [[] for _ in points.world_m]
     used = np.isin(points.rows, rows)
     seen = zip(points.points[used], points.rows[used], number[used], strict=True)

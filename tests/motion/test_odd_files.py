@@ -233,6 +233,17 @@ def test_a_written_frame_time_is_readable(tmp_path, small_body, fps_hz, text):
     assert text is None or len(frame_time(fps_hz)) <= len(text) + 12
 
 
+def test_a_rate_that_is_believed_in_no_header_is_written(tmp_path, small_body):
+    """The writer refused it, since the reader does."""
+    walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
+    write_bvh(tmp_path / "a.bvh", replace(walk, fps_hz=4.0), small_body)
+    assert "\nFrame Time: 0.2500000" in (tmp_path / "a.bvh").read_text()
+    with pytest.raises(BadMotionFile, match=r"no rate from 5 to 1000 Hz; give .* --fps-hz"):
+        read_bvh(tmp_path / "a.bvh")
+    found = read_bvh(tmp_path / "a.bvh", fps_hz=4.0, drop_rest_frame=False)
+    assert (found.fps_hz, len(found.local_rotmats)) == (4.0, walk.n_frames)
+
+
 def test_the_skeletons_of_hdm05(shared_path, small_body):
     path = shared_path("odd/hdm05_skeleton_name") / "HDM_bd_01-01_01_120.amc"
     read = read_file(path, small_body, DEFAULT_READING)

@@ -1,7 +1,7 @@
 """Other systems' results, as they write them: exact figures, people, frames, what is refused."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
+from gmrdata.manifest.current import Source
+from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.read.safe_pickle import load_object_npy
@@ -37,7 +39,7 @@ from gmrdata.values.errors import (
 )
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
-from tests.clip_manifests import write_clips
+from tests.clip_manifests import a_head, write_clips
 from tests.clips_in_memory import counted_clips
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files as files
@@ -526,6 +528,110 @@ def test_results_are_never_looked_for_outside_or_under_two_names(tmp_path, body,
     wham(tmp_path / "comparison", body, true)
     with pytest.raises(BadMotionFile, match="comparison: a set can't be called so"):
         find_result_sets(tmp_path, clips[:1])
+
+
+SLAHMRS_CONFIG = """\
+data:
+  type: {type}
+  root: /data
+  video_dir: videos
+  seq: walk
+  ext: mp4
+  src_path: ${{data.root}}/${{data.video_dir}}/${{data.seq}}.${{data.ext}}
+  frame_opts:
+    ext: jpg
+    fps: {fps}
+    start_sec: 0
+    end_sec: -1
+  shot_idx: 0
+  name: ${{data.seq}}-${{data.track_ids}}-shot-${{data.shot_idx}}
+fps: 30
+"""
+"""As Hydra keeps it, in part; the last rate is that of the optimizer's pictures."""
+
+
+def test_slahmrs_frames_are_of_its_rate_and_of_its_shot(tmp_path, data, body, true):
+    """Frames at its default of 25 Hz were taken for those of a video at 30 Hz, and those of a later
+    shot for the video's first."""
+    run = slahmr(tmp_path / "results" / f"{true.id}-longest-2-shot-0-0--1", body, true)
+    file = run / "motion_chunks" / "x_000040_world_results.npz"
+    (run / ".hydra").mkdir()
+
+    def with_config(**said: Any) -> Path:
+        text = SLAHMRS_CONFIG.format(**{"type": "video", "fps": 30} | said)
+        (run / ".hydra" / "config.yaml").write_text(text)
+        return run.parent
+
+    scores = only(score(data, with_config(), tmp_path / "out"))
+    assert scores.name == "slahmr" and scores.clips[0].predicted.tme_mm < 1e-3
+    said = r"at 25 fps, and clip walk\.p0 is of a video at 30 fps"
+    with pytest.raises(BadMotionFile, match=said):
+        score(data, with_config(fps=25), tmp_path / "slow")
+    assert read_system(file, "world").fps_hz == 25.0
+    with_config(type="davis")
+    assert read_system(file, "world").fps_hz is None
+    for fps in ("fast", "-1", "[25]", "{"):
+        with_config(fps=fps)
+        with pytest.raises(BadMotionFile, match=r"config\.yaml: not SLAHMR's config"):
+            read_system(file, "world")
+    later = run.rename(run.with_name(f"{true.id}-3-7-shot-1"))
+    with pytest.raises(BadMotionFile, match=r"walk\.p0-3-7-shot-1 is of a later shot.*first-image"):
+        score(data, later.parent, tmp_path / "later")
+
+
+def test_slahmrs_runs_are_of_the_sequence_before_their_tracks(tmp_path, body, true):
+    """A run of `walk-fast` was taken for one of `walk`, too; and a run for a set of its own."""
+    clips = [ClipName("walk.p0", "walk"), ClipName("walk-fast.p0", "walk-fast")]
+    for n, tracks in enumerate(("all", "longest-2", "3-7")):
+        run = slahmr(tmp_path / str(n) / f"walk-fast-{tracks}-shot-0-0-180", body, true)
+        for named in (clips, clips[1:]):
+            (found,) = find_result_sets(run.parent, named)
+            assert isinstance(found, ResultSet) and found.name == "slahmr"
+            assert set(found.results) == {"walk-fast.p0"}
+
+
+def test_a_folder_of_many_clips_is_listed_once(tmp_path, true, body, monkeypatch):
+    """It was listed once for each name of each clip."""
+    clips = [ClipName(f"walk.p{n}", f"walk{n}", str(n)) for n in range(300)]
+    save_clip(tmp_path / "walk.p0.npz", true, rest(body, true))
+    content = (tmp_path / "walk.p0.npz").read_bytes()
+    for clip in clips:
+        (tmp_path / f"{clip.id}.npz").write_bytes(content)
+    listed, really = [], Path.iterdir
+
+    def iterdir(path: Path) -> Iterator[Path]:
+        listed.append(path)
+        return really(path)
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)
+    (found,) = find_result_sets(tmp_path, clips)
+    assert not isinstance(found, ResultSet) and found.folder == tmp_path
+    assert len(listed) < 5
+
+
+def test_a_result_of_other_frames_than_the_images_is_refused(tmp_path, data, body, true):
+    """One of every second frame was scored as if it were of the first half."""
+    (tmp_path / "frames").mkdir()
+    for number in FRAMES:
+        (tmp_path / "frames" / f"{number:05d}.jpg").write_bytes(b"a picture")
+    save_clip(tmp_path / "walk.npz", true, rest(body, true))
+    save_body(tmp_path / "body.npz", body)
+    source = Source(dataset="gmrdata", sequence="walk")
+    about = ClipAbout(camera_motion="linear", licence="CC0-1.0", source=source)
+    made = ClipFiles(tmp_path / "walk.npz", images=tmp_path / "frames")
+    entry = clip_entry(tmp_path, made, about)
+    write_manifest(tmp_path / "manifest.yaml", a_head("clips", "motions"), [entry])
+    assert true.camera is not None
+    path, every = tmp_path / "results.pkl", np.arange(0, N, 2)
+    files.write_prompthmr(path, true.motion, true.camera, np.arange(N))
+    scores = only(score(tmp_path, path, tmp_path / "whole"))
+    assert scores.clips[0].n_motions == N - 1 and scores.clips[0].predicted.tme_mm < 1e-3
+    half = true.motion.take(every), true.camera.at_rows(every)
+    files.write_prompthmr(path, *half, np.arange(len(every)))
+    said = r"results\.pkl: of a video of 30 frames, and clip walk\.p0 has 60 images"
+    with pytest.raises(BadMotionFile, match=said):
+        score(tmp_path, path, tmp_path / "half", missing="drop")
+    score(tmp_path, path, tmp_path / "said", missing="drop", first_image=FIRST)
 
 
 def test_tram_on_emdb_and_its_cameras(tmp_path, data, body, true):

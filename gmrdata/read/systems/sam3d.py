@@ -2,7 +2,8 @@
 
 Its demo (facebookresearch/sam-3d-body) writes pictures alone.  Read are an .npz of one person, with
 arrays of one picture, as facebookresearch/MHR has in tools/mhr_smpl_conversion, or of T pictures,
-and a pickle of a list with the dict, or the list of dicts, of each picture, or a dict of these:
+and a pickle of a list with the dict, or the list of dicts, of each picture, or a dict of these by
+the number of the picture or the name of its file:
 
 `pred_global_rots` (127, 3, 3)   of the MHR body's joints, y up and z to the viewer
 `pred_joint_coords` (127, 3)     where they are, y down and z away [m]
@@ -19,13 +20,16 @@ their places.  The pelvis is put over the hips' middle as in the body that is sh
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.systems.entries import Entry, person_name
+from gmrdata.read.frames import number_in_name
+from gmrdata.read.systems.entries import Entry, person_name, whole_number
 from gmrdata.values.body import JOINT, PARENTS
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, Pinhole
@@ -59,7 +63,7 @@ def read_sam3d(content: Any, path: Path) -> EstimatedPeople:
     if isinstance(content, Mapping) and content.keys() >= KEYS:
         person = _person(Entry(dict(content), "person_0", path))
         return EstimatedPeople("sam-3d-body", (path,), (person,), len(person.frame_numbers))
-    pictures = list(content.values()) if isinstance(content, Mapping) else list(content)
+    pictures = _in_order(content, path)
     rows: dict[str, dict[int, Mapping[str, Any]]] = defaultdict(dict)
     for number, picture in enumerate(pictures):
         if not isinstance(picture, Mapping | list | tuple):
@@ -73,6 +77,41 @@ def read_sam3d(content: Any, path: Path) -> EstimatedPeople:
             rows[name][number] = row
     people = (_person(_stacked(name, found, path), sorted(found)) for name, found in rows.items())
     return EstimatedPeople("sam-3d-body", (path,), tuple(people), len(pictures))
+
+
+def _in_order(content: Any, path: Path) -> list[Any]:
+    """The pictures as the video has them: in a list's order, or by the numbers of a dict's keys.
+
+    Where no key of a dict has a number, its own order is kept.
+    """
+    if not isinstance(content, Mapping):
+        return list(content)
+    numbered = sorted(
+        (
+            (number, picture)
+            for key, picture in content.items()
+            if (number := _picture_number(key)) is not None
+        ),
+        key=itemgetter(0),
+    )
+    if not numbered:
+        return list(content.values())
+    if len(numbered) < len(content):
+        what = f"{len(content) - len(numbered)} of its {len(content)} pictures have no number"
+        raise BadMotionFile(f"{path}: {what}. Number all of them, as in 00012.jpg")
+    numbers = [number for number, _ in numbered]
+    # Whole numbers count the video's pictures, from 0 or 1; names of files may begin anywhere.
+    first = numbers[0] if all(isinstance(key, str) for key in content) else min(numbers[0], 1)
+    for before, after in pairwise([first - 1, *numbers]):
+        if after != before + 1:
+            what = f"picture {after} follows on picture {before}"
+            remedy = "Give an empty list for a picture without anybody"
+            raise BadMotionFile(f"{path}: {what}. {remedy}, and each number once")
+    return [picture for _, picture in numbered]
+
+
+def _picture_number(key: Any) -> int | None:
+    return number_in_name(key) if isinstance(key, str) else whole_number(key)
 
 
 def are_rows(content: Any) -> bool:

@@ -9,9 +9,12 @@ numpy.savez of B people over T rows, y down, along the first camera's y:
 `cam_R` (B, T, 3, 3), `cam_t` (B, T, 3) the camera's own cam_from_world
 
 `track_info.json`, in the folder above or beside it, has the people's numbers in the order of the
-arrays, which images show each, and which images the T rows are.
+arrays, which images show each, and which images the T rows are.  They are counted from the first
+of a shot (slahmr/data/dataset.py, `get_shot_img_files`), whose number stands in the run's name, and
+have the rate to which the run brought the video, which Hydra notes in `.hydra/config.yaml`.
 """
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,13 +32,18 @@ from gmrdata.read.systems.entries import (
     smplx_local,
     turned,
 )
+from gmrdata.values import plain_yaml
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import parse_json
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InWorld
 from gmrdata.values.transforms import invert, rigid
 
 SLAHMR_FILE = re.compile(r".*_(\d{6})_world_results\.npz")
+RUN = r"-(?:all|longest-[0-9]+|[0-9]+(?:-[0-9]+)*)-shot-([0-9]+)(?:-.*)?"
+"""Of a run's name, after the sequence: its tracks, its shot, and the images in that."""
 TRACK_INFO = "track_info.json"
+CONFIG = ".hydra/config.yaml"
+FRAME_RATE_HZ = 30.0  # of video_to_frames in slahmr/preproc, where the config says none
 KEYS = frozenset({"root_orient", "pose_body", "trans"})
 _NOT_INFO = (
     ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError,
@@ -58,6 +66,12 @@ def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
         raise MissingInput(
             f"{path}: no {TRACK_INFO}, so its frames and people can't be told. {remedy}"
         )
+    run = info_path.parent.resolve().name
+    shot = re.fullmatch(f".+{RUN}", run)
+    if shot and int(shot[1]):
+        what = f"{run} is of a later shot, and its frames count from that shot's first"
+        remedy = "Cut the video before the shot, or name the folder shot-0 and say --first-image"
+        raise BadMotionFile(f"{path}: {what}. {remedy}")
     tracks, first, n_rows = _track_info(info_path)
     entry, sizes = Entry(arrays, "the result", path), (len(tracks), n_rows)
     values = {key: entry.array(key, *sizes, 3) for key in ("trans", "root_orient")}
@@ -72,7 +86,26 @@ def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
         )
         for index, track in enumerate(tracks)
     ]
-    return EstimatedPeople("slahmr", (path, info_path), tuple(people))
+    config_path = info_path.parent / CONFIG
+    if not config_path.is_file():
+        return EstimatedPeople("slahmr", (path, info_path), tuple(people))
+    files = (path, info_path, config_path)
+    return EstimatedPeople("slahmr", files, tuple(people), fps_hz=_rate_hz(config_path))
+
+
+def _rate_hz(path: Path) -> float | None:
+    """Of the images that a run took from a video [Hz]; None where it was given images."""
+    try:
+        data = plain_yaml.parse(path.read_text(encoding="utf-8"))[0]["data"]
+        if data["type"] != "video":
+            return None
+        rate_hz = float(data["frame_opts"].get("fps", FRAME_RATE_HZ))
+        if not 0.0 < rate_hz < math.inf:
+            raise ValueError(f"fps is {rate_hz:g}")
+    except _NOT_INFO as error:
+        fault = f"{type(error).__name__}: {str(error)[:200]}"
+        raise BadMotionFile(f"{path}: not SLAHMR's config ({fault}). {AGAIN}") from None
+    return rate_hz
 
 
 def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:

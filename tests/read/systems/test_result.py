@@ -14,7 +14,7 @@ from gmrdata.read.systems.result import read_system
 from gmrdata.read.systems.sam3d import _JOINTS
 from gmrdata.values.body import JOINT, WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
-from gmrdata.values.people import Part, Pinhole
+from gmrdata.values.people import EstimatedPeople, Part, Pinhole
 from gmrdata.world.placement import assumed_place
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files
@@ -434,6 +434,46 @@ def test_a_dict_that_numpy_saved_is_the_same(tmp_path):
     np.save(tmp_path / "rows.npy", {"0.jpg": [rows]})
     (person,) = read_system(tmp_path / "rows.npy", "camera").people
     assert person.frame_numbers.tolist() == [0]
+
+
+def test_the_keys_of_a_dict_of_pictures_are_their_numbers(tmp_path):
+    """Read in the dict's order, names of a plain sort gave a motion out of order, and numbers with
+    a gap one that was too short."""
+    row = {key: value[0] for key, value in sam3d_rows().items()}
+
+    def read(pictures: dict[Any, float]) -> EstimatedPeople:
+        """Of pictures by key, each with somebody so far before the camera [m]."""
+        content = {
+            key: [row | {"pred_cam_t": np.array([0.0, 0.0, depth_m])}] if depth_m else []
+            for key, depth_m in pictures.items()
+        }
+        for rows in content.values():
+            for one in rows:
+                seen_m = one["pred_keypoints_3d"] + one["pred_cam_t"]
+                one["pred_keypoints_2d"] = 500.0 * seen_m[:, :2] / seen_m[:, 2:] + [320.0, 240.0]
+        return read_system(system_files.write_joblib(tmp_path / "rows.pkl", content), "camera")
+
+    def depths_m(found: EstimatedPeople) -> list[float]:
+        (person,) = found.people
+        assert person.in_camera is not None and person.in_camera.transl_m is not None
+        return person.in_camera.transl_m[:, 2].round(3).tolist()
+
+    sorted_names = {"img/0.jpg": 3.008, "img/1.jpg": 4.008, "img/10.jpg": 13.008}
+    sorted_names |= {f"img/{n}.jpg": 3.008 + n for n in range(2, 10)}
+    found = read(sorted_names)
+    assert depths_m(found) == [3.0 + n for n in range(11)] and found.n_frames == 11
+    assert depths_m(read({"left": 4.008, "right": 3.008})) == [4.0, 3.0]
+    assert depths_m(read({np.int64(2): 4.008, 1: 3.008})) == [3.0, 4.0]
+    found = read({101: 4.008, 100: 0.0} | dict.fromkeys(range(100), 0.0))
+    assert found.people[0].frame_numbers.tolist() == [101] and found.n_frames == 102
+    for pictures, said in (
+        ({0: 3.0, 1: 3.0, 40: 3.0}, r"picture 40 follows on picture 1\. Give an empty list for a"),
+        ({5: 3.0, 6: 3.0}, "picture 5 follows on picture 0"),
+        ({"1.jpg": 3.0, "01.png": 3.0}, "picture 1 follows on picture 1.* each number once"),
+        ({"1.jpg": 3.0, "cover.jpg": 3.0}, "1 of its 2 pictures have no number"),
+    ):
+        with pytest.raises(BadMotionFile, match=rf"rows\.pkl: {said}"):
+            read(pictures)
 
 
 def test_pickled_motions_of_mosh_and_aist_are_read(tmp_path):
