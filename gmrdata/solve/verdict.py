@@ -12,6 +12,7 @@ from pydantic import NonNegativeFloat, model_validator
 
 from gmrdata.cameras.again import AGAIN_FILE, AgainRecord
 from gmrdata.cameras.check.verdict import (
+    both_sides,
     camera_reasons,
     frame_tests,
     jump_cause,
@@ -249,10 +250,8 @@ def judge_cameras(
     n, known = cameras.path.n_frames, cameras.path.has_camera
     world_from_cam = np.where(known[:, None, None], cameras.path.world_from_cam, np.nan)
     fast = turns_too_fast(world_from_cam, fps_hz, config)
-    beside = np.zeros(n, dtype=bool)
-    beside[:-1], beside[1:] = fast, beside[1:] | fast
     tests = frame_tests(quality, np.arange(n), known, config)
-    reasons = first_reasons([""] * n, [*tests, (~beside, "the camera jumps")])
+    reasons = first_reasons([""] * n, [*tests, (~both_sides(fast, 1, n), "the camera jumps")])
     failed = [*doubts, *camera_reasons(quality, config)]
     if len(fast) and (share := float(fast.mean())) > config.max_cuts_share:
         cause = jump_cause(world_from_cam, quality, config)

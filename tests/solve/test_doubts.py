@@ -1,19 +1,30 @@
-"""What a video's own times, lost frames and lens change in the verdict on it."""
+"""What a video's own times, lost frames, lens and jumps change in the verdict on it."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, save_cameras
 from gmrdata.cameras.lens.intrinsics import Intrinsics
+from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.motion.gait import make_gait
 from gmrdata.solve.request import SolveConfig
-from gmrdata.solve.verdict import DOUBTS_FILE, video_doubts, with_lens_error, write_doubts
+from gmrdata.solve.verdict import (
+    DOUBTS_FILE,
+    judge_cameras,
+    video_doubts,
+    with_lens_error,
+    write_doubts,
+)
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import Source
+from gmrdata.values.camera import CameraPath, Source
 from gmrdata.values.clip import Clip
 from gmrdata.values.frame_set import VideoRecord
-from gmrdata.world.recipe import Doubts
+from gmrdata.values.transforms import rigid
+from gmrdata.world.recipe import Doubts, Dropped
+from tests.reconstructions import good_quality
 
 
 def video(times_s: list[float], *, every: int = 1, n_lost: int = 0) -> VideoRecord:
@@ -124,3 +135,16 @@ def test_a_background_may_ask_for_another_focal_length_by_the_error_of_one_nobod
     source, sigma, deviation
 ):
     assert most(source, sigma) == deviation
+
+
+def test_frames_on_both_sides_of_a_jump_are_dropped(tmp_path):
+    """The one before it was kept."""
+    n = 100
+    angles_rad = np.where(np.arange(n) < 50, 0.0, 0.4)
+    turns = Rotation.from_rotvec(angles_rad[:, None] * [0.0, 1.0, 0.0]).as_matrix()
+    known, cameras = np.ones(n, dtype=bool), rigid(turns, np.zeros(3))
+    path = CameraPath(np.diag([900.0, 900.0, 1.0]), 1280, 720, cameras, known)
+    save_cameras(tmp_path / CAMERAS_FILE, SfmCameras(path, "full", np.arange(n), ~known))
+    good_quality(n).write(tmp_path / QUALITY_FILE)
+    found = judge_cameras(tmp_path, 30.0, CamerasVerdictConfig())
+    assert found.accepted and found.dropped == (Dropped(49, 51, "the camera jumps"),)
