@@ -20,7 +20,7 @@ from gmrdata.people.facing import rate_remarks
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord
 from gmrdata.people.local_poses import POSES_FOLDER, local_poses
 from gmrdata.people.sources import (
-    MaskRcnnSource,
+    OF_PICTURES,
     MasksConfig,
     OnnxSource,
     PersonSource,
@@ -394,7 +394,7 @@ def people_masks(
     """
     found: dict[bool, PeopleMasks] = {}
     for name, source in zip(source_names(config.sources), config.sources, strict=True):
-        if isinstance(source, PersonSource | MaskRcnnSource | OnnxSource):
+        if isinstance(source, OF_PICTURES):
             boxed = isinstance(source, OnnxSource)
             masks = PeopleMasks(
                 sources_dir(masks_dir) / name, source.dilate_px, boxed, followed_dir

@@ -23,6 +23,7 @@ from gmrdata.cameras.check.verdict import (
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
+from gmrdata.people.sources import MasksConfig
 from gmrdata.read.intrinsics import GIVEN_SIGMA
 from gmrdata.solve.request import FRAMES, EstimatedPeople, SolveConfig, Solved
 from gmrdata.values.clip import Clip, first_reasons, load_clip
@@ -187,7 +188,7 @@ def judge_video(solved: Solved) -> VideoVerdict:
         world = load_record(solved.world_dir)
         if world.level is not None:
             notes += [one for one in (world.level.remark, world.level.tipped) if one is not None]
-        notes += [*_scale_notes(world), *_unchecked(world)]
+        notes += [*_scale_notes(world), *_unchecked(world, solved.config.masks)]
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
     if decide and not people:
@@ -213,13 +214,12 @@ def _scale_notes(world: PseudoGtQuality) -> Iterator[str]:
         yield f"the metric scale is uncertain by {share:.0%}, and ways and speeds with it{why}"
 
 
-def _unchecked(world: PseudoGtQuality) -> list[str]:
-    """Of whom nothing says that the body lies on the person."""
-    unchecked = [fit is None for fit in world.picture_fits]
-    if all(unchecked):
+def _unchecked(world: PseudoGtQuality, masks: MasksConfig | None) -> list[str]:
+    """Of whom nothing says that the body lies on the person; masks may show nobody."""
+    if masks is None or not masks.show_people:
         return [UNCHECKED]
-    people = zip(world.people, unchecked, strict=True)
-    return [f"{person.id}: {TOO_FEW}" for person, of_it in people if of_it]
+    people = zip(world.people, world.picture_fits, strict=True)
+    return [f"{person.id}: {TOO_FEW}" for person, fit in people if fit is None]
 
 
 def _why(solved: Solved) -> str:

@@ -1,6 +1,7 @@
 """What a video's own times, lost frames, lens and jumps change in the verdict on it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +11,14 @@ from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, save_c
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.motion.gait import make_gait
-from gmrdata.solve.request import SolveConfig
+from gmrdata.people.sources import MasksConfig, PersonSource
+from gmrdata.solve.request import EstimatedPeople, SolveConfig, Solved, SolveRequest
 from gmrdata.solve.verdict import (
     DOUBTS_FILE,
+    TOO_FEW,
+    UNCHECKED,
     judge_cameras,
+    judge_video,
     video_doubts,
     with_lens_error,
     write_doubts,
@@ -21,10 +26,12 @@ from gmrdata.solve.verdict import (
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, Source
 from gmrdata.values.clip import Clip
+from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.transforms import rigid
 from gmrdata.world.recipe import Doubts, Dropped
-from tests.reconstructions import good_quality
+from tests.frame_sets import frame_set
+from tests.reconstructions import good_quality, pseudo_gt_quality
 
 
 def video(times_s: list[float], *, every: int = 1, n_lost: int = 0) -> VideoRecord:
@@ -148,3 +155,27 @@ def test_frames_on_both_sides_of_a_jump_are_dropped(tmp_path):
     good_quality(n).write(tmp_path / QUALITY_FILE)
     found = judge_cameras(tmp_path, 30.0, CamerasVerdictConfig())
     assert found.accepted and found.dropped == (Dropped(49, 51, "the camera jumps"),)
+
+
+@pytest.mark.parametrize(
+    ("masks", "said"),
+    [
+        (None, UNCHECKED),
+        (MasksConfig(), UNCHECKED),  # silhouettes of the bodies themselves
+        (MasksConfig(sources=(PersonSource(),)), f"walk: {TOO_FEW}"),
+    ],
+)
+def test_masks_that_show_nobody_are_not_said_to_be_missing(masks, said, tmp_path):
+    world = pseudo_gt_quality(good_quality(12), 1.0).model_copy(update={"picture_fits": (None,)})
+    world.write(tmp_path / QUALITY_FILE)
+    solved = Solved(
+        SolveRequest(Path("walk.mp4"), EstimatedPeople()),
+        tmp_path,
+        SolveConfig(masks=masks),
+        frame_set(np.arange(12), (1280, 720), 30.0),
+        lens=lens("given", 0.01),
+        unsolved=NoReconstruction("its cameras are not here"),
+        world_dir=tmp_path,
+    )
+    notes = judge_video(solved).notes
+    assert [note for note in notes if "was not checked" in note] == [said]
