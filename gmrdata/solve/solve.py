@@ -327,16 +327,11 @@ def _world(solved: Solved) -> Solved:
     assert solved.sfm_dir is not None
     people, lens, config = solved.request.people, solved.lens, solved.config
     given = people if isinstance(people, GivenPeople) else GivenPeople(())
-    doubts_path = given.doubts_path
-    if doubts_path is None:
-        clips = [load_clip(person.clip_path) for person in solved.bodies]
-        of_people = _own_doubts(solved)
-        doubts_path = write_doubts(solved.out_dir, clips, solved.frames.video, lens, of_people)
     evidence = WorldEvidence(
         sfm_dir=solved.sfm_dir,
         people=solved.bodies,
         dataset_camera_path=given.dataset_camera_path,
-        doubts_path=doubts_path,
+        doubts_path=given.doubts_path or _doubts_of(solved),
         gravity_path=solved.gravity_path,
         seen=_masks_of_people(solved),
         focal_sigma=0.0 if lens is None else lens.focal_sigma,
@@ -349,6 +344,14 @@ def _world(solved: Solved) -> Solved:
     except NoReconstruction as error:
         return replace(solved, unsolved=error)
     return replace(solved, world_dir=made)
+
+
+def _doubts_of(solved: Solved) -> Path | None:
+    """What the frames' video and the lens say against people.  The clips are let go of with this:
+    the world reads them again, and those of many people in a film fill gigabytes."""
+    clips = [load_clip(person.clip_path) for person in solved.bodies]
+    of_people = _own_doubts(solved)
+    return write_doubts(solved.out_dir, clips, solved.frames.video, solved.lens, of_people)
 
 
 def _masks_of_people(solved: Solved) -> PeopleMasks | None:

@@ -99,20 +99,18 @@ def video_doubts(video: VideoRecord | None, clips: Sequence[Clip]) -> Doubts:
     sequence = [
         f"{lost}, so that body and image may not belong together" for lost in lost_frames(video)
     ]
-    steps_s = [np.diff(video.times_of(clip.image_numbers), prepend=np.nan) for clip in clips]
-    # Speeds are computed from the body's rate, so they are wrong by as much as it is.
-    for clip, step_s in zip(clips, steps_s, strict=True):
-        fps_hz = clip.motion.fps_hz
+    step_s = np.diff(video.times_of(clips[0].image_numbers), prepend=np.nan)  # the same of all
+    odd: dict[float, tuple[str, ...]] = {}
+    for fps_hz in dict.fromkeys(clip.motion.fps_hz for clip in clips):
+        # Speeds are computed from the body's rate, so they are wrong by as much as it is.
         if np.isfinite(step_s).any() and (
             abs(np.nanmedian(step_s) * fps_hz - 1.0) > MAX_RATE_ERROR
         ):
             shown_hz = 1.0 / np.nanmedian(step_s)
             sequence.append(f"the body has {fps_hz:g} frames per second, the video {shown_hz:g}")
             return Doubts(frames=nothing, sequence=tuple(sequence))
-    frames = tuple(
-        tuple(_odd_steps(of_clip, clip.motion.fps_hz))
-        for clip, of_clip in zip(clips, steps_s, strict=True)
-    )
+        odd[fps_hz] = tuple(_odd_steps(step_s, fps_hz))
+    frames = tuple(odd[clip.motion.fps_hz] for clip in clips)
     return Doubts(frames=frames, sequence=tuple(sequence))
 
 
