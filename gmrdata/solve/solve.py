@@ -108,8 +108,10 @@ def solve(
         solved = _cameras_again(solved)
         solved = _people(solved)
         solved = _world(solved)
-    made = {SFM: solved.sfm_dir, PSEUDO_GT: solved.world_dir}
-    left = [out_dir / name for name, folder in made.items() if folder is None]
+    made: dict[str, object] = {SFM: solved.sfm_dir, PSEUDO_GT: solved.world_dir}
+    if not isinstance(request.people, GivenPeople):  # whose own files may lie there
+        made[BODIES] = solved.bodies
+    left = [out_dir / name for name, result in made.items() if not result]
     _drop(left, run, "is of an earlier run, and now there is none")
     _fusion(solved)
     return solved

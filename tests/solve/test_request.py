@@ -93,7 +93,7 @@ def test_without_masks_none_of_an_earlier_run_are_left(tmp_path):
 
 def assert_nothing_is_left_of_another_video(frames: Path, out: Path, poses: str | None) -> None:
     """Now there are neither cameras nor people, and its own were exported as if they were."""
-    folders = [out / name for name in ("sfm", "pseudo_gt")]
+    folders = [out / name for name in ("sfm", "bodies", "pseudo_gt")]
     for folder in folders:
         run_stage("other", folder, Config(), {}, lambda _: None)
     with pytest.raises(StaleOutput, match="--redo"):
