@@ -50,7 +50,7 @@ from gmrdata.solve.verdict import with_lens_error, write_doubts
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, NoReconstruction, StaleOutput
+from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import (
@@ -88,14 +88,14 @@ def solve(
     Frames without a camera path, and people without a world, are no error: `unsolved` says why.
 
     Raises:
-        BadRecipe: a folder without a rate, or a video with one.
-        BadFrames, MissingInput, BadMotionFile and what else the stages raise.
+        StaleOutput: `out_dir` lies among the frames, or holds what another run left.
+        BadFrames, MissingInput, BadMotionFile and what else `SolveRequest.check` and the stages
+            raise.
     """
+    request.check()
     _require_apart(request.source, out_dir)
     if request.people is None:
         config = config.for_cameras_alone
-    if isinstance(request.people, EstimatedPeople):
-        request.people.check()
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
     solved = Solved(request, out_dir, config, frames, run, body_path)
@@ -158,10 +158,8 @@ def _require_apart(frames: Path, out_dir: Path) -> None:
 
 def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:
     """What the phone felt in each frame; read first, so that a wrong file is said at once."""
-    if request.gravity_path is None:
+    if request.gravity_path is None or request.people is None:
         return None
-    if request.people is None:
-        raise BadRecipe("--gravity levels people's world; leave it out for cameras alone")
     path = out_dir / GRAVITY_FILE
     save_gravity(path, read_gravity(request.gravity_path, frames.frame_numbers))
     return path

@@ -227,7 +227,7 @@ def solve_video(
         BadFrames, MissingInput, BadMotionFile: as the stages raise them.
     """
     config = config.with_heights(height_m)
-    people, results_path = people_of(poses, body, config)
+    people, results_path = people_of(poses, body, config, gravity)
     felt = None if gravity is None else Path(gravity)
     request = SolveRequest(Path(source), people, lens, fps_hz, part, felt)
     video = NamedVideo("", Path(source), results_path)

@@ -24,6 +24,7 @@ from gmrdata.solve.request import (
     SolveRequest,
 )
 from gmrdata.solve.solve import (
+    GRAVITY_FILE,
     _masks_of_people,
     _own_doubts,
     _own_poses_dir,
@@ -34,7 +35,7 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip, save_clip
-from gmrdata.values.errors import BadRecipe, NoReconstruction, StaleOutput
+from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction, StaleOutput
 from gmrdata.values.people import POSES_FILE, LocalPosesRecord, PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
@@ -109,6 +110,29 @@ def test_rows_of_every_second_frame_are_of_a_systems_file(tmp_path, poses):
     with pytest.raises(BadRecipe, match="--poses-every is of another system's file"):
         solve_video(tmp_path / "walk.mp4", tmp_path / "out", poses=poses, config=config)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_source_that_is_not_there_is_said_first(tmp_path):
+    with pytest.raises(MissingInput, match=r"gone.mp4: no such video, or folder of images"):
+        solve_video(tmp_path / "gone.mp4", tmp_path / "out", poses="none")
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_said_of_people_is_left_aside_where_their_networks_were_not_fetched(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "empty"))
+    (tmp_path / "frames").mkdir()
+    for number in range(3):
+        write_gray(tmp_path / "frames" / f"{number}.png", np.full((48, 64), 128, np.uint8))
+    given = tmp_path / "frames", tmp_path / "out"
+    told = {"fps_hz": 30, "height_m": 1.78, "gravity": tmp_path / "gravity.csv"}
+    config = SolveConfig(masks=None)
+    verdict_path = solve_video(*given, config=config, **told)
+    assert "cameras alone, without people" in capsys.readouterr().err
+    assert verdict_path.is_file() and not (tmp_path / "out" / GRAVITY_FILE).exists()
+    with pytest.raises(BadRecipe, match="--height-m is for people; leave it out for cameras alone"):
+        solve_video(*given, poses="none", config=config, **told)
 
 
 @pytest.mark.parametrize(("people", "bends"), [(EstimatedPeople(), True), (GivenPeople(()), False)])
