@@ -156,10 +156,11 @@ def video(
         "config": _solve_config(_masks(masks, networks), lens, solving),
     }  # fmt: skip
     alone = _are_one(sources, solving, run)
+    if alone:
+        asked["gravity"] = solving.gravity
     if dry_run:
         _show_plan(sources, asked)
     elif alone:
-        asked["gravity"] = solving.gravity
         _solve_one(sources[0], out, asked, run, page=page, strict=strict, as_json=as_json)
     else:
         _solve_many(sources, out, asked, run, page=page, strict=strict, as_json=as_json)

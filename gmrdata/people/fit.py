@@ -1,4 +1,4 @@
-"""The fit: a body laid onto a track's landmarks, all frames at once, until it stands still.
+"""The fit: a body laid onto a track's landmarks, up to 600 frames at once, until it stands still.
 
 Least squares with few outliers (Geman and McClure 1987): landmarks in the picture, how much nearer
 to the camera than the hips the network has them, second differences over time, and how far joints

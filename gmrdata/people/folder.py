@@ -67,8 +67,11 @@ def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:
     every, last = frames.video.every, max(frames.video.frame_of)
     stems = [path.name.split(".")[0] for path in masks_dir.glob("*.png")]
     if any(stem.isdecimal() and int(stem) > last for stem in stems):
-        what = f"masks go beyond image {last}, the last one, so they are of every frame"
-        remedy = f"keep those of frames 0, {every}, {2 * every}, ..., under the images' names"
+        of, which = "every frame", f"frames 0, {every}, {2 * every}, ..."
+        if frames.n_frames is None:  # a part, whose video may have images after it
+            of, which = "more images than this part, or of every frame", "its images"
+        what = f"masks go beyond image {last}, the last one, so they are of {of}"
+        remedy = f"keep those of {which}, under the images' names"
         raise BadFrames(f"{masks_dir}: {what}; {remedy}")
 
 

@@ -62,6 +62,7 @@ from gmrdata.values.records import (
 
 FOLLOWED_FILE, SIGHTINGS_FILE, OUTLINES_FOLDER = "followed.json", "sightings.npz", "outlines"
 SIGHTINGS_FORMAT = "gmrdata-sightings/1"
+MOST_NAMED = 3  # people in one line; of a crowd the record has the rest
 HUES, SATURATIONS = 8, 4
 """Bins of the colours by which a person is known again."""
 
@@ -205,13 +206,19 @@ class FollowedRecord(Record):
     """Frames of each one who is seen in too few."""
 
     def doubts(self) -> tuple[str, ...]:
-        """What one should know of who is who."""
+        """What one should know of who is who: a line for each person who may be one before."""
         return tuple(
-            f"person {number} may be person {other}: they are never seen in one frame"
+            f"person {number} may be {_one_of(others)}: they are never seen in one frame"
             for number, person in enumerate(self.people)
-            for other in person.may_be
-            if other < number
+            if (others := [other for other in person.may_be if other < number])
         )
+
+
+def _one_of(people: Sequence[int]) -> str:
+    """Some people in words, by their numbers."""
+    if len(people) > MOST_NAMED:
+        return f"one of {len(people)} before it ({FOLLOWED_FILE} has them)"
+    return f"person {' or '.join(map(str, people))}"
 
 
 def follow_people(

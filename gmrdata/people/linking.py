@@ -149,15 +149,18 @@ def link(frames: list[Detections], config: TrackConfig) -> list[list[tuple[int, 
     a detector wavers between dog and horse but not between something and nothing.
     """
     tracks: list[list[tuple[int, int]]] = []
+    open_tracks: list[list[tuple[int, int]]] = []
     for at, found in enumerate(frames):
-        open_tracks = [t for t in tracks if at - t[-1][0] <= config.max_gap_frames + 1]
+        open_tracks = [t for t in open_tracks if at - t[-1][0] <= config.max_gap_frames + 1]
         last_px = [frames[t[-1][0]].boxes_px[t[-1][1]] for t in open_tracks]
         overlap = box_iou(np.array(last_px).reshape(-1, 4), found.boxes_px)
         taken = _best_pairs(overlap, config.link_iou)
         for track_row, row in taken:
             open_tracks[track_row].append((at, row))
         matched = {row for _, row in taken}
-        tracks += [[(at, row)] for row in range(len(found)) if row not in matched]
+        begun = [[(at, row)] for row in range(len(found)) if row not in matched]
+        tracks += begun
+        open_tracks += begun
     return tracks
 
 
@@ -180,9 +183,9 @@ def _fill(
     boxes_px = np.array([frames[frame].boxes_px[row] for frame, row in linked])
     first = max(0, at[0] - hold_frames)
     last = min(len(frames) - 1, at[-1] + hold_frames)
-    missing = [frame for frame in range(first, last + 1) if frame not in set(at.tolist())]
+    missing = np.setdiff1d(np.arange(first, last + 1), at)
     edges_px = np.stack([np.interp(missing, at, edge_px) for edge_px in boxes_px.T], axis=1)
-    return list(zip(missing, edges_px, strict=True))
+    return list(zip(missing.tolist(), edges_px, strict=True))
 
 
 class LinkConfig(Config):

@@ -111,6 +111,8 @@ MaskSource = Annotated[
     SilhouetteSource | FolderSource | OnnxSource | PersonSource | MaskRcnnSource,
     Field(discriminator="kind"),
 ]
+OF_PICTURES = OnnxSource | PersonSource | MaskRcnnSource
+"""Sources that look for people in the pictures, without the bodies of the sequence."""
 
 
 class MasksConfig(UnionConfig):
@@ -118,6 +120,11 @@ class MasksConfig(UnionConfig):
 
     sources: tuple[MaskSource, ...] = Field(default=(SilhouetteSource(),), min_length=1)
     """Where masks come from; a pixel is masked if any source says so."""
+
+    @property
+    def show_people(self) -> bool:
+        """Whether some tell where people are, as bodies that are right lie on them."""
+        return any(isinstance(source, OF_PICTURES) for source in self.sources)
 
 
 class MasksRecipe(MasksConfig):

@@ -76,6 +76,12 @@ def is_video(path: Path) -> bool:
     return path.is_file()
 
 
+def has_times(source: Path) -> bool:
+    """Whether images say when they were taken: those of a video file, or of a folder that
+    `extract_video` made."""
+    return is_video(source) or (source / VIDEO_FILE).is_file()
+
+
 def video_record(frames_dir: Path) -> VideoRecord | None:
     """What is known of the video that frames come from; None of frames from elsewhere."""
     path = frames_dir / VIDEO_FILE

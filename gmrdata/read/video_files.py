@@ -33,13 +33,6 @@ class NamedVideo:
     path: Path  # a video file, or a folder of numbered images; absolute
     poses_path: Path | None = None  # of its people; None for cameras alone
 
-    @property
-    def size_bytes(self) -> int:
-        """Bytes of the file, or of the files of the folder."""
-        if self.path.is_file():
-            return self.path.stat().st_size
-        return sum(file.stat().st_size for file in self.path.iterdir() if file.is_file())
-
 
 @dataclass(frozen=True)
 class FoundVideos:

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 from gmrdata.cameras.lens.self_calibration import ENOUGH_FRAMES
-from gmrdata.read.frames import read_frames
-from gmrdata.read.video import VideoConfig, count_images, is_video
+from gmrdata.read.video import VideoConfig, as_frames, count_images, is_video
 from gmrdata.read.video_files import NamedVideo, find_videos
 from gmrdata.solve.request import (
     DEFAULT_CONFIG,
@@ -64,7 +63,9 @@ class VideoPlan(NamedTuple):
 
 
 def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
-    """By the file's own word, or by the images of a folder; errors as of reading them."""
+    """By the file's own word, or by the images of a folder; errors as of `SolveRequest.check`, and
+    of reading them."""
+    request.check()
     people = request.people
     own = isinstance(people, EstimatedPeople) and people.are_own
     asked = {
@@ -96,7 +97,7 @@ def plan_stages(
     if is_video(source):
         n_images, size_px = count_images(source, part or VideoConfig())
     else:
-        frames = read_frames(source)
+        frames = as_frames(source, Path(), part)  # as they are: nothing is made of a folder
         n_images, size_px = len(frames.paths), frames.size_px
     share = size_px[0] * size_px[1] / (1280 * 720)
     seconds = {
@@ -127,20 +128,18 @@ def plan_videos(
     body: str = "anny",
     lens: GivenIntrinsics | None = None,
     fps_hz: float | None = None,
+    gravity: str | Path | None = None,
     part: VideoConfig | None = None,
     config: SolveConfig = DEFAULT_CONFIG,
 ) -> Plan:
     """The plan of `solve_video`, or for several of `solve_videos`, and about how long it takes on
     two cores; nothing is made.  Heights and gravity change neither.  Errors as there."""
     paths = [Path(source) for source in sources]
-    people, results = people_of(poses, body, config)
+    people, results = people_of(poses, body, config, gravity)
     request = SolveRequest(paths[0], people, lens, fps_hz, part)
     found = find_videos(paths)
     if found is None:
-        alone = request.of(NamedVideo("", paths[0], results), body)
-        if isinstance(alone.people, EstimatedPeople):
-            alone.people.check()
-        planned = plan_video(alone, config)
+        planned = plan_video(request.of(NamedVideo("", paths[0], results), body), config)
         return Plan(True, planned.rows, planned.summary(paths[0]))
     batch = Batch(Path(), request, config, body)
     return plan_batch(prepared(found, batch, results).videos, batch)

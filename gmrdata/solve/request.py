@@ -10,12 +10,12 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.local_poses import LocalPosesConfig
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.systems.result import read_system
-from gmrdata.read.video import VideoConfig
+from gmrdata.read.video import VideoConfig, has_times
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction
-from gmrdata.values.frame_set import FrameSet
+from gmrdata.values.frame_set import FrameSet, require_rate
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
@@ -112,12 +112,6 @@ class EstimatedPeople:
         """Whether the built-in estimator looks for them."""
         return self.results_path is None
 
-    def check(self) -> None:
-        """Read another system's results, so that a wrong file is said before cameras are sought;
-        errors as of `read_system`."""
-        if self.results_path is not None:
-            read_system(self.results_path, "camera")
-
 
 @dataclass(frozen=True)
 class SolveRequest:
@@ -129,6 +123,21 @@ class SolveRequest:
     fps_hz: float | None = None  # of a folder of images; a video has times
     part: VideoConfig | None = None
     gravity_path: Path | None = None  # what the phone felt, as `read_gravity` takes it
+
+    def check(self) -> None:
+        """Refuse what can't be right before anything is made.
+
+        Raises:
+            MissingInput: the source is not there.
+            BadRecipe: as `require_rate`, but for people who are given: these have times.
+            BadMotionFile and what else `read_system` raises of another system's results.
+        """
+        if not isinstance(self.people, GivenPeople):
+            if not self.source.exists():
+                raise MissingInput(f"{self.source}: no such video, or folder of images")
+            require_rate(self.source, self.fps_hz, has_times=has_times(self.source))
+        if isinstance(self.people, EstimatedPeople) and self.people.results_path is not None:
+            read_system(self.people.results_path, "camera")
 
     def of(self, video: NamedVideo, body: str) -> "SolveRequest":
         """The same of another video, by a system's results where it has some."""
@@ -166,12 +175,16 @@ of whom must be accepted; and cameras alone."""
 
 
 def people_of(
-    poses: str | Path | None, body: str, config: SolveConfig
+    poses: str | Path | None,
+    body: str,
+    config: SolveConfig,
+    gravity: str | Path | None = None,
 ) -> tuple[EstimatedPeople | None, Path | None]:
     """Who is sought in pictures, and the file or folder of another system's results.
 
     Without the networks of the built-in estimator, where nobody asked for its people, that is said.
-    BadRecipe for rows of every n-th frame, which only a system's file has.
+    BadRecipe for rows of every n-th frame, which only a system's file has, and for what is said of
+    people where cameras alone are asked for.
     """
     if poses is not SEEN and str(poses) not in (OWN, NOBODY):
         return None, Path(poses)
@@ -179,6 +192,9 @@ def people_of(
         what = "--poses-every is of another system's file, with --poses"
         raise BadRecipe(f"{what}. Leave it out; --every takes every n-th frame of a video")
     if str(poses) == NOBODY:
+        for flag, said in (("--height-m", config.bodies.heights), ("--gravity", gravity)):
+            if said:
+                raise BadRecipe(f"{flag} is for people; leave it out for cameras alone")
         return None, None
     try:
         _ = config.networks

@@ -20,7 +20,7 @@ from gmrdata.people.facing import rate_remarks
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord
 from gmrdata.people.local_poses import POSES_FOLDER, local_poses
 from gmrdata.people.sources import (
-    MaskRcnnSource,
+    OF_PICTURES,
     MasksConfig,
     OnnxSource,
     PersonSource,
@@ -50,7 +50,7 @@ from gmrdata.solve.verdict import with_lens_error, write_doubts
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, NoReconstruction, StaleOutput
+from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import (
@@ -88,14 +88,14 @@ def solve(
     Frames without a camera path, and people without a world, are no error: `unsolved` says why.
 
     Raises:
-        BadRecipe: a folder without a rate, or a video with one.
-        BadFrames, MissingInput, BadMotionFile and what else the stages raise.
+        StaleOutput: `out_dir` lies among the frames, or holds what another run left.
+        BadFrames, MissingInput, BadMotionFile and what else `SolveRequest.check` and the stages
+            raise.
     """
+    request.check()
     _require_apart(request.source, out_dir)
     if request.people is None:
         config = config.for_cameras_alone
-    if isinstance(request.people, EstimatedPeople):
-        request.people.check()
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
     solved = Solved(request, out_dir, config, frames, run, body_path)
@@ -108,8 +108,10 @@ def solve(
         solved = _cameras_again(solved)
         solved = _people(solved)
         solved = _world(solved)
-    made = {SFM: solved.sfm_dir, PSEUDO_GT: solved.world_dir}
-    left = [out_dir / name for name, folder in made.items() if folder is None]
+    made: dict[str, object] = {SFM: solved.sfm_dir, PSEUDO_GT: solved.world_dir}
+    if not isinstance(request.people, GivenPeople):  # whose own files may lie there
+        made[BODIES] = solved.bodies
+    left = [out_dir / name for name, result in made.items() if not result]
     _drop(left, run, "is of an earlier run, and now there is none")
     _fusion(solved)
     return solved
@@ -156,10 +158,8 @@ def _require_apart(frames: Path, out_dir: Path) -> None:
 
 def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:
     """What the phone felt in each frame; read first, so that a wrong file is said at once."""
-    if request.gravity_path is None:
+    if request.gravity_path is None or request.people is None:
         return None
-    if request.people is None:
-        raise BadRecipe("--gravity levels people's world; leave it out for cameras alone")
     path = out_dir / GRAVITY_FILE
     save_gravity(path, read_gravity(request.gravity_path, frames.frame_numbers))
     return path
@@ -327,16 +327,11 @@ def _world(solved: Solved) -> Solved:
     assert solved.sfm_dir is not None
     people, lens, config = solved.request.people, solved.lens, solved.config
     given = people if isinstance(people, GivenPeople) else GivenPeople(())
-    doubts_path = given.doubts_path
-    if doubts_path is None:
-        clips = [load_clip(person.clip_path) for person in solved.bodies]
-        of_people = _own_doubts(solved)
-        doubts_path = write_doubts(solved.out_dir, clips, solved.frames.video, lens, of_people)
     evidence = WorldEvidence(
         sfm_dir=solved.sfm_dir,
         people=solved.bodies,
         dataset_camera_path=given.dataset_camera_path,
-        doubts_path=doubts_path,
+        doubts_path=given.doubts_path or _doubts_of(solved),
         gravity_path=solved.gravity_path,
         seen=_masks_of_people(solved),
         focal_sigma=0.0 if lens is None else lens.focal_sigma,
@@ -349,6 +344,14 @@ def _world(solved: Solved) -> Solved:
     except NoReconstruction as error:
         return replace(solved, unsolved=error)
     return replace(solved, world_dir=made)
+
+
+def _doubts_of(solved: Solved) -> Path | None:
+    """What the frames' video and the lens say against people.  The clips are let go of with this:
+    the world reads them again, and those of many people in a film fill gigabytes."""
+    clips = [load_clip(person.clip_path) for person in solved.bodies]
+    of_people = _own_doubts(solved)
+    return write_doubts(solved.out_dir, clips, solved.frames.video, solved.lens, of_people)
 
 
 def _masks_of_people(solved: Solved) -> PeopleMasks | None:
@@ -394,7 +397,7 @@ def people_masks(
     """
     found: dict[bool, PeopleMasks] = {}
     for name, source in zip(source_names(config.sources), config.sources, strict=True):
-        if isinstance(source, PersonSource | MaskRcnnSource | OnnxSource):
+        if isinstance(source, OF_PICTURES):
             boxed = isinstance(source, OnnxSource)
             masks = PeopleMasks(
                 sources_dir(masks_dir) / name, source.dilate_px, boxed, followed_dir

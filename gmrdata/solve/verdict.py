@@ -12,6 +12,7 @@ from pydantic import NonNegativeFloat, model_validator
 
 from gmrdata.cameras.again import AGAIN_FILE, AgainRecord
 from gmrdata.cameras.check.verdict import (
+    both_sides,
     camera_reasons,
     frame_tests,
     jump_cause,
@@ -22,6 +23,7 @@ from gmrdata.cameras.check.verdict import (
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
+from gmrdata.people.sources import MasksConfig
 from gmrdata.read.intrinsics import GIVEN_SIGMA
 from gmrdata.solve.request import FRAMES, EstimatedPeople, SolveConfig, Solved
 from gmrdata.values.clip import Clip, first_reasons, load_clip
@@ -97,20 +99,18 @@ def video_doubts(video: VideoRecord | None, clips: Sequence[Clip]) -> Doubts:
     sequence = [
         f"{lost}, so that body and image may not belong together" for lost in lost_frames(video)
     ]
-    steps_s = [np.diff(video.times_of(clip.image_numbers), prepend=np.nan) for clip in clips]
-    # Speeds are computed from the body's rate, so they are wrong by as much as it is.
-    for clip, step_s in zip(clips, steps_s, strict=True):
-        fps_hz = clip.motion.fps_hz
+    step_s = np.diff(video.times_of(clips[0].image_numbers), prepend=np.nan)  # the same of all
+    odd: dict[float, tuple[str, ...]] = {}
+    for fps_hz in dict.fromkeys(clip.motion.fps_hz for clip in clips):
+        # Speeds are computed from the body's rate, so they are wrong by as much as it is.
         if np.isfinite(step_s).any() and (
             abs(np.nanmedian(step_s) * fps_hz - 1.0) > MAX_RATE_ERROR
         ):
             shown_hz = 1.0 / np.nanmedian(step_s)
             sequence.append(f"the body has {fps_hz:g} frames per second, the video {shown_hz:g}")
             return Doubts(frames=nothing, sequence=tuple(sequence))
-    frames = tuple(
-        tuple(_odd_steps(of_clip, clip.motion.fps_hz))
-        for clip, of_clip in zip(clips, steps_s, strict=True)
-    )
+        odd[fps_hz] = tuple(_odd_steps(step_s, fps_hz))
+    frames = tuple(odd[clip.motion.fps_hz] for clip in clips)
     return Doubts(frames=frames, sequence=tuple(sequence))
 
 
@@ -186,7 +186,7 @@ def judge_video(solved: Solved) -> VideoVerdict:
         world = load_record(solved.world_dir)
         if world.level is not None:
             notes += [one for one in (world.level.remark, world.level.tipped) if one is not None]
-        notes += [*_scale_notes(world), *_unchecked(world)]
+        notes += [*_scale_notes(world), *_unchecked(world, solved.config.masks)]
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
     if decide and not people:
@@ -212,13 +212,12 @@ def _scale_notes(world: PseudoGtQuality) -> Iterator[str]:
         yield f"the metric scale is uncertain by {share:.0%}, and ways and speeds with it{why}"
 
 
-def _unchecked(world: PseudoGtQuality) -> list[str]:
-    """Of whom nothing says that the body lies on the person."""
-    unchecked = [fit is None for fit in world.picture_fits]
-    if all(unchecked):
+def _unchecked(world: PseudoGtQuality, masks: MasksConfig | None) -> list[str]:
+    """Of whom nothing says that the body lies on the person; masks may show nobody."""
+    if masks is None or not masks.show_people:
         return [UNCHECKED]
-    people = zip(world.people, unchecked, strict=True)
-    return [f"{person.id}: {TOO_FEW}" for person, of_it in people if of_it]
+    people = zip(world.people, world.picture_fits, strict=True)
+    return [f"{person.id}: {TOO_FEW}" for person, fit in people if fit is None]
 
 
 def _why(solved: Solved) -> str:
@@ -249,10 +248,8 @@ def judge_cameras(
     n, known = cameras.path.n_frames, cameras.path.has_camera
     world_from_cam = np.where(known[:, None, None], cameras.path.world_from_cam, np.nan)
     fast = turns_too_fast(world_from_cam, fps_hz, config)
-    beside = np.zeros(n, dtype=bool)
-    beside[:-1], beside[1:] = fast, beside[1:] | fast
     tests = frame_tests(quality, np.arange(n), known, config)
-    reasons = first_reasons([""] * n, [*tests, (~beside, "the camera jumps")])
+    reasons = first_reasons([""] * n, [*tests, (~both_sides(fast, 1, n), "the camera jumps")])
     failed = [*doubts, *camera_reasons(quality, config)]
     if len(fast) and (share := float(fast.mean())) > config.max_cuts_share:
         cause = jump_cause(world_from_cam, quality, config)

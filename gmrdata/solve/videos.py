@@ -13,7 +13,7 @@ from pydantic.dataclasses import dataclass as part
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, load_intrinsics
 from gmrdata.people.sources import FolderSource, network_files, sources_dir, without_files
 from gmrdata.read.bodies import ANNY_FILE
-from gmrdata.read.video import VideoConfig, is_video
+from gmrdata.read.video import VideoConfig, has_times
 from gmrdata.read.video_files import FoundVideos, NamedVideo, find_videos, with_poses
 from gmrdata.solve.request import (
     AGAIN,
@@ -41,6 +41,7 @@ from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.camera import Source
 from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import STAGE_FILE, remove_orphans
+from gmrdata.values.frame_set import require_rate
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
 from gmrdata.values.records import PART, Config, Figure, Record
 
@@ -129,7 +130,7 @@ class Batch:
 
     def of(self, video: NamedVideo) -> SolveRequest:
         request = self.request.of(video, self.body)
-        return replace(request, fps_hz=None) if is_video(video.path) else request
+        return replace(request, fps_hz=None) if has_times(video.path) else request
 
     def folder(self, video: NamedVideo) -> Path:
         return video_dir(self.out_dir, video.name)
@@ -226,7 +227,7 @@ def solve_video(
         BadFrames, MissingInput, BadMotionFile: as the stages raise them.
     """
     config = config.with_heights(height_m)
-    people, results_path = people_of(poses, body, config)
+    people, results_path = people_of(poses, body, config, gravity)
     felt = None if gravity is None else Path(gravity)
     request = SolveRequest(Path(source), people, lens, fps_hz, part, felt)
     video = NamedVideo("", Path(source), results_path)
@@ -284,13 +285,9 @@ def prepared(found: FoundVideos, batch: Batch, poses_dir: Path | None) -> FoundV
     sources = () if batch.config.masks is None else batch.config.masks.sources
     if any(isinstance(source, FolderSource) for source in sources):
         raise BadRecipe("--masks: a folder of masks is of one video. Solve that one alone")
-    folders = [video.path for video in found.videos if not is_video(video.path)]
-    if folders and batch.request.fps_hz is None:
-        raise BadRecipe(
-            f"{folders[0]}: a folder of images has no frame rate. Give it with --fps-hz"
-        )
-    if batch.request.fps_hz is not None and not folders:
-        raise BadRecipe("--fps-hz: videos have their own times. Leave it out")
+    # Where some have no times, the rate is theirs.
+    for path in sorted((video.path for video in found.videos), key=has_times)[:1]:
+        require_rate(path, batch.request.fps_hz, has_times=has_times(path))
     found = found if poses_dir is None else with_poses(found, poses_dir)
     for line in found.remarks:
         remark(line)

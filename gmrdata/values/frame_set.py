@@ -8,6 +8,7 @@ import numpy as np
 
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadRecipe
+from gmrdata.values.limits import HIGHEST_FPS_HZ, LOWEST_FPS_HZ
 from gmrdata.values.records import Record
 
 VIDEO_FILE = "video.json"
@@ -75,18 +76,11 @@ class FrameSet:
     video_path: Path | None = None  # The video's file, where it was read for this
 
     def with_rate(self, fps_hz: float | None) -> "FrameSet":
-        """The same with times: a video has its own, and images need a rate.
-
-        Raises:
-            BadRecipe: neither is there, or both are.
-        """
-        if self.video is not None:
-            if fps_hz is not None:
-                raise BadRecipe(f"{self.folder}: a video has its own times. Leave --fps-hz out")
-            return self
+        """The same with times: a video has its own, and images need a rate; errors as of
+        `require_rate`."""
+        require_rate(self.folder, fps_hz, has_times=self.video is not None)
         if fps_hz is None:
-            what = "a folder of images has no frame rate"
-            raise BadRecipe(f"{self.folder}: {what}. Give it with --fps-hz")
+            return self
         return replace(self, times_s=self.frame_numbers / fps_hz, rate_hz=fps_hz)
 
     @property
@@ -99,6 +93,21 @@ class FrameSet:
         """Frames of the video per second."""
         apart = np.diff(self.frame_numbers)
         return self.rate_hz * (float(np.median(apart)) if len(apart) else 1.0)
+
+
+def require_rate(source: Path, fps_hz: float | None, *, has_times: bool) -> None:
+    """Refuse images without times or a rate, with both, or with a rate that no camera has.
+
+    Raises:
+        BadRecipe: the message names the source and the remedy.
+    """
+    if has_times and fps_hz is not None:
+        raise BadRecipe(f"{source}: a video has its own times. Leave --fps-hz out")
+    if not has_times and fps_hz is None:
+        raise BadRecipe(f"{source}: a folder of images has no frame rate. Give it with --fps-hz")
+    if fps_hz is not None and not LOWEST_FPS_HZ <= fps_hz <= HIGHEST_FPS_HZ:
+        most = f"{LOWEST_FPS_HZ:g} to {HIGHEST_FPS_HZ:g}"
+        raise BadRecipe(f"--fps-hz {fps_hz:g}: images per second are from {most}")
 
 
 class Filmed(NamedTuple):

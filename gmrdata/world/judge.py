@@ -14,6 +14,7 @@ from pydantic import model_validator
 
 from gmrdata.cameras.check.verdict import (
     angles_deg,
+    both_sides,
     camera_reasons,
     frame_tests,
     jump_cause,
@@ -371,8 +372,8 @@ def frame_reasons(
         *before,
         (clip.valid, "the body is not known"),
         enough,
-        (~_both_sides(jumps(clip, config), 1, n), "the camera jumps"),
-        (~_both_sides(body_jumps(clip, config), 1, n), "the body jumps"),
+        (~both_sides(jumps(clip, config), 1, n), "the camera jumps"),
+        (~both_sides(body_jumps(clip, config), 1, n), "the body jumps"),
     ]
     if fit is not None:
         lies = np.ones(n, dtype=bool)
@@ -383,7 +384,7 @@ def frame_reasons(
         apart_deg, apart_m = window_differences(camera.world_from_cam, dataset_camera, step)
         # A comparison with NaN is False: what is unknown doesn't disagree.
         off = (apart_deg > config.max_window_deg) | (apart_m > config.max_window_m)
-        tests.append((~_both_sides(off, step, n), "the camera moves otherwise than the data set's"))
+        tests.append((~both_sides(off, step, n), "the camera moves otherwise than the data set's"))
     return first_reasons(unusable, tests)
 
 
@@ -406,13 +407,6 @@ def body_jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
     turned = np.rad2deg(np.arccos(cosines)) * motion.fps_hz
     beyond = (far > config.max_body_speed_m_per_s) | (turned > config.max_body_turn_deg_per_s)
     return np.asarray(known & beyond)
-
-
-def _both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:
-    """(n,) bool: frames at either end of a marked step."""
-    first, last = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-    first[: max(0, n - step)], last[step:] = steps, steps
-    return first | last
 
 
 def without_short_runs(reasons: list[str], min_run: int) -> list[str]:

@@ -17,6 +17,7 @@ from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import Batch
 from gmrdata.values.clip import load_clip
 from tests.filming import CAMERAS_ALONE
+from tests.read import system_files
 
 N_IMAGES, SIZE_PX = 12, (640, 360)
 Shared = Callable[[str], Path]
@@ -87,12 +88,13 @@ def test_without_the_networks_people_are_left_out_with_a_word_or_refused(
 def test_a_batch_reads_the_estimator_s_networks(dolly, tmp_path):
     """Of videos whose people it looks for, and of no others."""
     files = {"landmarks": tmp_path / "net.tflite"}
+    poses_path = system_files.write_joblib(tmp_path / "b.pkl", system_files.some_wham({0: 12}))
     own_people = EstimatedPeople(asked=False)
     request = SolveRequest(dolly.images_dir, own_people, fps_hz=10.0)
     batch = Batch(tmp_path, request, SolveConfig(), own_files=files)
     own, theirs = (
         NamedVideo("a", dolly.images_dir),
-        NamedVideo("b", dolly.images_dir, tmp_path / "b.pkl"),
+        NamedVideo("b", dolly.images_dir, poses_path),
     )
     assert batch.inputs(own)["landmarks"] == tmp_path / "net.tflite"
     assert "landmarks" not in batch.inputs(theirs)

@@ -238,11 +238,27 @@ def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
         (("--every", "2", "--fps-hz", "30"), "are for a video file"),
         ((), "has no frame rate. Give it with --fps-hz"),
         (("--masks", "person", "--detector", "gone.onnx"), "--masks none goes without"),
-        (("--fps-hz", "30", "--gravity", __file__), "leave it out for cameras alone"),
+        (("--fps-hz", "0"), "--fps-hz 0: images per second are from 0.05 to 2000"),
+        (("--fps-hz=-30",), "--fps-hz -30: images per second are from 0.05 to 2000"),
+        (("--fps-hz", "nan"), "--fps-hz nan: images per second are from 0.05 to 2000"),
+        (("--fps-hz", "1e9"), "--fps-hz 1e+09: images per second are from 0.05 to 2000"),
+        (("--fps-hz", "30", "--gravity", __file__), "--gravity is for people; leave it out"),
+        (("--fps-hz", "30", "--height-m", "1.78"), "--height-m is for people; leave it out"),
     ],
 )
-def test_wrong_flags_name_the_remedy(flags, said, dolly, tmp_path, capsys):
-    refused(capsys, said, [*arguments(dolly.images_dir, tmp_path / "out"), *flags])
+@pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
+def test_wrong_flags_name_the_remedy(flags, said, dry_run, dolly, tmp_path, capsys):
+    out = tmp_path / "out"
+    refused(capsys, said, [*arguments(dolly.images_dir, out), *flags, *dry_run])
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
+def test_a_video_with_a_rate_is_refused_before_its_frames_are_taken(dry_run, tmp_path, capsys):
+    source, out = make_video(tmp_path / "walk.mp4"), tmp_path / "out"
+    said = f"{source}: a video has its own times. Leave --fps-hz out"
+    refused(capsys, said, arguments(source, out, "--fps-hz", "30", *dry_run))
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -262,8 +278,11 @@ def test_what_is_no_video_is_refused_by_name_and_leaves_nothing(content, said, t
 
 def test_a_dry_run_says_how_much_there_is_to_do(dolly, tmp_path, capsys):
     source = make_video(tmp_path / "a.mp4", rate_hz=10)
-    for given, said in ((dolly.images_dir, "12 images of 320x180"), (source, "8 images of 64x48")):
-        main([*arguments(given, tmp_path / "out"), "--dry-run"])
+    for given, rate, said in (
+        (dolly.images_dir, ("--fps-hz", "10"), "12 images of 320x180"),
+        (source, (), "8 images of 64x48"),
+    ):
+        main([*arguments(given, tmp_path / "out", *rate), "--dry-run"])
         printed = capsys.readouterr().out
         assert f"{said} px, about 0.9 GB of memory" in printed
         assert "sfm" in printed and "page" in printed

@@ -96,7 +96,7 @@ def test_a_dry_run_lists_the_videos_and_does_nothing(clips, gmrdata, tmp_path):
         (("walk.mp4",), ("--shard", "1/2"), "are for several videos"),
         (("walk.mp4",), ("--workers", "2"), "Leave them out for one"),
         ((), (), "nothing given. Name a video"),
-        ((".",), ("--fps-hz", "10"), "videos have their own times"),
+        ((".",), ("--fps-hz", "10"), "a video has its own times. Leave --fps-hz out"),
         ((".",), ("--masks", "."), "a folder of masks is of one video"),
         ((".",), ("--poses", "walk.mp4"), "Give that, or one video alone"),
         (("walk.mp4", "../clips/walk.mp4"), (), "would both be video walk"),

@@ -2,6 +2,7 @@
 
 import math
 import re
+import time
 
 import numpy as np
 import pytest
@@ -160,6 +161,18 @@ def test_every_box_is_in_one_track_and_tracks_obey_the_limits(frames, gap):
         assert at == sorted(set(at)) and all(b - a <= gap + 1 for a, b in zip(at, at[1:]))  # noqa: B905, RUF007
     chosen = track(made, 0.0001, config)
     assert [len(c.rows) for c in chosen] == [len(found) for found in made]
+
+
+def test_an_hour_of_boxes_is_linked_in_seconds():
+    """All tracks were gone through in each frame, and a set was made of a track for each: 27 s."""
+    n = 20_000
+    # One object in every second frame, and something else for a moment in each frame.
+    frames = frames_of(*([(20.0 * (at % 50) + 20, 0.9)] + [(0, 0.9)] * (at % 2) for at in range(n)))
+    started_s = time.process_time()
+    made = track(frames, 0.5, CONFIG)
+    assert time.process_time() - started_s < 5
+    assert lefts(made[100].filled_px) == [0.0]
+    assert sum(len(frame.filled_px) for frame in made) == n // 2 - 1
 
 
 @pytest.mark.parametrize("bad", [{"link_iou": 0}, {"max_gap_frames": -1}, {"hold": 1}])

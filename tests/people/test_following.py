@@ -257,6 +257,23 @@ def test_who_is_seen_together_or_in_other_colours_is_surely_two():
     assert unsure_pairs([piece(0, 20, 0.0), piece(300, 20, 60.0)], LINKS) == [(0, 1)]
 
 
+def test_a_crowd_who_may_all_be_one_is_said_in_a_line_each():
+    """It was one for each pair: 400 for the 46 people of a film."""
+    n = 30
+    people = tuple(
+        PersonFacts(images=12, seen=((0, 11),), may_be=(*range(number), *range(number + 1, n)))
+        for number in range(n)
+    )
+    said = FollowedRecord(
+        size_px=(64, 48), images=(0,), detections=([],), people=people, left_out=()
+    ).doubts()
+    assert len(said) == n - 1 and max(map(len, said)) < 100
+    never = "they are never seen in one frame"
+    assert said[0] == f"person 1 may be person 0: {never}"
+    assert said[2] == f"person 3 may be person 0 or 1 or 2: {never}"
+    assert said[28] == f"person 29 may be one of 29 before it (followed.json has them): {never}"
+
+
 N_RENDERED_FRAMES = 5
 
 

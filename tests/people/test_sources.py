@@ -265,6 +265,17 @@ def test_masks_of_all_frames_are_not_laid_on_every_second(tmp_path):
     of_taken = put(tmp_path / "taken", *[mask] * 4)
     folder_masks(of_taken, frames, tmp_path / "out", FolderMaskConfig())
 
+    # Of a part nobody can tell: the remedy for all frames laid right masks on the wrong images.
+    some = as_frames(video, tmp_path / "some", VideoConfig(every=2, to_s=0.16))
+    with pytest.raises(
+        BadFrames,
+        match="taken: masks go beyond image 2, the last one, so they are of more images than "
+        "this part, or of every frame; keep those of its images, under the images' names",
+    ):
+        folder_masks(of_taken, some, tmp_path / "part", FolderMaskConfig())
+    (of_taken / "00003.png").unlink()
+    folder_masks(of_taken, some, tmp_path / "part", FolderMaskConfig())
+
 
 def test_masks_are_widened_by_a_disc(noise_dir, tmp_path):
     masks = put(tmp_path / "masks", *[DYNAMIC * np.uint8(255)] * 3)

@@ -1,19 +1,38 @@
-"""What a video's own times, lost frames and lens change in the verdict on it."""
+"""What a video's own times, lost frames, lens and jumps change in the verdict on it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, save_cameras
 from gmrdata.cameras.lens.intrinsics import Intrinsics
+from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.motion.gait import make_gait
-from gmrdata.solve.request import SolveConfig
-from gmrdata.solve.verdict import DOUBTS_FILE, video_doubts, with_lens_error, write_doubts
+from gmrdata.people.sources import MasksConfig, PersonSource
+from gmrdata.solve import verdict
+from gmrdata.solve.request import EstimatedPeople, SolveConfig, Solved, SolveRequest
+from gmrdata.solve.verdict import (
+    DOUBTS_FILE,
+    TOO_FEW,
+    UNCHECKED,
+    judge_cameras,
+    judge_video,
+    video_doubts,
+    with_lens_error,
+    write_doubts,
+)
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import Source
+from gmrdata.values.camera import CameraPath, Source
 from gmrdata.values.clip import Clip
+from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.frame_set import VideoRecord
-from gmrdata.world.recipe import Doubts
+from gmrdata.values.transforms import rigid
+from gmrdata.world.recipe import Doubts, Dropped
+from tests.frame_sets import frame_set
+from tests.reconstructions import good_quality, pseudo_gt_quality
 
 
 def video(times_s: list[float], *, every: int = 1, n_lost: int = 0) -> VideoRecord:
@@ -57,6 +76,20 @@ def test_a_frame_that_came_late_is_not_used(anny):
     for frames in doubts.frames:
         assert [row for row, text in enumerate(frames) if text] == [4]
         assert frames[4] == "shown 0.200 s after the image before, not 0.100 s"
+
+
+def test_times_are_compared_once_for_all_people(anny, monkeypatch):
+    """They share their rows, and for 46 people of a film it took 46 times as long."""
+    looked_at_hz, odd_steps = [], verdict._odd_steps
+
+    def look(steps_s, fps_hz):
+        looked_at_hz.append(fps_hz)
+        return odd_steps(steps_s, fps_hz)
+
+    monkeypatch.setattr(verdict, "_odd_steps", look)
+    clip = walk(anny)
+    video_doubts(video((0.1 * np.arange(clip.motion.n_frames)).tolist()), 3 * [clip])
+    assert looked_at_hz == [10.0]
 
 
 def test_a_stretch_at_another_rate_is_not_used(anny):
@@ -124,3 +157,40 @@ def test_a_background_may_ask_for_another_focal_length_by_the_error_of_one_nobod
     source, sigma, deviation
 ):
     assert most(source, sigma) == deviation
+
+
+def test_frames_on_both_sides_of_a_jump_are_dropped(tmp_path):
+    """The one before it was kept."""
+    n = 100
+    angles_rad = np.where(np.arange(n) < 50, 0.0, 0.4)
+    turns = Rotation.from_rotvec(angles_rad[:, None] * [0.0, 1.0, 0.0]).as_matrix()
+    known, cameras = np.ones(n, dtype=bool), rigid(turns, np.zeros(3))
+    path = CameraPath(np.diag([900.0, 900.0, 1.0]), 1280, 720, cameras, known)
+    save_cameras(tmp_path / CAMERAS_FILE, SfmCameras(path, "full", np.arange(n), ~known))
+    good_quality(n).write(tmp_path / QUALITY_FILE)
+    found = judge_cameras(tmp_path, 30.0, CamerasVerdictConfig())
+    assert found.accepted and found.dropped == (Dropped(49, 51, "the camera jumps"),)
+
+
+@pytest.mark.parametrize(
+    ("masks", "said"),
+    [
+        (None, UNCHECKED),
+        (MasksConfig(), UNCHECKED),  # silhouettes of the bodies themselves
+        (MasksConfig(sources=(PersonSource(),)), f"walk: {TOO_FEW}"),
+    ],
+)
+def test_masks_that_show_nobody_are_not_said_to_be_missing(masks, said, tmp_path):
+    world = pseudo_gt_quality(good_quality(12), 1.0).model_copy(update={"picture_fits": (None,)})
+    world.write(tmp_path / QUALITY_FILE)
+    solved = Solved(
+        SolveRequest(Path("walk.mp4"), EstimatedPeople()),
+        tmp_path,
+        SolveConfig(masks=masks),
+        frame_set(np.arange(12), (1280, 720), 30.0),
+        lens=lens("given", 0.01),
+        unsolved=NoReconstruction("its cameras are not here"),
+        world_dir=tmp_path,
+    )
+    notes = judge_video(solved).notes
+    assert [note for note in notes if "was not checked" in note] == [said]

@@ -220,6 +220,13 @@ def turns_too_fast(
     return np.asarray(turn_deg * fps_hz > config.max_turn_deg_per_s)
 
 
+def both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:
+    """(n,) bool: frames at either end of a marked step."""
+    first, last = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    first[: max(0, n - step)], last[step:] = steps, steps
+    return first | last
+
+
 def relative_moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
     """(T - step, 4, 4) motion over `step` frames, in the axes of the first camera of each."""
     return np.asarray(transforms.invert(world_from_cam[:-step]) @ world_from_cam[step:])

@@ -1,0 +1,40 @@
+"""A batch of folders of images, some of which have times."""
+
+import numpy as np
+import pytest
+
+from gmrdata import solve_videos
+from gmrdata.read.frames import write_gray
+from gmrdata.read.video import extract_video
+from gmrdata.solve.request import SolveConfig
+from gmrdata.solve.videos import Videos
+from gmrdata.stage.run import Run
+from gmrdata.values.errors import BadRecipe
+from tests.read.videos import make_video
+
+
+def test_folders_that_were_extracted_from_videos_have_times(tmp_path):
+    """A batch of them was refused with a rate, and without."""
+    for name, rate_hz in (("a", 10), ("b", 20)):
+        extract_video(make_video(tmp_path / f"{name}.mp4", rate_hz=rate_hz), tmp_path / name)
+    (tmp_path / "c").mkdir()
+    for number in range(3):
+        write_gray(tmp_path / "c" / f"{number}.png", np.full((48, 64), 128, np.uint8))
+
+    def rates_hz(names: str, fps_hz: float | None = None) -> list[float | None]:
+        record = solve_videos(
+            [tmp_path / name for name in names],
+            tmp_path / f"out_{names}",
+            poses="none",
+            fps_hz=fps_hz,
+            config=SolveConfig(masks=None),
+            run=Run(workers=1),
+        )
+        return [video.fps_hz for video in Videos.read(record).videos]
+
+    assert rates_hz("ab") == pytest.approx([10.0, 20.0])
+    assert rates_hz("ac", 30.0) == pytest.approx([10.0, 30.0])
+    with pytest.raises(BadRecipe, match="c: a folder of images has no frame rate"):
+        rates_hz("bc")
+    with pytest.raises(BadRecipe, match=r"a: a video has its own times\. Leave --fps-hz out"):
+        rates_hz("ab", 30.0)
