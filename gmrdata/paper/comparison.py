@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple
 
 from pydantic import JsonValue
 
-from gmrdata.manifest.check import some
 from gmrdata.paper import VIBE
 from gmrdata.score import METRICS, Metric
 from gmrdata.score.records import PaperMetrics
 from gmrdata.score.table import METRIC_WORDS, Cell, Table, markdown, write_table_files
+from gmrdata.values.errors import some
 from gmrdata.values.records import Config, Record
 
 
