@@ -9,7 +9,7 @@ from gmrdata.values.records import ArrayShapes, Config, Figure, Record, read_arr
 
 RECORD_FILE = "fusion.json"
 SIGMA_FORMAT = "gmrdata-fusion-sigma/2"
-_SIGMA_SHAPES: ArrayShapes = {  # NaN in frames of which nothing tells of the person
+_SIGMA_SHAPES: ArrayShapes = {  # NaN in frames beyond the person's time
     "place_sigma_m": ("f", ("T", 3)),  # standard deviation of the pelvis, world axes [m]
     "camera_sigma_m": ("f", ("T", 3)),  # and seen from the camera, its axes; NaN without one [m]
     "turn_sigma_deg": ("f", ("T", 3)),  # and of the root about its own axes [degrees]
@@ -18,7 +18,8 @@ _SIGMA_SHAPES: ArrayShapes = {  # NaN in frames of which nothing tells of the pe
 
 
 class Gap(Config):
-    """Frames in a row without a camera, in the time from first to last seen."""
+    """Frames in a row without a camera, in the person's time: from a second before the first frame
+    that tells of the person to one after the last."""
 
     start: int
     """First row."""
@@ -52,7 +53,7 @@ class FusedPerson(Config):
     noise_across_m: Figure
     noise_turn_deg: Figure
     place_sigma_m: Figure
-    """Median over the frames from first to last seen of the root mean square of the three axes."""
+    """Median, over the person's time, of the root mean square of the three axes."""
     turn_sigma_deg: Figure
     largest_place_sigma_m: Figure
     largest_turn_sigma_deg: Figure

@@ -78,7 +78,7 @@ def fused_shown(found: FusedPeople) -> dict[str, object]:
         plot = svg(lambda plot, c=clip, s=sigma: plot_person(plot, c, s), *SIZE_IN, anchor)  # type: ignore[misc]
         statements = _statements(person)
         people.append({"anchor": anchor, "id": person.id, "plot": plot, "statements": statements})
-    table = Table(RESULT_HEADINGS, rows, "Medians over the frames, and the largest.")
+    table = Table(RESULT_HEADINGS, rows, "Medians over the person’s time, and the largest.")
     return {"people": people, "table": table, "explanations": EXPLANATIONS}
 
 

@@ -15,7 +15,7 @@ from gmrdata.cameras.files import (
 )
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.cameras.match.tracks import load_tracks
-from gmrdata.export.sources import SFM, ExportedClip, list_clips, load_exported
+from gmrdata.export.sources import SFM, ClipFiles, ExportedClip, list_clips, load_exported
 from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images, number_in_name
@@ -218,8 +218,8 @@ def _in_their_time(
 ) -> dict[int, Clip]:
     """Everybody's motion, without a place before and after the frames that tell of the person.
 
-    Who was fused is valid in frames with a camera alone: the others are filled in.  Who has no such
-    frame beside people with cameras is in a world of one's own, so nowhere in theirs.
+    A fused motion is `valid` in frames with a camera alone: the others are filled in.  One that
+    was shown nowhere, in a world of its own, has no place in that of the cameras.
     """
     shown = {}
     for person, clip in (clips if fused is None else fused.clips).items():
@@ -321,17 +321,14 @@ def _people(
 ) -> tuple[ExportedClip, ...]:  # fmt: skip
     """Everybody with the body at hand; those without are named and not drawn.  Motions are those
     of `clips`: of ten minutes each takes 35 MB."""
-    motions, there = {clip.id: clip.motion for clip in clips.values()}, []
-    try:
-        for files in list_clips(folder):
-            person = load_exported(files, body=body, images=images_dir)
-            if (motion := motions.get(person.clip.id)) is not None:
-                person = replace(person, clip=replace(person.clip, motion=motion))
-            try:
-                there.append((person, person.body)[0])
-            except GmrdataError as error:
-                reader.note(str(error))
-    except (GmrdataError, OSError) as error:
-        reader.note(str(error))
-        return ()
-    return tuple(there)
+    motions = {clip.id: clip.motion for clip in clips.values()}
+
+    def load(files: ClipFiles) -> ExportedClip:
+        person = load_exported(files, body=body, images=images_dir)
+        _ = person.body  # what it lacks is said here
+        motion = motions.get(person.clip.id, person.clip.motion)
+        return replace(person, clip=replace(person.clip, motion=motion))
+
+    listed = reader.read(list_clips, folder) or []
+    there = (reader.read(lambda _, one=files: load(one), files.clip_path) for files in listed)  # type: ignore[misc]
+    return tuple(person for person in there if person is not None)

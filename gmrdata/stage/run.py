@@ -46,6 +46,11 @@ class Run:
     only_look: bool = False
     """Make nothing: a stage that has work to do raises `gmrdata.stage.store.NotMade`."""
 
+    @property
+    def replaces(self) -> bool:
+        """Whether what another recipe or other inputs made is thrown away."""
+        return self.redo or self.anew
+
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 1:
             raise BadRecipe(f"--workers {self.workers}: at least one process has to do the work")

@@ -227,7 +227,7 @@ def _partial_dir(
     if isinstance(work, Resumable):
         keys = [] if begun_by is None else begun_by.differences(recipe)
         begun = {path.name for path in partial.glob("*")} != {RECIPE_FILE}
-        if keys and begun and work.costly and not run.redo:
+        if keys and begun and work.costly and not run.replaces:
             raise StaleOutput(f"{partial}: begun with other values of {', '.join(keys)}. {AGAIN}")
         if begun_by is None or keys:
             shutil.rmtree(partial, ignore_errors=True)
@@ -292,7 +292,7 @@ def _is_stale(out_dir: Path, recipe: RecipeRecord, run: Run) -> bool:
         fault = f"made with other values of {', '.join(keys)}" if keys else ""
     except BadRecord as error:
         fault = f"what made it can't be read ({error})"
-    if fault and not (run.redo or run.anew):
+    if fault and not run.replaces:
         raise StaleOutput(f"{out_dir}: {fault}. {AGAIN}")
     return bool(fault)
 

@@ -7,6 +7,7 @@ frames that it has already.  What both models see there fixes the similarity bet
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -297,7 +298,14 @@ class _Seen:
     point: np.ndarray  # (M,) which point
     information: np.ndarray  # (M, 3, 3) what the image point says of the point's place
 
-    @property
+    @cached_property
+    def total(self) -> np.ndarray:
+        """(N, 3, 3) what all image points of a point say of its place."""
+        total = np.zeros((len(self.points), 3, 3))
+        np.add.at(total, self.point, self.information)
+        return total
+
+    @cached_property
     def distances(self) -> np.ndarray:
         """(M,) from the camera to the point."""
         return np.asarray(
@@ -340,10 +348,10 @@ def _distances_of_each(seen: _Seen) -> np.ndarray:
     """(K, 3) how far away is what each camera sees: the near tenth, the median, and the geometric
     mean by how well each is known.  The view through a window is far away, and may fill nearly the
     whole picture, but the little beside it is known much better."""
-    total = np.zeros((len(seen.points), 3, 3))
-    np.add.at(total, seen.point, seen.information)
     rays = (seen.points[seen.point] - seen.centres[seen.camera]) / seen.distances[:, None]
-    variance = ((np.linalg.inv(_damped(total))[seen.point] @ rays[..., None])[..., 0] * rays).sum(1)
+    variance = (
+        (np.linalg.inv(_damped(seen.total))[seen.point] @ rays[..., None])[..., 0] * rays
+    ).sum(1)
     known = seen.distances**2 / variance  # of the distance's logarithm
     ends = np.flatnonzero(np.diff(seen.camera)) + 1
     of_each = zip(np.split(seen.distances, ends), np.split(known, ends), strict=True)
@@ -404,8 +412,7 @@ def _gather(
 
 def _loose_shares(seen: _Seen) -> Iterator[float]:
     """What each of the K - 1 steps leaves open of the cameras' places, over the way of them all."""
-    left, total = np.zeros((2, len(seen.points), 3, 3))
-    np.add.at(total, seen.point, seen.information)
+    left, total = np.zeros((len(seen.points), 3, 3)), seen.total
     last = np.full(len(seen.points), -1)
     np.maximum.at(last, seen.point, seen.camera)
     unit = float(np.median(seen.distances))
