@@ -64,8 +64,11 @@ class IntrinsicsConfig(Config):
     look_in_frames: bool = True
     """Seek the lens in the frames, which also checks one that is given or noted; if not, one that
     is neither is guessed."""
-    object_sigmas: float = Field(default=2.0, gt=0)
-    """By how many standard errors the frames must ask for another focal length to object."""
+    doubt_sigmas: float = Field(default=2.0, gt=0)
+    """By how many standard errors the frames must ask for another lens to say so."""
+    object_sigmas: float = Field(default=3.0, gt=0)
+    """And to object to one that is given: one right lens of 400 would be refused by chance, one of
+    20 by two standard errors.  The finished cameras are asked too, in their own verdict."""
     object_share: float = Field(default=0.03, gt=0)
     """And by how much of it."""
 
@@ -304,8 +307,10 @@ def _decided(
         words = _compared(one, asked)
         if other_bend := _other_bend(one, asked, config):
             objections.append(other_bend)
-        if abs(apart) <= max(config.object_sigmas * both_sigma, config.object_share):
+        if abs(apart) <= max(config.doubt_sigmas * both_sigma, config.object_share):
             notes.append(f"{words}, which agrees." if not other_bend else f"{words}.")
+        elif one.focal_from.source == "given" and abs(apart) <= config.object_sigmas * both_sigma:
+            notes.append(f"{words}: the two disagree, but not by enough to object.")
         elif one.focal_from.source == "given":
             objections.append(f"{words}: the lens that is given is not that of these frames.")
         else:

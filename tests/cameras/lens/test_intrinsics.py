@@ -239,6 +239,14 @@ def test_a_wrong_given_focal_length_is_objected_to(tmp_path, shown, focal_px):
     assert "435 px ± 1.5 %" in objection and "not that of these frames" in objection
 
 
+def test_one_that_is_hardly_off_is_doubted_alone(tmp_path, shown):
+    """By chance one right lens of 20 is further off than two standard errors."""
+    shown(replace(FOUND, focal=435 / 640, focal_sigma=0.068))
+    lens = made(tmp_path, config=IntrinsicsConfig(), given=GivenIntrinsics(focal_px=435 / 0.84))
+    assert not lens.objections and lens.focal_sigma == 0.01
+    assert "the two disagree, but not by enough to object" in lens.notes[-1]
+
+
 def test_a_right_one_and_a_rough_note_are_not(tmp_path, shown):
     shown(FOUND)
     given = GivenIntrinsics(focal_px=455.0)
