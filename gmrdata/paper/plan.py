@@ -301,6 +301,9 @@ def plan_table(
     shared = recipe.scales.get(scale)
     if shared is None:
         raise BadRecipe(f"table {recipe.table} has no scale {scale}; give one of its own")
+    if given.held_out and not given.manifests:
+        said = "they are people of --manifest, and there is none"
+        raise BadRecipe(f"--held-out-subjects: {said}. Leave them out, or give it")
     if given.network is not None:
         _require_one_network(recipe)
     if len(set(seeds)) < len(seeds) or min(seeds, default=0) < 0:
