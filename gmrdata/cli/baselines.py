@@ -110,7 +110,7 @@ def baseline_joint_train(
         out: Run folder.
         recipe: A recipe file of kind `joint`; the defaults (GMR's) when left out.
     """
-    from gmrdata.paper.joint import train_joint
+    from gmrdata.paper.joint import split_videos, train_joint
     from gmrdata.paper.plan import JointConfig
     from gmrdata.stage.recipes import load_recipe
 
@@ -118,7 +118,8 @@ def baseline_joint_train(
     config = JointConfig() if recipe is None else load_recipe(recipe, JointConfig)
     config = flags.on_device(config, device)
     path, run = flags.body_path(body), Run(redo=redo)
-    answer(train_joint(manifests, features, out, config, body_path=path, run=run))
+    files = split_videos(manifests).training
+    answer(train_joint(files, features, out, config, body_path=path, run=run))
 
 
 def baseline_joint(

@@ -39,7 +39,7 @@ from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import Resumable, is_made, run_stage
+from gmrdata.stage.store import Resumable, check_out, run_stage
 from gmrdata.values import limits, transforms
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -262,7 +262,8 @@ def infer(
         draw: Adds pictures; None for none.
 
     Errors are MissingInput, BadCheckpoint, BadMotionFile for poses that are broken, or too short or
-    slow for the network, UnsafePickle and BrokenPickle.
+    slow for the network, UnsafePickle and BrokenPickle; StaleOutput before anything is predicted,
+    where `out_dir` was made otherwise or holds an input.
     """
     run_dir, source, out_dir = network_dir(network), Path(poses_path), Path(out_dir)
     config = config or InferConfig()
@@ -270,7 +271,7 @@ def infer(
     optional = {"joint_map": joint_map, "body": body_path}
     inputs = {f"poses_{role}": path for role, path in input_files(source).items()}
     inputs |= {"run": run_dir} | {key: Path(it) for key, it in optional.items() if it is not None}
-    if out_dir.is_dir() and is_made("infer", out_dir, config, inputs):
+    if check_out("infer", out_dir, config, inputs, run):
         return out_dir
     # Before anything is written, so that a bad file leaves nothing behind.
     body = load_body(body_path)

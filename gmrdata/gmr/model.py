@@ -236,21 +236,33 @@ class Gmr(MotionNetwork):
     ) -> list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]]:
         """What `forward` is the mean of: one answer, or of a symmetric network four."""
         if self.training or not self.config.symmetric:
-            return [self._motions_of(poses, lengths)]
+            return [self._motions_of(poses, self._features_of(poses, lengths))]
         local_rotmats = input_rotmats(poses, self.config.input)
-        ways = torch.cat(four_ways(local_rotmats, lengths))
-        seen = network_input(ways, self.config.input, self.config.extra_inputs)
-        turns, moves_m = self._motions_of(seen, None if lengths is None else lengths.repeat(4))
-        # Four parts of a size that ONNX need not know.
-        parts = (values.unflatten(0, (4, -1)).unbind(0) for values in (turns, moves_m))
-        return turned_back(list(zip(*parts, strict=True)), lengths)
+        ways = [
+            network_input(way, self.config.input, self.config.extra_inputs)
+            for way in four_ways(local_rotmats, lengths)
+        ]
+        features = self._features_of(
+            torch.cat(ways), None if lengths is None else lengths.repeat(4)
+        )
+        # Four parts of a size that ONNX need not know; one after the other, since supports take
+        # most of the memory.
+        parts = zip(ways, features.unflatten(0, (4, -1)).unbind(0), strict=True)
+        return turned_back([self._motions_of(*part) for part in parts], lengths)
+
+    def _features_of(
+        self, poses: Float[Tensor, "batch frames numbers"], lengths: Int[Tensor, " batch"] | None
+    ) -> Float[Tensor, "batch frames features"]:
+        """Features of sequences, by the columns that the GRUs get."""
+        seen = poses if self.columns.numel() == poses.shape[-1] else poses[..., self.columns]
+        return self.features(seen, lengths)
 
     def _motions_of(
-        self, poses: Float[Tensor, "batch frames numbers"], lengths: Int[Tensor, " batch"] | None
+        self,
+        poses: Float[Tensor, "batch frames numbers"],
+        features: Float[Tensor, "batch frames features"],
     ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
-        """What the network answers to sequences as they are."""
-        seen = poses if self.columns.numel() == poses.shape[-1] else poses[..., self.columns]
-        features = self.features(seen, lengths)
+        """What the network answers to sequences as they are, by their features."""
         # bfloat16's 8 bits are enough for features, not for the motion itself.
         with torch.autocast(features.device.type, enabled=False):
             features = features.to(self.regression.weight.dtype)

@@ -218,8 +218,11 @@ class Split:
         return f"not trained on: {n_out} of {total} clips ({reasons})" if n_out else ""
 
 
-def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split:
-    """Choose the clips of manifests."""
+def split_manifests(
+    manifest_paths: Sequence[Path], config: DataConfig, *, may_lack_people: bool = False
+) -> Split:
+    """Choose the clips of manifests.  BadRecipe where a held-out subject has none, unless
+    `may_lack_people`."""
     if config.weights is not None and len(config.weights) != len(manifest_paths):
         raise BadRecipe(
             f"data.weights has {len(config.weights)} weights for {len(manifest_paths)} manifests."
@@ -246,7 +249,7 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
             else:
                 training[-1].append(file)
     missing = [name for key, name in wanted.items() if key not in found]
-    if missing:
+    if missing and not may_lack_people:
         raise BadRecipe(f"data.held_out_subjects: no clip is of {', '.join(missing)}")
     names = tuple(path.name for path in manifest_paths)
     parts = [(n, part) for n, files in enumerate(training) for part in _parts(files, config)]
@@ -257,6 +260,13 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
         said = f" ({split.statement})" if split.statement else ""
         raise BadManifest(f"no usable clips{said}. Give manifests with clips that are not rejected")
     return split
+
+
+def require_own_ids(files: Sequence[ClipFile], what: str) -> None:
+    """Refuse clips of one id, with a BadManifest that calls them `what`."""
+    often = Counter(file.entry.id for file in files)
+    if twice := sorted(id for id, n in often.items() if n > 1):
+        raise BadManifest(f"{what} of one id in two manifests: {', '.join(twice)}")
 
 
 def not_trained_on(files: Sequence[ClipFile], training: Sequence[ClipFile]) -> list[ClipFile]:

@@ -22,16 +22,21 @@ from torch import Tensor, nn
 
 from gmrdata.gmr import checkpoint, rotations
 from gmrdata.gmr.checkpoint import StepState, load_weights, read_step_state, trained_checkpoint
+from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.flat_runs import TrainingRun, in_memory
 from gmrdata.gmr.losses import Bodies, LossBody, Motions, gmr_loss, make_loss_bodies
 from gmrdata.gmr.model import MotionNetwork
 from gmrdata.gmr.runs import (
     MIN_FRAMES,
+    ClipFile,
+    LazyClips,
+    Split,
     check_finite,
     fitting_clips,
     given_body,
     no_runs,
-    usable_files,
+    require_own_ids,
+    split_manifests,
 )
 from gmrdata.gmr.steps import (
     Learner,
@@ -249,8 +254,22 @@ def _seen(model: JointModel, features: np.ndarray) -> tuple[np.ndarray, np.ndarr
 N_LOCAL_VALUES = N_LOCAL * 9  # numbers of the local rotations of a frame
 
 
+def split_videos(
+    manifest_paths: Sequence[Path], held_out_subjects: tuple[int | str, ...] = ()
+) -> Split:
+    """Choose the clips to train on: all but those of people who are held out.
+
+    BadManifest where two have one id, by which their features are found, or none is usable.
+    """
+    # What GMR never trains on are motions that it is scored on, not videos.
+    data = DataConfig(held_out_subjects=held_out_subjects, never_train_on=())
+    split = split_manifests(manifest_paths, data, may_lack_people=True)
+    require_own_ids(split.training, "clips")
+    return split
+
+
 def train_joint(
-    manifest_paths: Sequence[Path],
+    files: Sequence[ClipFile],
     features_dir: Path,
     run_dir: Path,
     config: JointConfig | None = None,
@@ -258,21 +277,22 @@ def train_joint(
     body_path: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Train the network on the clips of manifests.  A run that was stopped goes on where it was.
+    """Train the network on clips (`split_videos`).  A run that was stopped goes on where it was.
 
     `body_path` is their body, None the default one. Errors are those of `gmrdata.gmr.train.train`;
     MissingInput where a clip has no features, and BadFeatures where features do not fit their clip
     or each other.
     """
     config = config or JointConfig()
-    clips = [file.load() for path in manifest_paths for file in usable_files(path)[0]]
-    inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
-    inputs |= {f"features_{clip.id}": features_dir / f"{clip.id}.npz" for clip in clips}
+    paths = dict.fromkeys(file.manifest_path for file in files)
+    inputs = {f"manifest_{i}": path for i, path in enumerate(paths)}
+    ids = [file.entry.id for file in files]
+    inputs |= {f"features_{id}": features_dir / f"{id}.npz" for id in ids}
     inputs |= body_inputs(body_path)
 
     def work(partial_dir: Path) -> None:
         bodies = load_bodies(body_path)
-        fitting = list(fitting_clips(clips, bodies))
+        fitting = fitting_clips(LazyClips(files), bodies)
         pairs = [(clip, load_features(features_dir, clip)) for clip in fitting]
         names = [body.name for body in bodies]
         training_set = training_runs(pairs, config.fps_hz, names)

@@ -12,13 +12,19 @@ from pathlib import Path
 
 from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.predict import load_gmr
-from gmrdata.gmr.runs import ClipFile, not_trained_on, split_manifests, usable_files
+from gmrdata.gmr.runs import (
+    ClipFile,
+    not_trained_on,
+    require_own_ids,
+    split_manifests,
+    usable_files,
+)
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Clip
 from gmrdata.manifest.read import rows_in
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.paper import ScaleName, comparison
-from gmrdata.paper.joint import predict_joint, train_joint
+from gmrdata.paper.joint import predict_joint, split_videos, train_joint
 from gmrdata.paper.plan import (
     Given,
     JointConfig,
@@ -53,9 +59,7 @@ def held_out_set(
 
     def work(partial_dir: Path) -> None:
         files = split_manifests(manifest_paths, config).held_out
-        often = Counter(file.entry.id for file in files)
-        if twice := sorted(id for id, n in often.items() if n > 1):
-            raise BadManifest(f"held-out clips of one id in two manifests: {', '.join(twice)}")
+        require_own_ids(files, "held-out clips")
         write_manifest(
             partial_dir / "manifest.yaml",
             ManifestHead(
@@ -215,14 +219,16 @@ def _counts(row: Row, camera_motion: str) -> bool:
 
 
 def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
-    given = plan.given
-    filmed, left_out = [usable_files(path)[0] for path in given.videos], {}
-    sizes, training = [len(files) for files in filmed], list(chain(*filmed))
-    if given.manifests:
-        split = split_manifests(given.manifests, _data_config(plan))
-        sizes, left_out = [*split.mix.sizes_of_manifests, *sizes], split.left_out
-        training += split.training
-    sets = zip((*given.manifests, *given.videos), sizes, strict=True)
+    given, kinds = plan.given, {type(config) for config in plan.trainings.values()}
+    # On whom a given network was trained is not known here.
+    manifests = given.manifests if TrainConfig in kinds else ()
+    videos = given.videos if JointConfig in kinds else ()
+    splits = [split_manifests(manifests, _data_config(plan))] if manifests else []
+    splits += [split_videos(videos, given.held_out)] if videos else []
+    sizes = chain(*(split.mix.sizes_of_manifests for split in splits))
+    sets = zip((*manifests, *videos), sizes, strict=True)
+    left_out = sum((Counter(split.left_out) for split in splits), Counter[str]())
+    training = list(chain(*(split.training for split in splits)))
     what = "the held-out subjects" if given.scored is None else _name_of(given.scored)
     asked = [] if given.scored is None else usable_files(given.scored)[0]
     n_known = len(asked) - len(not_trained_on(asked, training))
@@ -232,11 +238,11 @@ def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
     return comparison.TableData(
         paper=plan.recipe.paper_data,
         training=tuple(comparison.TrainingSet(name=_name_of(path), clips=n) for path, n in sets),
-        left_out=left_out,
+        left_out=dict(left_out),
         network=None if given.network is None else load_gmr(given.network).name,
         estimator=given.estimator,
         scored=f"{what} ({overall.n_clips} clips, {overall.n_motions} motions{known})",
-        held_out_subjects=plan.subjects,
+        held_out_subjects=() if given.network else plan.subjects,
     )
 
 
@@ -253,7 +259,8 @@ def train_one(
         train(given.manifests, run_dir, config, body_path=body, run=run)
     else:
         assert given.features is not None
-        train_joint(given.videos, given.features, run_dir, config, body_path=body, run=run)
+        files = split_videos(given.videos, given.held_out).training
+        train_joint(files, given.features, run_dir, config, body_path=body, run=run)
 
 
 def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:

@@ -10,6 +10,7 @@ out/scores/<row>/seed_<n>        its scores (gmrdata.score)
 
 import re
 import timeit
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,6 +118,11 @@ class Row(Config):
     def name_at(self, scale: ScaleName) -> str:
         return self.at.get(scale, RowAtScale()).name or self.name
 
+    @property
+    def trains(self) -> bool:
+        """Whether a network is trained for it, by its own settings."""
+        return self.method in ("gmr", "joint") and self.network is None and self.scores is None
+
 
 class TableRecipe(Config):
     """One of the paper's tables."""
@@ -133,16 +139,31 @@ class TableRecipe(Config):
     @model_validator(mode="after")
     def _rows_fit(self) -> Self:
         names = [row.name for row in self.rows]
-        if len(set(names)) < len(names):
-            raise ValueError("rows: names must be unique")
+        often = Counter(map(folder_name, names))
+        alike = [name for name in names if often[folder_name(name)] > 1 or not folder_name(name)]
+        if alike:
+            said = ", ".join(map(repr, alike))
+            raise ValueError(f"rows: {said}: names must differ in letters a-z or digits")
         for row in self.rows:
             for other in {row.network, row.scores} - {None}:
                 if other not in names:
                     raise ValueError(f"rows: {row.name}: there is no row {other!r}")
+            if not row.trains and (row.train or any(one.train for one in row.at.values())):
+                raise ValueError(f"rows: {row.name}: has `train`, and no training of its own")
+            trained, scored = self.trained_row(row), self.scored_row(row)
+            if trained is not row and not (trained.trains and trained.method == row.method):
+                what = f"trains no network of method {row.method}"
+                raise ValueError(f"rows: {row.name}: row {row.network!r} {what}")
+            if scored is not row and scored.scores is not None:
+                raise ValueError(f"rows: {row.name}: row {row.scores!r} has no scores of its own")
         return self
 
     def row(self, name: str) -> Row:
         return next(row for row in self.rows if row.name == name)
+
+    def trained_row(self, row: Row) -> Row:
+        """The row whose trainings are used for a row: itself, or that of `network`."""
+        return row if row.network is None else self.row(row.network)
 
     def scored_row(self, row: Row) -> Row:
         """The row whose predictions are scored for a row: itself, or that of `scores`."""
@@ -169,7 +190,7 @@ def train_config(
     recipe: TableRecipe, row: Row, scale: ScaleName, seed: int, held_out: tuple[int | str, ...]
 ) -> TrainConfig:
     """The training of a row's network, which may be another row's; ValidationError if wrong."""
-    owner = row if row.network is None else recipe.row(row.network)
+    owner = recipe.trained_row(row)
     own = {} if owner.method == "joint" else _settings_of(owner, scale)
     settings = merged(merged(recipe.scales[scale].train, own), {"seed": seed})
     if held_out:
@@ -179,7 +200,8 @@ def train_config(
 
 def joint_config(recipe: TableRecipe, row: Row, scale: ScaleName, seed: int) -> JointConfig:
     """The training of the non-sequential model; errors as there."""
-    own = _settings_of(row, scale) if row.method == "joint" else {}
+    owner = recipe.trained_row(row)
+    own = _settings_of(owner, scale) if owner.method == "joint" else {}
     return JointConfig.of_plain(merged(recipe.scales[scale].joint, own) | {"seed": seed})
 
 
@@ -218,14 +240,13 @@ class Given:
 
 def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[str]:
     """What has to be given for a row and is not, in words."""
-    owner = row if row.network is None else recipe.row(row.network)
     # Another network's poses are of filmed clips, not of those that are held out of the training.
     has_own_clips = row.method == "gmr" and row.poses == "true" and bool(given.subjects(scale))
     wants_keypoints, is_joint = row.method == "vibe_cam", row.method == "joint"
     wants_poses = row.poses == "given" or wants_keypoints
     needs = (
         ("motions to train on (--manifest) or a network (--network)",
-         owner.method == row.method == "gmr", given.manifests or given.network),
+         row.method == "gmr", given.manifests or given.network),
         ("clips to score (--scored)", not has_own_clips, given.scored),
         ("VIBE's poses as <clip id>.npz (--poses)", wants_poses, given.poses),
         ("2D keypoints of STAF or OpenPose as <clip id>/ (--keypoints)", wants_keypoints,
@@ -280,6 +301,9 @@ def plan_table(
     shared = recipe.scales.get(scale)
     if shared is None:
         raise BadRecipe(f"table {recipe.table} has no scale {scale}; give one of its own")
+    if given.held_out and not given.manifests:
+        said = "they are people of --manifest, and there is none"
+        raise BadRecipe(f"--held-out-subjects: {said}. Leave them out, or give it")
     if given.network is not None:
         _require_one_network(recipe)
     if len(set(seeds)) < len(seeds) or min(seeds, default=0) < 0:
@@ -297,7 +321,7 @@ def plan_table(
             continue
         plan.scorings[shown.name] = of_seeds = []
         for seed in seeds or shared.seeds:
-            run = f"{folder_name(row.network or row.name)}/seed_{seed}"
+            run = f"{folder_name(recipe.trained_row(row).name)}/seed_{seed}"
             config = (
                 joint_config(recipe, row, scale, seed)
                 if row.method == "joint"
@@ -319,7 +343,6 @@ def _require_one_network(recipe: TableRecipe) -> None:
 
 def folder_name(name: str) -> str:
     """A row's name as a folder's: "V+O+S+T(4/2048)" is v_o_s_t_4_2048."""
-    # "w/" and "w/o" differ in more than signs, so no two rows of a table fall together by this.
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 

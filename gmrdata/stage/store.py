@@ -130,7 +130,9 @@ def run_stage(
         NotMade: there is work to do, and the run only looks.
     """
     if run.only_look:
-        return _look(name, out_dir, config, inputs, run)
+        if not check_out(name, out_dir, config, inputs, run):
+            raise NotMade(out_dir)
+        return out_dir
     _keep_inputs(out_dir, inputs)
     with locked(out_dir) as alone:
         hashes = _InputHashes(out_dir, run)
@@ -155,15 +157,22 @@ def _keep_inputs(out_dir: Path, inputs: Mapping[str, Path]) -> None:
             raise StaleOutput(f"{out_dir}: holds {path}, which is read. Pass another --out")
 
 
-def _look(name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path], run: Run) -> Path:
-    """The folder if it is complete.  Nobody is waited for: it appears as a whole."""
+def check_out(
+    name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path], run: Run
+) -> bool:
+    """Whether `run_stage` would find its folder complete; its StaleOutput for one that it refuses.
+
+    Nobody is waited for: the folder appears as a whole.  A stage that works for long before it
+    calls `run_stage` asks this first.
+    """
+    _keep_inputs(out_dir, inputs)
     if not out_dir.exists():
-        raise NotMade(out_dir)
+        return False
     hashes = _InputHashes(out_dir, run)
     if _is_stale(out_dir, _recipe(name, config, hashes.of(inputs)), run):
-        raise NotMade(out_dir)
+        return False
     hashes.remember()
-    return out_dir
+    return True
 
 
 def is_made(

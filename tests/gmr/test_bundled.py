@@ -335,6 +335,15 @@ def test_the_answer_lies_between_the_plain_networks_answers():
     torch.testing.assert_close(answer(model, poses)[1], as_given)
 
 
+def test_four_ways_have_their_supports_one_after_the_other():
+    """Those of all at once took four times the memory, which is gigabytes for hours of poses."""
+    model, sizes = symmetric_network(), list[int]()
+    assert model.looks is not None
+    model.looks[0].register_forward_hook(lambda _, given, scores: sizes.append(len(scores)))
+    answer(model, random_poses(1, 9))
+    assert sizes == [1] * 4
+
+
 def test_a_padded_batch_is_its_sequences():
     poses, model = random_poses(2, 8), symmetric_network()
     alone = answer(model, poses[1:, :5])

@@ -21,6 +21,7 @@ from gmrdata.gmr.predict import load_gmr, predict_world_motion
 from gmrdata.motion import local_poses as reader
 from gmrdata.pages.inference import draw_motion
 from gmrdata.read.body_file import save_body
+from gmrdata.stage import store
 from gmrdata.stage.run import Run
 from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.clip import Clip, load_clip, save_clip
@@ -259,6 +260,35 @@ def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(
         infer(run_dir, path, out, other, body_path=body_path)
     infer(run_dir, path, out, other, run=Run(redo=True), body_path=body_path)
     assert load_clip(out / "person_0" / "clip.npz").motion.fps_hz == 25.0
+
+
+def test_a_folder_that_cannot_be_filled_is_said_before_anything_is_predicted(
+    tmp_path, run_dir, body_path, monkeypatch
+):
+    path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(20)})
+    out = infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
+    inside = write_joblib(out / "v.pkl", {0: vibe_person(20)})
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").touch()
+    monkeypatch.setattr(stage, "_predict", lambda *_: pytest.fail("hours of work"))
+    with pytest.raises(StaleOutput, match=r"config\.fps_hz"):
+        infer(run_dir, path, out, InferConfig(fps_hz=25.0, video=False), body_path=body_path)
+    with pytest.raises(StaleOutput, match=r"holds .*v\.pkl, which is read"):
+        infer(run_dir, inside, out, QUICK, run=Run(redo=True), body_path=body_path)
+    with pytest.raises(StaleOutput, match="no gmrdata stage made it"):
+        infer(run_dir, path, tmp_path / "mine", QUICK, body_path=body_path)
+
+
+def test_redo_believes_no_remembered_hash(tmp_path, run_dir, body_path):
+    path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(20)})
+    out = infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
+    digest = store.sha256_of_file(path)
+    write_joblib(path, {0: vibe_person(30)})
+    known = store.KnownFile(digest, store._state(path)[1])
+    store.InputsRecord(files={"poses_motion": known}).write(tmp_path / ".out.inputs")
+    for redo, n_frames in ((False, 20), (True, 30)):
+        infer(run_dir, path, out, QUICK, run=Run(redo=redo), body_path=body_path)
+        assert load_clip(out / "person_0" / "clip.npz").motion.n_frames == n_frames
 
 
 def test_the_verb_writes_a_video_and_a_table(tmp_path, run_dir, body_path, capsys):

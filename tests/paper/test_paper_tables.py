@@ -1,6 +1,7 @@
 """The paper's tables again: what is planned, trained, scored and laid beside the paper's."""
 
 import csv
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.gmr.config import DataConfig
+from gmrdata.gmr.config import DataConfig, LossConfig, NetworkConfig, network_dir
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.manifest.read import load_clips
@@ -22,10 +23,11 @@ from gmrdata.paper.comparison import (
     TrainingSet,
     orderings,
 )
-from gmrdata.paper.make import _data, clip_figure, held_out_set, make_table
+from gmrdata.paper.joint import split_videos
+from gmrdata.paper.make import _data, clip_figure, held_out_set, make_table, train_one
 from gmrdata.paper.plan import (
     Given,
-    folder_name,
+    JointConfig,
     joint_config,
     load_table,
     plan_table,
@@ -35,9 +37,10 @@ from gmrdata.read.body_file import save_body
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes
 from gmrdata.stage.run import Run
+from gmrdata.stage.store import StageRecord
 from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
-from gmrdata.values.files import read_json
+from gmrdata.values.files import read_json, write_npz
 from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import write_clips
 from tests.paper.openpose_files import person, write_frame, write_frames
@@ -69,14 +72,13 @@ rows:
 """
 
 
-def test_every_table_of_the_paper_loads_and_its_folders_differ():
+def test_every_table_of_the_paper_loads():
     names = [name for name in recipes.recipe_names() if name.startswith("paper/")]
     assert names == [f"paper/table{n}" for n in (1, 10, 2, 3, 4, 5, 6, 9)]
     for name in names:
         recipe = load_table(name.removeprefix("paper/table"))
         assert recipe.table == int(name.removeprefix("paper/table"))
         assert recipe.scales.keys() == {"paper", "small"}
-        assert len({folder_name(row.name) for row in recipe.rows}) == len(recipe.rows)
 
 
 @pytest.mark.parametrize(
@@ -153,6 +155,51 @@ def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path):
     assert "loss.orientation_los: Extra inputs are not permitted" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "names", [("w_smooth 1e-2", "w_smooth 1e+2"), ("lr=1e-4", "LR 1e-4"), ("걷기", "뛰기")]
+)
+def test_rows_that_would_share_a_folder_are_refused(names, tmp_path):
+    """One of the two was never trained, and had the other's figures."""
+    path, text = tmp_path / "mine.yaml", TINY
+    for old, new in zip(("Chordal", "Angular"), names, strict=True):
+        text = text.replace(old, f"'{new}'")
+    path.write_text(text, encoding="utf-8")
+    said = f"rows: {names[0]!r}, {names[1]!r}: names must differ in letters a-z or digits"
+    with pytest.raises(BadRecipe, match=re.escape(said)):
+        load_table(str(path))
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("- {name: B, network: Chordal, train: {steps: 2}}", "B: has `train`, and no training"),
+        ("- {name: B, scores: Chordal, train: {steps: 2}}", "B: has `train`, and no training"),
+        ("- {name: B, method: vibe_cam, train: {steps: 2}}", "B: has `train`, and no training"),
+        (
+            "- {name: B, network: Chordal, at: {small: {train: {steps: 2}}}}",
+            "B: has `train`, and no training of its own",
+        ),
+        (
+            "- {name: B, network: Chordal}\n- {name: C, network: B}",
+            "C: row 'B' trains no network of method gmr",
+        ),
+        (
+            "- {name: B, method: joint, network: Chordal}",
+            "B: row 'Chordal' trains no network of method joint",
+        ),
+        (
+            "- {name: B, scores: Chordal}\n- {name: C, scores: B}",
+            "C: row 'B' has no scores of its own",
+        ),
+    ],
+)
+def test_a_row_whose_words_would_have_no_effect_is_refused(rows, said, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(TINY + rows)
+    with pytest.raises(BadRecipe, match=re.escape(f"rows: {said}")):
+        load_table(str(path))
+
+
 def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path):
     table5 = load_table("5")
     with pytest.raises(MissingInput) as caught:
@@ -195,6 +242,13 @@ def test_a_network_stands_for_the_trainings_of_a_table_that_compares_none():
     assert list(plan.trainings) == [f"non_sequential/seed_{n}" for n in range(3)]
     with pytest.raises(BadRecipe, match=r"table 4 compares trainings \(.*Leave out --network"):
         plan_table(load_table("4"), "small", given)
+
+
+def test_people_are_held_out_of_the_manifests_that_are_given():
+    """The table said that nobody was trained on them, whoever the network had been trained on."""
+    given = Given((), Path("set.yaml"), network=Path("run"), held_out=(2,))
+    with pytest.raises(BadRecipe, match="--held-out-subjects: they are people of --manifest"):
+        plan_table(load_table("6"), "small", given)
 
 
 def test_rows_have_the_name_of_who_estimated():
@@ -383,6 +437,48 @@ def test_scored_clips_that_are_trained_on_are_counted(write_walks, tmp_path, cap
     data = _data(plan_table(load_table(str(recipe)), "small", given), overall)
     assert data.scored.endswith("motions; 1 of these clips are trained on)")
     assert "scored/manifest.yaml; 1 of these clips are trained on" in capsys.readouterr().err
+
+
+def test_a_table_says_nothing_of_whom_a_given_network_was_trained_on(write_walks):
+    motions = write_walks("walks", ["01_01", "02_01"], 1)
+    given = Given((motions,), motions, network=network_dir("bundled"), held_out=(2,))
+    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
+    data = _data(plan_table(load_table("5"), "small", given), overall)
+    assert (data.training, data.left_out, data.held_out_subjects) == ((), {}, ())
+    assert data.scored.endswith("motions)")
+
+
+def test_people_are_held_out_of_the_videos_too(write_walks, body_path, tmp_path):
+    """The non-sequential model was trained on them, and the table said that it was not."""
+    motions, videos = (write_walks(name, ["01_01", "02_01"], 1) for name in ("walks", "videos"))
+    features = np.zeros((60, 4), np.float32)
+    write_npz(tmp_path / "features" / "01_01.npz", {"features": features})
+    given = Given(
+        (motions,), motions, poses=tmp_path, features=tmp_path / "features", videos=(videos,),
+        held_out=(2,), body=body_path,
+    )  # fmt: skip
+    config = JointConfig(
+        model=NetworkConfig(layers=1, hidden=4), loss=LossConfig(n_vertices=8), frames=16,
+        batch_size=2, steps=1,
+    )  # fmt: skip
+    train_one("joint/seed_0", config, given, tmp_path / "out", Run())
+    inputs = StageRecord.of(tmp_path / "out" / "runs" / "joint" / "seed_0").inputs
+    assert inputs.keys() == {"manifest_0", "features_01_01", "body"}
+
+    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
+    data = _data(plan_table(load_table("10"), "small", given), overall)
+    assert [one.name for one in data.training] == ["walks/manifest.yaml", "videos/manifest.yaml"]
+    assert [one.clips for one in data.training] == [1, 1]
+    assert data.left_out == {"of held-out subject 2": 2}
+    assert data.held_out_subjects == (2,)
+    assert "1 of these clips are trained on" in data.scored
+
+
+def test_videos_whose_clips_have_one_id_are_refused(write_walks):
+    """Both had the features of one of them."""
+    videos = [write_walks("here", ["01_01", "01_02"], 1), write_walks("there", ["01_02"], 2)]
+    with pytest.raises(BadManifest, match="clips of one id in two manifests: 01_02"):
+        split_videos(videos)
 
 
 def _written(out: Path) -> dict[str, int]:
