@@ -32,7 +32,7 @@ from gmrdata.motion.files import find_motions, input_files, read_file
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.resample import hold_pose
 from gmrdata.read.body_file import read_body
-from gmrdata.read.source_motion import ReadConfig
+from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig
 from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -131,6 +131,10 @@ def render_config(recipe: SyntheticRecipe, clip: SyntheticClip) -> RenderConfig:
         seed = int(clip_rng(recipe.seed, clip.id, "looks").integers(2**31))
         person = person.model_copy(update={"seed": seed})
     scene, character = clip.scene or _scene(recipe, clip.id), clip.character or config.character
+    extras = scene.extras
+    if extras.motions and extras.read is None and recipe.read != DEFAULT_READING:
+        extras = extras.model_copy(update={"read": recipe.read})
+        scene = scene.model_copy(update={"extras": extras})
     return config.model_copy(update={"scene": scene, "person": person, "character": character})
 
 
