@@ -50,6 +50,7 @@ from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.limits import MIB
 
 DESCRIPTION = "rendering frames"
+MASKS = "masks/[0-9]*.png"  # one for each frame
 RETRIES = 1  # how often a crashed Blender process is started again
 
 
@@ -80,13 +81,13 @@ def try_render_clips(
         stage_jobs.Job(id, render_clip, dict(job) | {"run": run}, RETRIES)
         for id, job in jobs.items()
     ]
-    folders = [job.out_dir for job in jobs.values()]
+    folders, counted = [job.out_dir for job in jobs.values()], dict[Path, int]()
     return stage_jobs.try_jobs(
         DESCRIPTION,
         calls,
         pool,
         failures_dir,
-        units=(sum(n_frames.values()), lambda: stage_jobs.count_files(folders, "masks/[0-9]*.png")),
+        units=(sum(n_frames.values()), lambda: count_files(folders, MASKS, counted)),
     )
 
 
@@ -282,7 +283,7 @@ def dry_run(
         motion, count = take.clip.trial or f"gait {take.clip.gait}", str(frames.get(take.id, ""))
         rows.append((take.id, motion, take.camera_motion, count, states[take.id]))
     rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
-    there = count_files([jobs[id].out_dir for id in todo], "masks/[0-9]*.png")
+    there = count_files([jobs[id].out_dir for id in todo], MASKS, {})
     frames_to_do = max(0, sum(frames[id] for id in todo) - there)
     workers = max(1, min(recipe.workers, len(todo)))
     counts = (len(clips), len(todo), sum(frames.values()), frames_to_do)
