@@ -312,7 +312,7 @@ def test_the_pose_is_that_of_the_moment(small_body):
 
 @pytest.mark.parametrize("clip", RECIPE.set.clips, ids=lambda clip: clip.id)
 def test_nobody_moves_in_the_frozen_twins_but_the_camera(clip, small_body):
-    planned = planned_clip(clip, RECIPE.set, None, small_body)
+    planned, _ = planned_clip(clip, RECIPE.set, None, small_body)
     camera = camera_of(planned)
     n_frames = round(30 * (clip.duration_s or RECIPE.set.film.duration_s))
     assert planned.motion.n_frames == n_frames and clip.scene is not None
@@ -329,7 +329,7 @@ def test_nobody_moves_in_the_frozen_twins_but_the_camera(clip, small_body):
 def test_a_pose_can_be_held_longer_than_the_clip_lasts(small_body):
     given = {"id": "a", "gait": "walk", "hold_s": 2.5, "duration_s": 1.0}
     clip = SyntheticClip.model_validate(given | {"programme": {"kind": "circular"}})
-    motion = planned_clip(clip, RECIPE.set, None, small_body).motion
+    motion = planned_clip(clip, RECIPE.set, None, small_body)[0].motion
     assert motion.n_frames == 30 and holds_still(motion)
 
 

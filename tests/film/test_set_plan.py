@@ -22,6 +22,7 @@ from gmrdata.film.scene import Extras, SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe, clip_rng, plan_takes, render_config, select
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.library import library_files
 from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.source_motion import ReadConfig
 from gmrdata.stage.recipes import find_recipe, load_recipe
@@ -135,6 +136,26 @@ def test_passers_by_from_files_are_read_as_the_set_says(tmp_path):
     # What was rendered before there was the key is not made again.
     before = {"company": 0, "passers_by": 1, "cars": 0, "hold_s": None, "motions": ["walk.bvh"]}
     assert found({}).model_dump(mode="json") == before
+
+
+def test_motions_have_the_origin_that_the_library_gives_them(tmp_path):
+    for name in ("AMASS/KIT/3/kick_poses.npz", "AMASS/02_03.bvh"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"broken, so that reading says so")
+    clips = [
+        {"id": f"c{n}", **motion, "programme": {"kind": "small"}}
+        for n, motion in enumerate(({"trial": "kick_poses"}, {"trial": "02_03"}, {"gait": "run"}))
+    ]
+    recipe, folder = recipe_of(clips=clips), tmp_path / "AMASS"
+    selection = select(recipe, folder)
+    found = [selection.source(clip) for clip in recipe.clips]
+    assert [(source.dataset, source.sequence) for source in found] == [
+        ("AMASS", "KIT/3/kick_poses"),
+        ("CMU", "02_03"),
+        ("gmrdata", "run"),
+    ]
+    known = {file.path: file.source for file in library_files((folder,))}
+    assert found[:2] == [known[selection.files[trial]] for trial in ("kick_poses", "02_03")]
 
 
 def test_places_are_those_of_the_list_and_seeds_are_drawn_unless_given():
