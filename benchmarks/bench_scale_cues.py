@@ -43,7 +43,7 @@ def test_people_tell_the_scale(cmu_dir: Path, request: pytest.FixtureRequest) ->
     takes = [take for take in chosen.takes if take.clip.programme.kind in TRAVELLING]
     rows: list[dict[str, Any]] = []
     for take in takes[:1] if small else takes:
-        clip = planned_clip(take.clip, recipe, chosen.files[take.clip.trial or ""], body)
+        clip, _ = planned_clip(take.clip, recipe, chosen.files[take.clip.trial or ""], body)
         rows += [_row(clip, body, None, 0)]
         rows += [_row(clip, body, FaultConfig(), draw) for draw in range(1 if small else DRAWS)]
     show("Scale errors of each cue [%]", [_printed(row) for row in rows])

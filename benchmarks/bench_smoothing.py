@@ -28,7 +28,7 @@ HARD: dict[str, Any] = {"handheld_deg": 1.5, "handheld_m": 0.05}
 PLACE: dict[str, Any] = {"azimuth_deg": -90.0, "distance_m": 3.0}
 PROGRAMMES: dict[str, Programme] = {
     "linear, on wheels": Linear(**PLACE, speed_m_per_s=0.3),
-    "linear, hand": Linear(**PLACE, **HAND, look="subject"),
+    "linear+panning, hand": LinearPanning(**PLACE, **HAND, speed_m_per_s=0.81),
     "linear+panning, unsteady hand": LinearPanning(**PLACE, **HARD),
     "circular": Circular(radius_m=3.0, azimuth_deg=-90.0),
     "circular, hand": Circular(radius_m=3.0, azimuth_deg=-90.0, **HAND),

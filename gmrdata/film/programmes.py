@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError, field_validator
 
 from gmrdata.film import camera_moves as moves
 from gmrdata.film.camera_moves import SubjectPath, look_at, subject_path
@@ -75,8 +75,15 @@ class Travelling(Moving):
 
 class Linear(Travelling):
     kind: Literal["linear"] = "linear"
-    look: Literal["fixed", "subject"] = "fixed"
-    """Keep the orientation, or turn to the subject."""
+    look: Literal["fixed"] = "fixed"
+    """It keeps the orientation.  The key stays, so that plans which name it are not made again."""
+
+    @field_validator("look", mode="before")
+    @classmethod
+    def _turns_by_another_name(cls, look: object) -> object:
+        if look == "subject":
+            raise ValueError("a camera that turns to it is `linear_panning` with speed_m_per_s")
+        return look
 
 
 class LinearPanning(Travelling):
@@ -170,9 +177,7 @@ def _nearest_in_frame(
 
 def _world_from_cam(programme: Programme, subject: SubjectPath, distance_m: float) -> np.ndarray:
     """The programme's camera (T, 4, 4) at a distance [m]."""
-    follows = isinstance(programme, Circular | LinearPanning | Panning) or (
-        isinstance(programme, Linear) and programme.look == "subject"
-    )
+    follows = isinstance(programme, Circular | LinearPanning | Panning)
     if isinstance(programme, Circular):
         place_m, centres_m = _round(programme, subject, distance_m)
     elif isinstance(programme, Travelling):

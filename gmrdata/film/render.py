@@ -212,11 +212,12 @@ def render_clip(
     layout_paths: Sequence[Path] = (),
     on_frame: Callable[[int], None] | None = None,
 ) -> Path:
-    """Render a clip: `frames/00000.jpg` or .png, `masks/00000.png` (255 = person), and `clip.npz`.
+    """Render a clip: `frames/00000.jpg` or .png, `masks/00000.png`, and `clip.npz`.
 
-    `clip.npz` holds the motion and the camera as Blender really used it.  A killed run goes on at
-    the next missing frame.  The recipe can ask for more: joints, depth, normals, flow, a video.
-    With a character there is `character.npz`, its residual against the truth.  Returns `out_dir`.
+    A mask is 255 at all that moves: the person and the extras.  `clip.npz` holds the motion and the
+    camera as Blender really used it.  A killed run goes on at the next missing frame.  The recipe
+    can ask for more: joints, depth, normals, flow, a video.  With a character there is
+    `character.npz`, its residual against the truth.  Returns `out_dir`.
 
     Args:
         clip_path: Clip .npz with frame "world" and a camera for each frame.

@@ -16,7 +16,7 @@ from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, rende
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
 from gmrdata.film.set_plan import Selection, SyntheticRecipe, Take, plan_takes, select
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Quality
+from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.write import (
     ClipAbout,
     ClipFiles,
@@ -27,7 +27,7 @@ from gmrdata.manifest.write import (
     write_manifest,
 )
 from gmrdata.motion.cmu import fetch_command
-from gmrdata.motion.library import file_source, gait_source, licence_of
+from gmrdata.motion.library import READING_FILE, ReadingRecord, licence_of
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
 from gmrdata.stage import jobs as stage_jobs
@@ -50,6 +50,7 @@ from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.limits import MIB
 
 DESCRIPTION = "rendering frames"
+MASKS = "masks/[0-9]*.png"  # one for each frame
 RETRIES = 1  # how often a crashed Blender process is started again
 
 
@@ -80,13 +81,13 @@ def try_render_clips(
         stage_jobs.Job(id, render_clip, dict(job) | {"run": run}, RETRIES)
         for id, job in jobs.items()
     ]
-    folders = [job.out_dir for job in jobs.values()]
+    folders, counted = [job.out_dir for job in jobs.values()], dict[Path, int]()
     return stage_jobs.try_jobs(
         DESCRIPTION,
         calls,
         pool,
         failures_dir,
-        units=(sum(n_frames.values()), lambda: stage_jobs.count_files(folders, "masks/[0-9]*.png")),
+        units=(sum(n_frames.values()), lambda: count_files(folders, MASKS, counted)),
     )
 
 
@@ -121,8 +122,13 @@ def render_set(
     done = [take for take in selection.takes if take.id not in reasons]
     if done:
         body = read_body(body_path)
-        entries = [_entry(out_dir, take, body, jobs[take.id].config) for take in done]
+        entries = [
+            _entry(out_dir, take, body, jobs[take.id].config, selection.source(take.clip))
+            for take in done
+        ]
         _write_listing(recipe, entries, out_dir, body, run, bool(reasons))
+        unframed = frame_warnings(entries, recipe.min_in_frame_share).values()
+        _write_warnings(out_dir, [*_reading_warnings(out_dir, done), *unframed])
     stage_jobs.raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
     return out_dir / "synthetic.yaml"
 
@@ -167,12 +173,27 @@ def _write_listing(
         created_by=made_by(recorded, {"render": recipe.seed}),
         redo=run.redo or incomplete,
     )
+
+
+def _write_warnings(out_dir: Path, warnings: Sequence[str]) -> None:
+    """Say lines that don't stop a set, and keep them in `warnings.txt`, if there are any."""
     warnings_path = out_dir / "warnings.txt"
     warnings_path.unlink(missing_ok=True)
-    if warnings := frame_warnings(entries, recipe.min_in_frame_share).values():
+    if warnings:
         for line in warnings:
             remark(f"warning: {line}", style="yellow")
         write_text(warnings_path, "".join(f"{line}\n" for line in warnings))
+
+
+def _reading_warnings(out_dir: Path, takes: Sequence[Take]) -> list[str]:
+    """A line for each thing that may be wrong with the motion file of a planned clip."""
+    plans = {take.clip.id: out_dir / "plan" / take.clip.id / READING_FILE for take in takes}
+    return [
+        f"clip {id}: {remark} (in a recipe: the keys of `read`)"
+        for id, path in plans.items()
+        if path.is_file()  # not of a gait, nor of a plan that was made before there were any
+        for remark in ReadingRecord.read(path).remarks
+    ]
 
 
 def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, str]:
@@ -186,10 +207,10 @@ def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, 
     }
 
 
-def _entry(out_dir: Path, take: Take, body: BodyModel, config: RenderConfig) -> ClipEntry:
+def _entry(
+    out_dir: Path, take: Take, body: BodyModel, config: RenderConfig, source: Source
+) -> ClipEntry:
     folder = render_dir(out_dir, take.id)
-    clip = take.clip
-    source = file_source(clip.trial) if clip.trial else gait_source(clip.gait or "")
     licence = licence_of(source)
     if config.character is None:
         figures = {IN_FRAME: whole_person_share(load_clip(folder / "clip.npz"), body)}
@@ -282,7 +303,7 @@ def dry_run(
         motion, count = take.clip.trial or f"gait {take.clip.gait}", str(frames.get(take.id, ""))
         rows.append((take.id, motion, take.camera_motion, count, states[take.id]))
     rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
-    there = count_files([jobs[id].out_dir for id in todo], "masks/[0-9]*.png")
+    there = count_files([jobs[id].out_dir for id in todo], MASKS, {})
     frames_to_do = max(0, sum(frames[id] for id in todo) - there)
     workers = max(1, min(recipe.workers, len(todo)))
     counts = (len(clips), len(todo), sum(frames.values()), frames_to_do)

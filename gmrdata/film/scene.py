@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from gmrdata.film.walkers import CAR_SIZE_M, Drive, Shot, drive_past, keep_company, pass_by, shot_of
-from gmrdata.motion.resample import hold_pose, resample, slice_motion
+from gmrdata.motion.resample import resample, slice_motion
+from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig
 from gmrdata.values import limits
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -39,7 +40,16 @@ class Extras(Config):
     hold_s: float | None = Field(default=None, ge=0, le=limits.LONGEST_S)
     """All these people hold the pose that their motion has at this time [s]; None: they move."""
     motions: tuple[Path, ...] = ()
-    """Motion files for the passers-by, each at least as long as the clip; none: embedded gaits."""
+    """Motion files for the passers-by, each at least as long as the clip, and as `hold_s`;
+    none: embedded gaits."""
+    read: ReadConfig | None = None
+    """What these files don't show of themselves; the set's when left out."""
+
+    @model_serializer(mode="wrap")
+    def _without_an_empty_read(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # So what was rendered before there was this key is not made with other values.
+        dumped: dict[str, Any] = dump(self)
+        return {key: value for key, value in dumped.items() if key != "read" or value is not None}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,11 +62,15 @@ class Extras(Config):
         """Files that the extras depend on, by name."""
         from gmrdata.motion.files import input_files
 
-        return {
+        if not (self.passers_by and self.motions):
+            return {}
+        files = {
             f"extras_{role}{number}": file
-            for number, path in enumerate(self.motions if self.passers_by else ())
+            for number, path in enumerate(self.motions)
             for role, file in input_files(path).items()
         }
+        read = DEFAULT_READING if self.read is None else self.read
+        return files | {f"extras_{role}": file for role, file in read.inputs.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +96,15 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
     """
     if not extras.names:
         return Cast((), ())
-    shot = shot_of(clips)
+    shot = shot_of(clips, extras.hold_s)
     kinds = np.random.SeedSequence(seed, spawn_key=(EXTRAS_STREAM,)).spawn(3)
     walkers: list[Motion] = []
     cars: list[Drive] = []
     for n, own in enumerate(kinds[0].spawn(extras.company), 1):
-        walkers.append(keep_company(f"company_{n}", shot, walkers, body, own, extras.hold_s))
+        walkers.append(keep_company(f"company_{n}", shot, walkers, body, own))
     for n, own in enumerate(kinds[1].spawn(extras.passers_by), 1):
         rng = np.random.default_rng(own)
-        motion = _passing_motion(extras.motions, shot, body, rng)
-        if extras.hold_s is not None:
-            motion = hold_pose(motion, extras.hold_s, shot.n_frames)
+        motion = shot.posed(_passing_motion(extras, shot, body, rng))
         walkers.append(pass_by(f"passer_by_{n}", motion, shot, walkers, rng))
     paths_m = [walker.pelvis_m for walker in walkers]
     for n, own in enumerate(kinds[2].spawn(extras.cars), 1):
@@ -129,24 +141,26 @@ def looks_of(name: str, seed: int) -> np.random.Generator:
 
 
 def _passing_motion(
-    files: Sequence[Path], shot: Shot, body: BodyModel, rng: np.random.Generator
+    extras: Extras, shot: Shot, body: BodyModel, rng: np.random.Generator
 ) -> Motion:
-    """As long as the shot, at its rate, on a build of its own: a piece of a file, or a gait."""
+    """One that serves a shot, at its rate, on a build of its own: a piece of a file, or a gait."""
     from gmrdata.motion.gait import make_gait, sample_shape  # slow to load
 
-    if not files:
-        kind = "walk" if shot.duration_s <= STRAIGHT_S else "figure_eight"
-        return make_gait(kind, shot.duration_s, shot.fps_hz, body, rng)
-    from gmrdata.motion.files import read_motion
+    if not extras.motions:
+        kind = "walk" if shot.motion_s <= STRAIGHT_S else "figure_eight"
+        return make_gait(kind, shot.motion_s, shot.fps_hz, body, rng)
+    from gmrdata.motion.files import read_file
 
-    path = files[int(rng.integers(len(files)))]
-    whole = resample(read_motion(path, body, shape=sample_shape(body, rng)), shot.fps_hz)
-    if whole.n_frames < shot.n_frames:
-        lasts = f"lasts {whole.n_frames / shot.fps_hz:.2f} s, the clip {shot.duration_s:.2f} s"
+    path = extras.motions[int(rng.integers(len(extras.motions)))]
+    said = DEFAULT_READING if extras.read is None else extras.read
+    read = read_file(path, body, said, shape=sample_shape(body, rng))
+    whole, n_frames = resample(read.motion, shot.fps_hz), shot.motion_frames
+    if whole.n_frames < n_frames:
+        lasts = f"lasts {whole.n_frames / shot.fps_hz:.2f} s, and it takes {shot.motion_s:.2f} s"
         remedy = "give longer motions, or none for embedded gaits"
         raise BadRecipe(f"extras.motions: {path} {lasts}; {remedy}")
-    start = int(rng.integers(whole.n_frames - shot.n_frames + 1))
-    return slice_motion(whole, start, start + shot.n_frames)
+    start = int(rng.integers(whole.n_frames - n_frames + 1))
+    return slice_motion(whole, start, start + n_frames)
 
 
 def save_extras(

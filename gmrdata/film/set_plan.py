@@ -26,13 +26,14 @@ from gmrdata.film.programmes import (
 )
 from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.scene import SceneConfig
-from gmrdata.manifest.current import CameraMotion, ListManifest, Semver
+from gmrdata.manifest.current import CameraMotion, ListManifest, Semver, Source
 from gmrdata.manifest.read import read_manifest
-from gmrdata.motion.files import find_motions, input_files, read_file
+from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.library import READING_FILE, ReadingRecord, gait_source, motion_source
 from gmrdata.motion.resample import hold_pose
 from gmrdata.read.body_file import read_body
-from gmrdata.read.source_motion import ReadConfig
+from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig
 from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -131,6 +132,10 @@ def render_config(recipe: SyntheticRecipe, clip: SyntheticClip) -> RenderConfig:
         seed = int(clip_rng(recipe.seed, clip.id, "looks").integers(2**31))
         person = person.model_copy(update={"seed": seed})
     scene, character = clip.scene or _scene(recipe, clip.id), clip.character or config.character
+    extras = scene.extras
+    if extras.motions and extras.read is None and recipe.read != DEFAULT_READING:
+        extras = extras.model_copy(update={"read": recipe.read})
+        scene = scene.model_copy(update={"extras": extras})
     return config.model_copy(update={"scene": scene, "person": person, "character": character})
 
 
@@ -164,12 +169,15 @@ def make_plan(
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Stage: the planned clip, of a motion file or (None) an embedded gait; gives its path."""
+    """Stage: the planned clip, of a motion file or (None) an embedded gait; gives its path.  Beside
+    that of a file is `reading.json`."""
 
     def work(partial_dir: Path) -> None:
         body = read_body(body_path)
-        planned = planned_clip(clip, recipe, motion_path, body)
+        planned, reading = planned_clip(clip, recipe, motion_path, body)
         save_clip(partial_dir / PLANNED_FILE, planned, body.rest_pelvis_m(planned.motion.shape))
+        if reading is not None:
+            ReadingRecord.of(reading).write(partial_dir / READING_FILE)
 
     # The place doesn't matter to the plan: another one must not make it stale.
     anywhere = clip.model_copy(update={"scene": None, "read": None})
@@ -205,23 +213,25 @@ def make_twin(
 
 def planned_clip(
     clip: SyntheticClip, recipe: SyntheticRecipe, motion_path: Path | None, body: BodyModel
-) -> Clip:
-    """A clip's motion and camera."""
+) -> tuple[Clip, FileReading | None]:
+    """A clip's motion and camera, and how its file was read, if it has one."""
     film = _film(clip, recipe)
     shape = None if clip.shape is None else np.array(clip.shape)  # None: as the motion has it
     if shape is None and recipe.people.vary:
         person_rng = clip_rng(recipe.seed, clip.id, "person")
         shape = sample_person(body, person_rng, recipe.people.spread)
     rng = clip_rng(recipe.seed, clip.id, "motion")
+    reading: FileReading | None = None
     if motion_path is not None:
-        motion = read_file(motion_path, body, clip.read or recipe.read, shape=shape).motion
+        reading = read_file(motion_path, body, clip.read or recipe.read, shape=shape)
+        motion = reading.motion
     else:
         rate_hz = max(GAIT_FPS_HZ, film.fps_hz or 0.0)
         lasts_s = max(film.duration_s, (clip.hold_s or 0.0) + 1 / rate_hz)
         motion = make_gait(clip.gait or "", lasts_s, rate_hz, body, rng, shape=shape)
     if clip.hold_s is not None:
         motion = hold_pose(motion, clip.hold_s, round(film.duration_s * motion.fps_hz))
-    return plan_clip(clip.id, film_motion(motion, film), clip.programme, film, rng)
+    return plan_clip(clip.id, film_motion(motion, film), clip.programme, film, rng), reading
 
 
 def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:
@@ -248,8 +258,16 @@ class Selection:
 
     recipe: SyntheticRecipe
     takes: tuple[Take, ...]  # a clip's twin follows it
-    files: dict[str, Path]  # motions by their trial's name
+    motions_dir: Path | None
+    files: dict[str, Path]  # motions in it by their trial's name
     missing: tuple[str, ...]
+
+    def source(self, clip: SyntheticClip) -> Source:
+        """Where a clip's motion is from, as `gmrdata motions` says it of the same folder."""
+        if clip.trial is None or self.motions_dir is None:
+            return gait_source(clip.gait or "")
+        path = self.files[clip.trial]
+        return motion_source(path, path.relative_to(self.motions_dir))
 
 
 def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
@@ -268,7 +286,7 @@ def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
         what = f"clip ids must be unique, but these are repeated: {', '.join(repeated)}"
         raise BadRecipe(f"{what}; rename clips (camera_off adds _off to each)")
     missing = tuple(clip.trial for clip in wanted if clip.trial and clip.trial not in files)
-    return Selection(recipe, tuple(takes), files, missing)
+    return Selection(recipe, tuple(takes), motions_dir, files, missing)
 
 
 def _by_trial(motions_dir: Path, wanted: Container[str | None]) -> dict[str, Path]:

@@ -44,6 +44,7 @@ class Shot:
     fps_hz: float
     subjects_m: tuple[np.ndarray, ...]  # (T, 3) pelvis path for each clip, world [m]
     cameras: tuple[CameraPath, ...]
+    hold_s: float | None = None  # the others hold the pose of this time [s]; None: they move
 
     @property
     def n_frames(self) -> int:
@@ -52,6 +53,17 @@ class Shot:
     @property
     def duration_s(self) -> float:
         return self.n_frames / self.fps_hz
+
+    @property
+    def motion_frames(self) -> int:
+        """Frames of a motion that serves: the shot's, and on to a pose to hold that comes later."""
+        held = 0 if self.hold_s is None else round(self.hold_s * self.fps_hz) + 1
+        return max(self.n_frames, held)
+
+    @property
+    def motion_s(self) -> float:
+        """How long that is [s]."""
+        return self.motion_frames / self.fps_hz
 
     def sees(self, path_m: np.ndarray, share: float, seconds: float = np.inf) -> bool:
         """Whether each camera sees a point (T, 3) [m] for long enough, not behind its subject.
@@ -68,14 +80,20 @@ class Shot:
                 return False
         return True
 
+    def posed(self, motion: Motion) -> Motion:
+        """A motion of `motion_frames` as the shot has it: held in one pose, or as it is."""
+        if self.hold_s is None:
+            return motion
+        return hold_pose(motion, self.hold_s, self.n_frames)
 
-def shot_of(clips: Sequence[Clip]) -> Shot:
+
+def shot_of(clips: Sequence[Clip], hold_s: float | None = None) -> Shot:
     """The shot of clips with cameras; one that is shorter than the longest rests at its end."""
     frames = np.arange(max(clip.motion.n_frames for clip in clips))
     rows = [(clip, np.minimum(frames, clip.motion.n_frames - 1)) for clip in clips]
     subjects_m = tuple(clip.motion.pelvis_m[own] for clip, own in rows)
     cameras = tuple(camera_of(clip).at_rows(own) for clip, own in rows)
-    return Shot(clips[0].motion.fps_hz, subjects_m, cameras)
+    return Shot(clips[0].motion.fps_hz, subjects_m, cameras, hold_s)
 
 
 def _is_behind(path_m: np.ndarray, subject_m: np.ndarray, camera: CameraPath) -> np.ndarray:
@@ -149,19 +167,16 @@ def keep_company(
     others: Sequence[Motion],
     body: BodyModel,
     seed: np.random.SeedSequence,
-    hold_s: float | None = None,
 ) -> Motion:
     """A gait beside the first subject, in its direction and at its mean speed, as near as can be.
-    It goes straight on; beside a subject that stays, or comes back, it steps to and fro.  With
-    `hold_s` it stands in the pose of that time [s]."""
+    It goes straight on; beside a subject that stays, or comes back, it steps to and fro.  Where the
+    shot holds poses, it stands in one."""
     subject_m = shot.subjects_m[0][:, :2]
     way_m = subject_m[-1] - subject_m[0]
     far_m = float(np.linalg.norm(way_m))
     walked_m = float(np.linalg.norm(np.diff(subject_m, axis=0), axis=1).sum())
     goes = far_m > STANDS_M_PER_S * shot.duration_s and far_m > walked_m / 2
-    motion = _gait_at(far_m / shot.duration_s if goes else 0.0, shot, body, seed)
-    if hold_s is not None:
-        motion = hold_pose(motion, hold_s, shot.n_frames)
+    motion = shot.posed(_gait_at(far_m / shot.duration_s if goes else 0.0, shot, body, seed))
     rng = np.random.default_rng(seed.spawn(1)[0])
     best, least_m = None, np.inf
     for attempt in range(TRIES):
@@ -202,21 +217,21 @@ def _beside(
 def _gait_at(
     speed_m_per_s: float, shot: Shot, body: BodyModel, seed: np.random.SeedSequence
 ) -> Motion:
-    """A gait of the shot's length with a mean speed, as near as `PACES` allows; 0: to and fro."""
+    """A gait that serves a shot, with a mean speed, as near as `PACES` allows; 0: to and fro."""
     from gmrdata.motion.gait import make_gait  # slow to load; a clip without company needs none
 
     def gait(kind: str, duration_s: float, fps_hz: float) -> Motion:
         return make_gait(kind, duration_s, fps_hz, body, np.random.default_rng(seed))
 
     if speed_m_per_s == 0:
-        return gait("side_step", shot.duration_s, shot.fps_hz)
+        return gait("side_step", shot.motion_s, shot.fps_hz)
     kind = "run" if speed_m_per_s > RUN_M_PER_S else "walk"
-    usual = gait(kind, max(shot.duration_s, 2.0), shot.fps_hz)
+    usual = gait(kind, max(shot.motion_s, 2.0), shot.fps_hz)
     way_m = np.linalg.norm(usual.pelvis_m[-1, :2] - usual.pelvis_m[0, :2])
     usual_m_per_s = float(way_m) * usual.fps_hz / max(usual.n_frames - 1, 1)
     pace = float(np.clip(speed_m_per_s / max(usual_m_per_s, 1e-6), *PACES))
     # The same gait, filmed at another rate and played at the shot's.
-    played = gait(kind, shot.duration_s * pace, shot.fps_hz / pace)
+    played = gait(kind, shot.motion_s * pace, shot.fps_hz / pace)
     source = f"gmrdata gait {kind} played {pace:.2f} times as fast, not motion capture"
     return replace(played, fps_hz=shot.fps_hz, source=source)
 

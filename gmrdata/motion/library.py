@@ -70,7 +70,7 @@ def file_source(stem: str) -> Source:
     return Source(dataset="CMU" if is_trial(stem) else "file", sequence=as_text(stem))
 
 
-def _source(path: Path, inside: Path) -> Source:
+def motion_source(path: Path, inside: Path) -> Source:
     """A motion file, known as AMASS's by data set, subject and trial: `KIT/3/kick_poses.npz`.
 
     These are the last three parts of its path as far as they lie in the folder that was given
@@ -133,7 +133,7 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
         id = clip_id(name)
         if ids[id] > 1:
             id += f"_{sha256(name.encode(errors='surrogateescape')).hexdigest()[:8]}"
-        file = LibraryFile(path, id, _source(path, inside))
+        file = LibraryFile(path, id, motion_source(path, inside))
         if (other := files.setdefault(file.id, file)) is not file:
             remedy = "Give the folder that holds both, or import them into two folders"
             raise BadRecipe(f"{other.path} and {path} would both be clip {file.id}. {remedy}")

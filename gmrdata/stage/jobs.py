@@ -280,7 +280,16 @@ def _reason(error: BaseException, where: TracebackType | None) -> str:
     return f"{type(error).__name__}: {error}\n" + "".join(traceback.format_tb(where))
 
 
-def count_files(folders: Sequence[Path], pattern: str) -> int:
-    """How many files of a pattern stages have made by now, in finished and unfinished folders."""
-    unfinished = [folder.with_name(folder.name + ".partial") for folder in folders]
-    return sum(1 for folder in (*folders, *unfinished) for _ in folder.glob(pattern))
+def count_files(folders: Sequence[Path], pattern: str, finished: dict[Path, int]) -> int:
+    """How many files of a pattern stages have made by now, in finished and unfinished folders.
+
+    A finished folder is looked into once: its number is kept in `finished`.
+    """
+
+    def count(folder: Path) -> int:
+        return sum(1 for _ in folder.glob(pattern))
+
+    left = [folder for folder in folders if folder not in finished]
+    finished |= {folder: count(folder) for folder in left if folder.is_dir()}
+    unfinished = (folder.with_name(folder.name + ".partial") for folder in left)
+    return sum(finished.values()) + sum(map(count, unfinished))

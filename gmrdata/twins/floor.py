@@ -21,7 +21,7 @@ from gmrdata.twins.pseudo_gt_error import FPS_HZ, RecoveredSequence, sequence_er
 from gmrdata.twins.twin_set import TwinRecipe, TwinTruth, make_twins, read_truth
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadBodyFile, StageFailed
+from gmrdata.values.errors import BadBodyFile, NothingMade, StageFailed
 from gmrdata.values.files import STAGE_FILE
 
 TWINS_FOLDER, REGENERATED_FOLDER, FLOOR_FILE = "twins", "regenerated", "floor.json"
@@ -60,15 +60,15 @@ def sampled_floor(
     *,
     run: Run = DEFAULT_RUN,
 ) -> MadeFloor:
-    """Render twins to `out_dir/twins`, then as `floor_of_twins`; StageFailed without any twin."""
+    """Render twins to `out_dir/twins`, then as `floor_of_twins`; NothingMade without any twin."""
     twins_dir = out_dir / TWINS_FOLDER
     failed: StageFailed | None = None
     try:
         make_twins(sampled, twins_dir, motions_dir=motions_dir, run=run)
+    except NothingMade:
+        raise
     except StageFailed as error:
         failed = error
-        if not read_truth(twins_dir).classes:
-            raise
     made = floor_of_twins(twins_dir, recipe, out_dir, seed=sampled.set.seed, run=run)
     return made._replace(failed=failed or made.failed)
 

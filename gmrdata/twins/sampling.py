@@ -200,7 +200,7 @@ def _planned(
     Why not where nobody stands on the floor, or the camera would be too far away; BadMotionFile
     where the motion is too short.
     """
-    nearest = planned_clip(SyntheticClip.model_validate(given), base, path, body)
+    nearest, _ = planned_clip(SyntheticClip.model_validate(given), base, path, body)
     motion, film = nearest.motion, base.film
     if motion.n_frames != round(film.duration_s * motion.fps_hz):
         raise BadMotionFile(f"{path}: shorter than {film.duration_s:g} s")

@@ -41,7 +41,7 @@ from gmrdata.twins.faults import (
 )
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadFrames, BadSequence, MissingInput, StageFailed
+from gmrdata.values.errors import BadFrames, BadSequence, MissingInput, NothingMade, StageFailed
 from gmrdata.values.files import atomic_path, remove_orphans, write_npz
 from gmrdata.values.records import PART, Config, Record
 from gmrdata.write.threedpw import write_sequence
@@ -252,6 +252,7 @@ def make_twins(
 
     Raises:
         StageFailed: some clips failed; the sequences of the others are written.
+        NothingMade: all of them failed; nothing is written.
     """
     out_dir = out_dir.resolve()
     failed: StageFailed | None = None
@@ -267,7 +268,7 @@ def make_twins(
         and not (failures_dir / f"{take.id}.txt").exists()
     ]
     if failed is not None and not clips:
-        raise failed
+        raise NothingMade(str(failed)) from failed
     for folder in (out_dir / TRUTH_FOLDER, *(out_dir / DATASET_FOLDER).glob("*/*/")):
         remove_orphans(folder)
     for clip in track(clips, "writing sequences"):

@@ -89,6 +89,10 @@ class StageFailed(GmrdataError):
     """A stage could not do its work on a clip."""
 
 
+class NothingMade(StageFailed):
+    """Every clip of a set failed, so nothing of it was written."""
+
+
 class NothingToCompare(StageFailed):
     """Two clips have no two frames in a row in common."""
 

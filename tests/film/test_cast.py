@@ -32,6 +32,7 @@ from gmrdata.film.set_plan import SyntheticClip, planned_clip
 from gmrdata.film.walkers import CAR_SIZE_M, HALF_DRIVE_M, move_motion, way_driven_m
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.resample import hold_pose, slice_motion
+from gmrdata.read.source_motion import ReadConfig
 from gmrdata.score.camera_as_world import find_cameras, recovered_cameras
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.twins.twin_set import TwinRecipe
@@ -44,6 +45,7 @@ from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera, motion_in_world
+from gmrdata.write.bvh import write_bvh
 
 PROGRAMMES = (Circular(), Linear(), Panning(), LinearPanning(), Small(), Static())
 EVERYONE = Extras(company=1, passers_by=2, cars=1)
@@ -223,7 +225,7 @@ def test_motions_from_files(small_body, tmp_path):
     lowest_m = motion_vertices_m(small_body, walker)[..., 2].min(axis=1)
     assert lowest_m.min() > -0.05 and np.median(lowest_m) < 0.05
     long = clip_of(small_body, 2, duration_s=8.0)
-    with pytest.raises(BadRecipe, match=r"run\.npz lasts 6\.00 s, the clip 8\.00 s"):
+    with pytest.raises(BadRecipe, match=r"run\.npz lasts 6\.00 s, and it takes 8\.00 s"):
         make_cast(extras, [long], small_body, 0)
 
 
@@ -310,7 +312,7 @@ def test_the_pose_is_that_of_the_moment(small_body):
 
 @pytest.mark.parametrize("clip", RECIPE.set.clips, ids=lambda clip: clip.id)
 def test_nobody_moves_in_the_frozen_twins_but_the_camera(clip, small_body):
-    planned = planned_clip(clip, RECIPE.set, None, small_body)
+    planned, _ = planned_clip(clip, RECIPE.set, None, small_body)
     camera = camera_of(planned)
     n_frames = round(30 * (clip.duration_s or RECIPE.set.film.duration_s))
     assert planned.motion.n_frames == n_frames and clip.scene is not None
@@ -327,7 +329,7 @@ def test_nobody_moves_in_the_frozen_twins_but_the_camera(clip, small_body):
 def test_a_pose_can_be_held_longer_than_the_clip_lasts(small_body):
     given = {"id": "a", "gait": "walk", "hold_s": 2.5, "duration_s": 1.0}
     clip = SyntheticClip.model_validate(given | {"programme": {"kind": "circular"}})
-    motion = planned_clip(clip, RECIPE.set, None, small_body).motion
+    motion = planned_clip(clip, RECIPE.set, None, small_body)[0].motion
     assert motion.n_frames == 30 and holds_still(motion)
 
 
@@ -337,6 +339,53 @@ def test_passers_by_hold_their_poses_too(small_body):
     clip = plan_clip("a", film_motion(motion, film), Circular(), film, np.random.default_rng(3))
     cast = make_cast(Extras(passers_by=2, hold_s=0.5), [clip], small_body, 4)
     assert len(cast.walkers) == 2 and all(map(holds_still, cast.walkers))
+
+
+def piece_of(clip: Clip) -> Clip:
+    """Two frames, as a dry run's probe renders them."""
+    rows = slice(10, 12)
+    return replace(clip, motion=clip.motion.take(rows), camera=camera_of(clip).at_rows(rows))
+
+
+@pytest.mark.parametrize("hold_s", [0.4, 0.35, 2.5])  # 0.35 s lie between two frames
+@pytest.mark.parametrize("subject", ["stands", "walks"])
+def test_a_pose_can_be_held_that_comes_after_the_end_of_a_piece(small_body, subject, hold_s):
+    clip = clip_of(small_body, 2)
+    if subject == "stands":
+        clip = replace(clip, motion=hold_pose(clip.motion, 1.0, 40))
+    extras = Extras(company=1, passers_by=1, hold_s=hold_s)
+    cast = make_cast(extras, [piece_of(clip)], small_body, 0)
+    assert [walker.n_frames for walker in cast.walkers] == [2, 2]
+    assert all(map(holds_still, cast.walkers))
+    assert all(f"held at {round(hold_s * 10) / 10:.3f} s" in one.source for one in cast.walkers)
+
+
+def test_a_pose_of_a_file_can_be_held_that_comes_after_the_end_of_a_piece(small_body, tmp_path):
+    walk = make_gait("walk", 1.5, 30.0, small_body, np.random.default_rng(5), shape=np.zeros(10))
+    write_bvh(tmp_path / "walk.bvh", walk, small_body)
+    extras = Extras(passers_by=1, hold_s=1.0, motions=(tmp_path / "walk.bvh",))
+    piece = piece_of(clip_of(small_body, 2))
+    (walker,) = make_cast(extras, [piece], small_body, 0).walkers
+    assert walker.n_frames == 2 and holds_still(walker)
+    late = extras.model_copy(update={"hold_s": 1.5})
+    with pytest.raises(BadRecipe, match=r"walk\.bvh lasts 1\.50 s, and it takes 1\.60 s"):
+        make_cast(late, [piece], small_body, 0)
+
+
+def test_motions_are_read_as_the_extras_say(small_body, tmp_path):
+    """Of a file whose header has four times its rate, a passer-by went four times too fast."""
+    walk = make_gait("walk", 6.0, 30.0, small_body, np.random.default_rng(5), shape=np.zeros(10))
+    write_bvh(tmp_path / "walk.bvh", replace(walk, fps_hz=120.0), small_body)
+    extras = Extras(passers_by=1, motions=(tmp_path / "walk.bvh",), read=ReadConfig(fps_hz=30))
+    (walker,) = make_cast(extras, [clip_of(small_body, 2)], small_body, 0).walkers
+    speeds_m_per_s = [
+        np.linalg.norm((one.pelvis_m[-1] - one.pelvis_m[0])[:2]) * one.fps_hz / (one.n_frames - 1)
+        for one in (walker, walk)
+    ]
+    assert speeds_m_per_s[0] == pytest.approx(speeds_m_per_s[1], rel=0.2)  # legs differ in length
+    unsaid = extras.model_copy(update={"read": None})
+    with pytest.raises(BadRecipe, match=r"walk\.bvh lasts 1\.50 s, and it takes 4\.00 s"):
+        make_cast(unsaid, [clip_of(small_body, 2)], small_body, 0)
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ from gmrdata.film.programmes import (
     Small,
     Static,
     camera_path,
+    camera_programme,
     film_motion,
     frame_rate_hz,
     plan_clip,
@@ -37,7 +38,7 @@ PROGRAMMES = (
     Circular(),
     Circular(direction="clockwise", rate_deg_per_s=30),
     Linear(),
-    Linear(look="subject"),
+    LinearPanning(speed_m_per_s=0.5),
     Linear(move="dolly"),
     Panning(),
     LinearPanning(),
@@ -186,6 +187,13 @@ def test_a_broken_path_is_an_error(path):
 def test_unknown_kinds_and_keys_are_refused(recipe):
     with pytest.raises(ValidationError):
         TypeAdapter(Programme).validate_python(recipe)
+
+
+def test_a_linear_camera_that_turns_goes_by_its_class():
+    with pytest.raises(BadRecipe, match="look: .* is `linear_panning` with speed_m_per_s"):
+        camera_programme("linear", look="subject")
+    # As plans that are made have recorded it.
+    assert camera_programme("linear", look="fixed").model_dump()["look"] == Linear().look == "fixed"
 
 
 def test_out_of_frame_is_counted():

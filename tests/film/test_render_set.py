@@ -3,6 +3,7 @@
 import re
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,11 +17,14 @@ from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.motion.gait import make_gait
+from gmrdata.motion.library import LICENCES
 from gmrdata.pages.sets import write_set_pages
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.stage.run import Run
-from gmrdata.values.clip import camera_of
+from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
+from gmrdata.write.bvh import write_bvh
 from tests.film.set_kills import VICTIMS, contents, kill_and_complete, leftovers, write_recipe
 
 pytestmark = pytest.mark.slow
@@ -175,6 +179,32 @@ def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path, anny):
     assert read_manifest(manifest_path).version == "1.0.0"
     assert [clip.id for clip in read_manifest(manifest_path).clips] == ["far", "near"]
     assert not (tmp_path / "failed" / "far.txt").exists()
+
+
+def test_the_origin_of_motions_and_what_is_odd_in_them_is_kept(tmp_path, anny):
+    walk = make_gait(
+        "walk", 2.0, 30.0, anny, np.random.default_rng(0), shape=np.zeros(anny.n_shape)
+    )
+    (tmp_path / "motions" / "KIT" / "3").mkdir(parents=True)
+    write_bvh(tmp_path / "motions" / "fast.bvh", replace(walk, fps_hz=120.0), anny)
+    recorded = Clip("kick", walk, np.ones(60, bool), np.full(60, -1), None)
+    path = tmp_path / "motions" / "KIT" / "3" / "kick_poses.npz"
+    save_clip(path, recorded, anny.rest_pelvis_m(walk.shape))
+    clips = [
+        {"id": trial, "trial": trial, "duration_s": 0.5, "programme": {"kind": "small"}}
+        for trial in ("fast", "kick_poses")
+    ]
+    changes = {"clips": clips, "camera_off": False, "render": PLAIN, "workers": 1}
+    recipe = SyntheticRecipe.model_validate(RECIPE.model_dump() | changes)
+    manifest_path = render_set(recipe, tmp_path / "out", motions_dir=tmp_path / "motions")
+    manifest = read_manifest(manifest_path)
+    assert isinstance(manifest, Manifest)
+    fast, kick = manifest.clips
+    assert (fast.source.dataset, fast.source.sequence) == ("file", "fast")
+    assert (kick.source.dataset, kick.source.sequence) == ("AMASS", "KIT/3/kick_poses")
+    assert kick.licence == LICENCES["AMASS"] and fast.licence != kick.licence
+    (line,) = (tmp_path / "out" / "warnings.txt").read_text().splitlines()
+    assert line.startswith("clip fast: walks at ") and line.endswith("the keys of `read`)")
 
 
 def test_a_blender_process_that_is_killed_is_started_again(tmp_path, anny):

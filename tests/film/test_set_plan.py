@@ -18,11 +18,13 @@ from benchmarks.training.default_body import (
 )
 from gmrdata.film.character import phenotypes_of, sample_person
 from gmrdata.film.render import RenderConfig, full_json
-from gmrdata.film.scene import SceneConfig
+from gmrdata.film.scene import Extras, SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe, clip_rng, plan_takes, render_config, select
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.library import library_files
 from gmrdata.read.body_file import read_body, save_body
+from gmrdata.read.source_motion import ReadConfig
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.body import JOINT, PHENOTYPES
 from gmrdata.values.clip import load_clip
@@ -114,6 +116,46 @@ def test_a_trial_s_name_that_two_motions_have_is_refused(tmp_path):
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / "run.bvh").write_text("HIERARCHY")
     assert select(recipe, tmp_path).files["walk"] == paths[0]
+
+
+def test_passers_by_from_files_are_read_as_the_set_says(tmp_path):
+    names = tmp_path / "names.yaml"
+    extras = {"passers_by": 1, "motions": ["walk.bvh"]}
+    said = {"fps_hz": 30, "joint_map": names}
+
+    def found(read: dict[str, object], /, **own: object) -> Extras:
+        recipe = recipe_of(read=read, scenes=[{"kind": "park", "extras": extras | own}])
+        return render_config(recipe, recipe.clips[0]).scene.extras
+
+    of_set = found(said)
+    assert of_set.read == ReadConfig(fps_hz=30, joint_map=names)
+    assert of_set.inputs == {"extras_motion0": Path("walk.bvh"), "extras_joint_map": names}
+    assert found(said, read={"up": "y"}).read == ReadConfig(up="y")
+    assert found(said, motions=[]).read is None
+    assert Extras.model_validate_json(of_set.model_dump_json()) == of_set
+    # What was rendered before there was the key is not made again.
+    before = {"company": 0, "passers_by": 1, "cars": 0, "hold_s": None, "motions": ["walk.bvh"]}
+    assert found({}).model_dump(mode="json") == before
+
+
+def test_motions_have_the_origin_that_the_library_gives_them(tmp_path):
+    for name in ("AMASS/KIT/3/kick_poses.npz", "AMASS/02_03.bvh"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"broken, so that reading says so")
+    clips = [
+        {"id": f"c{n}", **motion, "programme": {"kind": "small"}}
+        for n, motion in enumerate(({"trial": "kick_poses"}, {"trial": "02_03"}, {"gait": "run"}))
+    ]
+    recipe, folder = recipe_of(clips=clips), tmp_path / "AMASS"
+    selection = select(recipe, folder)
+    found = [selection.source(clip) for clip in recipe.clips]
+    assert [(source.dataset, source.sequence) for source in found] == [
+        ("AMASS", "KIT/3/kick_poses"),
+        ("CMU", "02_03"),
+        ("gmrdata", "run"),
+    ]
+    known = {file.path: file.source for file in library_files((folder,))}
+    assert found[:2] == [known[selection.files[trial]] for trial in ("kick_poses", "02_03")]
 
 
 def test_places_are_those_of_the_list_and_seeds_are_drawn_unless_given():

@@ -240,7 +240,7 @@ def test_a_recipe_says_how_files_are_read(write, small_body):
 
 def _plan(recipe: dict[str, object], path: Path, body: BodyModel) -> Clip:
     read = SyntheticRecipe.model_validate(recipe)
-    return planned_clip(read.clips[0], read, path, body)
+    return planned_clip(read.clips[0], read, path, body)[0]
 
 
 def test_hands_that_the_zero_pose_bends(write, small_body):

@@ -193,7 +193,14 @@ def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path):
         (tmp_path / name / "frames").mkdir(parents=True)
         for i in range(n_files):
             (tmp_path / name / "frames" / f"{i}.jpg").touch()
-    assert count_files([tmp_path / "a", tmp_path / "b"], "frames/*.jpg") == 5
+    folders, finished = [tmp_path / "a", tmp_path / "b"], dict[Path, int]()
+    assert count_files(folders, "frames/*.jpg", finished) == 5
+    assert finished == {tmp_path / "a": 2}
+    (tmp_path / "a" / "frames" / "0.jpg").unlink()  # nobody looks into it once more
+    (tmp_path / "b.partial" / "frames" / "3.jpg").touch()
+    assert count_files(folders, "frames/*.jpg", finished) == 6
+    (tmp_path / "b.partial").rename(tmp_path / "b")
+    assert count_files(folders, "frames/*.jpg", finished) == 6
 
 
 IS_FILE = Path.is_file

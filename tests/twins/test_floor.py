@@ -16,12 +16,13 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.read import load_clips
 from gmrdata.read.body_file import read_body
 from gmrdata.stage.progress import console
-from gmrdata.twins.floor import floor_of_twins, measure
+from gmrdata.stage.run import Run
+from gmrdata.twins.floor import floor_of_twins, measure, sampled_floor
 from gmrdata.twins.floor_record import Floor
 from gmrdata.twins.pseudo_gt_error import compare_clips
-from gmrdata.twins.twin_set import TwinSequence, TwinsRecord, read_truth
+from gmrdata.twins.twin_set import TwinRecipe, TwinSequence, TwinsRecord, read_truth
 from gmrdata.values.clip import save_clip
-from gmrdata.values.errors import BadBodyFile, MissingInput
+from gmrdata.values.errors import BadBodyFile, MissingInput, NothingMade
 
 pytestmark = pytest.mark.slow
 
@@ -180,3 +181,25 @@ def test_a_body_that_the_recipe_lacks_is_named(place, filmed_set):
     none_named = filmed_set.recipe().model_copy(update={"bodies": ()})
     with pytest.raises(BadBodyFile, match="which is not among the recipe's"):
         measure(twins, place / "out" / "regenerated", none_named)
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_where_no_twin_is_rendered_the_reason_is_said_and_old_ones_stay(
+    filmed_set, tmp_path, anny, old
+):
+    """Another seed's twins were measured and listed with this one, or said to be missing."""
+    clip = {"id": "walk_00", "gait": "walk", "programme": {"kind": "static"}}
+    film = {"fps_hz": 30, "duration_s": 0.5, "width_px": 96, "height_px": 64}
+    twins = {"recipe": "synthetic", "name": "none", "clips": [clip], "film": film}
+    recipe = TwinRecipe.model_validate({"recipe": "threedpw_twin", "set": twins})
+    out = tmp_path / "out"
+    if old:
+        shutil.copytree(filmed_set.root, out / "twins" / "3DPW")
+        write_truth(filmed_set, out / "twins", CLASSES)
+        (out / "floor.json").write_text("old", encoding="utf-8")
+    with pytest.raises(NothingMade, match="no Dask scheduler at tcp://127.0.0.1:9"):
+        sampled_floor(
+            recipe, tmp_path, filmed_set.recipe(), out, run=Run(scheduler="tcp://127.0.0.1:9")
+        )
+    assert not (out / "regenerated").exists()
+    assert [path.read_text(encoding="utf-8") for path in out.glob("floor.json")] == ["old"] * old

@@ -35,7 +35,7 @@ def test_all_classes_and_places_and_a_second_person_are_there(drawn):
 def test_what_is_planned_is_whole_in_view_and_of_its_class(drawn, cmu_dir, anny):
     files = select(drawn.set, cmu_dir).files
     for clip in drawn.set.clips:
-        planned = planned_clip(clip, drawn.set, files[clip.trial or ""], anny)
+        planned, _ = planned_clip(clip, drawn.set, files[clip.trial or ""], anny)
         motion, camera = planned.motion, camera_of(planned)
         assert (motion.n_frames, motion.fps_hz) == (150, 30.0)
         assert in_frame(camera, person_box(motion.pelvis_m)).mean() == 1.0
