@@ -88,6 +88,13 @@ def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_by_two, filmed_set
     assert [row[2] for row in rows] == ["done", "done"]
 
 
+    sfm = recipe.sequence.sfm.model_copy(update={"seed": 5})
+    other = recipe.model_copy(update={"sequence": recipe.sequence.model_copy(update={"sfm": sfm})})
+    for row in plan(other, filmed_set.root, made_by_two):
+        assert "/sfm: made with other values of config.sfm.seed. Pass --redo" in row[2]
+    rows = plan(other, filmed_set.root, made_by_two, run=Run(redo=True))
+    assert [row[2] for row in rows] == ["to do: again", "to do: again"]
+    assert {path: path.stat().st_mtime_ns for path in after} == after
 def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
     made_by_two, filmed_set, monkeypatch, capsys
 ):
