@@ -33,14 +33,21 @@ from gmrdata.values.files import write_text
 from gmrdata.values.records import Config
 
 
+BODIES = ("body", "bodies")
+"""Keys of recipes that hold names of bodies, or their files."""
+
 def made_by(
     recipe: Config | Mapping[str, Any] | None = None, seeds: Mapping[str, int] | None = None
 ) -> current.CreatedBy:
-    """The record for a manifest's head: the recipe without its maker's paths, and seeds by use."""
-    values = recipe.model_dump(mode="json") if isinstance(recipe, Config) else dict(recipe or {})
+    """The record for a manifest's head: the recipe without its maker's paths, and seeds by use.
+
+    How many workers there were decides nothing, so a model's `workers` are no part of it.
+    """
+    if isinstance(recipe, Config):  # not as JSON, in which a path is a text like any other
+        recipe = recipe.model_dump(exclude={"workers"})
     return current.CreatedBy(
         gmrdata=__version__,
-        recipe=without_machine_paths(values),
+        recipe=without_machine_paths(recipe or {}),
         seeds=dict(sorted((seeds or {}).items())),
         packages=package_versions(),
     )
@@ -65,15 +72,14 @@ def recipe_sha256(stage: str, config: Mapping[str, Any], inputs: Mapping[str, st
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def without_machine_paths(value: Any) -> Any:
-    """Plain data with every absolute path cut to its last part."""
+def without_machine_paths(value: Any, *, of_body: bool = False) -> Any:
+    """Plain data with every path cut to its last part: a `Path`, a text that begins as an absolute
+    one, and the file of a body, however it is written."""
     if isinstance(value, Mapping):
-        return {str(key): without_machine_paths(item) for key, item in value.items()}
+        return {str(k): without_machine_paths(v, of_body=k in BODIES) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [without_machine_paths(item) for item in value]
-    if isinstance(value, Path):
-        value = str(value)
-    if isinstance(value, str) and value.startswith("/"):
+        return [without_machine_paths(item, of_body=of_body) for item in value]
+    if isinstance(value, Path) or (isinstance(value, str) and (of_body or value.startswith("/"))):
         return Path(value).name
     return value
 

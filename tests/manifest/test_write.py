@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import ListManifest
+from gmrdata.manifest.current import CreatedBy, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import (
     ClipFiles,
@@ -23,6 +23,7 @@ from gmrdata.manifest.write import (
     write_manifest,
 )
 from gmrdata.stage.store import run_stage
+from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values import clip as clip_file
 from gmrdata.values.errors import BadManifest, BadRecord, MissingInput
 from gmrdata.values.records import Config
@@ -57,6 +58,18 @@ def test_no_machine_path_and_no_time_in_the_bytes(data_set):
     assert by.recipe == {"motions": "cmu", "list": ["b"], "n": 1}
     assert list(by.seeds) == ["a", "b"]
     assert by.packages["numpy"] == np.__version__
+
+
+@pytest.mark.parametrize("folder", ["/x/smpl/", "../smpl/", "~/smpl/", ""])
+def test_a_recipe_says_the_same_however_its_files_are_written(folder):
+    def made(folder: str) -> CreatedBy:
+        sources = [{"kind": "folder", "path": f"{folder}masks"}]
+        said = {"bodies": [f"{folder}F.npz", "anny"], "sequence": {"masks": {"sources": sources}}}
+        return made_by(ThreedpwRecipe.model_validate({"recipe": "threedpw"} | said))
+
+    found = made("smpl/")
+    assert found.recipe["bodies"] == ["F.npz", "anny"] and "workers" not in found.recipe
+    assert found == made(folder)
 
 
 def test_a_version_never_changes(data_set):
