@@ -103,8 +103,9 @@ def regenerate_set(
     """Make world motions of all sequences, `verdicts.json` and the manifest `pseudo_gt.yaml`.
 
     A sequence that can't be read or masked leaves its reason in `failed/<name>.txt`, and the others
-    go on; one without a reconstruction is listed as rejected.  A run that was stopped goes on.
-    Where nothing is left to make, no worker starts.  StageFailed where some sequences failed.
+    go on; a complete manifest of an earlier run stays then.  One without a reconstruction is listed
+    as rejected.  A run that was stopped goes on.  Where nothing is left to make, no worker starts.
+    StageFailed where some sequences failed.
     """
     recipe, chosen, refused = _checked(recipe, root)
     paths = SetPaths(out_dir.resolve())
@@ -116,13 +117,12 @@ def regenerate_set(
     jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
     reasons = refused | _regenerate(jobs, recipe, chosen, paths, run)
     _list(recipe, chosen, reasons, paths, run)
-    if _listing(paths) == before:
+    if not reasons and _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
     return paths.manifest
 
 
-def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[str, str]]:
 def _checked(
     recipe: ThreedpwRecipe, root: Path
 ) -> tuple[ThreedpwRecipe, list[SequenceFiles], dict[str, str]]:
@@ -138,6 +138,7 @@ def _checked(
     return recipe, chosen, refused
 
 
+def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[str, str]]:
     """The sequences to regenerate, and by name why others can't be read."""
     found = find_sequences(root)
     splits = splits_of(found)
@@ -253,17 +254,16 @@ def _write_manifest(
         paths.manifest,
         ManifestHead(
             name=recipe.name,
-            version=f"{recipe.version}-incomplete" if reasons else recipe.version,
+            version=recipe.version,
             description="World-frame pseudo ground truth, regenerated from frames, intrinsics and "
             "camera-frame bodies.",
             kind="pseudo_gt",
             licence=recipe.licence,
         ),
         [entry for files in done for entry in sequence_entries(files, recipe, paths)],
-        created_by=made_by(
-            recipe.model_dump(mode="json", exclude={"workers"}), {"sfm": recipe.sequence.sfm.seed}
-        ),
-        redo=run.redo or bool(reasons),
+        created_by=made_by(recipe, {"sfm": recipe.sequence.sfm.seed}),
+        redo=run.redo,
+        incomplete=bool(reasons),
     )
 
 

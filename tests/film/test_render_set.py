@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from gmrdata.film.render import RenderConfig
-from gmrdata.film.render_set import dry_run, render_set, summary_lines
+from gmrdata.film.render_set import _write_listing, dry_run, render_set, summary_lines
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
@@ -175,6 +175,16 @@ def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path, anny):
     assert read_manifest(manifest_path).version == "1.0.0"
     assert [clip.id for clip in read_manifest(manifest_path).clips] == ["far", "near"]
     assert not (tmp_path / "failed" / "far.txt").exists()
+
+
+def test_where_a_clip_fails_a_complete_manifest_stays(tmp_path, anny):
+    path = tmp_path / "synthetic.yaml"
+    _write_listing(RECIPE, [], tmp_path, anny, Run(), False)
+    before = path.read_bytes()
+    _write_listing(RECIPE, [], tmp_path, anny, Run(), True)
+    assert path.read_bytes() == before
+    _write_listing(RECIPE, [], tmp_path, anny, Run(redo=True), True)
+    assert read_manifest(path).version == "1.0.0-incomplete"
 
 
 def test_a_blender_process_that_is_killed_is_started_again(tmp_path, anny):

@@ -84,6 +84,24 @@ def test_a_version_never_changes(data_set):
     assert read_manifest(path).description == "Once more."
 
 
+def test_a_set_that_lacks_clips_says_so_and_replaces_no_complete_one(data_set, capsys):
+    path, other = data_set / "set.yaml", data_set / "other.yaml"
+    before, clips = path.read_bytes(), read_manifest(path).clips
+    rewritten(data_set, path, clips=clips[:1], incomplete=True)
+    assert path.read_bytes() == before
+    assert "set 1.0.0 is there with all its clips, and stays" in capsys.readouterr().err
+    for some in (clips[:1], clips[1:]):
+        rewritten(data_set, other, clips=some, incomplete=True)
+        found = read_manifest(other)
+        assert (found.version, found.clips) == ("1.0.0-incomplete", some)
+    rewritten(data_set, other)
+    assert (read_manifest(other).version, read_manifest(other).clips) == ("1.0.0", clips)
+    rewritten(data_set, other, version="1.1.0-rc.1", incomplete=True)
+    assert read_manifest(other).version == "1.1.0-rc.1.incomplete"
+    rewritten(data_set, path, clips=clips[:1], incomplete=True, redo=True)
+    assert read_manifest(path).version == "1.0.0-incomplete"
+
+
 def test_something_else_at_the_path_is_kept(data_set):
     path = data_set / "notes.yaml"
     path.write_text("- my notes\n")
