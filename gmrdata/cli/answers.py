@@ -33,7 +33,8 @@ class _Stages(logging.Handler):
 def as_loud(*, quiet: bool, verbose: bool) -> Iterator[None]:
     """Quiet: only answers and errors are said inside; verbose: each stage too."""
     log, handler = logging.getLogger("gmrdata"), _Stages()
-    before, console.quiet = (console.quiet, log.level), quiet
+    before = console.quiet, log.level
+    console.quiet = quiet or console.quiet  # `merge` runs another verb inside
     if verbose:
         log.addHandler(handler)
         log.setLevel(logging.INFO)

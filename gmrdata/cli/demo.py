@@ -269,8 +269,7 @@ def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:
 
 def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) -> None:
     """Write the three manifests; the same clips give the same bytes."""
-    # How many workers there were decides nothing, so it is no part of what made the clips.
-    by = made_by(recipe.model_dump(mode="json", exclude={"workers"}), {"demo": recipe.seed})
+    by = made_by(recipe, {"demo": recipe.seed})
     licence = f"clips as stated by each; body: {read_body(paths.body).licence}"
 
     def write(path: Path, kind: str, description: str, clips: Sequence[ClipEntry]) -> None:

@@ -47,7 +47,7 @@ def threedpw_regenerate(
     if sequences:
         loaded = loaded.model_copy(update={"sequences": sequences})
     if dry_run:
-        print_table(stage.HEADINGS, stage.plan(loaded, root, out))
+        print_table(stage.HEADINGS, stage.plan(loaded, root, out, run=run))
         return
     with then(lambda: write_set_pages(loaded, root, out)):
         made = stage.regenerate_set(loaded, root, out, run=run)
@@ -189,7 +189,7 @@ def floor(
             what = "--twins: no twins are sampled then, so --motions and what says how do nothing"
             raise BadRecipe(f"{what}. Leave them out")
         if dry_run:
-            plan = regeneration.plan(loaded, read_truth(twins).root, regenerated)
+            plan = regeneration.plan(loaded, read_truth(twins).root, regenerated, run=run)
             print_table(regeneration.HEADINGS, plan)
             return
         make = partial(stage.floor_of_twins, twins, loaded, out, run=run)

@@ -53,11 +53,19 @@ def share(arguments: Sequence[str]) -> Iterator[None]:
 
 
 def _parted(arguments: Sequence[str]) -> list[str]:
-    """Arguments with flags and values apart, and hyphens in flags: --a_b=c as --a-b c."""
+    """Arguments with flags and values apart, and hyphens in flags: --a_b=c as --a-b c.
+
+    A value like -y stays with its flag: alone it would be taken for one.
+    """
     found = []
     for argument in arguments:
-        flag, *value = argument.split("=", 1) if argument.startswith("--") else (argument,)
-        found += [flag.replace("_", "-") if argument.startswith("--") else flag, *value]
+        if not argument.startswith("--"):
+            found.append(argument)
+            continue
+        flag, equals, value = argument.partition("=")
+        flag = flag.replace("_", "-")
+        joined = not equals or value.startswith("-")
+        found += [f"{flag}{equals}{value}"] if joined else [flag, value]
     return found
 
 
@@ -98,6 +106,7 @@ def merging(path: Path, record: CommandRecord, out: Path) -> list[str]:
     values = _values(typed)
     fits = typed[:1] and typed[0] in SHARED_VERBS and len(values) == 2
     if not fits or Path(record.folder, values[OUT_FLAG]).resolve() != out.resolve():
-        raise BadRecord(f"{path}: {' '.join(typed)}: not a command of shards of {out}")
+        remedy = f"Give the command of the shards again, with --out {out} --shard 0/N"
+        raise BadRecord(f"{path}: {' '.join(typed)}: not a command of shards of {out}. {remedy}")
     at = typed.index(SHARD_FLAG) + 1
     return [*typed[:at], f"0/{typed[at].partition('/')[2]}", *typed[at + 1 :]]

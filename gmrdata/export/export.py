@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -30,13 +30,14 @@ from gmrdata.gmr.config import Which
 from gmrdata.solve.request import SFM
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
 from gmrdata.solve.videos import FILES
+from gmrdata.stage.locks import locked
 from gmrdata.stage.progress import progress_bar, remark
 from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput, StaleOutput
 from gmrdata.values.files import write_bytes
 from gmrdata.values.people import PSEUDO_GT
 from gmrdata.world.compose import load_background
 from gmrdata.world.judge import load_record
-from gmrdata.write.cameras import write_tum
+from gmrdata.write.cameras import BINARY_FOLDER, TEXT_FOLDER, write_tum
 from gmrdata.write.emdb import emdb_name
 
 USED_BY = {
@@ -48,6 +49,8 @@ USED_BY = {
 """Settings that say nothing to most formats: what they are when left out, and whom they are for."""
 OF_CLIPS = ("clips", "body", "images", "truth")  # nothing to a network
 ONNX_ALONE = "onnx is of a training run, the other formats of clips"
+PARTS = {"colmap": (BINARY_FOLDER, TEXT_FOLDER)}
+"""What alone is replaced in the folder of a format in which other programs write theirs too."""
 
 
 class Unit(NamedTuple):
@@ -217,13 +220,13 @@ def images_of(folder: Path, sequence: str, *, alone: bool) -> Path:
 
 def _apart(units: Sequence[Unit]) -> list[Path]:
     """Where units are written; BadRecipe where two would be one file, as P0_walk and walk of EMDB's
-    would."""
-    by_path: dict[Path, Unit] = {}
+    would, and Walk and walk on disks of macOS and Windows."""
+    by_path: dict[str, Unit] = {}
     for unit in units:
-        if (other := by_path.setdefault(unit.path, unit)) is not unit:
+        if (other := by_path.setdefault(str(unit.path).casefold(), unit)) is not unit:
             remedy = "Write one of them at a time, with --clips, to another --out each"
             raise BadRecipe(f"{unit.path}: {other.name} and {unit.name} would be this. {remedy}")
-    return list(by_path)
+    return [unit.path for unit in by_path.values()]
 
 
 def _refuse_to_overwrite(paths: Sequence[Path]) -> None:
@@ -250,7 +253,7 @@ def _write(
     for lacking in not_held(unit.format, people):
         remark(f"{unit.name}: {lacking}")
     try:
-        with _whole(unit.path) as partial:
+        with _whole(unit.path, PARTS.get(unit.format, ("",))) as partial:
             format.write(people, partial, options)
     except GmrdataError as error:
         return str(error).replace(_partial(unit.path).name, unit.path.name)
@@ -273,17 +276,21 @@ def _export_network(
 
 
 @contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A sibling of `path` to write a file or folder to, which replaces it when the block ends."""
+def _whole(path: Path, parts: Sequence[str] = ("",)) -> Iterator[Path]:
+    """A sibling of `path` to write a file or folder to, which replaces it when the block ends: all
+    of it, or its `parts` alone.  Another process that writes the same waits."""
     partial = _partial(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _remove(partial)
-    try:
-        yield partial
-        _remove(path)
-        partial.rename(path)
-    finally:
+    with locked(path):
         _remove(partial)
+        try:
+            yield partial
+            for part in parts:
+                _remove(path / part)
+                if (partial / part).exists():
+                    (path / part).parent.mkdir(parents=True, exist_ok=True)
+                    (partial / part).rename(path / part)
+        finally:
+            _remove(partial)
 
 
 def _partial(path: Path) -> Path:
@@ -308,7 +315,7 @@ def write_files(
     """Files for other programs of the people who were accepted, by `fused/` where it is there, or
     of cameras alone; gives what could not be written, and why.
 
-    What lies there of another verdict or body is taken away.
+    What they were of another verdict or body is taken away.
     """
     path, pseudo_gt_dir = out_dir / VERDICT_FILE, out_dir / PSEUDO_GT
     verdict = VideoVerdict.read(path) if path.is_file() else None
@@ -316,7 +323,8 @@ def write_files(
         people = load_record(pseudo_gt_dir).people if pseudo_gt_dir.is_dir() else ()
         clips = list_clips(people_dir := world_people_dir(out_dir)) if people else []
         ids = [files.id for files, one in zip(clips, people, strict=True) if one.accepted]
-        for name in TAKEN_ALONG:
+        _remove_models(out_dir / FILES / "colmap")
+        for name in TAKEN_ALONG[1:]:
             shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
         results: list[Exported] = []
         if ids:
@@ -331,13 +339,25 @@ def write_files(
     ]
 
 
+def _remove_models(folder: Path) -> None:
+    """Remove COLMAP's models, that of cameras alone or those of sequences, but not what COLMAP and
+    others made beside them, like `dense`."""
+    alone = (folder / BINARY_FOLDER).is_dir()
+    for model in [folder] if alone else [*folder.glob("*/")]:
+        for part in PARTS["colmap"]:
+            _remove(model / part)
+        for left in (model / BINARY_FOLDER).parent, model, folder:
+            with suppress(OSError):  # not empty, or gone
+                left.rmdir()
+
+
 def _write_cameras(out_dir: Path, images: Path, fps_hz: float) -> None:
     """Cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world."""
     sfm_dir, colmap = out_dir / SFM, out_dir / FILES / "colmap"
     found = load_background(sfm_dir, None)
     names, points = seen_points(found, sfm_dir, "keyframes")
     known = found.camera.has_camera
-    colmap.mkdir(parents=True)
+    colmap.mkdir(parents=True, exist_ok=True)
     write_background(colmap, found, names, points, images)
     times_s = times_of(images, found.image_numbers, fps_hz)[known]
     write_tum(out_dir / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s)

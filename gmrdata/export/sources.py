@@ -65,7 +65,8 @@ class ExportedClip(ClipFiles):
     def body(self) -> BodyModel:
         """The person's body; MissingInput where it is not at hand, BadBodyFile for another one."""
         wanted, shape = self.clip.motion.body, self.clip.motion.shape
-        found = {body.name: body for body in map(_loaded, self.body_names)}
+        # Of two with one name the nearer one, which stands first.
+        found = {body.name: body for body in map(_loaded, reversed(self.body_names))}
         if wanted not in found:
             there = f"; there are {', '.join(found)}" if found else ""
             raise MissingInput(

@@ -102,8 +102,8 @@ def render_set(
 
     Beside the manifest stands `warnings.txt` where a clip deserves one.  A clip that can't be
     planned or rendered leaves its reason in `failed/<id>.txt` and the others go on; a manifest
-    without some of its clips has "incomplete" in its version.  Returns the manifest's path;
-    StageFailed where some clips failed, MissingInput where not one can be rendered.
+    without some of its clips has "incomplete" in its version, and replaces no complete one.
+    Returns its path; StageFailed where some clips failed, MissingInput where none can be rendered.
     """
     recipe, out_dir = read_recipe(recipe, SyntheticRecipe), Path(out_dir)
     motions_dir = None if motions_dir is None else Path(motions_dir)
@@ -158,20 +158,19 @@ def _write_listing(
     run: Run,
     incomplete: bool,
 ) -> None:
-    tag = f"{'.' if '-' in recipe.version else '-'}incomplete" if incomplete else ""
-    recorded = recipe.model_dump(mode="json", exclude={"workers"})
     write_manifest(
         out_dir / "synthetic.yaml",
         ManifestHead(
             name=recipe.name,
-            version=f"{recipe.version}{tag}",
+            version=recipe.version,
             description="Rendered clips with exact cameras and exact world motions.",
             kind="synthetic",
             licence=f"clips as stated by each; body: {body.licence}",
         ),
         entries,
-        created_by=made_by(recorded, {"render": recipe.seed}),
-        redo=run.redo or incomplete,
+        created_by=made_by(recipe, {"render": recipe.seed}),
+        redo=run.redo,
+        incomplete=incomplete,
     )
 
 

@@ -97,14 +97,13 @@ def read_listing(path: Path) -> list[ListedFile]:
 
 
 def files_below(folder: Path) -> list[str]:
-    """Sorted relative paths of all files below a folder but `RECORDS`; links are not entered."""
+    """Sorted relative paths of all files below a folder but `RECORDS` and hidden ones; links are
+    not entered."""
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
     real = folder.resolve()
-    files = (p for p in real.rglob("*") if not p.is_dir() or p.is_symlink())
-    return sorted(
-        p.relative_to(real).as_posix() for p in files if p.parent != real or p.name not in RECORDS
-    )
+    files = (p.relative_to(real) for p in real.rglob("*") if not p.is_dir() or p.is_symlink())
+    return sorted(p.as_posix() for p in files if str(p) not in RECORDS and not disk.is_hidden(p))
 
 
 def relative_to_root(root: Path, path: Path) -> str:

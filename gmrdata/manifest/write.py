@@ -25,6 +25,7 @@ from gmrdata.manifest.current import (
 )
 from gmrdata.manifest.listing import FILES, FOLDERS, file_record, folder_record
 from gmrdata.manifest.read import ADAPTER, read_manifest
+from gmrdata.stage.progress import remark
 from gmrdata.stage.store import StageRecord, package_versions
 from gmrdata.values import plain_yaml
 from gmrdata.values.clip import load_clip, text_runs
@@ -32,15 +33,22 @@ from gmrdata.values.errors import BadManifest
 from gmrdata.values.files import write_text
 from gmrdata.values.records import Config
 
+BODIES = ("body", "bodies")
+"""Keys of recipes that hold names of bodies, or their files."""
+
 
 def made_by(
     recipe: Config | Mapping[str, Any] | None = None, seeds: Mapping[str, int] | None = None
 ) -> current.CreatedBy:
-    """The record for a manifest's head: the recipe without its maker's paths, and seeds by use."""
-    values = recipe.model_dump(mode="json") if isinstance(recipe, Config) else dict(recipe or {})
+    """The record for a manifest's head: the recipe without its maker's paths, and seeds by use.
+
+    How many workers there were decides nothing, so a model's `workers` are no part of it.
+    """
+    if isinstance(recipe, Config):  # not as JSON, in which a path is a text like any other
+        recipe = recipe.model_dump(exclude={"workers"})
     return current.CreatedBy(
         gmrdata=__version__,
-        recipe=without_machine_paths(values),
+        recipe=without_machine_paths(recipe or {}),
         seeds=dict(sorted((seeds or {}).items())),
         packages=package_versions(),
     )
@@ -65,15 +73,14 @@ def recipe_sha256(stage: str, config: Mapping[str, Any], inputs: Mapping[str, st
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def without_machine_paths(value: Any) -> Any:
-    """Plain data with every absolute path cut to its last part."""
+def without_machine_paths(value: Any, *, of_body: bool = False) -> Any:
+    """Plain data with every path cut to its last part: a `Path`, a text that begins as an absolute
+    one, and the file of a body, however it is written."""
     if isinstance(value, Mapping):
-        return {str(key): without_machine_paths(item) for key, item in value.items()}
+        return {str(k): without_machine_paths(v, of_body=k in BODIES) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [without_machine_paths(item) for item in value]
-    if isinstance(value, Path):
-        value = str(value)
-    if isinstance(value, str) and value.startswith("/"):
+        return [without_machine_paths(item, of_body=of_body) for item in value]
+    if isinstance(value, Path) or (isinstance(value, str) and (of_body or value.startswith("/"))):
         return Path(value).name
     return value
 
@@ -185,6 +192,7 @@ def write_manifest(
     created_by: CreatedBy | None = None,
     *,
     redo: bool = False,
+    incomplete: bool = False,
 ) -> Path:
     """Write a manifest as a whole or not at all; a file that says the same is left alone.
 
@@ -193,9 +201,14 @@ def write_manifest(
         clips: Written in order of id; or, for a list, in the order given.
         created_by: Versions alone where left out.
         redo: Replace a manifest of the same name and version but other content.
+        incomplete: Whether some clips failed.  The version says so then, and where one with all
+            clips is there, that stays.
     """
+    dot = "." if "-" in head.version else "-"
+    version = f"{head.version}{dot}incomplete" if incomplete else head.version
     data = vars(head) | {
         "format": FORMAT,
+        "version": version,
         "created_by": created_by or made_by(),
         "clips": clips if head.kind == "list" else sorted(clips, key=lambda clip: clip.id),
     }
@@ -204,11 +217,15 @@ def write_manifest(
     except ValidationError as error:
         raise BadManifest(f"{path}: can't be written: {error}") from None
     text = manifest_text(manifest)
-    if path.exists():
-        if path.read_bytes() == text.encode():
-            return path
-        if not redo:
-            _refuse_to_change_a_version(path, manifest)
+    if path.exists() and path.read_bytes() == text.encode():
+        return path
+    if not redo and _is_out(path, head):
+        there = f"{path}: {head.name} {head.version} is there"
+        if not incomplete:
+            remedy = "raise the version, or pass --redo if nobody has it yet"
+            raise BadManifest(f"{there} with other content, and a version never changes; {remedy}")
+        remark(f"{there} with all its clips, and stays. --redo replaces it")
+        return path
     write_text(path, text)
     return path
 
@@ -225,14 +242,13 @@ def manifest_text(manifest: Manifest | ListManifest) -> str:
     return yaml_text.dump_lines(head, clips)
 
 
-def _refuse_to_change_a_version(path: Path, manifest: Manifest | ListManifest) -> None:
+def _is_out(path: Path, head: ManifestHead) -> bool:
+    """Whether this version is there already; BadManifest where something else is."""
+    if not path.exists():
+        return False
     try:
         old = read_manifest(path)
     except BadManifest:
         remedy = "pass --redo to replace it, or another --out"
         raise BadManifest(f"{path}: holds something that is no manifest; {remedy}") from None
-    if (old.name, old.version) == (manifest.name, manifest.version):
-        raise BadManifest(
-            f"{path}: {old.name} {old.version} is there with other content, and a version "
-            "never changes; raise the version, or pass --redo if nobody has it yet"
-        )
+    return (old.name, old.version) == (head.name, head.version)

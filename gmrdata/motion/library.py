@@ -257,10 +257,13 @@ def make_library(
     BadMotionFile lists the files that could not be read, once the others' manifest is written.
     """
     out_dir = Path(out_dir).resolve()
-    files = library_files(tuple(map(Path, sources)))
+    # By absolute paths: a worker of another machine may run in another folder.
+    files = library_files(tuple(Path(source).absolute() for source in sources))
     body_paths = _keep(body, out_dir / "body", run)
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
     config = ReadConfig.model_validate(said | {"up": up})
+    own = {name: file.absolute() for name, file in config.inputs.items()}
+    config = config.model_copy(update=own)
     shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config, "run": run}
     jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
     outcome = _run(jobs, out_dir / FAILED, run)

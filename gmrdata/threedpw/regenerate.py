@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.manifest.write import ManifestHead, made_by, write_manifest
-from gmrdata.people.sources import FolderSource
+from gmrdata.people.sources import FolderSource, with_absolute_files
 from gmrdata.read import threedpw
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.threedpw_files import (
@@ -18,10 +18,11 @@ from gmrdata.read.threedpw_files import (
     require_one_split,
     splits_of,
 )
-from gmrdata.stage.jobs import Job, raise_failures, try_jobs
+from gmrdata.stage.jobs import Job, in_threads, raise_failures, try_jobs
 from gmrdata.stage.progress import console, remark, track
 from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import NotMade
 from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
@@ -102,27 +103,39 @@ def regenerate_set(
     """Make world motions of all sequences, `verdicts.json` and the manifest `pseudo_gt.yaml`.
 
     A sequence that can't be read or masked leaves its reason in `failed/<name>.txt`, and the others
-    go on; one without a reconstruction is listed as rejected.  A run that was stopped goes on.
-    Where nothing is left to make, no worker starts.  StageFailed where some sequences failed.
+    go on; a complete manifest of an earlier run stays then.  One without a reconstruction is listed
+    as rejected.  A run that was stopped goes on.  Where nothing is left to make, no worker starts.
+    StageFailed where some sequences failed.
     """
-    chosen, refused = choose(root, recipe.sequences)
-    _require_fitting(recipe, root, len(chosen))
+    recipe, chosen, refused = _checked(recipe, root)
     paths = SetPaths(out_dir.resolve())
     for folder in (paths.root, paths.failures_dir):
         remove_orphans(folder)
-    body_paths = tuple(
-        keep_body(body, paths.body_dir(number), run=run)
-        for number, body in enumerate(recipe.bodies)
-    )
+    body_paths = _keep_bodies(recipe, paths, run)
     before = _listing(paths)
     common = {"root": paths.root, "recipe": recipe, "body_paths": body_paths, "run": run}
     jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
     reasons = refused | _regenerate(jobs, recipe, chosen, paths, run)
     _list(recipe, chosen, reasons, paths, run)
-    if _listing(paths) == before:
+    if not reasons and _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
     return paths.manifest
+
+
+def _checked(
+    recipe: ThreedpwRecipe, root: Path
+) -> tuple[ThreedpwRecipe, list[SequenceFiles], dict[str, str]]:
+    """The recipe, and sequences as `choose` gives them, by absolute paths: a worker of another
+    machine may run in another folder."""
+    root = root.absolute()
+    chosen, refused = choose(root, recipe.sequences)
+    _require_fitting(recipe, root, len(chosen))
+    if recipe.sequence.masks is not None:
+        masks = with_absolute_files(recipe.sequence.masks)
+        sequence = recipe.sequence.model_copy(update={"masks": masks})
+        recipe = recipe.model_copy(update={"sequence": sequence})
+    return recipe, chosen, refused
 
 
 def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[str, str]]:
@@ -156,18 +169,36 @@ def _require_fitting(recipe: ThreedpwRecipe, root: Path, n_chosen: int) -> None:
         remark(f"overrides of {', '.join(unknown)}: {root} has no such sequence")
 
 
-def plan(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> list[tuple[str, ...]]:
-    """Rows for `HEADINGS`: what a run would do, without doing it."""
-    chosen, refused = choose(root, recipe.sequences)
-    _require_fitting(recipe, root, len(chosen))
-    paths = SetPaths(out_dir.resolve())
-    rows: list[tuple[str, ...]] = []
-    for files in chosen:
+def plan(
+    recipe: ThreedpwRecipe, root: Path, out_dir: Path, *, run: Run = DEFAULT_RUN
+) -> list[tuple[str, ...]]:
+    """Rows for `HEADINGS`: what a run would do, or refuse, without doing it."""
+    recipe, chosen, refused = _checked(recipe, root)
+    # Not with `redo`, for which folders are removed that nothing takes the place of.
+    paths, look = SetPaths(out_dir.resolve()), Run(anew=run.redo, only_look=True)
+
+    def row(files: SequenceFiles) -> tuple[str, ...]:
         folder = paths.sequence_dir(files.name)
         missing = [stage for stage in STAGES if not (folder / stage).is_dir()]
-        done = (folder / "pseudo_gt").is_dir()
-        rows.append((files.name, files.split, "done" if done else f"to do: {', '.join(missing)}"))
-    return rows + [(repr(name), "-", reason) for name, reason in refused.items()]
+        said = "done"
+        try:
+            body_paths = _keep_bodies(recipe, paths, look)
+            regenerate_one(files, paths.root, recipe, body_paths, look)
+        except NotMade:
+            said = f"to do: {', '.join(missing) or 'again'}"
+        except (GmrdataError, OSError) as error:
+            said = str(error)
+        return files.name, files.split, said
+
+    return [*in_threads(row, chosen), *((repr(n), "-", why) for n, why in refused.items())]
+
+
+def _keep_bodies(recipe: ThreedpwRecipe, paths: SetPaths, run: Run) -> tuple[Path, ...]:
+    """Files of the recipe's bodies, in its order, kept beside the sequences."""
+    return tuple(
+        keep_body(body, paths.body_dir(number), run=run)
+        for number, body in enumerate(recipe.bodies)
+    )
 
 
 def _regenerate(
@@ -223,17 +254,16 @@ def _write_manifest(
         paths.manifest,
         ManifestHead(
             name=recipe.name,
-            version=f"{recipe.version}-incomplete" if reasons else recipe.version,
+            version=recipe.version,
             description="World-frame pseudo ground truth, regenerated from frames, intrinsics and "
             "camera-frame bodies.",
             kind="pseudo_gt",
             licence=recipe.licence,
         ),
         [entry for files in done for entry in sequence_entries(files, recipe, paths)],
-        created_by=made_by(
-            recipe.model_dump(mode="json", exclude={"workers"}), {"sfm": recipe.sequence.sfm.seed}
-        ),
-        redo=run.redo or bool(reasons),
+        created_by=made_by(recipe, {"sfm": recipe.sequence.sfm.seed}),
+        redo=run.redo,
+        incomplete=bool(reasons),
     )
 
 

@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 from tokenize import TokenError
 from typing import Any
 
@@ -36,6 +36,12 @@ def visible(paths: Iterable[Path]) -> Iterator[Path]:
     for path in paths:
         if not path.name.startswith(".") and "__MACOSX" not in path.parts:
             yield path
+
+
+def is_hidden(relative: PurePath) -> bool:
+    """Whether a path in a folder has a part that begins with a dot, as what desktops leave has,
+    and what tools like git keep."""
+    return any(part.startswith(".") for part in relative.parts)
 
 
 def as_text(name: object) -> str:
@@ -65,7 +71,7 @@ def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file
     digest = hashlib.sha256()
     # Folders that are links are not entered.
     for file in sorted(Path(root, name) for root, _, names in os.walk(path) for name in names):
-        kept = file.name in (STAGE_FILE, RECIPE_FILE) or file.name.startswith(".")
+        kept = file.name in (STAGE_FILE, RECIPE_FILE) or is_hidden(file.relative_to(path))
         if kept or not file.is_file():
             continue
         digest.update(f"{file.relative_to(path).as_posix()}\0{hash_file(file)}\n".encode())

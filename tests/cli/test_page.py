@@ -70,6 +70,26 @@ def test_files_are_of_the_network_s_motions_where_these_are_there(small_body, ru
     assert contents(folder / "pseudo_gt") == before
 
 
+def test_what_others_made_beside_a_colmap_model_stays(small_body, tmp_path):
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body)
+    model = folder / "files" / "colmap" / "walk"
+    assert write_files(folder) == []
+    written = contents(model)
+    dense = model / "dense" / "fused.ply"
+    dense.parent.mkdir()
+    dense.write_text("hours of work")
+    (model / "text" / "cameras.txt").write_text("of another verdict")
+    assert write_files(folder) == []
+    assert contents(model).items() > written.items()
+    assert contents(model).keys() - written.keys() == {"dense/fused.ply"}
+    rejected = verdict_of("walk", False, ("it floats",), [""] * N_ROWS)
+    record = load_record(folder / "pseudo_gt").model_copy(update={"people": (rejected,)})
+    record.write(folder / "pseudo_gt" / "quality.json")
+    assert write_files(folder) == []
+    assert list(contents(folder / "files")) == ["colmap/walk/dense/fused.ply"]
+
+
 def _files(folder: Path, format: str) -> list[str]:
     return sorted(path.name for path in (folder / "files" / format / "walk").iterdir())
 

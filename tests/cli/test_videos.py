@@ -6,9 +6,11 @@ import subprocess
 
 import pytest
 
+from gmrdata.cli.answers import as_loud
 from gmrdata.cli.shards import COMMAND_FILE, CommandRecord, merging, share
 from gmrdata.solve.videos import Videos
 from gmrdata.stage.jobs import OthersLeft
+from gmrdata.stage.progress import console
 from gmrdata.values.errors import BadRecord
 from tests.film.set_kills import contents, leftovers
 from tests.filming import CAMERAS_ALONE, INTRINSICS_PX
@@ -170,7 +172,7 @@ def test_a_wrong_share_is_refused(gmrdata, tmp_path):
 )
 def test_a_record_with_another_command_is_refused(arguments, tmp_path):
     record = CommandRecord(arguments=arguments, folder=str(tmp_path))
-    with pytest.raises(BadRecord, match="not a command of shards"):
+    with pytest.raises(BadRecord, match="not a command of shards .* --shard 0/N"):
         merging(tmp_path / COMMAND_FILE, record, tmp_path / "out")
 
 
@@ -195,12 +197,20 @@ def test_the_recorded_command_works_on_nothing(typed, out, merges, tmp_path):
 
 
 def test_flags_are_recorded_as_they_are_meant(tmp_path):
-    typed = ("motions", "a=1/walk.bvh", f"--out={tmp_path}/b=2", "--shard=1/2", "--fps_hz=30")
+    flags = (f"--out={tmp_path}/b=2", "--shard=1/2", "--fps_hz=30", "--up=-y")
+    typed = ("motions", "a=1/walk.bvh", *flags)
     with share(typed):
         raise OthersLeft("one is left", failed=False)
     assert CommandRecord.read(tmp_path / "b=2" / COMMAND_FILE).arguments == (
         "motions", "a=1/walk.bvh", "--out", f"{tmp_path}/b=2", "--shard", "1/2", "--fps-hz", "30",
+        "--up=-y",
     )  # fmt: skip
+
+
+def test_a_verb_in_a_quiet_one_is_quiet():
+    with as_loud(quiet=True, verbose=False), as_loud(quiet=False, verbose=False):
+        assert console.quiet
+    assert not console.quiet
 
 
 @pytest.mark.parametrize("flag", ["--print-slurm", "--print_slurm=2", "--print-kubernetes"])

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -16,7 +17,7 @@ from evo.tools import file_interface
 import gmrdata
 from gmrdata.cameras.files import load_quality
 from gmrdata.cli.export import SAID
-from gmrdata.export.export import _sequences
+from gmrdata.export.export import _sequences, _whole
 from gmrdata.export.formats import FORMATS, FormatName
 from gmrdata.export.sources import ClipFiles
 from gmrdata.read.systems.result import read_system
@@ -86,6 +87,23 @@ def test_nothing_is_overwritten_unless_told_so(manifest, tmp_path, gmrdata):
     assert gmrdata(*arguments, "--redo").returncode == 0
     assert (out / "tum/holed.txt").read_text() != "mine"
     assert [path.name for path in (out / "tum").iterdir()] == ["holed.txt"]
+
+
+def test_who_writes_a_file_that_another_writes_waits(tmp_path):
+    path = tmp_path / "walk.glb"
+
+    def again() -> None:
+        with _whole(path) as partial:
+            partial.write_text("second")
+
+    second = threading.Thread(target=again)
+    with _whole(path) as partial:
+        partial.write_text("first")
+        second.start()
+        second.join(0.5)
+        assert second.is_alive() and partial.read_text() == "first"
+    second.join()
+    assert path.read_text() == "second" and list(tmp_path.iterdir()) == [path]
 
 
 def test_a_dry_run_lists_and_writes_nothing(manifest, tmp_path, gmrdata):

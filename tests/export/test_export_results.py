@@ -112,6 +112,17 @@ def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_p
     assert "the body is neutral, and 3DPW has female and male" in capsys.readouterr().err
 
 
+def test_two_clips_that_would_be_one_file_on_some_disks_are_refused(
+    walkers, small_body, tmp_path, capsys
+):
+    clips = [replace(walkers[0], id=name) for name in ("walk", "Walk")]
+    save_body(tmp_path / "in" / "body" / "body.npz", small_body)
+    manifest = write_clips(tmp_path / "in", small_body, clips)
+    assert export(manifest, "--to", "bvh", "--out", tmp_path / "out") == 1
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert "Walk and walk would be this. Write one" in said and not (tmp_path / "out").exists()
+
+
 def test_a_network(run_dir, walk, tmp_path, capsys):
     out = tmp_path / "out"
     path = out / "onnx" / "run.onnx"

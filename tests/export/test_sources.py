@@ -32,15 +32,18 @@ def only(source: Path) -> ExportedClip:
 
 
 def test_a_clip_file_and_its_body_beside_it(clip, small_body, tmp_path):
-    path = save(tmp_path / "some.npz", replace(clip, id="../a b"), small_body)
+    path = save(tmp_path / "in/some.npz", replace(clip, id="../a b"), small_body)
     exported = only(path)
     assert exported.id == exported.sequence == "_a_b"  # fit for a file, and in no other folder
     assert exported.images_dir is exported.masks_dir is exported.sfm_dir is exported.truth is None
     with pytest.raises(MissingInput, match=r"needs the body .*\. Give it with --body"):
         _ = exported.body
-    save_body(tmp_path / "body/body.npz", small_body)
+    save_body(tmp_path / "in/body/body.npz", small_body)
     assert only(path).body.name == small_body.name
     larger = replace(small_body, joints_template_m=1.1 * small_body.joints_template_m)
+    save_body(tmp_path / "body/body.npz", larger)  # of the same name, and farther away
+    found_m = only(path).body.joints_template_m
+    np.testing.assert_allclose(found_m, small_body.joints_template_m, atol=1e-6)
     save_body(tmp_path / "larger.npz", larger)
     (files,) = list_clips(path)
     with pytest.raises(BadBodyFile, match="made with another body"):

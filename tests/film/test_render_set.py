@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from gmrdata.film.render import RenderConfig
-from gmrdata.film.render_set import dry_run, render_set, summary_lines
+from gmrdata.film.render_set import _write_listing, dry_run, render_set, summary_lines
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
@@ -205,6 +205,16 @@ def test_the_origin_of_motions_and_what_is_odd_in_them_is_kept(tmp_path, anny):
     assert kick.licence == LICENCES["AMASS"] and fast.licence != kick.licence
     (line,) = (tmp_path / "out" / "warnings.txt").read_text().splitlines()
     assert line.startswith("clip fast: walks at ") and line.endswith("the keys of `read`)")
+
+
+def test_where_a_clip_fails_a_complete_manifest_stays(tmp_path, anny):
+    path = tmp_path / "synthetic.yaml"
+    _write_listing(RECIPE, [], tmp_path, anny, Run(), False)
+    before = path.read_bytes()
+    _write_listing(RECIPE, [], tmp_path, anny, Run(), True)
+    assert path.read_bytes() == before
+    _write_listing(RECIPE, [], tmp_path, anny, Run(redo=True), True)
+    assert read_manifest(path).version == "1.0.0-incomplete"
 
 
 def test_a_blender_process_that_is_killed_is_started_again(tmp_path, anny):

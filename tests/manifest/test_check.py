@@ -307,6 +307,18 @@ def test_camera_that_is_no_rigid_transform(data_set, edit, damage, said):
     refused(with_arrays(data_set, edit, world_from_cam=world_from_cam), "clip walk", said)
 
 
+def test_what_a_desktop_leaves_is_no_part_of_a_folder(data_set):
+    listing = data_set / "listings" / "masks.tsv"
+    before = listing.read_bytes()
+    for name in ("frames/.DS_Store", "masks/.DS_Store", "masks/.git/x"):
+        (data_set / name).parent.mkdir(exist_ok=True)
+        (data_set / name).write_bytes(b"Bud1")
+    check_manifest(data_set / "set.yaml")
+    walk = read_manifest(data_set / "set.yaml").clips[WALK]
+    assert folder_record(data_set, data_set / "masks") == walk.masks
+    assert listing.read_bytes() == before
+
+
 def test_row_without_its_mask(data_set):
     """A kept row needs its mask, a dropped one doesn't."""
     for number in (2, 4):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import ListManifest
+from gmrdata.manifest.current import CreatedBy, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import (
     ClipFiles,
@@ -23,6 +23,7 @@ from gmrdata.manifest.write import (
     write_manifest,
 )
 from gmrdata.stage.store import run_stage
+from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values import clip as clip_file
 from gmrdata.values.errors import BadManifest, BadRecord, MissingInput
 from gmrdata.values.records import Config
@@ -59,6 +60,18 @@ def test_no_machine_path_and_no_time_in_the_bytes(data_set):
     assert by.packages["numpy"] == np.__version__
 
 
+@pytest.mark.parametrize("folder", ["/x/smpl/", "../smpl/", "~/smpl/", ""])
+def test_a_recipe_says_the_same_however_its_files_are_written(folder):
+    def made(folder: str) -> CreatedBy:
+        sources = [{"kind": "folder", "path": f"{folder}masks"}]
+        said = {"bodies": [f"{folder}F.npz", "anny"], "sequence": {"masks": {"sources": sources}}}
+        return made_by(ThreedpwRecipe.model_validate({"recipe": "threedpw"} | said))
+
+    found = made("smpl/")
+    assert found.recipe["bodies"] == ["F.npz", "anny"] and "workers" not in found.recipe
+    assert found == made(folder)
+
+
 def test_a_version_never_changes(data_set):
     path = data_set / "set.yaml"
     before = path.read_bytes()
@@ -69,6 +82,24 @@ def test_a_version_never_changes(data_set):
     assert read_manifest(path).version == "1.0.1"
     rewritten(data_set, path, description="Once more.", version="1.0.1", redo=True)
     assert read_manifest(path).description == "Once more."
+
+
+def test_a_set_that_lacks_clips_says_so_and_replaces_no_complete_one(data_set, capsys):
+    path, other = data_set / "set.yaml", data_set / "other.yaml"
+    before, clips = path.read_bytes(), read_manifest(path).clips
+    rewritten(data_set, path, clips=clips[:1], incomplete=True)
+    assert path.read_bytes() == before
+    assert "set 1.0.0 is there with all its clips, and stays" in capsys.readouterr().err
+    for some in (clips[:1], clips[1:]):
+        rewritten(data_set, other, clips=some, incomplete=True)
+        found = read_manifest(other)
+        assert (found.version, found.clips) == ("1.0.0-incomplete", some)
+    rewritten(data_set, other)
+    assert (read_manifest(other).version, read_manifest(other).clips) == ("1.0.0", clips)
+    rewritten(data_set, other, version="1.1.0-rc.1", incomplete=True)
+    assert read_manifest(other).version == "1.1.0-rc.1.incomplete"
+    rewritten(data_set, path, clips=clips[:1], incomplete=True, redo=True)
+    assert read_manifest(path).version == "1.0.0-incomplete"
 
 
 def test_something_else_at_the_path_is_kept(data_set):

@@ -93,6 +93,17 @@ def test_amass_in_worker_processes(tmp_path, body_path):
     assert {path: path.stat().st_mtime_ns for path in written} == written
 
 
+def test_workers_get_absolute_paths(tmp_path, body_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    broken = tmp_path / "AMASS" / "KIT" / "walk_poses.npz"
+    broken.parent.mkdir(parents=True)
+    broken.write_bytes(b"PK\x03\x04 broken")
+    with pytest.raises(BadMotionFile):
+        make_library(("AMASS",), body_path.name, "out")
+    (failed,) = (tmp_path / "out" / "failed").iterdir()
+    assert failed.read_text().startswith(f"{broken}: not a readable .npz")
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_bad_files_are_listed_at_the_end(tmp_path, body_path, workers):
     root, out = tmp_path / "AMASS", tmp_path / "out"

@@ -111,6 +111,8 @@ def test_what_a_desktop_leaves_in_a_folder_is_no_other_content(frames):
     before = sha256_of_path(frames)
     (frames / ".DS_Store").write_bytes(b"Bud1")
     (frames / "._0.jpg").write_bytes(b"AppleDouble")
+    (frames / ".git").mkdir()
+    (frames / ".git" / "x").write_bytes(b"x")
     assert sha256_of_path(frames) == before
     (frames / "3.jpg").write_bytes(b"3")
     assert sha256_of_path(frames) != before

@@ -3,7 +3,9 @@
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -86,6 +88,13 @@ def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_by_two, filmed_set
     assert [(made_by_two / path).read_bytes() for path in written] == contents
     rows = plan(recipe, filmed_set.root, made_by_two)
     assert [row[2] for row in rows] == ["done", "done"]
+    sfm = recipe.sequence.sfm.model_copy(update={"seed": 5})
+    other = recipe.model_copy(update={"sequence": recipe.sequence.model_copy(update={"sfm": sfm})})
+    for row in plan(other, filmed_set.root, made_by_two):
+        assert "/sfm: made with other values of config.sfm.seed. Pass --redo" in row[2]
+    rows = plan(other, filmed_set.root, made_by_two, run=Run(redo=True))
+    assert [row[2] for row in rows] == ["to do: again", "to do: again"]
+    assert {path: path.stat().st_mtime_ns for path in after} == after
 
 
 def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
@@ -175,22 +184,46 @@ def test_a_decision_on_a_sequence_that_is_not_there_is_named(filmed_set, tmp_pat
     assert "overrides of arc_0" in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_manifest_that_is_refused_leaves_the_verdicts_as_they_were(tmp_path, monkeypatch):
-    """As `--sequences` does in the folder of the whole set, whose version is out."""
-    names = ("arc_00", "pan_00")
-    files = [SequenceFiles(tmp_path, name, "train") for name in names]
+@pytest.fixture
+def listed(tmp_path, monkeypatch) -> Callable[..., tuple[bytes, bytes]]:
+    """Lists sequences of a set of two, arc_00 and pan_00; gives the manifest and the verdicts."""
     monkeypatch.setattr(
         regenerate, "_verdict", lambda one, _: regenerate._failed(one.name, "", "no")
     )
     monkeypatch.setattr(regenerate, "sequence_entries", lambda *_: [])
     paths, recipe = SetPaths(tmp_path), ThreedpwRecipe(recipe="threedpw")
-    regenerate._list(recipe, files, {}, paths, Run())
-    before = paths.verdicts.read_bytes()
+
+    def make(*names: str, reasons: Mapping[str, str] | None = None, **changed: Any) -> Any:
+        files = [SequenceFiles(tmp_path, name, "train") for name in names]
+        regenerate._list(recipe.model_copy(update=changed), files, reasons or {}, paths, Run())
+        return paths.manifest.read_bytes(), paths.verdicts.read_bytes()
+
+    return make
+
+
+def test_a_manifest_that_is_refused_leaves_the_verdicts_as_they_were(tmp_path, listed):
+    """As `--sequences` does in the folder of the whole set, whose version is out."""
+    _, before = listed("arc_00", "pan_00")
     with pytest.raises(BadManifest, match="pass --redo"):
-        regenerate._list(
-            recipe.model_copy(update={"sequences": names[:1]}), files[:1], {}, paths, Run()
-        )
-    assert paths.verdicts.read_bytes() == before
+        listed("arc_00", sequences=("arc_00",))
+    assert SetPaths(tmp_path).verdicts.read_bytes() == before
+
+
+def test_where_a_sequence_fails_a_complete_manifest_stays(listed):
+    manifest, _ = listed("arc_00", "pan_00")
+    after, verdicts = listed("arc_00", "pan_00", reasons={"pan_00": "made with other values"})
+    assert after == manifest and b"made with other values" in verdicts
+    assert listed("arc_00", "pan_00", reasons={})[0] == manifest
+
+
+def test_workers_get_absolute_paths(filmed_set, monkeypatch):
+    monkeypatch.chdir(filmed_set.root.parent)
+    sources = [{"kind": "folder", "path": "masks"}, {"kind": "onnx"}]
+    recipe = filmed_set.recipe(sequence={"masks": {"sources": sources}}, sequences=["pan_00"])
+    found, (files,), _ = regenerate._checked(recipe, Path("3DPW"))
+    assert files.root == filmed_set.root
+    masks, onnx = found.sequence.masks.sources
+    assert (masks.path, onnx.model) == (filmed_set.root.parent / "masks", None)
 
 
 def test_a_sequence_that_is_not_there_is_an_error(filmed_set, tmp_path):
