@@ -19,6 +19,9 @@ from gmrdata.values.motion import Motion
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 SIDES = ("left", "right")
+WATCHED_HZ = 60.0
+"""Rate at which frames are compared to see which feet stand, nearly: of frames that follow sooner a
+foot that swings slips as little as the noise of one that stands."""
 SOLE_POINTS = slice(2, 5)  # heel, ball and toe
 SOLE_THICKNESS_M = 0.02  # rest vertices this close above a foot's lowest one belong to its sole
 SOLE_END = 0.2  # share of a sole's length that is its heel, or its toes
@@ -46,6 +49,11 @@ class SeenFeet:
         rotmats = self.camera_path.world_from_cam[:, :3, :3]
         up = np.nanmean(np.einsum("tij,tj->ti", rotmats, self.up_cam), axis=0)
         return np.asarray(up / np.linalg.norm(up))
+
+
+def frames_apart(fps_hz: float) -> int:
+    """How many frames apart those are that are compared to see which feet stand."""
+    return max(1, round(fps_hz / WATCHED_HZ))
 
 
 def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
