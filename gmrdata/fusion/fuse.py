@@ -259,6 +259,13 @@ def _on_floors(config: FusionConfig, quality_path: Path | None) -> FusionConfig:
     return config.model_copy(update={"ground": False})
 
 
+def _off_rows(quality_path: Path | None, number: int) -> tuple[int, ...]:
+    """Rows in which a body of a pseudo ground truth lies on nobody in the picture, as far as that
+    was checked."""
+    fit = None if quality_path is None else PseudoGtQuality.read(quality_path).picture_fits[number]
+    return () if fit is None else fit.off_rows
+
+
 def _has_cameras(clip: Clip) -> bool:
     return clip.camera is not None and bool(clip.camera.has_camera.any())
 
@@ -318,9 +325,11 @@ def _person(given: FusedInputs, path: Path, config: FuseConfig) -> WorldPerson:
     if before is not None and len(before) != len(clip.valid):
         what = f"is of other frames than clip {clip.id}; make both again"
         raise BadMotionFile(f"{before_camera}: {what}")
-    seen = seen_frames(clip) if before is None else before | clip.valid
-    loops = tuple(_loop_rows(clip, config))
-    errors = world_errors(given.quality_path, person_number(path) or 0)
+    number, loops = person_number(path) or 0, tuple(_loop_rows(clip, config))
+    errors = world_errors(given.quality_path, number)
+    seen = seen_frames(clip) if before is None else before
+    on_nobody = np.isin(np.arange(len(seen)), _off_rows(given.quality_path, number))
+    seen = seen & ~on_nobody | clip.valid
     return WorldPerson(clip, seen, loops, errors)
 
 
