@@ -187,11 +187,12 @@ def fuse(
         errors_path: The network's `delta_errors.json`; None for that in its run's folder.
 
     Errors are MissingInput, BadCheckpoint, BadRecord, BadMotionFile for a clip that is not in the
-    world or too short, BadRecipe for a loop outside of it, StageFailed where nothing fits.
+    world or too short, BadRecipe for a loop outside of it or of several people, StageFailed where
+    nothing fits.
     """
     given = FusedInputs.of(source, network, errors_path)
     config = FuseConfig(fusion=fusion_config_of(Path(source))) if config is None else config
-    people = [_person(given, path, config) for path in given.clip_paths]
+    people = _people(given, config)
 
     def work(partial: Path) -> None:
         body = load_body(body_path)
@@ -317,6 +318,12 @@ class WeighedGmr:
     @classmethod
     def load(cls, given: FusedInputs, which: Which) -> "WeighedGmr":
         return cls(load_gmr(given.network_dir, which), DeltaErrors.read(given.errors_path))
+
+
+def _people(given: FusedInputs, config: FuseConfig) -> list[WorldPerson]:
+    if config.loops and len(given.clip_paths) > 1:
+        raise BadRecipe(f"--loops is of one person: give its clip, like {given.clip_paths[0]}")
+    return [_person(given, path, config) for path in given.clip_paths]
 
 
 def _person(given: FusedInputs, path: Path, config: FuseConfig) -> WorldPerson:
@@ -522,8 +529,7 @@ def plan(
     given = FusedInputs.of(source, network, errors_path)
     WeighedGmr.load(given, config.which)
     rows: list[tuple[str, ...]] = []
-    for path in given.clip_paths:
-        person = _person(given, path, config)
+    for person in _people(given, config):
         clip, fps_hz = person.clip, person.clip.motion.fps_hz
         known = known_frames(clip)
         runs = valid_runs(~known[person.rows])

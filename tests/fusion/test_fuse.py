@@ -401,6 +401,15 @@ def test_bad_input_is_refused_with_the_remedy(
     twice = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=1.01),))
     with pytest.raises(BadRecipe, match="both are frame 30"):
         fuse_here(twice, errors_path=errors_path)
+    shutil.copy(pseudo_gt / "person_0.npz", pseudo_gt / "person_1.npz")
+    once = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
+    for refused in (
+        lambda: fuse_here(once, errors_path=errors_path),
+        lambda: plan(pseudo_gt, network=run_dir, config=once, errors_path=errors_path),
+    ):
+        with pytest.raises(BadRecipe, match=r"of one person: give its clip, like .*person_0\.npz"):
+            refused()
+    (pseudo_gt / "person_1.npz").unlink()
     seen = replace(clip, motion=replace(clip.motion, frame="camera"))
     rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
     save_clip(tmp_path / "camera.npz", seen, rest_pelvis_m)
