@@ -21,7 +21,7 @@ class Parts:
     """The parts that are put together."""
 
     loops: tuple[str, ...] = ()
-    """Pairs of times [s] at which the person stands on one spot, like 4.2:17.8."""
+    """Pairs of times [s] at which the person of one clip stands on one spot, like 4.2:17.8."""
     loop_sigma_m: float = 0.1
     """How far apart the pelvis may be then, seen from above (1 sigma) [m]."""
     like_poses: bool = True

@@ -187,11 +187,12 @@ def fuse(
         errors_path: The network's `delta_errors.json`; None for that in its run's folder.
 
     Errors are MissingInput, BadCheckpoint, BadRecord, BadMotionFile for a clip that is not in the
-    world or too short, BadRecipe for a loop outside of it, StageFailed where nothing fits.
+    world or too short, BadRecipe for a loop outside of it or of several people, StageFailed where
+    nothing fits.
     """
     given = FusedInputs.of(source, network, errors_path)
     config = FuseConfig(fusion=fusion_config_of(Path(source))) if config is None else config
-    people = [_person(given, path, config) for path in given.clip_paths]
+    people = _people(given, config)
 
     def work(partial: Path) -> None:
         body = load_body(body_path)
@@ -259,6 +260,13 @@ def _on_floors(config: FusionConfig, quality_path: Path | None) -> FusionConfig:
     return config.model_copy(update={"ground": False})
 
 
+def _off_rows(quality_path: Path | None, number: int) -> tuple[int, ...]:
+    """Rows in which a body of a pseudo ground truth lies on nobody in the picture, as far as that
+    was checked."""
+    fit = None if quality_path is None else PseudoGtQuality.read(quality_path).picture_fits[number]
+    return () if fit is None else fit.off_rows
+
+
 def _has_cameras(clip: Clip) -> bool:
     return clip.camera is not None and bool(clip.camera.has_camera.any())
 
@@ -312,15 +320,23 @@ class WeighedGmr:
         return cls(load_gmr(given.network_dir, which), DeltaErrors.read(given.errors_path))
 
 
+def _people(given: FusedInputs, config: FuseConfig) -> list[WorldPerson]:
+    if config.loops and len(given.clip_paths) > 1:
+        raise BadRecipe(f"--loops is of one person: give its clip, like {given.clip_paths[0]}")
+    return [_person(given, path, config) for path in given.clip_paths]
+
+
 def _person(given: FusedInputs, path: Path, config: FuseConfig) -> WorldPerson:
     clip, before_camera = _world_clip(path), seen_path(path)
     before = None if before_camera is None else load_clip(before_camera).valid
     if before is not None and len(before) != len(clip.valid):
         what = f"is of other frames than clip {clip.id}; make both again"
         raise BadMotionFile(f"{before_camera}: {what}")
-    seen = seen_frames(clip) if before is None else before | clip.valid
-    loops = tuple(_loop_rows(clip, config))
-    errors = world_errors(given.quality_path, person_number(path) or 0)
+    number, loops = person_number(path) or 0, tuple(_loop_rows(clip, config))
+    errors = world_errors(given.quality_path, number)
+    seen = seen_frames(clip) if before is None else before
+    on_nobody = np.isin(np.arange(len(seen)), _off_rows(given.quality_path, number))
+    seen = seen & ~on_nobody | clip.valid
     return WorldPerson(clip, seen, loops, errors)
 
 
@@ -513,8 +529,7 @@ def plan(
     given = FusedInputs.of(source, network, errors_path)
     WeighedGmr.load(given, config.which)
     rows: list[tuple[str, ...]] = []
-    for path in given.clip_paths:
-        person = _person(given, path, config)
+    for person in _people(given, config):
         clip, fps_hz = person.clip, person.clip.motion.fps_hz
         known = known_frames(clip)
         runs = valid_runs(~known[person.rows])

@@ -47,6 +47,7 @@ OVER_S = 0.1  # speeds are means over as long before and after
 UNLIKE = 0.3  # variance of the part of the error that does not repeat, over that of what does
 MOST_LIKE = 150  # the nearest seen motions that an unseen one is compared with, mirrored ones too
 FEWEST_SEEN = 10  # motions between seen poses, below which nothing is carried over
+MOST_SEEN = 5000  # of which an unseen one's nearest are sought; of more, evenly that many
 ACROSS = np.array(MIRROR)
 Six = Annotated[tuple[Figure, ...], Field(min_length=6, max_length=6)]
 
@@ -205,7 +206,9 @@ def corrected_by_like_poses(
         return motions
     errors, noise = _seen_errors(motions, seen, both, motion.fps_hz)
     here, mirrored = _described_poses(body, motion)
-    known = np.concatenate([here[both], mirrored[both]])
+    every = -(-len(errors) // MOST_SEEN)
+    errors = errors[::every]
+    known = np.concatenate([here[both][::every], mirrored[both][::every]])
     in_mirror = np.concatenate([-ACROSS, ACROSS])  # turns and steps: a turn's axis is no arrow
     known_errors = np.concatenate([errors, errors * in_mirror])
     found = np.empty((int((~both).sum()), 6))

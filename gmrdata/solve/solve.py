@@ -377,12 +377,16 @@ def _with_size_errors(
     config: PseudoGtConfig, size_sigmas: tuple[float, ...], *, own_feet: bool
 ) -> PseudoGtConfig:
     """The recipe with the errors of the built-in estimator's feet; and with a threshold of the
-    scale that people of unknown size, and with hidden feet, can meet: error bars have the rest."""
-    scale = config.scale.model_copy(update=OWN_FEET if own_feet else {})
-    if not size_sigmas:
-        return config.model_copy(update={"scale": scale})
-    most = float(np.hypot(config.verdict.max_scale_sigma_share, UNSEEN_FEET_SHARE))
-    verdict = config.verdict.model_copy(update={"max_scale_sigma_share": most})
+    scale that people of unknown size, and with hidden feet, can meet: error bars have the rest.
+    What is set otherwise than usual stays."""
+    scale, verdict, usual = config.scale, config.verdict, PseudoGtConfig()
+    if own_feet:
+        unset = (key for key in OWN_FEET if getattr(scale, key) == getattr(usual.scale, key))
+        scale = scale.model_copy(update={key: OWN_FEET[key] for key in unset})
+    most = usual.verdict.max_scale_sigma_share
+    if size_sigmas and verdict.max_scale_sigma_share == most:
+        most = float(np.hypot(most, UNSEEN_FEET_SHARE))
+        verdict = verdict.model_copy(update={"max_scale_sigma_share": most})
     return config.model_copy(update={"scale": scale, "verdict": verdict})
 
 

@@ -401,11 +401,13 @@ def body_jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
     """(T - 1,) bool: steps between known frames that are too far, or too much of a turn, for a
     person."""
     motion, known = clip.motion, clip.valid[1:] & clip.valid[:-1]
-    far = np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1) * motion.fps_hz
+    far_m = np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1)
     turns = motion.root_rotmats[:-1].swapaxes(1, 2) @ motion.root_rotmats[1:]
     cosines = np.clip((np.trace(turns, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0)
-    turned = np.rad2deg(np.arccos(cosines)) * motion.fps_hz
-    beyond = (far > config.max_body_speed_m_per_s) | (turned > config.max_body_turn_deg_per_s)
+    turned_deg = np.rad2deg(np.arccos(cosines))
+    most_m = max(config.max_body_speed_m_per_s / motion.fps_hz, config.body_step_m)
+    most_deg = np.clip(config.max_body_turn_deg_per_s / motion.fps_hz, *config.body_step_deg)
+    beyond = (far_m > most_m) | (turned_deg > most_deg)
     return np.asarray(known & beyond)
 
 

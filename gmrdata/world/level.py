@@ -40,6 +40,9 @@ STRAIGHT_RAD = np.deg2rad(30.0)  # of a knee that is hardly bent, and of a trunk
 FEWEST_S = 0.1  # of standing that is believed
 STILL_M_PER_S = 0.25  # speed of a foot at which it carries a third of what one at rest does
 SPEED_TIME_S = 0.1
+FEET_M2 = 0.04
+"""Variance of places of feet on one spot, along each axis: the plane of soles turns with the body
+there, and is as wrong as it."""
 ON_A_PLANE_M = 0.05  # soles further from one plane (RMS) are not on flat ground
 GROUND_SIGMA_RAD = np.deg2rad(0.7)
 """Of the plane of reconstructed points: floors, and a reconstruction that bends."""
@@ -233,7 +236,8 @@ def contact_cue(
     """The plane of each person's soles (M, 3) [m] that stand in so many stances, each off it by a
     standard error, about a rough up; None where they lie on no plane, or are too few.  Soles along
     a line tell of the tilt along it alone, and one person's nothing beside another's: who is larger
-    than the body stands too near, and so on another plane."""
+    than the body stands too near, and so on another plane.  The less people travel, the more the
+    plane tilts as their bodies do."""
     centred = [own_m - own_m.mean(axis=0) for own_m in planted_m if len(own_m)]
     centred_m = np.concatenate([np.zeros((0, 3)), *centred])
     if len(centred_m) < 3:
@@ -246,8 +250,13 @@ def contact_cue(
     tilt = np.linalg.solve(precision + np.eye(2), weight * places_m.T @ heights_m)
     if np.sqrt(np.mean((heights_m - places_m @ tilt) ** 2)) > ON_A_PLANE_M:
         return None
+    told, along = np.linalg.eigh(precision)
+    # Share of the body's own tilt that the plane has.
+    own = np.minimum(1.0, FEET_M2 * weight * len(places_m) / np.maximum(told, 1e-12))
+    told /= 1 + told * (BALANCE_SIGMA_RAD * own) ** 2
     normal = up - tilt @ axes
-    return UpCue("contacts", normal / np.linalg.norm(normal), axes.T @ precision @ axes)
+    along = along.T @ axes
+    return UpCue("contacts", normal / np.linalg.norm(normal), along.T * told @ along)
 
 
 def ground_cue(normal: np.ndarray, on_plane_m: np.ndarray, rms_m: float) -> UpCue:

@@ -19,6 +19,9 @@ from gmrdata.values.motion import Motion
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 SIDES = ("left", "right")
+WATCHED_HZ = 60.0
+"""Rate at which frames are compared to see which feet stand, nearly: of frames that follow sooner a
+foot that swings slips as little as the noise of one that stands."""
 SOLE_POINTS = slice(2, 5)  # heel, ball and toe
 SOLE_THICKNESS_M = 0.02  # rest vertices this close above a foot's lowest one belong to its sole
 SOLE_END = 0.2  # share of a sole's length that is its heel, or its toes
@@ -46,6 +49,11 @@ class SeenFeet:
         rotmats = self.camera_path.world_from_cam[:, :3, :3]
         up = np.nanmean(np.einsum("tij,tj->ti", rotmats, self.up_cam), axis=0)
         return np.asarray(up / np.linalg.norm(up))
+
+
+def frames_apart(fps_hz: float) -> int:
+    """How many frames apart those are that are compared to see which feet stand."""
+    return max(1, round(fps_hz / WATCHED_HZ))
 
 
 def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
@@ -116,9 +124,9 @@ def planted_feet_scale(
         before, scale = scale, float(-terms[:, 0].sum() / terms[:, 1].sum())
         if abs(scale - before) < 1e-9 * scale:
             break
-    # A camera that mostly stands has a scale that is uncertain beyond measure, not infinitely.
-    speed = max(np.nanmedian(np.linalg.norm(np.diff(centres, axis=0), axis=1)) * fps_hz, 1e-12)
-    sigma = float(np.hypot(_standard_error(terms, scale), config.creep_m_per_s / speed))
+    # Of feet that creep on while the camera travels: at rest it tells nothing of the scale.
+    creep = config.creep_m_per_s / fps_hz * terms[:, 4].sum() / terms[:, 1].sum()
+    sigma = float(np.hypot(_standard_error(terms, scale), creep))
     residual_m = float(np.sqrt(terms[:, 2].sum() / terms[:, 3].sum()))
     return CueEstimate("planted_feet", scale, sigma, len(stances), residual_m, person=None)
 
@@ -167,12 +175,13 @@ def _stances(
 def _stance_terms(
     points_m: np.ndarray, centres: np.ndarray, still: np.ndarray, scale: float, config: ScaleConfig
 ) -> np.ndarray:
-    """(4,) sums of A.B, B.B, squared residual and weight over one stance.
+    """(5,) sums of A.B, B.B, squared residual, weight, and |B| times the frames from the middle,
+    over one stance.
 
     A and B are points and centres less their means over each run in which the point stands still;
     the residual of a planted point is A + s B.
     """
-    sums = np.zeros(4)
+    sums = np.zeros(5)
     for k in range(points_m.shape[1]):
         for start, stop in valid_runs(still[:, k]):
             rows = slice(start, stop + 1)
@@ -180,14 +189,16 @@ def _stance_terms(
             b = centres[rows] - centres[rows].mean(axis=0)
             squares = ((a + scale * b) ** 2).sum(axis=1)
             weight = 1.0 / (1.0 + squares / config.residual_m**2)
-            products = (a * b).sum(axis=1), (b * b).sum(axis=1), squares
-            sums += [*(weight @ each for each in products), weight.sum()]
+            frames = np.abs(np.arange(len(a)) - (len(a) - 1) / 2)
+            along = (a * b).sum(axis=1), (b * b).sum(axis=1)
+            products = *along, squares, np.ones(len(a)), frames * np.sqrt(along[1])
+            sums += [weight @ each for each in products]
     return sums
 
 
 def _standard_error(terms: np.ndarray, scale: float) -> float:
     """Jackknife over stances, but not less than what the residuals themselves allow."""
-    ab, bb, rr, ww = terms.T
+    ab, bb, rr, ww, _ = terms.T
     n = len(terms)
     residual_variance = rr.sum() / ww.sum()
     # Points of one foot move together: a stance counts as its mean weight per point, not their sum.

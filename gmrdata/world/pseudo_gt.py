@@ -41,6 +41,7 @@ from gmrdata.world.planted_feet import (
     GroundPlane,
     count_stances,
     foot_points_m,
+    frames_apart,
     ground_plane,
     standing,
 )
@@ -315,9 +316,10 @@ def _level(
     motions = [motion_in_world(clip.motion, world_from_cam) for clip in camera_clips]
     planted_m, of_all_m, stances = [], [], 0
     for motion, rows, body in zip(motions, usable, bodies, strict=True):
-        soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
-        soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
-        still = standing(soles_m, config.slip_m(motion.fps_hz))
+        apart = frames_apart(motion.fps_hz)
+        soles_m = foot_points_m(body, motion)[::apart, :, SOLE_POINTS]
+        soles_m = np.where(rows[::apart, None, None, None], soles_m, np.nan)
+        still = standing(soles_m, config.slip_m(motion.fps_hz / apart))
         planted_m.append(soles_m[still])
         of_all_m.append(soles_m)
         stances += count_stances(still)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, StringConstraints, model_validator
+from pydantic import Field, NonNegativeInt, PositiveFloat, StringConstraints, model_validator
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.recipe import CamerasVerdictConfig
@@ -276,6 +276,12 @@ class VerdictConfig(CamerasVerdictConfig):
     max_body_turn_deg_per_s: float = Field(default=2000.0, gt=0)
     """Turn of the root from one frame to the next: front and back are exchanged at 5,400 at 30
     frames per second, a somersault is below 1,000 [degrees/s]."""
+    body_step_m: float = Field(default=0.15, gt=0)
+    """Way of the pelvis between frames that is no jump, however soon they follow: noise along the
+    ray [m]."""
+    body_step_deg: tuple[PositiveFloat, PositiveFloat] = (30.0, 120.0)
+    """Turn of the root between frames that is no jump, however soon they follow, and that is one,
+    however late: front and back are 180 apart, a somersault turns by 100 in 0.1 s [degrees]."""
     off_overlap: float = Field(default=0.5, gt=0, le=1)
     """Overlap, as intersection over union, below which a body does not lie on a person: 0.71 and
     more for right bodies with errors, 0.45 and less for others' (docs/verdict.md)."""

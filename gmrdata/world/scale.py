@@ -20,6 +20,7 @@ from gmrdata.world.planted_feet import (
     SeenFeet,
     above_ground_scale,
     foot_points_m,
+    frames_apart,
     ground_contact_scale,
     planted_feet_scale,
     scale_by_what_is_below,
@@ -208,7 +209,9 @@ def _of_person(
     hidden or never still, the person is somewhere above it.  Hidden feet are guessed where they
     would be before the camera: they keep still there, and their scale is about 0.
     """
-    path, motion = person.camera_path, person.motion
+    every = frames_apart(person.motion.fps_hz)
+    path = person.camera_path.at_rows(slice(None, None, every))
+    motion = person.motion.take(slice(None, None, every), person.motion.fps_hz / every)
     feet_cam_m, up_cam = foot_points_m(person.body, motion), motion.root_rotmats[:, :, 1]
     seen = SeenFeet(path, feet_cam_m, up_cam, motion.fps_hz)
     feet, why = None, None

@@ -40,6 +40,7 @@ from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.level import LevelEstimate
+from gmrdata.world.picture_fit import PictureFit
 from tests.fusion.test_camera_evidence import clip_of
 from tests.fusion.test_network_evidence import record
 from tests.reconstructions import pseudo_gt_quality, quality_of_path
@@ -178,6 +179,31 @@ def test_who_is_not_seen_has_poses_that_are_not_valid(
     fused = load_clip(made / "person_0.npz")
     np.testing.assert_array_equal(fused.valid, before.valid)
     assert np.isfinite(fused.motion.pelvis_m).all()
+
+
+def test_frames_in_which_the_body_lies_on_nobody_are_not_seen(
+    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path
+):
+    """They have a pose of their own, which is wrong, and were valid."""
+    off, rest_pelvis_m = (
+        np.isin(np.arange(90), range(40, 70)),
+        small_body.rest_pelvis_m(clip.motion.shape),
+    )
+    save_clip(pseudo_gt / "person_0.npz", replace(clip, valid=clip.valid & ~off), rest_pelvis_m)
+    (pseudo_gt.parent / "bodies").mkdir()
+    before = replace(clip, valid=np.ones(90, dtype=bool))
+    save_clip(pseudo_gt.parent / "bodies" / "person_0.npz", before, rest_pelvis_m)
+    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
+    place_m = []
+    for rows in ((), tuple(range(40, 70))):
+        quality = PseudoGtQuality.read(pseudo_gt / "quality.json")
+        fits = (PictureFit(90, len(rows), 0.8, 0, 0.8, 0, rows),)
+        quality.model_copy(update={"picture_fits": fits}).write(pseudo_gt / "quality.json")
+        made = fuse(pseudo_gt, tmp_path / f"{len(rows)}", body_path=body_path, **given)
+        expected = ~np.isin(np.arange(90), rows)
+        np.testing.assert_array_equal(load_clip(made / "person_0.npz").valid, expected)
+        place_m.append(load_sigma(made / "sigma_0.npz")["place_sigma_m"][60].max())
+    assert place_m[1] > max(0.3, 1.2 * place_m[0])
 
 
 def test_who_never_met_a_camera_is_not_shown_beside_who_did(
@@ -375,6 +401,15 @@ def test_bad_input_is_refused_with_the_remedy(
     twice = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=1.01),))
     with pytest.raises(BadRecipe, match="both are frame 30"):
         fuse_here(twice, errors_path=errors_path)
+    shutil.copy(pseudo_gt / "person_0.npz", pseudo_gt / "person_1.npz")
+    once = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
+    for refused in (
+        lambda: fuse_here(once, errors_path=errors_path),
+        lambda: plan(pseudo_gt, network=run_dir, config=once, errors_path=errors_path),
+    ):
+        with pytest.raises(BadRecipe, match=r"of one person: give its clip, like .*person_0\.npz"):
+            refused()
+    (pseudo_gt / "person_1.npz").unlink()
     seen = replace(clip, motion=replace(clip.motion, frame="camera"))
     rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
     save_clip(tmp_path / "camera.npz", seen, rest_pelvis_m)

@@ -1,13 +1,15 @@
 """How wrong a network is: measured, found again, and carried to like poses."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import RBFInterpolator
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
-from gmrdata.fusion import network_errors
+from gmrdata.fusion import network_errors, network_evidence
 from gmrdata.fusion.network_errors import (
     HEADINGS,
     MeasureConfig,
@@ -334,6 +336,26 @@ def test_an_error_that_comes_with_each_step_is_taken_off_where_no_camera_sees(st
     np.testing.assert_array_equal(after.delta_m[~hidden], before.delta_m[~hidden])
     np.testing.assert_array_equal(after.delta_rotmats[~hidden], before.delta_rotmats[~hidden])
     assert after.fast is before.fast and after.slow is before.slow
+
+
+def test_a_long_film_is_compared_with_no_more_poses_than_a_short_one(
+    stepping, small_body, monkeypatch
+):
+    """For hours of film the search took the square of their number."""
+    looked_at: list[int] = []
+
+    def search(known: np.ndarray, *of: np.ndarray, **how: Any) -> RBFInterpolator:
+        looked_at.append(len(known))
+        return RBFInterpolator(known, *of, **how)
+
+    monkeypatch.setattr(network_evidence, "RBFInterpolator", search)
+    motions, seen = seen_by_network(stepping), seen_by_cameras(stepping, BUT_A_GAP)
+    hidden = ~(BUT_A_GAP[:-1] & BUT_A_GAP[1:])
+    for most in (5000, 90):
+        monkeypatch.setattr(network_evidence, "MOST_SEEN", most)
+        after = corrected_by_like_poses(small_body, stepping, motions, seen)
+        assert left_of(stepping, after)[1][hidden].max() < 0.25 * 0.01
+    assert looked_at == 2 * [2 * 178] + 2 * [2 * 89]
 
 
 def test_steps_with_the_left_foot_tell_of_those_with_the_right(stepping, small_body):

@@ -12,7 +12,7 @@ from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.sources import MasksConfig, PersonSource
-from gmrdata.solve import verdict
+from gmrdata.solve import solve, verdict
 from gmrdata.solve.request import EstimatedPeople, SolveConfig, Solved, SolveRequest
 from gmrdata.solve.verdict import (
     DOUBTS_FILE,
@@ -30,7 +30,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.transforms import rigid
-from gmrdata.world.recipe import Doubts, Dropped
+from gmrdata.world.recipe import Doubts, Dropped, PseudoGtConfig, ScaleConfig, VerdictConfig
 from tests.frame_sets import frame_set
 from tests.reconstructions import good_quality, pseudo_gt_quality
 
@@ -157,6 +157,22 @@ def test_a_background_may_ask_for_another_focal_length_by_the_error_of_one_nobod
     source, sigma, deviation
 ):
     assert most(source, sigma) == deviation
+
+
+def test_what_is_set_of_the_scale_stays_for_people_of_unknown_size():
+    """A threshold of 2 % became 25 %.  A recipe that was read again has every key and sets none."""
+    asked = PseudoGtConfig(
+        scale=ScaleConfig(creep_m_per_s=0.05), verdict=VerdictConfig(max_scale_sigma_share=0.02)
+    )
+    read_again = PseudoGtConfig.of_plain(PseudoGtConfig().model_dump(mode="json"))
+    found, usual = (
+        solve._with_size_errors(config, (0.07,), own_feet=True) for config in (asked, read_again)
+    )
+    assert found.verdict == asked.verdict
+    assert found.scale == ScaleConfig(**solve.OWN_FEET | {"creep_m_per_s": 0.05})
+    assert usual.verdict.max_scale_sigma_share == pytest.approx(np.hypot(0.06, 0.25))
+    assert usual.scale == ScaleConfig(**solve.OWN_FEET)
+    assert solve._with_size_errors(asked, (), own_feet=False) == asked
 
 
 def test_frames_on_both_sides_of_a_jump_are_dropped(tmp_path):

@@ -284,6 +284,34 @@ def test_what_cues_share_is_not_lowered_by_their_number():
     assert fuse(cues, 0.01).sigma == pytest.approx(np.hypot(0.002, 0.02))
 
 
+def test_a_camera_that_stands_for_a_while_tells_the_scale_as_well_as_without(small_body):
+    """The usual speed of one that stands for 60 % of the time is nothing: the scale of the rest was
+    thrown away as unknown."""
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    n = path.n_frames * 6 // 10
+    cameras = path.world_from_cam.copy()
+    cameras[:n] = cameras[n]
+    moving = replace(path, world_from_cam=cameras[n:], has_camera=path.has_camera[n:])
+    whole = scale_of(small_body, motion, replace(path, world_from_cam=cameras))
+    alone = scale_of(small_body, motion.take(slice(n, None)), moving)
+    for estimate in (whole, alone):
+        assert estimate.scale == pytest.approx(1.0, rel=0.05) and estimate.sigma is not None
+    assert whole.sigma == pytest.approx(alone.sigma, rel=0.5)
+
+
+@pytest.mark.parametrize("fps_hz", [10.0, 30.0])
+def test_feet_creep_as_far_as_a_steady_camera_travels(small_body, fps_hz):
+    """Its scale has the error of their speed over its own."""
+    motion, path = filmed("walk", "linear", small_body, seed=0, fps_hz=fps_hz)
+    metres = np.linspace(0, 5, path.n_frames)
+    cameras = np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1))
+    cameras[:, :3, 3] += metres[:, None] * [0.6, 0.8, 0.0]
+    speed_m_per_s = fps_hz * metres[1]
+    config = ScaleConfig(creep_m_per_s=0.6, body_share=0.0)
+    (cue,) = scale_of(small_body, motion, replace(path, world_from_cam=cameras), None, config).cues
+    assert cue.sigma == pytest.approx(0.6 / speed_m_per_s, rel=0.01)
+
+
 UNIT_M = 0.37
 WORLD = rigid(Rotation.from_rotvec([0.4, 1.0, -2.0]).as_matrix(), np.array([3.0, -1.0, 2.0]))
 

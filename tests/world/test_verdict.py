@@ -193,8 +193,9 @@ def test_a_frame_in_which_the_body_is_beside_the_person_is_not_kept(clip):
     assert "does not lie on the person" in verdict.frame_reasons[50]
 
 
+@pytest.mark.parametrize("fps_hz", [10.0, FPS_HZ, 60.0])
 @pytest.mark.parametrize("what", ["place", "turn"])
-def test_a_frame_to_which_the_body_jumps_is_not_kept(clip, what):
+def test_a_frame_to_which_the_body_jumps_is_not_kept(clip, what, fps_hz):
     """Front and back are exchanged from frame 30 on, or the person is 2 m away."""
     motion = clip.motion
     root_rotmats, pelvis_m = motion.root_rotmats.copy(), motion.pelvis_m.copy()
@@ -202,10 +203,21 @@ def test_a_frame_to_which_the_body_jumps_is_not_kept(clip, what):
         root_rotmats[30:] = root_rotmats[30:] @ np.diag([-1.0, 1.0, -1.0])
     else:
         pelvis_m[30:] += [2.0, 0.0, 0.0]
-    moved = replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
+    moved = replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m, fps_hz=fps_hz)
     verdict = judged(replace(clip, motion=moved))
     assert np.flatnonzero(~verdict.kept).tolist() == [29, 30]
     assert verdict.frame_reasons[30] == "the body jumps"
+
+
+@pytest.mark.parametrize(("fps_hz", "turn_deg"), [(240.0, 8.0), (30.0, 33.0), (10.0, 100.0)])
+def test_a_body_that_errs_along_the_ray_or_turns_over_does_not_jump(clip, fps_hz, turn_deg):
+    """By 4 cm and 8 degrees, where frames follow soon; a somersault is of 1,000 degrees/s."""
+    at_rest, rng = changed(clip, slice(None), circling()[0]), np.random.default_rng(0)
+    errors_m = rng.uniform(-0.04, 0.04, N)[:, None] * [1.0, 0.0, 0.0]
+    turns_deg = turn_deg * ROWS + 4.0 * (ROWS % 2)
+    turns = Rotation.from_rotvec(turns_deg[:, None] * [1.0, 0.0, 0.0], degrees=True).as_matrix()
+    motion = replace(at_rest.motion, root_rotmats=turns, pelvis_m=errors_m, fps_hz=fps_hz)
+    assert judged(replace(at_rest, motion=motion)).kept.all()
 
 
 def test_a_body_that_lies_on_the_person_is_accepted(clip):
