@@ -41,7 +41,7 @@ class _Recipe(Config):
     intrinsics_px: tuple[tuple[float, float, float], ...]
     radial: tuple[float, float]
     frame_numbers: tuple[int, ...]
-    fps_hz: float
+    times_s: tuple[float, ...]
 
 
 def local_poses(
@@ -61,7 +61,7 @@ def local_poses(
         intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),
         radial=lens.radial,
         frame_numbers=tuple(frames.frame_numbers.tolist()),
-        fps_hz=frames.rate_hz,
+        times_s=tuple(frames.times_s.tolist()),
     )
 
     def work(partial: Path) -> None:
@@ -93,11 +93,10 @@ def local_poses(
 def seen_landmarks(
     track: Sightings, numbers: np.ndarray, frames: FrameSet, lens: Lens
 ) -> SeenLandmarks:
-    """A track's landmarks as rays without distortion, at its times."""
+    """A track's landmarks as rays without distortion, at the frames' own times."""
     rows = np.searchsorted(numbers, track.image_numbers)
-    per_image = float(np.median(np.diff(frames.frame_numbers))) if len(numbers) > 1 else 1.0
     return SeenLandmarks(
-        times_s=frames.frame_numbers[rows] / (per_image * frames.rate_hz),
+        times_s=frames.times_s[rows],
         rays=lens.rays(track.image_px),
         world_m=track.world_m,
         visibility=track.visibility,
