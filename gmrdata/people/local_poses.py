@@ -14,6 +14,7 @@ from gmrdata.people.fit import FitConfig, fit
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord, Sightings, load_tracks
 from gmrdata.people.landmark_body import SeenLandmarks
 from gmrdata.read.body_file import read_body
+from gmrdata.stage.progress import remark
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -122,6 +123,10 @@ def poses_of(
 ) -> LocalPoses:
     """One person's poses and places on a body of mean shape."""
     fitted = fit(seen, body.rest_joints_m(np.zeros(body.n_shape)), config.fit)
+    if not fitted.converged:
+        first, last = frame_numbers[[0, -1]].tolist()
+        what = f"the fit stopped after {config.fit.most_steps} steps, before it stood still"
+        remark(f"poses of a person in frames {first} to {last}: {what}")
     return LocalPoses(
         frame_numbers=frame_numbers,
         local_rotmats=fitted.rotmats[:, 1:],

@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
+from gmrdata.people.fit import FitConfig
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
-from gmrdata.people.local_poses import LocalPosesConfig, local_poses, seen_landmarks
+from gmrdata.people.local_poses import LocalPosesConfig, local_poses, poses_of, seen_landmarks
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import read_frames
 from gmrdata.read.systems.result import read_system
@@ -86,6 +87,16 @@ def test_other_times_make_other_poses(poses_dir):
     folder, filmed = poses_dir.with_name("followed"), Filmed(STALLED, LENS)
     with pytest.raises(StaleOutput, match="times_s"):
         local_poses(folder, filmed, ANNY_FILE, poses_dir, LocalPosesConfig())
+
+
+def test_a_fit_that_does_not_stand_still_is_said(poses_dir, anny, capsys):
+    track = load_tracks(poses_dir.with_name("followed"))[0]
+    seen = seen_landmarks(track, TIMES.numbers, TIMES, LENS)
+    poses_of(seen, TIMES.frame_numbers, anny, LocalPosesConfig())
+    assert not capsys.readouterr().err
+    poses_of(seen, TIMES.frame_numbers, anny, LocalPosesConfig(fit=FitConfig(most_steps=1)))
+    said = "person in frames 4 to 8: the fit stopped after 1 steps, before it stood still"
+    assert capsys.readouterr().err.strip() == f"poses of a {said}"
 
 
 def test_another_video_s_poses_are_refused(poses_dir):
