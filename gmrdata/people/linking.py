@@ -204,7 +204,8 @@ class LinkConfig(Config):
     cut_colour: float = Field(default=0.3, gt=0, le=1)
     """Distance of the colours before and after, from which another may have taken over a track."""
     sure: float = Field(default=3.0, ge=0)
-    """Evidence against one person, from which those never seen together are two: e^3 to one."""
+    """Evidence of e^3 to one: against one person, from which those never seen together are two; for
+    one, below which a join is noted."""
 
 
 STRANGERS_SIDES = 3.0  # of a crop: within so much another person may be anywhere
@@ -246,26 +247,28 @@ def cuts_in(piece: Piece, config: LinkConfig) -> list[int]:
 
 def join_pieces(
     pieces: list[Piece], config: LinkConfig, rate_hz: float = USUAL_HZ
-) -> list[list[int]]:
-    """People as numbers of pieces in order of time, every piece once; best pairs are joined first,
-    each end once.  The rate is that of the frames."""
+) -> tuple[list[list[int]], dict[int, float]]:
+    """People as numbers of pieces in order of time, every piece once, and the evidence by which a
+    piece goes on from the one before it, by its number.  Best pairs are joined first, each end
+    once.  The rate is that of the frames."""
     pairs = [
         (-evidence, a, b)
         for a, b in permutations(range(len(pieces)), 2)
         if (evidence := _evidence(pieces[a], pieces[b], config, rate_hz)) > 0
     ]
     after: dict[int, int] = {}
-    for _, a, b in sorted(pairs):
-        if a not in after and b not in after.values():
-            after[a] = b
+    joined_by: dict[int, float] = {}
+    for against, a, b in sorted(pairs):
+        if a not in after and b not in joined_by:
+            after[a], joined_by[b] = b, -against
     people = []
     for start in range(len(pieces)):
-        if start not in after.values():
+        if start not in joined_by:
             line = [start]
             while line[-1] in after:
                 line.append(after[line[-1]])
             people.append(line)
-    return people
+    return people, joined_by
 
 
 def unsure_pairs(people: list[Piece], config: LinkConfig) -> list[tuple[int, int]]:
