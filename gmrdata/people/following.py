@@ -454,10 +454,11 @@ def _known_people(
     return known, facts, tuple(len(places) for places in people[len(kept) :])
 
 
-def _cut(found: Sightings, rows: np.ndarray, piece: int, config: FollowConfig) -> list[np.ndarray]:
+def _cut(found: Sightings, rows: np.ndarray, piece: int, config: _FollowedAt) -> list[np.ndarray]:
     """Places of one piece's sightings, cut where another person may have taken over."""
     places = np.flatnonzero(found.pieces == piece)
-    edges = [0, *cuts_in(_piece(found, rows, places), config.link), len(places)]
+    cuts = cuts_in(_piece(found, rows, places), config.link, config.rate_hz)
+    edges = [0, *cuts, len(places)]
     return [places[start:stop] for start, stop in pairwise(edges)]
 
 

@@ -212,7 +212,7 @@ STRANGERS_SIDES = 3.0  # of a crop: within so much another person may be anywher
 STRANGERS_SIZE = 0.5  # usual difference of the logarithms of two people's sizes
 STRANGERS_COLOUR, STRANGERS_SPREAD = 0.55, 0.2  # mean distance of two people's colours
 LOOK_ALIKES = 0.2  # share of strangers who wear the same
-COLOUR_FRAMES, SPEED_FRAMES, LEAST_FRAMES = 8, 5, 3
+COLOUR_FRAMES, SPEED_FRAMES, LEAST_FRAMES = 8, 5, 3  # at usual rates; as long at higher ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,16 +232,17 @@ class Piece:
         return type(self)(self.rows[some], self.crops[some], self.colours[some])
 
 
-def cuts_in(piece: Piece, config: LinkConfig) -> list[int]:
+def cuts_in(piece: Piece, config: LinkConfig, rate_hz: float = USUAL_HZ) -> list[int]:
     """Where in a piece another person may have taken over, by the colours before and after."""
+    least = _lasting(LEAST_FRAMES, rate_hz)
     off = [
-        _colour_distance(piece.part(0, at), piece.part(at))
-        for at in range(LEAST_FRAMES, len(piece) - LEAST_FRAMES + 1)
+        _colour_distance(piece.part(0, at), piece.part(at), rate_hz)
+        for at in range(least, len(piece) - least + 1)
     ]
     if not off or max(off) <= config.cut_colour:
         return []
-    at = LEAST_FRAMES + int(np.argmax(off))
-    before, after = cuts_in(piece.part(0, at), config), cuts_in(piece.part(at), config)
+    at = least + int(np.argmax(off))
+    before, after = (cuts_in(one, config, rate_hz) for one in (piece.part(0, at), piece.part(at)))
     return [*before, at, *(at + n for n in after)]
 
 
@@ -289,7 +290,7 @@ def _evidence(a: Piece, b: Piece, config: LinkConfig, rate_hz: float) -> float:
         return -np.inf
     last, first = a.crops[-1], b.crops[0]
     stayed_px = first[:2] - last[:2]
-    moved_px = stayed_px - gap * _speed_px(a)
+    moved_px = stayed_px - gap * _speed_px(a, rate_hz)
     off_px = min(np.linalg.norm(stayed_px), np.linalg.norm(moved_px))
     shift = float(off_px / np.sqrt(last[2] * first[2]))
     usual = config.shift * (1 + gap / slow)
@@ -297,7 +298,7 @@ def _evidence(a: Piece, b: Piece, config: LinkConfig, rate_hz: float) -> float:
     grown = float(np.log(first[2] / last[2]))
     size = np.log(STRANGERS_SIZE / config.size)
     size += 0.5 * grown**2 * (STRANGERS_SIZE**-2 - config.size**-2)
-    return float(place + size + _colour_evidence(_colour_distance(a, b), config))
+    return float(place + size + _colour_evidence(_colour_distance(a, b, rate_hz), config))
 
 
 def _colour_evidence(distance: float, config: LinkConfig) -> float:
@@ -312,18 +313,24 @@ def _log_normal(value: float, mean: float, deviation: float) -> float:
     return float(-0.5 * ((value - mean) / deviation) ** 2 - np.log(deviation * np.sqrt(2 * np.pi)))
 
 
-def _speed_px(piece: Piece) -> np.ndarray:
+def _speed_px(piece: Piece, rate_hz: float) -> np.ndarray:
     """(2,) of a piece's end [px a frame]."""
-    early = -min(len(piece), SPEED_FRAMES)
+    early = -min(len(piece), _lasting(SPEED_FRAMES, rate_hz))
     steps = max(1, piece.rows[-1] - piece.rows[early])
     return np.asarray((piece.crops[-1, :2] - piece.crops[early, :2]) / steps)
 
 
-def _colour_distance(before: Piece, after: Piece) -> float:
+def _colour_distance(before: Piece, after: Piece, rate_hz: float) -> float:
     """Of the end of one piece and the begin of another."""
-    return _mean_distance(before.part(-COLOUR_FRAMES), after.part(0, COLOUR_FRAMES))
+    n = _lasting(COLOUR_FRAMES, rate_hz)
+    return _mean_distance(before.part(-n), after.part(0, n))
 
 
 def _mean_distance(a: Piece, b: Piece) -> float:
     both = np.sqrt(a.colours.mean(axis=0) * b.colours.mean(axis=0)).sum()
     return float(np.sqrt(max(0.0, 1.0 - both)))
+
+
+def _lasting(frames: int, rate_hz: float) -> int:
+    """Frames that last as long at a high rate as some do at the usual one; never fewer."""
+    return max(frames, round(frames * rate_hz / USUAL_HZ))

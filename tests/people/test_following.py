@@ -246,6 +246,24 @@ def test_place_size_and_time_count_with_the_colours():
     assert unsure_pairs([before, elsewhere], LINKS) == [(0, 1)]
 
 
+def test_a_slow_change_of_colours_is_cut_at_any_rate():
+    """Over a fifth of a second; at 240 Hz it was never seen."""
+    other = like_red(0.55)
+    for n, rate_hz in ((1, 30.0), (8, 240.0)):
+        share = np.linspace(0, 1, 6 * n + 2)[1:-1, None]
+        fading = piece(20 * n, 6 * n, 40.0 * n, RED)
+        fading = Piece(fading.rows, fading.crops, (1 - share) * RED + share * other)
+        after = piece(26 * n, 20 * n, 52.0 * n, other)
+        assert cuts_in(together(piece(0, 20 * n, 0.0), fading, after), LINKS, rate_hz) == [20 * n]
+
+
+def test_speed_is_of_as_long_a_time_at_any_rate():
+    """Four pixels too far in the last of 5 frames at 240 Hz led elsewhere after half a second."""
+    before, after = piece(0, 60, 0.0), piece(180, 20, 360.0)
+    before.crops[-1, 0] += 4
+    assert join_pieces([before, after], LINKS, 240.0)[0] == [[0, 1]]
+
+
 def sightings_of(*pieces: Piece) -> Sightings:
     """Sightings of pieces, in images that are numbered from 7 on, without what is not asked for."""
     both, n = together(*pieces), sum(map(len, pieces))
@@ -275,6 +293,14 @@ def test_pieces_that_may_be_of_two_are_said():
         "person 0 may be another from image 72 on: it was found again, and place and "
         "colours don't make it sure",
     )
+
+
+def test_three_frames_of_other_colours_are_nobody_at_a_high_rate():
+    found = sightings_of(together(piece(0, 180, 0.0), piece(180, 3, 360.0, BLUE)))
+    for rate_hz, left_out in ((30.0, (3,)), (240.0, ())):
+        recipe = _FollowedAt(rate_hz=rate_hz)
+        assert _known_people(found, np.arange(7, 207), recipe)[2] == left_out
+
 
 
 def test_the_dancer_whose_colours_change_at_frame_357_is_one_person():
