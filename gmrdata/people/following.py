@@ -126,7 +126,7 @@ class Sightings:
     scores: np.ndarray  # (N,) from 0 to 1: that there is a person
     crops: np.ndarray  # (N, 4) what the network saw: centre x and y, side [px], turn [rad]
     next_crops: np.ndarray  # (N, 4) where its landmarks say that the person is
-    colours: np.ndarray  # (N, 32) shares of hues and saturations
+    colours: np.ndarray  # (N, 32) shares of hues and saturations, or of greys
 
     def __len__(self) -> int:
         return len(self.pieces)
@@ -413,11 +413,13 @@ def outline_path(followed_dir: Path, image: Path, piece: int) -> Path:
 
 
 def _colours(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """(32,) shares of hues and saturations on a person."""
+    """(32,) shares of hues and saturations on a person; of how bright it is where all is grey."""
     import cv2
 
     hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
     counts = cv2.calcHist([hsv], [0, 1], mask, [HUES, SATURATIONS], [0, 180, 0, 256])
+    if not hsv[mask > 0, 1].any():  # neither hue nor saturation tells one from another
+        counts[:, 0] = cv2.calcHist([hsv], [2], mask, [HUES], [0, 256]).ravel()
     return np.asarray(counts.ravel() / max(1.0, float(counts.sum())))
 
 

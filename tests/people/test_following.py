@@ -18,6 +18,7 @@ from gmrdata.people.following import (
     FollowedRecord,
     PersonFacts,
     Sightings,
+    _colours,
     _FollowedAt,
     _Follower,
     _known_people,
@@ -301,6 +302,18 @@ def test_three_frames_of_other_colours_are_nobody_at_a_high_rate():
         recipe = _FollowedAt(rate_hz=rate_hz)
         assert _known_people(found, np.arange(7, 207), recipe)[2] == left_out
 
+
+def test_in_a_grey_video_people_are_known_by_how_bright_they_are():
+    """All were alike: grey has neither hue nor saturation."""
+    image = np.full((40, 60, 3), 200, np.uint8)
+    image[:, :30] = 60
+    left = np.zeros((40, 60), np.uint8)
+    left[5:35, 5:25] = 255
+    dark, bright = _colours(image, left), _colours(image, np.fliplr(left).copy())
+    assert dark.shape == bright.shape == (32,) and dark.sum() == bright.sum() == 1
+    assert not (dark * bright).any()
+    image[..., 0] = 0  # yellow, in which light and shade are alike
+    np.testing.assert_array_equal(_colours(image, left), _colours(image, np.fliplr(left).copy()))
 
 
 def test_the_dancer_whose_colours_change_at_frame_357_is_one_person():
