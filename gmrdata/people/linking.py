@@ -154,7 +154,7 @@ def link(frames: list[Detections], config: TrackConfig) -> list[list[tuple[int, 
         open_tracks = [t for t in open_tracks if at - t[-1][0] <= config.max_gap_frames + 1]
         last_px = [frames[t[-1][0]].boxes_px[t[-1][1]] for t in open_tracks]
         overlap = box_iou(np.array(last_px).reshape(-1, 4), found.boxes_px)
-        taken = _best_pairs(overlap, config.link_iou)
+        taken = best_pairs(overlap, config.link_iou)
         for track_row, row in taken:
             open_tracks[track_row].append((at, row))
         matched = {row for _, row in taken}
@@ -164,7 +164,7 @@ def link(frames: list[Detections], config: TrackConfig) -> list[list[tuple[int, 
     return tracks
 
 
-def _best_pairs(overlap: np.ndarray, least: float) -> list[tuple[int, int]]:
+def best_pairs(overlap: np.ndarray, least: float) -> list[tuple[int, int]]:
     """Pairs (row, column) of a matrix, each row and column once, largest values first."""
     rows, columns = np.nonzero(overlap >= least)
     order = np.argsort(-overlap[rows, columns], kind="stable")
