@@ -209,7 +209,9 @@ class _Viewer:
 
     def _followed(self, clip: Clip, frames: FrameSet) -> tuple[list[Sightings], list[LocalPoses]]:
         """Everybody who is in a clip's images, and their poses."""
-        frames = replace(frames, frame_numbers=frames.numbers, rate_hz=clip.motion.fps_hz)
+        numbers, rate_hz = frames.numbers, clip.motion.fps_hz
+        times_s = numbers / rate_hz
+        frames = replace(frames, frame_numbers=numbers, times_s=times_s, rate_hz=rate_hz)
         followed_dir = follow_people(
             frames,
             self._out_dir / FOLLOWED_FOLDER / clip.id,

@@ -34,12 +34,13 @@ COMPARED_HZ, COMPARED_FRAMES = 8.0, 64
 """Of the frames by which a whole track is compared with its mirror image."""
 
 
-def rate_remarks(rate_hz: float) -> tuple[str, ...]:
-    """What one should know of people in so many images per second."""
+def rate_remarks(rate_hz: float, every: int = 1) -> tuple[str, ...]:
+    """What one should know of people in so many images per second, every n-th of a video's."""
     if rate_hz * LEAP_WITHIN_S > 1:
         return ()
     what = "are too few to tell where front and back were exchanged for a while"
-    return (f"{rate_hz:.3g} images per second {what}; take more of them, by a smaller --every",)
+    remedy = "; take more of them, by a smaller --every" if every > 1 else ""
+    return (f"{rate_hz:.3g} images per second {what}{remedy}",)
 
 
 def unsure_frames(seen: SeenLandmarks) -> np.ndarray:

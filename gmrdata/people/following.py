@@ -126,7 +126,7 @@ class Sightings:
     scores: np.ndarray  # (N,) from 0 to 1: that there is a person
     crops: np.ndarray  # (N, 4) what the network saw: centre x and y, side [px], turn [rad]
     next_crops: np.ndarray  # (N, 4) where its landmarks say that the person is
-    colours: np.ndarray  # (N, 32) shares of hues and saturations
+    colours: np.ndarray  # (N, 32) shares of hues and saturations, or of greys
 
     def __len__(self) -> int:
         return len(self.pieces)
@@ -189,12 +189,14 @@ class PersonFacts:
     """First and last image of each run of frames in which it is."""
     may_be: tuple[int, ...]
     """Numbers of people who may be the same one: never seen together, and in like colours."""
+    unsure_from: tuple[int, ...]
+    """First images of parts that were joined to it, and which may be of another."""
 
 
 class FollowedRecord(Record):
     """`followed.json`: who is seen, and when."""
 
-    format: Literal["gmrdata-followed/1"] = "gmrdata-followed/1"
+    format: Literal["gmrdata-followed/2"] = "gmrdata-followed/2"
     size_px: tuple[int, int]
     images: tuple[int, ...]
     """Their numbers, rising."""
@@ -206,19 +208,33 @@ class FollowedRecord(Record):
     """Frames of each one who is seen in too few."""
 
     def doubts(self) -> tuple[str, ...]:
-        """What one should know of who is who: a line for each person who may be one before."""
-        return tuple(
+        """What one should know of who is who: a line for each person who may be one before, and for
+        each who may be several."""
+        may_be = (
             f"person {number} may be {_one_of(others)}: they are never seen in one frame"
             for number, person in enumerate(self.people)
             if (others := [other for other in person.may_be if other < number])
         )
+        may_change = (
+            f"person {number} may be another from image {_some_of(person.unsure_from)} on: it was "
+            "found again, and place and colours don't make it sure"
+            for number, person in enumerate(self.people)
+            if person.unsure_from
+        )
+        return (*may_be, *may_change)
 
 
 def _one_of(people: Sequence[int]) -> str:
     """Some people in words, by their numbers."""
     if len(people) > MOST_NAMED:
         return f"one of {len(people)} before it ({FOLLOWED_FILE} has them)"
-    return f"person {' or '.join(map(str, people))}"
+    return f"person {_some_of(people)}"
+
+
+def _some_of(numbers: Sequence[int]) -> str:
+    """A few numbers in words."""
+    more = ["a later one"] if len(numbers) > MOST_NAMED else []
+    return " or ".join([*map(str, numbers[:MOST_NAMED]), *more])
 
 
 def follow_people(
@@ -397,11 +413,13 @@ def outline_path(followed_dir: Path, image: Path, piece: int) -> Path:
 
 
 def _colours(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """(32,) shares of hues and saturations on a person."""
+    """(32,) shares of hues and saturations on a person; of how bright it is where all is grey."""
     import cv2
 
     hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
     counts = cv2.calcHist([hsv], [0, 1], mask, [HUES, SATURATIONS], [0, 180, 0, 256])
+    if not hsv[mask > 0, 1].any():  # neither hue nor saturation tells one from another
+        counts[:, 0] = cv2.calcHist([hsv], [2], mask, [HUES], [0, 256]).ravel()
     return np.asarray(counts.ravel() / max(1.0, float(counts.sum())))
 
 
@@ -412,9 +430,9 @@ def _known_people(
     rows = np.searchsorted(numbers, found.image_numbers)
     cut = [some for piece in np.unique(found.pieces) for some in _cut(found, rows, piece, config)]
     pieces = [_piece(found, rows, some) for some in cut]
-    joined = join_pieces(pieces, config.link, config.rate_hz)
+    joined, joined_by = join_pieces(pieces, config.link, config.rate_hz)
+    joined.sort(key=lambda line: -sum(len(cut[number]) for number in line))
     people = [np.concatenate([cut[number] for number in line]) for line in joined]
-    people.sort(key=lambda places: -len(places))
     least = max(2, min([config.min_frames, *map(len, people[:1])]))
     kept = [places for places in people if len(places) >= least]
     of = np.full(len(found), -1, dtype=np.int64)
@@ -426,6 +444,11 @@ def _known_people(
             images=len(places),
             seen=_runs(numbers, rows[places]),
             may_be=tuple(sorted(sum(pair) - n for pair in unsure if n in pair)),
+            unsure_from=tuple(
+                int(found.image_numbers[cut[number][0]])
+                for number in joined[n][1:]
+                if joined_by[number] < config.link.sure
+            ),
         )
         for n, places in enumerate(kept)
     )
@@ -433,10 +456,11 @@ def _known_people(
     return known, facts, tuple(len(places) for places in people[len(kept) :])
 
 
-def _cut(found: Sightings, rows: np.ndarray, piece: int, config: FollowConfig) -> list[np.ndarray]:
+def _cut(found: Sightings, rows: np.ndarray, piece: int, config: _FollowedAt) -> list[np.ndarray]:
     """Places of one piece's sightings, cut where another person may have taken over."""
     places = np.flatnonzero(found.pieces == piece)
-    edges = [0, *cuts_in(_piece(found, rows, places), config.link), len(places)]
+    cuts = cuts_in(_piece(found, rows, places), config.link, config.rate_hz)
+    edges = [0, *cuts, len(places)]
     return [places[start:stop] for start, stop in pairwise(edges)]
 
 

@@ -154,7 +154,7 @@ def link(frames: list[Detections], config: TrackConfig) -> list[list[tuple[int, 
         open_tracks = [t for t in open_tracks if at - t[-1][0] <= config.max_gap_frames + 1]
         last_px = [frames[t[-1][0]].boxes_px[t[-1][1]] for t in open_tracks]
         overlap = box_iou(np.array(last_px).reshape(-1, 4), found.boxes_px)
-        taken = _best_pairs(overlap, config.link_iou)
+        taken = best_pairs(overlap, config.link_iou)
         for track_row, row in taken:
             open_tracks[track_row].append((at, row))
         matched = {row for _, row in taken}
@@ -164,7 +164,7 @@ def link(frames: list[Detections], config: TrackConfig) -> list[list[tuple[int, 
     return tracks
 
 
-def _best_pairs(overlap: np.ndarray, least: float) -> list[tuple[int, int]]:
+def best_pairs(overlap: np.ndarray, least: float) -> list[tuple[int, int]]:
     """Pairs (row, column) of a matrix, each row and column once, largest values first."""
     rows, columns = np.nonzero(overlap >= least)
     order = np.argsort(-overlap[rows, columns], kind="stable")
@@ -204,14 +204,15 @@ class LinkConfig(Config):
     cut_colour: float = Field(default=0.3, gt=0, le=1)
     """Distance of the colours before and after, from which another may have taken over a track."""
     sure: float = Field(default=3.0, ge=0)
-    """Evidence against one person, from which those never seen together are two: e^3 to one."""
+    """Evidence of e^3 to one: against one person, from which those never seen together are two; for
+    one, below which a join is noted."""
 
 
 STRANGERS_SIDES = 3.0  # of a crop: within so much another person may be anywhere
 STRANGERS_SIZE = 0.5  # usual difference of the logarithms of two people's sizes
 STRANGERS_COLOUR, STRANGERS_SPREAD = 0.55, 0.2  # mean distance of two people's colours
 LOOK_ALIKES = 0.2  # share of strangers who wear the same
-COLOUR_FRAMES, SPEED_FRAMES, LEAST_FRAMES = 8, 5, 3
+COLOUR_FRAMES, SPEED_FRAMES, LEAST_FRAMES = 8, 5, 3  # at usual rates; as long at higher ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,41 +232,44 @@ class Piece:
         return type(self)(self.rows[some], self.crops[some], self.colours[some])
 
 
-def cuts_in(piece: Piece, config: LinkConfig) -> list[int]:
+def cuts_in(piece: Piece, config: LinkConfig, rate_hz: float = USUAL_HZ) -> list[int]:
     """Where in a piece another person may have taken over, by the colours before and after."""
+    least = _lasting(LEAST_FRAMES, rate_hz)
     off = [
-        _colour_distance(piece.part(0, at), piece.part(at))
-        for at in range(LEAST_FRAMES, len(piece) - LEAST_FRAMES + 1)
+        _colour_distance(piece.part(0, at), piece.part(at), rate_hz)
+        for at in range(least, len(piece) - least + 1)
     ]
     if not off or max(off) <= config.cut_colour:
         return []
-    at = LEAST_FRAMES + int(np.argmax(off))
-    before, after = cuts_in(piece.part(0, at), config), cuts_in(piece.part(at), config)
+    at = least + int(np.argmax(off))
+    before, after = (cuts_in(one, config, rate_hz) for one in (piece.part(0, at), piece.part(at)))
     return [*before, at, *(at + n for n in after)]
 
 
 def join_pieces(
     pieces: list[Piece], config: LinkConfig, rate_hz: float = USUAL_HZ
-) -> list[list[int]]:
-    """People as numbers of pieces in order of time, every piece once; best pairs are joined first,
-    each end once.  The rate is that of the frames."""
+) -> tuple[list[list[int]], dict[int, float]]:
+    """People as numbers of pieces in order of time, every piece once, and the evidence by which a
+    piece goes on from the one before it, by its number.  Best pairs are joined first, each end
+    once.  The rate is that of the frames."""
     pairs = [
         (-evidence, a, b)
         for a, b in permutations(range(len(pieces)), 2)
         if (evidence := _evidence(pieces[a], pieces[b], config, rate_hz)) > 0
     ]
     after: dict[int, int] = {}
-    for _, a, b in sorted(pairs):
-        if a not in after and b not in after.values():
-            after[a] = b
+    joined_by: dict[int, float] = {}
+    for against, a, b in sorted(pairs):
+        if a not in after and b not in joined_by:
+            after[a], joined_by[b] = b, -against
     people = []
     for start in range(len(pieces)):
-        if start not in after.values():
+        if start not in joined_by:
             line = [start]
             while line[-1] in after:
                 line.append(after[line[-1]])
             people.append(line)
-    return people
+    return people, joined_by
 
 
 def unsure_pairs(people: list[Piece], config: LinkConfig) -> list[tuple[int, int]]:
@@ -286,7 +290,7 @@ def _evidence(a: Piece, b: Piece, config: LinkConfig, rate_hz: float) -> float:
         return -np.inf
     last, first = a.crops[-1], b.crops[0]
     stayed_px = first[:2] - last[:2]
-    moved_px = stayed_px - gap * _speed_px(a)
+    moved_px = stayed_px - gap * _speed_px(a, rate_hz)
     off_px = min(np.linalg.norm(stayed_px), np.linalg.norm(moved_px))
     shift = float(off_px / np.sqrt(last[2] * first[2]))
     usual = config.shift * (1 + gap / slow)
@@ -294,7 +298,7 @@ def _evidence(a: Piece, b: Piece, config: LinkConfig, rate_hz: float) -> float:
     grown = float(np.log(first[2] / last[2]))
     size = np.log(STRANGERS_SIZE / config.size)
     size += 0.5 * grown**2 * (STRANGERS_SIZE**-2 - config.size**-2)
-    return float(place + size + _colour_evidence(_colour_distance(a, b), config))
+    return float(place + size + _colour_evidence(_colour_distance(a, b, rate_hz), config))
 
 
 def _colour_evidence(distance: float, config: LinkConfig) -> float:
@@ -309,18 +313,24 @@ def _log_normal(value: float, mean: float, deviation: float) -> float:
     return float(-0.5 * ((value - mean) / deviation) ** 2 - np.log(deviation * np.sqrt(2 * np.pi)))
 
 
-def _speed_px(piece: Piece) -> np.ndarray:
+def _speed_px(piece: Piece, rate_hz: float) -> np.ndarray:
     """(2,) of a piece's end [px a frame]."""
-    early = -min(len(piece), SPEED_FRAMES)
+    early = -min(len(piece), _lasting(SPEED_FRAMES, rate_hz))
     steps = max(1, piece.rows[-1] - piece.rows[early])
     return np.asarray((piece.crops[-1, :2] - piece.crops[early, :2]) / steps)
 
 
-def _colour_distance(before: Piece, after: Piece) -> float:
+def _colour_distance(before: Piece, after: Piece, rate_hz: float) -> float:
     """Of the end of one piece and the begin of another."""
-    return _mean_distance(before.part(-COLOUR_FRAMES), after.part(0, COLOUR_FRAMES))
+    n = _lasting(COLOUR_FRAMES, rate_hz)
+    return _mean_distance(before.part(-n), after.part(0, n))
 
 
 def _mean_distance(a: Piece, b: Piece) -> float:
     both = np.sqrt(a.colours.mean(axis=0) * b.colours.mean(axis=0)).sum()
     return float(np.sqrt(max(0.0, 1.0 - both)))
+
+
+def _lasting(frames: int, rate_hz: float) -> int:
+    """Frames that last as long at a high rate as some do at the usual one; never fewer."""
+    return max(frames, round(frames * rate_hz / USUAL_HZ))

@@ -14,6 +14,7 @@ from gmrdata.people.fit import FitConfig, fit
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord, Sightings, load_tracks
 from gmrdata.people.landmark_body import SeenLandmarks
 from gmrdata.read.body_file import read_body
+from gmrdata.stage.progress import remark
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -41,7 +42,7 @@ class _Recipe(Config):
     intrinsics_px: tuple[tuple[float, float, float], ...]
     radial: tuple[float, float]
     frame_numbers: tuple[int, ...]
-    fps_hz: float
+    times_s: tuple[float, ...]
 
 
 def local_poses(
@@ -61,7 +62,7 @@ def local_poses(
         intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),
         radial=lens.radial,
         frame_numbers=tuple(frames.frame_numbers.tolist()),
-        fps_hz=frames.rate_hz,
+        times_s=tuple(frames.times_s.tolist()),
     )
 
     def work(partial: Path) -> None:
@@ -93,11 +94,10 @@ def local_poses(
 def seen_landmarks(
     track: Sightings, numbers: np.ndarray, frames: FrameSet, lens: Lens
 ) -> SeenLandmarks:
-    """A track's landmarks as rays without distortion, at its times."""
+    """A track's landmarks as rays without distortion, at the frames' own times."""
     rows = np.searchsorted(numbers, track.image_numbers)
-    per_image = float(np.median(np.diff(frames.frame_numbers))) if len(numbers) > 1 else 1.0
     return SeenLandmarks(
-        times_s=frames.frame_numbers[rows] / (per_image * frames.rate_hz),
+        times_s=frames.times_s[rows],
         rays=lens.rays(track.image_px),
         world_m=track.world_m,
         visibility=track.visibility,
@@ -123,6 +123,10 @@ def poses_of(
 ) -> LocalPoses:
     """One person's poses and places on a body of mean shape."""
     fitted = fit(seen, body.rest_joints_m(np.zeros(body.n_shape)), config.fit)
+    if not fitted.converged:
+        first, last = frame_numbers[[0, -1]].tolist()
+        what = f"the fit stopped after {config.fit.most_steps} steps, before it stood still"
+        remark(f"poses of a person in frames {first} to {last}: {what}")
     return LocalPoses(
         frame_numbers=frame_numbers,
         local_rotmats=fitted.rotmats[:, 1:],

@@ -20,7 +20,7 @@ from gmrdata.people.following import (
     is_among,
     outline_path,
 )
-from gmrdata.people.linking import detections_from_json, fill_boxes
+from gmrdata.people.linking import best_pairs, box_iou, detections_from_json, fill_boxes
 from gmrdata.people.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.people.onnx import OnnxConfig, onnx_masks
 from gmrdata.people.silhouette import SilhouetteConfig, dilate, silhouette_masks
@@ -349,13 +349,18 @@ def person_masks(
 def _boxes_without(
     outlines: np.ndarray, boxes_px: np.ndarray, seen_px: np.ndarray, config: PersonMaskConfig
 ) -> np.ndarray:
-    """The detector's boxes in which there is no outline of a person, filled."""
+    """The detector's boxes in which there is no outline of a person, filled; of one that only
+    overlaps another's outline, what lies beside those whose people are seen."""
     size_px = (outlines.shape[1], outlines.shape[0])
+    met = [row for row, _ in best_pairs(box_iou(boxes_px, seen_px), config.same_iou)]
+    beside = ~fill_boxes(boxes_px[met], size_px)
     filled = np.zeros_like(outlines)
-    for box_px in boxes_px:
+    for box_px in np.delete(boxes_px, met, axis=0):
         box = fill_boxes(box_px[None], size_px)
+        if is_among(box_px, seen_px, config.same_iou):
+            box &= beside
         share = np.count_nonzero(outlines & box) / max(1, int(np.count_nonzero(box)))
-        if share < config.min_filled and not is_among(box_px, seen_px, config.same_iou):
+        if share < config.min_filled:
             filled |= box
     return filled
 

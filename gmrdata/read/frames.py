@@ -89,7 +89,7 @@ def of_video(frames: FrameSet, video: VideoRecord) -> FrameSet:
     return replace(
         frames,
         frame_numbers=np.array([frame_of[number] for number in frames.numbers.tolist()]),
-        n_frames=video.n_decoded,
+        n_frames=None if video.is_part else video.n_decoded,
         times_s=video.times_of(frames.numbers),
         rate_hz=video.rate_hz,
         video=video,

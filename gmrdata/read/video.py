@@ -127,9 +127,7 @@ def as_frames(
     """
     if is_video(source):
         folder = extract_video(source, out_dir, config, run=run)
-        frames = replace(read_frames(folder, left_out), video_path=source)
-        is_part = config is not None and config.to_s is not None
-        return replace(frames, n_frames=None) if is_part else frames
+        return replace(read_frames(folder, left_out), video_path=source)
     if config not in (None, VideoConfig()):
         what = "--from, --to, --every and --take-what-decodes are for a video file"
         raise BadRecipe(f"{source}: {what}; give the video, or a folder of those frames alone")
@@ -256,6 +254,7 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
             n_deinterlaced=reading.n_deinterlaced,
             n_expected=n_expected,
             n_decoded=reading.n_frames,
+            is_part=reading.stopped_at_s is not None,
             every=config.every,
             rate_hz=rate_hz / config.every,
             numbers=tuple(numbers),

@@ -276,7 +276,9 @@ def _people(solved: Solved) -> Solved:
     remarks = (*record.notes, *record.left_out)
     if people.are_own and solved.followed_dir is not None:
         followed = FollowedRecord.read(solved.followed_dir / FOLLOWED_FILE)
-        remarks = (*remarks, *followed.doubts(), *rate_remarks(solved.frames.rate_hz))
+        video = solved.frames.video
+        of_rate = rate_remarks(solved.frames.rate_hz, video.every if video is not None else 1)
+        remarks = (*remarks, *followed.doubts(), *of_rate)
     own = (f"{name}: {doubt}" for name, doubt in _own_doubts(solved).items())
     return replace(solved, bodies=bodies, remarks=(*remarks, *own))
 

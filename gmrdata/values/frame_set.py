@@ -18,7 +18,7 @@ USUAL_HZ = 30.0  # of frames whose rate nobody says
 class VideoRecord(Record):
     """`video.json` beside the frames: what the video is, and which frames were taken when."""
 
-    format: Literal["gmrdata-video/2"] = "gmrdata-video/2"
+    format: Literal["gmrdata-video/3"] = "gmrdata-video/3"
     container: str
     codec: str
     pixel_format: str
@@ -34,6 +34,8 @@ class VideoRecord(Record):
     """Frames that the file holds by its own count, as far as it was read."""
     n_decoded: int
     """Those of them that could be decoded."""
+    is_part: bool
+    """It was read to a time before its end, so frames after those are not counted."""
     every: int
     """An image's number is its frame's divided by this."""
     rate_hz: float

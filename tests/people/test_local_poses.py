@@ -1,18 +1,20 @@
 """From real frames to people whom the stage of bodies can read, and where a body stands."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from gmrdata.people.fit import FitConfig
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
-from gmrdata.people.local_poses import LocalPosesConfig, local_poses
+from gmrdata.people.local_poses import LocalPosesConfig, local_poses, poses_of, seen_landmarks
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import read_frames
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.camera import Lens
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.errors import BadMotionFile, StaleOutput
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
@@ -69,6 +71,32 @@ def test_the_body_lies_on_the_person(poses_dir, anny):
     height_px = np.ptp(image_px[0, :, 1])
     off_px = np.linalg.norm(ankles_px - image_px[:, [27, 28]], axis=-1)
     assert off_px.mean() < 0.12 * height_px
+
+
+STALLED = replace(TIMES, times_s=np.array([0.0, 1 / 30, 0.2]))
+
+
+def test_landmarks_have_the_frames_own_times(poses_dir):
+    """By the frames' count a stall of 0.13 s lasted as long as any step."""
+    track = load_tracks(poses_dir.with_name("followed"))[0]
+    seen = seen_landmarks(track, STALLED.numbers, STALLED, LENS)
+    assert seen.times_s.tolist() == [0, 1 / 30, 0.2]
+
+
+def test_other_times_make_other_poses(poses_dir):
+    folder, filmed = poses_dir.with_name("followed"), Filmed(STALLED, LENS)
+    with pytest.raises(StaleOutput, match="times_s"):
+        local_poses(folder, filmed, ANNY_FILE, poses_dir, LocalPosesConfig())
+
+
+def test_a_fit_that_does_not_stand_still_is_said(poses_dir, anny, capsys):
+    track = load_tracks(poses_dir.with_name("followed"))[0]
+    seen = seen_landmarks(track, TIMES.numbers, TIMES, LENS)
+    poses_of(seen, TIMES.frame_numbers, anny, LocalPosesConfig())
+    assert not capsys.readouterr().err
+    poses_of(seen, TIMES.frame_numbers, anny, LocalPosesConfig(fit=FitConfig(most_steps=1)))
+    said = "person in frames 4 to 8: the fit stopped after 1 steps, before it stood still"
+    assert capsys.readouterr().err.strip() == f"poses of a {said}"
 
 
 def test_another_video_s_poses_are_refused(poses_dir):

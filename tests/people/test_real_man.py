@@ -98,11 +98,11 @@ def test_at_ten_frames_a_second_leaps_are_none_wherever_the_video_begins(numbers
 
 
 def test_a_rate_at_which_leaps_are_none_is_said():
-    assert rate_remarks(10.2) == ()
-    assert rate_remarks(10.0) == (
-        "10 images per second are too few to tell where front and back were exchanged for a while; "
-        "take more of them, by a smaller --every",
-    )
+    few = "10 images per second are too few"
+    said = f"{few} to tell where front and back were exchanged for a while"
+    assert rate_remarks(10.2, 3) == ()
+    assert rate_remarks(10.0, 3) == (f"{said}; take more of them, by a smaller --every",)
+    assert rate_remarks(10.0) == (said,)  # all that there are
 
 
 def test_a_view_that_is_reversed_throughout_is_doubted(numbers, anny):

@@ -23,8 +23,10 @@ from gmrdata.people.sources import (
     MaskRcnnSource,
     MasksConfig,
     OnnxSource,
+    PersonMaskConfig,
     PersonSource,
     SilhouetteSource,
+    _boxes_without,
     make_masks,
     masks_named,
     masks_seconds,
@@ -415,3 +417,13 @@ def test_what_is_missing_is_told(arguments, said, noise_dir, tmp_path, capsys, m
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert said in fails(capsys, "masks", noise_dir, "--out", tmp_path / "out", *arguments)
     assert not (tmp_path / "out" / "masks").exists()
+
+
+def test_of_two_side_by_side_the_one_without_an_outline_is_masked():
+    """Their boxes overlap so much that both counted as the one who is seen."""
+    outlines, beside = np.zeros((2, 480, 320), np.uint8)
+    outlines[100:400, 100:200], beside[100:400, 200:240] = 255, 255
+    both_px = np.array([[100.0, 100, 200, 400], [140, 100, 240, 400]])
+    for boxes_px, filled in ((both_px, beside), (both_px[::-1], beside), (both_px[:1], 0 * beside)):
+        found = _boxes_without(outlines, boxes_px, both_px[:1], PersonMaskConfig())
+        np.testing.assert_array_equal(found, filled)

@@ -269,6 +269,14 @@ def test_frames_that_repeat_are_said(of_frame, every, said, tmp_path, capsys):
     assert re.search(said, answer) and bool(said) == ("repeat" in answer)
 
 
+@pytest.mark.parametrize(("to_s", "n_frames"), [(0.12, None), (9.0, 8), (None, 8)])
+def test_frames_of_a_part_are_a_part_in_their_folder_too(tmp_path, to_s, n_frames):
+    """There they were taken for the whole video, and poses of the whole one were refused."""
+    video = make_video(tmp_path / "a.mp4")
+    frames = as_frames(video, tmp_path / "frames", VideoConfig(to_s=to_s))
+    assert frames.n_frames == n_frames == as_frames(frames.folder, tmp_path).n_frames
+
+
 def test_a_part_of_nothing_is_refused(tmp_path):
     with pytest.raises(BadFrames, match="0 frames could be read.*the video has 8, up to 0.28 s"):
         extracted(make_video(tmp_path / "a.mp4"), from_s=3)

@@ -47,6 +47,7 @@ def video(times_s: list[float], *, every: int = 1, n_lost: int = 0) -> VideoReco
         n_deinterlaced=0,
         n_expected=n * every + n_lost,
         n_decoded=n * every,
+        is_part=False,
         every=every,
         rate_hz=1.0 / float(np.median(np.diff(times_s))),
         numbers=tuple(range(0, n * every, every)),

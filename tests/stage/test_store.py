@@ -443,7 +443,7 @@ VERDICT = SequenceVerdict("a_00", "test", True, (), "panning", 0.5, None, None)
 FOCAL = FocalEstimate(1.0, 0.1, (0.0, 0.0), 2.0, 500)
 RECIPE = RecipeRecord(stage="test", config={"seed": 1}, inputs={"a": "0" * 64})
 FOUND: Detection = {"box_px": [0.0, 0.0, 2.0, 1.0], "score": 0.5, "class": 3}
-SEEN = PersonFacts(images=2, seen=((0, 1),), may_be=())
+SEEN = PersonFacts(images=2, seen=((0, 1),), may_be=(), unsure_from=())
 RECORDS: tuple[Record, ...] = (
     RECIPE,
     StageRecord(

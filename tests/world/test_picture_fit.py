@@ -191,7 +191,7 @@ def followed(
         size_px=SIZE_PX,
         images=tuple(numbers.tolist()),
         detections=n * ([],),
-        people=(PersonFacts(n, ((int(numbers[0]), int(numbers[-1])),), ()),),
+        people=(PersonFacts(n, ((int(numbers[0]), int(numbers[-1])),), (), ()),),
         left_out=(),
     ).write(folder / FOLLOWED_FILE)
     return folder
