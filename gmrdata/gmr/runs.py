@@ -247,8 +247,7 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
                 training[-1].append(file)
     missing = [name for key, name in wanted.items() if key not in found]
     if missing:
-        what = f"no clip is of {', '.join(missing)}"
-        raise BadRecipe(f"data.held_out_subjects: {what}. Give clips of theirs, or leave them out")
+        raise BadRecipe(f"data.held_out_subjects: no clip is of {', '.join(missing)}")
     names = tuple(path.name for path in manifest_paths)
     parts = [(n, part) for n, files in enumerate(training) for part in _parts(files, config)]
     sizes, of = tuple(len(part) for _, part in parts), tuple(n for n, _ in parts)
