@@ -47,7 +47,11 @@ def train(
     from gmrdata.gmr.train import train as train_gmr
 
     flags.need(manifests, "a manifest file")
-    config = flags.on_device(flags.read_recipe(recipe, GmrRecipe).train, device)
+    given = flags.read_recipe(recipe, GmrRecipe)
+    if given.training or given.scored or given.body:
+        said = f"{recipe}: names manifests or a body, which `gmrdata train` takes as flags"
+        raise BadRecipe(f"{said}. Leave them out, or use `gmrdata run {recipe}`")
+    config = flags.on_device(given.train, device)
     if dry_run:
         _show_training(manifests, held_out, out, config)
         return

@@ -172,8 +172,8 @@ class StepsConfig(Config):
 
 
 class TrainConfig(StepsConfig):
-    """A training run; the defaults are the paper's (section 4.1) where it states one, except for
-    the loss's `reduction`: recipe `gmr` has the paper's."""
+    """A training run.  The defaults are the paper's (section 4.1) where it states one, except for
+    `loss.reduction` and `windows.all_phases`.  Recipe `gmr` has all of the paper's, for a GPU."""
 
     model: ModelConfig = ModelConfig()
     loss: LossConfig = LossConfig()

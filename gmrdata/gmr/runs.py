@@ -256,9 +256,11 @@ def split_manifests(
     sizes, of = tuple(len(part) for _, part in parts), tuple(n for n, _ in parts)
     mix = Mix(sizes, config.weights, names, of, config.balance)
     split = Split(tuple(chain(*(part for _, part in parts))), tuple(held_out), dict(left_out), mix)
+    if not split.training and split.left_out:
+        remedy = "Give others, or change data.never_train_on or data.held_out_subjects"
+        raise BadManifest(f"no usable clips ({split.statement}). {remedy}")
     if not split.training:
-        said = f" ({split.statement})" if split.statement else ""
-        raise BadManifest(f"no usable clips{said}. Give manifests with clips that are not rejected")
+        raise BadManifest("no usable clips. Give manifests with clips that are not rejected")
     return split
 
 

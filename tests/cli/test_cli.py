@@ -256,6 +256,16 @@ def test_a_file_of_another_kind_is_named(words, said, gmrdata, tmp_path, monkeyp
     fails_cleanly(gmrdata(*words.split()), said)
 
 
+@pytest.mark.parametrize("named", ["training: [a.yaml]", "scored: [a.yaml]", "body: body.npz"])
+def test_train_refuses_a_recipe_with_what_it_takes_as_flags(named, gmrdata, tmp_path, monkeypatch):
+    """It was trained on the manifests of the command line and scored on none, without a word."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(f"recipe: gmr\n{named}\n")
+    (tmp_path / "b.yaml").touch()
+    answer = gmrdata("train", "b.yaml", "--recipe", "mine.yaml", "--out", "o")
+    fails_cleanly(answer, "mine.yaml: names manifests or a body", "or use `gmrdata run mine.yaml`")
+
+
 TERMINATED = """
 import os, signal, time
 from gmrdata import cli

@@ -6,6 +6,7 @@ names.  A command that neither has must say in the page what it needs: licensed 
 """
 
 import ast
+import inspect
 import re
 import shlex
 import sys
@@ -14,9 +15,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import yaml
 
 from gmrdata.cli import main
-from gmrdata.stage.recipes import recipe_names
+from gmrdata.cli.recipes import UNSHARED
+from gmrdata.gmr.config import TrainConfig
+from gmrdata.gmr.train import GmrRecipe
+from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_names
 from tests.docs import page_commands as found
 from tests.docs.page_commands import REPOSITORY, Command
 
@@ -205,6 +210,56 @@ def test_recipes_that_are_named_are_carried():
             named.append(words[len(found.verb_of(words).split())])
         ours = {name for name in named if not Path(name).suffix and name != "RECIPE"}
         assert ours <= set(recipe_names()), command
+
+
+def text_of(page: str) -> str:
+    return (REPOSITORY / page).read_text(encoding="utf-8")
+
+
+def test_a_name_stands_for_a_recipe_or_for_a_manifest():
+    text = "\n".join(page.read_text(encoding="utf-8") for page in found.pages())
+    recipes = set(re.findall(r"gmrdata (?:render|run) (\S+\.yaml)", text))
+    pairs = [pair for command in gmrdata_commands() for pair in pairwise(command.arguments)]
+    manifests = {b for a, b in pairs if a not in ("--recipe", "render", "run")}
+    assert "my_set.yaml" in recipes and "set.yaml" in manifests and not recipes & manifests
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/training.md", "docs/inference.md"])
+def test_commands_of_a_page_can_be_copied_one_after_the_other(page):
+    """None finds its folder made by another one."""
+    folders = re.findall(r"(?:--out |\bOUT=)([\w/]+)", text_of(page))
+    assert len(folders) > 2 and len(set(folders)) == len(folders)
+
+
+def test_a_recipe_for_several_manifests_finds_those_of_its_page():
+    text = text_of("docs/training_data.md")
+    (block,) = re.findall(r"^```yaml\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    recipe = GmrRecipe.of_plain(yaml.safe_load(block))
+    named = {path.parent.as_posix() for path in (*recipe.training_paths(Path()), *recipe.scored)}
+    assert named == {"out/amass", "out/h36m"} <= set(re.findall(r"--out (\S+)", text))
+
+
+def test_the_pages_name_verbs_with_a_dry_run_and_kinds_without():
+    (row,) = re.findall(r"^\| `--dry-run` \|.*", text_of("docs/command_line.md"), re.MULTILINE)
+    verbs = {
+        verb
+        for verb, function in found.FUNCTIONS.items()
+        if "dry_run" in inspect.signature(function).parameters
+    }
+    assert set(re.findall(r"`([a-z_ -]+)`", row)) == {"--dry-run", *verbs, *UNSHARED}
+    (shared,) = re.findall(r"^.*take `--shard I/N`.*", text_of("docs/scale.md"), re.MULTILINE)
+    assert [kind for kind in (*UNSHARED, "demo") if f"`{kind}`" not in shared] == []
+
+
+def test_where_a_training_differs_from_the_papers_is_said():
+    recipe = load_recipe(find_recipe("gmr"), GmrRecipe).train
+    assert recipe.model_dump(exclude_defaults=True) == {
+        "loss": {"reduction": "sum"},
+        "windows": {"all_phases": False},
+        "device": "cuda",
+    }
+    for text in (inspect.getdoc(TrainConfig) or "", text_of("docs/api.md")):
+        assert "except for `loss.reduction` and `windows.all_phases`" in " ".join(text.split())
 
 
 @pytest.mark.parametrize("page", found.pages(), ids=lambda page: page.name)

@@ -324,8 +324,9 @@ def test_the_verb_says_what_is_wrong(tmp_path, run_dir, body_path, capsys):
 
 
 def test_the_lines_of_python_run_as_they_stand(tmp_path, anny):
-    """In a process of its own, in a folder with a `poses.pkl`, by public names alone."""
-    write_joblib(tmp_path / "poses.pkl", {0: vibe_person(40)})
+    """In a process of its own, in a folder with a `poses.pkl`, by public names alone; whatever
+    number the file has for the person."""
+    write_joblib(tmp_path / "poses.pkl", {7: vibe_person(40)})
     page = (Path(__file__).parents[2] / "docs" / "inference.md").read_text(encoding="utf-8")
     (lines,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     assert re.findall("^(?:from|import) .*", lines, re.MULTILINE) == ["import gmrdata"]

@@ -17,10 +17,12 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.read.body_file import save_body
+from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import recipes
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
+from tests.docs.page_commands import commands
 
 CMU_02_03 = Source(dataset="CMU", sequence="02_03")
 SOURCES = {
@@ -177,12 +179,28 @@ def test_held_out_subjects_are_scored_and_not_trained_on(make_manifest):
 
 def test_what_can_not_be_split_is_said(make_manifest):
     path = make_manifest("one", {"02_03": CMU_02_03})
-    with pytest.raises(BadManifest, match=r"no usable clips \(not trained on: 1 of 1 clips"):
-        split_manifests([path], DataConfig())
+    held_out = DataConfig(never_train_on=(), held_out_subjects=(2,))
+    for data, reason in (
+        (DataConfig(), "on the list paper_table8"),
+        (held_out, "of held-out .* 2"),
+    ):
+        remedy = r"Give others, or change data\.never_train_on or data\.held_out_subjects"
+        with pytest.raises(BadManifest, match=rf"1 of 1 clips \(1 {reason}\)\)\. {remedy}$"):
+            split_manifests([path], data)
     with pytest.raises(MissingInput, match="no published manifest 'table9'"):
         split_manifests([path], DataConfig(never_train_on=("table9",)))
     with pytest.raises(BadRecipe, match="has 2 weights for 1 manifests"):
         split_manifests([path], DataConfig(weights=(1.0, 2.0)))
+
+
+@pytest.mark.parametrize("recipe", ["gmr", "gmr_cmu", "gmr_bundled"])
+def test_the_trials_that_a_page_fetches_are_trained_on(recipe, make_manifest):
+    """No recipe trains on Table 8's, and two hold out subjects who have to be there."""
+    data = recipes.load_recipe(recipes.find_recipe(recipe), GmrRecipe).train.data
+    (fetch,) = (one.arguments for one in commands() if one.arguments[:2] == ("fetch", "cmu"))
+    sources = {trial: Source(dataset="CMU", sequence=trial) for trial in fetch if is_trial(trial)}
+    split = split_manifests([make_manifest("page", sources)], data)
+    assert len(split.training) >= 3
 
 
 def test_a_recipe_with_weights(tmp_path):
