@@ -101,7 +101,7 @@ def render_set(
     """Render every clip whose motion is there, and list them in `out_dir/synthetic.yaml`.
 
     Beside the manifest stands `warnings.txt` where a clip deserves one.  A clip that can't be
-    planned or rendered leaves its reason in `failed/<id>.txt` and the others go on; a manifest
+    planned or rendered leaves its reason in `failed/<id>.txt` and the others go on.  A manifest
     without some of its clips has "incomplete" in its version, and replaces no complete one.
     Returns its path; StageFailed where some clips failed, MissingInput where none can be rendered.
     """
