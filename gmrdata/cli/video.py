@@ -153,7 +153,7 @@ def video(
     flags.as_text(dry_run, as_json)
     asked: dict[str, Any] = {
         "poses": poses, "body": body, "lens": _lens(lens), "fps_hz": fps_hz, "part": part,
-        "config": _solve_config(_masks(masks, networks), lens, solving),
+        "config": _solve_config(_masks(masks, networks, poses), lens, solving),
     }  # fmt: skip
     alone = _are_one(sources, solving, run)
     if alone:
@@ -283,9 +283,12 @@ def leave_files_and_page(out: Path, verdict: "VideoVerdict") -> Path:
     return write_page(out, images=out / verdict.images_dir)
 
 
-def _masks(names: tuple[str, ...], networks: flags.Networks) -> "MasksConfig | None":
+def _masks(
+    names: tuple[str, ...], networks: flags.Networks, poses: Path | None
+) -> "MasksConfig | None":
     """The sources of masks; None for the word none, where nothing moves."""
     from gmrdata.people.sources import masks_named, network_files
+    from gmrdata.solve.request import NOBODY, SolveConfig
 
     flags.need(names, "a source of masks: --masks person, or none")
     if names == NO_MASKS:
@@ -294,8 +297,10 @@ def _masks(names: tuple[str, ...], networks: flags.Networks) -> "MasksConfig | N
         what = "silhouette needs a body before any camera is known. Use person"
         raise BadRecipe(f"--masks: {what}")
     config = masks_named(names, **vars(networks.absolute()))
+    alone = str(poses) == NOBODY
+    used = SolveConfig(masks=config).for_cameras_alone.masks if alone else config
     try:
-        network_files(config)
+        network_files(used or config)
     except MissingInput as error:
         raise MissingInput(f"{error}; --masks none goes without") from None
     return config

@@ -253,6 +253,16 @@ def test_wrong_flags_name_the_remedy(flags, said, dry_run, dolly, tmp_path, caps
     assert not out.exists()
 
 
+@pytest.mark.parametrize(("poses", "network"), [("none", "lite"), ("own", "heavy")])
+def test_the_network_that_is_used_is_asked_for(
+    poses, network, dolly, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    flags = ["--poses", poses, "--masks", "person", "--detector", __file__]
+    said = f"pose_landmark_{network}.tflite: no such model file"
+    refused(capsys, said, arguments(dolly.images_dir, tmp_path / "out", *flags))
+
+
 @pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
 def test_a_video_with_a_rate_is_refused_before_its_frames_are_taken(dry_run, tmp_path, capsys):
     source, out = make_video(tmp_path / "walk.mp4"), tmp_path / "out"
