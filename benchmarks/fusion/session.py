@@ -36,6 +36,7 @@ from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, clip_on_body, load_clip
 from gmrdata.values.people import person_file
+from gmrdata.world.judge import PseudoGtQuality
 
 OUT_DIR = Path("out/bench")
 MEASURE = MeasureConfig()
@@ -116,7 +117,7 @@ class FusionSession:
                 if not path.is_file():
                     continue
                 clip = clip_on_body(load_clip(path), self.body)
-                share = world_errors(folder / "quality.json", number)
+                share = world_errors(PseudoGtQuality.read(folder / "quality.json"), number)
                 trial = re.match(r"(\d\d_\d\d)", true.motion.source)
                 moved = in_world_of(clip, true)
                 found.append(Person(true.id, clip, moved, share, trial[1] if trial else ""))

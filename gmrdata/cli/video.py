@@ -288,7 +288,7 @@ def _masks(
 ) -> "MasksConfig | None":
     """The sources of masks; None for the word none, where nothing moves."""
     from gmrdata.people.sources import masks_named, network_files
-    from gmrdata.solve.request import NOBODY, SolveConfig
+    from gmrdata.solve.request import NOBODY
 
     flags.need(names, "a source of masks: --masks person, or none")
     if names == NO_MASKS:
@@ -297,10 +297,8 @@ def _masks(
         what = "silhouette needs a body before any camera is known. Use person"
         raise BadRecipe(f"--masks: {what}")
     config = masks_named(names, **vars(networks.absolute()))
-    alone = str(poses) == NOBODY
-    used = SolveConfig(masks=config).for_cameras_alone.masks if alone else config
     try:
-        network_files(used or config)
+        network_files(config.for_cameras_alone if str(poses) == NOBODY else config)
     except MissingInput as error:
         raise MissingInput(f"{error}; --masks none goes without") from None
     return config

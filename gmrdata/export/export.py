@@ -323,9 +323,11 @@ def write_files(
         people = load_record(pseudo_gt_dir).people if pseudo_gt_dir.is_dir() else ()
         clips = list_clips(people_dir := world_people_dir(out_dir)) if people else []
         ids = [files.id for files, one in zip(clips, people, strict=True) if one.accepted]
-        _remove_models(out_dir / FILES / "colmap")
-        for name in TAKEN_ALONG[1:]:
-            shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
+        for name in TAKEN_ALONG:
+            if name in PARTS:
+                _remove_models(out_dir / FILES / name, PARTS[name])
+            else:
+                shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
         results: list[Exported] = []
         if ids:
             into = TAKEN_ALONG, out_dir / FILES
@@ -339,12 +341,12 @@ def write_files(
     ]
 
 
-def _remove_models(folder: Path) -> None:
+def _remove_models(folder: Path, parts: Sequence[str]) -> None:
     """Remove COLMAP's models, that of cameras alone or those of sequences, but not what COLMAP and
     others made beside them, like `dense`."""
     alone = (folder / BINARY_FOLDER).is_dir()
     for model in [folder] if alone else [*folder.glob("*/")]:
-        for part in PARTS["colmap"]:
+        for part in parts:
             _remove(model / part)
         for left in (model / BINARY_FOLDER).parent, model, folder:
             with suppress(OSError):  # not empty, or gone

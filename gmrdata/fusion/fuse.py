@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -97,6 +98,11 @@ class FusedInputs:
     network_dir: Path
     errors_path: Path
     quality_path: Path | None  # of a pseudo ground truth; None of other clips
+
+    @cached_property
+    def quality(self) -> PseudoGtQuality | None:
+        """The record, read once for all people: that of a long film is large."""
+        return None if self.quality_path is None else PseudoGtQuality.read(self.quality_path)
 
     @classmethod
     def of(
@@ -198,7 +204,7 @@ def fuse(
         body = load_body(body_path)
         weighed = WeighedGmr.load(given, config.which)
         said = []
-        fusion = _on_floors(config.fusion, given.quality_path)
+        fusion = _on_floors(config.fusion, given.quality)
         has_world = any(_has_cameras(person.clip) for person in people)
         for number, person in enumerate(people):
             fused = fuse_person(person, weighed, body, fusion)
@@ -236,14 +242,11 @@ def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAU
         shutil.rmtree(fused_dir)
 
 
-def world_errors(quality_path: Path | None, number: int = 0) -> WorldErrors:
+def world_errors(quality: PseudoGtQuality | None, number: int = 0) -> WorldErrors:
     """What a pseudo ground truth says of its scale, its level and a person's distance; nothing of a
     clip that is no pseudo ground truth's.  A camera at rest has the error of the distance."""
-    if quality_path is None:
+    if quality is None:
         return EXACT
-    quality = PseudoGtQuality.read(quality_path)
-    if number >= len(quality.distance_sigmas):
-        raise BadRecord(f"{quality_path}: knows no person {number}; {MAKE_AGAIN}")
     away = quality.distance_sigmas[number]
     level_deg = 0.0 if quality.level is None else quality.level.sigma_deg
     if not quality.scale or quality.scale_sigma is None:
@@ -251,19 +254,19 @@ def world_errors(quality_path: Path | None, number: int = 0) -> WorldErrors:
     return WorldErrors(abs(quality.scale_sigma / quality.scale), away, level_deg)
 
 
-def _on_floors(config: FusionConfig, quality_path: Path | None) -> FusionConfig:
+def _on_floors(config: FusionConfig, quality: PseudoGtQuality | None) -> FusionConfig:
     """The same without a ground at z = 0 where a pseudo ground truth has people on steps, on a
     slope or on a platform: they would be pulled down to it."""
-    level = None if quality_path is None else PseudoGtQuality.read(quality_path).level
+    level = None if quality is None else quality.level
     if level is None or level.remark is None:
         return config
     return config.model_copy(update={"ground": False})
 
 
-def _off_rows(quality_path: Path | None, number: int) -> tuple[int, ...]:
+def _off_rows(quality: PseudoGtQuality | None, number: int) -> tuple[int, ...]:
     """Rows in which a body of a pseudo ground truth lies on nobody in the picture, as far as that
     was checked."""
-    fit = None if quality_path is None else PseudoGtQuality.read(quality_path).picture_fits[number]
+    fit = None if quality is None else quality.picture_fits[number]
     return () if fit is None else fit.off_rows
 
 
@@ -333,9 +336,11 @@ def _person(given: FusedInputs, path: Path, config: FuseConfig) -> WorldPerson:
         what = f"is of other frames than clip {clip.id}; make both again"
         raise BadMotionFile(f"{before_camera}: {what}")
     number, loops = person_number(path) or 0, tuple(_loop_rows(clip, config))
-    errors = world_errors(given.quality_path, number)
+    if given.quality is not None and number >= len(given.quality.distance_sigmas):
+        raise BadRecord(f"{given.quality_path}: knows no person {number}; {MAKE_AGAIN}")
+    errors = world_errors(given.quality, number)
     seen = seen_frames(clip) if before is None else before
-    on_nobody = np.isin(np.arange(len(seen)), _off_rows(given.quality_path, number))
+    on_nobody = np.isin(np.arange(len(seen)), _off_rows(given.quality, number))
     seen = seen & ~on_nobody | clip.valid
     return WorldPerson(clip, seen, loops, errors)
 

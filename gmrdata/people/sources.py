@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -125,6 +125,15 @@ class MasksConfig(UnionConfig):
     def show_people(self) -> bool:
         """Whether some tell where people are, as bodies that are right lie on them."""
         return any(isinstance(source, OF_PICTURES) for source in self.sources)
+
+    @property
+    def for_cameras_alone(self) -> Self:
+        """The same where nobody's pose is wanted: people by the lite network."""
+        sources = tuple(
+            one.model_copy(update={"quick": True}) if isinstance(one, PersonSource) else one
+            for one in self.sources
+        )
+        return self.model_copy(update={"sources": sources})
 
 
 class MasksRecipe(MasksConfig):

@@ -66,11 +66,7 @@ class SolveConfig(SequenceConfig):
         """The same where nobody's pose is wanted: masks by the lite network."""
         if self.masks is None:
             return self
-        sources = tuple(
-            one.model_copy(update={"quick": True}) if isinstance(one, PersonSource) else one
-            for one in self.masks.sources
-        )
-        return self.model_copy(update={"masks": self.masks.model_copy(update={"sources": sources})})
+        return self.model_copy(update={"masks": self.masks.for_cameras_alone})
 
     @property
     def person_source(self) -> PersonSource:
