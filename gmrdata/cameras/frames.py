@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 
 from gmrdata.people.folder import find_mask
-from gmrdata.read.frames import image_bytes, image_number, is_turned, read_gray
+from gmrdata.read.frames import gray_bytes, image_bytes, image_number, is_turned, read_gray
 from gmrdata.stage.jobs import in_threads
 from gmrdata.values.camera import bent
 from gmrdata.values.limits import MOST_DIGITS
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
-FAST_PNG = 1  # zlib's level of compression
 MOST_KEPT_BYTES = 2**28  # of decoded frames: five hundred of 960x540 px
 
 
@@ -116,8 +115,7 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
         path.write_bytes(image_bytes(".bmp", small))
         if masks_dir is not None:
             mask = _reduced_mask(frames.mask(image), size_px, seen_at)
-            fast = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
-            (masks_dir / f"{stem_of[image]}.png").write_bytes(image_bytes(".png", mask, fast))
+            (masks_dir / f"{stem_of[image]}.png").write_bytes(gray_bytes(mask))
         return path
 
     images = in_threads(reduce_one, frames.images)

@@ -14,7 +14,7 @@ from gmrdata.values.records import Config
 class FeaturesConfig(Config):
     """SIFT features, by the size of the frames and by how many there are."""
 
-    large_pixels: int = Field(default=600_000, ge=1)
+    large_pixels: int = Field(default=500_000, ge=1)
     """Frames from so many have OpenCV's features, which take a third of the time of COLMAP's."""
     small_pixels: int = Field(default=250_000, ge=0)
     """Frames with fewer are doubled, which finds twice as many matches in them."""

@@ -34,7 +34,8 @@ from gmrdata.cameras.map.rotation_only import (
     zooms,
 )
 from gmrdata.cameras.map.solution import Solution, fill_short_gaps, quality_of, turning_solution
-from gmrdata.cameras.match.keyframes import choose_keyframes, with_frames_between
+from gmrdata.cameras.match.features import FeatureFinder
+from gmrdata.cameras.match.keyframes import Keyframes, choose_keyframes, with_frames_between
 from gmrdata.cameras.match.keypoint_adjustment import adjust_keypoints
 from gmrdata.cameras.match.matches import Matches, match_behind_masks, match_frames
 from gmrdata.cameras.match.tracks import (
@@ -162,12 +163,20 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
             "more of the video",
             frames.images[0].parent,
         )
-    keys = choose_keyframes(frames, config)
+    # Features of the first keyframes are found while the last ones are chosen.
+    with FeatureFinder(frames, work_dir, config) as finder:
+        keys = choose_keyframes(frames, config, finder.seek)
+        return _solve_by(keys, frames, finder, work_dir, config)
+
+
+def _solve_by(
+    keys: Keyframes, frames: Frames, finder: FeatureFinder, work_dir: Path, config: SfmConfig
+) -> tuple[Solution, CamerasQuality]:
     # Neither the prior nor the filling reaches over what looks like a cut, matched or not.
     timeline = Timeline(frames.numbers, keys.cuts)
     keyframes = frames.some(keys.rows)
     try:
-        matches = match_frames(keyframes, work_dir, config)
+        matches = match_frames(keyframes, work_dir, config, finder)
         matches = match_behind_masks(matches, keyframes, work_dir, config)
         matches = adjust_keypoints(matches, keyframes, work_dir)
         keys = keys.but_matched(matches)

@@ -14,7 +14,6 @@ from gmrdata.cameras.again import solve_again
 from gmrdata.cameras.files import load_quality
 from gmrdata.cameras.lens.intrinsics import find_intrinsics, load_intrinsics
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.fusion.fuse import fuse_own_people
 from gmrdata.people import sources as mask_sources
 from gmrdata.people.facing import rate_remarks
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord
@@ -415,9 +414,12 @@ def people_masks(
 def _fusion(solved: Solved) -> None:
     """People of the built-in estimator once more, with the network of the package."""
     people = solved.request.people
-    if not isinstance(people, GivenPeople):
-        own = people is not None and people.are_own
-        fuse_own_people(solved.out_dir, solved.body_path if own else None, run=solved.run)
+    if isinstance(people, EstimatedPeople):
+        # Not for cameras alone, which need no network: torch takes two seconds to import.
+        from gmrdata.fusion.fuse import fuse_own_people
+
+        body_path = solved.body_path if people.are_own else None
+        fuse_own_people(solved.out_dir, body_path, run=solved.run)
 
 
 def solve_sequence(

@@ -38,9 +38,10 @@ def test_a_decoder_finds_the_frames(tmp_path, fps_hz, rate):
         assert np.abs(frame.astype(float) - expected).mean() < 4
 
 
-def test_equal_frames_give_equal_bytes(tmp_path):
+@pytest.mark.parametrize("quick", [False, True])
+def test_equal_frames_give_equal_bytes(tmp_path, quick):
     for name in ("a.mp4", "b.mp4"):
-        write_video(pictures(12), tmp_path / name, 10.0)
+        write_video(pictures(12), tmp_path / name, 10.0, quick=quick)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 

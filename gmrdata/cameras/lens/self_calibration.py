@@ -216,11 +216,11 @@ def _keyframes(frames: Frames, work_dir: Path, config: SelfCalibrationConfig) ->
             keys = _keyframes(middle, work_dir / "middle", config)
             if len(keys.images) == most:
                 return keys
-    small = reduced(frames, config.max_image_size_px, work_dir / "reduced")
-    rows = choose_keyframes(small, config.sfm).rows
+    rows = choose_keyframes(frames, config.sfm).rows
     rows = rows[:: 2 if len(rows) > 1.5 * most else 1]
     first = max(0, (len(rows) - most) // 2)
-    return small.some(rows[first : first + most])
+    keys = frames.some(rows[first : first + most])
+    return reduced(keys, config.max_image_size_px, work_dir / "reduced")
 
 
 def _tried(

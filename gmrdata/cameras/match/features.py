@@ -14,13 +14,13 @@ threads wait for each other, and `extract_features` does not.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -73,8 +73,42 @@ class _Found(NamedTuple):
     n_free: int
 
 
+class FeatureFinder:
+    """Finds features in threads of its own, of each frame from when it is named first."""
+
+    def __init__(self, frames: Frames, work_dir: Path, config: SfmConfig) -> None:
+        self.frames, self.config = frames, config
+        self._folder = TemporaryDirectory(dir=work_dir)
+        self._threads = ThreadPoolExecutor(config.threads or own_cores())
+        self._n_free: dict[Path, Future[int]] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._threads.shutdown(cancel_futures=True)
+        self._folder.cleanup()
+
+    def seek(self, image: Path) -> None:
+        """Begin with a frame."""
+        if image not in self._n_free:
+            find = partial(_find, self.frames, Path(self._folder.name), self.config)
+            self._n_free[image] = self._threads.submit(find, image)
+
+    def found(self, images: Sequence[Path]) -> Iterator[_Found]:
+        """What some frames show, read back one by one."""
+        for image in images:
+            self.seek(image)
+        n_free = [self._n_free[image].result() for image in images]
+        enough = min(self.config.features.few_features, self.config.max_features)
+        weak = float(np.median(n_free)) < enough and _is_large(self.frames, self.config)
+        for image in images:
+            with np.load(_kept(Path(self._folder.name), image, weak=weak)) as kept:
+                yield _Found(kept["keypoints"], kept["descriptors"], int(kept["n_free"]))
+
+
 def find_features(
-    frames: Frames, database_path: Path, config: SfmConfig, *, calibrated: bool = True
+    frames: Frames, database_path: Path, finder: FeatureFinder, *, calibrated: bool = True
 ) -> Features:
     """Write images, their one camera and their features into a new database.
 
@@ -85,12 +119,10 @@ def find_features(
     sift, n_free, counts = pycolmap.FeatureExtractorType.SIFT, list[int](), list[int]()
     masked = frames.masks_dir is not None
     with (
-        TemporaryDirectory(dir=database_path.parent) as work_dir,
         closing(pycolmap.Database.open(database_path)) as database,
         path.open("wb") if masked else nullcontext() as stored,
     ):
-        found = _all_found(frames, Path(work_dir), config)
-        for image, one in zip(frames.images, found, strict=True):
+        for image, one in zip(frames.images, finder.found(frames.images), strict=True):
             n_free.append(one.n_free)
             counts.append(len(one.keypoints))
             if len(one.keypoints):
@@ -123,17 +155,6 @@ def _import_images(frames: Frames, database_path: Path, calibrated: bool) -> dic
     pycolmap.import_images(database_path, folder, pycolmap.CameraMode.SINGLE, names, reader)
     with closing(pycolmap.Database.open(database_path)) as database:
         return {image.name: image.image_id for image in database.read_all_images()}
-
-
-def _all_found(frames: Frames, work_dir: Path, config: SfmConfig) -> Iterator[_Found]:
-    """What the frames show, read back one by one."""
-    with ThreadPoolExecutor(config.threads or own_cores()) as threads:
-        n_free = list(threads.map(partial(_find, frames, work_dir, config), frames.images))
-    few = float(np.median(n_free)) < min(config.features.few_features, config.max_features)
-    weak = few and _is_large(frames, config)
-    for image in frames.images:
-        with np.load(_kept(work_dir, image, weak=weak)) as kept:
-            yield _Found(kept["keypoints"], kept["descriptors"], int(kept["n_free"]))
 
 
 def _find(frames: Frames, work_dir: Path, config: SfmConfig, image: Path) -> int:

@@ -7,9 +7,11 @@ longest gap; a slow or short sequence gets more, evenly spread.  The frames betw
 matches by following the keyframes' features into them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,6 +19,7 @@ import numpy as np
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.stage.jobs import made_ahead
 
 WINDOW_PX = 21
 LEVELS = 3
@@ -48,18 +51,22 @@ class Keyframes:
         return replace(self, cuts=np.array(cuts, dtype=np.int64))
 
 
-def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
-    """Choose keyframes by how far the background moves in the image, and how far its near parts."""
+def choose_keyframes(
+    frames: Frames, config: SfmConfig, tell: Callable[[Path], None] = lambda _: None
+) -> Keyframes:
+    """Choose keyframes by how far the background moves in the image, and how far its near parts;
+    `tell` hears of most as soon as they are known."""
     images, size_px = frames.images, frames.size_px
     shrink = min(1.0, config.keyframe_image_size_px / max(size_px))
     steps_px = max(size_px) * shrink * np.array([config.keyframe_step, config.keyframe_parallax])
     intrinsics_px = np.diag([shrink, shrink, 1.0]) @ frames.intrinsics_px
-    before, free = frames.read(images[0], shrink)
+    small = made_ahead(partial(frames.read, shrink=shrink), images)
+    before, free = next(small)
     start_px = now_px = _corners(before, free)
     n_start = len(start_px)
     rows, survived, corners = [0], [], []
-    for row in range(1, len(images)):
-        image, free = frames.read(images[row], shrink)
+    tell(images[0])
+    for row, (image, free) in enumerate(small, 1):
         next_px, found = follow(before, image, now_px, free=free)
         survived.append(found.mean() if len(found) else 0.0)
         corners.append(len(found))
@@ -68,6 +75,7 @@ def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
         lost = not len(now_px) or len(now_px) < n_start / 2
         if late or lost or _moved(start_px, now_px, intrinsics_px, steps_px):
             rows.append(row)
+            tell(images[row])
             start_px = now_px = _corners(image, free)
             n_start = len(start_px)
         before = image

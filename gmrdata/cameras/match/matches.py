@@ -11,7 +11,7 @@ import numpy as np
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.match.features import find_features
+from gmrdata.cameras.match.features import FeatureFinder, find_features
 from gmrdata.cameras.match.retrieval import alike_before
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.values.camera import straightened
@@ -111,16 +111,23 @@ def matched_points(matches: Matches) -> np.ndarray:
 
 
 def match_frames(
-    frames: Frames, work_dir: Path, config: SfmConfig, *, calibrated: bool = True
+    frames: Frames,
+    work_dir: Path,
+    config: SfmConfig,
+    finder: FeatureFinder | None = None,
+    *,
+    calibrated: bool = True,
 ) -> Matches:
     """Find and match features; COLMAP's `database.db` stays in `work_dir` for the mappers.
 
     Where the intrinsics are but a guess (not `calibrated`), pairs are verified without them, by a
-    fundamental matrix, so that the matches favour no focal length.
+    fundamental matrix, so that the matches favour no focal length.  A `finder` may have begun
+    with these frames, and ends here.
     """
     pycolmap.set_random_seed(config.seed)
     database_path = work_dir / DATABASE_FILE
-    found = find_features(frames, database_path, config, calibrated=calibrated)
+    with finder or FeatureFinder(frames, work_dir, config) as features:
+        found = find_features(frames, database_path, features, calibrated=calibrated)
     match_features(database_path, config)
     sort_pairs(database_path)
     matches = read_matches(database_path, frames.images)

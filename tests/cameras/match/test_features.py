@@ -13,7 +13,12 @@ from hypothesis import strategies as st
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match import keypoint_adjustment
-from gmrdata.cameras.match.features import _first_octave, find_features
+from gmrdata.cameras.match.features import (
+    FeatureFinder,
+    Features,
+    _first_octave,
+    find_features,
+)
 from gmrdata.cameras.match.keyframes import follow
 from gmrdata.cameras.match.keypoint_adjustment import (
     HALF_PX,
@@ -43,6 +48,11 @@ def coarse_noise(folder: Path, n_frames: int) -> list[Path]:
     return sorted(folder.iterdir())
 
 
+def features_of(frames: Frames, database_path: Path, config: SfmConfig) -> Features:
+    with FeatureFinder(frames, database_path.parent, config) as finder:
+        return find_features(frames, database_path, finder)
+
+
 def keypoints_of(database_path: Path) -> dict[str, np.ndarray]:
     with closing(pycolmap.Database.open(database_path)) as database:
         images = database.read_all_images()
@@ -53,11 +63,11 @@ def test_features_are_those_of_each_frame_alone(tmp_path):
     """COLMAP's extractor gave a frame the orientations of the frame before it."""
     images = coarse_noise(tmp_path / "frames", 12)
     frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
-    find_features(frames, tmp_path / "all.db", SfmConfig(threads=4, first_octave=0))
+    features_of(frames, tmp_path / "all.db", SfmConfig(threads=4, first_octave=0))
     together = keypoints_of(tmp_path / "all.db")
     for image in images:
         alone = Frames([image], None, SMALL_INTRINSICS_PX, (160, 120))
-        find_features(alone, tmp_path / f"{image.stem}.db", SfmConfig(threads=1, first_octave=0))
+        features_of(alone, tmp_path / f"{image.stem}.db", SfmConfig(threads=1, first_octave=0))
         expected = keypoints_of(tmp_path / f"{image.stem}.db")[image.name]
         np.testing.assert_array_equal(together[image.name], expected)
 
@@ -68,7 +78,7 @@ def test_features_are_those_of_colmap_for_a_single_frame(asked, octave, tmp_path
     images = coarse_noise(tmp_path / "frames", 1)
     frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
     config = SfmConfig(max_features=600, first_octave=asked)
-    found = find_features(frames, tmp_path / "own.db", config)
+    found = features_of(frames, tmp_path / "own.db", config)
     options = pycolmap.FeatureExtractionOptions()
     options.sift.max_num_features, options.sift.first_octave = 600, octave
     path = tmp_path / "colmap.db"
@@ -93,7 +103,7 @@ def test_features_inside_masks_are_last_and_have_no_descriptors(tmp_path):
     for image in images:
         cv2.imwrite(str(tmp_path / "masks" / image.name), mask)
     frames = Frames(images, tmp_path / "masks", SMALL_INTRINSICS_PX, (160, 120))
-    found = find_features(frames, tmp_path / "masked.db", SfmConfig())
+    found = features_of(frames, tmp_path / "masked.db", SfmConfig())
     places = keypoints_of(tmp_path / "masked.db")
     with closing(pycolmap.Database.open(tmp_path / "masked.db")) as database:
         for image in database.read_all_images():
@@ -124,7 +134,7 @@ def test_features_of_large_frames_are_where_the_frame_has_them(tmp_path):
     """By OpenCV's SIFT on half the size, whose (0, 0) is the centre of a pixel."""
     cv2.imwrite(str(tmp_path / "00000.png"), blobs())
     frames = Frames([tmp_path / "00000.png"], None, SMALL_INTRINSICS_PX, LARGE_PX)
-    found = find_features(frames, tmp_path / "own.db", SfmConfig(max_orientations=1))
+    found = features_of(frames, tmp_path / "own.db", SfmConfig(max_orientations=1))
     places_px = keypoints_of(tmp_path / "own.db")["00000.png"][:, :2]
     assert found.n_free == [len(places_px)]
     true_px = BLOB_PX.reshape(-1, 2)
@@ -149,7 +159,7 @@ def test_weak_features_are_taken_where_masks_leave_few(masked_px, weak_too, tmp_
     cv2.imwrite(str(tmp_path / "00000.png"), np.clip(np.round(image), 0, 255).astype(np.uint8))
     cv2.imwrite(str(tmp_path / "masks" / "00000.png"), mask)
     frames = Frames([tmp_path / "00000.png"], tmp_path / "masks", SMALL_INTRINSICS_PX, LARGE_PX)
-    find_features(frames, tmp_path / "own.db", SfmConfig())
+    features_of(frames, tmp_path / "own.db", SfmConfig())
     x_px = keypoints_of(tmp_path / "own.db")["00000.png"][:, 0]
     n_weak = int((x_px > 661).sum())
     assert n_weak > 600 if weak_too else n_weak < 150
@@ -164,7 +174,7 @@ def test_a_place_has_as_many_directions_as_are_asked_for(tmp_path):
     counts = []
     for most in (1, 2):
         path = tmp_path / f"{most}.db"
-        find_features(frames, path, SfmConfig(max_features=300, max_orientations=most))
+        features_of(frames, path, SfmConfig(max_features=300, max_orientations=most))
         keypoints = keypoints_of(path)["00000.png"]
         _, each = np.unique(keypoints[:, :2], axis=0, return_counts=True)
         assert each.max() == most and len(each) == 300
