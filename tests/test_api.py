@@ -38,6 +38,12 @@ def test_a_value_loads_no_network_and_no_renderer():
     assert not {"torch", "bpy", "scipy"} & set(loaded.split())
 
 
+def test_cameras_alone_load_no_torch():
+    """It took two seconds of the seventy that ten seconds of video take."""
+    modules = "gmrdata.solve.videos, gmrdata.pages.solved_page"
+    assert "torch" not in python(f"import sys, {modules}; print(*sys.modules)").split()
+
+
 @pytest.mark.parametrize("name", gmrdata.__all__)
 def test_each_name_is_there_and_says_what_it_is(name):
     value = getattr(gmrdata, name)

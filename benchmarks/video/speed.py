@@ -14,7 +14,7 @@ from typing import Any
 import av
 
 N_FRAMES, RATE_HZ, SIZE_PX = 300, 30, (1280, 720)
-MOST_S, MOST_BYTES = 240.0, 3 << 30
+MOST_S, MOST_BYTES = 80.0, 3 << 30
 KIB = 1024
 
 

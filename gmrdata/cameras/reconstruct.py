@@ -165,7 +165,7 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
         )
     # Features of the first keyframes are found while the last ones are chosen.
     with FeatureFinder(frames, work_dir, config) as finder:
-        keys = choose_keyframes(frames, config, finder.seek)
+        keys = choose_keyframes(frames, config, finder.begin)
         return _solve_by(keys, frames, finder, work_dir, config)
 
 

@@ -20,9 +20,9 @@ from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
 
-FRAME_S, MASK_S, QUICK_MASK_S, LENS_S, SFM_S = 0.012, 0.07, 0.05, 0.025, 0.13
-BODY_S, OWN_POSE_S, SHOWN_S = 0.025, 0.03, 0.055
-SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 8.0, 5.0
+FRAME_S, MASK_S, QUICK_MASK_S, LENS_S, SFM_S = 0.012, 0.07, 0.05, 0.025, 0.12
+BODY_S, OWN_POSE_S, SHOWN_S, QUICK_SHOWN_S = 0.025, 0.03, 0.04, 0.02
+SFM_START_S, BODIES_S, INTRINSICS_S, PAGE_S = 5.0, 3.0, 8.0, 4.0
 """Seconds that one image of 1280x720 px takes on two cores, and that all need."""
 SFM_IMAGES, SFM_GROWTH = 600, 0.1
 """Images of which cameras take that; each takes longer by a power of how many times as many there
@@ -78,8 +78,7 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
         "page": True,
     }
     stages = [name for name, is_on in asked.items() if is_on]
-    mask_s = QUICK_MASK_S if not people else MASK_S
-    planned = plan_stages(request.source, request.part, stages, mask_s)
+    planned = plan_stages(request.source, request.part, stages, alone=people is None)
     n_pixels, shrink = planned.size_px[0] * planned.size_px[1], _shrink(planned.size_px, config)
     image_mb = MASKS_MB * asked["masks"] + (PIXEL_MB * n_pixels * shrink**2 if shrink < 1 else 0.0)
     image_mb += JPEG_MB * n_pixels / (1280 * 720) if is_video(request.source) else 0.0
@@ -91,9 +90,11 @@ def _shrink(size_px: tuple[int, int], config: SolveConfig) -> float:
 
 
 def plan_stages(
-    source: Path, part: VideoConfig | None, stages: Sequence[str], mask_s: float = MASK_S
+    source: Path, part: VideoConfig | None, stages: Sequence[str], *, alone: bool = False
 ) -> VideoPlan:
-    """Some stages of a video or a folder of images; errors as of `plan_video`."""
+    """Some stages of a video or a folder of images, for people or for cameras `alone`; errors as of
+    `plan_video`."""
+    mask_s, shown_s = (QUICK_MASK_S, QUICK_SHOWN_S) if alone else (MASK_S, SHOWN_S)
     if is_video(source):
         n_images, size_px = count_images(source, part or VideoConfig())
     else:
@@ -107,7 +108,7 @@ def plan_stages(
         "sfm": SFM_START_S + n_images * SFM_S * (n_images / SFM_IMAGES) ** SFM_GROWTH,
         "own poses": n_images * OWN_POSE_S,
         "bodies": BODIES_S + n_images * BODY_S,
-        "page": PAGE_S + min(n_images, MOST_PICTURES) * SHOWN_S,
+        "page": PAGE_S + min(n_images, MOST_PICTURES) * shown_s,
     }
     return VideoPlan(n_images, size_px, {name: s * (name in stages) for name, s in seconds.items()})
 

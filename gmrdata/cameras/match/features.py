@@ -79,7 +79,8 @@ class FeatureFinder:
     def __init__(self, frames: Frames, work_dir: Path, config: SfmConfig) -> None:
         self.frames, self.config = frames, config
         self._folder = TemporaryDirectory(dir=work_dir)
-        self._threads = ThreadPoolExecutor(config.threads or own_cores())
+        self._n_threads = config.threads or own_cores()
+        self._threads = ThreadPoolExecutor(self._n_threads)
         self._n_free: dict[Path, Future[int]] = {}
 
     def __enter__(self) -> Self:
@@ -89,8 +90,12 @@ class FeatureFinder:
         self._threads.shutdown(cancel_futures=True)
         self._folder.cleanup()
 
-    def seek(self, image: Path) -> None:
-        """Begin with a frame."""
+    def begin(self, image: Path) -> None:
+        """Begin with a frame, where another thread than that of the caller is meant to work."""
+        if self._n_threads > 1:
+            self._seek(image)
+
+    def _seek(self, image: Path) -> None:
         if image not in self._n_free:
             find = partial(_find, self.frames, Path(self._folder.name), self.config)
             self._n_free[image] = self._threads.submit(find, image)
@@ -98,7 +103,7 @@ class FeatureFinder:
     def found(self, images: Sequence[Path]) -> Iterator[_Found]:
         """What some frames show, read back one by one."""
         for image in images:
-            self.seek(image)
+            self._seek(image)
         n_free = [self._n_free[image].result() for image in images]
         enough = min(self.config.features.few_features, self.config.max_features)
         weak = float(np.median(n_free)) < enough and _is_large(self.frames, self.config)

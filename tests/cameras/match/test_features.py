@@ -72,6 +72,23 @@ def test_features_are_those_of_each_frame_alone(tmp_path):
         np.testing.assert_array_equal(together[image.name], expected)
 
 
+def test_features_that_were_begun_early_are_the_same(tmp_path):
+    """They are found while keyframes are chosen, more of them than are keyframes in the end."""
+    frames = Frames(coarse_noise(tmp_path / "frames", 6), None, SMALL_INTRINSICS_PX, (160, 120))
+    config, keyframes = SfmConfig(threads=2), frames.some(np.array([0, 2, 5]))
+    expected = features_of(keyframes, tmp_path / "late.db", config)
+    with FeatureFinder(frames, tmp_path, config) as finder:
+        for image in frames.images[:4]:
+            finder.begin(image)
+        found = find_features(keyframes, tmp_path / "early.db", finder)
+    assert found.n_free == expected.n_free
+    late, early = keypoints_of(tmp_path / "late.db"), keypoints_of(tmp_path / "early.db")
+    assert list(early) == [image.name for image in keyframes.images]
+    for name, points in late.items():
+        np.testing.assert_array_equal(early[name], points)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["early.db", "frames", "late.db"]
+
+
 @pytest.mark.parametrize(("asked", "octave"), [(None, -1), (0, 0)])
 def test_features_are_those_of_colmap_for_a_single_frame(asked, octave, tmp_path):
     """Of a small frame, which is doubled if nobody says otherwise."""
