@@ -9,7 +9,6 @@ import numpy as np
 
 from gmrdata.cameras.colmap import (
     MIN_PARALLAX_DEG,
-    ROUGH,
     TRACKS_PER_FRAME,
     camera_of,
     global_options,
@@ -242,7 +241,6 @@ def _run_part(
 
 def _global_options(n_frames: int, config: SfmConfig) -> Any:
     options = global_options(config, free_lens=False)
-    options.mapper.bundle_adjustment.ceres.solver_options.function_tolerance = ROUGH
     if n_frames >= config.mapping.long_frames:
         options.mapper.track_required_tracks_per_view = TRACKS_PER_FRAME
     return options

@@ -91,6 +91,14 @@ def test_many_keyframes_are_placed_by_their_longest_tracks_and_see_all_points(
     assert np.median(mapped.errors_px) < 0.5 and mapped.inliers.min() > 60
 
 
+def test_the_global_mapper_adjusts_as_finely_as_colmap_does():
+    """Ended at a ten times larger share of the cost, 50 pictures round a fox gave 19 mm, not 6."""
+    usual = pycolmap.GlobalPipelineOptions().mapper.bundle_adjustment
+    ours = mapping._global_options(50, SfmConfig()).mapper.bundle_adjustment
+    tolerance = usual.ceres.solver_options.function_tolerance
+    assert ours.ceres.solver_options.function_tolerance <= tolerance
+
+
 @pytest.mark.parametrize(
     ("n_frames", "parts"),
     [(3, [(0, 3)]), (100, [(0, 100)]), (196, [(0, 82), (57, 139), (114, 196)])],
