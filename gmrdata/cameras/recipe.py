@@ -111,8 +111,8 @@ class JoiningConfig(Config):
     max_shared_error_px: float = Field(default=4.0, gt=0)
     """Median distance of one model's points in the other's shared cameras [px]."""
     max_part_error_px: float = Field(default=12.0, gt=0)
-    """The same where they share as many frames as parts of a long video do: parts are but roughly
-    adjusted, right ones were up to 6 px off, and one that is left out costs all behind it."""
+    """The same where they share as many frames as parts of a long video do: each part is adjusted
+    alone, right ones were up to 6 px off, and one that is left out costs all behind it."""
 
 
 class DistortionConfig(Config):
