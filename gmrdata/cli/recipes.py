@@ -1,5 +1,6 @@
 """Verbs that take a whole recipe: run, for a recipe of any kind; demo, and its report."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -192,13 +193,33 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     if recipe.training and inputs.manifest:
         raise BadRecipe(f"{path}: names its `training` manifests itself. Leave --manifest out")
     folder = path.parent
+    scored = _folders_of_scores([folder / manifest for manifest in recipe.scored])
     training = recipe.training_paths(folder) or list(inputs.manifest)
     if not training:
         raise MissingInput(f"{path}: this recipe needs --manifest")
     body = flags.body_path(inputs.body) if recipe.body is None else folder / recipe.body
     run_dir = train(training, out / "run", recipe.train_config(), body_path=body, run=run)
-    for manifest in recipe.scored:
-        scores_dir = out / "scores" / manifest.stem
-        scored = score(run_dir, folder / manifest, scores_dir, body_path=body, run=run)
-        show_scores(*scored.scores)
+    for name, manifest in scored.items():
+        made = score(run_dir, manifest, out / "scores" / name, body_path=body, run=run)
+        show_scores(*made.scores)
     answer(run_dir)
+
+
+def _folders_of_scores(manifests: Sequence[Path]) -> dict[str, Path]:
+    """Each manifest by the folder of its scores: libraries' are all called motions.yaml.
+
+    Asked before the training, which takes long.
+    """
+    found: dict[str, Path] = {}
+    stems = [path.stem for path in manifests]
+    for path in manifests:
+        if not path.is_file():
+            raise MissingInput(f"{path}: no such manifest, which the recipe names in `scored`")
+        alone = stems.count(path.stem) == 1
+        name = path.stem if alone else f"{path.resolve().parent.name}_{path.stem}"
+        if name in found:
+            raise BadRecipe(
+                f"`scored` names {found[name]} and {path}: their scores are both {name}"
+            )
+        found[name] = path
+    return found
