@@ -35,6 +35,7 @@ from gmrdata.stage.jobs import count_files
 from gmrdata.stage.progress import remark
 from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import is_made
 from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import (
@@ -51,6 +52,7 @@ from gmrdata.values.limits import MIB
 
 DESCRIPTION = "rendering frames"
 MASKS = "masks/[0-9]*.png"  # one for each frame
+OTHER_VALUES = "made with other values, needs --redo"
 RETRIES = 1  # how often a crashed Blender process is started again
 
 
@@ -289,12 +291,18 @@ def dry_run(
         body_path = keep_body(recipe.body, folder / "body")
         jobs, reasons = plan_takes(selection, body_path, folder / "plan", render_dir(out_dir))
         clips = {id: load_clip(job.clip_path) for id, job in jobs.items()}
-        todo = [id for id, job in jobs.items() if not job.out_dir.is_dir()]
+        todo = [
+            id
+            for id, job in jobs.items()
+            if not is_made("render", job.out_dir, job.config, job.inputs)
+        ]
         measured = None
         if probe and todo:
             config = jobs[todo[0]].config
             measured = probe_clip(clips[todo[0]], body_path, config, folder / "probe")
-    states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, "to do")
+    new = [id for id in todo if not jobs[id].out_dir.exists()]
+    states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, OTHER_VALUES)
+    states |= dict.fromkeys(new, "to do")
     states |= {id: f"can't be filmed: {reason}" for id, reason in reasons.items()}
     frames = {id: clip.motion.n_frames for id, clip in clips.items()}
     rows: list[tuple[str, ...]] = []
@@ -302,7 +310,7 @@ def dry_run(
         motion, count = take.clip.trial or f"gait {take.clip.gait}", str(frames.get(take.id, ""))
         rows.append((take.id, motion, take.camera_motion, count, states[take.id]))
     rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
-    there = count_files([jobs[id].out_dir for id in todo], MASKS, {})
+    there = count_files([jobs[id].out_dir for id in new], MASKS, {})
     frames_to_do = max(0, sum(frames[id] for id in todo) - there)
     workers = max(1, min(recipe.workers, len(todo)))
     counts = (len(clips), len(todo), sum(frames.values()), frames_to_do)

@@ -131,6 +131,11 @@ def test_a_dry_run_says_what_is_done_and_what_is_missing(rendered, cmu_dir):
     assert [row[3] for row in found.rows] == ["5", "5", "6", "6", ""]
     assert (found.clips_to_do, found.frames_to_do, found.probe) == (0, 0, None)
     assert sorted(rendered.parent.rglob("*")) == before
+    finer = RECIPE.model_copy(deep=True, update={"seed": 4})
+    again = dry_run(finer, rendered.parent, motions_dir=cmu_dir, probe=False)
+    assert [row[-1] for row in again.rows[:4]] == ["made with other values, needs --redo"] * 4
+    assert (again.clips_to_do, again.frames_to_do) == (4, 22)
+    assert sorted(rendered.parent.rglob("*")) == before
 
 
 def test_a_dry_run_measures_two_frames(rendered, cmu_dir, tmp_path):
