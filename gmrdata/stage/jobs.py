@@ -16,7 +16,7 @@ from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Shard
 from gmrdata.stage.store import NotMade
 from gmrdata.stage.workers import Fault, Pool, checked_workers, own_cores
-from gmrdata.values.errors import GmrdataError, StageFailed
+from gmrdata.values.errors import GmrdataError, NothingMade, StageFailed
 from gmrdata.values.files import write_text
 
 Item = TypeVar("Item")
@@ -236,10 +236,12 @@ def record_failures(
 def raise_failures(
     description: str, reasons: Mapping[str, str], n_jobs: int, failures_dir: Path
 ) -> None:
-    """Raise StageFailed with the first line of each reason; nothing when there are none."""
+    """Raise StageFailed with the first line of each reason, NothingMade where all jobs have one;
+    nothing when there are none."""
     if reasons:
         what = f"{len(reasons)} of {n_jobs} failed (whole messages in {failures_dir})"
-        raise StageFailed("\n".join([f"{description}: {what}:", *_first_lines(reasons)]))
+        kind = NothingMade if len(reasons) == n_jobs else StageFailed
+        raise kind("\n".join([f"{description}: {what}:", *_first_lines(reasons)]))
 
 
 def _first_lines(reasons: Mapping[str, str]) -> list[str]:

@@ -82,7 +82,8 @@ def floor_of_twins(
     run: Run = DEFAULT_RUN,
 ) -> MadeFloor:
     """Regenerate twins to `out_dir/regenerated` and measure them; a run that was stopped goes on.
-    In `out_dir/floor.json` sequences that failed are listed as rejected."""
+    In `out_dir/floor.json` sequences that failed are listed as rejected.  Where all did,
+    NothingMade is raised, and an earlier one stays."""
     twins = read_truth(twins_dir)
     names = recipe.sequences or tuple(sorted(twins.classes))
     for name in names:
@@ -92,6 +93,8 @@ def floor_of_twins(
     failed: StageFailed | None = None
     try:
         regenerate_set(recipe, twins.root, regenerated_dir, run=run)
+    except NothingMade:
+        raise
     except StageFailed as error:
         failed = error
     floor = measure(twins, regenerated_dir, recipe, seed=seed)
@@ -105,7 +108,9 @@ def measure(
     """Figures of each sequence that `regenerate_set` gave a verdict, of each class, and of all."""
     paths = SetPaths(regenerated_dir.resolve())
     bodies = [read_body(paths.body_dir(n) / BODY_FILE) for n in range(len(recipe.bodies))]
-    clips = _clips(paths.manifest)
+    # An earlier run's manifest may still hold those that failed now.
+    failed = {path.stem for path in paths.failures_dir.glob("*.txt")}
+    clips = {name: of for name, of in _clips(paths.manifest).items() if name not in failed}
     sequences = []
     for verdict in track(Verdicts.read(paths.verdicts).sequences, "measuring"):
         name = verdict.sequence

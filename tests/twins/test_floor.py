@@ -16,7 +16,9 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.read import load_clips
 from gmrdata.read.body_file import read_body
 from gmrdata.stage.progress import console
+from gmrdata.stage.recipes import load_recipe
 from gmrdata.stage.run import Run
+from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.twins.floor import floor_of_twins, measure, sampled_floor
 from gmrdata.twins.floor_record import Floor
 from gmrdata.twins.pseudo_gt_error import compare_clips
@@ -174,6 +176,35 @@ def test_twins_without_truth_are_refused_before_the_work(filmed_set, tmp_path):
     with pytest.raises(MissingInput, match="no twin 'more_00'; there are arc_00, pan_00"):
         floor_of_twins(tmp_path / "twins", unknown, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_where_nothing_is_regenerated_the_reason_is_said_and_the_old_floor_stays(place, tmp_path):
+    """It was written anew, with another recipe beside the figures of the run before."""
+    shutil.copytree(place, tmp_path / "place")
+    twins_dir, out = tmp_path / "place" / "twins", tmp_path / "place" / "out"
+    recipe = load_recipe(tmp_path / "place" / "recipe.yaml", ThreedpwRecipe)
+    before = (out / "floor.json").read_bytes()
+    sfm = recipe.sequence.sfm.model_copy(update={"seed": 7})
+    other = recipe.model_copy(update={"sequence": recipe.sequence.model_copy(update={"sfm": sfm})})
+    with pytest.raises(NothingMade, match=r"(?s)of \d failed.*arc_00: .*--redo"):
+        floor_of_twins(twins_dir, other, out)
+    assert (out / "floor.json").read_bytes() == before
+    shutil.rmtree(out / "regenerated" / "sequences" / "arc_00" / "pseudo_gt")
+    with pytest.raises(NothingMade, match="no Dask scheduler at tcp://127.0.0.1:9"):
+        floor_of_twins(twins_dir, recipe, out, run=Run(scheduler="tcp://127.0.0.1:9"))
+    assert (out / "floor.json").read_bytes() == before
+
+
+def test_a_sequence_that_fails_now_has_no_figures_of_the_run_before(place, tmp_path):
+    shutil.copytree(place / "out", tmp_path / "out")
+    regenerated, twins = tmp_path / "out" / "regenerated", read_truth(place / "twins")
+    recipe = load_recipe(place / "recipe.yaml", ThreedpwRecipe)
+    arc = next(one for one in measure(twins, regenerated, recipe).sequences if one.id == "arc_00")
+    assert arc.people[0].kept_frames > 0
+    (regenerated / "failed").mkdir(exist_ok=True)
+    (regenerated / "failed" / "arc_00.txt").write_text("made with other values", encoding="utf-8")
+    arc = next(one for one in measure(twins, regenerated, recipe).sequences if one.id == "arc_00")
+    assert arc.people[0].kept_frames == 0 and arc.tme_mm is None
 
 
 def test_a_body_that_the_recipe_lacks_is_named(place, filmed_set):
