@@ -20,7 +20,6 @@ FieldPath = plain_yaml.FieldPath
 LINES_FROM = 1000  # clips; shorter manifests are for people to read
 MAX_BYTES = 1 << 30
 CLIPS_KEY, BEGIN = b"clips:\n", b'- {"'
-HEAD_BYTES = 1 << 20  # before the clips at most
 
 PlainData = dict[str, Any]  # by key, as JSON has it
 
@@ -108,7 +107,7 @@ def load_lines(path: Path) -> tuple[PlainData, dict[FieldPath, int], ClipLines] 
     BadManifest where a line is no clip's.
     """
     with path.open("rb") as stream:
-        start = stream.read(HEAD_BYTES)
+        start = stream.read(limits.MOST_MANIFEST_BYTES)  # the head holds a recipe of any length
         at = start.find(b"\n" + CLIPS_KEY + BEGIN) + 1
         if not at:
             return None

@@ -62,7 +62,9 @@ def _read(path: Path) -> dict[str, object]:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     if path.stat().st_size > MOST_RECIPE_BYTES:
-        raise BadRecipe(f"{path}: larger than {MOST_RECIPE_BYTES} bytes, so it is no recipe")
+        raise BadRecipe(
+            f"{path}: larger than {MOST_RECIPE_BYTES} bytes, more than a recipe. Split it"
+        )
     try:
         data, _ = parse(path.read_text(encoding="utf-8"))
     except NotPlain as error:

@@ -53,6 +53,16 @@ def test_all_readers_find_the_same(long_manifest, monkeypatch):
     assert yaml.safe_load(short) == plain and "\n- id: c0\n" in short
 
 
+def test_a_recipe_of_any_length_may_stand_before_the_clips(tmp_path, monkeypatch):
+    """A set of some thousand rendered clips has its recipe there."""
+    monkeypatch.setattr(yaml_text, "LINES_FROM", 3)
+    recipe = {"clips": [{"id": "x" * 100, "number": number} for number in range(10_000)]}
+    by = CreatedBy(gmrdata="0.1.0", recipe=recipe)
+    path = write_manifest(tmp_path / "many.yaml", HEAD, [a_clip(n) for n in range(3)], by)
+    head, _, clips = yaml_text.load_lines(path) or pytest.fail("read as plain YAML")
+    assert head["created_by"]["recipe"] == recipe and len(clips) == 3
+
+
 @given(
     st.dictionaries(
         st.text(max_size=5),

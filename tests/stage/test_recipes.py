@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cli.demo_recipe import DemoRecipe, Training
-from gmrdata.cli.recipes import run
+from gmrdata.cli.recipes import _folders_of_scores, run
 from gmrdata.film.programmes import Film
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.gmr.config import ModelConfig, TrainConfig
@@ -39,6 +39,35 @@ def test_each_recipe_that_travels_with_gmrdata_loads(name):
     path = find_recipe(name)
     loaded = load_recipe(path, MODELS[recipe_kind(path)])
     assert loaded.model_dump()["recipe"] == recipe_kind(path)
+
+
+def test_a_recipe_may_name_ten_thousand_clips_and_not_any_number(tmp_path, monkeypatch):
+    path = tmp_path / "large.yaml"
+    clip = (
+        "- {id: walk_%06d, gait: walk, programme: {kind: static, distance_m: 4.0, around_m: 0.5}}\n"
+    )
+    head = "recipe: synthetic\nname: large\nfilm: {fps_hz: 10}\nclips:\n"
+    path.write_text(head + "".join(clip % number for number in range(14_000)))
+    assert path.stat().st_size > 1 << 20
+    assert recipe_kind(path) == "synthetic"
+    monkeypatch.setattr(recipes, "MOST_RECIPE_BYTES", 1 << 20)
+    with pytest.raises(BadRecipe, match="more than a recipe. Split it"):
+        recipe_kind(path)
+
+
+def test_scores_of_manifests_of_one_name_have_folders_of_their_own(tmp_path):
+    """Each library's is motions.yaml: the second was refused after the training, or lay on the
+    first."""
+    paths = [tmp_path / name for name in ("cmu/motions.yaml", "bmlrub/motions.yaml", "walks.yaml")]
+    for path in paths:
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    named = dict(zip(("cmu_motions", "bmlrub_motions", "walks"), paths, strict=True))
+    assert _folders_of_scores(paths) == named
+    with pytest.raises(BadRecipe, match="their scores are both cmu_motions"):
+        _folders_of_scores([paths[0], paths[0]])
+    with pytest.raises(MissingInput, match=r"none\.yaml: no such manifest, which the recipe names"):
+        _folders_of_scores([paths[2], tmp_path / "none.yaml"])
 
 
 def test_the_demo_has_the_three_cameras():
