@@ -60,6 +60,7 @@ class ClipErrors:
     protocol_fps_hz: float | None = None  # rate of the protocol's frames [Hz], if there is one
     dropped_frames: int = 0
     seen_in: SeenIn | None = None  # how it came into the camera's frame, if a protocol asked
+    took_true_camera: bool = False  # whether the truth's camera took it to the world
     subsets: tuple[str, ...] = ()  # named parts of the data set that it belongs to
     pairs: dict[Method, list[WorldPair]] = field(default_factory=dict)
     """What a protocol measures across clips, by method; none where it measures each alone."""
@@ -96,6 +97,7 @@ def clip_errors(
         errors,
         over_time_mm={method: longest[method]["over_time_mm"] for method in METHODS},
         dropped_frames=clip.dropped_frames,
+        took_true_camera=clip.took_true_camera,
     )
     if protocol is None:
         return found

@@ -122,10 +122,10 @@ def compare_records(
     rng = np.random.default_rng(config.seed)
     of_runs = [[found[id] for id in common] for found in clips]
     first = records[0].protocol
-    protocol = first if all(record.protocol == first for record in records) else None
-    left_out = None if protocol is None else _several_rates(protocol, of_runs, names)
-    if left_out:
-        protocol = None
+    left_out = None if first is None else _several_rates(first, of_runs, names)
+    if any(record.protocol != first for record in records):
+        left_out = _several_protocols(records, names)
+    protocol = None if left_out else first
     return Comparison(
         runs=tuple(names),
         fps_hz=records[0].fps_hz,
@@ -141,6 +141,16 @@ def compare_records(
             one: _compared(one, of_runs, names, config, rng) for one in metrics_with(protocol)
         },
     )
+
+
+def _several_protocols(records: Sequence[Scores], names: Sequence[str]) -> str:
+    """Which were scored by which, with what was switched."""
+    said = []
+    for name, record in zip(names, records, strict=True):
+        one = record.protocol
+        switched = f" --original {' '.join(one.original)}" if one and one.original else ""
+        said.append(f"{name} by {one.name if one else 'none'}{switched}")
+    return f"Protocols differ and are left out: {', '.join(said)}. Score all by one."
 
 
 def _several_rates(

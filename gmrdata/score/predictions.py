@@ -65,6 +65,8 @@ class PredictedClip:
     camera_paths_m: tuple[np.ndarray, np.ndarray] | None = None
     """(N, 3) the prediction's own camera and the true one, in the frames that both have [m]."""
     n_video_frames: int = 0  # frames of the video at the rate of `worlds`
+    took_true_camera: bool = False
+    """Whether it is in the camera's frame, without one, and the truth's took it to the world."""
 
 
 def on_its_body(predicted: PredictedClip, body: BodyModel) -> PredictedClip:
@@ -171,6 +173,7 @@ def clip_beside_truth(
     """A predicted clip beside the true one, as `file_clip` says; `path` is of its file."""
     true = _at_its_rate(path, predicted, one.clip)
     paths_m = _camera_paths(predicted, true)
+    took_true_camera = predicted.motion.frame == "camera" and predicted.camera is None
     whole = predicted = _in_world(path, predicted, true)
     true, predicted, n_missing = _with_both(path, true, predicted, drop_missing=how.drop_missing)
     runs = _paired(true, predicted, how.fps_hz, all_phases=how.all_phases)
@@ -192,6 +195,7 @@ def clip_beside_truth(
         n_missing,
         paths_m,
         int(numbers[-1]) + 1,
+        took_true_camera,
     )
 
 

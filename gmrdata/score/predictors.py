@@ -296,7 +296,8 @@ class ResultSets:
 
 def _require_same_video(result: EstimatedPeople, true: Clip, n_images: int) -> None:
     """Refuse a result of more or fewer frames than the clip has images, where both are known."""
-    n_frames = result.n_frames or n_images
+    shown = max((int(one.frame_numbers[-1]) + 1 for one in result.people), default=0)
+    n_frames = result.n_frames or max(shown, n_images)
     if n_images and abs(n_frames - n_images) > MOST_FRAMES_OFF:
         raise BadMotionFile(
             f"{result.files[0]}: of a video of {n_frames} frames, and clip {true.id} has "

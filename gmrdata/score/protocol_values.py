@@ -14,6 +14,7 @@ from gmrdata.values.shapes import Float
 from gmrdata.values.transforms import Similarities, fit_similarities
 
 Joints = Float[np.ndarray, "frames joints 3"]
+STANDS_M = 1e-6  # a path that goes less far is of rounding alone
 MAJOR_JOINTS = (0, 1, 2, 4, 5, 16, 17, 18, 19)
 """Joints of MPJAE: SMPL_OR_JOINTS of eth-ait/emdb."""
 ACCELERATIONS: tuple[ProtocolMetric, ...] = (
@@ -158,9 +159,10 @@ def _parts(
 
 
 def _camera_error(metric: ProtocolMetric, predicted_m: Places, true_m: Places) -> Samples:
-    """One value; none where a camera stands, so that there is no scale to fit."""
+    """One value; none where one of the two stands, so that there is no scale to fit: that of the
+    truth would be 0, and so would the error."""
     fits_scale = metric == "ate_m"
-    if fits_scale and np.ptp(predicted_m, axis=0).max() == 0:
+    if fits_scale and min(np.ptp(path, axis=0).max() for path in (predicted_m, true_m)) < STANDS_M:
         return np.zeros(0)
     return np.array([metrics.path_error_m(predicted_m, true_m, scale=fits_scale)])
 

@@ -206,7 +206,7 @@ def _scores(source: Source, given: _Given, config: ScoreConfig) -> Scores:
         raise BadManifest(f"{given.manifest_path}: no clip can be scored. Clip {id}: {reason}")
     labelled = _labelled(scored, manifest, protocol)
     rng = np.random.default_rng(config.seed)
-    summary = summarise(labelled, one.fps_hz, config.resamples, rng)
+    summary = summarise(labelled, one.fps_hz, config.resamples, rng, protocol)
     return Scores(
         **dict(summary if floor is None else beside_floor(summary, floor)),
         name=one.name,

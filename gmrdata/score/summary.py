@@ -20,10 +20,12 @@ from gmrdata.score import (
     Interval,
     Method,
     Metric,
+    ProtocolMetric,
     WorldMetric,
     records,
 )
 from gmrdata.score.clip_errors import ClipErrors
+from gmrdata.score.records import Protocol
 from gmrdata.twins.floor_record import Floor, FloorGroup
 from gmrdata.values.errors import BadManifest, BadRecord
 from gmrdata.values.shapes import Float
@@ -108,12 +110,21 @@ SUBSET_METRICS: dict[str, tuple[str, ...]] = {
     "EMDB 1": get_args(CameraMetric),
     "EMDB 2": get_args(WorldMetric),
 }
-"""What the data set's authors take of each of its parts: poses of one, paths of the other."""
+"""What papers take of each part of a data set: poses of one, paths of the other."""
+OWN_SUBSET_METRICS: dict[str, tuple[str, ...]] = {
+    "EMDB 1": get_args(ProtocolMetric),
+    "EMDB 2": (),
+}
+"""The same of EMDB's own evaluation, whose jitter is of EMDB 1 too (eth-ait/emdb, evaluate.py)."""
 Draws = Callable[[int], np.ndarray]  # how often each of n clips is drawn: n -> (resamples, n)
 
 
 def summarise(
-    scored: Sequence[ClipErrors], fps_hz: float, resamples: int, rng: np.random.Generator
+    scored: Sequence[ClipErrors],
+    fps_hz: float,
+    resamples: int,
+    rng: np.random.Generator,
+    protocol: Protocol | None = None,
 ) -> records.Summary:
     """Scores of one clip or more: per clip, per class, per type and overall."""
 
@@ -130,7 +141,7 @@ def summarise(
         over_time=over_time(scored, fps_hz, draws),
         camera_motion=_groups(scored, lambda one: one.camera_motion, draws),
         motion_type=_groups(scored, lambda one: one.motion_type, draws),
-        subset=_subsets(scored, draws),
+        subset=_subsets(scored, draws, protocol),
         statements=(),
     )
 
@@ -171,6 +182,7 @@ def _clip(one: ClipErrors) -> records.ClipScore:
         protocol_fps_hz=one.protocol_fps_hz,
         subsets=one.subsets,
         seen_in=one.seen_in,
+        took_true_camera=one.took_true_camera,
         floor=None,
         below_floor=(),
     )
@@ -184,13 +196,17 @@ def _groups(
     return {name: _group([one for one in scored if name_of(one) == name], draws) for name in names}
 
 
-def _subsets(scored: Sequence[ClipErrors], draws: Draws) -> dict[str, records.GroupScore]:
+def _subsets(
+    scored: Sequence[ClipErrors], draws: Draws, protocol: Protocol | None
+) -> dict[str, records.GroupScore]:
     """Named parts of the data set, sorted, each with the figures that are taken of it."""
+    of_emdb = protocol is not None and protocol.name == "emdb"
+    metrics = OWN_SUBSET_METRICS if of_emdb else SUBSET_METRICS
     names = sorted({name for one in scored for name in one.subsets})
     found = {}
     for name in names:
         group = _group([one for one in scored if name in one.subsets], draws)
-        found[name] = _with_figures_of(group, SUBSET_METRICS.get(name))
+        found[name] = _with_figures_of(group, metrics.get(name))
     return found
 
 

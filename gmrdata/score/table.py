@@ -215,6 +215,11 @@ def explanations(scores: Scores) -> list[str]:
     ]
     if isinstance(scores.model, records.ScoredResults):
         lines += result_lines(scores.model)
+    if given := sum(clip.took_true_camera for clip in scores.clips):
+        lines.append(
+            f"{given} predictions are in the camera's frame, without a camera. The true one took "
+            "them to the world, so that their figures there know how it moved."
+        )
     if scores.dropped_frames:
         lines.append(f"{scores.dropped_frames} valid frames had no prediction and are left out.")
     return lines + [f"Left out: {id}: {why}" for id, why in sorted(scores.skipped.items())]

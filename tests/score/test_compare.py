@@ -15,7 +15,7 @@ from scipy.stats import bootstrap
 from gmrdata.cli import main
 from gmrdata.pages.scores import write_comparison_page
 from gmrdata.score.compare import CompareConfig, compare
-from gmrdata.score.protocols import PROTOCOLS
+from gmrdata.score.protocols import PROTOCOLS, protocol_as
 from gmrdata.score.records import PaperMetrics, Protocol
 from gmrdata.score.summary import (
     mean_intervals,
@@ -119,6 +119,11 @@ def test_a_protocol_is_compared_where_all_have_it(tmp_path):
     assert "rte_percent" in compared(paths[:2], tmp_path / "same")["metrics"]
     found = compared(paths, tmp_path / "other")
     assert found["protocol"] is None and "rte_percent" not in found["metrics"]
+    said = "Protocols differ and are left out: a by wham, b by wham, c by tram. Score all by one."
+    assert found["protocol_left_out"] == said
+    switched = protocol_as("wham", ("gaps",))
+    paths[2] = write_scores(tmp_path / "d", values, "d", protocol=switched)
+    assert "d by wham --original gaps" in compared(paths, tmp_path / "gaps")["protocol_left_out"]
 
 
 def test_a_protocol_is_compared_at_one_rate(tmp_path):

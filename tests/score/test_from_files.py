@@ -260,6 +260,10 @@ def test_a_camera_that_stands_has_no_scale(tmp_path, small_body, person):
     centres_m = camera_of(true).centres_world_m
     spread_m = np.linalg.norm(centres_m - centres_m.mean(0), axis=1).mean()
     assert "ate_m" not in found and found["ate_s_m"] == pytest.approx(spread_m)
+    # The truth's would be hit by a scale of 0, by any path.
+    stands = replace(true, camera=replace(camera_of(true), world_from_cam=still.world_from_cam))
+    found = means(scored(tmp_path, small_body, stands, predicted, "tram"))
+    assert "ate_m" not in found and found["ate_s_m"] > 0.01
 
 
 def test_joints_from_the_mesh(tmp_path, small_body, person):
@@ -337,6 +341,15 @@ def test_emdb_1_and_emdb_2_in_one_run(tmp_path, small_body):
     assert paths["w_mpjpe_mm"] == pytest.approx(0, abs=1e-4) and paths["mpjpe_mm"] is None
     text = path.with_name("scores.md").read_text()
     assert "| all EMDB 1 |" in text and "--original gaps camera" in text
+    assert all(clip.took_true_camera for clip in scores.clips)
+    assert "2 predictions are in the camera's frame, without a camera. The true one took" in text
+    # EMDB's own evaluation takes the jitter of EMDB 1 too, and nothing of EMDB 2.
+    own = ScoreConfig(protocol="emdb")
+    path = score(folder, manifest_path, tmp_path / "own", own, body_path=body_path).scores[0]
+    poses = Scores.read(path).subset["EMDB 1"].figures("predicted")
+    paths = Scores.read(path).subset["EMDB 2"].figures("predicted")
+    assert poses["jitter_10m_per_s3"] is not None and poses["mpjpe_mm"] is not None
+    assert paths["jitter_10m_per_s3"] is None and paths["mpjpe_mm"] is None
 
 
 def test_a_regressor_file_is_checked(tmp_path, small_body, person):

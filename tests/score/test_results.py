@@ -632,6 +632,12 @@ def test_a_result_of_other_frames_than_the_images_is_refused(tmp_path, data, bod
     with pytest.raises(BadMotionFile, match=said):
         score(tmp_path, path, tmp_path / "half", missing="drop")
     score(tmp_path, path, tmp_path / "said", missing="drop", first_image=FIRST)
+    # WHAM does not say how long its video was: more frames than images are of another one too.
+    path = tmp_path / "wham_output.pkl"
+    more = np.arange(2 * N) // 2
+    files.write_wham(path, {0: (true.motion.take(more), np.arange(2 * N))}, rest(body, true))
+    with pytest.raises(BadMotionFile, match="of a video of 120 frames, and clip walk.p0 has 60"):
+        score(tmp_path, path, tmp_path / "longer", missing="drop")
 
 
 def test_tram_on_emdb_and_its_cameras(tmp_path, data, body, true):
