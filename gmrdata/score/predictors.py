@@ -16,6 +16,7 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.listing import read_listing
 from gmrdata.read.bodies import load_bodies
 from gmrdata.read.frames import number_in_name
+from gmrdata.read.systems import phalp
 from gmrdata.score import Deviation, ProtocolName, SeenAs
 from gmrdata.score.predictions import (
     Pairing,
@@ -296,6 +297,8 @@ class ResultSets:
 
 def _require_same_video(result: EstimatedPeople, true: Clip, n_images: int) -> None:
     """Refuse a result of more or fewer frames than the clip has images, where both are known."""
+    if phalp.ends_early(result, n_images):
+        return
     shown = max((int(one.frame_numbers[-1]) + 1 for one in result.people), default=0)
     n_frames = result.n_frames or max(shown, n_images)
     if n_images and abs(n_frames - n_images) > MOST_FRAMES_OFF:

@@ -10,6 +10,7 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.motion.resample import between_known
 from gmrdata.read.bodies import load_body
+from gmrdata.read.systems import phalp
 from gmrdata.read.systems.entries import AGAIN
 from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -192,6 +193,10 @@ def _check_frames(
     says = f"{path}: is of {n_file} frames" + ("" if found.n_frames else " or more")
     remedy = "If it was made of every n-th frame, say --poses-every n; else give the video's own"
     for_it = -(-n_video // step)
+    if phalp.ends_early(found, for_it):
+        return [f"PHALP ended after {n_file} frames: for the others run it with {phalp.ALL_FRAMES}"]
+    if found.system == "phalp" and n_file < for_it:
+        remedy += f", or run PHALP with {phalp.ALL_FRAMES}"
     if n_file > for_it + ODD_FRAMES or (found.n_frames and n_file < for_it - ODD_FRAMES):
         like = f", about every {n_video / n_file:.2g}th" if n_file < n_video else ""
         taken = f"the video has {n_video}" + (f", every {step}th of them {for_it}" * (step > 1))

@@ -1,7 +1,7 @@
 """Other systems' results, as they write them: exact figures, people, frames, what is refused."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -609,18 +609,37 @@ def test_a_folder_of_many_clips_is_listed_once(tmp_path, true, body, monkeypatch
     assert len(listed) < 5
 
 
-def test_a_result_of_other_frames_than_the_images_is_refused(tmp_path, data, body, true):
-    """One of every second frame was scored as if it were of the first half."""
-    (tmp_path / "frames").mkdir()
-    for number in FRAMES:
-        (tmp_path / "frames" / f"{number:05d}.jpg").write_bytes(b"a picture")
-    save_clip(tmp_path / "walk.npz", true, rest(body, true))
-    save_body(tmp_path / "body.npz", body)
+def write_with_images(folder: Path, body: BodyModel, true: Clip, numbers: Iterable[int]) -> None:
+    """A manifest of the clip that lists images of these numbers."""
+    (folder / "frames").mkdir()
+    for number in numbers:
+        (folder / "frames" / f"{number:05d}.jpg").write_bytes(b"a picture")
+    save_clip(folder / "walk.npz", true, rest(body, true))
+    save_body(folder / "body.npz", body)
     source = Source(dataset="gmrdata", sequence="walk")
     about = ClipAbout(camera_motion="linear", licence="CC0-1.0", source=source)
-    made = ClipFiles(tmp_path / "walk.npz", images=tmp_path / "frames")
-    entry = clip_entry(tmp_path, made, about)
-    write_manifest(tmp_path / "manifest.yaml", a_head("clips", "motions"), [entry])
+    made = ClipFiles(folder / "walk.npz", images=folder / "frames")
+    entry = clip_entry(folder, made, about)
+    write_manifest(folder / "manifest.yaml", a_head("clips", "motions"), [entry])
+
+
+def test_phalp_of_the_first_frames_of_more_images_is_scored(tmp_path, body, true):
+    """PHALP takes 1300 frames of a video by itself."""
+    write_with_images(tmp_path, body, true, range(1310))
+    seen = files.seen_person(true.motion, true.camera, body, FRAMES)
+    frames = files.phalp_frames([seen], 1300)
+    path = files.write_joblib(tmp_path / "demo_walk.pkl", frames)
+    scores = only(score(tmp_path, path, tmp_path / "out", camera="true"))
+    assert scores.clips[0].n_motions == N - 1
+    frames.popitem()
+    files.write_joblib(path, frames)
+    with pytest.raises(BadMotionFile, match="a video of 1299 frames, .* has 1310 images"):
+        score(tmp_path, path, tmp_path / "short", camera="true")
+
+
+def test_a_result_of_other_frames_than_the_images_is_refused(tmp_path, data, body, true):
+    """One of every second frame was scored as if it were of the first half."""
+    write_with_images(tmp_path, body, true, FRAMES)
     assert true.camera is not None
     path, every = tmp_path / "results.pkl", np.arange(0, N, 2)
     files.write_prompthmr(path, true.motion, true.camera, np.arange(N))

@@ -60,13 +60,19 @@ def made(
     body: BodyModel,
     config: BodiesConfig | None = None,
 ) -> BodiesRecord:
-    folder.mkdir(exist_ok=True)
     path = system_files.write_joblib(folder / "wham_output.pkl", system_files.wham_people(people))
-    body_path = folder / "body.npz"
+    lens = Lens.of_matrix(people[0].intrinsics_px, SIZE_PX)
+    return made_of(path, Filmed(frames, lens), body, config)
+
+
+def made_of(
+    path: Path, filmed: Filmed, body: BodyModel, config: BodiesConfig | None = None
+) -> BodiesRecord:
+    """Of a system's file, beside it."""
+    body_path, out = path.with_name("body.npz"), path.with_name("bodies")
     save_body(body_path, body)
-    lens, out = Lens.of_matrix(people[0].intrinsics_px, SIZE_PX), folder / "bodies"
     config = BodiesConfig() if config is None else config
-    files = make_bodies(path, Filmed(frames, lens), body_path, out, config)
+    files = make_bodies(path, filmed, body_path, out, config)
     record = BodiesRecord.read(out / "bodies.json")
     assert len(files) == len(record.people)
     return record
@@ -149,6 +155,23 @@ def test_a_height_that_is_told_moves_who_has_it(seen, neutral, tmp_path):
 def test_a_file_of_another_video_is_refused(frames, n_frames, said, seen, neutral, tmp_path):
     with pytest.raises(BadMotionFile, match=said):
         made(tmp_path, [seen], video(frames, n_frames), neutral)
+
+
+def test_phalp_of_the_first_frames_of_a_longer_video_is_taken(seen, neutral, tmp_path):
+    """PHALP takes 1300 frames by itself: its files of all longer videos were refused."""
+    numbers = np.arange(1286, 1286 + N_FRAMES)
+    frames = system_files.phalp_frames([replace(seen, frames=numbers)], 1300)
+    path = system_files.write_joblib(tmp_path / "demo_walk.pkl", frames)
+    lens = Lens.of_matrix(seen.intrinsics_px, SIZE_PX)
+    record = made_of(path, Filmed(video(numbers, 1800), lens), neutral)
+    clip = load_clip(tmp_path / "bodies" / "person_0.npz")
+    np.testing.assert_array_equal(numbers[clip.valid], np.arange(1286, 1300))
+    told = "PHALP ended after 1300 frames: for the others run it with video.end_frame=-1"
+    assert record.notes == (told,)
+    frames.popitem()
+    path = system_files.write_joblib(tmp_path / "short" / path.name, frames)
+    with pytest.raises(BadMotionFile, match=r"of 1299 frames, .* PHALP with video.end_frame=-1"):
+        made_of(path, Filmed(video(numbers, 1800), lens), neutral)
 
 
 def test_somebody_behind_the_camera_is_left_out_and_named(seen, neutral, tmp_path):

@@ -16,6 +16,8 @@ entry for each track:
 `size` (2,)        (height, width) of the picture [px]
 
 No motion is bridged over the beginning of a shot, although tracks go on there.
+
+Of a video it reads 1300 frames, unless it is told otherwise (`VideoConfig.end_frame`).
 """
 
 from collections import defaultdict
@@ -34,6 +36,8 @@ FRAME_KEYS = frozenset({"time", "tid", "smpl"})
 """What an entry of these files has, which tells them from others."""
 NETWORK_PX, FOCAL_PX = 256.0, 5000.0
 CROP_KEYS = ("camera_bbox", "center", "scale")
+END_FRAME, ALL_FRAMES = 1300, "video.end_frame=-1"
+"""How many frames of a video it takes, and what it has to be told for all of them."""
 LISTS = ("tid", "tracked_time", "smpl", "camera", "size", *CROP_KEYS)
 
 
@@ -51,6 +55,12 @@ def read_phalp(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
             tracks[name][time] = row
     people = (_person(name, rows, frozenset(cuts)) for name, rows in tracks.items())
     return EstimatedPeople("phalp", (path,), tuple(people), len(content))
+
+
+def ends_early(found: EstimatedPeople, n_frames: int) -> bool:
+    """Whether a result is PHALP's of the first frames of a video of so many, as it does by itself:
+    frames have their numbers, so those that are there are the video's."""
+    return found.system == "phalp" and found.n_frames == END_FRAME < n_frames
 
 
 def _tracked(frame: Entry) -> tuple[int, list[tuple[str, Entry]]]:
