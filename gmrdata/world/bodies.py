@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.motion.resample import between_known
 from gmrdata.read.bodies import load_body
-from gmrdata.read.systems import phalp
+from gmrdata.read.systems import phalp, prompthmr
 from gmrdata.read.systems.entries import AGAIN
 from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -192,7 +192,7 @@ def _check_frames(
     n_file = found.n_frames or last + 1
     says = f"{path}: is of {n_file} frames" + ("" if found.n_frames else " or more")
     remedy = "If it was made of every n-th frame, say --poses-every n; else give the video's own"
-    for_it = -(-n_video // step)
+    for_it = -((_first_frame(found, frames, step) - n_video) // step)
     if phalp.ends_early(found, for_it):
         return [f"PHALP ended after {n_file} frames: for the others run it with {phalp.ALL_FRAMES}"]
     if found.system == "phalp" and n_file < for_it:
@@ -204,6 +204,13 @@ def _check_frames(
     if found.n_frames and n_file != for_it:
         return [f"the file of bodies is of {n_file} frames, the video has {for_it}"]
     return []
+
+
+def _first_frame(found: EstimatedPeople, frames: FrameSet, step: int) -> int:
+    """Which of the video's frames is the first of a file of every n-th: the first of n, but the
+    last where PromptHMR itself left out the others."""
+    by_itself = found.system == "prompt-hmr" and step == prompthmr.taken_every(frames.video_hz)
+    return step - 1 if by_itself else 0
 
 
 def _own_size_sigma(found: EstimatedPeople, body: BodyModel) -> float:
@@ -235,12 +242,14 @@ def _seen_enough(
 ) -> tuple[list[tuple[EstimatedPerson, np.ndarray]], list[str]]:
     """People and the file's row of each image, -1 for none; and who was left out, in words."""
     step = config.frames_per_row
-    rows = [rows_of_numbers(one.frame_numbers * step, frames.frame_numbers) for one in found.people]
+    first = _first_frame(found, frames, step)
+    numbers = [first + step * one.frame_numbers for one in found.people]
+    rows = [rows_of_numbers(one, frames.frame_numbers) for one in numbers]
     counts = [int((one >= 0).sum()) for one in rows]
     if max(counts) < 2:
         spans = ", ".join(
-            f"{one.name}: {one.frame_numbers[0] * step}-{one.frame_numbers[-1] * step}"
-            for one in found.people[:5]
+            f"{one.name}: {own[0]}-{own[-1]}"
+            for one, own in zip(found.people[:5], numbers[:5], strict=True)
         )
         mine = f"{frames.frame_numbers[0]}-{frames.frame_numbers[-1]}"
         what = f"no person has a pose in two of the video's frames {mine} (the file has {spans})"

@@ -11,7 +11,7 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import Lens
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import Filmed, FrameSet
@@ -109,6 +109,24 @@ def test_poses_of_every_second_frame_are_interpolated(seen, neutral, tmp_path):
     np.testing.assert_allclose(clip.motion.pelvis_m[:-1], seen.motion.pelvis_m[:-1], atol=0.06)
     turned = clip.motion.root_rotmats[:-1] - seen.motion.root_rotmats[:-1]
     assert np.abs(turned).max() < 0.1
+
+
+@pytest.mark.parametrize(("fps_hz", "first"), [(120.0, 1), (20.0, 0)])
+def test_prompthmr_itself_takes_the_last_of_each_two_frames(fps_hz, first, seen, neutral, tmp_path):
+    """Above 60 Hz; its poses were taken for those of the frame before.  A video of fewer frames
+    that somebody made for it has the first of two, as for the other systems."""
+    rows = np.arange(first, N_FRAMES, 2)
+    lens, still = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), np.tile(np.eye(4), (len(rows), 1, 1))
+    camera = CameraPath(lens.matrix_px, *SIZE_PX, still, np.ones(len(rows), bool))
+    motion = replace(seen.motion.take(rows), frame="world")
+    path = tmp_path / "results.pkl"
+    system_files.write_prompthmr(path, motion, camera, np.arange(len(rows)))
+    filmed = Filmed(video(np.arange(N_FRAMES), N_FRAMES + first, fps_hz), lens)
+    record = made_of(path, filmed, neutral, BodiesConfig(frames_per_row=2))
+    (person,), found = record.people, load_clip(tmp_path / "bodies" / "person_0.npz").motion
+    assert (person.first_image, person.last_image) == (rows[0], rows[-1])
+    np.testing.assert_allclose(found.pelvis_m[rows], seen.motion.pelvis_m[rows], atol=0.01)
+    assert not any("is of 12 frames" in note for note in record.notes)
 
 
 def test_images_of_every_second_frame_take_their_own_rows(seen, neutral, tmp_path):

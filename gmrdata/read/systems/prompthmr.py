@@ -11,6 +11,9 @@ and `camera_world`, with `img_focal` and `img_center` (2,) [px] of pictures that
 the video's, and of each frame cam_from_world: `Rcw` (N, 3, 3), `Tcw` (N, 3) [m].  Its `Twc` is
 another place: pipeline/postprocessing.py turns it the wrong way.
 
+Of a video of more than 60 Hz it takes the last of each n frames, n the rate over 60, rounded
+(pipeline/utils.py, `video2frames`); `frames` then count those.  Of a folder of images it takes all.
+
 As of GVHMR's, SMPL's two hand joints stay straight, and `shape`, SMPL-X's, is not used.
 """
 
@@ -34,6 +37,7 @@ from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, In
 
 KEYS = frozenset({"people", "camera_world"})
 N_JOINTS = {"smplx_cam": 25, "smplx_world": 55}
+MOST_HZ = 60.0  # of a video of which it takes all frames
 N_BODY = 22  # the root and those that SMPL has too
 
 
@@ -51,6 +55,11 @@ def read_prompthmr(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
         _person(Entry(one, person_name(key, path), path), camera) for key, one in found.items()
     )
     return EstimatedPeople("prompt-hmr", (path,), tuple(people), n_frames)
+
+
+def taken_every(fps_hz: float) -> int:
+    """Of how many frames of a video it takes one, the last."""
+    return max(1, round(fps_hz / MOST_HZ))
 
 
 def _person(entry: Entry, camera: Entry) -> EstimatedPerson:
