@@ -37,6 +37,7 @@ from gmrdata.motion.files import input_files
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.read.bodies import load_body
+from gmrdata.read.systems.result import result_file
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, check_out, run_stage
@@ -265,7 +266,7 @@ def infer(
     slow for the network, UnsafePickle and BrokenPickle; StaleOutput before anything is predicted,
     where `out_dir` was made otherwise or holds an input.
     """
-    run_dir, source, out_dir = network_dir(network), Path(poses_path), Path(out_dir)
+    run_dir, source, out_dir = network_dir(network), result_file(Path(poses_path)), Path(out_dir)
     config = config or InferConfig()
     config = config if draw is not None else config.model_copy(update={"video": False})
     optional = {"joint_map": joint_map, "body": body_path}

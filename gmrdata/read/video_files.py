@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gmrdata.read.frames import IMAGE_SUFFIXES
+from gmrdata.read.systems.result import result_file
 from gmrdata.values.errors import BadRecipe, MissingInput, some
 
 VIDEO_SUFFIXES = (
@@ -15,12 +16,6 @@ VIDEO_SUFFIXES = (
 )  # fmt: skip
 """Names of files that are taken for videos in a folder; a file that is named may have any."""
 POSES_SUFFIXES = (".pkl", ".pt", ".npz")
-POSES_FILES = (
-    "wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl", "hpe_results.pt",
-    "preprocess/hpe_results.pt", "smpl_params.pt", "results.pkl",
-)  # fmt: skip
-"""What WHAM, GVHMR, VIBE, GEM-X, GEM-SMPL and PromptHMR call their results in the folder that they
-make for a video."""
 LONGEST_NAME_BYTES = 150
 MAX_LISTED = 5
 
@@ -117,12 +112,13 @@ def with_poses(found: FoundVideos, folder: Path) -> FoundVideos:
     """Videos with the poses that a folder holds under their names.
 
     An entry is `<name>.pkl`, `.pt` or `.npz`, PHALP's `demo_<name>.pkl`, or a folder `<name>` as
-    TRAM leaves it, or with one of `POSES_FILES` in it.  Remarks name the videos without poses,
+    TRAM leaves it, or as `result_file` takes it.  Remarks name the videos without poses,
     which end in cameras alone, and the poses without a video.
 
     Raises:
         BadRecipe: no folder, or two entries for one video.
         MissingInput: it holds poses of none of the videos.
+        BadMotionFile: as `result_file`.
     """
     if not folder.is_dir():
         what = "the poses of several videos are a folder with <name>.pkl or a folder for each"
@@ -159,13 +155,4 @@ def _poses_in(folder: Path) -> dict[str, Path]:
         name = path.name if path.is_dir() else path.stem
         if (other := found.setdefault(name, path)) != path:
             raise BadRecipe(f"{other} and {path} are both poses of video {name}. Leave one there")
-    return {name: _poses_file(path.absolute()) for name, path in found.items()}
-
-
-def _poses_file(path: Path) -> Path:
-    """The estimator's own file in a folder that it made for a video; else the path as it is."""
-    there = [path / name for name in POSES_FILES if (path / name).is_file()]
-    if len(there) > 1:
-        names = " and ".join(file.name for file in there)
-        raise BadRecipe(f"{path}: holds {names}. Leave the poses of one system there")
-    return there[0] if there else path
+    return {name: result_file(path.absolute()) for name, path in found.items()}

@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.systems.result import read_system
+from gmrdata.read.systems.result import POSES_FILES, read_system
 from gmrdata.read.systems.slahmr import RUN, SLAHMR_FILE
 from gmrdata.read.systems.tram import HPS_FOLDER, is_tram_folder
-from gmrdata.read.video_files import POSES_FILES
 from gmrdata.values.clip import CLIP_FORMAT
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.people import EstimatedPeople

@@ -111,6 +111,15 @@ def test_the_clip_is_what_python_predicts(tmp_path, run_dir, body_path, small_bo
     assert np.array_equal(found.image_numbers, run.image_numbers)
 
 
+def test_a_systems_folder_is_its_file_and_what_else_lies_there_does_not_count(
+    tmp_path, run_dir, body_path
+):
+    path = write_joblib(tmp_path / "walk" / "vibe_output.pkl", {0: vibe_person(40)})
+    out = infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
+    (path.parent / "rendered.mp4").write_bytes(b"a video")
+    assert infer(run_dir, path.parent, out, QUICK, body_path=body_path) == out
+
+
 def test_the_papers_first_pose_is_kept_on_demand_and_recorded(tmp_path, run_dir, body_path):
     path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(40)})
     config = QUICK.model_copy(update={"level": "first_pose"})

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gmrdata.read.video_files import FoundVideos, NamedVideo, find_videos, with_poses
-from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 
 
 def filled(folder: Path, *names: str) -> Path:
@@ -97,7 +97,11 @@ def test_phalps_and_gems_files_are_found_by_the_names_that_they_have(tmp_path):
     [
         (("a.pkl", "a.pt"), BadRecipe, "a.pkl and .*a.pt are both poses of video a"),
         (("b.pkl",), MissingInput, "holds poses of none of the 1 videos. Name them .* like a.pkl"),
-        (("a/vibe_output.pkl", "a/wham_output.pkl"), BadRecipe, "Leave the poses of one system"),
+        (
+            ("a/vibe_output.pkl", "a/wham_output.pkl"),
+            BadMotionFile,
+            "Leave the poses of one system",
+        ),
     ],
 )
 def test_poses_that_nobody_can_tell_apart_are_refused(names, error, said, tmp_path):

@@ -238,6 +238,7 @@ def test_what_a_result_lacks_is_named(files, tmp_path, walk, neutral):
         path = write_torch(tmp_path / "hmr4d_results.pt", broken)
         with pytest.raises(BadMotionFile, match=said):
             read(path)
+    path.unlink()
     with pytest.raises(MissingInput, match=r"no camera\.npy"):
         read(tmp_path)
     with pytest.raises(MissingInput, match="no such file"):

@@ -19,6 +19,10 @@ from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.transforms import rigid
 
 AGAIN = "Give the system's own file, or make it again"
+KNOWN = (
+    "Known are results of VIBE, WHAM, GVHMR, GEM, PromptHMR, TRAM, SLAHMR, PHALP (4D-Humans) and "
+    "SAM 3D Body"
+)
 N_SMPLX_BODY = 21
 """Joints of SMPL-X's `body_pose`: SMPL's first after the root, without its two of the hands."""
 SMPLX_REST_PELVIS_M = np.array([0.0031, -0.3514, 0.0120])

@@ -11,7 +11,7 @@ from gmrdata.read.amass_keys import RATE_KEYS, gender_word, joined_poses
 from gmrdata.read.numbers import kind_of
 from gmrdata.read.safe_pickle import load_object_npy, load_plain
 from gmrdata.read.systems import gem, gvhmr, phalp, prompthmr, sam3d, slahmr, tram, vibe, wham
-from gmrdata.read.systems.entries import AGAIN, Entry, rotmats_of, turned
+from gmrdata.read.systems.entries import AGAIN, KNOWN, Entry, rotmats_of, turned
 from gmrdata.read.torch_files import load_tensors
 from gmrdata.values.body import HANDS, SMPL_REST_PELVIS_M, WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile, MissingInput
@@ -27,10 +27,12 @@ from gmrdata.values.people import (
     person_file,
 )
 
-KNOWN = (
-    "Known are results of VIBE, WHAM, GVHMR, GEM, PromptHMR, TRAM, SLAHMR, PHALP (4D-Humans) and "
-    "SAM 3D Body"
-)
+POSES_FILES = (
+    "wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl", "hpe_results.pt",
+    "preprocess/hpe_results.pt", "smpl_params.pt", "results.pkl",
+)  # fmt: skip
+"""What WHAM, GVHMR, VIBE, GEM-X, GEM-SMPL and PromptHMR call their results in the folder that they
+make for a video."""
 _PARAMS = {key for one in (gvhmr.GVHMR, gem.GEM) for key in (one.world, one.camera)}
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
 NUMPY = b"\x93NUMPY"
@@ -45,8 +47,8 @@ MISSED: dict[Part, str] = {
 
 
 def read_system(path: Path, need: Part = "poses") -> EstimatedPeople:
-    """Read a file of one of `KNOWN`, a folder or `.npz` of TRAM, a motion with AMASS's keys, or the
-    built-in estimator's folder; nothing of it is run.
+    """Read a file of one of `KNOWN`, or the folder that it made for a video, an `.npz` of TRAM, a
+    motion with AMASS's keys, or the built-in estimator's folder; nothing of it is run.
 
     `need` is what each person must have; what a file has besides is read and checked too.
 
@@ -65,7 +67,20 @@ def read_system(path: Path, need: Part = "poses") -> EstimatedPeople:
     return found
 
 
+def result_file(path: Path) -> Path:
+    """A system's own file in a folder that it made for a video; else the path as it is.
+
+    BadMotionFile where there are two.
+    """
+    there = [path / name for name in POSES_FILES if (path / name).is_file()]
+    if len(there) > 1:
+        names = " and ".join(file.name for file in there)
+        raise BadMotionFile(f"{path}: holds {names}. Leave the poses of one system there")
+    return there[0] if there else path
+
+
 def _read(path: Path) -> EstimatedPeople:
+    path = result_file(path)
     if path.is_dir():
         own = (path / POSES_FILE).is_file()
         return _built_in(path) if own else tram.read_tram_folder(path)

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.read.safe_pickle import load_object_npy
-from gmrdata.read.systems.entries import AGAIN, Z_UP_FROM_Y_UP, Entry
+from gmrdata.read.systems.entries import KNOWN, Z_UP_FROM_Y_UP, Entry
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
@@ -49,8 +49,8 @@ def read_tram_folder(folder: Path) -> EstimatedPeople:
         if (found := _TRACK.fullmatch(path.name))
     }
     if not (folder / CAMERA_FILE).is_file() or not tracks:
-        what = f"no {CAMERA_FILE} and {HPS_FOLDER}/hps_track_<k>.npy"
-        raise MissingInput(f"{folder}: {what}, as TRAM writes them. {AGAIN}")
+        what = f"no {CAMERA_FILE} and {HPS_FOLDER}/hps_track_<k>.npy, as TRAM writes them"
+        raise MissingInput(f"{folder}: {what}, and no other system's own file. {KNOWN}")
     camera_path, files = folder / CAMERA_FILE, [tracks[number] for number in sorted(tracks)]
     camera = Entry(load_object_npy(camera_path), "the camera", camera_path)
     people = [
