@@ -250,9 +250,9 @@ def _write(
     format = FORMATS[unit.format]
     if (reason := why_not(format, people, options)) or dry_run:
         return reason
-    for lacking in not_held(unit.format, people):
-        remark(f"{unit.name}: {lacking}")
     try:
+        for lacking in not_held(unit.format, people):
+            remark(f"{unit.name}: {lacking}")
         with _whole(unit.path, PARTS.get(unit.format, ("",))) as partial:
             format.write(people, partial, options)
     except GmrdataError as error:

@@ -23,7 +23,7 @@ from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
-from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput
+from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, MissingInput
 from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside, visible
 from gmrdata.values.people import FUSED, PSEUDO_GT
 
@@ -184,10 +184,10 @@ def _clips_of(source: Path) -> Iterator[ClipFiles]:
 
 def _clip_file(path: Path) -> ClipFiles:
     """A single clip, with what the stage that made it left beside it."""
-    name = load_clip(path).id
     if path.absolute().parent.name in (PSEUDO_GT, FUSED):
-        return replace(_pseudo_gt_clip(path), id=_file_name(name), sequence=_file_name(name))
-    return _rendered_clip(path, _file_name(name))
+        name = _clip_name(path)
+        return replace(_pseudo_gt_clip(path), id=name, sequence=name)
+    return _rendered_clip(path)
 
 
 def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
@@ -228,7 +228,11 @@ def _manifest_in(folder: Path) -> Path | None:
 
 
 def _is_clip(path: Path) -> bool:
-    return str(read_npz(path, plain_alone=True).get("format")) == CLIP_FORMAT
+    """Whether a file is a clip, or can't be read: loading it says what is wrong then."""
+    try:
+        return str(read_npz(path, plain_alone=True).get("format")) == CLIP_FORMAT
+    except BadMotionFile:
+        return True
 
 
 def _is_manifest(path: Path) -> bool:
@@ -293,7 +297,7 @@ def _people_in(folder: Path) -> list[ClipFiles]:
     paths = sorted(
         folder.glob("person_[0-9]*.npz"), key=lambda path: number_in_name(path.name) or 0
     )
-    people = [replace(_pseudo_gt_clip(path), id=_file_name(load_clip(path).id)) for path in paths]
+    people = [replace(_pseudo_gt_clip(path), id=_clip_name(path)) for path in paths]
     one = people[0].id if len(people) == 1 else None
     return [replace(person, sequence=one or person.sequence) for person in people]
 
@@ -325,9 +329,9 @@ def _split(people_dir: Path) -> str:
     return str(StageRecord.of(people_dir).config.get("split", ClipFiles.split))
 
 
-def _rendered_clip(path: Path, name: str | None = None) -> ClipFiles:
+def _rendered_clip(path: Path) -> ClipFiles:
     """A clip in a folder of its own, with frames and masks if it was rendered."""
-    folder, name = path.absolute().parent, name or _file_name(load_clip(path).id)
+    folder, name = path.absolute().parent, _clip_name(path)
     files = ClipFiles(name, name, path)
     if path.name != "clip.npz":
         return files
@@ -341,6 +345,15 @@ def _rendered_clip(path: Path, name: str | None = None) -> ClipFiles:
 
 def _there(folder: Path) -> Path | None:
     return folder if folder.is_dir() else None
+
+
+def _clip_name(path: Path) -> str:
+    """A clip's id as the name of a file; of a file that can't be read its own, or its folder's."""
+    try:
+        return _file_name(load_clip(path).id)
+    except BadMotionFile:
+        own = path.absolute().parent.name if path.name == "clip.npz" else path.stem
+        return _file_name(own)
 
 
 def _file_name(clip_id: str) -> str:

@@ -20,6 +20,7 @@ from gmrdata.cli.export import SAID
 from gmrdata.export.export import _sequences, _whole
 from gmrdata.export.formats import FORMATS, FormatName
 from gmrdata.export.sources import ClipFiles
+from gmrdata.read.body_file import save_body
 from gmrdata.read.systems.result import read_system
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of, load_clip, save_clip
@@ -140,6 +141,24 @@ def test_a_broken_clip_does_not_stop_the_others(manifest, tmp_path, gmrdata):
     assert said.returncode == 1 and "holed: no tum: " in said.stderr
     assert "holed.npz: not a readable .npz" in said.stderr.replace("\n", "")
     assert (tmp_path / "out/tum/alone.txt").is_file()
+
+
+def test_a_broken_file_or_a_missing_body_does_not_stop_the_other_clips_of_a_folder(
+    walkers, small_body, tmp_path
+):
+    """The one raised where the folder was listed, the other where a remark looked at the body."""
+    source, clip = tmp_path / "in", replace(walkers[0], id="far")
+    motion = replace(clip.motion, body="smpl-female")
+    rest_pelvis_m = small_body.rest_pelvis_m(motion.shape)
+    save_clip(source / "far.npz", replace(clip, motion=motion), rest_pelvis_m)
+    save_clip(source / "near.npz", replace(clip, id="near"), rest_pelvis_m)
+    (source / "cut.npz").write_bytes((source / "near.npz").read_bytes()[:500])
+    save_body(source / "body" / "body.npz", small_body)
+    made = gmrdata.export(source, ["amass", "bvh"], tmp_path / "out")
+    left_out = {f"{one.unit.format} {one.unit.name}": one.left_out for one in made}
+    assert {name for name, why in left_out.items() if not why} == {"amass near", "bvh near"}
+    assert all("needs the body smpl-female" in left_out[f"{one} far"] for one in ("amass", "bvh"))
+    assert all("cut.npz: not a readable" in left_out[f"{one} cut"] for one in ("amass", "bvh"))
 
 
 def test_images_of_one_sequence_are_not_taken_for_those_of_another(manifest, tmp_path, gmrdata):

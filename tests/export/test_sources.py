@@ -12,7 +12,7 @@ from gmrdata.export.sources import ExportedClip, list_clips, load_exported
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput
+from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, MissingInput
 from tests.clip_manifests import write_clips
 
 
@@ -143,6 +143,21 @@ def test_predictions_and_other_folders_of_clips(walkers, small_body, tmp_path):
     np.savez(tmp_path / "predictions/other.npz", numbers=np.arange(3))
     for source in (tmp_path, tmp_path / "predictions"):
         assert [files.id for files in list_clips(source)] == ["walk.p0", "walk.p1"]
+
+
+def test_a_clip_that_cannot_be_read_has_its_files_or_its_folders_name(clip, small_body, tmp_path):
+    """It kept the others from being listed; loading it says what is wrong."""
+    infer, people = tmp_path / "infer", tmp_path / "walk"
+    for path in (infer / "person_1" / "clip.npz", people / "pseudo_gt" / "person_0.npz"):
+        save(path, clip, small_body)
+        broken = str(path).replace("person_1", "person_2").replace("person_0", "person_1")
+        Path(broken).parent.mkdir(exist_ok=True)
+        Path(broken).write_bytes(path.read_bytes()[:500])
+    (infer / "infer.json").touch()
+    assert [files.id for files in list_clips(infer)] == ["walk", "person_2"]
+    assert [files.id for files in list_clips(people)] == ["walk", "person_1"]
+    with pytest.raises(BadMotionFile, match=r"person_1\.npz: not a readable"):
+        load_exported(list_clips(people, ["person_1"])[0])
 
 
 def test_another_files_objects_do_not_keep_a_folder_of_clips(clip, small_body, tmp_path):
