@@ -33,13 +33,14 @@ from gmrdata.motion.files import SUFFIXES, read_poses
 from gmrdata.motion.resample import between_known, slice_motion, valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.read.source_motion import ReadConfig, check_rate_hz
+from gmrdata.read.systems import prompthmr
 from gmrdata.read.systems.result import is_system_npz, read_system
 from gmrdata.values.body import SMPL, BodyModel, gender_of, shape_on
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
-from gmrdata.values.people import EstimatedPerson
+from gmrdata.values.people import EstimatedPeople, EstimatedPerson
 
 MIN_FRAMES = 2
 NAMED = (".bvh", ".amc")  # files whose joints have names of their own
@@ -61,7 +62,8 @@ def read_local_poses(
     video, or the rows of the file.
 
     Args:
-        fps_hz: The true frame rate [Hz].  Needed for estimators' files, most of which lack it.
+        fps_hz: The true frame rate [Hz].  Needed for estimators' files, most of which lack it; one
+            that is there counts, and another is refused.
         body: The body that stands for the people; the default body if None.  Motion capture is
             retargeted to it; the shape of the file is kept where it is of this body.
         joint_map: For a BVH or AMC with unknown joint names, as `read_motion` takes it.
@@ -101,18 +103,34 @@ def _of_people(
 ) -> tuple[Clip, ...]:
     """The runs of everybody whom a system saw."""
     found = read_system(path)
-    people, fps_hz = found.people, found.fps_hz if fps_hz is None else fps_hz
-    if fps_hz is None:
-        remedy = "Give the video's with --fps-hz"
-        raise BadMotionFile(f"{path}: does not say its frame rate. {remedy}")
-    rate_hz = check_rate_hz(fps_hz, path)
+    rate_hz = _rate_hz(found, fps_hz, path)
     runs = tuple(
-        clip for person in people for clip in _runs_of(person, body, rate_hz, path, bridge_frames)
+        clip
+        for person in found.people
+        for clip in _runs_of(person, body, rate_hz, path, bridge_frames)
     )
     if all(clip.motion.n_frames < MIN_FRAMES for clip in runs):
         what = "no person has two frames in a row, which is no motion"
         raise BadMotionFile(f"{path}: {what}. Give a longer sequence")
     return runs
+
+
+def _rate_hz(found: EstimatedPeople, said_hz: float | None, path: Path) -> float:
+    """Of a system's frames: what is said, else the file's own."""
+    fps_hz = found.fps_hz if said_hz is None else said_hz
+    if fps_hz is None:
+        remedy = "Give the video's with --fps-hz"
+        raise BadMotionFile(f"{path}: does not say its frame rate. {remedy}")
+    rate_hz = check_rate_hz(fps_hz, path)
+    has_own_rate = any(one.has_own_rate for one in found.people)  # of motion capture, which may err
+    if not has_own_rate and not found.can_be_at(rate_hz):
+        what = f"its frames are at {found.fps_hz:g} fps, as {found.system} took them of the video"
+        raise BadRecipe(f"--fps-hz {rate_hz:g}: {path}: {what}. Leave it out")
+    every = prompthmr.taken_every(rate_hz) if found.system == "prompt-hmr" else 1
+    if every > 1:
+        what = f"of a video of {rate_hz:g} fps PromptHMR takes one of each {every} frames"
+        raise BadRecipe(f"--fps-hz {rate_hz:g}: {path}: {what}. Say {rate_hz / every:g}")
+    return rate_hz
 
 
 def _runs_of(

@@ -20,8 +20,6 @@ from gmrdata.values.people import Crop, EstimatedPeople, EstimatedPerson
 from gmrdata.values.transforms import rigid
 from gmrdata.world.compose import motion_in_world
 
-SAME_RATE = 0.01  # as a share: the frames then drift by one in 100
-
 
 @dataclass(frozen=True, eq=False)
 class MatchedClip:
@@ -192,10 +190,10 @@ def matched_clip(
 def _require_rate(result: EstimatedPeople, true: Clip, frames: np.ndarray) -> None:
     """Refuse a result of frames of another rate than the video's, which the clip's rows show."""
     rows = np.flatnonzero(frames >= 0)
-    if result.fps_hz is None or len(rows) < 2:
+    if len(rows) < 2:
         return
     video_hz = true.motion.fps_hz * float(np.median(np.diff(frames[rows]) / np.diff(rows)))
-    if abs(result.fps_hz - video_hz) > SAME_RATE * video_hz:
+    if not result.can_be_at(video_hz):
         raise BadMotionFile(
             f"{result.files[0]}: of frames at {result.fps_hz:g} fps, and clip {true.id} is of a "
             f"video at {video_hz:g} fps. Give a result of that video's own frames"

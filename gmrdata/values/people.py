@@ -116,6 +116,9 @@ class EstimatedPerson:
     """What the file has not that a part needs, in words."""
 
 
+SAME_RATE = 0.01  # as a share: the frames then drift by one in 100
+
+
 @dataclass(frozen=True, eq=False)
 class EstimatedPeople:
     """What a system's result holds of a video."""
@@ -125,6 +128,10 @@ class EstimatedPeople:
     people: tuple[EstimatedPerson, ...]
     n_frames: int | None = None  # of the video, where the result tells
     fps_hz: float | None = None  # the result's own frame rate [Hz], where it has one
+
+    def can_be_at(self, fps_hz: float) -> bool:
+        """Whether its frames can be those of a video of a rate [Hz]."""
+        return self.fps_hz is None or abs(self.fps_hz - fps_hz) <= SAME_RATE * fps_hz
 
 
 POSES_FILE = "local_poses.json"

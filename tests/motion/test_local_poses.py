@@ -18,9 +18,11 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.local_poses import read_local_poses
+from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BrokenPickle, MissingInput, UnsafePickle
+from gmrdata.values.errors import BadMotionFile, BadRecipe, BrokenPickle, MissingInput, UnsafePickle
+from gmrdata.values.motion import Motion
 from tests.damage import bytes_changed, read_or_refused
 from tests.joblib_layout import joblib_bytes
 from tests.read.system_files import (
@@ -33,6 +35,7 @@ from tests.read.system_files import (
     vibe_person,
     write_joblib,
     write_phalp,
+    write_prompthmr,
     write_slahmr,
     write_torch,
     write_tram,
@@ -176,12 +179,17 @@ def test_results_that_were_saved_in_another_way(tmp_path, small_body):
         read_local_poses(tmp_path / "old.pt", 30.0, body=small_body)
 
 
+def filmed_motion(body: BodyModel) -> tuple[Motion, CameraPath]:
+    """A second at 20 Hz, before a camera that stands at the origin."""
+    motion = embedded_motions(body, np.random.default_rng(0), count=1, fps_hz=20, duration_s=1)[0]
+    n, matrix_px = motion.n_frames, np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+    still = np.tile(np.eye(4), (n, 1, 1))
+    return motion, CameraPath(matrix_px, 640, 480, still, np.ones(n, bool))
+
+
 def test_systems_in_folders_and_npz_are_read_too(tmp_path, small_body):
-    motion = embedded_motions(
-        small_body, np.random.default_rng(0), count=1, fps_hz=20.0, duration_s=1.0
-    )[0]
+    motion, camera = filmed_motion(small_body)
     n, rest_m = motion.n_frames, small_body.rest_pelvis_m(motion.shape)
-    camera = CameraPath(np.eye(3), 640, 480, np.tile(np.eye(4), (n, 1, 1)), np.ones(n, bool))
     tram = write_tram(tmp_path / "tram", motion, camera, np.arange(n) + 2, rest_m)
     run = write_slahmr(tmp_path / "run", {7: motion}, camera, rest_m)
     slahmr = run / "motion_chunks" / "x_000040_world_results.npz"
@@ -190,6 +198,37 @@ def test_systems_in_folders_and_npz_are_read_too(tmp_path, small_body):
         assert (found.id, found.image_numbers[0], found.motion.n_frames) == (name, first, n)
         wanted = motion.local_rotmats[:, :n_same]
         np.testing.assert_allclose(found.motion.local_rotmats[:, :n_same], wanted, atol=1e-9)
+
+
+def test_a_rate_that_is_not_that_of_slahmrs_frames_is_refused(tmp_path, small_body):
+    """It takes images at 30 Hz of a video of 60, whose rate made the motion twice as fast."""
+    motion, camera = filmed_motion(small_body)
+    run = write_slahmr(tmp_path, {7: motion}, camera, small_body.rest_pelvis_m(motion.shape))
+    path = run / "motion_chunks" / "x_000040_world_results.npz"
+    (run / ".hydra").mkdir()
+    config = "data:\n  type: video\n  frame_opts:\n    fps: 30\n"
+    (run / ".hydra" / "config.yaml").write_text(config)
+    for said_hz, fps_hz in ((None, 30.0), (29.97, 29.97)):
+        (found,) = read_local_poses(path, said_hz, body=small_body)
+        assert found.motion.fps_hz == fps_hz
+    with pytest.raises(BadRecipe, match="--fps-hz 60: .*frames are at 30 fps.*Leave it out"):
+        read_local_poses(path, 60.0, body=small_body)
+    mosh = {"fullpose": some_poses(5, 52), "trans": np.zeros((5, 3)), "mocap_framerate": 60.0}
+    (own,) = read_local_poses(write_joblib(tmp_path / "mosh.pkl", mosh), 30.0, body=small_body)
+    assert own.motion.fps_hz == 30.0
+
+
+@pytest.mark.parametrize(("video_hz", "fps_hz"), [(89.0, 89.0), (120.0, 60.0), (240.0, 60.0)])
+def test_prompthmr_has_no_rate_of_a_faster_video(video_hz, fps_hz, tmp_path, small_body):
+    """It leaves out frames by itself then."""
+    motion, camera = filmed_motion(small_body)
+    path = tmp_path / "results.pkl"
+    write_prompthmr(path, motion, camera, np.arange(motion.n_frames))
+    if video_hz != fps_hz:
+        with pytest.raises(BadRecipe, match=f"takes one of each .* frames. Say {fps_hz:g}"):
+            read_local_poses(path, video_hz, body=small_body)
+    (found,) = read_local_poses(path, fps_hz, body=small_body)
+    assert found.motion.fps_hz == fps_hz
 
 
 def test_amass_keeps_its_own_rate_or_takes_the_given_one(tmp_path, small_body):
