@@ -15,15 +15,17 @@ import pytest
 import torch
 from scipy import sparse
 
+from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.read.systems.result import read_system
 from gmrdata.read.torch_files import load_tensors
 from gmrdata.values import limits
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile, BrokenPickle, GmrdataError, UnsafePickle
 from gmrdata.values.files import read_npz
 from gmrdata.values.limits import MIB, Budget
 from tests.joblib_layout import joblib_bytes
-from tests.read.system_files import some_wham
+from tests.read.system_files import some_wham, write_joblib, write_prompthmr
 
 
 def test_what_a_file_may_ask_for_grows_with_it_up_to_a_ceiling():
@@ -179,6 +181,24 @@ def test_meshes_of_people_are_neither_made_nor_counted(dump, tmp_path, monkeypat
     path.write_bytes(path.read_bytes()[:-9])
     with pytest.raises(BrokenPickle, match=r"wham_output\.pkl: truncated"):
         read_system(path)
+
+
+def test_masks_of_prompthmr_are_neither_made_nor_counted(tmp_path, small_body, monkeypatch):
+    """Its whole result has them, of all and of each person: 189 frames were too many numbers."""
+    (motion,) = embedded_motions(
+        small_body, np.random.default_rng(0), count=1, fps_hz=10.0, duration_s=1.0
+    )
+    n, matrix_px = motion.n_frames, np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+    camera = CameraPath(matrix_px, 640, 480, np.tile(np.eye(4), (n, 1, 1)), np.ones(n, bool))
+    path = write_prompthmr(tmp_path / "results.pkl", motion, camera, np.arange(n))
+    whole, masks = load_plain(path), np.zeros((n, 48, 64), bool)
+    whole["people"][1] |= {"masks": masks, "prhmr_img_feats": np.zeros((n, 4096), np.float32)}
+    write_joblib(path, whole | {"masks": masks})
+    monkeypatch.setattr(limits, "MOST_NUMBERS", 20_000)
+    with pytest.raises(BrokenPickle, match=r"results\.pkl: holds more numbers"):
+        load_plain(path)
+    (person,) = read_system(path, "camera").people
+    np.testing.assert_allclose(person.local_rotmats[:, :21], motion.local_rotmats[:, :21])
 
 
 def test_what_is_shared_and_small_is_read(tmp_path):

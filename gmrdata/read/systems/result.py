@@ -37,8 +37,9 @@ _PARAMS = {key for one in (gvhmr.GVHMR, gem.GEM) for key in (one.world, one.came
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
 NUMPY = b"\x93NUMPY"
 OLD_TORCH = b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."  # and how before version 1.6
-MESHES = frozenset({"verts", "pred_vertices"})
-"""Keys of VIBE, WHAM and SAM 3D Body that are not read: 20,670 numbers and more in each frame."""
+UNREAD = frozenset({"verts", "pred_vertices", "masks", "mask", "prhmr_img_feats"})
+"""Keys that are not read and hold thousands of numbers in each frame: the meshes of VIBE, WHAM and
+SAM 3D Body, the masks of PromptHMR and PHALP, and PromptHMR's features."""
 MISSED: dict[Part, str] = {
     "poses": "no local poses",
     "camera": "no motion before the camera",
@@ -99,7 +100,7 @@ def _read(path: Path) -> EstimatedPeople:
         return _pickled(load_object_npy(path), path)
     if first[:1] != b"\x80" and (kind := taken_for(path)):
         raise BadMotionFile(f"{path}: holds no poses{kind}. {KNOWN}, .npz, .bvh and .amc")
-    return _pickled(load_plain(path, without=MESHES), path)
+    return _pickled(load_plain(path, without=UNREAD), path)
 
 
 def _of_gvhmrs_kin(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
