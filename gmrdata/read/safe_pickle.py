@@ -141,7 +141,7 @@ def _explained(path: Path, kind: str) -> Iterator[None]:
         remedy = "Do not trust this file; get it from its maker"
         raise UnsafePickle(f"{path}: {error}. {remedy}") from None
     except OverBudget as error:
-        raise BrokenPickle(f"{path}: {error}; get it from its maker") from None
+        raise BrokenPickle(f"{path}: {error}; {error.remedy}") from None
     except BROKEN as error:
         what = f"truncated or not {kind} ({type(error).__name__}: {error})"
         raise BrokenPickle(f"{path}: {what}; get it again") from None

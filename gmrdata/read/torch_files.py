@@ -84,7 +84,7 @@ def _explained(path: Path) -> Iterator[None]:
         remedy = "Do not trust this file; get it from its maker"
         raise UnsafePickle(f"{path}: {what}. {remedy}") from None
     except OverBudget as error:
-        raise BadMotionFile(f"{path}: {error}; get it from its maker") from None
+        raise BadMotionFile(f"{path}: {error}; {error.remedy}") from None
     except (*BROKEN, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
         what = f"truncated, or not a file of torch.save ({type(error).__name__}: {error})"
         raise BadMotionFile(f"{path}: {what[:300]}; get it again") from None

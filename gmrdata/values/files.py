@@ -238,7 +238,7 @@ def read_npz(
             raise objects
         return found
     except OverBudget as error:
-        raise BadMotionFile(f"{path}: {error}; get it from its maker") from None
+        raise BadMotionFile(f"{path}: {error}; {error.remedy}") from None
     except _NPZ_ERRORS as error:
         said: object = error
         if "allow_pickle" in str(error):  # numpy's own remedy runs what the file holds

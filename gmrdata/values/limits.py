@@ -66,7 +66,15 @@ MOST_YAML_DIGITS = 100  # of a whole number
 
 
 class OverBudget(ValueError):
-    """A file asks for more than its budget; the text names neither the file nor a remedy."""
+    """A file asks for more than its budget; the text does not name the file."""
+
+    remedy = "get it from its maker"
+
+
+class OverCeiling(OverBudget):
+    """A file asks for more than any file may: it may well be what it should be."""
+
+    remedy = "cut it into parts, or make it of a part of the video"
 
 
 def blender_bytes() -> int:
@@ -130,15 +138,15 @@ class Budget:
     def take_bytes(self, count: int) -> None:
         self.bytes_left -= count
         if self.bytes_left < 0:
-            raise self._over("unpacks to more bytes")
+            raise self._over("unpacks to more bytes", BYTES_PER_BYTE, MOST_BYTES)
 
     def take_numbers(self, count: int) -> None:
         self.numbers_left -= count
         if self.numbers_left < 0:
-            raise self._over("holds more numbers")
+            raise self._over("holds more numbers", NUMBERS_PER_BYTE, MOST_NUMBERS)
 
     def too_many_nodes(self) -> OverBudget:
-        return self._over("takes more steps to read")
+        return self._over("takes more steps to read", NODES_PER_BYTE, MOST_NODES)
 
     def check_members(self, count: int) -> None:
         if count > MOST_MEMBERS:
@@ -157,7 +165,9 @@ class Budget:
         if self.odd_keys_left < 0:
             raise OverBudget(f"has more than {MOST_ODD_KEYS} keys that are no texts or numbers")
 
-    def _over(self, what: str) -> OverBudget:
+    def _over(self, what: str, per_byte: int, most: int) -> OverBudget:
+        if per_byte * self.size_bytes >= most:
+            return OverCeiling(f"{what} than any file may (docs/security.md)")
         return OverBudget(f"{what} than a file of {self.size_bytes} bytes has any use for")
 
 

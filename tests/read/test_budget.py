@@ -75,6 +75,22 @@ def test_npz_beyond_the_budget(write, said, tmp_path):
         read_npz(path)
 
 
+def test_a_file_that_is_as_large_as_any_may_be_is_not_called_broken(tmp_path, monkeypatch):
+    """Of a long video PHALP's file takes too many steps, and another copy of it is no help."""
+    steps = HEAD + b"N0" * 9000 + b"N" + END
+    (tmp_path / "some.pkl").write_bytes(steps)
+    monkeypatch.setattr(limits, "FREE_NODES", 100)
+    monkeypatch.setattr(limits, "MOST_NODES", len(steps) - 2)
+    said = (
+        r"pkl: takes more steps to read than any file may \(docs/security\.md\); cut it into parts"
+    )
+    with pytest.raises(BrokenPickle, match=said):
+        load_plain(tmp_path / "some.pkl")
+    (tmp_path / "some.pkl").write_bytes(zlib.compress(steps))
+    with pytest.raises(BrokenPickle, match="bytes has any use for; get it from its maker"):
+        load_plain(tmp_path / "some.pkl")
+
+
 def test_our_own_masks_may_be_small_beside_what_they_hold(tmp_path):
     _small_numbers(tmp_path / "a.npz")
     assert read_npz(tmp_path / "a.npz", Budget.ceiling())["poses"].size == 40 * MIB
