@@ -183,6 +183,8 @@ def _check_frames(
     found: EstimatedPeople, path: Path, frames: FrameSet, config: BodiesConfig
 ) -> list[str]:
     """Refuse a file of another video or rate, as far as its frames tell; small differences."""
+    if found.system == "vibe":
+        _require_even(path, frames)
     n_video, step = frames.n_frames, config.frames_per_row
     last = max(int(person.frame_numbers[-1]) for person in found.people)
     if min(int(person.frame_numbers[0]) for person in found.people) < 0:
@@ -204,6 +206,18 @@ def _check_frames(
     if found.n_frames and n_file != for_it:
         return [f"the file of bodies is of {n_file} frames, the video has {for_it}"]
     return []
+
+
+def _require_even(path: Path, frames: FrameSet) -> None:
+    """Refuse VIBE's file of a video whose times are off one rate by more than half a frame: VIBE
+    gets its images from ffmpeg, which repeats and leaves out frames until they have one."""
+    video_hz = frames.video_hz
+    off_s = float(np.ptp(frames.times_s - frames.frame_numbers / video_hz))
+    if off_s > 0.5 / video_hz:
+        what = f"the video's frames are up to {off_s:.2f} s off a steady {video_hz:.5g} Hz"
+        steady = f"ffmpeg -i VIDEO -vf fps={video_hz:.5g} STEADY"
+        remedy = f"Make it steady first ({steady}), and give that to both"
+        raise BadMotionFile(f"{path}: {what}, and VIBE numbers images of a steady video. {remedy}")
 
 
 def _first_frame(found: EstimatedPeople, frames: FrameSet, step: int) -> int:
