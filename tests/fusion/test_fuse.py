@@ -309,19 +309,23 @@ def test_the_true_motions_fill_the_gap(clip, small_body, untrained, monkeypatch)
     np.testing.assert_allclose(fused.network_m, truth.pelvis_m, atol=0.02)
 
 
-@pytest.mark.parametrize("ground", [True, False])
-def test_who_comes_back_elsewhere_is_where_they_were_seen(small_body, constant, ground):
+@pytest.mark.parametrize(("ground", "covered"), [(True, False), (False, False), (True, True)])
+def test_who_comes_back_elsewhere_is_where_they_were_seen(small_body, constant, ground, covered):
     """Between two places a person who is hidden has poses that are made up: a network sees one who
-    stands, and pulled the frames in which the person was seen up to 1.6 m towards each other."""
+    stands, and pulled the frames in which the person was seen up to 1.6 m towards each other.  Of
+    a covered lens no camera is known either."""
     motion = standing_still(small_body, 210)
     shares = np.clip((np.arange(210) - 59) / 91, 0, 1)
     rise_m = 0.0 if ground else 1.5
     pelvis_m = motion.pelvis_m + shares[:, None] * [4.0, 0.0, rise_m]
     valid = (shares <= 0) | (shares >= 1)
     clip = replace(clip_of(replace(motion, pelvis_m=pelvis_m)), valid=valid)
+    if covered:
+        clip = replace(clip, camera=replace(camera_of(clip), has_camera=valid))
     still = constant([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
     config = OWN_FUSION.model_copy(update={"ground": ground})
-    fused = fused_alone(clip, still, small_body, config)
+    person = WorldPerson(clip, seen=valid)
+    fused = fuse_person(person, WeighedGmr(still, record()), small_body, config)
     off_m = np.linalg.norm(fused.clip.motion.pelvis_m - pelvis_m, axis=1)
     assert off_m[valid].max() < 0.05
     place_m = fused.arrays["place_sigma_m"].max(axis=1)
