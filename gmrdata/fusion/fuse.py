@@ -417,7 +417,10 @@ def fuse_person(
 ) -> FusedClip:
     """Put a clip's cameras, a network's motions, feet and loops together, in the person's time."""
     rows = person.rows
-    return _fused(person.take(rows), network, body, config).within(person.clip, rows)
+    try:
+        return _fused(person.take(rows), network, body, config).within(person.clip, rows)
+    except StageFailed as error:
+        raise StageFailed(f"{person.clip.id}: {error}") from None
 
 
 def _fused(

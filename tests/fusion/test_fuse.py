@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr, deltas_at_source_rate
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput, StageFailed
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
@@ -369,6 +370,25 @@ def test_a_minute_of_a_film_is_put_together_as_if_it_were_alone(
     looped = replace(person, loops=(SamePlace(100, 700, 0.1),))
     assert looped.rows == slice(70, 731)
     assert looped.take(looped.rows).loops == (SamePlace(30, 630, 0.1),)
+
+
+def test_who_does_not_settle_is_named(clip, untrained, small_body, monkeypatch):
+    """Of several people nobody was; and a video has no --loops to leave out."""
+    from gmrdata.fusion import fuse as stage
+
+    monkeypatch.setattr(stage, "smooth", partial(smooth, most_iterations=1))
+    person = WorldPerson(clip, seen_frames(clip))
+    remedy = ". Leave out --loops, or give a larger --loop-sigma-m"
+    for one, said in (
+        (person, "cameras and motions contradict each other"),
+        (
+            replace(person, loops=(SamePlace(0, 75, 0.1),)),
+            f"cameras, motions and loops contradict each other{remedy}",
+        ),
+    ):
+        with pytest.raises(StageFailed) as raised:
+            fuse_person(one, WeighedGmr(untrained, record()), small_body, FusionConfig())
+        assert str(raised.value) == f"walk: the poses didn't settle in 1 steps: {said}"
 
 
 def test_a_clip_without_cameras_is_the_networks_path(clip, small_body, constant):
