@@ -34,7 +34,9 @@ AT_ONCE = 64  # frames whose bodies are posed together
 SAME_PLACE = 0.6  # overlap of two bodies' outlines from which they are on one person
 FEWEST_FRAMES = 5  # with fewer that show both nothing is said
 LAGS = np.arange(-30, 31)
-"""Frames by which a body may be late."""
+"""Steps by which a body may be late."""
+LAG_S = 1 / 30
+"""Least time of such a step, so that they reach over a second at any rate [s]."""
 TRUNK = tuple(LANDMARKS.index(f"{side}_{part}") for part in ("shoulder", "hip")
               for side in ("left", "right"))  # fmt: skip
 LIMBS = (*TRUNK, *(LANDMARKS.index(f"{side}_{part}") for part in ("elbow", "wrist", "knee", "ankle")
@@ -97,6 +99,7 @@ def picture_fits(
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
     both = known[shown] if len(known) else known
+    lags = LAGS * max(1, round(LAG_S * clips[0].motion.fps_hz))
     compared_late = [_evenly(both[clip.valid[both]]) for clip in clips]
     for start in range(0, len(both), AT_ONCE):
         rows = both[start : start + AT_ONCE]
@@ -112,11 +115,13 @@ def picture_fits(
                 found[person].doubled[row] = _doubled(row, outline, outlines[:person])
                 if row in compared_late[person]:
                     late = [
-                        _at(clip, row + lag, outline, elsewhere, masks) for lag in LAGS.tolist()
+                        _at(clip, row + lag, outline, elsewhere, masks) for lag in lags.tolist()
                     ]
                     found[person].late.append(late)
     off = [limbs_off > config.off_limbs for limbs_off, _ in limbs]
-    return [_fit(one, config.off_overlap, beside) for one, beside in zip(found, off, strict=True)]
+    return [
+        _fit(one, lags, config.off_overlap, beside) for one, beside in zip(found, off, strict=True)
+    ]
 
 
 def _evenly(rows: np.ndarray) -> set[int]:
@@ -285,12 +290,14 @@ def _outlines(
     return outlines
 
 
-def _fit(found: _Overlaps, off_overlap: float, limbs_off: np.ndarray) -> PictureFit | None:
+def _fit(
+    found: _Overlaps, lags: np.ndarray, off_overlap: float, limbs_off: np.ndarray
+) -> PictureFit | None:
     compared = np.isfinite(found.now)
     if compared.sum() < FEWEST_FRAMES or len(found.late) < FEWEST_FRAMES:
         return None
     overlaps = np.array(found.late).T
-    now = overlaps[LAGS == 0][0]
+    now = overlaps[lags == 0][0]
     shown = np.isfinite(overlaps).sum(axis=1)
     # Only frames that are compared at both times tell which is better.
     medians = [
@@ -299,15 +306,15 @@ def _fit(found: _Overlaps, off_overlap: float, limbs_off: np.ndarray) -> Picture
         else (0.0, 1.0)
         for at in overlaps
     ]
-    best = max(range(len(LAGS)), key=lambda number: medians[number][0] - medians[number][1])
+    best = max(range(len(lags)), key=lambda number: medians[number][0] - medians[number][1])
     if medians[best][0] <= medians[best][1]:
-        best = int(np.flatnonzero(LAGS == 0)[0])
+        best = int(np.flatnonzero(lags == 0)[0])
     off = np.flatnonzero(compared & (limbs_off | (np.nan_to_num(found.now, nan=1.0) < off_overlap)))
     return PictureFit(
         frames=int(compared.sum()),
         off_frames=len(off),
         overlap=float(np.median(found.now[compared])),
-        late_frames=int(-LAGS[best]),
+        late_frames=int(-lags[best]),
         late_overlap=float(np.median(found.now[compared])) + medians[best][0] - medians[best][1],
         doubled_frames=int(found.doubled.sum()),
         off_rows=tuple(off.tolist()),

@@ -46,10 +46,14 @@ VERDICT = VerdictConfig()
 
 @pytest.fixture(scope="module")
 def walker(small_body) -> Clip:
-    """Four seconds of a walk before a camera that follows it, in the camera frame."""
-    motion = make_gait("walk", 4.0, 10.0, small_body, np.random.default_rng(2))
+    return walk_of(small_body, 4.0, 10.0)
+
+
+def walk_of(body: BodyModel, seconds: float, fps_hz: float) -> Clip:
+    """A walk before a camera that follows it, in the camera frame."""
+    motion = make_gait("walk", seconds, fps_hz, body, np.random.default_rng(2))
     rng = np.random.default_rng(0)
-    path = camera_path(Panning(), motion.pelvis_m, 10.0, *SIZE_PX, 60.0, rng)
+    path = camera_path(Panning(), motion.pelvis_m, fps_hz, *SIZE_PX, 60.0, rng)
     seen, n = motion_in_camera(motion, path.world_from_cam), motion.n_frames
     return Clip("walk", seen, np.ones(n, dtype=bool), np.arange(n) + 7, path)
 
@@ -120,6 +124,14 @@ def test_a_body_of_other_frames_says_by_how_many(walker, fit, rows):
     found = fit(later(walker, rows))
     assert found.late_frames == -rows
     assert found.late_overlap > 0.97 and found.late_overlap - found.overlap > 0.08
+
+
+def test_at_a_high_rate_a_body_of_half_a_second_later_says_so(small_body, tmp_path):
+    """30 frames of either side were a quarter of a second."""
+    quick = walk_of(small_body, 2.0, 120.0)
+    masks = draw_masks(tmp_path / "person", [quick], small_body)
+    (found,) = picture_fits([later(quick, 60)], [small_body], masks, VERDICT)
+    assert found is not None and found.late_frames == -60 and found.late_overlap > 0.95
 
 
 def test_who_is_seen_for_a_moment_is_compared_in_those_frames(
