@@ -34,12 +34,12 @@ from gmrdata.world.placement import PlacedBody, place_body
 from gmrdata.world.size import (
     ESTIMATED_SIGMA,
     EVERYBODY,
-    TOLD_SIGMA,
     UNKNOWN_SIGMA,
     HeightConfig,
     height_m,
     height_of,
     of_height,
+    told_sigma,
 )
 
 BODIES_FILE = "bodies.json"
@@ -178,7 +178,7 @@ def _write(
         clip = _clip(person.name, motion, known, filmed, config.frames_per_row)
         path = folder / person_file(len(facts))
         save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
-        sigma = _own_size_sigma(found, body) if told_m is None else TOLD_SIGMA
+        sigma = _own_size_sigma(found, body) if told_m is None else told_sigma(told_m)
         facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]], body, sigma))
     if not facts:
         raise BadMotionFile(f"{poses_path}: {'; '.join(left_out)}. {AGAIN}")
