@@ -16,14 +16,14 @@ from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.files import Distortion, bent_points
-from gmrdata.people.following import Sightings, load_tracks
+from gmrdata.people.following import load_tracks
 from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.camera import CameraPath, Lens
-from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.records import PART, Figure
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.recipe import VerdictConfig
@@ -92,9 +92,11 @@ def picture_fits(
     `off_limbs`."""
     masks = _Masks(people, camera_of(clips[0]))
     tracks = [] if people.followed_dir is None else load_tracks(people.followed_dir)
-    limbs = [
-        _limbs(clip, body, tracks, masks.lens) for clip, body in zip(clips, bodies, strict=True)
+    landmarks = [
+        SeenLandmarks(one.image_numbers, masks.lens.rays(one.image_px), one.world_m, one.visibility)
+        for one in tracks
     ]
+    limbs = [_limbs(clip, body, landmarks) for clip, body in zip(clips, bodies, strict=True)]
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
@@ -131,22 +133,19 @@ def _evenly(rows: np.ndarray) -> set[int]:
 
 
 def _limbs(
-    clip: Clip, body: BodyModel, tracks: Sequence[Sightings], lens: Lens
+    clip: Clip, body: BodyModel, landmarks: Sequence[SeenLandmarks]
 ) -> tuple[np.ndarray, np.ndarray]:
     """(T,) mean distance of limbs from the landmarks of whom they lie nearest to, in the person's
     size in the picture, and whether both knees are hidden there; 0 and False where nobody's trunk
-    is about where the body's is."""
+    is about where the body's is.  Landmarks have the numbers of their images for times."""
     motion = clip.motion
     placed_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
     placed_m = placed_m + motion.pelvis_m[:, None]
     rays = placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M)
     nearest, hidden = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=bool)
-    for track in tracks:
-        rows = rows_of_numbers(track.image_numbers, clip.image_numbers)
-        seen = SeenLandmarks(
-            track.image_numbers, lens.rays(track.image_px), track.world_m, track.visibility
-        )
-        seen, at = seen.take(rows[rows >= 0]), np.flatnonzero(rows >= 0)
+    for whole in landmarks:
+        _, at, both = np.intersect1d(clip.image_numbers, whole.times_s, return_indices=True)
+        seen = whole.take(both)
         apart = np.linalg.norm(rays[at] - seen.rays, axis=-1) / seen.sizes[:, None]
         shown = seen.visibility * (seen.visibility > VISIBLE)
         here = (apart[:, TRUNK].mean(axis=1) < SAME_TRUNK) & (shown[:, LIMBS].sum(1) > FEWEST_LIMBS)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ from gmrdata.people.sources import (
 from gmrdata.read.frames import read_gray, write_gray
 from gmrdata.solve.solve import people_masks
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import project_cam
+from gmrdata.values.camera import Lens, project_cam
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world import picture_fit
@@ -240,6 +241,15 @@ def test_legs_behind_a_wall_are_not_asked_to_be_in_the_mask(walker, small_body, 
         assert fit is not None
         overlaps[shown] = fit.overlap
     assert overlaps[33] < 0.5 and overlaps[25] > 0.7
+
+
+def test_each_track_is_straightened_once_for_all_bodies(walker, small_body, masks, tmp_path):
+    """It was for every body: 46 of a film took half a minute of it."""
+    seen = replace(masks, followed_dir=followed(tmp_path, walker, small_body))
+    with patch.object(Lens, "rays", autospec=True, side_effect=Lens.rays) as rays:
+        found = picture_fits([walker, beside(walker, 2.0)], [small_body] * 2, seen, VERDICT)
+    assert rays.call_count == 1
+    assert [fit and fit.off_frames for fit in found] == [0, 40]
 
 
 def test_where_hardly_anybody_is_seen_nothing_is_said(walker, small_body, tmp_path):
