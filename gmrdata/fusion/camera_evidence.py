@@ -134,12 +134,12 @@ def unseen_frames(clip: Clip) -> np.ndarray:
     return ~clip.valid & clip.camera.has_camera
 
 
-def hidden_frames(clip: Clip, seen: np.ndarray) -> np.ndarray:
-    """(T,) bool: frames with a camera in which nobody saw the person, by (T,), for longer than a
-    step takes: the pose between its neighbours skips steps then."""
-    hidden = unseen_frames(clip) & ~seen
+def hidden_frames(seen: np.ndarray, fps_hz: float) -> np.ndarray:
+    """(T,) bool: frames in which nobody saw the person, by (T,), for longer than a step takes: the
+    pose between its neighbours skips steps then."""
+    hidden = ~seen
     for start, stop in valid_runs(hidden):
-        if stop - start <= A_STEP_S * clip.motion.fps_hz:
+        if stop - start <= A_STEP_S * fps_hz:
             hidden[start:stop] = False
     return hidden
 

@@ -279,7 +279,7 @@ class WorldPerson:
     """One person of a pseudo ground truth, and what else is known of the path."""
 
     clip: Clip
-    seen: np.ndarray  # (T,) bool: frames in which somebody saw the person
+    seen: np.ndarray  # (T,) bool: frames in which somebody saw the person; all valid ones are
     loops: tuple[SamePlace, ...] = ()
     errors: WorldErrors = EXACT
 
@@ -417,7 +417,10 @@ def fuse_person(
 ) -> FusedClip:
     """Put a clip's cameras, a network's motions, feet and loops together, in the person's time."""
     rows = person.rows
-    return _fused(person.take(rows), network, body, config).within(person.clip, rows)
+    try:
+        return _fused(person.take(rows), network, body, config).within(person.clip, rows)
+    except StageFailed as error:
+        raise StageFailed(f"{person.clip.id}: {error}") from None
 
 
 def _fused(
@@ -428,8 +431,9 @@ def _fused(
     check_finite(clip)
     found = deltas_at_source_rate(gmr, motion)
     motions = seen_motions(found, motion.fps_hz, network.errors)
-    hidden = hidden_frames(clip, person.seen)
-    motions = widened(motions, unseen_frames(clip), config.unseen_widening)
+    hidden = hidden_frames(person.seen, motion.fps_hz)
+    # With a camera or without: a hand over the lens hides the person too.
+    motions = widened(motions, unseen_frames(clip) | ~person.seen, config.unseen_widening)
     motions = free_where_hidden(motions, hidden)
     if config.pace_share > 0:
         motions = with_pace_errors(motions, motion.fps_hz, config.pace_share)

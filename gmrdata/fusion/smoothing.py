@@ -180,10 +180,14 @@ def smooth(
         state, cost, damping, growth = moved, after, max(damping, LEAST_DAMPING), 2.0
         if settled:
             return _with_covariances(graph, state, iteration)
-    raise StageFailed(
-        f"the poses didn't settle in {most_iterations} steps: cameras, motions and loops contradict"
-        " each other. Leave out --loops, or give them a larger --loop-sigma-m"
-    )
+    what, remedy = "cameras and motions", ""
+    if loops:
+        what, remedy = (
+            "cameras, motions and loops",
+            ". Leave out --loops, or give a larger --loop-sigma-m",
+        )
+    steps = f"in {most_iterations} steps"
+    raise StageFailed(f"the poses didn't settle {steps}: {what} contradict each other{remedy}")
 
 
 def _first_guess(seen: SeenPoses, motions: SeenMotions) -> _State:

@@ -18,6 +18,7 @@ from gmrdata.values.body import JOINT, leg_length_m
 from gmrdata.values.records import Record
 from gmrdata.values.shapes import Float
 from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.transforms import turns_to_rays
 
 BODY_FILE = Path(__file__).with_name("landmark_body.json")
 LEG_M = 0.80
@@ -104,11 +105,7 @@ class SeenLandmarks:
     @property
     def cam_from_ray(self) -> np.ndarray:
         """(T, 3, 3) the smallest turns that take the z axis to the ray of the hips."""
-        x, y = np.moveaxis(self.rays[:, HIPS].mean(axis=1), -1, 0)
-        length = np.sqrt(x**2 + y**2 + 1)
-        x, y, z = x / length, y / length, 1 / length
-        rows = [1 - x * x / (1 + z), -x * y / (1 + z), x, -x * y / (1 + z), 1 - y * y / (1 + z), y]
-        return np.stack([*rows, -x, -y, z], axis=-1).reshape(-1, 3, 3)
+        return turns_to_rays(self.rays[:, HIPS].mean(axis=1))
 
     @property
     def sizes(self) -> np.ndarray:

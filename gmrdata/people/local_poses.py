@@ -83,6 +83,9 @@ def local_poses(
             images=len(numbers),
             frames=int(frames.frame_numbers[-1]) + 1,
             size_px=followed.size_px,
+            focal_px=lens.focal_px,
+            centre_px=lens.centre_px,
+            radial=lens.radial,
             body=body.name,
             doubts=tuple(doubts),
         ).write(partial / POSES_FILE)

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, PositiveInt
 
 from gmrdata.values.body import N_LOCAL
+from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import ArrayShapes, Record, check_shapes, read_arrays
 
@@ -169,16 +170,24 @@ class LocalPoses:
 class LocalPosesRecord(Record):
     """`local_poses.json`: who is in a folder of poses, and of what video."""
 
-    format: Literal["gmrdata-local-poses/2"] = "gmrdata-local-poses/2"
+    format: Literal["gmrdata-local-poses/3"] = "gmrdata-local-poses/3"
     people: int = Field(ge=0)
     images: PositiveInt
     frames: PositiveInt
     """Of the video, up to the last image."""
     size_px: tuple[int, int]
+    focal_px: tuple[float, float]
+    """Of the lens that the places are seen by."""
+    centre_px: tuple[float, float]
+    radial: tuple[float, float]
     body: str
     """Of whose mean shape the places are."""
     doubts: tuple[str, ...]
     """Of each person why the poses may be wrong as a whole; empty where nothing says so."""
+
+    @property
+    def lens(self) -> Lens:
+        return Lens(self.focal_px, self.centre_px, self.size_px, self.radial)
 
 
 def load_local_poses(folder: Path) -> tuple[LocalPosesRecord, list[LocalPoses]]:

@@ -239,6 +239,12 @@ def smallest_rotation(
     return rotmats_from_rotvecs(turns)
 
 
+def turns_to_rays(rays: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3 3"]:
+    """The smallest rotations that turn the z axis into rays, x / z and y / z."""
+    ends = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1)
+    return smallest_rotation(np.broadcast_to(np.eye(3)[2], ends.shape), ends)
+
+
 def mean_rotation(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3 3"]:
     """Chordal mean (Hartley et al. 2013, section 5.3)."""
     return _nearest_rotation(rotmats.sum(0))[0]

@@ -16,23 +16,31 @@ from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import SMPL, BodyModel, gender_of
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.motion import Motion
-from gmrdata.values.people import EstimatedPeople, EstimatedPerson, PersonFiles, System, person_file
+from gmrdata.values.people import (
+    POSES_FILE,
+    EstimatedPeople,
+    EstimatedPerson,
+    LocalPosesRecord,
+    PersonFiles,
+    System,
+    person_file,
+)
 from gmrdata.values.records import PART, Config, Figure, Record
 from gmrdata.world.placement import PlacedBody, place_body
 from gmrdata.world.size import (
     ESTIMATED_SIGMA,
     EVERYBODY,
-    TOLD_SIGMA,
     UNKNOWN_SIGMA,
     HeightConfig,
     height_m,
     height_of,
     of_height,
+    told_sigma,
 )
 
 BODIES_FILE = "bodies.json"
@@ -42,6 +50,9 @@ NEAREST_M, FURTHEST_M = 0.1, 1000.0
 LONGEST_BETWEEN_S = 0.1
 """Time between two poses over which those between are good enough to be used: of a walk, sampled at
 5 Hz, the pelvis between is off by up to 4 cm, which grows with the square of the time [s]."""
+SAME_LENS = 0.01
+"""Difference of two lenses' rays, as a share, up to which one places people as the other does: it
+moves them by less than a height that is told may be off."""
 ODD_FRAMES = 2
 """Frames by which the counts of two decoders may differ, at a video's end."""
 
@@ -118,7 +129,8 @@ def make_bodies(
 
     Raises:
         MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: as `read_system`; or the file is of
-            another video, by its frames or its pictures.
+            another video, by its frames or its pictures; or the built-in estimator's, of another
+            lens or body.
     """
     found, (frames, lens) = read_system(poses_path, "camera"), filmed
     recipe = _BodiesRecipe(
@@ -149,6 +161,8 @@ def _write(
     folder: Path,
 ) -> None:
     frames, lens = filmed
+    if found.system == "gmrdata":
+        _require_same_view(poses_path, lens, body)
     notes = [*_check_frames(found, poses_path, frames, config), *_size_notes(found, body, config)]
     people, left_out = _seen_enough(found, poses_path, frames, config)
     facts: list[BodyFacts] = []
@@ -165,7 +179,7 @@ def _write(
         clip = _clip(person.name, motion, known, filmed, config.frames_per_row)
         path = folder / person_file(len(facts))
         save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
-        sigma = _own_size_sigma(found, body) if told_m is None else TOLD_SIGMA
+        sigma = _own_size_sigma(found, body) if told_m is None else told_sigma(told_m)
         facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]], body, sigma))
     if not facts:
         raise BadMotionFile(f"{poses_path}: {'; '.join(left_out)}. {AGAIN}")
@@ -177,6 +191,22 @@ def _write(
         left_out=tuple(left_out),
         notes=tuple(notes),
     ).write(folder / BODIES_FILE)
+
+
+def _require_same_view(poses_dir: Path, lens: Lens, body: BodyModel) -> None:
+    """Refuse places of the built-in estimator that are by another lens, or of another body: they
+    are for its own, so nothing brings them to this one."""
+    made = LocalPosesRecord.read(poses_dir / POSES_FILE)
+    grid = np.meshgrid(*(np.linspace(0, side_px, 9) for side_px in lens.size_px))
+    rays, its_rays = (one.rays(np.stack(grid, axis=-1)) for one in (lens, made.lens))
+    said, here = (
+        f"the body {name} before a lens of {one.focal_px[0]:.0f} px, k1 {one.radial[0]:.3g}"
+        for name, one in ((made.body, made.lens), (body.name, lens))
+    )
+    apart = np.linalg.norm(its_rays - rays) / np.linalg.norm(rays)
+    if made.body != body.name or (apart > SAME_LENS and made.size_px == lens.size_px):
+        what = f"was made for {said}, and here it is {here}"
+        raise BadMotionFile(f"{poses_dir}: {what}. Leave --poses out, so that it is made anew")
 
 
 def _check_frames(

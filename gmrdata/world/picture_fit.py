@@ -16,14 +16,14 @@ from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.files import Distortion, bent_points
-from gmrdata.people.following import Sightings, load_tracks
+from gmrdata.people.following import load_tracks
 from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.camera import CameraPath, Lens
-from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.records import PART, Figure
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.recipe import VerdictConfig
@@ -34,7 +34,9 @@ AT_ONCE = 64  # frames whose bodies are posed together
 SAME_PLACE = 0.6  # overlap of two bodies' outlines from which they are on one person
 FEWEST_FRAMES = 5  # with fewer that show both nothing is said
 LAGS = np.arange(-30, 31)
-"""Frames by which a body may be late."""
+"""Steps by which a body may be late."""
+LAG_S = 1 / 30
+"""Least time of such a step, so that they reach over a second at any rate [s]."""
 TRUNK = tuple(LANDMARKS.index(f"{side}_{part}") for part in ("shoulder", "hip")
               for side in ("left", "right"))  # fmt: skip
 LIMBS = (*TRUNK, *(LANDMARKS.index(f"{side}_{part}") for part in ("elbow", "wrist", "knee", "ankle")
@@ -90,13 +92,16 @@ def picture_fits(
     `off_limbs`."""
     masks = _Masks(people, camera_of(clips[0]))
     tracks = [] if people.followed_dir is None else load_tracks(people.followed_dir)
-    limbs = [
-        _limbs(clip, body, tracks, masks.lens) for clip, body in zip(clips, bodies, strict=True)
+    landmarks = [
+        SeenLandmarks(one.image_numbers, masks.lens.rays(one.image_px), one.world_m, one.visibility)
+        for one in tracks
     ]
+    limbs = [_limbs(clip, body, landmarks) for clip, body in zip(clips, bodies, strict=True)]
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
     both = known[shown] if len(known) else known
+    lags = LAGS * max(1, round(LAG_S * clips[0].motion.fps_hz))
     compared_late = [_evenly(both[clip.valid[both]]) for clip in clips]
     for start in range(0, len(both), AT_ONCE):
         rows = both[start : start + AT_ONCE]
@@ -112,11 +117,13 @@ def picture_fits(
                 found[person].doubled[row] = _doubled(row, outline, outlines[:person])
                 if row in compared_late[person]:
                     late = [
-                        _at(clip, row + lag, outline, elsewhere, masks) for lag in LAGS.tolist()
+                        _at(clip, row + lag, outline, elsewhere, masks) for lag in lags.tolist()
                     ]
                     found[person].late.append(late)
     off = [limbs_off > config.off_limbs for limbs_off, _ in limbs]
-    return [_fit(one, config.off_overlap, beside) for one, beside in zip(found, off, strict=True)]
+    return [
+        _fit(one, lags, config.off_overlap, beside) for one, beside in zip(found, off, strict=True)
+    ]
 
 
 def _evenly(rows: np.ndarray) -> set[int]:
@@ -126,22 +133,19 @@ def _evenly(rows: np.ndarray) -> set[int]:
 
 
 def _limbs(
-    clip: Clip, body: BodyModel, tracks: Sequence[Sightings], lens: Lens
+    clip: Clip, body: BodyModel, landmarks: Sequence[SeenLandmarks]
 ) -> tuple[np.ndarray, np.ndarray]:
     """(T,) mean distance of limbs from the landmarks of whom they lie nearest to, in the person's
     size in the picture, and whether both knees are hidden there; 0 and False where nobody's trunk
-    is about where the body's is."""
+    is about where the body's is.  Landmarks have the numbers of their images for times."""
     motion = clip.motion
     placed_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
     placed_m = placed_m + motion.pelvis_m[:, None]
     rays = placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M)
     nearest, hidden = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=bool)
-    for track in tracks:
-        rows = rows_of_numbers(track.image_numbers, clip.image_numbers)
-        seen = SeenLandmarks(
-            track.image_numbers, lens.rays(track.image_px), track.world_m, track.visibility
-        )
-        seen, at = seen.take(rows[rows >= 0]), np.flatnonzero(rows >= 0)
+    for whole in landmarks:
+        _, at, both = np.intersect1d(clip.image_numbers, whole.times_s, return_indices=True)
+        seen = whole.take(both)
         apart = np.linalg.norm(rays[at] - seen.rays, axis=-1) / seen.sizes[:, None]
         shown = seen.visibility * (seen.visibility > VISIBLE)
         here = (apart[:, TRUNK].mean(axis=1) < SAME_TRUNK) & (shown[:, LIMBS].sum(1) > FEWEST_LIMBS)
@@ -285,12 +289,14 @@ def _outlines(
     return outlines
 
 
-def _fit(found: _Overlaps, off_overlap: float, limbs_off: np.ndarray) -> PictureFit | None:
+def _fit(
+    found: _Overlaps, lags: np.ndarray, off_overlap: float, limbs_off: np.ndarray
+) -> PictureFit | None:
     compared = np.isfinite(found.now)
     if compared.sum() < FEWEST_FRAMES or len(found.late) < FEWEST_FRAMES:
         return None
     overlaps = np.array(found.late).T
-    now = overlaps[LAGS == 0][0]
+    now = overlaps[lags == 0][0]
     shown = np.isfinite(overlaps).sum(axis=1)
     # Only frames that are compared at both times tell which is better.
     medians = [
@@ -299,15 +305,15 @@ def _fit(found: _Overlaps, off_overlap: float, limbs_off: np.ndarray) -> Picture
         else (0.0, 1.0)
         for at in overlaps
     ]
-    best = max(range(len(LAGS)), key=lambda number: medians[number][0] - medians[number][1])
+    best = max(range(len(lags)), key=lambda number: medians[number][0] - medians[number][1])
     if medians[best][0] <= medians[best][1]:
-        best = int(np.flatnonzero(LAGS == 0)[0])
+        best = int(np.flatnonzero(lags == 0)[0])
     off = np.flatnonzero(compared & (limbs_off | (np.nan_to_num(found.now, nan=1.0) < off_overlap)))
     return PictureFit(
         frames=int(compared.sum()),
         off_frames=len(off),
         overlap=float(np.median(found.now[compared])),
-        late_frames=int(-LAGS[best]),
+        late_frames=int(-lags[best]),
         late_overlap=float(np.median(found.now[compared])) + medians[best][0] - medians[best][1],
         doubled_frames=int(found.doubled.sum()),
         off_rows=tuple(off.tolist()),

@@ -18,6 +18,7 @@ from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.people import Crop, EstimatedPerson, InCamera, Pinhole
 from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.transforms import turns_to_rays
 
 CROP_FOCAL_PX = 5000.0
 """Focal length of HMR and those after it, in a crop of their own size [px]."""
@@ -67,7 +68,7 @@ def place_body(
     joints_m, _ = posed_joints_m(body.rest_joints_m(shape), rotmats, pelvis_m)
     rays, offsets_m = lens.rays(_seen_px(joints_m, place.camera)), joints_m - pelvis_m[:, None]
     if place.along_ray:
-        cam_from_ray = _turns_to(lens.rays(place.camera.centre_px))
+        cam_from_ray = turns_to_rays(lens.rays(place.camera.centre_px))
         roots, offsets_m = cam_from_ray @ roots, offsets_m @ np.swapaxes(cam_from_ray, 1, 2)
     return PlacedBody(roots, _nearest_to_rays(offsets_m, rays), shape, depths_m)
 
@@ -157,15 +158,6 @@ def _seen_px(joints_m: np.ndarray, assumed: Pinhole) -> np.ndarray:
 
 
 NEAREST_M = 0.05  # a joint is not behind the camera
-
-
-def _turns_to(rays: np.ndarray) -> np.ndarray:
-    """(T, 3, 3) smallest turns that take the z axis to rays (T, 2)."""
-    x, y = rays.T
-    length = np.sqrt(x**2 + y**2 + 1.0)
-    x, y, z = x / length, y / length, 1.0 / length
-    rows = [1 - x * x / (1 + z), -x * y / (1 + z), x, -x * y / (1 + z), 1 - y * y / (1 + z), y]
-    return np.stack([*rows, -x, -y, z], axis=1).reshape(-1, 3, 3)
 
 
 def _nearest_to_rays(offsets_m: np.ndarray, rays: np.ndarray) -> np.ndarray:

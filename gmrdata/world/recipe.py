@@ -220,6 +220,9 @@ class ScaleConfig(Config):
     slow_m_per_s: float = Field(default=0.02, ge=0)
     """Error of the camera's speed up to which the scale need not be known any better, however
     large its error is as a share: of a camera that hardly travels; 2 mm in 0.1 s [m/s]."""
+    unseen_move_m: float = Field(default=0.15, ge=0)
+    """The same of its way through frames in which nobody is seen, whom it would seem to move by as
+    much at once: what is no jump of a body, as `body_step_m` [m]."""
     vague_share: float = Field(default=0.5, gt=0)
     """Standard error, as a share of the scale, beyond which the scale of such a camera is said to
     be unknown, and the camera to stay in place."""

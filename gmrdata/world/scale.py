@@ -77,7 +77,9 @@ class ScaleEstimate:
     """Metres per unit; None where the camera stays in place or travels less than can be told."""
     sigma: float | None  # Standard error of `scale`; widened where the cues disagree
     cues: tuple[CueEstimate, ...]
-    matters: bool = True  # Whether `sigma` makes the camera's speed wrong by over `slow_m_per_s`
+    matters: bool = True
+    """Whether `sigma` makes the camera's speed wrong by over `slow_m_per_s`, or its way while
+    nobody is seen by over `unseen_move_m`."""
     size_sigmas: tuple[float, ...] = ()  # By person: standard error of the body's size, as a share
 
     @property
@@ -181,12 +183,21 @@ def estimate_scale(
     size_sigmas = tuple(person.size_sigma for person in people)
     estimate = fuse(tuple(cues), config.body_share, size_sigmas)
     scale, sigma = estimate.scale or 0.0, estimate.sigma or 0.0
-    steps = np.linalg.norm(np.diff(path.centres_world_m, axis=0), axis=1)
-    known = steps[np.isfinite(steps)]
-    matters = bool(len(known) and sigma * (fps_hz * known.mean()) > config.slow_m_per_s)
+    matters = _matters(path, sigma, fps_hz, config)
     # The path is shorter than its error bar, or not much longer, and both are small.
     vague = not matters and sigma > config.vague_share * scale
     return replace(NO_SCALE, cues=estimate.cues) if vague else replace(estimate, matters=matters)
+
+
+def _matters(path: CameraPath, sigma: float, fps_hz: float, config: ScaleConfig) -> bool:
+    """Whether an error of the scale makes the camera's speed wrong, or its way through frames that
+    are not known."""
+    rows = np.flatnonzero(np.isfinite(path.centres_world_m).all(axis=1))
+    moves = np.linalg.norm(np.diff(path.centres_world_m[rows], axis=0), axis=1)
+    follow = np.diff(rows) == 1
+    speed = fps_hz * moves[follow].mean() if follow.any() else 0.0
+    unseen = moves[~follow].max(initial=0.0)
+    return bool(sigma * speed > config.slow_m_per_s or sigma * unseen > config.unseen_move_m)
 
 
 def with_focal_error(estimate: ScaleEstimate, focal_sigma: float) -> ScaleEstimate:

@@ -19,6 +19,10 @@ UNKNOWN_SIGMA = 0.07
 """Spread of adults' sizes, as a share: 7.2 % in height over the default body's own adults."""
 ESTIMATED_SIGMA = 0.05  # of bodies whose shape another system saw in the picture
 TOLD_SIGMA = 0.015  # of a person whose height was told: shoes, and legs of another share of it
+SMALL_M = 1.45
+"""Height below which people are children, whose shoulders and legs are another share of it than
+the body's, which is an adult's, by some 5 % at 1.1 m and 7 % at 1 m."""
+CHILD_SHARE = 0.2  # that difference, by the logarithm of how much smaller they are
 EVERYBODY = "everybody"
 LEAST_M, MOST_M = 0.5, 2.5
 
@@ -46,6 +50,11 @@ def height_of(name: str, heights: tuple[HeightConfig, ...]) -> float | None:
     """What was told of a person, before what was told of everybody [m]."""
     told = {one.person: one.height_m for one in heights}
     return told.get(name, told.get(EVERYBODY))
+
+
+def told_sigma(told_m: float) -> float:
+    """Standard error of the size of a person whose height was told, as a share."""
+    return float(np.hypot(TOLD_SIGMA, CHILD_SHARE * np.log(max(1.0, SMALL_M / told_m))))
 
 
 def height_m(body: BodyModel, shape: np.ndarray) -> float:

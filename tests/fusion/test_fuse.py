@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr, deltas_at_source_rate
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput, StageFailed
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
@@ -309,19 +310,23 @@ def test_the_true_motions_fill_the_gap(clip, small_body, untrained, monkeypatch)
     np.testing.assert_allclose(fused.network_m, truth.pelvis_m, atol=0.02)
 
 
-@pytest.mark.parametrize("ground", [True, False])
-def test_who_comes_back_elsewhere_is_where_they_were_seen(small_body, constant, ground):
+@pytest.mark.parametrize(("ground", "covered"), [(True, False), (False, False), (True, True)])
+def test_who_comes_back_elsewhere_is_where_they_were_seen(small_body, constant, ground, covered):
     """Between two places a person who is hidden has poses that are made up: a network sees one who
-    stands, and pulled the frames in which the person was seen up to 1.6 m towards each other."""
+    stands, and pulled the frames in which the person was seen up to 1.6 m towards each other.  Of
+    a covered lens no camera is known either."""
     motion = standing_still(small_body, 210)
     shares = np.clip((np.arange(210) - 59) / 91, 0, 1)
     rise_m = 0.0 if ground else 1.5
     pelvis_m = motion.pelvis_m + shares[:, None] * [4.0, 0.0, rise_m]
     valid = (shares <= 0) | (shares >= 1)
     clip = replace(clip_of(replace(motion, pelvis_m=pelvis_m)), valid=valid)
+    if covered:
+        clip = replace(clip, camera=replace(camera_of(clip), has_camera=valid))
     still = constant([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
     config = OWN_FUSION.model_copy(update={"ground": ground})
-    fused = fused_alone(clip, still, small_body, config)
+    person = WorldPerson(clip, seen=valid)
+    fused = fuse_person(person, WeighedGmr(still, record()), small_body, config)
     off_m = np.linalg.norm(fused.clip.motion.pelvis_m - pelvis_m, axis=1)
     assert off_m[valid].max() < 0.05
     place_m = fused.arrays["place_sigma_m"].max(axis=1)
@@ -365,6 +370,25 @@ def test_a_minute_of_a_film_is_put_together_as_if_it_were_alone(
     looped = replace(person, loops=(SamePlace(100, 700, 0.1),))
     assert looped.rows == slice(70, 731)
     assert looped.take(looped.rows).loops == (SamePlace(30, 630, 0.1),)
+
+
+def test_who_does_not_settle_is_named(clip, untrained, small_body, monkeypatch):
+    """Of several people nobody was; and a video has no --loops to leave out."""
+    from gmrdata.fusion import fuse as stage
+
+    monkeypatch.setattr(stage, "smooth", partial(smooth, most_iterations=1))
+    person = WorldPerson(clip, seen_frames(clip))
+    remedy = ". Leave out --loops, or give a larger --loop-sigma-m"
+    for one, said in (
+        (person, "cameras and motions contradict each other"),
+        (
+            replace(person, loops=(SamePlace(0, 75, 0.1),)),
+            f"cameras, motions and loops contradict each other{remedy}",
+        ),
+    ):
+        with pytest.raises(StageFailed) as raised:
+            fuse_person(one, WeighedGmr(untrained, record()), small_body, FusionConfig())
+        assert str(raised.value) == f"walk: the poses didn't settle in 1 steps: {said}"
 
 
 def test_a_clip_without_cameras_is_the_networks_path(clip, small_body, constant):

@@ -11,13 +11,16 @@ from gmrdata.people.fit import FitConfig
 from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
 from gmrdata.people.local_poses import LocalPosesConfig, local_poses, poses_of, seen_landmarks
 from gmrdata.read.bodies import ANNY_FILE
+from gmrdata.read.body_file import save_body
 from gmrdata.read.frames import read_frames
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.camera import Lens
+from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile, StaleOutput
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
+from gmrdata.world.bodies import BodiesConfig, make_bodies
 from gmrdata.world.placement import assumed_place
 from tests.frame_sets import frame_set
 
@@ -104,6 +107,25 @@ def test_another_video_s_poses_are_refused(poses_dir):
     assert seen is not None
     with pytest.raises(BadMotionFile, match="it is another video's"):
         assumed_place(seen, (1920, 1080), poses_dir)
+
+
+def test_poses_for_another_lens_or_body_are_refused(poses_dir, small_body, tmp_path):
+    """They stood where the other lens saw them: 17 % too near before one 1.2 times as long."""
+    save_body(tmp_path / "small.npz", small_body)
+    longer, bent = (replace(LENS, focal_px=(984.0, 984.0)), replace(LENS, radial=(-0.2, 0.0)))
+    for lens, body_path, said in (
+        (longer, ANNY_FILE, "lens of 820 px, k1 0, and here .* lens of 984 px, k1 0. Leave"),
+        (bent, ANNY_FILE, "lens of 820 px, k1 0, and here .* lens of 820 px, k1 -0.2"),
+        (LENS, tmp_path / "small.npz", f"the body anny .* the body {small_body.name} "),
+    ):
+        filmed = Filmed(TIMES, lens)
+        with pytest.raises(BadMotionFile, match=said):
+            make_bodies(poses_dir, filmed, body_path, tmp_path / "bodies", BodiesConfig())
+    about = Filmed(TIMES, replace(LENS, focal_px=(822.0, 822.0)))
+    (files,) = make_bodies(poses_dir, about, ANNY_FILE, tmp_path / "bodies", BodiesConfig())
+    np.testing.assert_array_equal(
+        load_clip(files.clip_path).motion.pelvis_m, load_local_poses(poses_dir)[1][0].pelvis_m
+    )
 
 
 def test_a_video_without_people_has_no_bodies(networks, grey_dir, tmp_path):

@@ -152,7 +152,15 @@ def test_poses_of_the_built_in_estimator_that_are_given_have_its_errors_and_doub
     of_others, poses_dir = tmp_path / "wham_output.pkl", tmp_path / "own_poses" / "poses"
     poses_dir.mkdir(parents=True)
     LocalPosesRecord(
-        people=2, images=9, frames=9, size_px=(64, 48), body="anny", doubts=("", "it looks away")
+        people=2,
+        images=9,
+        frames=9,
+        size_px=(64, 48),
+        focal_px=(60.0, 60.0),
+        centre_px=(32.0, 24.0),
+        radial=(0.0, 0.0),
+        body="anny",
+        doubts=("", "it looks away"),
     ).write(poses_dir / POSES_FILE)
     frames, found = frame_set(np.arange(3), (64, 48), 30.0), []
     for people in (EstimatedPeople(), EstimatedPeople(poses_dir), EstimatedPeople(of_others)):

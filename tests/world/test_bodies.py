@@ -162,6 +162,17 @@ def test_a_height_that_is_told_moves_who_has_it(seen, neutral, tmp_path):
     assert record.notes == ("a height of 1.7 m was told of anna, and nobody has that name",)
 
 
+def test_a_child_whose_height_is_told_is_of_no_adults_proportions(seen, neutral, tmp_path):
+    """Distances and the scale had an error of 1.5 % of a child of four years too."""
+    sigmas = []
+    for height_m in (1.0, 1.78):
+        config = BodiesConfig(heights=heights_of({"person_0": height_m}))
+        frames = video(np.arange(N_FRAMES))
+        (person,) = made(tmp_path / f"{height_m}", [seen], frames, neutral, config).people
+        sigmas.append(person.size_sigma)
+    assert sigmas == [pytest.approx(0.0758, abs=1e-4), 0.015]
+
+
 @pytest.mark.parametrize(
     ("frames", "n_frames", "said"),
     [

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ from gmrdata.people.sources import (
 from gmrdata.read.frames import read_gray, write_gray
 from gmrdata.solve.solve import people_masks
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import project_cam
+from gmrdata.values.camera import Lens, project_cam
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world import picture_fit
@@ -46,10 +47,14 @@ VERDICT = VerdictConfig()
 
 @pytest.fixture(scope="module")
 def walker(small_body) -> Clip:
-    """Four seconds of a walk before a camera that follows it, in the camera frame."""
-    motion = make_gait("walk", 4.0, 10.0, small_body, np.random.default_rng(2))
+    return walk_of(small_body, 4.0, 10.0)
+
+
+def walk_of(body: BodyModel, seconds: float, fps_hz: float) -> Clip:
+    """A walk before a camera that follows it, in the camera frame."""
+    motion = make_gait("walk", seconds, fps_hz, body, np.random.default_rng(2))
     rng = np.random.default_rng(0)
-    path = camera_path(Panning(), motion.pelvis_m, 10.0, *SIZE_PX, 60.0, rng)
+    path = camera_path(Panning(), motion.pelvis_m, fps_hz, *SIZE_PX, 60.0, rng)
     seen, n = motion_in_camera(motion, path.world_from_cam), motion.n_frames
     return Clip("walk", seen, np.ones(n, dtype=bool), np.arange(n) + 7, path)
 
@@ -120,6 +125,14 @@ def test_a_body_of_other_frames_says_by_how_many(walker, fit, rows):
     found = fit(later(walker, rows))
     assert found.late_frames == -rows
     assert found.late_overlap > 0.97 and found.late_overlap - found.overlap > 0.08
+
+
+def test_at_a_high_rate_a_body_of_half_a_second_later_says_so(small_body, tmp_path):
+    """30 frames of either side were a quarter of a second."""
+    quick = walk_of(small_body, 2.0, 120.0)
+    masks = draw_masks(tmp_path / "person", [quick], small_body)
+    (found,) = picture_fits([later(quick, 60)], [small_body], masks, VERDICT)
+    assert found is not None and found.late_frames == -60 and found.late_overlap > 0.95
 
 
 def test_who_is_seen_for_a_moment_is_compared_in_those_frames(
@@ -228,6 +241,15 @@ def test_legs_behind_a_wall_are_not_asked_to_be_in_the_mask(walker, small_body, 
         assert fit is not None
         overlaps[shown] = fit.overlap
     assert overlaps[33] < 0.5 and overlaps[25] > 0.7
+
+
+def test_each_track_is_straightened_once_for_all_bodies(walker, small_body, masks, tmp_path):
+    """It was for every body: 46 of a film took half a minute of it."""
+    seen = replace(masks, followed_dir=followed(tmp_path, walker, small_body))
+    with patch.object(Lens, "rays", autospec=True, side_effect=Lens.rays) as rays:
+        found = picture_fits([walker, beside(walker, 2.0)], [small_body] * 2, seen, VERDICT)
+    assert rays.call_count == 1
+    assert [fit and fit.off_frames for fit in found] == [0, 40]
 
 
 def test_where_hardly_anybody_is_seen_nothing_is_said(walker, small_body, tmp_path):

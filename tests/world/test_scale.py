@@ -136,22 +136,37 @@ def test_why_nobodys_feet_tell_is_said_once(small_body):
     assert str(raised.value).count("camera hardly moves") == 1
 
 
-@pytest.mark.parametrize(("way_m", "known"), [(0.004, False), (1.0, True)])
-def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(small_body, way_m, known):
-    """Feet of a noisy body move by centimetres, which a hand-held camera does as well."""
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+def held_by_hand(body: BodyModel, way_m: float, unseen: slice, moved_m: float) -> ScaleEstimate:
+    """Of a noisy person before a camera that sways by some way, and moves while nobody is seen."""
+    motion, path = filmed("walk", "circular", body, seed=0)
     rng = np.random.default_rng(2)
     swaying = np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1))
     phase_rad = 2 * np.pi * np.arange(path.n_frames) / 20
     swaying[:, 0, 3] += way_m * np.sin(phase_rad)
+    swaying[unseen.stop :, 0, 3] += moved_m
     person = motion_in_camera(motion, swaying)
     noisy = replace(person, pelvis_m=person.pelvis_m + rng.normal(0, 0.004, person.pelvis_m.shape))
+    swaying[unseen] = np.nan
     found = replace(path, world_from_cam=swaying)
-    estimate = estimate_scale([SeenPerson(noisy, small_body, found)], "full", ScaleConfig())
+    estimate = estimate_scale([SeenPerson(noisy, body, found)], "full", ScaleConfig())
     (cue,) = estimate.cues
     assert cue.name == "planted_feet"
+    return estimate
+
+
+@pytest.mark.parametrize(("way_m", "known"), [(0.004, False), (1.0, True)])
+def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(small_body, way_m, known):
+    """Feet of a noisy body move by centimetres, which a hand-held camera does as well."""
+    estimate = held_by_hand(small_body, way_m, slice(0, 0), 0.0)
     assert (estimate.scale is not None) == known == (estimate.sigma is not None)
     assert known or not estimate.matters
+
+
+@pytest.mark.parametrize(("moved_m", "matters"), [(0.02, False), (5.0, True)])
+def test_a_camera_that_walks_while_nobody_is_seen_needs_its_scale(small_body, moved_m, matters):
+    """It was put in one place, and people who came back 5 m off, without a word of it."""
+    estimate = held_by_hand(small_body, 0.004, slice(16, 32), moved_m)
+    assert estimate.matters == matters == (estimate.scale is not None)
 
 
 def test_an_unknown_scale_that_would_matter_is_kept(small_body):
