@@ -13,10 +13,11 @@ import torch
 
 from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import best_of
-from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.config import DataConfig, LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.runs import runs_at, usable_files
+from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
@@ -409,6 +410,35 @@ def test_predictions_of_another_body_need_that_body(
     monkeypatch.chdir(tmp_path)  # a path may be text, relative to where one is
     with pytest.raises(BadBodyFile, match="half.npz: 100 vertices"):
         score(*given[:2], tmp_path / "other", **bodies | {"predictions_body_path": "half.npz"})
+
+
+def test_it_is_said_that_a_network_was_trained_on_the_scored_manifest(
+    clips, small_body, body_path, tmp_path
+):
+    trials = zip(clips, ("05_21", "08_21", "143_21"), strict=True)
+    named = [replace(clip, id=trial) for clip, trial in trials]
+    known = write_manifest_of(tmp_path / "cmu", small_body, named, dataset="CMU")
+    others = write_clips(tmp_path / "others", small_body, clips)
+    trained = {}
+    for name, subjects in (("all", ()), ("but_08", (8,))):
+        config = TrainConfig(
+            model=ModelConfig(layers=1, hidden=6),
+            loss=LossConfig(n_vertices=16),
+            windows=WindowConfig(frames=8),
+            data=DataConfig(held_out_subjects=subjects),
+            batch_size=2,
+            steps=2,
+        )
+        trained[name] = train([known], tmp_path / name, config, body_path=body_path)
+    said = {}
+    for name, manifest in (("all", others), ("all", known), ("but_08", known)):
+        out = tmp_path / f"{name}_{manifest.parent.name}"
+        (path,) = score(trained[name], manifest, out, body_path=body_path).scores
+        said[out.name] = Scores.read(path).statements
+    whole = "The network was trained on this manifest: its figures are too good."
+    part = whole.replace("fest", "fest, but for clips of held-out subject 8")
+    assert said == {"all_others": (), "all_cmu": (whole,), "but_08_cmu": (part,)}
+    assert f"- {part}\n" in (tmp_path / "but_08_cmu" / "scores.md").read_text()
 
 
 def test_a_trial_of_the_published_list_has_its_type(clips, small_body, tmp_path):
