@@ -25,7 +25,8 @@ from gmrdata.score import METHODS, METRICS, Metric
 from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.predictions import Pairing, network_clip
 from gmrdata.score.predictors import ScoreConfig
-from gmrdata.score.records import Scores
+from gmrdata.score.protocols import PROTOCOLS
+from gmrdata.score.records import Protocol, Scores
 from gmrdata.score.score import ScoredBodies, motion_types, score, score_clips
 from gmrdata.score.summary import summarise
 from gmrdata.stage.progress import answers
@@ -142,10 +143,28 @@ def test_known_errors_get_known_scores(clips, small_body, monkeypatch):
         np.testing.assert_allclose(one.errors["zero"]["tme_mm"][:9], steps_mm)
 
 
-def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
-    predict = partial(network_clip, gmr, how=Pairing(10.0))
-    ((one,), _) = score_clips(predict, ScoredBodies((body,), (body,)), [clip], ["none"])
+def scored_by(
+    gmr: TrainedGmr, body: BodyModel, clip: Clip, protocol: Protocol | None = None, **how: Any
+) -> ClipErrors:
+    predict = partial(network_clip, gmr, how=Pairing(10.0, **how))
+    bodies = ScoredBodies((body,), (body,))
+    ((one,), _) = score_clips(predict, bodies, [clip], ["none"], protocol)
     return one
+
+
+@pytest.mark.parametrize(("all_phases", "n_frames"), [(False, 7 + 4), (True, 3 * 7 + 4 + 4 + 3)])
+def test_a_clip_with_gaps_counts_once(all_phases, n_frames, clips, small_body, run_dir):
+    """A network begins anew after each gap and in each phase; EMDB's jitter is one per sequence."""
+    emdb, gmr = PROTOCOLS["emdb"], load_gmr(run_dir)
+    by_frame = emdb.model_copy(update={"once_per_clip": ()})
+    once, each = (
+        scored_by(gmr, small_body, clips[2], one, all_phases=all_phases).protocol
+        for one in (emdb, by_frame)
+    )
+    for method in METHODS:
+        samples = each[method]["jitter_10m_per_s3"]
+        assert len(samples) == n_frames
+        np.testing.assert_array_equal(once[method]["jitter_10m_per_s3"], [samples.mean()])
 
 
 def test_vme_is_the_distance_between_placed_meshes(clips, small_body, run_dir, monkeypatch):
