@@ -23,7 +23,7 @@ $(READY): pyproject.toml constraints.txt
 	touch $@
 
 demo: setup
-	$(BIN)/gmrdata demo $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(OUT),--out $(OUT))
+	$(BIN)/gmrdata demo $(if $(MOTIONS),--motions "$(MOTIONS)") $(if $(OUT),--out "$(OUT)")
 
 # Two processes of one thread each; the tests of a file stay together, since they share what is slow to make, and slow files come first.
 # Byte code is kept, whatever the shell says: each of many processes would compile all modules, and those of the tests with their assertions.

@@ -208,10 +208,15 @@ With any verb: -q says only answers and errors; -v says each stage, and where an
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
     given = sys.argv[1:] if arguments is None else arguments
-    arguments = [word for word in given if word not in QUIET + VERBOSE]
+    arguments = [_from_home(word) for word in given if word not in QUIET + VERBOSE]
     verbose = any(word in VERBOSE for word in given)
     with as_loud(quiet=any(word in QUIET for word in given), verbose=verbose):
         _main(arguments, verbose)
+
+
+def _from_home(word: str) -> str:
+    """A word with the home folder for a leading ~, which bash leaves there in `--out=~/walk`."""
+    return re.sub("^(--[^=]+=)?~(?=/|$)", lambda at: f"{at[1] or ''}{Path.home()}", word)
 
 
 def _parse(arguments: list[str]) -> None:

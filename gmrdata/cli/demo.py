@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +23,9 @@ from gmrdata.manifest.write import (
     stage_recipe,
     write_manifest,
 )
-from gmrdata.motion.files import find_motions, input_files, read_motion
+from gmrdata.motion.files import input_files, read_motion
 from gmrdata.motion.gait import embedded_motions, make_gait
-from gmrdata.motion.library import file_source, gait_source, licence_of
+from gmrdata.motion.library import LibraryFile, gait_source, library_files, licence_of
 from gmrdata.motion.resample import resample
 from gmrdata.read.bodies import keep_body, load_body
 from gmrdata.read.body_file import read_body
@@ -38,7 +39,7 @@ from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values import plain_yaml
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import MissingInput
+from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.files import write_text
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles
@@ -55,8 +56,8 @@ LEAST_TRAVEL_M = 0.5  # a trial that stays in place would make a dull picture
 class MotionFiles:
     """Motion files that a person gave: one for each clip to film, and the rest to train on."""
 
-    filmed: tuple[Path, ...] = ()
-    training: tuple[Path, ...] = ()
+    filmed: tuple[LibraryFile, ...] = ()
+    training: tuple[LibraryFile, ...] = ()
 
 
 def run_demo(
@@ -79,7 +80,7 @@ def run_demo(
     files = MotionFiles()
     if motions_dir is not None:
         files = choose_files(motions_dir, trials, recipe, load_body(paths.body))
-        console.print("  filming " + ", ".join(path.stem for path in files.filmed))
+        console.print("  filming " + ", ".join(file.id for file in files.filmed))
     make_motions(paths, recipe, files, run=run)
     with worker_pool(run, recipe.workers) as pool:
         _step(3, "render")
@@ -130,26 +131,34 @@ def _step(number: int, what: str) -> None:
 def choose_files(
     folder: Path, trials: tuple[str, ...], recipe: DemoRecipe, body: BodyModel
 ) -> MotionFiles:
-    """Pick the files of a folder to film: `trials` (without suffix), or the first that fit."""
-    files = find_motions(folder)
+    """Pick the files of a folder to film: `trials`, or the first that fit."""
+    files = library_files((folder,))
     n_clips = len(recipe.clips)
-    named = {path.stem: path for path in reversed(files)}
-    if unknown := set(trials) - named.keys():
-        raise MissingInput(f"{folder}: no motion file named {min(unknown)} (.bvh, .amc or .npz)")
     if trials:
-        filmed = tuple(named[trial] for trial in trials)
+        filmed = tuple(_named(trial, files, folder) for trial in trials)
     else:
         fitting = (
-            path for path in files if _fits(read_motion(path, body, ground=True), recipe.film)
+            file for file in files if _fits(read_motion(file.path, body, ground=True), recipe.film)
         )
-        filmed = tuple(path for path, _ in zip(fitting, range(n_clips), strict=False))
+        filmed = tuple(islice(fitting, n_clips))
     if len(filmed) != n_clips:
         raise MissingInput(
             f"{folder}: the recipe films {n_clips} motions, but {len(filmed)} of {len(files)} "
             f"files were {'named' if trials else 'found to fit'}. Name {n_clips} with --trials"
         )
-    others = tuple(path for path in files if path not in filmed)
+    others = tuple(file for file in files if file not in filmed)
     return MotionFiles(filmed, others[: recipe.training.max_files])
+
+
+def _named(trial: str, files: Sequence[LibraryFile], folder: Path) -> LibraryFile:
+    """The file of a clip's id, which tells namesakes apart, or of a name without suffix."""
+    found = [file for file in files if file.id == trial]
+    if not (found := found or [file for file in files if file.path.stem == trial]):
+        raise MissingInput(f"{folder}: no motion file named {trial} (.bvh, .amc or .npz)")
+    if len(found) > 1:
+        ids = ", ".join(file.id for file in found)
+        raise BadRecipe(f"--trials {trial}: {folder} has several. Name one of {ids}")
+    return found[0]
 
 
 def _fits(motion: Motion, film: Film) -> bool:
@@ -166,7 +175,7 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
         clips=recipe.clips,
         film=recipe.film,
         training=recipe.training,
-        filmed=tuple(path.name for path in files.filmed),
+        filmed=tuple(file.path.name for file in files.filmed),
     )
 
     def work(out_dir: Path) -> None:
@@ -174,7 +183,7 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
         for index, spec in enumerate(recipe.clips):
             rng = np.random.default_rng([config.seed, index])
             if files.filmed:
-                motion = read_motion(files.filmed[index], body, ground=True)
+                motion = read_motion(files.filmed[index].path, body, ground=True)
             else:
                 motion = make_gait(spec.gait, config.film.duration_s, 30.0, body, rng)
             filmed = film_motion(motion, config.film)
@@ -186,8 +195,8 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
             save_clip(target, clip, body.rest_pelvis_m(clip.motion.shape))
 
     inputs = {"body": paths.body}
-    for path in (*files.filmed, *files.training):
-        inputs |= {f"file {file.name}": file for file in input_files(path).values()}
+    for file in (*files.filmed, *files.training):
+        inputs |= {f"file {file.id}{one.suffix}": one for one in input_files(file.path).values()}
     return run_stage("motions", paths.motions_dir, config, inputs, work, run=run)
 
 
@@ -203,10 +212,10 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
         duration_s=training.gait_duration_s,
     )
     motions = [(f"gait_{index:03d}", motion) for index, motion in enumerate(gaits)]
-    for path in track(files.training, "reading training motions") if files.training else ():
-        motion = read_motion(path, body, ground=True)
+    for file in track(files.training, "reading training motions") if files.training else ():
+        motion = read_motion(file.path, body, ground=True)
         if motion.n_frames / motion.fps_hz >= SHORTEST_S:
-            motions.append((path.stem, resample(motion, training.fps_hz)))
+            motions.append((file.id, resample(motion, training.fps_hz)))
     return [
         Clip(id, motion, np.ones(n := motion.n_frames, dtype=bool), np.full(n, -1), None)
         for id, motion in motions
@@ -277,18 +286,10 @@ def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) ->
         name = f"demo-{path.stem.replace('_', '-')}"
         write_manifest(path, ManifestHead(name=name, **about), clips, created_by=by, redo=True)
 
-    root, given, trained = paths.root, {file.stem for file in files.training}, []
-    for path in sorted(paths.training_dir.glob("*.npz")):
-        source = file_source(path.stem) if path.stem in given else gait_source(path.stem)
-        terms = licence_of(source)
-        entry = clip_entry(
-            root, ClipFiles(path), ClipAbout(camera_motion="none", licence=terms, source=source)
-        )
-        trained.append(entry)
     text = "Motions that the demo's GMR is trained on."
-    write(paths.training_manifest, "motions", text, trained)
+    write(paths.training_manifest, "motions", text, training_entries(paths, files))
     filmed = [
-        (clip, file_source(files.filmed[index].stem) if files.filmed else gait_source(clip.gait))
+        (clip, files.filmed[index].source if files.filmed else gait_source(clip.gait))
         for index, clip in enumerate(recipe.clips)
     ]
     text = "Rendered clips with exact cameras and exact world motions."
@@ -300,6 +301,16 @@ def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) ->
     )
     regenerated = [_pseudo_entry(paths, clip, source) for clip, source in filmed]
     write(paths.pseudo_gt_manifest, "pseudo_gt", text, regenerated)
+
+
+def training_entries(paths: DemoPaths, files: MotionFiles) -> list[ClipEntry]:
+    """The training clips, each with the source of its file and what that allows."""
+    given, entries = {file.id: file.source for file in files.training}, []
+    for path in sorted(paths.training_dir.glob("*.npz")):
+        source = given.get(path.stem) or gait_source(path.stem)
+        about = ClipAbout(camera_motion="none", licence=licence_of(source), source=source)
+        entries.append(clip_entry(paths.root, ClipFiles(path), about))
+    return entries
 
 
 def _true_entry(paths: DemoPaths, recipe: DemoRecipe, clip: DemoClip, source: Source) -> ClipEntry:

@@ -35,7 +35,8 @@ def demo(
     Args:
         out: Output folder. A run that was stopped goes on where it was.
         trials: Names of the files to film, without suffix, one for each clip of the recipe; the
-            first that fit when left out.
+            first that fit when left out. Where two files have one name, with their folders:
+            rub001.0005_walk.
     """
     from gmrdata.cli.demo import plan, run_demo
     from gmrdata.cli.demo_recipe import DemoRecipe

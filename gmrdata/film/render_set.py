@@ -78,18 +78,19 @@ def try_render_clips(
     """Render each clip, given by id, in a worker of its own; reasons of failures are kept.
     A Blender process that ends without its result is started once more, at the next missing frame.
     """
-    n_frames = {id: load_clip(job.clip_path).motion.n_frames for id, job in jobs.items()}
+    own = [job for id, job in jobs.items() if pool.is_own(id)]
+    n_frames = sum(load_clip(job.clip_path).motion.n_frames for job in own)
     calls = [
         stage_jobs.Job(id, render_clip, dict(job) | {"run": run}, RETRIES)
         for id, job in jobs.items()
     ]
-    folders, counted = [job.out_dir for job in jobs.values()], dict[Path, int]()
+    folders, counted = [job.out_dir for job in own], dict[Path, int]()
     return stage_jobs.try_jobs(
         DESCRIPTION,
         calls,
         pool,
         failures_dir,
-        units=(sum(n_frames.values()), lambda: count_files(folders, MASKS, counted)),
+        units=(n_frames, lambda: count_files(folders, MASKS, counted)),
     )
 
 

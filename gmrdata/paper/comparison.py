@@ -199,14 +199,14 @@ def orderings(rows: Sequence[TableRow]) -> list[str]:
 class _Row(NamedTuple):
     """A row in one metric: the paper's figure, and ours with its spread over seeds."""
 
-    name: str
+    row: TableRow
     paper: float
     ours: OverSeeds
 
 
 def _of_metric(metric: Metric, rows: Sequence[TableRow]) -> list[str]:
     known = [
-        _Row(row.name, paper, row.ours.get(metric))
+        _Row(row, paper, row.ours.get(metric))
         for row in rows
         if row.ours is not None and (paper := row.paper.get(metric)) is not None
     ]
@@ -224,15 +224,21 @@ def _of_metric(metric: Metric, rows: Sequence[TableRow]) -> list[str]:
     if len(known) > 2:
         best_there = min(known, key=lambda one: one.paper)
         best_here = min(known, key=lambda one: one.ours.mean)
-        where = "as here" if best_there is best_here else f"here it is {best_here.name}"
-        lines.append(f"{title}: the paper's best row is {best_there.name}, {where}.")
+        where = "as here" if best_there is best_here else f"here it is {best_here.row.name}"
+        lines.append(f"{title}: the paper's best row is {best_there.row.name}, {where}.")
     return lines
 
 
 def _ordering(pair: tuple[_Row, _Row]) -> str:
-    """The ordering, with a remark where the rows differ by no more than seeds do."""
+    """The ordering, with remarks where the rows differ by no more than seeds do, and where one of
+    them leaves out frames that the other is scored on, which may be the hard ones."""
     (better, _, a), (worse, _, b) = pair
-    text = f"{better} below {worse}"
-    if a.spread is None or b.spread is None or abs(a.mean - b.mean) > max(a.spread, b.spread):
-        return text
-    return f"{text} (within the seeds' spread)"
+    remarks = []
+    lacks = [(row.dropped_frames, sorted(row.left_out)) for row in (better, worse)]
+    if better.clips == worse.clips and lacks[0] != lacks[1]:
+        remarks.append("on other frames")
+    spread = None if a.spread is None or b.spread is None else max(a.spread, b.spread)
+    if spread is not None and abs(a.mean - b.mean) <= spread:
+        remarks.append("within the seeds' spread")
+    text = f"{better.name} below {worse.name}"
+    return f"{text} ({', '.join(remarks)})" if remarks else text

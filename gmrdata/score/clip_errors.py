@@ -16,6 +16,7 @@ from gmrdata.score.protocol_values import (
     WorldBody,
     WorldPair,
     accelerations_over_clips,
+    mean_sample,
     protocol_values,
     values_together,
 )
@@ -182,7 +183,8 @@ def _pooled_values(
     if protocol.people == "together":
         return {metric: np.zeros(0) for metric in protocol.metrics}
     parts = [protocol_values(protocol, pair) for pair in pairs]
-    return {metric: pooled([one[metric] for one in parts]) for metric in protocol.metrics}
+    found = {metric: pooled([one[metric] for one in parts]) for metric in protocol.metrics}
+    return found | {metric: mean_sample(found[metric]) for metric in protocol.once_per_clip}
 
 
 def _pairs(

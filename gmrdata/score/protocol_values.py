@@ -60,12 +60,14 @@ class WorldPair:
 
 
 def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[ProtocolMetric, Samples]:
-    """Samples of each of a protocol's metrics; empty where there are none."""
+    """Samples of each of a protocol's metrics; empty where there are none.
+
+    Those that count once per clip are not means yet: a clip has several worlds where it has gaps.
+    """
     if protocol.gaps != "kept":
         pair = replace(pair, runs=((0, len(pair.true.joints_m)),))
     return {
-        metric: _sampled(protocol, metric, _parts(protocol, metric, pair))
-        for metric in protocol.metrics
+        metric: _sampled(protocol, _parts(protocol, metric, pair)) for metric in protocol.metrics
     }
 
 
@@ -87,7 +89,7 @@ def values_together(
         if protocol.gaps != "kept":
             pair = replace(pair, runs=((0, n_rows),))
         for metric in protocol.metrics:
-            found[metric] += [_mean(part) for part in _parts(whole, metric, pair, [(0, n_rows)])]
+            found[metric] += map(mean_sample, _parts(whole, metric, pair, [(0, n_rows)]))
     return {metric: pooled(parts) for metric, parts in found.items()}
 
 
@@ -115,14 +117,13 @@ def accelerations_over_clips(
     return found
 
 
-def _sampled(protocol: Protocol, metric: ProtocolMetric, parts: Sequence[np.ndarray]) -> Samples:
-    """The values themselves, or their means where each segment or each clip counts once."""
-    if protocol.sample == "segment":
-        return pooled([_mean(part) for part in parts])
-    return _mean(pooled(parts)) if metric in protocol.once_per_clip else pooled(parts)
+def _sampled(protocol: Protocol, parts: Sequence[np.ndarray]) -> Samples:
+    """The values themselves, or their means where each segment counts once."""
+    return pooled([mean_sample(part) for part in parts] if protocol.sample == "segment" else parts)
 
 
-def _mean(values: np.ndarray) -> Samples:
+def mean_sample(values: np.ndarray) -> Samples:
+    """One sample for all, or none where there are none."""
     return np.array([values.mean()]) if len(values) else values
 
 

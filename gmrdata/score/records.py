@@ -272,7 +272,7 @@ class Summary(Config):
     overall: GroupScore
     over_time: OverTime
     statements: tuple[str, ...]
-    """Which scores are below the floor, as sentences."""
+    """Which scores are below the floor, and that a network knows the clips, as sentences."""
 
     @model_validator(mode="after")
     def _has_every_group(self) -> Self:

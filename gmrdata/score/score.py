@@ -39,7 +39,7 @@ from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.body import BodyModel, body_of, names_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import (
@@ -49,7 +49,7 @@ from gmrdata.values.errors import (
     BadRecipe,
     StaleOutput,
 )
-from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.files import STAGE_FILE, sha256_of_file
 
 
 @dataclass(frozen=True)
@@ -179,12 +179,28 @@ def _write_scores(
 ) -> Path:
     def work(partial_dir: Path) -> None:
         scores = _scores(source, given, config)
+        lines = (*scores.statements, *_if_trained_on(source, given.manifest_path))
+        scores = scores.model_copy(update={"statements": lines})
         path = partial_dir / "scores.json"
         scores.write(path)
         write_table_files(path, csv_rows(scores), scores_markdown(scores))
 
     inputs = {**source.inputs, **given.inputs()}
     return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
+
+
+def _if_trained_on(source: Source, manifest_path: Path) -> list[str]:
+    """A sentence where a network was trained on this very manifest, as its run's record says."""
+    run_dir = source.inputs.get("run")
+    if run_dir is None or not (run_dir / STAGE_FILE).is_file():
+        return []
+    made, scored = StageRecord.of(run_dir), sha256_of_file(manifest_path)
+    if not any(key.startswith("manifest_") and made.inputs[key] == scored for key in made.inputs):
+        return []
+    left_out = made.facts.get("left_out")
+    reasons = " and ".join(left_out) if isinstance(left_out, dict) else ""
+    but = f", but for clips {reasons}" if reasons else ""
+    return [f"The network was trained on this manifest{but}: its figures are too good."]
 
 
 def _scores(source: Source, given: _Given, config: ScoreConfig) -> Scores:

@@ -1,6 +1,7 @@
 """Independent jobs on Dask workers, local ones by default, and work in threads."""
 
 import socket
+import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -55,6 +56,8 @@ def made_ahead(function: Callable[[Item], Result], items: Iterable[Item]) -> Ite
 
 
 POLL_S = 0.5
+POLL_SHARE = 0.05
+"""Most of the time that goes into counting: on a shared disk a look at many folders is slow."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,8 @@ class OthersLeft(Exception):
 
 
 Units = tuple[int, Callable[[], int]] | None
-"""What a progress bar counts instead of jobs: how many there will be, how many there are by now."""
+"""What a progress bar counts instead of jobs, of the own share alone: how many there will be, how
+many there are by now."""
 
 
 def run_jobs(
@@ -109,7 +113,7 @@ def try_jobs(
     OthersLeft unless all others are made.
     """
     shard = pool.shard
-    share = [job for job in jobs if shard is None or shard.of(job.id) == shard.index]
+    share = [job for job in jobs if pool.is_own(job.id)]
     results = _look_first(share)
     reasons: dict[str, str] = {}
     if left := [job for job in share if job.id not in results]:
@@ -117,7 +121,7 @@ def try_jobs(
             new, reasons = _by_dask(description, left, pool.client(), units, fault)
         results |= new
     if shard is not None:
-        results |= _look_first([job for job in jobs if shard.of(job.id) != shard.index])
+        results |= _look_first([job for job in jobs if not pool.is_own(job.id)])
         if shard.index == 0:
             reasons = _kept_reasons(jobs, results, failures_dir)
     record_failures(failures_dir, reasons, results)
@@ -215,9 +219,11 @@ def _wait(description: str, futures: Mapping[str, Any], units: Units) -> None:
     with progress_bar() as bar:
         task = bar.add_task(description, total=total)
         while pending := [future for future in futures.values() if not future.done()]:
+            start_s = time.monotonic()
             bar.update(task, completed=n_done())
+            count_s = time.monotonic() - start_s
             with suppress(TimeoutError, CancelledError):
-                wait(pending, timeout=POLL_S)
+                wait(pending, timeout=max(POLL_S, count_s / POLL_SHARE))
         bar.update(task, completed=total)
 
 

@@ -51,6 +51,10 @@ class Pool:
     """Whether the workers may be on other machines, so that each is looked at before it works."""
     shard: Shard | None = None
 
+    def is_own(self, id: str) -> bool:
+        """Whether the job of an id is in the share of this process."""
+        return self.shard is None or self.shard.of(id) == self.shard.index
+
 
 @contextmanager
 def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:

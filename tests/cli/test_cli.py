@@ -99,6 +99,21 @@ def test_no_argument_is_rewritten(gmrdata, tmp_path):
     assert "regenerate" in gmrdata("threedpw").stderr
 
 
+def test_the_home_folder_is_found_where_no_shell_writes_it_out(
+    walks_command, gmrdata, tmp_path, monkeypatch
+):
+    """In quotes, as the Makefile gives it, and after `=`, where bash leaves it."""
+    command = walks_command(1)
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(here)
+    made = gmrdata(*command, "--out=~/walks")
+    assert made.stdout.split()[-1] == str(tmp_path / "walks" / "motions.yaml"), made.stderr
+    assert gmrdata("manifest", "check", "~/walks/motions.yaml").returncode == 0
+    assert not list(here.iterdir())
+
+
 def fails_cleanly(answer: Answer, *said: str) -> None:
     assert answer.returncode == 1, answer.stderr
     assert "Traceback" not in answer.stderr

@@ -9,6 +9,8 @@ import ast
 import inspect
 import re
 import shlex
+import shutil
+import subprocess
 import sys
 from functools import cache
 from itertools import pairwise
@@ -199,6 +201,14 @@ def test_targets_and_measurements_are_there():
             files = [word for word in words if word.startswith("benchmarks/")]
             there = [name for name in files if (REPOSITORY / name).is_file()]
             assert there == [name for name in files if name != "benchmarks/FILE.py"], command
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
+def test_make_gives_the_demo_a_folder_with_a_space_in_its_name():
+    asked = ["make", "--dry-run", "demo", "MOTIONS=my cmu", "OUT=~/my demo"]
+    said = subprocess.run(asked, cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    (line,) = [line for line in said.stdout.splitlines() if "gmrdata demo" in line]
+    assert shlex.split(line)[1:] == ["demo", "--motions", "my cmu", "--out", "~/my demo"]
 
 
 def test_recipes_that_are_named_are_carried():

@@ -11,8 +11,14 @@ import numpy as np
 import psutil
 import pytest
 
-from gmrdata.film.render import RenderConfig
-from gmrdata.film.render_set import _write_listing, dry_run, render_set, summary_lines
+from gmrdata.film.render import RenderConfig, RenderJob
+from gmrdata.film.render_set import (
+    _write_listing,
+    dry_run,
+    render_set,
+    summary_lines,
+    try_render_clips,
+)
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
@@ -20,8 +26,10 @@ from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import LICENCES
 from gmrdata.pages.sets import write_set_pages
+from gmrdata.stage.jobs import OthersLeft
 from gmrdata.stage.recipes import load_recipe
-from gmrdata.stage.run import Run
+from gmrdata.stage.run import Run, Shard
+from gmrdata.stage.workers import worker_pool
 from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
 from gmrdata.write.bvh import write_bvh
@@ -247,6 +255,15 @@ def test_a_blender_process_that_is_killed_is_started_again(tmp_path, anny):
     assert killed
     check_manifest(manifest_path)
     assert not list((tmp_path / "failed").glob("*"))
+
+
+def test_a_share_looks_into_its_own_clips_alone(tmp_path):
+    """The others may be ten thousand, on a shared disk; here one that is not there."""
+    paths = {"clip_path": tmp_path / "clip.npz", "body_path": tmp_path / "body.npz"}
+    job = RenderJob(**paths, out_dir=tmp_path / "walk", config=RenderConfig())
+    left = pytest.raises(OthersLeft, match="rendering frames: 1 of 1 are left")
+    with worker_pool(Run(shard=Shard(0, 2))) as pool, left:
+        try_render_clips({"walk": job}, pool, tmp_path / "failed")
 
 
 def test_ids_that_collide_with_twins_are_refused():

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -261,19 +262,17 @@ def test_rows_have_the_name_of_who_estimated():
 
 
 def test_orderings_in_sentences():
-    def row(name: str, paper: float, mean: float) -> TableRow:
+    def row(name: str, paper: float, mean: float, **lacks: Any) -> TableRow:
         ours = OverSeeds(mean=mean, spread=0.1, by_seed=(mean - 0.1, mean + 0.1))
         return TableRow(
             name=name,
             name_in_paper=name,
             method="gmr",
-            clips="all",
             paper=PaperMetrics(ome_deg=paper, tme_mm=None, vme_mm=None),
             seeds=(0, 1),
             settings=None,
             ours=PaperMetrics(ome_deg=ours, tme_mm=ours, vme_mm=ours),
-            dropped_frames=0,
-            left_out={},
+            **{"clips": "all", "dropped_frames": 0, "left_out": {}} | lacks,
         )
 
     lines = orderings([row("a", 1.0, 2.0), row("b", 1.1, 1.95), row("c", 1.2, 3.0)])
@@ -283,6 +282,14 @@ def test_orderings_in_sentences():
         "OME, does not hold: a below b (within the seeds' spread).",
         "OME: the paper's best row is a, here it is b.",
     ]
+    other = "OME, holds: a below b (on other frames)."
+    for lacks in ({"dropped_frames": 5}, {"left_out": {"walk": "no prediction walk.npz"}}):
+        assert other in orderings([row("a", 1.0, 2.0), row("b", 1.1, 3.0, **lacks)])
+    one = row("a", 1.0, 2.0, left_out={"walk": "no file a/walk.npz"})
+    same = row("b", 1.1, 3.0, left_out={"walk": "no file b/walk.npz"})
+    still = row("b", 1.1, 3.0, clips="still", dropped_frames=5)
+    for rows in ([one, same], [one, still]):
+        assert "OME, holds: a below b." in orderings(rows)
 
 
 def test_each_key_of_a_table_is_needed(tmp_path):

@@ -13,10 +13,11 @@ import torch
 
 from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import best_of
-from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.config import DataConfig, LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.runs import runs_at, usable_files
+from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
@@ -24,7 +25,8 @@ from gmrdata.score import METHODS, METRICS, Metric
 from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.predictions import Pairing, network_clip
 from gmrdata.score.predictors import ScoreConfig
-from gmrdata.score.records import Scores
+from gmrdata.score.protocols import PROTOCOLS
+from gmrdata.score.records import Protocol, Scores
 from gmrdata.score.score import ScoredBodies, motion_types, score, score_clips
 from gmrdata.score.summary import summarise
 from gmrdata.stage.progress import answers
@@ -141,10 +143,28 @@ def test_known_errors_get_known_scores(clips, small_body, monkeypatch):
         np.testing.assert_allclose(one.errors["zero"]["tme_mm"][:9], steps_mm)
 
 
-def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
-    predict = partial(network_clip, gmr, how=Pairing(10.0))
-    ((one,), _) = score_clips(predict, ScoredBodies((body,), (body,)), [clip], ["none"])
+def scored_by(
+    gmr: TrainedGmr, body: BodyModel, clip: Clip, protocol: Protocol | None = None, **how: Any
+) -> ClipErrors:
+    predict = partial(network_clip, gmr, how=Pairing(10.0, **how))
+    bodies = ScoredBodies((body,), (body,))
+    ((one,), _) = score_clips(predict, bodies, [clip], ["none"], protocol)
     return one
+
+
+@pytest.mark.parametrize(("all_phases", "n_frames"), [(False, 7 + 4), (True, 3 * 7 + 4 + 4 + 3)])
+def test_a_clip_with_gaps_counts_once(all_phases, n_frames, clips, small_body, run_dir):
+    """A network begins anew after each gap and in each phase; EMDB's jitter is one per sequence."""
+    emdb, gmr = PROTOCOLS["emdb"], load_gmr(run_dir)
+    by_frame = emdb.model_copy(update={"once_per_clip": ()})
+    once, each = (
+        scored_by(gmr, small_body, clips[2], one, all_phases=all_phases).protocol
+        for one in (emdb, by_frame)
+    )
+    for method in METHODS:
+        samples = each[method]["jitter_10m_per_s3"]
+        assert len(samples) == n_frames
+        np.testing.assert_array_equal(once[method]["jitter_10m_per_s3"], [samples.mean()])
 
 
 def test_vme_is_the_distance_between_placed_meshes(clips, small_body, run_dir, monkeypatch):
@@ -409,6 +429,35 @@ def test_predictions_of_another_body_need_that_body(
     monkeypatch.chdir(tmp_path)  # a path may be text, relative to where one is
     with pytest.raises(BadBodyFile, match="half.npz: 100 vertices"):
         score(*given[:2], tmp_path / "other", **bodies | {"predictions_body_path": "half.npz"})
+
+
+def test_it_is_said_that_a_network_was_trained_on_the_scored_manifest(
+    clips, small_body, body_path, tmp_path
+):
+    trials = zip(clips, ("05_21", "08_21", "143_21"), strict=True)
+    named = [replace(clip, id=trial) for clip, trial in trials]
+    known = write_manifest_of(tmp_path / "cmu", small_body, named, dataset="CMU")
+    others = write_clips(tmp_path / "others", small_body, clips)
+    trained = {}
+    for name, subjects in (("all", ()), ("but_08", (8,))):
+        config = TrainConfig(
+            model=ModelConfig(layers=1, hidden=6),
+            loss=LossConfig(n_vertices=16),
+            windows=WindowConfig(frames=8),
+            data=DataConfig(held_out_subjects=subjects),
+            batch_size=2,
+            steps=2,
+        )
+        trained[name] = train([known], tmp_path / name, config, body_path=body_path)
+    said = {}
+    for name, manifest in (("all", others), ("all", known), ("but_08", known)):
+        out = tmp_path / f"{name}_{manifest.parent.name}"
+        (path,) = score(trained[name], manifest, out, body_path=body_path).scores
+        said[out.name] = Scores.read(path).statements
+    whole = "The network was trained on this manifest: its figures are too good."
+    part = whole.replace("fest", "fest, but for clips of held-out subject 8")
+    assert said == {"all_others": (), "all_cmu": (whole,), "but_08_cmu": (part,)}
+    assert f"- {part}\n" in (tmp_path / "but_08_cmu" / "scores.md").read_text()
 
 
 def test_a_trial_of_the_published_list_has_its_type(clips, small_body, tmp_path):

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import dask
+import numpy as np
 import pytest
 from distributed import LocalCluster
 
@@ -60,6 +61,10 @@ def kill_own_process_once(path: Path, dies: bool) -> None:
         attempts.write("x")
     if dies and path.read_text() == "x":
         kill_own_process()
+
+
+def wait_s(seconds: float) -> None:
+    time.sleep(seconds)
 
 
 @pytest.fixture(scope="module")
@@ -201,6 +206,19 @@ def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path):
     assert count_files(folders, "frames/*.jpg", finished) == 6
     (tmp_path / "b.partial").rename(tmp_path / "b")
     assert count_files(folders, "frames/*.jpg", finished) == 6
+
+
+def test_a_slow_count_is_asked_rarely(two_workers, tmp_path):
+    """One of thousands of folders on a shared disk."""
+    begun_s: list[float] = []
+
+    def count() -> int:
+        begun_s.append(time.monotonic())
+        time.sleep(0.05)
+        return 0
+
+    run_jobs("waiting", [Job("a", wait_s, {"seconds": 2.5})], two_workers, tmp_path, (9, count))
+    assert len(begun_s) >= 2 and min(np.diff(begun_s)) >= 1.0
 
 
 IS_FILE = Path.is_file
