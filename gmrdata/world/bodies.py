@@ -239,11 +239,12 @@ def _check_frames(
 
 
 def _require_even(path: Path, frames: FrameSet) -> None:
-    """Refuse VIBE's file of a video whose times are off one rate by more than half a frame: VIBE
-    gets its images from ffmpeg, which repeats and leaves out frames until they have one."""
+    """Refuse VIBE's file of a video whose times are off one rate by more frames than counts may
+    differ: VIBE gets its images from ffmpeg, which repeats and leaves out frames until they have
+    one.  Phones are off by a frame or so in a minute."""
     video_hz = frames.video_hz
     off_s = float(np.ptp(frames.times_s - frames.frame_numbers / video_hz))
-    if off_s > 0.5 / video_hz:
+    if off_s > ODD_FRAMES / video_hz:
         what = f"the video's frames are up to {off_s:.2f} s off a steady {video_hz:.5g} Hz"
         steady = f"ffmpeg -i VIDEO -vf fps={video_hz:.5g} STEADY"
         remedy = f"Make it steady first ({steady}), and give that to both"

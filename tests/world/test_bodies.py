@@ -207,14 +207,14 @@ def test_vibe_of_a_video_that_stops_for_a_moment_is_refused(seen, neutral, tmp_p
     """VIBE's images are of one rate, with frames repeated: its poses lay on other frames after."""
     people = system_files.vibe_people([seen], np.random.default_rng(0))
     lens, frames = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), video(np.arange(N_FRAMES))
-    for late_s in (0.04, 0.06):  # of 0.1 s from frame to frame
+    for late_s in (0.18, 0.25):  # of 0.1 s from frame to frame
         times_s = frames.times_s + np.where(frames.numbers < 20, 0.0, late_s)
         filmed = Filmed(replace(frames, times_s=times_s), lens)
         path = system_files.write_joblib(tmp_path / f"{late_s}" / "vibe_output.pkl", people)
-        if late_s < 0.05:
+        if late_s < 0.2:
             assert len(made_of(path, filmed, neutral).people) == 1
             continue
-        with pytest.raises(BadMotionFile, match=r"up to 0\.06 s off a steady 10 Hz, and VIBE"):
+        with pytest.raises(BadMotionFile, match=r"up to 0\.25 s off a steady 10 Hz, and VIBE"):
             made_of(path, filmed, neutral)
 
 
