@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
-from gmrdata.gmr.config import DataConfig, TrainConfig
+from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.runs import cmu_trial, recording_of, split_manifests, subject_of
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
@@ -201,29 +200,6 @@ def test_the_trials_that_a_page_fetches_are_trained_on(recipe, make_manifest):
     sources = {trial: Source(dataset="CMU", sequence=trial) for trial in fetch if is_trial(trial)}
     split = split_manifests([make_manifest("page", sources)], data)
     assert len(split.training) >= 3
-
-
-def test_a_recipe_with_weights(tmp_path):
-    recipe = GmrRecipe.model_validate(
-        {
-            "recipe": "gmr",
-            "training": [
-                {"manifest": "amass/motions.yaml", "weight": 3},
-                {"manifest": "h36m/train.yaml", "weight": 1},
-            ],
-        }
-    )
-    assert recipe.training_paths(tmp_path) == [
-        tmp_path / "amass/motions.yaml",
-        tmp_path / "h36m/train.yaml",
-    ]
-    assert recipe.train_config().data.weights == (3.0, 1.0)
-    plain = GmrRecipe.model_validate({"recipe": "gmr", "training": ["a.yaml", {"manifest": "b"}]})
-    assert plain.training_paths(tmp_path) == [tmp_path / "a.yaml", tmp_path / "b"]
-    assert plain.train_config() == TrainConfig()
-    for training in (["a.yaml", {"manifest": "b", "weight": 1}], [{"manifest": "b", "weight": 0}]):
-        with pytest.raises(ValidationError):
-            GmrRecipe.model_validate({"recipe": "gmr", "training": training})
 
 
 def test_a_training_says_what_it_left_out(
