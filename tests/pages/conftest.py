@@ -139,7 +139,6 @@ def make_clip(small_body, tmp_path_factory) -> Callable[[str], ClipReport]:
                 scale_sigma=None if pans else 0.0123,
                 reprojection_error_px=0.4321,
                 inliers=np.arange(200, 200 + n),
-                notes=(("Registered by", "the global mapper"),),
             ),
             predicted=moved(motion, TRUE_FROM_PSEUDO),
         )
@@ -166,7 +165,6 @@ def report(make_clip) -> ReportData:
             seconds={"render": 61.25, "reconstruct": 40.5, "train": 12.0},
             versions={"gmrdata": "0.1.0", "numpy": "1.26.4"},
             recipe="fps_hz: 10.0\ncameras: [circular, linear, panning]\n",
-            limits=("The model was trained for half a minute.",),
         ),
         clips=tuple(make_clip(kind) for kind in PROGRAMMES),
         scores={
