@@ -120,10 +120,21 @@ def make_batch(
     is_changed = config.mirror_probability > 0 or is_turned(config)
     if is_changed or training_set.extra_inputs:
         poses = _input_of(local_rotmats, lengths, training_set, config, rng)
+    return batch_of(windows, poses, lengths, motions, local_rotmats)
+
+
+def batch_of(
+    windows: Sequence[TrainingRun],
+    poses: Float[np.ndarray, "batch frames numbers"],
+    lengths: Int[np.ndarray, " batch"],
+    motions: Motions,
+    local_rotmats: Float[np.ndarray, "batch frames 23 3 3"],
+) -> Batch:
+    """The tensors of windows: shapes and bodies from these, the mask from the real frames."""
     return Batch(
         poses=torch.from_numpy(poses),
         lengths=torch.from_numpy(lengths),
-        mask=torch.from_numpy(np.arange(config.frames - 1) < lengths[:, None] - 1),
+        mask=torch.from_numpy(np.arange(1, poses.shape[1]) < lengths[:, None]),
         motions=motions,
         local_rotmats=torch.from_numpy(local_rotmats),
         shape=torch.from_numpy(np.stack([window.shape for window in windows])),
