@@ -1,7 +1,5 @@
 """Records of a reconstruction and its pseudo ground truth that every threshold lets pass."""
 
-from collections.abc import Iterator
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -77,23 +75,3 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
         people=(verdict_of("walk", True, (), [""] * cameras.frames),),
         picture_fits=(PictureFit(40, 1, 0.82, 0, 0.82, 0, ()),),
     )
-
-
-def keys_of(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
-    """The paths to all keys of a JSON value."""
-    items = value.items() if isinstance(value, dict) else enumerate(value)
-    for key, inner in items:
-        if isinstance(value, dict):
-            yield (*path, key)
-        if isinstance(inner, dict | list):
-            yield from keys_of(inner, (*path, key))
-
-
-def without(value: Any, path: tuple[str | int, ...]) -> Any:
-    """A copy of a JSON value without one of its keys."""
-    copy = deepcopy(value)
-    inner = copy
-    for key in path[:-1]:
-        inner = inner[key]
-    del inner[path[-1]]
-    return copy
