@@ -34,7 +34,6 @@ from gmrdata.paper.plan import (
     plan_table,
     train_config,
 )
-from gmrdata.read.body_file import save_body
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes
 from gmrdata.stage.run import Run
@@ -328,12 +327,6 @@ def test_each_key_of_a_table_is_needed(tmp_path):
     )
     free = ("data.left_out", "lacking", "rows.0.settings", "rows.0.left_out")
     assert_each_key_is_needed(record, tmp_path / "table2.json", free)
-
-
-@pytest.fixture
-def body_path(small_body, tmp_path) -> Path:
-    save_body(tmp_path / "body.npz", small_body)
-    return tmp_path / "body.npz"
 
 
 @pytest.fixture
