@@ -241,7 +241,7 @@ def cmu_clips(make_clips) -> list[Clip]:
 def test_the_verb_measures_a_run_on_whom_it_held_out(
     cmu_clips, small_body, small_config, tmp_path, monkeypatch, capsys
 ):
-    manifest = write_clips(tmp_path / "cmu", small_body, cmu_clips, dataset="CMU")
+    manifest = write_clips(tmp_path / "cmu", small_body, cmu_clips, sources="CMU")
     save_body(tmp_path / "body.npz", small_body)
     held_out = DataConfig(held_out_subjects=(2,))
     config = small_config.model_copy(update={"data": held_out, "steps": 2})

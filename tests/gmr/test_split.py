@@ -14,13 +14,12 @@ from gmrdata.gmr.runs import cmu_trial, recording_of, split_manifests, subject_o
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.read.body_file import save_body
 from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import recipes
-from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
+from tests.clip_manifests import write_clips
 from tests.docs.page_commands import commands
 
 CMU_02_03 = Source(dataset="CMU", sequence="02_03")
@@ -41,25 +40,9 @@ def make_manifest(make_clips, small_body, tmp_path) -> Callable[..., Path]:
     """A manifest of small clips with these sources."""
 
     def make(name: str, sources: dict[str, Source] = SOURCES) -> Path:
-        folder, entries = tmp_path / name, []
         clips = make_clips(len(sources), len(name), duration_s=2.0)
-        for (clip_id, source), clip in zip(sources.items(), clips, strict=True):
-            path = folder / f"{clip_id}.npz"
-            save_clip(path, replace(clip, id=clip_id), small_body.rest_pelvis_m(clip.motion.shape))
-            entries.append(
-                clip_entry(
-                    folder,
-                    ClipFiles(path),
-                    ClipAbout(camera_motion="none", licence="CC0-1.0", source=source),
-                )
-            )
-        return write_manifest(
-            folder / f"{name}.yaml",
-            ManifestHead(
-                name=name, version="1.0.0", description="Clips.", kind="motions", licence="CC0-1.0"
-            ),
-            entries,
-        )
+        named = [replace(clip, id=id) for id, clip in zip(sources, clips, strict=True)]
+        return write_clips(tmp_path / name, small_body, named, sources=sources)
 
     return make
 

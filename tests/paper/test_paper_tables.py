@@ -341,7 +341,7 @@ def write_walks(small_body, tmp_path) -> Callable[..., Path]:
             Clip(id, motion, np.ones(motion.n_frames, bool), np.full(motion.n_frames, -1), None)
             for id, motion in zip(trials, motions, strict=True)
         ]
-        return write_clips(tmp_path / name, small_body, clips, dataset="CMU")
+        return write_clips(tmp_path / name, small_body, clips, sources="CMU")
 
     return write
 
