@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.files import NOT_SMOOTHED, CamerasQuality, Evidence
-from gmrdata.values.camera import CameraPath
+from gmrdata.cameras.lens.intrinsics import Intrinsics
+from gmrdata.values.camera import CameraPath, Source
 from gmrdata.values.camera_motion import MotionFigures
 from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.level import LevelEstimate
@@ -75,3 +76,12 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
         people=(verdict_of("walk", True, (), [""] * cameras.frames),),
         picture_fits=(PictureFit(40, 1, 0.82, 0, 0.82, 0, ()),),
     )
+
+
+def lens(source: Source, sigma: float, objections: tuple[str, ...] = ()) -> Intrinsics:
+    """A focal length of 1088 px for 1280x720, from there and of that doubt."""
+    return Intrinsics(
+        source=source, width_px=1280, height_px=720, focal_px=1088.0, focal_y_px=1088.0,
+        focal_sigma=sigma, centre_px=(640.0, 360.0), radial_k1=0.0, radial_k1_sigma=None,
+        focal_observable=source != "prior", asked=None, starts=(), objections=objections, notes=(),
+    )  # fmt: skip
