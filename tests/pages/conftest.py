@@ -25,8 +25,8 @@ from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
+from tests.motions import moved
 from tests.sharing import made_once
 
 PROGRAMMES = {"circular": Circular(), "linear": Linear(), "panning": Panning()}
@@ -70,15 +70,6 @@ def paint_clip(folder: Path, clip: Clip, body: BodyModel) -> tuple[Path, Path]:
         cv2.imwrite(str(images_dir / f"{number:05d}.jpg"), image)
         cv2.imwrite(str(masks_dir / f"{number:05d}.png"), cv2.dilate(mask, np.ones((5, 5))))
     return images_dir, masks_dir
-
-
-def moved(motion: Motion, b_from_a: np.ndarray) -> Motion:
-    """A motion in another world."""
-    return replace(
-        motion,
-        root_rotmats=b_from_a[:3, :3] @ motion.root_rotmats,
-        pelvis_m=transforms.apply(b_from_a, motion.pelvis_m),
-    )
 
 
 def recovered(true: Clip, rng: np.random.Generator) -> Clip:

@@ -29,6 +29,7 @@ from gmrdata.values.camera import intrinsics_from_fov, project
 from gmrdata.values.errors import BadFrames, NothingToCompare, StageFailed
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write import overlay
+from tests.motions import moved
 
 
 def test_body_covers_the_painted_silhouette(report):
@@ -197,13 +198,8 @@ def test_predicted_motion_starts_at_the_true_start(report):
     turned = transforms.rigid(
         Rotation.from_euler("z", 70.0, degrees=True).as_matrix(), np.array([5.0, 4.0, 0.0])
     )
-    predicted = replace(
-        true,
-        root_rotmats=turned[:3, :3] @ true.root_rotmats,
-        pelvis_m=transforms.apply(turned, true.pelvis_m),
-    )
     axes = Figure().subplots()
-    plot_predicted_view(axes, true, predicted)
+    plot_predicted_view(axes, true, moved(true, turned))
     (line,) = (
         line
         for line in axes.get_lines()
