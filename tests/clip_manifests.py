@@ -32,7 +32,7 @@ def write_clips(
     *,
     camera_motions: Sequence[CameraMotion] | None = None,
     kind: str = "motions",
-    dataset: str = "gmrdata",
+    sources: str | Mapping[str, Source] = "gmrdata",
 ) -> Path:
     """Write `<clip id>.npz` and `manifest.yaml`; gives the manifest.
 
@@ -43,8 +43,10 @@ def write_clips(
         qualities: What is known of them, by id.
         camera_motions: Class of each one's camera motion; "none" for all when left out.
         kind: Kind of manifest.
-        dataset: Where the clips are from; their sequences are their ids.
+        sources: Where each one is from, by id; or the data set of all, whose sequences are the ids.
     """
+    if isinstance(sources, str):
+        sources = {clip.id: Source(dataset=sources, sequence=clip.id) for clip in clips}
     entries = []
     for number, clip in enumerate(clips):
         path = folder / f"{clip.id}.npz"
@@ -57,7 +59,7 @@ def write_clips(
                 ClipAbout(
                     camera_motion=camera_motion,
                     licence="CC0-1.0",
-                    source=Source(dataset=dataset, sequence=clip.id),
+                    source=sources[clip.id],
                     quality=(qualities or {}).get(clip.id),
                 ),
             )

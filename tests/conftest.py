@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from dataclasses import replace
 from gmrdata.read.bodies import load_body
 from gmrdata.values.body import JOINT, PARENTS, BodyModel
 from tests.sharing import made_once
@@ -179,3 +180,9 @@ def small_body() -> BodyModel:
         pose_dirs_m=None,
         licence="CC0-1.0",
     )
+
+
+@pytest.fixture(scope="session")
+def neutral(small_body) -> BodyModel:
+    """The small body by the name of SMPL's neutral one, as other systems' people are of."""
+    return replace(small_body, name="smpl-neutral")

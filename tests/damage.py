@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
@@ -10,6 +10,16 @@ from hypothesis import strategies as st
 from gmrdata.values.errors import GmrdataError
 
 T = TypeVar("T")
+
+
+class Calls:
+    """Pickles as a call of a function; with a state, as an object that is built."""
+
+    def __init__(self, function: Any, *arguments: Any) -> None:
+        self.called = (function, arguments)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self.called
 
 
 def in_one_folder(max_examples: int) -> settings:

@@ -1,9 +1,11 @@
 """Motions that tests make up."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from gmrdata.values import transforms
 from gmrdata.values.motion import Motion
 
 REST: dict[str, Any] = {
@@ -15,3 +17,12 @@ REST: dict[str, Any] = {
 def made_up(local: np.ndarray, root: np.ndarray, pelvis_m: np.ndarray, **given: Any) -> Motion:
     """A motion of the small body in the world at 10 fps, unless something else is given."""
     return Motion(local, root, pelvis_m, **REST | given)
+
+
+def moved(motion: Motion, b_from_a: np.ndarray) -> Motion:
+    """A motion in another world, by a rigid (4, 4)."""
+    return replace(
+        motion,
+        root_rotmats=b_from_a[:3, :3] @ motion.root_rotmats,
+        pelvis_m=transforms.apply(b_from_a, motion.pelvis_m),
+    )

@@ -1,13 +1,12 @@
 """Records of a reconstruction and its pseudo ground truth that every threshold lets pass."""
 
-from collections.abc import Iterator
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from gmrdata.cameras.files import NOT_SMOOTHED, CamerasQuality, Evidence
-from gmrdata.values.camera import CameraPath
+from gmrdata.cameras.lens.intrinsics import Intrinsics
+from gmrdata.values.camera import CameraPath, Source
 from gmrdata.values.camera_motion import MotionFigures
 from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.level import LevelEstimate
@@ -79,21 +78,10 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
     )
 
 
-def keys_of(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
-    """The paths to all keys of a JSON value."""
-    items = value.items() if isinstance(value, dict) else enumerate(value)
-    for key, inner in items:
-        if isinstance(value, dict):
-            yield (*path, key)
-        if isinstance(inner, dict | list):
-            yield from keys_of(inner, (*path, key))
-
-
-def without(value: Any, path: tuple[str | int, ...]) -> Any:
-    """A copy of a JSON value without one of its keys."""
-    copy = deepcopy(value)
-    inner = copy
-    for key in path[:-1]:
-        inner = inner[key]
-    del inner[path[-1]]
-    return copy
+def lens(source: Source, sigma: float, objections: tuple[str, ...] = ()) -> Intrinsics:
+    """A focal length of 1088 px for 1280x720, from there and of that doubt."""
+    return Intrinsics(
+        source=source, width_px=1280, height_px=720, focal_px=1088.0, focal_y_px=1088.0,
+        focal_sigma=sigma, centre_px=(640.0, 360.0), radial_k1=0.0, radial_k1_sigma=None,
+        focal_observable=source != "prior", asked=None, starts=(), objections=objections, notes=(),
+    )  # fmt: skip

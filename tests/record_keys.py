@@ -8,16 +8,19 @@ from typing import Any
 import pytest
 
 from gmrdata.values.errors import BadRecord
-from gmrdata.values.records import Record
+from gmrdata.values.records import MAKE_AGAIN, Record
 
 
-def assert_each_key_is_needed(record: Record, path: Path, free: tuple[str, ...] = ()) -> None:
+def assert_each_key_is_needed(
+    record: Record, path: Path, free: tuple[str, ...] = (), *, named_alone: bool = False
+) -> None:
     """Reading the file is an error that names file and key, whichever key of it is gone.
 
     Args:
         record: A record in which nothing is empty.
         path: Where to write it.
         free: Dotted paths of tables whose keys are names that may be there or not.
+        named_alone: Whether errors may name a key without the way to it, as checks of tables do.
     """
     record.write(path)
     assert type(record).read(path) == record
@@ -31,7 +34,9 @@ def assert_each_key_is_needed(record: Record, path: Path, free: tuple[str, ...] 
         path.write_text(json.dumps(_without(whole, place)))
         with pytest.raises(BadRecord) as raised:
             type(record).read(path)
-        assert str(path) in str(raised.value) and key in str(raised.value), place
+        said = str(raised.value)
+        assert str(path) in said and MAKE_AGAIN in said, place
+        assert (key if named_alone else f"`{place}`") in said, place
     assert_numbers_are_numbers(type(record), whole, path)
 
 

@@ -25,7 +25,7 @@ from gmrdata.fusion.network_errors import (
     held_out_motions,
 )
 from gmrdata.fusion.network_evidence import DeltaErrors
-from gmrdata.gmr.config import TrainConfig
+from gmrdata.gmr.config import DataConfig, TrainConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.read.bodies import load_body
@@ -147,8 +147,8 @@ class FusionSession:
             folder = "gmr_small" if self.small else "gmr"
             run_dir = (OUT_DIR / "fusion" / folder).resolve()
             train([self.every], run_dir, self._recipe())
-        said = TrainConfig.model_validate(StageRecord.of(run_dir).config).data.held_out_subjects
-        trained_on = set(self.subjects) - set(said)
+        said = DataConfig.model_validate(StageRecord.of(run_dir).config["data"])
+        trained_on = set(self.subjects) - set(said.held_out_subjects)
         assert not trained_on, f"{run_dir}: was trained on subjects {sorted(trained_on)}"
         return run_dir
 

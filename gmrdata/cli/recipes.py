@@ -195,11 +195,11 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
         raise BadRecipe(f"{path}: names its `training` manifests itself. Leave --manifest out")
     folder = path.parent
     scored = _folders_of_scores([folder / manifest for manifest in recipe.scored])
-    training = recipe.training_paths(folder) or list(inputs.manifest)
+    training = [folder / one for one in recipe.training] or list(inputs.manifest)
     if not training:
         raise MissingInput(f"{path}: this recipe needs --manifest")
     body = flags.body_path(inputs.body) if recipe.body is None else folder / recipe.body
-    run_dir = train(training, out / "run", recipe.train_config(), body_path=body, run=run)
+    run_dir = train(training, out / "run", recipe.train, body_path=body, run=run)
     for name, manifest in scored.items():
         made = score(run_dir, manifest, out / "scores" / name, body_path=body, run=run)
         show_scores(*made.scores)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError, field_validator
+from pydantic import Field, TypeAdapter, ValidationError
 
 from gmrdata.film import camera_moves as moves
 from gmrdata.film.camera_moves import SubjectPath, look_at, subject_path
@@ -77,13 +77,6 @@ class Linear(Travelling):
     kind: Literal["linear"] = "linear"
     look: Literal["fixed"] = "fixed"
     """It keeps the orientation.  The key stays, so that plans which name it are not made again."""
-
-    @field_validator("look", mode="before")
-    @classmethod
-    def _turns_by_another_name(cls, look: object) -> object:
-        if look == "subject":
-            raise ValueError("a camera that turns to it is `linear_panning` with speed_m_per_s")
-        return look
 
 
 class LinearPanning(Travelling):

@@ -26,7 +26,7 @@ from gmrdata.fusion.network_evidence import (
 )
 from gmrdata.fusion.smoothing import mean_variance
 from gmrdata.gmr.augmentation import turned
-from gmrdata.gmr.config import DataConfig, TrainConfig, Which, WindowConfig
+from gmrdata.gmr.config import DataConfig, Which, WindowConfig
 from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, load_gmr
 from gmrdata.gmr.runs import runs_at, split_manifests, subject_of
 from gmrdata.stage.progress import track
@@ -117,7 +117,7 @@ def held_out_motions(
 
     BadManifest where there are none; BadRecord, MissingInput and BadCheckpoint for another run.
     """
-    data = DataConfig(held_out_subjects=people) if people else _training(run_dir).data
+    data = DataConfig(held_out_subjects=people) if people else _data_of(run_dir)
     files = split_manifests(manifest_paths, data).held_out
     if not files:
         raise BadManifest(
@@ -133,9 +133,10 @@ def held_out_motions(
     return found
 
 
-def _training(run_dir: Path) -> TrainConfig:
+def _data_of(run_dir: Path) -> DataConfig:
+    """That of a training's recipe, whose other settings may be of a former version."""
     try:
-        return TrainConfig.model_validate(StageRecord.of(run_dir).config)
+        return DataConfig.model_validate(StageRecord.of(run_dir).config.get("data"))
     except ValidationError:
         what = "its recipe is none of a training"
         raise BadRecord(f"{run_dir / STAGE_FILE}: {what}. Give a run of `gmrdata train`") from None

@@ -1,4 +1,4 @@
-"""Augmentations: left and right exchanged, arms of others, random turns of the joints; four ways.
+"""Augmentations: left and right exchanged, random turns of the joints; four ways.
 
 A motion is reflected in a vertical plane of the world, x -> -x, and each joint takes over from its
 counterpart on the other side.  In the body's frame, x to its left, that is the same reflection
@@ -19,7 +19,7 @@ from torch import Tensor
 
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import WindowConfig
-from gmrdata.values.body import JOINT, MIRROR, MIRRORED
+from gmrdata.values.body import MIRROR, MIRRORED
 from gmrdata.values.shapes import Float, Int
 
 COUNTERPARTS = [joint - 1 for joint in MIRRORED[1:]]
@@ -99,7 +99,6 @@ def _signs(rotmats: Tensor) -> Tensor:
 
 AXES = np.array(MIRROR)  # diagonal of the reflection M
 _SIGNS = np.outer(AXES, AXES)  # M R M multiplies each entry of R by one of these
-_UPPER = np.arange(JOINT["neck"], len(JOINT)) - 1  # rows of neck, head and arms
 
 
 def mirror_local(
@@ -118,26 +117,9 @@ def mirror_points_m(points_m: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray
     return points_m * AXES.astype(points_m.dtype)
 
 
-def with_exchanged_arms(
-    local_rotmats: Float[np.ndarray, "batch frames 23 3 3"],
-    probability: float,
-    rng: np.random.Generator,
-) -> Float[np.ndarray, "batch frames 23 3 3"]:
-    """Local rotations of windows, some with neck, head and arms of the next window.
-
-    The root's motion is left as it is: legs and trunk carry it, and arms change it a little.
-    """
-    chosen = np.flatnonzero(rng.random(len(local_rotmats)) < probability)
-    exchanged = local_rotmats.copy()
-    exchanged[chosen[:, None], :, _UPPER] = np.roll(local_rotmats, -1, axis=0)[
-        chosen[:, None], :, _UPPER
-    ]
-    return exchanged
-
-
 def is_turned(config: WindowConfig) -> bool:
     """Whether `turned` does anything."""
-    return max(config.pose_noise_deg, config.jitter_deg, config.posture_noise_deg) > 0
+    return max(config.pose_noise_deg, config.jitter_deg) > 0
 
 
 def turned(
@@ -145,9 +127,8 @@ def turned(
     config: WindowConfig,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "*batch frames 23 3 3"]:
-    """Local rotations with each joint turned by `pose_noise_deg`, `jitter_deg` and
-    `posture_noise_deg`: R exp(n), with axis-angle vectors n of normal distribution.  The last n is
-    the same in all frames."""
+    """Local rotations with each joint turned by `pose_noise_deg` and `jitter_deg`: R exp(n), with
+    axis-angle vectors n of normal distribution."""
     rotvecs_rad = np.zeros(local_rotmats.shape[:-1])
     if config.pose_noise_deg > 0:
         noise = rng.normal(size=rotvecs_rad.shape)
@@ -158,9 +139,6 @@ def turned(
         most = _per_axis_rad(config.jitter_deg)
         share = rng.random((*rotvecs_rad.shape[:-3], 1, 1, 1))
         rotvecs_rad += most * share * rng.normal(size=rotvecs_rad.shape)
-    if config.posture_noise_deg > 0:
-        of_window = rng.normal(size=(*rotvecs_rad.shape[:-3], 1, *rotvecs_rad.shape[-2:]))
-        rotvecs_rad += _per_axis_rad(config.posture_noise_deg) * of_window
     turns = Rotation.from_rotvec(rotvecs_rad.reshape(-1, 3)).as_matrix()
     return local_rotmats @ turns.reshape(local_rotmats.shape).astype(local_rotmats.dtype)
 

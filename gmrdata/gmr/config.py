@@ -70,9 +70,8 @@ class ModelConfig(NetworkConfig):
     """Whether how each joint itself moves says, too, if it stands, by weights that joints share,
     and a body in flight is held as one more joint (`gmrdata.gmr.supports`).  Needs `standing_joint`
     for both."""
-    regressed: Literal["freely", "as_the_pose_changes"] = "freely"
-    """`as_the_pose_changes`: what is regressed is multiplied by how fast the local pose changes, so
-    that who holds a pose stands still, on whatever posture the network was trained."""
+    regressed: Literal["freely"] = "freely"
+    """Nothing else.  The key stays, since networks that are trained have it in their records."""
     symmetric: bool = False
     """Whether a trained network's answer is the mean of four: to the sequence, its mirror image,
     its reverse, and both, each turned back.  That takes four times as long; training is the same.
@@ -118,16 +117,7 @@ class WindowConfig(Config):
     all_phases: bool = True
     """Whether a clip of k times the rate gives k sequences, each begun a frame later, or only the
     first.  The paper samples "each sequence at a rate of 10 fps", plainly read: once."""
-    speeds: tuple[Annotated[float, Field(ge=0.1, le=10.0)], ...] = Field(
-        default=(1.0,), min_length=1
-    )
-    """How fast motions are played: each clip is cut at each speed.  The paper's is 1 alone."""
     mirror_probability: float = Field(default=0.0, ge=0.0, le=1.0)  # of left and right; paper: 0
-    exchange_probability: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Share of windows whose arms and head move as in another window; paper: 0."""
-    posture_noise_deg: float = Field(default=0.0, ge=0.0, le=180.0)
-    """Root mean square angle of turns of each joint that last for a window, in the input alone
-    [deg]: another person's posture; paper: 0."""
     pose_noise_deg: float = Field(default=0.0, ge=0.0, le=180.0)
     """Root mean square angle of random turns of each joint, in the input alone [deg]; paper: 0."""
     jitter_deg: float = Field(default=0.0, ge=0.0, le=180.0)
@@ -187,8 +177,6 @@ class TrainConfig(StepsConfig):
     but at most (1 + step) / (10 + step), so that it forgets where it began.  The average is then
     what is scored and used; 0 for the weights themselves, as in the paper."""
     eval_every: int = Field(default=1000, ge=1)  # steps between scores on held-out clips
-    best_by: Literal["held_out_tme_mm", "held_out_ome_deg"] = "held_out_tme_mm"
-    """The held-out score whose lowest value makes the best weights."""
     precision: Literal["fp32", "bf16"] = "fp32"
     """Numbers that the network computes with: `bf16` by autocast; the rest stays in float32."""
     compile: bool = False  # the network by `torch.compile`; the GRUs stay the library's own

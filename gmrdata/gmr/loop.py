@@ -182,7 +182,7 @@ class _GmrLearner(steps.Learner[Batch]):
         is_scored = self._scored_runs and steps.is_due(done, config.eval_every, config)
         if self.processes.is_first and is_scored:
             scores = held_out_scores(self.used, self._scored_runs, config.windows.fps_hz)
-            name = config.best_by
+            name = "held_out_tme_mm"
             self.best = checkpoint.best_of(self.best, done, name, scores[name], self.used)
             log({"step": done} | scores)
         super().after(done, log)

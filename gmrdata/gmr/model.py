@@ -83,20 +83,6 @@ def _root_motions(places_m: Tensor, root_from_joint: Tensor) -> Tensor:
     return _with_last(SCALE * torch.cat([rotations.log_map(delta_rotmats), delta_m], dim=-1))
 
 
-def speeds_of_change(
-    places_m: Float[Tensor, "*batch frames 23 3"],
-    root_from_joint: Float[Tensor, "*batch frames 23 3 3"],
-) -> Float[Tensor, "*batch frames 1"]:
-    """How fast a pose changes at each frame: about 1 for who walks at 10 fps, 0 for who stands.
-
-    The root mean square over the joints of `motions_if_standing`, before or after the frame,
-    whichever is more.
-    """
-    after = _root_motions(places_m, root_from_joint).square().mean((-1, -2)).sqrt()
-    before = torch.cat([after[..., :1], after[..., :-1]], dim=-1)
-    return torch.maximum(before, after)[..., None]
-
-
 def seen_from_feet(
     local_rotmats: Float[Tensor, "*batch frames 23 3 3"], joints: Joints | None = None
 ) -> Float[Tensor, "*batch frames 2 30"]:
@@ -214,7 +200,6 @@ class Gmr(MotionNetwork):
         self.turn_shares = _shares(config.rotation, config)
         self.step_shares = _shares(config.translation, config)
         self.looks = support_scores(config.n_features) if config.joints_say else None
-        self._is_free = config.regressed == "freely"
         self._given = _columns_of("standing", config)
 
     def forward(
@@ -267,7 +252,7 @@ class Gmr(MotionNetwork):
         with torch.autocast(features.device.type, enabled=False):
             features = features.to(self.regression.weight.dtype)
             regressed = self.regression(features)
-            if self._is_free and self.turn_shares is None and self.step_shares is None:
+            if self.turn_shares is None and self.step_shares is None:
                 return self.motions(regressed)
             with torch.no_grad():  # in padding they are finite, but of no meaning
                 joints = joints_in_root_frame(input_rotmats(poses, self.config.input))
@@ -275,8 +260,6 @@ class Gmr(MotionNetwork):
                 motions = given.unflatten(-1, (-1, 6)) if given.numel() else _root_motions(*joints)
                 supports = Supports(motions, joints[0])
                 supports = supports if self.looks is None else with_flight(supports)
-            if not self._is_free:
-                regressed = regressed * speeds_of_change(*joints)
             # The regression puts out what supports leave over.
             shares = self.turn_shares, self.step_shares
             return led_by(supports, features, self.motions(regressed), shares, self.looks)

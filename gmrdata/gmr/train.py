@@ -13,9 +13,7 @@ Started by `torchrun`, several processes train one network (gmrdata.gmr.steps).
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, Self
-
-from pydantic import Field, model_validator
+from typing import Any, Literal
 
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -23,45 +21,14 @@ from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.records import Config
 
 
-class WeightedManifest(Config):
-    """A manifest to train on, and how often."""
-
-    manifest: Path  # relative to the recipe's folder
-    weight: float | None = Field(default=None, gt=0.0)
-    """Share of the windows that come from it, up to a factor; None for its share of all frames."""
-
-
 class GmrRecipe(Config):
     """Train a network on manifests and score it on others; paths start at the recipe's folder."""
 
     recipe: Literal["gmr"]
-    training: tuple[Path | WeightedManifest, ...] = ()
-    """All of them with a weight or none; where there are none, those of the command line."""
+    training: tuple[Path, ...] = ()  # those of the command line if left out
     scored: tuple[Path, ...] = ()
     body: Path | None = None  # body model of the clips; the default body if left out
     train: TrainConfig = TrainConfig()
-
-    @model_validator(mode="after")
-    def _weights_fit(self) -> Self:
-        known = [weight is not None for weight in self._weights()]
-        if any(known) and not all(known):
-            raise ValueError("training: give each manifest a weight, or none of them")
-        if any(known) and self.train.data.weights is not None:
-            raise ValueError("weights stand in training and in train.data.weights; leave one out")
-        return self
-
-    def training_paths(self, folder: Path) -> list[Path]:
-        ones = (one if isinstance(one, Path) else one.manifest for one in self.training)
-        return [folder / path for path in ones]
-
-    def train_config(self) -> TrainConfig:
-        """`train`, with the weights that stand beside the manifests."""
-        weights = tuple(weight for weight in self._weights() if weight is not None)
-        data = self.train.data.model_copy(update={"weights": weights})
-        return self.train.model_copy(update={"data": data}) if weights else self.train
-
-    def _weights(self) -> list[float | None]:
-        return [None if isinstance(one, Path) else one.weight for one in self.training]
 
 
 def train(

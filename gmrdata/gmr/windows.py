@@ -15,7 +15,6 @@ from gmrdata.gmr.augmentation import (
     mirror_points_m,
     mirror_rotmats,
     turned,
-    with_exchanged_arms,
 )
 from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation, WindowConfig
 from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, TrainingRun, in_files, in_memory
@@ -24,7 +23,7 @@ from gmrdata.gmr.model import input_rotmats, network_input
 from gmrdata.gmr.runs import Mix, no_runs, runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
-from gmrdata.values.motion import Motion, deltas
+from gmrdata.values.motion import deltas
 from gmrdata.values.shapes import Float, Int
 
 
@@ -118,16 +117,24 @@ def make_batch(
     local_rotmats = _padded(local_rotmats, lengths)
     mirrored = np.array([window.mirrored for window in windows])
     local_rotmats[mirrored] = mirror_local(local_rotmats[mirrored])
-    if config.exchange_probability > 0:
-        local_rotmats = with_exchanged_arms(local_rotmats, config.exchange_probability, rng)
-    is_noisy = is_turned(config)
-    is_changed = config.mirror_probability > 0 or config.exchange_probability > 0 or is_noisy
+    is_changed = config.mirror_probability > 0 or is_turned(config)
     if is_changed or training_set.extra_inputs:
         poses = _input_of(local_rotmats, lengths, training_set, config, rng)
+    return batch_of(windows, poses, lengths, motions, local_rotmats)
+
+
+def batch_of(
+    windows: Sequence[TrainingRun],
+    poses: Float[np.ndarray, "batch frames numbers"],
+    lengths: Int[np.ndarray, " batch"],
+    motions: Motions,
+    local_rotmats: Float[np.ndarray, "batch frames 23 3 3"],
+) -> Batch:
+    """The tensors of windows: shapes and bodies from these, the mask from the real frames."""
     return Batch(
         poses=torch.from_numpy(poses),
         lengths=torch.from_numpy(lengths),
-        mask=torch.from_numpy(np.arange(config.frames - 1) < lengths[:, None] - 1),
+        mask=torch.from_numpy(np.arange(1, poses.shape[1]) < lengths[:, None]),
         motions=motions,
         local_rotmats=torch.from_numpy(local_rotmats),
         shape=torch.from_numpy(np.stack([window.shape for window in windows])),
@@ -228,7 +235,7 @@ def _run_rows(
                 f" {clip.motion.body}), whose shapes do not mix. Give a folder with all of them"
             )
         body = bodies.index(clip.motion.body)
-        for motion in _runs_at_speeds(clip, config):
+        for motion in runs_at(clip, config.fps_hz, all_phases=config.all_phases):
             n_runs += 1
             part = 0 if parts is None else int(parts[n_clips - 1])
             local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
@@ -237,9 +244,3 @@ def _run_rows(
             yield TrainingRun(*arrays, part, body)
     if not n_runs:
         raise no_runs(n_clips, "training", config.fps_hz, "Give manifests with longer clips")
-
-
-def _runs_at_speeds(clip: Clip, config: WindowConfig) -> Iterator[Motion]:
-    """Runs that have the network's frame rate when they are played at each of the speeds."""
-    for speed in config.speeds:
-        yield from runs_at(clip, config.fps_hz / speed, all_phases=config.all_phases)

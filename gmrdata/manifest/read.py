@@ -4,7 +4,6 @@
 models, to manifests/schema/v1.json of a checkout; a test compares the two.
 """
 
-import datetime
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -121,20 +120,11 @@ def _refuse_other_formats(path: Path, data: Any) -> None:
 
 def _as_json(path: Path, data: Any) -> str:
     try:
-        return json.dumps(data, allow_nan=False, default=_date_text)
+        return json.dumps(data, allow_nan=False)
     except ValueError:
         raise BadManifest(
             f"{path}: holds .nan, .inf or an endless number; leave out what is not known"
         ) from None
-    except TypeError as error:
-        raise BadManifest(f"{path}: holds something that is not plain data: {error}") from None
-
-
-def _date_text(value: Any) -> str:
-    """YAML reads 2020-01-01 as a date; in a manifest it is text."""
-    if isinstance(value, datetime.date | datetime.datetime):
-        return value.isoformat()
-    raise TypeError(f"a {type(value).__name__}")
 
 
 def _plain(location: tuple[str | int, ...]) -> tuple[str | int, ...]:

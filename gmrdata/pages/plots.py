@@ -81,15 +81,13 @@ def svg(draw: Draw, width_in: float, height_in: float, name: str) -> Markup:
     return Markup(_inline(stream.getvalue(), name))
 
 
-def picture(
-    draw: Draw, width_in: float, height_in: float, dpi: int = 150, kind: str = "png"
-) -> bytes:
-    """Bytes of a plot on white, of kind "png" or "jpeg"."""
+def picture(draw: Draw, width_in: float, height_in: float, dpi: int = 150) -> bytes:
+    """The .png of a plot on white."""
     stream = io.BytesIO()
-    kept = {"metadata": {"Software": None}} if kind == "png" else {"pil_kwargs": {"quality": 90}}
     with _style({}):
         plot = drawn(draw, width_in, height_in, dpi)
-        plot.savefig(stream, format=kind, facecolor=COLOURS["paper"], **kept)
+        white = COLOURS["paper"]
+        plot.savefig(stream, format="png", facecolor=white, metadata={"Software": None})
     return stream.getvalue()
 
 

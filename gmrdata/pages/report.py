@@ -20,7 +20,6 @@ from gmrdata.pages.html import Cell, Table, css_colours, render, write_page
 from gmrdata.pages.plots import COLOURS, Draw, picture, plot_top_view, quiet, svg
 from gmrdata.pages.report_data import ClipReport, GmrSummary, ReportData, Summary
 from gmrdata.twins.pseudo_gt_error import error_series
-from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import write_bytes
 from gmrdata.values.motion import Motion
 from gmrdata.write.overlay import OVERLAY_BGR
@@ -171,7 +170,7 @@ def _record(clip: ClipReport) -> list[tuple[str, str]]:
     if quality.inliers is not None and len(quality.inliers):
         low, high = int(quality.inliers.min()), int(quality.inliers.max())
         rows.append(("Inliers per frame", f"{low} to {high}"))
-    return [*rows, *quality.notes, ("Motion", clip.true.motion.source)]
+    return [*rows, ("Motion", clip.true.motion.source)]
 
 
 def plot_errors(plot: Figure, clip: ClipReport) -> None:
@@ -271,18 +270,13 @@ def _running_median(values: np.ndarray) -> np.ndarray:
 TILE_PX = (340, 255)  # width and height of a frame's part round the person
 AROUND = 1.9  # height of that part in heights of the person
 DPI = 144
-KINDS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 
 
-def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
-    """Write a row per clip, `n_frames` with overlays and the paths from above, to a .png or .jpg;
-    BadFrames for another file, or where an image or mask can't be read."""
-    if not report.clips:
-        raise BadFrames(f"{path}: the report has no clip to draw")
-    if path.suffix.lower() not in KINDS:
-        raise BadFrames(f"{path}: name the picture .png or .jpg")
-    plot, size_in = overview_plot(report, n_frames)
-    write_bytes(path, picture(plot, *size_in, DPI, KINDS[path.suffix.lower()]))
+def write_overview(path: Path, report: ReportData) -> Path:
+    """Write a row per clip, five frames with overlays and the paths from above, as .png; BadFrames
+    where an image or mask can't be read."""
+    plot, size_in = overview_plot(report, 5)
+    write_bytes(path, picture(plot, *size_in, DPI))
     return path
 
 

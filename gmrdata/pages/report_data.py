@@ -44,7 +44,6 @@ class Quality:
     scale_sigma: float | None = None  # one standard deviation of `scale`, in the same unit
     reprojection_error_px: float | None = None  # mean of the inliers
     inliers: np.ndarray | None = None  # (T,) int: inlier points (or matches) per frame of `pseudo`
-    notes: tuple[tuple[str, str], ...] = ()  # rows for the clip's table: name, value with unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +85,6 @@ class RunReport:
     seconds: Mapping[str, float]  # wall time per stage, in the order in which they ran
     versions: Mapping[str, str] = field(default_factory=dict)
     recipe: str = ""  # all of it, as YAML
-    limits: tuple[str, ...] = ()  # sentences on what this run's figures don't say
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ from gmrdata.gmr.steps import (
     run_steps,
     torch_settings,
 )
-from gmrdata.gmr.windows import Batch, TrainingSet, sample_window, stacked
+from gmrdata.gmr.windows import Batch, TrainingSet, batch_of, sample_window, stacked
 from gmrdata.motion.resample import valid_runs
 from gmrdata.paper.plan import JointConfig
 from gmrdata.read.bodies import body_inputs, load_bodies
@@ -425,14 +425,5 @@ def make_joint_batch(training_set: TrainingSet, config: JointConfig, step: int) 
     windows = [sample_window(training_set, config.windows, rng) for _ in range(config.batch_size)]
     rows, lengths, motions = stacked(windows, config.frames)
     features, local_rotmats = split_rows(rows)
-    is_real = np.arange(config.frames) < lengths[:, None]
-    local_rotmats[~is_real] = np.eye(3)
-    return Batch(
-        poses=torch.from_numpy(features),
-        lengths=torch.from_numpy(lengths),
-        mask=torch.from_numpy(is_real[:, 1:]),
-        motions=motions,
-        local_rotmats=torch.from_numpy(local_rotmats),
-        shape=torch.from_numpy(np.stack([window.shape for window in windows])),
-        bodies=torch.tensor([window.body for window in windows]),
-    )
+    local_rotmats[np.arange(config.frames) >= lengths[:, None]] = np.eye(3)
+    return batch_of(windows, features, lengths, motions, local_rotmats)

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.body_file import check_body, is_own_body, read_body, read_plain_npz, save_body
+from gmrdata.read.body_file import BODY_FORMAT, check_body, read_body, read_plain_npz, save_body
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import HANDS, N_JOINTS, PARENTS, BodyModel, of_equal_size
 from gmrdata.values.errors import BadBodyFile, BrokenPickle, MissingInput
-from gmrdata.values.files import visible
+from gmrdata.values.files import npz_format, visible
 from gmrdata.values.records import Config
 
 N_SHAPE = 16
@@ -161,7 +161,7 @@ def load_body(body: Path | str | None) -> BodyModel:
         what = "no such body file. Give 'anny' for the free default body, or the path of your own"
         remedy = "SMPL is free for research after registering at https://smpl.is.tue.mpg.de"
         raise MissingInput(f"{path}: {what} SMPL model; {remedy} and accepting its licence")
-    if is_own_body(path):
+    if npz_format(path) == BODY_FORMAT:
         return read_body(path)
     if path.suffix in (".npz", ".pkl"):
         return read_smpl(path)
@@ -178,7 +178,7 @@ def body_files(folder: Path) -> list[Path]:
     found = {path for pattern in _IN_FOLDER for path in visible(folder.glob(pattern))}
     inside = (path for path in found if path.resolve().is_relative_to(folder.resolve()))
     files = (path for path in inside if path.suffix in (".npz", ".pkl") and path.is_file())
-    return sorted(path for path in files if says_gender(path) or is_own_body(path))
+    return sorted(path for path in files if says_gender(path) or npz_format(path) == BODY_FORMAT)
 
 
 def load_bodies(body: Path | str | None) -> tuple[BodyModel, ...]:

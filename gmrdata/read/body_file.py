@@ -1,6 +1,5 @@
 """gmrdata's own file of a body, a compact .npz of float32 arrays; and a body's picture."""
 
-import zipfile
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,13 @@ from gmrdata.values.body import N_JOINTS, N_LOCAL, PHENOTYPES, BodyModel
 from gmrdata.values.errors import BadBodyFile, BadFrames, BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz, write_npz
 
-FORMAT = "gmrdata-body/1"
+BODY_FORMAT = "gmrdata-body/1"
 _OPTIONAL = ("pose_dirs_m", "adult_shapes", "adult_phenotypes")
 
 
 def save_body(path: Path, body: BodyModel) -> None:
     """Write a body as float32 and int32 arrays; the same body gives the same bytes."""
-    arrays = {"format": np.array(FORMAT)}
+    arrays = {"format": np.array(BODY_FORMAT)}
     for field in fields(BodyModel):
         value = getattr(body, field.name)
         if isinstance(value, str):
@@ -31,8 +30,9 @@ def save_body(path: Path, body: BodyModel) -> None:
 def read_body(path: Path) -> BodyModel:
     """Read a body that `save_body` wrote; arrays come back as float64 and int64."""
     arrays = read_plain_npz(path)
-    if str(arrays.get("format")) != FORMAT:
-        raise BadBodyFile(f"{path}: not a body file of gmrdata (its format is not {FORMAT!r})")
+    if str(arrays.get("format")) != BODY_FORMAT:
+        what = f"not a body file of gmrdata (its format is not {BODY_FORMAT!r})"
+        raise BadBodyFile(f"{path}: {what}")
     names = [field.name for field in fields(BodyModel)]
     missing = [name for name in names if name not in arrays and name not in _OPTIONAL]
     if missing:
@@ -103,17 +103,6 @@ def _in_memory(path: Path, name: str, array: np.ndarray | None) -> Any:
     if array.dtype.kind not in "biuf":
         raise BadBodyFile(f"{path}: {name} is of {array.dtype}, which are no numbers")
     return array.astype(np.int64 if array.dtype.kind in "iu" else np.float64)
-
-
-def is_own_body(path: Path) -> bool:
-    """Whether a file is one of `save_body`."""
-    if path.suffix != ".npz":
-        return False
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return "format" in arrays and str(arrays["format"]) == FORMAT
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile):
-        return False
 
 
 def read_uv(path: Path, faces: np.ndarray) -> np.ndarray:

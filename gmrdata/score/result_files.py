@@ -12,13 +12,12 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from gmrdata.read.systems.result import POSES_FILES, read_system
 from gmrdata.read.systems.slahmr import RUN, SLAHMR_FILE
 from gmrdata.read.systems.tram import HPS_FOLDER, is_tram_folder
 from gmrdata.values.clip import CLIP_FORMAT
 from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.files import npz_format
 from gmrdata.values.people import EstimatedPeople
 
 SUFFIXES = (".npz", ".pkl", ".pt")
@@ -74,7 +73,7 @@ def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | 
     """
     if not path.exists():
         raise MissingInput(f"{path}: no such file or folder of predictions")
-    if _is_clip_file(path):
+    if npz_format(path) == CLIP_FORMAT:
         remedy = "Name it by the clip's id, and give the folder that it is in"
         raise BadMotionFile(f"{path}: a clip of gmrdata's own. {remedy}")
     read: dict[Path, EstimatedPeople] = {}
@@ -114,7 +113,7 @@ def _clip_folders(path: Path, clips: Sequence[ClipName]) -> list[ClipFiles]:
     found = []
     for folder in (path, *(one for one in sorted(path.iterdir()) if one.is_dir())):
         for made in (folder, folder / "predictions"):
-            if any(_is_clip_file(made / f"{clip.id}.npz") for clip in clips):
+            if any(npz_format(made / f"{clip.id}.npz") == CLIP_FORMAT for clip in clips):
                 full = made.resolve()
                 name = full.parent.name if full.name == "predictions" else full.name
                 found.append(ClipFiles(name, made))
@@ -173,7 +172,7 @@ def _of_name(root: Path, name: str, runs: Sequence[Path]) -> Iterator[Path]:
         return  # TRAM's cameras, which are read beside its people
     for file_name in (*(f"{name}{suffix}" for suffix in SUFFIXES), f"demo_{name}.pkl"):
         file = root / file_name  # PHALP puts its own word before the video's name
-        if file.is_file() and not _is_clip_file(file):
+        if file.is_file() and npz_format(file) != CLIP_FORMAT:
             yield file
     if (root / name).is_dir():
         yield from _own_files(root / name)
@@ -207,18 +206,3 @@ def _slahmr_files(folder: Path) -> list[Path]:
         if steps:
             return [steps[max(steps)]]
     return []
-
-
-def _is_clip_file(path: Path) -> bool:
-    """Whether a file is a clip of gmrdata's own."""
-    if path.suffix != ".npz" or not path.is_file():
-        return False
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return "format" in arrays and str(arrays["format"]) == CLIP_FORMAT
-    except (OSError, ValueError, KeyError, EOFError):
-        return False
-    except Exception as error:  # zipfile's and zlib's own, of a file that is cut off
-        if type(error).__module__.split(".")[0] in ("zipfile", "zlib"):
-            return False
-        raise

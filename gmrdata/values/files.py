@@ -246,6 +246,17 @@ def read_npz(
         raise BadMotionFile(f"{path}: not a readable .npz of plain arrays ({said})") from None
 
 
+def npz_format(path: Path) -> str | None:
+    """What an .npz says of itself as `format`; None where it says nothing, or is no .npz."""
+    if path.suffix != ".npz" or not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return str(arrays["format"]) if "format" in arrays else None
+    except _NPZ_ERRORS:
+        return None
+
+
 def _plain_array(arrays: Mapping[str, Any], key: str, budget: Budget) -> np.ndarray:
     found = arrays[key]
     if not isinstance(found, np.ndarray):  # numpy gives other files as bytes

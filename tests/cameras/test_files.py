@@ -27,7 +27,8 @@ from gmrdata.cameras.files import (
 )
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecord
-from tests.reconstructions import good_quality, keys_of, without
+from tests.reconstructions import good_quality
+from tests.record_keys import assert_each_key_is_needed
 
 QUALITY = good_quality(
     5,
@@ -42,7 +43,6 @@ QUALITY = good_quality(
     radial_k1_sigma=0.009,
     lens=Distortion(0.042, -0.05, 0.06),
 )
-QUALITY_KEYS = list(keys_of(QUALITY.model_dump(mode="json")))
 CAMERAS = SfmCameras(
     CameraPath(np.eye(3), 4, 3, np.tile(np.eye(4), (5, 1, 1)), np.ones(5, dtype=bool)),
     "full",
@@ -68,13 +68,8 @@ def test_what_is_said_of_the_lens():
     assert QUALITY.model_copy(update={"lens": None}).lens_in_words == [focal, k1]
 
 
-@pytest.mark.parametrize("path", QUALITY_KEYS, ids=lambda path: ".".join(map(str, path)))
-def test_each_figure_is_needed_and_named(tmp_path, path):
-    file = tmp_path / QUALITY_FILE
-    file.write_text(json.dumps(without(QUALITY.model_dump(mode="json"), path)))
-    named = rf"quality\.json: has no .*`{'.'.join(map(str, path))}`.*--redo"
-    with pytest.raises(BadRecord, match=named):
-        load_quality(tmp_path)
+def test_each_figure_is_needed_and_named(tmp_path):
+    assert_each_key_is_needed(QUALITY, tmp_path / QUALITY_FILE)
 
 
 @pytest.mark.parametrize(

@@ -30,11 +30,6 @@ FOCAL_PX = str(float(INTRINSICS_PX[0, 0]))
 
 
 @pytest.fixture(scope="module")
-def neutral(small_body) -> BodyModel:
-    return replace(small_body, name="smpl-neutral")
-
-
-@pytest.fixture(scope="module")
 def vibe_file(filmed_set, neutral, tmp_path_factory) -> Path:
     """VIBE's people of the arc: one in all frames, the other not in the middle ones."""
     truths = filmed_set.truth["arc_00"]

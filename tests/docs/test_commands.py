@@ -245,7 +245,7 @@ def test_a_recipe_for_several_manifests_finds_those_of_its_page():
     text = text_of("docs/training_data.md")
     (block,) = re.findall(r"^```yaml\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     recipe = GmrRecipe.of_plain(yaml.safe_load(block))
-    named = {path.parent.as_posix() for path in (*recipe.training_paths(Path()), *recipe.scored)}
+    named = {path.parent.as_posix() for path in (*recipe.training, *recipe.scored)}
     assert named == {"out/amass", "out/h36m"} <= set(re.findall(r"--out (\S+)", text))
 
 

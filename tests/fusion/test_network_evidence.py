@@ -37,7 +37,7 @@ from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
-from gmrdata.values.files import read_json, write_json
+from gmrdata.values.files import STAGE_FILE, read_json, write_json
 from gmrdata.values.motion import Motion, deltas
 from tests.clip_manifests import write_clips
 from tests.motions import made_up
@@ -241,7 +241,7 @@ def cmu_clips(make_clips) -> list[Clip]:
 def test_the_verb_measures_a_run_on_whom_it_held_out(
     cmu_clips, small_body, small_config, tmp_path, monkeypatch, capsys
 ):
-    manifest = write_clips(tmp_path / "cmu", small_body, cmu_clips, dataset="CMU")
+    manifest = write_clips(tmp_path / "cmu", small_body, cmu_clips, sources="CMU")
     save_body(tmp_path / "body.npz", small_body)
     held_out = DataConfig(held_out_subjects=(2,))
     config = small_config.model_copy(update={"data": held_out, "steps": 2})
@@ -261,6 +261,10 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     other = train([manifest], tmp_path / "other", nobody, body_path=tmp_path / "body.npz")
     with pytest.raises(BadManifest, match="held none of these clips out"):
         held_out_motions(other, [manifest])
+    made_by = read_json(run_dir / STAGE_FILE)
+    made_by["config"]["windows"]["speeds"] = [1.0]  # as runs of former versions have it
+    write_json(run_dir / STAGE_FILE, made_by)
+    assert len(held_out_motions(run_dir, [manifest])) == 2
     said = held_out_motions(other, [manifest], people=("2",))
     assert [(one.clip, one.person) for one in said] == [("02_01", "CMU/02"), ("02_02", "CMU/02")]
 

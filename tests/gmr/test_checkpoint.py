@@ -1,9 +1,7 @@
 """Checkpoints: whole or refused."""
 
 import json
-import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 import torch
@@ -26,6 +24,7 @@ from gmrdata.gmr.predict import load_gmr
 from gmrdata.values.errors import BadCheckpoint, MissingInput
 from gmrdata.values.files import write_json
 from tests.fixtures.inference import keep_gmr, stepped_gmr
+from tests.record_keys import assert_each_key_is_needed
 
 CONFIG = ModelConfig(layers=2, hidden=6, dropout=0.1)
 
@@ -155,33 +154,14 @@ def test_a_state_that_makes_no_sense_is_refused(run_dir, change):
         load_gmr(run_dir)
 
 
-def keys_of(value: dict[str, Any], name: str = "") -> list[str]:
-    """The keys of a record and of the records in it, as a.b."""
-    found = []
-    for key, inner in value.items():
-        found.append(name + key)
-        if isinstance(inner, dict):
-            found += keys_of(inner, f"{name}{key}.")
-    return found
-
-
 def test_each_key_of_a_state_is_needed(run_dir):
     """A setting that is not stated is not taken for today's default."""
     model, optimizer = stepped()
     keep_gmr(run_dir, 40, model, optimizer, best=best_of(None, 3, "a", 2.0, model))
-    path = checkpoint_dir(run_dir, 40) / "state.json"
-    whole = path.read_text()
-    keys = keys_of(json.loads(whole))
-    assert {"processes", "averaged", "best", "best.value", "model.output_scale"} <= set(keys)
-    for key in keys:
-        state = json.loads(whole)
-        within = state
-        for part in key.split(".")[:-1]:
-            within = within[part]
-        del within[key.split(".")[-1]]
-        write_json(path, state)
-        with pytest.raises(BadCheckpoint, match=rf"state\.json: has no .*`{re.escape(key)}`"):
-            load_gmr(run_dir)
+    folder = checkpoint_dir(run_dir, 40)
+    state = read_state(folder)
+    assert state.best is not None
+    assert_each_key_is_needed(state, folder / "state.json")
 
 
 def test_a_state_of_the_first_version_is_read(run_dir):

@@ -21,6 +21,7 @@ from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.world.upright import up_of_standing_feet
+from tests.motions import moved
 
 
 @pytest.fixture
@@ -54,13 +55,13 @@ def test_the_motion_between_frames_is_the_networks(gmr, motion):
 def test_a_first_pose_moves_the_whole(gmr, motion):
     first = Rotation.from_euler("xyz", [0.3, 1.0, -2.0]).as_matrix()
     place_m = np.array([1.0, 2.0, 3.0])
-    moved = predict_world_motion(gmr, motion, first_root_rotmat=first, first_pelvis_m=place_m)
+    placed = predict_world_motion(gmr, motion, first_root_rotmat=first, first_pelvis_m=place_m)
     still = predict_world_motion(gmr, motion)
     expected = transforms.rigid(first, place_m) @ transforms.rigid(
         still.root_rotmats, still.pelvis_m
     )
     np.testing.assert_allclose(
-        transforms.rigid(moved.root_rotmats, moved.pelvis_m), expected, atol=1e-11
+        transforms.rigid(placed.root_rotmats, placed.pelvis_m), expected, atol=1e-11
     )
 
 
@@ -114,20 +115,12 @@ def test_one_frame_and_nan_are_refused(gmr, motion):
         predict_world_motion(gmr, replace(motion, local_rotmats=local))
 
 
-def tilted(motion: Motion, rotmat: np.ndarray, shift_m: np.ndarray) -> Motion:
-    return replace(
-        motion,
-        root_rotmats=rotmat @ motion.root_rotmats,
-        pelvis_m=motion.pelvis_m @ rotmat.T + shift_m,
-    )
-
-
 @settings(max_examples=25)
 @given(angles=st.tuples(*[st.floats(-1.2, 1.2)] * 2), shift=st.tuples(*[st.floats(-5, 5)] * 3))
 def test_a_tilted_world_is_made_upright_again(angles, shift, walk, small_body):
     motion = walk(30.0, 60)
     tilt = Rotation.from_euler("xy", angles).as_matrix()
-    found = stand(tilted(motion, tilt, np.array(shift)), small_body)
+    found = stand(moved(motion, transforms.rigid(tilt, np.array(shift))), small_body)
     level = stand(motion, small_body)
     # Heading is free: what is compared is each frame's up and height, and steps over the ground.
     up_found, up_level = found.root_rotmats[:, 2], level.root_rotmats[:, 2]

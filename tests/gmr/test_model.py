@@ -18,7 +18,6 @@ from gmrdata.gmr.model import (
     joints_in_root_frame,
     motions_if_standing,
     network_input,
-    speeds_of_change,
     velocities,
 )
 from gmrdata.gmr.rotations import log_map, to_rotmats
@@ -423,36 +422,3 @@ def test_parameter_count_with_standing_joints(parts):
     assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
     plain = parameter_count(ModelConfig(layers=2, hidden=7))
     assert parameter_count(config) - plain == 24 * 8 * len(parts)
-
-
-def test_who_holds_a_pose_stands_still_whatever_is_regressed():
-    """A pose that is held, then left: what is regressed counts by how fast the pose changes."""
-    config = BOTH.model_copy(update={"regressed": "as_the_pose_changes", "output_scale": 0.1})
-    model, free = Gmr(config).double(), Gmr(BOTH.model_copy(update={"output_scale": 0.1})).double()
-    free.load_state_dict(model.state_dict())
-    for network in (model, free):
-        network.regression.bias.data[:] = 3.0
-        for shares in (network.turn_shares, network.step_shares):
-            assert shares is not None
-            shares.logits.bias.data[NONE] = 200.0
-    poses = random_poses(1).expand(8, -1, -1, -1).clone()
-    poses[6:] = random_poses(3)[1:]
-    seen = network_input(poses, "quaternion")[None]
-    with torch.no_grad():
-        turns, delta_m = model(seen)
-        free_turns, free_m = free(seen)
-        speeds = speeds_of_change(*joints_in_root_frame(poses))[:, 0]
-    assert speeds[:5].max() < 1e-6 < 1 < speeds[5:].min()
-    assert delta_m[0, :5].abs().max() < 1e-6
-    torch.testing.assert_close(turns[0, :5], torch.eye(3).double().expand(5, 3, 3))
-    torch.testing.assert_close(delta_m[0], free_m[0] * speeds[:, None])
-    assert free_m.abs().min() > 0.1
-    assert not torch.allclose(free_turns[0, :5], torch.eye(3).double().expand(5, 3, 3), atol=0.1)
-
-
-def test_speeds_of_change_are_the_larger_of_both_sides():
-    poses = random_poses(5)
-    motions = motions_if_standing(poses).square().mean((-1, -2)).sqrt()
-    speeds = speeds_of_change(*joints_in_root_frame(poses))[:, 0]
-    wanted = torch.maximum(motions, torch.cat([motions[:1], motions[:-1]]))
-    torch.testing.assert_close(speeds, wanted)

@@ -8,20 +8,18 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
-from gmrdata.gmr.config import DataConfig, TrainConfig
+from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.runs import cmu_trial, recording_of, split_manifests, subject_of
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.read.body_file import save_body
 from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import recipes
-from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
+from tests.clip_manifests import write_clips
 from tests.docs.page_commands import commands
 
 CMU_02_03 = Source(dataset="CMU", sequence="02_03")
@@ -42,25 +40,9 @@ def make_manifest(make_clips, small_body, tmp_path) -> Callable[..., Path]:
     """A manifest of small clips with these sources."""
 
     def make(name: str, sources: dict[str, Source] = SOURCES) -> Path:
-        folder, entries = tmp_path / name, []
         clips = make_clips(len(sources), len(name), duration_s=2.0)
-        for (clip_id, source), clip in zip(sources.items(), clips, strict=True):
-            path = folder / f"{clip_id}.npz"
-            save_clip(path, replace(clip, id=clip_id), small_body.rest_pelvis_m(clip.motion.shape))
-            entries.append(
-                clip_entry(
-                    folder,
-                    ClipFiles(path),
-                    ClipAbout(camera_motion="none", licence="CC0-1.0", source=source),
-                )
-            )
-        return write_manifest(
-            folder / f"{name}.yaml",
-            ManifestHead(
-                name=name, version="1.0.0", description="Clips.", kind="motions", licence="CC0-1.0"
-            ),
-            entries,
-        )
+        named = [replace(clip, id=id) for id, clip in zip(sources, clips, strict=True)]
+        return write_clips(tmp_path / name, small_body, named, sources=sources)
 
     return make
 
@@ -201,29 +183,6 @@ def test_the_trials_that_a_page_fetches_are_trained_on(recipe, make_manifest):
     sources = {trial: Source(dataset="CMU", sequence=trial) for trial in fetch if is_trial(trial)}
     split = split_manifests([make_manifest("page", sources)], data)
     assert len(split.training) >= 3
-
-
-def test_a_recipe_with_weights(tmp_path):
-    recipe = GmrRecipe.model_validate(
-        {
-            "recipe": "gmr",
-            "training": [
-                {"manifest": "amass/motions.yaml", "weight": 3},
-                {"manifest": "h36m/train.yaml", "weight": 1},
-            ],
-        }
-    )
-    assert recipe.training_paths(tmp_path) == [
-        tmp_path / "amass/motions.yaml",
-        tmp_path / "h36m/train.yaml",
-    ]
-    assert recipe.train_config().data.weights == (3.0, 1.0)
-    plain = GmrRecipe.model_validate({"recipe": "gmr", "training": ["a.yaml", {"manifest": "b"}]})
-    assert plain.training_paths(tmp_path) == [tmp_path / "a.yaml", tmp_path / "b"]
-    assert plain.train_config() == TrainConfig()
-    for training in (["a.yaml", {"manifest": "b", "weight": 1}], [{"manifest": "b", "weight": 0}]):
-        with pytest.raises(ValidationError):
-            GmrRecipe.model_validate({"recipe": "gmr", "training": training})
 
 
 def test_a_training_says_what_it_left_out(

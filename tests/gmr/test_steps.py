@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.gmr import loop
 from gmrdata.gmr.checkpoint import checkpoint_dir, load_weights
 from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.loop import fit
@@ -18,7 +17,7 @@ from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.steps import AHEAD, decay_at, prefetched, run_log, start_average
 from gmrdata.values.errors import BadCheckpoint, MissingExtra
-from tests.gmr.test_loop import bytes_of
+from tests.gmr.test_loop import files_after_stops
 
 
 def test_steps_come_in_order_with_their_batches():
@@ -166,26 +165,8 @@ def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(train
 
 def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(training, monkeypatch):
     """With every augmentation, extra input and the average: stopped at any step."""
-    clips, held_out = training.make_clips(2, 1), training.make_clips(1, 2)
-    fit(clips, [training.body], training.path / "whole", training.config, held_out=held_out)
-    expected = bytes_of(training.path / "whole")
-    assert any("average" in name for name in expected)
-    make_batch = loop.make_batch
-    for stop in (3, 5, 11):
-
-        def stopping(*args: object, stop: int = stop, **more: object) -> object:
-            if args[-1] == stop:
-                raise KeyboardInterrupt
-            return make_batch(*args, **more)  # type: ignore[arg-type]
-
-        run_dir = training.path / f"stopped_{stop}"
-        with monkeypatch.context() as patch:
-            patch.setattr(loop, "make_batch", stopping)
-            with pytest.raises(KeyboardInterrupt):
-                fit(clips, [training.body], run_dir, training.config, held_out=held_out)
-        torch.rand(stop)
-        fit(clips, [training.body], run_dir, training.config, held_out=held_out)
-        assert bytes_of(run_dir) == expected
+    files = files_after_stops(training, training.config, (3, 5, 11), monkeypatch)
+    assert any("average" in name for name in files)
 
 
 def test_a_checkpoint_that_lost_its_average_is_refused(training):

@@ -64,12 +64,6 @@ def held_out_path(make_clips, small_body, tmp_path) -> Path:
     return write_clips(tmp_path / "held_out", small_body, make_clips(1, 2))
 
 
-@pytest.fixture
-def body_path(small_body, tmp_path) -> Path:
-    save_body(tmp_path / "body.npz", small_body)
-    return tmp_path / "body.npz"
-
-
 def test_a_run_folder(manifest_path, body_path, small_config, tmp_path):
     run_dir = tmp_path / "run"
     paths = [manifest_path]

@@ -22,7 +22,7 @@ from gmrdata.values.camera import project
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadBodyFile, BadSequence, MissingInput, UnsafePickle
 from gmrdata.values.transforms import rigid
-from tests.damage import bytes_changed, in_one_folder, read_or_refused
+from tests.damage import Calls, bytes_changed, in_one_folder, read_or_refused
 from tests.smpl_models import save_smpl
 
 N_FRAMES = 12
@@ -217,17 +217,10 @@ def test_other_layouts_are_refused(tmp_path, values, said):
     assert str(path) in str(refused.value)
 
 
-class Calls:
-    """Pickles as a call of a function."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return os.system, ("touch touched",)
-
-
 @pytest.mark.parametrize("key", ["name", "smpl.trans", "kp2d"])
 def test_a_hostile_pickle_is_named_and_not_run(tmp_path, monkeypatch, key):
     monkeypatch.chdir(tmp_path)
-    path = write_sequence(tmp_path, _changed(key, Calls()))
+    path = write_sequence(tmp_path, _changed(key, Calls(os.system, "touch touched")))
     with pytest.raises(UnsafePickle, match="system"):
         read_emdb(path)
     assert not (tmp_path / "touched").exists()

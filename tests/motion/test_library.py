@@ -17,7 +17,6 @@ from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.library import FEW_FILES, clip_id, library_files, make_library, motion_table
-from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
@@ -55,12 +54,6 @@ def write_amass(root: Path, names: list[str], n_frames: int = 12, **changed: Any
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, **arrays | changed)
         np.savez(path.parent / "shape.npz", gender="male", betas=np.zeros(16))
-
-
-@pytest.fixture
-def body_path(tmp_path, small_body) -> Path:
-    save_body(tmp_path / "small.npz", small_body)
-    return tmp_path / "small.npz"
 
 
 def clips_of(path: Path) -> list[Any]:

@@ -23,7 +23,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BrokenPickle, MissingInput, UnsafePickle
 from gmrdata.values.motion import Motion
-from tests.damage import bytes_changed, read_or_refused
+from tests.damage import Calls, bytes_changed, read_or_refused
 from tests.joblib_layout import joblib_bytes
 from tests.read.system_files import (
     phalp_frame,
@@ -384,25 +384,15 @@ def test_gvhmr_of_another_layout(tmp_path, small_body):
             read_local_poses(tmp_path / f"{name}.pt", 30.0, body=small_body)
 
 
-class _Call:
-    def __init__(self, touched: Path) -> None:
-        self.touched = touched
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return exec, (f"open({str(self.touched)!r}, 'w')",)
-
-
 def test_hostile_files_are_not_run(tmp_path, small_body):
     touched = tmp_path / "touched"
-    person = vibe_person(3) | {"joints2d": _Call(touched)}
+    call = Calls(exec, f"open({str(touched)!r}, 'w')")
+    person = vibe_person(3) | {"joints2d": call}
     (tmp_path / "vibe.pkl").write_bytes(joblib_bytes({1: person}))
-    torch.save({"smpl_params_global": _Call(touched)}, tmp_path / "new.pt")
-    torch.save(
-        {"smpl_params_global": _Call(touched)},
-        tmp_path / "old.pt",
-        _use_new_zipfile_serialization=False,
-    )
-    (tmp_path / "plain.pkl").write_bytes(pickle.dumps(_Call(touched)))
+    content = {"smpl_params_global": call}
+    torch.save(content, tmp_path / "new.pt")
+    torch.save(content, tmp_path / "old.pt", _use_new_zipfile_serialization=False)
+    (tmp_path / "plain.pkl").write_bytes(pickle.dumps(call))
     for name in ("vibe.pkl", "new.pt", "plain.pkl"):
         with pytest.raises(UnsafePickle, match=name.replace(".", r"\.")):
             read_local_poses(tmp_path / name, 30.0, body=small_body)

@@ -20,8 +20,10 @@ from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import CMU_BVH, is_cmu, joints_by_name, line_to
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
+from gmrdata.values.transforms import rigid
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import frame_time, write_bvh
+from tests.motions import moved
 
 SIX = ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation")
 
@@ -184,8 +186,7 @@ def test_what_no_walk_is_like_gets_a_remark(tmp_path, small_body, path_x, turns_
 def test_a_world_that_is_tilted_as_a_camera_gets_a_remark(tmp_path, small_body, degrees, remarked):
     walk = make_gait("walk", 3.0, 30.0, small_body, np.random.default_rng(0))
     tilt = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
-    tilted = replace(walk, root_rotmats=tilt @ walk.root_rotmats, pelvis_m=walk.pelvis_m @ tilt.T)
-    write_bvh(tmp_path / "a.bvh", tilted, small_body)
+    write_bvh(tmp_path / "a.bvh", moved(walk, rigid(tilt, np.zeros(3))), small_body)
     remarks = read_file(tmp_path / "a.bvh", small_body, ReadConfig()).remarks
     assert bool([one for one in remarks if "its world is tilted" in one]) == remarked
 

@@ -29,6 +29,7 @@ from gmrdata.values.camera import intrinsics_from_fov, project
 from gmrdata.values.errors import BadFrames, NothingToCompare, StageFailed
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write import overlay
+from tests.motions import moved
 
 
 def test_body_covers_the_painted_silhouette(report):
@@ -197,13 +198,8 @@ def test_predicted_motion_starts_at_the_true_start(report):
     turned = transforms.rigid(
         Rotation.from_euler("z", 70.0, degrees=True).as_matrix(), np.array([5.0, 4.0, 0.0])
     )
-    predicted = replace(
-        true,
-        root_rotmats=turned[:3, :3] @ true.root_rotmats,
-        pelvis_m=transforms.apply(turned, true.pelvis_m),
-    )
     axes = Figure().subplots()
-    plot_predicted_view(axes, true, predicted)
+    plot_predicted_view(axes, true, moved(true, turned))
     (line,) = (
         line
         for line in axes.get_lines()
@@ -271,14 +267,7 @@ def test_overview_is_reproducible_and_wide(report, tmp_path):
     assert picture.shape[1] > 2000
     assert picture.shape[1] > 2 * picture.shape[0]
     assert picture[0, 0].tolist() == [255, 255, 255]
-    smaller = cv2.imread(str(write_overview(tmp_path / "a.jpg", report)))
-    assert (tmp_path / "a.jpg").read_bytes()[:3] == b"\xff\xd8\xff"
-    assert np.abs(smaller.astype(float) - picture).mean() < 5
-    with pytest.raises(BadFrames, match=r"c\.webp: name the picture \.png or \.jpg"):
-        write_overview(tmp_path / "c.webp", report)
-    with pytest.raises(BadFrames, match="no clip"):
-        write_overview(tmp_path / "c.png", replace(report, clips=()))
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.jpg", "a.png", "b.png"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "b.png"]
 
 
 @pytest.fixture

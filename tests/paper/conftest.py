@@ -9,7 +9,6 @@ import pytest
 from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.read.body_file import save_body
 from gmrdata.values.clip import Clip
 from tests.clip_manifests import write_clips
 
@@ -44,10 +43,3 @@ def write_set(small_body) -> WriteSet:
         )
 
     return write
-
-
-@pytest.fixture
-def body_path(tmp_path, small_body) -> Path:
-    """The small body's file."""
-    save_body(tmp_path / "body.npz", small_body)
-    return tmp_path / "body.npz"

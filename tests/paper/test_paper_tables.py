@@ -34,7 +34,6 @@ from gmrdata.paper.plan import (
     plan_table,
     train_config,
 )
-from gmrdata.read.body_file import save_body
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes
 from gmrdata.stage.run import Run
@@ -331,12 +330,6 @@ def test_each_key_of_a_table_is_needed(tmp_path):
 
 
 @pytest.fixture
-def body_path(small_body, tmp_path) -> Path:
-    save_body(tmp_path / "body.npz", small_body)
-    return tmp_path / "body.npz"
-
-
-@pytest.fixture
 def write_walks(small_body, tmp_path) -> Callable[..., Path]:
     """A manifest of generated walks, named like CMU's trials."""
 
@@ -348,7 +341,7 @@ def write_walks(small_body, tmp_path) -> Callable[..., Path]:
             Clip(id, motion, np.ones(motion.n_frames, bool), np.full(motion.n_frames, -1), None)
             for id, motion in zip(trials, motions, strict=True)
         ]
-        return write_clips(tmp_path / name, small_body, clips, dataset="CMU")
+        return write_clips(tmp_path / name, small_body, clips, sources="CMU")
 
     return write
 

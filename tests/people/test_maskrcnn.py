@@ -23,6 +23,7 @@ from gmrdata.people.maskrcnn import (
 from gmrdata.people.yolox import CATEGORY_NUMBERS, COCO_NAMES
 from gmrdata.read.frames import read_frames, read_gray
 from gmrdata.values.errors import BadDetector, MissingExtra, MissingInput
+from tests.damage import Calls
 
 NUMBER = dict(zip(COCO_NAMES, CATEGORY_NUMBERS, strict=True))
 Answer = dict[str, np.ndarray]
@@ -132,19 +133,15 @@ def test_a_stopped_run_keeps_the_frames_it_has(noise_dir, tmp_path, monkeypatch)
         assert (resumed / name).read_bytes() == (whole / name).read_bytes()
 
 
-class Runs:
-    """A pickle that would run something."""
-
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        return Path.touch, (Path("was_run"),)
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         (b"", "truncated, or not a file of plain tensors"),
         (b"no weights", "truncated, or not a file of plain tensors"),
-        ({"weight": Runs()}, "truncated, or not a file of plain tensors"),
+        (
+            {"weight": Calls(Path.touch, Path("was_run"))},
+            "truncated, or not a file of plain tensors",
+        ),
         ({"other": torch.zeros(2)}, "holds other tensors than linear"),
         (torch.zeros(2), "holds other tensors than linear"),
     ],

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.read.body_file import FORMAT, check_body, read_body, save_body
+from gmrdata.read.body_file import BODY_FORMAT, check_body, read_body, save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, MissingInput
 
@@ -66,7 +66,7 @@ def test_truncated_files_are_refused(small_body, tmp_path):
 
 def test_pickled_objects_and_missing_files_are_refused(tmp_path):
     path = tmp_path / "body.npz"
-    np.savez(path, format=np.array([FORMAT], dtype=object))
+    np.savez(path, format=np.array([BODY_FORMAT], dtype=object))
     with pytest.raises(BadBodyFile, match=r"body\.npz"):
         read_body(path)
     with pytest.raises(MissingInput, match=r"none\.npz"):

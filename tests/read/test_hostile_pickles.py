@@ -16,20 +16,10 @@ from gmrdata.read.threedpw_files import read_sequence_file
 from gmrdata.threedpw.regenerate import sequence_rows
 from gmrdata.values.errors import BrokenPickle, UnsafePickle
 from gmrdata.write.threedpw import write_sequence_file
-from tests.damage import read_or_refused
+from tests.damage import Calls, read_or_refused
 
 NAME = "courtyard_walk_00"
 TOUCHED = "touched"
-
-
-class Calls:
-    """Pickles as a call of a function; with a state, as an object that is built."""
-
-    def __init__(self, function: Any, *arguments: Any) -> None:
-        self.called = (function, arguments)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self.called
 
 
 @pytest.fixture

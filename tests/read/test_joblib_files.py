@@ -20,6 +20,7 @@ from hypothesis.extra import numpy as hnp
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.values import limits
 from gmrdata.values.errors import BrokenPickle, UnsafePickle
+from tests.damage import Calls
 from tests.joblib_layout import joblib_bytes
 
 DTYPES = st.sampled_from(["<f8", ">f4", "<i4", ">u2", "|u1", "?", "<U2", "<f2"])
@@ -118,19 +119,12 @@ def test_an_entry_that_two_places_share_stays_shared(tmp_path):
     assert found[0][0] is found[1][0]
 
 
-class _Call:
-    def __init__(self, touched: Path) -> None:
-        self.touched = touched
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return exec, (f"open({str(self.touched)!r}, 'w')",)
-
-
 @pytest.mark.parametrize("protocol", range(2, 6))
 def test_a_call_is_refused_and_not_run(protocol, tmp_path):
     touched = tmp_path / "touched"
-    hidden = np.array([_Call(touched), 1], dtype=object)
-    for value in (_Call(touched), {"a": np.ones(2), "b": _Call(touched)}, [hidden]):
+    call = Calls(exec, f"open({str(touched)!r}, 'w')")
+    hidden = np.array([call, 1], dtype=object)
+    for value in (call, {"a": np.ones(2), "b": call}, [hidden]):
         for data in (joblib_bytes(value, protocol), zlib.compress(joblib_bytes(value, protocol))):
             with pytest.raises(UnsafePickle, match=r"some\.pkl"):
                 read(tmp_path, data)

@@ -16,7 +16,7 @@ from scipy import sparse
 
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.values.errors import BrokenPickle, MissingInput, UnsafePickle
-from tests.damage import bytes_changed
+from tests.damage import Calls, bytes_changed
 
 PROTOCOLS = range(pickle.HIGHEST_PROTOCOL + 1)
 DTYPES = st.sampled_from(["<f8", ">f4", "<i4", ">u2", "|u1", "?", "<c16", "|S3", "<U2", "<f2"])
@@ -234,12 +234,9 @@ def test_admitted_names_cannot_be_misused(misuse, tmp_path):
 
 
 def test_object_array_cannot_carry_a_call(tmp_path):
-    class Call:
-        def __reduce__(self) -> tuple[Any, ...]:
-            return exec, (f"open({str(tmp_path / TOUCH)!r}, 'w')",)
-
+    call = Calls(exec, f"open({str(tmp_path / TOUCH)!r}, 'w')")
     for protocol in PROTOCOLS:
-        data = pickle.dumps(np.array([Call(), 1], dtype=object), protocol)
+        data = pickle.dumps(np.array([call, 1], dtype=object), protocol)
         with pytest.raises(UnsafePickle, match=r"__builtin__\.exec|builtins\.exec"):
             read(tmp_path, data)
     assert not (tmp_path / TOUCH).exists()

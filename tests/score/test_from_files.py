@@ -22,13 +22,17 @@ from gmrdata.score.score import score
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile, BadMotionFile, BadRecipe, MissingInput
-from gmrdata.values.transforms import apply, invert
+from gmrdata.values.transforms import rigid
+from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import write_clips
 from tests.motion.test_emdb import content, write_sequence
+from tests.motions import moved
 from tests.score.made_people import made_people
 from tests.smpl_models import save_smpl
 
-TURN = Rotation.from_euler("xyz", [20, 30, 200], degrees=True).as_matrix()
+B_FROM_A = rigid(
+    Rotation.from_euler("xyz", [20, 30, 200], degrees=True).as_matrix(), np.array([1.0, 2.0, 3.0])
+)
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +43,9 @@ def true(small_body) -> Clip:
     return Clip("walk", motion, np.ones(60, bool), np.full(60, -1), None)
 
 
-def moved(clip: Clip) -> Clip:
+def elsewhere(clip: Clip) -> Clip:
     """The same motion in another world."""
-    motion = replace(
-        clip.motion,
-        root_rotmats=TURN @ clip.motion.root_rotmats,
-        pelvis_m=clip.motion.pelvis_m @ TURN.T + [1.0, 2.0, 3.0],
-    )
-    return replace(clip, motion=motion)
+    return replace(clip, motion=moved(clip.motion, B_FROM_A))
 
 
 def read(
@@ -59,7 +58,7 @@ def read(
 
 
 def test_the_truth_in_another_world_has_no_error(tmp_path, small_body, true):
-    found = read(tmp_path, small_body, true, moved(true))
+    found = read(tmp_path, small_body, true, elsewhere(true))
     assert [run.true.n_frames for run in found.runs] == [20]
     assert [[run.true.n_frames for run in world] for world in found.worlds] == [[60]]
     errors = clip_errors(found, small_body, PROTOCOLS["wham"])
@@ -74,7 +73,7 @@ def test_the_truth_in_another_world_has_no_error(tmp_path, small_body, true):
 def test_frames_without_a_prediction_are_an_error_or_dropped(tmp_path, small_body, true):
     """Rows without a prediction may hold NaN."""
     has = ~np.isin(np.arange(60), [30, 31])
-    other = moved(true).motion
+    other = elsewhere(true).motion
     blanked = replace(
         other,
         root_rotmats=np.where(has[:, None, None], other.root_rotmats, np.nan),
@@ -99,8 +98,8 @@ def test_frames_without_a_prediction_are_an_error_or_dropped(tmp_path, small_bod
 
 def test_a_prediction_that_ends_early_lacks_frames(tmp_path, small_body, true):
     short = replace(
-        moved(true),
-        motion=moved(true).motion.take(slice(0, 50), 30.0),
+        elsewhere(true),
+        motion=elsewhere(true).motion.take(slice(0, 50), 30.0),
         valid=np.ones(50, bool),
         image_numbers=np.full(50, -1),
     )
@@ -112,7 +111,7 @@ def test_a_prediction_that_ends_early_lacks_frames(tmp_path, small_body, true):
 
 def test_frames_that_the_truth_lacks_are_not_missed(tmp_path, small_body, true):
     gap = replace(true, valid=np.arange(60) != 30)
-    found = read(tmp_path, small_body, gap, replace(moved(gap), valid=np.ones(60, bool)))
+    found = read(tmp_path, small_body, gap, replace(elsewhere(gap), valid=np.ones(60, bool)))
     assert found.dropped_frames == 0
     assert [run.true.n_frames for run in found.runs] == [10, 10]
 
@@ -120,8 +119,8 @@ def test_frames_that_the_truth_lacks_are_not_missed(tmp_path, small_body, true):
 def test_a_prediction_at_a_lower_rate(tmp_path, small_body, true):
     """Every third row at 10 fps; a gap of the truth between two of them is still a gap."""
     slow = replace(
-        moved(true),
-        motion=moved(true).motion.take(slice(0, None, 3), 10.0),
+        elsewhere(true),
+        motion=elsewhere(true).motion.take(slice(0, None, 3), 10.0),
         valid=np.ones(20, bool),
         image_numbers=np.full(20, -1),
     )
@@ -140,13 +139,13 @@ def test_a_prediction_at_a_lower_rate(tmp_path, small_body, true):
 def test_a_protocols_rate_is_taken_where_it_divides(tmp_path, small_body, true):
     rates = {}
     for wanted_hz in (10.0, 20.0, 30.0, None):
-        found = read(tmp_path, small_body, true, moved(true), protocol_fps_hz=wanted_hz)
+        found = read(tmp_path, small_body, true, elsewhere(true), protocol_fps_hz=wanted_hz)
         rates[wanted_hz] = found.worlds[0][0].predicted.fps_hz
     assert rates == {10.0: 10.0, 20.0: 30.0, 30.0: 30.0, None: 30.0}
 
 
 def test_what_can_not_be_scored_is_named(tmp_path, small_body, true):
-    other = moved(true)
+    other = elsewhere(true)
     nan = replace(other, motion=replace(other.motion, pelvis_m=other.motion.pelvis_m.copy()))
     nan.motion.pelvis_m[7, 1] = np.nan
     long = other.motion.take(np.r_[0:60, 0:5], 30.0)
@@ -201,13 +200,7 @@ def scored(
 
 def in_camera(clip: Clip, seen_by: Clip) -> Clip:
     """A clip's motion in the frame of a clip's camera, without a camera of its own."""
-    cam_from_world = invert(camera_of(seen_by).world_from_cam)
-    motion = replace(
-        clip.motion,
-        root_rotmats=cam_from_world[:, :3, :3] @ clip.motion.root_rotmats,
-        pelvis_m=apply(cam_from_world, clip.motion.pelvis_m[:, None])[:, 0],
-        frame="camera",
-    )
+    motion = motion_in_camera(clip.motion, camera_of(seen_by).world_from_cam)
     return replace(clip, motion=motion, camera=None)
 
 

@@ -37,7 +37,7 @@ def full(name: str = "run") -> Scores:
 
 
 def test_each_key_of_scores_is_needed(tmp_path):
-    assert_each_key_is_needed(full(), tmp_path / "scores.json", free=("skipped",))
+    assert_each_key_is_needed(full(), tmp_path / "scores.json", ("skipped",), named_alone=True)
 
 
 def test_each_key_of_a_networks_scores_is_needed(tmp_path):
@@ -50,13 +50,13 @@ def test_each_key_of_a_networks_scores_is_needed(tmp_path):
     }
     found = Scores.model_validate(dict(full()) | {"model": network})
     free = ("skipped", "model.network")
-    assert_each_key_is_needed(found, tmp_path / "scores.json", free)
+    assert_each_key_is_needed(found, tmp_path / "scores.json", free, named_alone=True)
 
 
 def test_each_key_of_a_comparison_is_needed(tmp_path):
     both = [full("first"), full("other")]
     found = compare_records(both, [tmp_path, tmp_path], ["first", "other"], CompareConfig())
-    assert_each_key_is_needed(found, tmp_path / "comparison.json")
+    assert_each_key_is_needed(found, tmp_path / "comparison.json", named_alone=True)
 
 
 @pytest.mark.parametrize(

@@ -94,12 +94,6 @@ def run_dir(tmp_path) -> Path:
     return tmp_path / "run"
 
 
-@pytest.fixture
-def body_path(tmp_path, small_body) -> Path:
-    save_body(tmp_path / "body.npz", small_body)
-    return tmp_path / "body.npz"
-
-
 class Oracle:
     """Stands for a network that knows the answer, but for 1 deg of yaw and 10 mm to the front."""
 

@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, save_cameras
-from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.sources import MasksConfig, PersonSource
@@ -32,7 +31,7 @@ from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.transforms import rigid
 from gmrdata.world.recipe import Doubts, Dropped, PseudoGtConfig, ScaleConfig, VerdictConfig
 from tests.frame_sets import frame_set
-from tests.reconstructions import good_quality, pseudo_gt_quality
+from tests.reconstructions import good_quality, lens, pseudo_gt_quality
 
 
 def video(times_s: list[float], *, every: int = 1, n_lost: int = 0) -> VideoRecord:
@@ -126,14 +125,6 @@ def test_lost_frames_reject(anny, tmp_path):
     path = write_doubts(tmp_path, [clip], record, None)
     assert path == tmp_path / DOUBTS_FILE and Doubts.read(path).sequence == (reason,)
     assert write_doubts(tmp_path, [clip], video(times_s), None) is None and not path.exists()
-
-
-def lens(source: Source, sigma: float) -> Intrinsics:
-    return Intrinsics(
-        source=source, width_px=1280, height_px=720, focal_px=1373.0, focal_y_px=1373.0,
-        focal_sigma=sigma, centre_px=(640.0, 360.0), radial_k1=0.0, radial_k1_sigma=None,
-        focal_observable=False, asked=None, starts=(), objections=(), notes=(),
-    )  # fmt: skip
 
 
 def most(source: Source, sigma: float) -> float:

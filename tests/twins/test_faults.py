@@ -30,6 +30,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadFrames, BadSequence
 from gmrdata.values.motion import Motion
+from gmrdata.values.motion_metrics import angles_rad, orientation_errors_deg
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert, rigid
 from gmrdata.world.compose import motion_in_camera
@@ -61,13 +62,6 @@ def in_camera(clip: Clip) -> Motion:
     return motion_in_camera(clip.motion, camera_of(clip).world_from_cam)
 
 
-def angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Angles between rotations (..., 3, 3)."""
-    turns = np.swapaxes(a, -1, -2) @ b
-    angles = np.rad2deg(Rotation.from_matrix(turns.reshape(-1, 3, 3)).magnitude())
-    return np.asarray(angles).reshape(turns.shape[:-2])
-
-
 @given(seed=seeds)
 def test_the_drift_is_common_and_of_the_stated_size(seed):
     clips = [walker(seed), walker(seed + 1, offset_m=1.0)]
@@ -80,7 +74,7 @@ def test_the_drift_is_common_and_of_the_stated_size(seed):
     middle_m = np.mean([clip.motion.pelvis_m.mean(axis=0) for clip in clips], axis=0)
     moved_m = apply(drifts[0], np.tile(middle_m, (150, 1, 1)))[:, 0] - middle_m
     length_m = np.linalg.norm(moved_m, axis=1)
-    turned_deg = angles_deg(np.eye(3), drifts[0][:, :3, :3])
+    turned_deg = np.rad2deg(angles_rad(drifts[0][:, :3, :3]))
     assert length_m[0] < 1e-12 and turned_deg[0] < 1e-6
     assert 0.2 <= length_m[-1] <= 0.8 and 3.0 <= turned_deg[-1] <= 10.0
     assert (np.diff(length_m) > -1e-12).all() and (np.diff(turned_deg) > -1e-9).all()
@@ -97,7 +91,7 @@ def test_the_camera_frame_body_stays_right_up_to_the_root_error(seed):
         seen, true = in_camera(wrong), in_camera(exact)
         off_m = np.linalg.norm(seen.pelvis_m - true.pelvis_m, axis=1)
         assert 0.005 - 1e-9 <= off_m.max() <= 0.010 + 1e-9
-        off_deg = angles_deg(true.root_rotmats, seen.root_rotmats)
+        off_deg = orientation_errors_deg(true.root_rotmats, seen.root_rotmats)
         assert 0.25 - 1e-6 <= off_deg.max() <= 0.5 + 1e-6
         # Waves of 4 s and longer: what a frame changes is small beside the error itself.
         step_m = np.linalg.norm(np.diff(seen.pelvis_m - true.pelvis_m, axis=0), axis=1)
@@ -121,7 +115,7 @@ def test_without_errors_of_its_own_the_dataset_shows_the_exact_body():
 def test_joint_noise_has_the_stated_rms_in_every_joint(seed):
     exact = walker(seed)
     noisy = with_joint_noise(exact, FaultConfig(), np.random.default_rng(seed))
-    off_deg = angles_deg(exact.motion.local_rotmats, noisy.motion.local_rotmats)
+    off_deg = orientation_errors_deg(exact.motion.local_rotmats, noisy.motion.local_rotmats)
     rms_deg = np.sqrt((off_deg**2).mean(axis=0))
     assert rms_deg.shape == (23,)
     assert (rms_deg >= 2.0 - 1e-6).all() and (rms_deg <= 4.0 + 1e-6).all()

@@ -16,6 +16,7 @@ from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import _CAMERA_SHAPES, _SHAPES, Clip, load_clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
+from tests.damage import Calls
 from tests.motions import made_up
 
 
@@ -195,16 +196,9 @@ def test_every_truncation_is_refused(tmp_path):
             read_npz(path)
 
 
-class Trap:
-    """Unpickling this would leave a mark."""
-
-    def __reduce__(self) -> tuple:
-        return (Path("trap_was_sprung").touch, ())
-
-
 def test_pickled_objects_are_not_opened(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = damaged(tmp_path, betas=np.array([Trap()], dtype=object))
+    path = damaged(tmp_path, betas=np.array([Calls(Path("trap_was_sprung").touch)], dtype=object))
     with pytest.raises(BadMotionFile, match="not a readable .npz of plain arrays"):
         load_clip(path)
     assert not (tmp_path / "trap_was_sprung").exists()

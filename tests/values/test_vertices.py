@@ -12,6 +12,8 @@ from gmrdata.values import motion_metrics as vertices
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.motion_metrics import run_vertex_errors
 from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.values.transforms import rigid
+from tests.motions import moved
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +36,8 @@ def test_an_error_per_step_adds_up(walk, small_body, monkeypatch):
 
 def test_the_predictions_world_does_not_matter(walk, small_body):
     turn = Rotation.from_euler("xyz", [20, 30, 200], degrees=True).as_matrix()
-    moved = replace(
-        walk, root_rotmats=turn @ walk.root_rotmats, pelvis_m=walk.pelvis_m @ turn.T + 5.0
-    )
-    found = run_vertex_errors(small_body, walk, {"predicted": moved})["predicted"]
+    elsewhere = moved(walk, rigid(turn, np.full(3, 5.0)))
+    found = run_vertex_errors(small_body, walk, {"predicted": elsewhere})["predicted"]
     np.testing.assert_allclose(found.vme_mm, 0, atol=1e-8)
     np.testing.assert_allclose(found.over_time_mm, 0, atol=1e-8)
 

@@ -25,11 +25,6 @@ N_FRAMES, SIZE_PX = 24, (640, 360)
 
 
 @pytest.fixture(scope="module")
-def neutral(small_body) -> BodyModel:
-    return replace(small_body, name="smpl-neutral")
-
-
-@pytest.fixture(scope="module")
 def seen(neutral) -> Seen:
     motion = make_gait("walk", N_FRAMES / 10, 10.0, neutral, np.random.default_rng(2))
     motion = replace(motion.take(slice(0, N_FRAMES)), body=neutral.name)

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rigid
 from gmrdata.world.level import (
     BALANCE_SIGMA_RAD,
     UpCue,
@@ -23,6 +24,7 @@ from gmrdata.world.level import (
     up_of,
 )
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
+from tests.motions import moved
 
 UP = np.array([0.0, 0.0, 1.0])
 BODIES = UpCue("bodies", UP, np.eye(3) / BALANCE_SIGMA_RAD**2)
@@ -48,8 +50,7 @@ def square_m(n: int = 60) -> np.ndarray:
 def turned(motion: Motion, degrees: float) -> Motion:
     """The motion in a world that leans."""
     turn = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
-    root_rotmats, pelvis_m = turn @ motion.root_rotmats, motion.pelvis_m @ turn.T
-    return replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
+    return moved(motion, rigid(turn, np.zeros(3)))
 
 
 @pytest.mark.parametrize("kind", ["walk", "side_step", "stand"])

@@ -27,7 +27,8 @@ from gmrdata.world.recipe import (
     save_dataset_camera,
     verdict_of,
 )
-from tests.reconstructions import good_quality, keys_of, pseudo_gt_quality, without
+from tests.reconstructions import good_quality, pseudo_gt_quality
+from tests.record_keys import assert_each_key_is_needed
 from tests.world.test_compose import (
     Circular,
     as_input,
@@ -175,7 +176,6 @@ def _rows(parts: tuple[tuple[int, int], ...]) -> set[int]:
 
 DROPPED = verdict_of("walk", True, (), ["", *["the camera jumps"] * 2, "", ""])
 RECORD = pseudo_gt_quality(good_quality(5), 2.5).model_copy(update={"people": (DROPPED,)})
-KEYS = list(keys_of(RECORD.model_dump(mode="json")))
 DOUBTS = Doubts(frames=(("", "campose_valid is 0"),), sequence=("the intrinsics are wrong",))
 
 
@@ -210,17 +210,6 @@ def test_55_px_are_rejected(small_body, tmp_path):
     assert "the mean reprojection error is 55.00 px, more than 1 px" in record.people[0].reasons
 
 
-@pytest.mark.parametrize("key", [path for path in KEYS if path[0] == "cameras"], ids=str)
-def test_no_figure_of_the_reconstruction_can_be_left_out(key, small_body, tmp_path):
-    if len(key) == 1:
-        return
-    sfm_dir, people = sfm_of(tmp_path, small_body, lambda said: without(said, key[1:]))
-    with pytest.raises(
-        BadRecord, match=rf"quality\.json: has no .*`{'.'.join(map(str, key[1:]))}`"
-    ):
-        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
-
-
 @pytest.mark.parametrize(
     ("figures", "said"),
     [
@@ -248,13 +237,9 @@ def test_what_is_written_comes_back(small_body, tmp_path):
     assert again.read_bytes() == (tmp_path / "out" / QUALITY_FILE).read_bytes()
 
 
-@pytest.mark.parametrize("path", KEYS, ids=lambda path: ".".join(map(str, path)))
-def test_each_key_is_needed_and_named(tmp_path, path):
-    file = tmp_path / QUALITY_FILE
-    file.write_text(json.dumps(without(RECORD.model_dump(mode="json"), path)))
-    named = rf"quality\.json: has no .*`{'.'.join(map(str, path))}`.*--redo"
-    with pytest.raises(BadRecord, match=named):
-        load_record(tmp_path)
+@pytest.mark.parametrize("record", [RECORD, DOUBTS])
+def test_each_key_is_needed_and_named(tmp_path, record):
+    assert_each_key_is_needed(record, tmp_path / "record.json")
 
 
 @pytest.mark.parametrize(
@@ -292,16 +277,6 @@ def test_a_sequence_without_a_reconstruction_drops_every_row(tmp_path):
     quality = quality_record(record, 0)
     assert (quality.geometry, quality.verdict, quality.inliers) == (None, "rejected", None)
     assert quality.figures == {"kept_share": rejected.kept_share}
-
-
-@pytest.mark.parametrize("key", ["format", "frames", "sequence"])
-def test_each_doubt_is_needed_and_named(tmp_path, key):
-    file = tmp_path / "doubts.json"
-    DOUBTS.write(file)
-    assert Doubts.read(file) == DOUBTS
-    file.write_text(json.dumps(without(DOUBTS.model_dump(mode="json"), (key,))))
-    with pytest.raises(BadRecord, match=rf"doubts\.json: has no .*`{key}`"):
-        Doubts.read(file)
 
 
 @pytest.mark.parametrize("key", ["format", "world_from_cam"])

@@ -30,11 +30,6 @@ SYSTEMS = ("vibe", "wham", "gvhmr", "tram", "phalp")
 
 
 @pytest.fixture(scope="module")
-def neutral(small_body) -> BodyModel:
-    return replace(small_body, name="smpl-neutral")
-
-
-@pytest.fixture(scope="module")
 def walk(neutral) -> Clip:
     """Somebody at the side of the picture, 3 m away."""
     motion = make_gait("walk", 1.2, 10.0, neutral, np.random.default_rng(2))

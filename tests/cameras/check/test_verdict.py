@@ -17,14 +17,14 @@ from gmrdata.cameras.files import (
     load_cameras,
     save_cameras,
 )
-from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.map.rotation_only import CELLS, FEWEST_FEATURES, RotationOnly, covered_share
 from gmrdata.cameras.match.keyframes import unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.values.camera import CameraPath, Source
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.transforms import rigid
+from tests.reconstructions import lens
 from tests.record_keys import assert_each_key_is_needed
 
 N = 41
@@ -38,25 +38,6 @@ def pan(degrees: float, geometry: Geometry = "rotation_only") -> SfmCameras:
     cameras = np.concatenate([rigid(turns, np.zeros(3)), np.full((1, 4, 4), np.nan)])
     path = CameraPath(np.diag([900.0, 900, 1]), 1280, 720, cameras, np.arange(N + 1) < N)
     return SfmCameras(path, geometry, np.arange(N + 1), np.zeros(N + 1, dtype=bool))
-
-
-def lens(source: Source, sigma: float, objections: tuple[str, ...] = ()) -> Intrinsics:
-    return Intrinsics(
-        source=source,
-        width_px=1280,
-        height_px=720,
-        focal_px=1088.0,
-        focal_y_px=1088.0,
-        focal_sigma=sigma,
-        centre_px=(640.0, 360.0),
-        radial_k1=0.0,
-        radial_k1_sigma=None,
-        focal_observable=source != "prior",
-        asked=None,
-        starts=(),
-        objections=objections,
-        notes=(),
-    )
 
 
 def test_the_spread_of_turns_is_that_about_their_mean():

@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import SMPL_REST_PELVIS_M
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion_metrics import orientation_errors_deg
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert, rigid
 from gmrdata.write.systems import TrackedPerson, write_gvhmr, write_wham
+from tests.read.system_files import rotmats
 
 MM, DEG = 1e-4, 0.01
 Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -31,15 +32,6 @@ def people(walkers, small_body) -> list[TrackedPerson]:
         TrackedPerson(motion, small_body.rest_pelvis_m(motion.shape), valid, n + 3)
         for motion, valid in zip(motions, rows, strict=True)
     ]
-
-
-def angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    turned = (np.swapaxes(a, -1, -2) @ b).reshape(-1, 3, 3)
-    return np.rad2deg(Rotation.from_matrix(turned).magnitude())
-
-
-def rotmats(rotvecs: np.ndarray) -> np.ndarray:
-    return Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(len(rotvecs), -1, 3, 3)
 
 
 def test_wham_by_plain_pickle(people, walkers, small_body, tmp_path):
@@ -80,8 +72,8 @@ def test_wham_comes_back(people, tmp_path):
         motion, world = person.motion.take(person.rows), found.in_world
         assert world is not None
         turns = world.z_up_from_file[:, :3, :3]
-        assert angles_deg(turns @ world.root_rotmats, motion.root_rotmats).max() < DEG
-        assert angles_deg(found.local_rotmats, motion.local_rotmats).max() < DEG
+        assert orientation_errors_deg(turns @ world.root_rotmats, motion.root_rotmats).max() < DEG
+        assert orientation_errors_deg(found.local_rotmats, motion.local_rotmats).max() < DEG
         transl_m = world.transl_m + person.rest_pelvis_m
         pelvis_m = (turns @ transl_m[..., None])[..., 0]
         assert np.abs(pelvis_m - motion.pelvis_m).max() < MM
@@ -123,9 +115,10 @@ def test_gvhmr_by_torchs_safe_loader(people, walkers, tmp_path):
         pelvis_m = apply(frame_from_world, motion.pelvis_m[:, None])[:, 0]
         assert np.abs(params["transl"] + SMPLX_PELVIS_M - pelvis_m)[rows].max() < MM
         root = frame_from_world[rows, :3, :3] @ motion.root_rotmats[rows]
-        assert angles_deg(rotmats(params["global_orient"][rows])[:, 0], root).max() < DEG
+        turned = rotmats(params["global_orient"][rows])[:, 0]
+        assert orientation_errors_deg(turned, root).max() < DEG
         bent = rotmats(params["body_pose"])
-        assert angles_deg(bent, motion.local_rotmats[:, :21]).max() < DEG
+        assert orientation_errors_deg(bent, motion.local_rotmats[:, :21]).max() < DEG
         assert not params["betas"].any()
 
 
@@ -139,7 +132,7 @@ def test_gvhmr_comes_back(people, tmp_path):
     world = found.in_world
     assert world is not None and found.rest_pelvis_m is not None
     turns = world.z_up_from_file[:, :3, :3]
-    assert angles_deg(turns @ world.root_rotmats, motion.root_rotmats[rows]).max() < DEG
+    assert orientation_errors_deg(turns @ world.root_rotmats, motion.root_rotmats[rows]).max() < DEG
     pelvis_m = (turns @ (world.transl_m + found.rest_pelvis_m)[..., None])[..., 0]
     assert np.abs(pelvis_m - motion.pelvis_m[rows]).max() < MM
 
