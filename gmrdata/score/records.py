@@ -95,7 +95,7 @@ class ClipScore(Row):
     """Named parts of the data set that it belongs to, as EMDB 1 and EMDB 2."""
     seen_in: SeenIn | None
     """How the prediction came into the camera's frame; None where it did not."""
-    took_true_camera: bool = False
+    took_true_camera: bool
     """Whether it was in the camera's frame, without a camera, and the truth's took it to the world,
     whose motion its figures know then."""
 

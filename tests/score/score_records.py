@@ -49,6 +49,7 @@ def clip_score(
         protocol_fps_hz=None if world is None else protocol_fps_hz,
         subsets=(),
         seen_in=None,
+        took_true_camera=False,
         floor=None,
         below_floor=(),
     )

@@ -430,7 +430,7 @@ def test_it_is_said_that_a_network_was_trained_on_the_scored_manifest(
 ):
     trials = zip(clips, ("05_21", "08_21", "143_21"), strict=True)
     named = [replace(clip, id=trial) for clip, trial in trials]
-    known = write_manifest_of(tmp_path / "cmu", small_body, named, dataset="CMU")
+    known = write_manifest_of(tmp_path / "cmu", small_body, named, sources="CMU")
     others = write_clips(tmp_path / "others", small_body, clips)
     trained = {}
     for name, subjects in (("all", ()), ("but_08", (8,))):
