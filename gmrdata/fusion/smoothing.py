@@ -180,12 +180,8 @@ def smooth(
         state, cost, damping, growth = moved, after, max(damping, LEAST_DAMPING), 2.0
         if settled:
             return _with_covariances(graph, state, iteration)
-    what, remedy = "cameras and motions", ""
-    if loops:
-        what, remedy = (
-            "cameras, motions and loops",
-            ". Leave out --loops, or give a larger --loop-sigma-m",
-        )
+    what = "cameras, motions and loops" if loops else "cameras and motions"
+    remedy = ". Leave out --loops, or give a larger --loop-sigma-m" if loops else ""
     steps = f"in {most_iterations} steps"
     raise StageFailed(f"the poses didn't settle {steps}: {what} contradict each other{remedy}")
 

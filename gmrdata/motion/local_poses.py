@@ -18,8 +18,8 @@ or in a world.
 | `.npz` | AMASS (SMPL, SMPL+H, SMPL-X), gmrdata's clips | local rotations |
 | `.bvh`, `.amc` | motion capture | retargeted to the SMPL tree |
 
-The folder that a system made for a video stands for its file there.  Estimators' files do not say
-the video's frame rate; a person has to.
+The folder that a system made for a video stands for its file there.  Most estimators' files do
+not say the video's frame rate; a person has to.
 """
 
 from collections.abc import Mapping

@@ -296,7 +296,8 @@ class ResultSets:
 
 
 def _require_same_video(result: EstimatedPeople, true: Clip, n_images: int) -> None:
-    """Refuse a result of more or fewer frames than the clip has images, where both are known."""
+    """Refuse a result of more or fewer frames than the clip has images, where both are known; one
+    that doesn't tell has at least those in which it saw somebody."""
     if phalp.ends_early(result, n_images):
         return
     shown = max((int(one.frame_numbers[-1]) + 1 for one in result.people), default=0)

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import parse_json
-from gmrdata.values.limits import MOST_RECIPE_BYTES
+from gmrdata.values.limits import MOST_JOINT_MAP_BYTES
 from gmrdata.values.plain_yaml import parse
 
 REQUIRED = (
@@ -235,8 +235,10 @@ def _read_map(joint_map: Mapping[str, str] | Path | str, path: Path) -> dict[str
 def _load_map(map_path: Path) -> Mapping[str, str]:
     if not map_path.is_file():
         raise MissingInput(f"{map_path}: no such joint map")
-    if map_path.stat().st_size > MOST_RECIPE_BYTES:
-        raise BadMotionFile(f"{map_path}: larger than {MOST_RECIPE_BYTES} bytes; no joint map is")
+    if map_path.stat().st_size > MOST_JOINT_MAP_BYTES:
+        raise BadMotionFile(
+            f"{map_path}: larger than {MOST_JOINT_MAP_BYTES} bytes; no joint map is"
+        )
     text = map_path.read_text(encoding="utf-8", errors="replace")
     try:
         loaded = parse_json(text) if map_path.suffix == ".json" else parse(text)[0]

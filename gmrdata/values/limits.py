@@ -46,6 +46,7 @@ BLENDER_FRAME_S, BLENDER_RAY_S, BLENDER_FRAME_NAME = 600.0, 1e-4, "GMRDATA_BLEND
 the environment says another time for the whole.  A ray takes 1 to 10 µs of one slow core."""
 
 MOST_RECIPE_BYTES = 16 * MIB  # 100,000 clips
+MOST_JOINT_MAP_BYTES = MIB
 # What a recipe, or a checkpoint's record, may say; configs name them as their fields' limits.
 MOST_CLIPS = 100_000
 MOST_FRAMES = 1_000_000  # of a clip or window

@@ -76,6 +76,14 @@ def test_what_is_refused(name, tmp_path):
     assert time.monotonic() - start_s < 5
 
 
+def test_a_joint_map_of_over_a_mebibyte_is_none(tmp_path):
+    """Recipes may be larger than that."""
+    path = tmp_path / "names.yaml"
+    path.write_text("Hips: pelvis\n" + "#" * (1 << 20))
+    with pytest.raises(BadMotionFile, match="larger than 1048576 bytes; no joint map is"):
+        find_joints(("Hips",), (-1,), path, path)
+
+
 plain = st.recursive(
     st.none() | st.booleans() | st.integers(-(10**17), 10**17) | st.floats(allow_nan=False)
     | st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"])),
