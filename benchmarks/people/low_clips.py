@@ -38,7 +38,7 @@ def make_low_clips(folder: Path, shared_data: Path, pose_clips: Path) -> list[Pa
     motions = folder / "motions"
     for name, (lens, trial, part_s) in LOW.items():
         if not (folder / name / FACTS_FILE).is_file():
-            _cut(shared_data, motions, trial, part_s)
+            _cut(shared_data, folder / "whole", motions, trial, part_s)
             sources = {name: {"trial": trial}}
             recipe = recipe_of(name, lens, sources, {name: ROUND}, SEED, DURATION_S)
             render_set(recipe, folder / "rendered" / name, motions_dir=motions)
@@ -50,16 +50,18 @@ def make_low_clips(folder: Path, shared_data: Path, pose_clips: Path) -> list[Pa
     return [folder / name for name in (*LOW, *(f"{name}_hidden" for name in HIDDEN))]
 
 
-def _cut(shared_data: Path, motions: Path, trial: str, part_s: tuple[float, float]) -> None:
-    """A part of an AMC file, beside its skeleton."""
+def _cut(
+    shared_data: Path, whole: Path, motions: Path, trial: str, part_s: tuple[float, float]
+) -> None:
+    """A part of an AMC file, beside its skeleton, and not beside the whole one."""
     for what in ([], ["more"]):
-        subprocess.run([str(shared_data / "unpack"), str(motions / "whole"), *what], check=True)
-    amc = next((motions / "whole").rglob(f"{trial}.amc"))
+        subprocess.run([str(shared_data / "unpack"), str(whole), *what], check=True)
+    amc = next(whole.rglob(f"{trial}.amc"))
     head, *rest = re.split(r"^(?=\d+\s*$)", amc.read_text(), flags=re.MULTILINE)
     frames = rest[round(part_s[0] * CMU_HZ) : round(part_s[1] * CMU_HZ)]
-    (motions / "amc").mkdir(parents=True, exist_ok=True)
-    (motions / "amc" / amc.name).write_text(head + "".join(frames))
-    shutil.copy(amc.with_name(f"{trial.split('_')[0]}.asf"), motions / "amc")
+    motions.mkdir(parents=True, exist_ok=True)
+    (motions / amc.name).write_text(head + "".join(frames))
+    shutil.copy(amc.with_name(f"{trial.split('_')[0]}.asf"), motions)
 
 
 def _hide_legs(clip_dir: Path, out_dir: Path) -> None:
