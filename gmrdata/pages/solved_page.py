@@ -15,6 +15,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from gmrdata.cameras.files import CamerasQuality
+from gmrdata.cameras.lens.intrinsics import beside_cameras
 from gmrdata.motion.resample import valid_runs
 from gmrdata.pages import solved_plots, thresholds
 from gmrdata.pages.footage import (
@@ -471,6 +472,7 @@ def _lens(found: Solved) -> dict[str, object]:
         rows.append(("Radial distortion k1", f"{lens.radial_k1:.4g}{spread}"))
     if found.cameras is not None:
         rows += found.cameras.lens_in_words
+        lens = None if lens is None else beside_cameras(lens, found.cameras)
     objections, notes = ((), ()) if lens is None else (lens.objections, lens.notes)
     return {"rows": rows, "objections": objections, "notes": notes}
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmrdata.cameras.again import solve_again
 from gmrdata.cameras.files import load_quality
-from gmrdata.cameras.lens.intrinsics import find_intrinsics, load_intrinsics
+from gmrdata.cameras.lens.intrinsics import beside_cameras, find_intrinsics, load_intrinsics
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.people import sources as mask_sources
 from gmrdata.people.facing import rate_remarks
@@ -231,7 +231,8 @@ def _cameras(solved: Solved) -> Solved:
         )
     except NoReconstruction as error:
         return replace(solved, unsolved=error)
-    return replace(solved, sfm_dir=sfm_dir)
+    lens = None if lens is None else beside_cameras(lens, load_quality(sfm_dir))
+    return replace(solved, sfm_dir=sfm_dir, lens=lens)
 
 
 def _cameras_again(solved: Solved) -> Solved:

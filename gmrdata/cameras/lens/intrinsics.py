@@ -10,9 +10,11 @@ import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.cameras.files import CamerasQuality
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.lens.rolling_shutter import READOUT_S
 from gmrdata.cameras.lens.self_calibration import (
+    ENOUGH_FRAMES,
     SelfCalibration,
     SelfCalibrationConfig,
     StartTried,
@@ -37,6 +39,7 @@ INTRINSICS_FILE = "intrinsics.json"
 USUAL_FOCAL, USUAL_SIGMA = 0.85, 0.3
 """Focal length over the longer side, and the standard error of its logarithm, of cameras that
 nothing is known of: phones have 0.65 to 0.95, 3DPW's 1.02, a car's 0.58, long lenses 2 and more."""
+RIGHT_SIGMAS = 2.0  # standard errors within which cameras find a focal length right
 LARGEST_CORNER = 3.0  # from the principal point, in focal lengths: 143 degrees across
 
 
@@ -138,6 +141,25 @@ class Intrinsics(Record):
 def load_intrinsics(folder: Path) -> Intrinsics:
     """The lens in a folder that `find_intrinsics` made."""
     return Intrinsics.read(folder / INTRINSICS_FILE)
+
+
+def beside_cameras(lens: Intrinsics, quality: CamerasQuality) -> Intrinsics:
+    """The lens, once the cameras are there: an objection to its focal length may become a note.
+
+    Of a long video the lens is sought in a part alone, which may hold it less firmly than it says.
+    Cameras of the whole that hold it more firmly, and find the given one right, then count.  Of a
+    shorter video both see the same frames, and cameras lean on the lens that they were given.
+    """
+    asked, factor, sigma = lens.asked, quality.focal_factor, quality.focal_sigma
+    if quality.frames <= ENOUGH_FRAMES or asked is None or factor is None or sigma is None:
+        return lens
+    withdrawn = tuple(one for one in lens.objections if one.endswith(NOT_THEIRS))
+    if not withdrawn or sigma >= asked.focal_sigma or abs(factor - 1) > RIGHT_SIGMAS * sigma:
+        return lens
+    firmer = f"The cameras of all frames are firmer: {factor:.2f} times, ± {100 * sigma:.1f} %."
+    left = tuple(one for one in lens.objections if one not in withdrawn)
+    notes = (*lens.notes, *(f"In a part of the video: {one} {firmer}" for one in withdrawn))
+    return lens.model_copy(update={"objections": left, "notes": notes})
 
 
 class _IntrinsicsRecipe(Config):
@@ -312,7 +334,7 @@ def _decided(
         elif one.focal_from.source == "given" and abs(apart) <= config.object_sigmas * both_sigma:
             notes.append(f"{words}: the two disagree, but not by enough to object.")
         elif one.focal_from.source == "given":
-            objections.append(f"{words}: the lens that is given is not that of these frames.")
+            objections.append(f"{words}: {NOT_THEIRS}")
         else:
             notes.append(f"{words}: the two disagree.")
             sigma = float(np.hypot(sigma, apart))
@@ -413,6 +435,7 @@ def _lens_in_words(asked: AskedLens) -> str:
     return f"{focal}, and a distortion k1 of {asked.radial_k1:.3f} ± {asked.radial_k1_sigma:.3f}"
 
 
+NOT_THEIRS = "the lens that is given is not that of these frames."
 FOLDED = (
     "The distortion that was found in the frames folds the corners of the picture, which no lens "
     "does: give --intrinsics, or undistort the frames."

@@ -20,6 +20,7 @@ from gmrdata.cameras.lens.intrinsics import (
     GivenIntrinsics,
     Intrinsics,
     IntrinsicsConfig,
+    beside_cameras,
     find_intrinsics,
     load_intrinsics,
 )
@@ -48,6 +49,7 @@ from gmrdata.values.camera import Lens, bent
 from gmrdata.values.errors import BadIntrinsics, BadRecord, StaleOutput
 from tests.read.test_intrinsics import jpeg_with
 from tests.read.test_lens_files import PINHOLES, READ
+from tests.reconstructions import good_quality
 
 FOUND = SelfCalibration("full", 0.7, 0.02, -0.1, 0.01, (), "")
 HIDDEN = SelfCalibration(None, None, np.inf, 0.0, np.inf, (), "the camera does not move")
@@ -237,6 +239,40 @@ def test_a_wrong_given_focal_length_is_objected_to(tmp_path, shown, focal_px):
     assert lens.source == "given" and lens.focal_px == focal_px
     (objection,) = lens.objections
     assert "435 px ± 1.5 %" in objection and "not that of these frames" in objection
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "whole", "is_withdrawn"),
+    [
+        (18_780, (0.965, 0.037), True),
+        (1_800, (0.965, 0.037), False),
+        (18_780, (0.965, 0.06), False),
+        (18_780, (0.97, 0.014), False),
+        (18_780, (None, None), False),
+    ],
+)
+def test_an_objection_of_a_part_of_a_long_video_yields_to_firmer_cameras_of_the_whole(
+    tmp_path, shown, n_frames, whole, is_withdrawn
+):
+    """A dancer of ten minutes: her middle minute asked for 0.8 times the right focal length."""
+    shown(replace(FOUND, focal=1020 / 640, focal_sigma=0.048))
+    lens = made(tmp_path, config=IntrinsicsConfig(), given=GivenIntrinsics(focal_px=1275.0))
+    (objection,) = lens.objections
+    quality = good_quality(n_frames, focal_factor=whole[0], focal_sigma=whole[1])
+    beside = beside_cameras(lens, quality)
+    assert beside.objections == (() if is_withdrawn else (objection,))
+    assert len(beside.notes) == len(lens.notes) + is_withdrawn
+    if is_withdrawn:
+        firmer = "The cameras of all frames are firmer: 0.96 times, ± 3.7 %."
+        assert beside.notes[-1] == f"In a part of the video: {objection} {firmer}"
+
+
+def test_other_objections_stay(tmp_path, shown):
+    shown(replace(FOUND, radial_k1=0.0, radial_k1_sigma=0.01))
+    (path := tmp_path / "cameras.txt").write_text("1 SIMPLE_RADIAL 640 480 448 320 240 -0.15\n")
+    lens = made(tmp_path, given=GivenIntrinsics(file=path), config=IntrinsicsConfig())
+    quality = good_quality(2_000, focal_factor=1.0, focal_sigma=0.001)
+    assert beside_cameras(lens, quality).objections == lens.objections != ()
 
 
 def test_one_that_is_hardly_off_is_doubted_alone(tmp_path, shown):
