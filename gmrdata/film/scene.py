@@ -149,7 +149,7 @@ def _passing_motion(
     if not extras.motions:
         kind = "walk" if shot.motion_s <= STRAIGHT_S else "figure_eight"
         return make_gait(kind, shot.motion_s, shot.fps_hz, body, rng)
-    from gmrdata.motion.files import read_file
+    from gmrdata.motion.files import read_file, require_motion
 
     path = extras.motions[int(rng.integers(len(extras.motions)))]
     said = DEFAULT_READING if extras.read is None else extras.read
@@ -160,6 +160,7 @@ def _passing_motion(
         remedy = "give longer motions, or none for embedded gaits"
         raise BadRecipe(f"extras.motions: {path} {lasts}; {remedy}")
     start = int(rng.integers(whole.n_frames - n_frames + 1))
+    require_motion(read, path, start / shot.fps_hz, (start + n_frames) / shot.fps_hz)
     return slice_motion(whole, start, start + n_frames)
 
 

@@ -28,7 +28,13 @@ from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.current import CameraMotion, ListManifest, Semver, Source
 from gmrdata.manifest.read import read_manifest
-from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
+from gmrdata.motion.files import (
+    FileReading,
+    find_motions,
+    input_files,
+    read_file,
+    require_motion,
+)
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, gait_source, motion_source
 from gmrdata.motion.resample import hold_pose
@@ -225,6 +231,8 @@ def planned_clip(
     if motion_path is not None:
         reading = read_file(motion_path, body, clip.read or recipe.read, shape=shape)
         motion = reading.motion
+        first_s, last_s = (clip.hold_s,) * 2 if clip.hold_s is not None else (0, film.duration_s)
+        require_motion(reading, motion_path, first_s, last_s)
     else:
         rate_hz = max(GAIT_FPS_HZ, film.fps_hz or 0.0)
         lasts_s = max(film.duration_s, (clip.hold_s or 0.0) + 1 / rate_hz)

@@ -129,6 +129,15 @@ def read_file(
     return FileReading(motion, LIES not in remarks, remarks, rate_from, residual, valid)
 
 
+def require_motion(reading: FileReading, path: Path, first_s: float, last_s: float) -> None:
+    """Refuse a part of a file in which frames hold no motion: what fills them is no truth."""
+    first, last = (round(at_s * reading.motion.fps_hz) for at_s in (first_s, last_s))
+    empty = first + np.flatnonzero(~reading.valid[first : max(last, first + 1)])
+    if len(empty):
+        what = f"{len(empty)} of its frames, from frame {empty[0]} on, hold no motion"
+        raise BadMotionFile(f"{path}: {what}. Take a part that does")
+
+
 def _stiffness(motion: Motion, turns: np.ndarray) -> tuple[str, ...]:
     """A remark on a body that goes and hardly turns a joint, of which CMU's stiffest turn by 24
     degrees, or that keeps the file's zero pose, from which its joints turn (T, J, 3, 3)."""

@@ -74,10 +74,12 @@ def motion_source(path: Path, inside: Path) -> Source:
     """A motion file, known as AMASS's by data set, subject and trial: `KIT/3/kick_poses.npz`.
 
     These are the last three parts of its path as far as they lie in the folder that was given
-    (`inside`), or are that folder's name.
+    (`inside`), or are that folder's name; CMU's wherever a link of that name leads.
     """
     n_inside = len(inside.parts)
-    given = (path.resolve().parents[n_inside - 1].name,) if n_inside > 1 else ()
+    folder = path.absolute().parents[n_inside - 1]
+    name = "CMU" if folder.name == "CMU" else folder.resolve().name
+    given = (name,) if n_inside > 1 else ()
     tail = PurePosixPath(*(*given, *inside.parts)[-3:])
     in_amass = path.suffix.lower() == ".npz" and path.stem.endswith(("_poses", "_stageii"))
     if in_amass and len(tail.parts) == 3:

@@ -39,7 +39,7 @@ from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, in_frame, person_box, project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadRecipe
+from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
@@ -227,6 +227,29 @@ def test_motions_from_files(small_body, tmp_path):
     long = clip_of(small_body, 2, duration_s=8.0)
     with pytest.raises(BadRecipe, match=r"run\.npz lasts 6\.00 s, and it takes 8\.00 s"):
         make_cast(extras, [long], small_body, 0)
+
+
+def test_frames_that_hold_no_motion_are_not_filmed(small_body, tmp_path):
+    """A clip of somebody who left the picture for a second; the frames between are filled."""
+    walk = make_gait("walk", 6.0, 30.0, small_body, np.random.default_rng(5))
+    seen = ~np.isin(np.arange(180), np.arange(60, 90))
+    recorded = Clip("walk", walk, seen, np.full(180, -1), None)
+    path = tmp_path / "walk.npz"
+    save_clip(path, recorded, small_body.rest_pelvis_m(walk.shape))
+
+    def planned(**said: float) -> Clip:
+        given = {"id": "a", "trial": "walk", "programme": {"kind": "static"}} | said
+        return planned_clip(SyntheticClip.model_validate(given), RECIPE.set, path, small_body)[0]
+
+    why = r"walk\.npz: 30 of its frames, from frame 60 on, hold no motion\. Take a part that does"
+    with pytest.raises(BadMotionFile, match=why):
+        planned(duration_s=4.0)
+    with pytest.raises(BadMotionFile, match="1 of its frames, from frame 75 on"):
+        planned(duration_s=1.0, hold_s=2.5)
+    assert planned(duration_s=2.0).valid.all() and planned(duration_s=1.0, hold_s=3.5).valid.all()
+    extras = Extras(passers_by=1, motions=(path,))
+    with pytest.raises(BadMotionFile, match="hold no motion"):  # any 4 s of it
+        make_cast(extras, [clip_of(small_body, 2)], small_body, 0)
 
 
 @settings(max_examples=25)

@@ -171,6 +171,13 @@ def test_names_of_clips(tmp_path):
     # The same trial, from its data set's folder alone.
     (inside,) = library_files((tmp_path / "files" / "CMU",))
     assert inside.source == amass and inside.id == "02.02_03_poses"
+    # Trainings leave out trials of CMU, whatever the folder is called that a link leads to.
+    (tmp_path / "files" / "CMU").rename(tmp_path / "amass_cmu_smplh")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "CMU").symlink_to(tmp_path / "amass_cmu_smplh")
+    (linked,) = library_files((tmp_path / "mine" / "CMU",))
+    assert linked.source == amass
+    (tmp_path / "amass_cmu_smplh").rename(tmp_path / "files" / "CMU")
     (alone,) = library_files((tmp_path / "files" / "b" / "run.bvh",))
     assert alone.id == "run" and alone.source.dataset == "file"
     again = library_files((tmp_path / "files", tmp_path / "files" / "b" / "run.bvh"))
