@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 from scipy.ndimage import binary_closing, binary_opening
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from gmrdata.cameras.colmap import add_bare_image, observations_of, pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.matches import Matches, PairMatches, matched_points
 from gmrdata.cameras.recipe import MappingConfig
 
+FEWEST_COMMON = 20  # points by which one keyframe holds another, as in `models.place_frames`
 FEW_BETWEEN = 5  # keyframes, each a small step from the next, show what those around them show
 
 
@@ -81,8 +84,10 @@ def core_of(model: Any, frames: Frames, matches: Matches, config: MappingConfig)
     """A model without keyframes that others cover, or that match none of those that stay."""
     images = dict(frames.rows_of(model))
     seen = {row: _seen(image) for row, image in sorted(images.items())}
-    covered = covered_rows({row: table[:, 1] for row, table in seen.items()}, config)
+    points_of = {row: table[:, 1] for row, table in seen.items()}
+    covered = covered_rows(points_of, config)
     covered |= alone(set(seen) - covered, matches)
+    covered -= links_among(covered, points_of)
     keep = {images[row].image_id for row in seen if row not in covered}
     core, id_in_core = _reduced(model, keep)
     tables = {}
@@ -118,6 +123,44 @@ def alone(rows: set[int], matches: Matches) -> set[int]:
     were left out."""
     pairs = [{pair.first, pair.second} for pair in matches.pairs]
     return rows.difference(*(pair for pair in pairs if pair <= rows))
+
+
+def links_among(covered: set[int], points_of: dict[int, np.ndarray]) -> set[int]:
+    """Those of covered rows that must stay: without them, some rows that hold each other, all
+    through all, would do so no more.
+
+    A camera that dwells, turns away by its field of view and dwells again sees each point of the
+    turn often enough from both sides; but without the turn nothing says how large one side is
+    beside the other.
+    """
+    rows, links = np.array(sorted(points_of)), set[int]()
+    common = _common_points(rows, points_of) >= FEWEST_COMMON
+    whole = connected_components(common, directed=False)[1]
+    for together in (np.flatnonzero(whole == one) for one in np.unique(whole)):
+        while True:
+            stays = np.array(
+                [row not in covered or row in links for row in rows[together].tolist()]
+            )
+            stay = together[stays]
+            parts = connected_components(common[stay][:, stay], directed=False)[1]
+            apart = stay[parts != parts[0]] if len(stay) else stay
+            if not len(apart):
+                break
+            order, before = breadth_first_order(common, stay[0], directed=False)
+            at = order[np.isin(order, apart)][0]  # the nearest of another part
+            while at != stay[0]:
+                links |= covered & {int(rows[at])}
+                at = before[at]
+    return links
+
+
+def _common_points(rows: np.ndarray, points_of: dict[int, np.ndarray]) -> Any:
+    """(N, N) sparse: how many points two rows (N,) both see."""
+    points = np.concatenate([np.zeros(0, np.int64), *(points_of[row] for row in rows.tolist())])
+    of = np.repeat(np.arange(len(rows)), [len(points_of[row]) for row in rows.tolist()])
+    shape = (len(rows), int(points.max(initial=-1)) + 1)
+    sees = coo_array((np.ones(len(of), np.int32), (of, points)), shape=shape).tocsr()
+    return sees @ sees.T
 
 
 def _seen(image: Any) -> np.ndarray:

@@ -52,10 +52,15 @@ def place_frames(
         answer = pycolmap.estimate_and_refine_absolute_pose(
             matches.keypoints_px[row][features], placed.points[of], camera
         )
-        if answer is not None and answer["num_inliers"] >= MIN_PNP_INLIERS:
+        if answer is None:
+            continue
+        seen = np.stack([features, of], axis=1)[answer["inlier_mask"]]
+        # Followed from two keyframes, a point is there twice, and holds the frame once.
+        seen = seen[np.sort(np.unique(seen[:, 1], return_index=True)[1])]
+        if len(seen) >= MIN_PNP_INLIERS:
             placed.world_from_cam[row] = transforms.invert(matrix_of(answer["cam_from_world"]))
-            placed.inliers[row] = answer["num_inliers"]
-            placed.seen[row] = np.stack([features, of], axis=1)[answer["inlier_mask"]]
+            placed.inliers[row] = len(seen)
+            placed.seen[row] = seen
             count += 1
     return count
 

@@ -71,14 +71,17 @@ def choose_keyframes(
         survived.append(found.mean() if len(found) else 0.0)
         corners.append(len(found))
         start_px, now_px = start_px[found], next_px[found]
-        late = row - rows[-1] >= config.keyframe_gap or row == len(images) - 1
+        before = image
+        late, last = row - rows[-1] >= config.keyframe_gap, row == len(images) - 1
         lost = not len(now_px) or len(now_px) < n_start / 2
-        if late or lost or _moved(start_px, now_px, intrinsics_px, steps_px):
+        if not (late or last or lost or _moved(start_px, now_px, intrinsics_px, steps_px)):
+            continue
+        start_px = now_px = _corners(image, free)
+        # Of frames that show nothing the first is enough: more would stand between those that do.
+        if len(start_px) or n_start or last:
             rows.append(row)
             tell(images[row])
-            start_px = now_px = _corners(image, free)
-            n_start = len(start_px)
-        before = image
+        n_start = len(start_px)
     return _as_keyframes(rows, np.array(survived), np.array([*corners, len(now_px)]), config)
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from gmrdata.cameras.map.covered import alone, covered_rows, without_seen_again
+from gmrdata.cameras.map.covered import alone, covered_rows, links_among, without_seen_again
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import MappingConfig
 
@@ -28,6 +28,21 @@ def test_what_stays_of_a_slow_path_sees_each_point_several_times():
     assert stay == [0, 4, 8, 16, 24, 32, 40, 48, 56, 60, 62, 63] and len(covered) == 52
     counts = np.bincount(np.concatenate([seen[row] for row in stay]))[100:300]
     assert counts.min() == 2 and np.median(counts) == 3
+
+
+@pytest.mark.parametrize("turn", [80, 95, 110, 130, 170])
+def test_what_links_two_places_stays(turn):
+    """A camera that dwells, turns by its field of view, and dwells: both ends see all of the turn,
+    but not each other, so that without it nothing tells their sizes apart."""
+    at = [*(55 * [0]), *np.linspace(0, turn, 7)[1:-1].astype(int), *(55 * [turn])]
+    seen = {row: np.arange(place, place + 100) for row, place in enumerate(at)}
+    covered = covered_rows(seen, MappingConfig())
+    links = links_among(covered, seen)
+    stay = sorted(set(seen) - covered | links)
+    held = [[len(np.intersect1d(seen[a], seen[b])) >= 20 for a in stay] for b in stay]
+    assert connected_components(np.array(held), directed=False)[0] == 1
+    assert len(links) == {95: 1, 110: 1}.get(turn, 0)
+    assert links_among(set(seen), seen) == set() == links_among(set(), {})
 
 
 def test_who_matches_none_of_those_that_stay_leaves_too():

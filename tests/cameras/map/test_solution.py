@@ -419,3 +419,29 @@ def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours():
     assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6)
     assert np.isnan(world_from_cam[2]).all()
     assert np.allclose(transforms.invert(world_from_cam[1]) @ cameras[1], np.eye(4), atol=1e-6)
+
+
+@pytest.mark.parametrize(("n_points", "n_placed"), [(13, 0), (30, 1)])
+def test_a_point_that_is_followed_from_both_sides_holds_a_frame_once(n_points, n_placed):
+    rng = np.random.default_rng(0)
+    intrinsics_px = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
+    points = rng.uniform([-2, -1, 4], [2, 1, 7], (n_points, 3))
+    cameras = np.tile(np.eye(4), (3, 1, 1))
+    cameras[:, 0, 3] = [0.0, 0.1, 0.2]
+    first, middle, last = (project(camera, points, intrinsics_px) for camera in cameras)
+    every = np.arange(n_points)
+    same = np.stack([every, every], axis=1)
+    pairs = [
+        PairMatches(0, 1, same, ""),
+        PairMatches(1, 2, np.stack([every + n_points, every], axis=1), ""),
+    ]
+    matches = Matches([first, np.concatenate([middle, middle]), last], pairs)
+    world_from_cam = cameras.copy()
+    world_from_cam[1] = np.nan
+    inliers = np.array([n_points, 0, n_points])
+    placed = Placed(world_from_cam, inliers, points, {0: same, 2: same})
+    assert place_frames([1], placed, matches, intrinsics_px) == n_placed
+    assert inliers[1] == n_placed * n_points
+    if n_placed:
+        assert placed.seen[1].tolist() == same.tolist()
+        assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6)

@@ -163,6 +163,18 @@ def test_a_cut_and_black_frames_are_noticed(tmp_path):
     assert keys.but_matched(Matches(points_px, pairs)).cuts.tolist() == [7]
 
 
+def test_a_covered_lens_takes_few_keyframes(tmp_path):
+    """Each was one, and stood between those before and after, which were not matched."""
+    pictures = [shifted(texture(0), 4.0 * row) for row in range(6)]
+    pictures += [np.zeros(SIZE_PX[::-1], np.uint8)] * 40
+    pictures += [shifted(texture(0), 4.0 * row) for row in range(6, 12)]
+    frames = given(write_pictures(tmp_path / "frames", pictures))
+    keys = choose_keyframes(frames, SfmConfig(keyframe_gap=10, min_keyframes=2))
+    rows = keys.rows.tolist()
+    assert [row for row in rows if 6 <= row < 46] == [6] and {0, 5, 46, 51} <= set(rows)
+    assert keys.featureless.tolist() == list(range(6, 46))
+
+
 def test_a_low_frame_rate_is_no_cut_where_features_match(tmp_path):
     pictures = [shifted(texture(seed), 110.0 * row) for seed in (0, 1) for row in range(4)]
     frames, config = (
