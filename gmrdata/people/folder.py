@@ -61,17 +61,23 @@ def folder_masks(
 
 
 def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:
-    """Refuse masks of all frames where every n-th was taken: their names fit the wrong images."""
-    if frames.video is None or frames.video.every == 1 or not masks_dir.is_dir():
+    """Refuse masks beyond the last image, as of all frames where every n-th was taken, or numbered
+    from 1: their names fit the wrong images."""
+    if frames.video is None or not masks_dir.is_dir():
         return
     every, last = frames.video.every, max(frames.video.frame_of)
+    if every == 1 and frames.n_frames is None:  # a part: masks of the whole video fit its images
+        return
     stems = [path.name.split(".")[0] for path in masks_dir.glob("*.png")]
     if any(stem.isdecimal() and int(stem) > last for stem in stems):
-        of, which = "every frame", f"frames 0, {every}, {2 * every}, ..."
-        if frames.n_frames is None:  # a part, whose video may have images after it
-            of, which = "more images than this part, or of every frame", "its images"
-        what = f"masks go beyond image {last}, the last one, so they are of {of}"
-        remedy = f"keep those of {which}, under the images' names"
+        they_are = "of every frame"
+        remedy = f"keep those of frames 0, {every}, {2 * every}, ..., under the images' names"
+        if every == 1:
+            they_are, remedy = "numbered otherwise, as from 1", "number them from 0, as images are"
+        elif frames.n_frames is None:  # a part, whose video may have images after it
+            they_are = "of more images than this part, or of every frame"
+            remedy = "keep those of its images, under the images' names"
+        what = f"masks go beyond image {last}, the last one, so they are {they_are}"
         raise BadFrames(f"{masks_dir}: {what}; {remedy}")
 
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 from gmrdata.values.files import parse_json
+from gmrdata.values.frame_set import FrameSet
 
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 ARKIT_UP = np.array([0.0, 1.0, 0.0])
@@ -24,9 +25,9 @@ TAKEN = (
 )
 
 
-def read_gravity(path: Path, frame_numbers: np.ndarray) -> np.ndarray:
-    """Unit directions (T, 3) that are up in the camera's axes, at frames by number (T,); NaN where
-    the file has none.
+def read_gravity(path: Path, frames: FrameSet) -> np.ndarray:
+    """Unit directions (T, 3) that are up in the camera's axes, at T frames by their numbers; NaN
+    where the file has none.
 
     Sources: record3d's `metadata` (poses as qx qy qz qw x y z in OpenGL's axes, from the first
     frame, whose own place in ARKit's world is `initPose`); Stray Scanner's `odometry.csv` (in
@@ -43,11 +44,17 @@ def read_gravity(path: Path, frame_numbers: np.ndarray) -> np.ndarray:
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise BadIntrinsics(f"{path}: no gravity can be read ({error}); give {TAKEN}") from None
     nowhere = np.full(3, np.nan)
-    found = np.array([ups.get(int(number), nowhere) for number in frame_numbers])
+    found = np.array([ups.get(int(number), nowhere) for number in frames.frame_numbers])
     if np.isfinite(found[:, 0]).sum() < 2:
-        numbers = f"{frame_numbers[0]}-{frame_numbers[-1]}"
+        numbers = f"{frames.frame_numbers[0]}-{frames.frame_numbers[-1]}"
         what = f"has gravity of hardly any of the video's frames {numbers}"
         raise BadIntrinsics(f"{path}: {what}; give the video's own file")
+    # Images out of a longer recording are counted from 0, and would get the gravity of its start.
+    # One number more is a last pose without a picture.
+    if frames.n_frames is not None and max(ups) > frames.n_frames:
+        what = f"has gravity up to frame {max(ups)}, and there are {frames.n_frames} frames"
+        remedy = "give the whole video with --from and --to, or a .csv whose frame 0 is the first"
+        raise BadIntrinsics(f"{path}: {what}; {remedy}")
     return found
 
 

@@ -160,7 +160,7 @@ def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | N
     if request.gravity_path is None or request.people is None:
         return None
     path = out_dir / GRAVITY_FILE
-    save_gravity(path, read_gravity(request.gravity_path, frames.frame_numbers))
+    save_gravity(path, read_gravity(request.gravity_path, frames))
     return path
 
 

@@ -279,6 +279,29 @@ def test_masks_of_all_frames_are_not_laid_on_every_second(tmp_path):
     folder_masks(of_taken, some, tmp_path / "part", FolderMaskConfig())
 
 
+def test_masks_numbered_from_1_are_not_laid_one_frame_off(tmp_path):
+    """Of a video whose start is left out, each image found a mask: that of the frame before."""
+    video = make_video(tmp_path / "a.mp4")
+    later = as_frames(video, tmp_path / "later", VideoConfig(from_s=0.08))
+    mask = np.full((48, 64), 255, np.uint8)
+    from_1 = put(tmp_path / "from_1", *[mask] * 9)
+    (from_1 / "00000.png").unlink()
+    said = (
+        "from_1: masks go beyond image 7, the last one, so they are numbered otherwise, as from 1"
+    )
+    with pytest.raises(BadFrames, match=f"{said}; number them from 0, as images are"):
+        folder_masks(from_1, later, tmp_path / "out", FolderMaskConfig())
+    whole = put(tmp_path / "whole", *[mask] * 8)
+    of_later = folder_masks(whole, later, tmp_path / "out", FolderMaskConfig())
+    assert [path.stem for path in sorted(of_later.glob("*.png"))] == [
+        f"{number:05d}" for number in range(2, 8)
+    ]
+
+    # Of a part they may rightly go on.
+    middle = as_frames(video, tmp_path / "middle", VideoConfig(from_s=0.08, to_s=0.2))
+    folder_masks(whole, middle, tmp_path / "part", FolderMaskConfig())
+
+
 def test_masks_are_widened_by_a_disc(noise_dir, tmp_path):
     masks = put(tmp_path / "masks", *[DYNAMIC * np.uint8(255)] * 3)
     out_dir = folder_masks(

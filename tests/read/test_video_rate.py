@@ -75,3 +75,12 @@ def test_a_rate_that_varies_is_left_as_it_is():
         found_hz, found_s = rated(times_s, 1e-5 if "a clock" in name else 1e-3, [30.0003])
         assert found_hz == pytest.approx(rates_hz[name], rel=0.15 if "call" in name else 1e-3), name
         assert found_s is times_s
+
+
+@pytest.mark.parametrize(("fast_hz", "slow_hz"), [(30, 15), (60, 30), (30, 24)])
+def test_a_video_of_two_rates_half_and_half_has_the_faster_one(fast_hz, slow_hz):
+    """No step is like the mean of the two in the middle."""
+    times_s = np.cumsum([0.0] + [1 / fast_hz] * 30 + [1 / slow_hz] * 30)
+    found_hz, found_s = rated(times_s, 1 / 90000, [fast_hz])
+    assert found_hz == fast_hz
+    assert found_s is times_s
