@@ -58,7 +58,10 @@ RENAMED: Mapping[str, Mapping[str, str]] = {
 """Of each verb, flags of earlier versions and what stands for them now."""
 
 
-ALL_AT_ONCE: Mapping[str, Collection[str]] = {"delta-errors": ("--network", "--people")}
+ALL_AT_ONCE: Mapping[str, Collection[str]] = {
+    "delta-errors": ("--network", "--people"),
+    "video": ("--height-m",),
+}
 """Of each verb, flags of several values that one means to add to where one gives them again; of any
 other flag the last one counts, as scripts rely on."""
 

@@ -17,7 +17,7 @@ from gmrdata.cli.answers import answer, answer_json, fail, print_table
 from gmrdata.cli.options import AsJson
 from gmrdata.film import blender_environment as environment
 from gmrdata.values.errors import BlenderMissing
-from gmrdata.values.limits import machine_bytes
+from gmrdata.values.limits import allowed_cores, machine_bytes
 
 State = Literal["there", "missing", "broken"]
 
@@ -258,10 +258,7 @@ def _gpu(loaded: Loaded) -> Part:
 def _machine() -> Iterator[Part]:
     from gmrdata.read.models import cache_dir
 
-    own = hasattr(os, "sched_getaffinity")  # Linux says how many this process may use
-    yield Part(
-        "machine", "cores", "there", str(len(os.sched_getaffinity(0)) if own else os.cpu_count())
-    )
+    yield Part("machine", "cores", "there", str(allowed_cores()))
     memory_bytes = machine_bytes()
     size = "the system does not say" if memory_bytes is None else f"{memory_bytes / 2**30:.1f} GiB"
     yield Part("machine", "memory", "there", size)

@@ -187,14 +187,19 @@ def _solve_config(
 
 
 def _heights(said: tuple[str, ...]) -> dict[str, float] | None:
-    """Heights by name, as `solve_video` takes them; BadRecipe for what is no height."""
+    """Heights by name, as `solve_video` takes them; BadRecipe for what is no height, and for a
+    second one of the same name."""
     from gmrdata.world.size import EVERYBODY
 
     heights: dict[str, float] = {}
     for text in said:
         name, _, number = text.rpartition("=")
+        name = name or EVERYBODY
+        if name in heights:
+            what = f"--height-m {text}: {name} has a height already"
+            raise BadRecipe(f"{what}. Name each person once, as person_0=1.78 person_1=1.65")
         try:
-            heights[name or EVERYBODY] = float(number)
+            heights[name] = float(number)
         except ValueError:
             what = f"--height-m {text}: no height. Give metres, as 1.78 or person_0=1.78"
             raise BadRecipe(what) from None

@@ -56,7 +56,8 @@ LONGEST_ID = 150
 READING = "reading motions"
 FAILED = "failed"
 """Folder below the library's with a text file for each file that could not be read."""
-CLIPS, READING_FILE, MANIFEST = "clips", "reading.json", "motions.yaml"
+CLIPS, CLIP_FILE = "clips", "clip.npz"
+READING_FILE, MANIFEST = "reading.json", "motions.yaml"
 FEW_FILES = 8  # so many files are read faster than worker processes start
 MAX_LISTED = 20
 
@@ -101,8 +102,12 @@ class LibraryFile:
     source: Source
 
 
-def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
+def library_files(
+    sources: tuple[Path, ...], out_dir: str | Path | None = None
+) -> list[LibraryFile]:
     """The motion files among files and folders, each once.
+
+    Left out of folders are the clips of the library at `out_dir`, which an earlier run made.
 
     A clip is called as its file.  An .npz that was found in a folder has its folders in the name
     as well, `CMU.01.01_01_poses`, since AMASS's data sets repeat the names of files; so has any
@@ -116,7 +121,7 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
     found = []
     for source in sources:
         folder = source if source.is_dir() else source.parent
-        paths = find_motions(source) if source.is_dir() else [source]
+        paths = _motions_of_others(source, out_dir) if source.is_dir() else [source]
         if not paths:
             raise MissingInput(f"{source}: holds no .bvh, .amc or .npz with a motion")
         found += [(path, path.relative_to(folder)) for path in paths]
@@ -140,6 +145,13 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
             remedy = "Give the folder that holds both, or import them into two folders"
             raise BadRecipe(f"{other.path} and {path} would both be clip {file.id}. {remedy}")
     return list(files.values())
+
+
+def _motions_of_others(folder: Path, out_dir: str | Path | None) -> list[Path]:
+    """The motion files of a folder without the clips of the library at `out_dir`."""
+    own = None if out_dir is None else (Path(out_dir).resolve() / CLIPS, CLIP_FILE)
+    paths = ((path, path.resolve()) for path in find_motions(folder))
+    return [path for path, real in paths if (real.parent.parent, real.name) != own]
 
 
 def clip_id(name: str) -> str:
@@ -234,7 +246,7 @@ def plan_library(
             str(file.path),
             "there" if clips_dir and (clips_dir / file.id).is_dir() else TO_DO,
         )
-        for file in library_files(tuple(map(Path, sources)))
+        for file in library_files(tuple(map(Path, sources)), out_dir)
     ]
 
 
@@ -260,7 +272,7 @@ def make_library(
     """
     out_dir = Path(out_dir).resolve()
     # By absolute paths: a worker of another machine may run in another folder.
-    files = library_files(tuple(Path(source).absolute() for source in sources))
+    files = library_files(tuple(Path(source).absolute() for source in sources), out_dir)
     body_paths = _keep(body, out_dir / "body", run)
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
     config = ReadConfig.model_validate(said | {"up": up})
@@ -304,7 +316,7 @@ def make_entry(
         motion = read.motion
         n = motion.n_frames
         clip = Clip(file.id, motion, read.valid, np.full(n, -1), None)
-        save_clip(partial_dir / "clip.npz", clip, body.rest_pelvis_m(motion.shape))
+        save_clip(partial_dir / CLIP_FILE, clip, body.rest_pelvis_m(motion.shape))
         ReadingRecord.of(read).write(partial_dir / READING_FILE)
 
     inputs = input_files(file.path) | {"body": body_path} | config.inputs
@@ -313,7 +325,7 @@ def make_entry(
     figures = ReadingRecord.read(folder / READING_FILE).residual_deg
     return clip_entry(
         out_dir,
-        ClipFiles(folder / "clip.npz"),
+        ClipFiles(folder / CLIP_FILE),
         ClipAbout(
             camera_motion="none",
             licence=licence_of(file.source),

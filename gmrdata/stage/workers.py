@@ -19,6 +19,7 @@ from gmrdata.stage.run import Run, Shard
 from gmrdata.stage.store import package_versions
 from gmrdata.values.errors import StageFailed
 from gmrdata.values.files import write_text
+from gmrdata.values.limits import allowed_cores
 
 CONNECT_S = 5.0  # how long a scheduler may take to answer
 FIRST_WORKER_S = 60.0  # and the first of its workers to come
@@ -37,9 +38,9 @@ def give_sigterm_back() -> None:
 
 
 def own_cores() -> int:
-    """Cores for this process: its share of them in a worker, else all of them."""
+    """Cores for this process: its share of them in a worker, else all that it may use."""
     share = os.environ.get("OMP_NUM_THREADS", "")
-    return int(share) if share.isdecimal() and int(share) > 0 else os.cpu_count() or 1
+    return int(share) if share.isdecimal() and int(share) > 0 else allowed_cores()
 
 
 @dataclass(frozen=True)

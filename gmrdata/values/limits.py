@@ -92,6 +92,13 @@ def machine_bytes() -> int | None:
         return None
 
 
+def allowed_cores() -> int:
+    """Cores that this process may use; all of the machine where the system does not say (macOS)."""
+    if hasattr(os, "sched_getaffinity"):  # of the machine's, those of a cpuset or taskset
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def blender_frame_s(n_rays: int) -> float:
     """How long Blender may take for a frame of so many rays [s]."""
     return _from_environment(BLENDER_FRAME_NAME, BLENDER_FRAME_S + BLENDER_RAY_S * n_rays)

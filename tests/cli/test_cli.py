@@ -383,6 +383,11 @@ def test_version(gmrdata):
             2,
             "--network is given 2 times. Give it once, with all its values after it",
         ),
+        (
+            "video v.mp4 --out c --height-m person_0=1.78 --height_m person_1=1.65",
+            2,
+            "--height-m is given 2 times. Give it once, with all its values after it",
+        ),
     ],
 )
 def test_a_wrong_word_gets_the_right_one(gmrdata, typed, code, said):

@@ -11,6 +11,7 @@ from unittest.mock import Mock
 import pytest
 
 from gmrdata.film import render_set
+from gmrdata.stage.workers import own_cores
 from gmrdata.values import files, limits
 
 checkpoint = import_module("gmrdata.gmr.checkpoint")
@@ -65,6 +66,8 @@ def test_cores_are_counted_without_affinity(monkeypatch):
     monkeypatch.delattr(os, "sched_getaffinity")
     rows = {part.name: part.found for part in doctor._machine()}
     assert rows["cores"] == str(os.cpu_count())
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    assert own_cores() == os.cpu_count()
 
 
 def test_a_dry_run_goes_without_resource(monkeypatch):

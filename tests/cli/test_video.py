@@ -230,6 +230,8 @@ def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
         (("--masks", "silhouette"), "Use person"),
         (("--height-m", "tall"), "Give metres, as 1.78 or person_0=1.78"),
         (("--height-m", "person_0=178"), "it is in metres, from 0.5 to 2.5"),
+        (("--height-m", "1.78", "1.65"), "1.65: everybody has a height already. Name each person"),
+        (("--height-m", "person_0=1.7", "person_0=1.6"), "person_0 has a height already"),
         (("--every", "2", "--fps-hz", "30"), "are for a video file"),
         ((), "has no frame rate. Give it with --fps-hz"),
         (("--masks", "person", "--detector", "gone.onnx"), "--masks none goes without"),

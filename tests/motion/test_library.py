@@ -16,7 +16,14 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.motion.library import FEW_FILES, clip_id, library_files, make_library, motion_table
+from gmrdata.motion.library import (
+    FEW_FILES,
+    clip_id,
+    library_files,
+    make_library,
+    motion_table,
+    plan_library,
+)
 from gmrdata.stage.run import Run
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
@@ -210,6 +217,19 @@ def test_frames_that_a_clip_drops_stay_dropped(tmp_path, small_body, body_path):
     path = make_library([tmp_path / "walk.npz"], str(body_path), tmp_path / "out")
     (found,) = load_clips(path)
     assert np.array_equal(found.valid, clip.valid)
+
+
+def test_a_library_below_its_source_does_not_read_its_own_clips(tmp_path, body_path, monkeypatch):
+    """`gmrdata motions . --out lib`; motions of others in a folder `clips` of it are read."""
+    monkeypatch.chdir(tmp_path)
+    write_amass(tmp_path / "lib" / "clips", ["walk_poses", "KIT/kick_poses"])
+    first = make_library(["."], body_path.name, "lib").read_bytes()
+    files = library_files((Path(),), "lib")
+    assert sorted(file.path.name for file in files) == ["kick_poses.npz", "walk_poses.npz"]
+    written = finished(tmp_path / "lib")
+    assert make_library(["."], body_path.name, "lib").read_bytes() == first
+    assert finished(tmp_path / "lib") == written and len(written) == 2
+    assert [row[2] for row in plan_library(["."], "lib")] == ["there", "there"]
 
 
 def test_clip_ids_have_plain_letters():

@@ -20,6 +20,7 @@ from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
 from gmrdata.stage.workers import Pool, own_cores, worker_pool
 from gmrdata.values.errors import BadFrames, RenderFailed, StageFailed
+from gmrdata.values.limits import allowed_cores
 
 
 def write_process_id(path: Path) -> int:
@@ -283,11 +284,19 @@ def test_a_worker_has_its_share_of_the_cores(tmp_path, monkeypatch):
     with worker_pool(Run(workers=2)) as pool:
         jobs = [Job("clip", own_cores, {})]
         found = run_jobs("counting", jobs, pool, tmp_path / "failed")
-    cores = os.cpu_count() or 1
+    cores = allowed_cores()
     assert found == {"clip": max(1, cores // 2)}
     for said, expected in (("3", 3), ("", cores), ("0", cores), ("many", cores)):
         monkeypatch.setenv("OMP_NUM_THREADS", said)
         assert own_cores() == expected
+
+
+def test_a_process_has_the_cores_that_it_may_use(monkeypatch):
+    """Cpusets of Slurm and Docker, and taskset, give a process some of the machine's."""
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    for own in ({0}, {1, 5, 6}):
+        monkeypatch.setattr(os, "sched_getaffinity", lambda _, own=own: own, raising=False)
+        assert own_cores() == len(own)
 
 
 def test_results_come_in_the_order_of_the_items(monkeypatch):
