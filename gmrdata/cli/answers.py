@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 from gmrdata.stage.progress import answers, console, remark
-from gmrdata.values.errors import GmrdataError, StageFailed
+from gmrdata.values.errors import GmrdataError, NoWorkers, StageFailed
 
 
 def answer(value: object) -> None:
@@ -61,9 +61,12 @@ def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 @contextmanager
 def then(draw: Callable[[], object]) -> Iterator[None]:
     """Draw pages after the stages inside, of what there is where some of it failed: what failed is
-    said then, not that nothing is there to draw."""
+    said then, not that nothing is there to draw.  Without workers nothing is drawn: what there is
+    is an earlier run's."""
     try:
         yield
+    except NoWorkers:
+        raise
     except StageFailed:
         with suppress(GmrdataError):
             draw()

@@ -17,7 +17,7 @@ from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Shard
 from gmrdata.stage.store import NotMade
 from gmrdata.stage.workers import Fault, Pool, checked_workers, own_cores
-from gmrdata.values.errors import GmrdataError, NothingMade, StageFailed
+from gmrdata.values.errors import GmrdataError, NothingMade, NoWorkers, StageFailed
 from gmrdata.values.files import write_text
 
 Item = TypeVar("Item")
@@ -203,7 +203,7 @@ def _by_dask(
             if error is None:
                 outcome.results[id] = future.result()
         except CancelledError:
-            raise StageFailed(
+            raise NoWorkers(
                 f"{description}: the scheduler was lost. Start it again, and the same command goes "
                 "on with what is made"
             ) from None

@@ -17,7 +17,7 @@ from typing import Any
 from gmrdata import __version__
 from gmrdata.stage.run import Run, Shard
 from gmrdata.stage.store import package_versions
-from gmrdata.values.errors import StageFailed
+from gmrdata.values.errors import NoWorkers
 from gmrdata.values.files import write_text
 from gmrdata.values.limits import allowed_cores
 
@@ -84,7 +84,7 @@ def _cluster_client(run: Run, _: int) -> Iterator[Any]:
     # The last two: tls:// without certificates, tcp:// where Dask's settings want encryption.
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         what = f"no Dask scheduler at {run.scheduler} ({error})"
-        raise StageFailed(f"{what}. Start one, or leave --scheduler out") from error
+        raise NoWorkers(f"{what}. Start one, or leave --scheduler out") from error
     with client:
         yield client
 
@@ -119,7 +119,7 @@ Fault = Callable[[], str]
 
 @contextmanager
 def checked_workers(out_dir: Path, pool: Pool) -> Iterator[Fault | None]:
-    """Look at the workers of other machines before they begin; StageFailed names one that differs.
+    """Look at the workers of other machines before they begin; NoWorkers names one that differs.
 
     The mark stays until the work is done, for workers that come later.
     """
@@ -136,11 +136,11 @@ def checked_workers(out_dir: Path, pool: Pool) -> Iterator[Fault | None]:
         except TimeoutError:
             what = f"no worker came to {client.scheduler.address} in {FIRST_WORKER_S:g} s"
             how = "Start some with `dask worker ADDRESS --nthreads 1`"
-            raise StageFailed(f"{what}. {how}") from None
+            raise NoWorkers(f"{what}. {how}") from None
         found = client.run(fault, on_error="ignore")  # of who doesn't answer, nothing
         if wrong := [f"  {address}: {said}" for address, said in sorted(found.items()) if said]:
             what = f"{len(wrong)} of {len(found)} workers can't work on this"
-            raise StageFailed("\n".join([f"{what}. Mend or stop them and run again:", *wrong]))
+            raise NoWorkers("\n".join([f"{what}. Mend or stop them and run again:", *wrong]))
         yield fault
     finally:
         mark.unlink(missing_ok=True)

@@ -27,14 +27,7 @@ from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
 from gmrdata.values.camera_motion import MotionClass
-from gmrdata.values.errors import (
-    BadRecipe,
-    BadSequence,
-    GmrdataError,
-    MissingInput,
-    NothingMade,
-    StageFailed,
-)
+from gmrdata.values.errors import BadRecipe, BadSequence, GmrdataError, MissingInput
 from gmrdata.values.files import remove_orphans
 from gmrdata.values.records import PART, Figure, Record
 from gmrdata.world.judge import load_record
@@ -112,7 +105,8 @@ def regenerate_set(
     A sequence that can't be read or masked leaves its reason in `failed/<name>.txt`, and the others
     go on; a complete manifest of an earlier run stays then.  One without a reconstruction is listed
     as rejected.  A run that was stopped goes on.  Where nothing is left to make, no worker starts.
-    StageFailed where some sequences failed, NothingMade where all did or no worker began.
+    StageFailed where some sequences failed, NothingMade where all did, NoWorkers where no worker
+    began.
     """
     recipe, chosen, refused = _checked(recipe, root)
     paths = SetPaths(out_dir.resolve())
@@ -122,10 +116,7 @@ def regenerate_set(
     before = _listing(paths)
     common = {"root": paths.root, "recipe": recipe, "body_paths": body_paths, "run": run}
     jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
-    try:
-        reasons = refused | _regenerate(jobs, recipe, chosen, paths, run)
-    except StageFailed as error:  # of the workers, before anything is listed
-        raise NothingMade(str(error)) from error
+    reasons = refused | _regenerate(jobs, recipe, chosen, paths, run)
     _list(recipe, chosen, reasons, paths, run)
     if not reasons and _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")

@@ -93,6 +93,10 @@ class NothingMade(StageFailed):
     """Every clip of a set failed, so nothing of it was written."""
 
 
+class NoWorkers(NothingMade):
+    """Dask's workers were not reached, can't do the work, or were lost: nothing is listed anew."""
+
+
 class NothingToCompare(StageFailed):
     """Two clips have no two frames in a row in common."""
 

@@ -81,6 +81,18 @@ def test_what_failed_is_said_where_nothing_is_there_to_show(clips, gmrdata, tmp_
     assert "videos.json" not in failed.stderr
 
 
+def test_an_old_result_is_not_printed_where_no_worker_is_reached(clips, gmrdata, tmp_path):
+    """A script read it as that of the videos that it had given."""
+    out = tmp_path / "out"
+    out.mkdir()
+    Videos(videos=()).write(out / "videos.json")
+    before = contents(out)
+    command = ("video", clips, "--out", out, *CAMERAS_ALONE, "--json")
+    failed = gmrdata(*command, "--scheduler", "tcp://127.0.0.1:9")
+    assert failed.returncode == 1 and "no Dask scheduler at tcp://127.0.0.1:9" in failed.stderr
+    assert failed.stdout == "" and contents(out) == before
+
+
 def test_a_dry_run_lists_the_videos_and_does_nothing(clips, gmrdata, tmp_path):
     said = gmrdata("video", clips, "--out", tmp_path / "out", *CAMERAS_ALONE, "--dry-run")
     assert said.returncode == 1 and "1 of 3 videos can't be read" in said.stderr

@@ -19,7 +19,7 @@ from gmrdata.stage.jobs import Job, count_files, in_threads, made_ahead, run_job
 from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
 from gmrdata.stage.workers import Pool, own_cores, worker_pool
-from gmrdata.values.errors import BadFrames, RenderFailed, StageFailed
+from gmrdata.values.errors import BadFrames, NoWorkers, RenderFailed, StageFailed
 from gmrdata.values.limits import allowed_cores
 
 
@@ -188,7 +188,7 @@ def test_two_commands_on_one_scheduler_get_their_own_results(tmp_path):
 def test_no_scheduler_at_the_address_is_a_clear_error(monkeypatch, protocol):
     monkeypatch.setattr(workers, "CONNECT_S", 0.5)
     with (
-        pytest.raises(StageFailed, match=f"no Dask scheduler at {protocol}://127.0.0.1:9"),
+        pytest.raises(NoWorkers, match=f"no Dask scheduler at {protocol}://127.0.0.1:9"),
         worker_pool(Run(scheduler=f"{protocol}://127.0.0.1:9")) as pool,
     ):
         pool.client()
@@ -240,7 +240,7 @@ def test_workers_that_do_not_see_the_folder_are_named(tmp_path, monkeypatch):
         with worker_pool(run) as pool:
             with monkeypatch.context() as patch:
                 patch.setattr(Path, "is_file", see_no_mark)
-                with pytest.raises(StageFailed, match=f"does not see {tmp_path}. Put it on a disk"):
+                with pytest.raises(NoWorkers, match=f"does not see {tmp_path}. Put it on a disk"):
                     run_jobs("writing", jobs, pool, tmp_path / "failed")
             assert list(run_jobs("writing", jobs, pool, tmp_path / "failed")) == ["a"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a"]
@@ -262,7 +262,7 @@ def test_workers_with_another_version_are_named(tmp_path):
         try:
             with (
                 worker_pool(Run(scheduler=cluster.scheduler_address)) as pool,
-                pytest.raises(StageFailed, match=r"tcp://.*: has scipy 0\.1, not 1"),
+                pytest.raises(NoWorkers, match=r"tcp://.*: has scipy 0\.1, not 1"),
             ):
                 run_jobs("writing", jobs, pool, tmp_path / "failed")
         finally:
@@ -275,9 +275,22 @@ def test_a_cluster_without_workers_is_a_clear_error(tmp_path, monkeypatch):
     with (
         LocalCluster(n_workers=0, dashboard_address=None) as cluster,
         worker_pool(Run(scheduler=cluster.scheduler_address)) as pool,
-        pytest.raises(StageFailed, match="no worker came to tcp://"),
+        pytest.raises(NoWorkers, match="no worker came to tcp://"),
     ):
         run_jobs("a", [Job("a", write_process_id, {"path": tmp_path})], pool, tmp_path / "failed")
+
+
+def test_a_scheduler_that_is_lost_is_a_clear_error(tmp_path, monkeypatch):
+    """One that is stopped while a job is at work."""
+    monkeypatch.setattr(console, "quiet", False)  # which a worker in this process makes it
+    jobs = [Job("a", wait_s, {"seconds": 4.0})]
+    with (
+        LocalCluster(n_workers=1, processes=False, protocol="tcp", dashboard_address=None) as lost,
+        worker_pool(Run(scheduler=lost.scheduler_address)) as pool,
+        pytest.raises(NoWorkers, match="waiting: the scheduler was lost. Start it again"),
+    ):
+        threading.Timer(1.0, lost.close).start()
+        run_jobs("waiting", jobs, pool, tmp_path / "failed")
 
 
 def test_a_worker_has_its_share_of_the_cores(tmp_path, monkeypatch):
