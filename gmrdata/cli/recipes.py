@@ -193,6 +193,8 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     recipe = load_recipe(path, GmrRecipe)
     if recipe.training and inputs.manifest:
         raise BadRecipe(f"{path}: names its `training` manifests itself. Leave --manifest out")
+    if recipe.body and inputs.body != NO_INPUTS.body:
+        raise BadRecipe(f"{path}: names its `body` itself. Leave --body out")
     folder = path.parent
     scored = _folders_of_scores([folder / manifest for manifest in recipe.scored])
     training = [folder / one for one in recipe.training] or list(inputs.manifest)

@@ -281,6 +281,19 @@ def test_train_refuses_a_recipe_with_what_it_takes_as_flags(named, gmrdata, tmp_
     fails_cleanly(answer, "mine.yaml: names manifests or a body", "or use `gmrdata run mine.yaml`")
 
 
+@pytest.mark.parametrize(
+    ("named", "flag"), [("training: [a.yaml]", "--manifest"), ("body: body.npz", "--body")]
+)
+def test_what_a_recipe_names_is_not_given_again(named, flag, gmrdata, tmp_path, monkeypatch):
+    """Another body was given, and the recipe's was taken without a word."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(f"recipe: gmr\n{named}\n")
+    (tmp_path / "b").touch()
+    answer = gmrdata("run", "mine.yaml", flag, "b", "--out", "o")
+    key = named.partition(":")[0]
+    fails_cleanly(answer, f"mine.yaml: names its `{key}`", f"Leave {flag} out")
+
+
 TERMINATED = """
 import os, signal, time
 from gmrdata import cli
