@@ -108,7 +108,7 @@ NEEDS = {
 }
 """Those that no recipe of a kind does without."""
 UNSHARED = ("masks", "gmr", "joint")
-"""Kinds without a dry run, and without shards."""
+"""Kinds without a dry run, and without workers and shards."""
 
 
 def run(
@@ -142,8 +142,9 @@ def run(
             )
     if dry_run and kind in UNSHARED:
         raise BadRecipe(f"{path}: there is no dry run of a recipe of kind {kind}")
-    if run.shard is not None and kind in UNSHARED:
-        raise BadRecipe(f"{path}: --shard: a recipe of kind {kind} is not shared. Leave it out")
+    if kind in UNSHARED and (run.shard or run.workers or run.scheduler):
+        what = f"a recipe of kind {kind} is not shared"
+        raise BadRecipe(f"{path}: {what}. Leave --workers, --scheduler and --shard out")
     if lacking := [name for name in NEEDS.get(kind, ()) if not getattr(inputs, name)]:
         raise MissingInput(f"{path}: this recipe needs {_flag(lacking[0])}")
     _run_kind(path, kind, out, inputs, run, dry_run)

@@ -233,11 +233,14 @@ def test_flags_that_are_gone_name_the_page(flag, gmrdata, tmp_path):
 
 
 def test_what_is_not_shared_says_so(gmrdata, tmp_path):
-    """Each shard would do the whole work."""
+    """Each shard would do the whole work, and a cluster none of it."""
     recipe = tmp_path / "gmr.yaml"
     recipe.write_text("recipe: gmr\n")
+    train = ("run", recipe, "--out", tmp_path / "out")
     commands = (
-        ("run", recipe, "--out", tmp_path / "out", "--shard", "1/2"),
+        (*train, "--shard", "1/2"),
+        (*train, "--workers", "2"),
+        (*train, "--scheduler", "tcp://127.0.0.1:9"),
         ("motions", tmp_path, "--shard", "1/2"),
         ("motions", tmp_path, "--layout", "emdb", "--out", tmp_path / "out", "--shard", "1/2"),
     )
