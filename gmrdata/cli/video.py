@@ -1,6 +1,7 @@
 """The verbs of a video: masks, cameras, people, a page and files; one, or a batch."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,7 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, answer_json, fail, print_table, then
 from gmrdata.stage.progress import console, remark
 from gmrdata.stage.run import Run
-from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput
 
 
 def masks(
@@ -373,7 +374,7 @@ def page(
         folders: Output folders of `gmrdata video` or `gmrdata sfm`, or sequences of `gmrdata
             threedpw regenerate`: OUT/sequences/<name>.
         images: Folder with the frames of one sequence, or with a folder for each of several, by
-            name; their own `frames` when left out.
+            name; their own `frames` when left out, as of a video file.
         body: "anny", or the file of a body model; the one that lies beside the clips when left out.
         files: Write BVH, GLB, AMASS, COLMAP and TUM files of people who were accepted.
     """
@@ -384,7 +385,26 @@ def page(
         own, alone = images, len(folders) == 1
         if images is not None:
             own = images_of(images, folder.resolve().name, alone=alone)
+        else:
+            _refuse_frames_elsewhere(folder)
         answer(write_page(folder, images=own, body=body, files=files))
+
+
+def _refuse_frames_elsewhere(folder: Path) -> None:
+    """MissingInput where a video's record names frames that lie elsewhere: it may be of others, so
+    it is not followed, and without frames the page would lose its overlay, and points their
+    colours."""
+    from gmrdata.solve.request import FRAMES
+    from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
+
+    elsewhere = None
+    with suppress(GmrdataError, OSError):  # the page says what can't be read
+        images_dir = folder.absolute() / VideoVerdict.read(folder / VERDICT_FILE).images_dir
+        if images_dir != folder.absolute() / FRAMES and images_dir.is_dir():
+            elsewhere = images_dir
+    if elsewhere is not None:
+        what = "its frames lie outside of it, where a record alone must not lead"
+        raise MissingInput(f"{folder}: {what}. Give them to it alone, with --images {elsewhere}")
 
 
 def write_page(

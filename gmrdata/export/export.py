@@ -27,7 +27,7 @@ from gmrdata.export.sources import (
     world_people_dir,
 )
 from gmrdata.gmr.config import Which
-from gmrdata.solve.request import SFM
+from gmrdata.solve.request import FRAMES, SFM
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
 from gmrdata.solve.videos import FILES
 from gmrdata.stage.locks import locked
@@ -335,7 +335,7 @@ def write_files(
     except (GmrdataError, ValueError) as error:
         return [("all formats", str(error))]
     if not ids and verdict is not None and verdict.accepted:
-        _write_cameras(out_dir, images or out_dir / verdict.images_dir, verdict.fps_hz)
+        _write_cameras(out_dir, images or out_dir / FRAMES, verdict.fps_hz)
     return [
         (f"{one.unit.format} of {one.unit.name}", one.left_out) for one in results if one.left_out
     ]

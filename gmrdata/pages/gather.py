@@ -20,7 +20,7 @@ from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import list_images, number_in_name
 from gmrdata.read.threedpw_files import SequenceFiles
-from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras
+from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras, with_lens_error
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.threedpw.sequence import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
@@ -126,8 +126,10 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
     fused = reader.read(lambda fused_dir: _fused(fused_dir, clips), folder / FUSED, has_fused)
     clips = _in_their_time(clips, record, fused)
     solved = read_reconstruction(reader, folder / SFM) if SFM in there else None
-    config = reader.read(config_of, pseudo_gt_dir, has_people) or PseudoGtConfig()
     has_lens = (folder / INTRINSICS).is_dir()
+    lens = reader.read(load_intrinsics, folder / INTRINSICS, has_lens)
+    config = reader.read(config_of, pseudo_gt_dir, has_people)
+    config = config or with_lens_error(PseudoGtConfig(), lens)  # of cameras alone none is kept
     found = Solved(
         name=folder.name,
         folder=folder,
@@ -136,7 +138,7 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
         fused=fused,
         reconstruction=solved,
         camera=_camera_of(clips) if clips or solved is None else _levelled(solved.cameras),
-        intrinsics=reader.read(load_intrinsics, folder / INTRINSICS, has_lens),
+        intrinsics=lens,
         config=config,
         notes=() if said is None else said.notes,
     )

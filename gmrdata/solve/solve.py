@@ -209,8 +209,9 @@ def _lens(solved: Solved) -> Solved:
         given=request.lens,
         run=solved.run,
     )
-    lens = load_intrinsics(folder)
-    return replace(solved, lens=lens, config=with_lens_error(solved.config, lens))
+    lens, config = load_intrinsics(folder), solved.config
+    thresholds = {"pseudo_gt": with_lens_error(config.pseudo_gt, lens)}
+    return replace(solved, lens=lens, config=config.model_copy(update=thresholds))
 
 
 def _cameras(solved: Solved) -> Solved:

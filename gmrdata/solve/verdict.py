@@ -25,13 +25,13 @@ from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.people.sources import MasksConfig
 from gmrdata.read.intrinsics import GIVEN_SIGMA
-from gmrdata.solve.request import FRAMES, EstimatedPeople, SolveConfig, Solved
+from gmrdata.solve.request import FRAMES, EstimatedPeople, Solved
 from gmrdata.values.clip import Clip, first_reasons, load_clip
 from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.records import Record
 from gmrdata.world.bodies import unseen_reasons
 from gmrdata.world.judge import PseudoGtQuality, load_record
-from gmrdata.world.recipe import Doubts, Verdict, verdict_of
+from gmrdata.world.recipe import Doubts, PseudoGtConfig, Verdict, verdict_of
 
 DOUBTS_FILE = "doubts.json"
 NO_DOUBTS: Mapping[str, str] = {}
@@ -44,16 +44,13 @@ VAGUE_SCALE = 0.1  # standard error, as a share, beyond which it is said
 MOST_OFF = 0.99  # of a deviation, as a share
 
 
-def with_lens_error(config: SolveConfig, lens: Intrinsics) -> SolveConfig:
+def with_lens_error(config: PseudoGtConfig, lens: Intrinsics | None) -> PseudoGtConfig:
     """The same, but that a focal length nobody measured may be off by two standard errors."""
-    if lens.focal_sigma <= GIVEN_SIGMA:
+    if lens is None or lens.focal_sigma <= GIVEN_SIGMA:
         return config
-    thresholds = config.pseudo_gt.verdict
-    most = max(thresholds.max_focal_deviation, min(2 * lens.focal_sigma, MOST_OFF))
-    thresholds = thresholds.model_copy(update={"max_focal_deviation": most})
-    return config.model_copy(
-        update={"pseudo_gt": config.pseudo_gt.model_copy(update={"verdict": thresholds})}
-    )
+    most = max(config.verdict.max_focal_deviation, min(2 * lens.focal_sigma, MOST_OFF))
+    thresholds = config.verdict.model_copy(update={"max_focal_deviation": most})
+    return config.model_copy(update={"verdict": thresholds})
 
 
 def lost_frames(video: VideoRecord | None) -> Iterator[str]:

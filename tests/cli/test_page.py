@@ -6,7 +6,9 @@ import numpy as np
 import pycolmap
 import trimesh
 
+from gmrdata.cli.video import leave_files_and_page
 from gmrdata.export.export import write_files
+from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import read_npz
 from gmrdata.world.judge import load_record
@@ -88,6 +90,35 @@ def test_what_others_made_beside_a_colmap_model_stays(small_body, tmp_path):
     record.write(folder / "pseudo_gt" / "quality.json")
     assert write_files(folder) == []
     assert list(contents(folder / "files")) == ["colmap/walk/dense/fused.ply"]
+
+
+def test_frames_outside_of_the_folder_are_those_that_are_given_and_no_record_leads_there(
+    small_body, gmrdata, tmp_path
+):
+    """The page of a folder of images, written again without them, lost its overlay and the colours
+    of COLMAP's points; cameras alone had these from wherever a record said."""
+    folder, model = tmp_path / "walk", tmp_path / "walk/files/colmap/sparse/0"
+    solved_video(folder, small_body, person=False)
+    images = (folder / "frames").rename(tmp_path / "images")
+    verdict = VideoVerdict(
+        images_dir=str(images), fps_hz=10.0, accepted=True, reasons=(),
+        camera=verdict_of("camera", True, (), [""] * N_ROWS), people=(), notes=(),
+    )  # fmt: skip
+    verdict.write(folder / "verdict.json")
+    leave_files_and_page(folder, verdict)
+    left = contents(folder)
+    assert Page(folder / "index.html").tags.count("video") == 1 and _colours(model).any()
+    said = gmrdata("page", folder)
+    assert said.returncode == 1 and f"with --images {images}" in " ".join(said.stderr.split())
+    assert contents(folder) == left
+    assert gmrdata("page", folder, "--images", images).returncode == 0
+    assert contents(folder) == left
+    assert write_files(folder) == [] and not _colours(model).any()
+
+
+def _colours(model: Path) -> np.ndarray:
+    """(N, 3) RGB of the points of a COLMAP model."""
+    return np.array([point.color for point in pycolmap.Reconstruction(model).points3D.values()])
 
 
 def _files(folder: Path, format: str) -> list[str]:

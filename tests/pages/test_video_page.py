@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from gmrdata.cameras.files import load_quality
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.pages.footage import BAR_PX, footage_of
 from gmrdata.pages.fusion import plot_person
 from gmrdata.pages.gather import gather_video
 from gmrdata.pages.solved_page import make_video_page
+from gmrdata.pages.thresholds import verdict_rows
 from gmrdata.pages.view3d import view_of
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, unsolved
 from gmrdata.values.clip import load_clip, save_clip
@@ -263,13 +265,34 @@ def test_the_network_s_motions_of_other_frames_are_not_shown(copied, run_dir, sm
     assert "sigma_0.npz: is of other frames" in words.split("Can’t be read")[1]
 
 
-def test_the_lens_comes_with_its_source_and_its_error(copied):
-    Intrinsics(
+def guessed(focal_sigma: float) -> Intrinsics:
+    """A lens that nobody measured."""
+    return Intrinsics(
         source="prior", width_px=640, height_px=360, focal_px=554.3, focal_y_px=554.3,
-        focal_sigma=0.3, centre_px=(320.0, 180.0), radial_k1=-0.1, radial_k1_sigma=0.02,
+        focal_sigma=focal_sigma, centre_px=(320.0, 180.0), radial_k1=-0.1, radial_k1_sigma=0.02,
         focal_observable=False, asked=None, starts=(),
         objections=("the <b>lens</b> is not of these frames",), notes=("a guess",),
-    ).write(copied / "intrinsics" / "intrinsics.json")  # fmt: skip
+    )  # fmt: skip
+
+
+def test_cameras_alone_are_beside_the_thresholds_that_their_lens_allows(small_body, tmp_path):
+    """Their verdict allows two standard errors of the focal length, and 1.1 times it was accepted;
+    the page had 1 %, and said that the accepted cameras did not meet it."""
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body, person=False)
+    measured = {"focal_factor": 1.1, "focal_sigma": 0.01}
+    load_quality(folder / "sfm").model_copy(update=measured).write(folder / "sfm" / "quality.json")
+    refused = gather_video(folder)
+    assert refused.camera_verdict is not None and not refused.camera_verdict.accepted
+    guessed(0.12).write(folder / "intrinsics" / "intrinsics.json")
+    found = gather_video(folder)
+    assert found.camera_verdict is not None and found.camera_verdict.accepted
+    row = verdict_rows(found)[-1]
+    assert row[1:] == ("1.100 ± 0.010", "1 ± 0.24, beyond it by 2 standard errors", True)
+
+
+def test_the_lens_comes_with_its_source_and_its_error(copied):
+    guessed(0.3).write(copied / "intrinsics" / "intrinsics.json")
     page = drawn(copied)
     assert "Focal length554.3 px ± 30 %" in page.words and "a guess by what is usual" in page.words
     assert "Radial distortion k1-0.1 ± 0.02" in page.words

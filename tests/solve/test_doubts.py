@@ -128,7 +128,7 @@ def test_lost_frames_reject(anny, tmp_path):
 
 
 def most(source: Source, sigma: float) -> float:
-    return with_lens_error(SolveConfig(), lens(source, sigma)).pseudo_gt.verdict.max_focal_deviation
+    return with_lens_error(PseudoGtConfig(), lens(source, sigma)).verdict.max_focal_deviation
 
 
 @pytest.mark.parametrize(

@@ -43,10 +43,10 @@ from gmrdata.cameras.lens.self_calibration import (
 )
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, read_matches
 from gmrdata.read.frames import read_frames
-from gmrdata.solve.request import SolveConfig
 from gmrdata.solve.verdict import with_lens_error
 from gmrdata.values.camera import Lens, bent
 from gmrdata.values.errors import BadIntrinsics, BadRecord, StaleOutput
+from gmrdata.world.recipe import PseudoGtConfig
 from tests.read.test_intrinsics import jpeg_with
 from tests.read.test_lens_files import PINHOLES, READ
 from tests.reconstructions import good_quality
@@ -143,7 +143,7 @@ def test_our_own_record_is_as_uncertain_as_it_was(tmp_path, shown, asked):
     lens = made(tmp_path / "again", given=own, config=IntrinsicsConfig())
     assert (lens.source, lens.focal_sigma, lens.radial_k1_sigma) == ("given", 0.06, 0.02)
     assert not lens.objections
-    most = with_lens_error(SolveConfig(), lens).pseudo_gt.verdict.max_focal_deviation
+    most = with_lens_error(PseudoGtConfig(), lens).verdict.max_focal_deviation
     assert most == pytest.approx(0.12)
     shown(HIDDEN)
     made(tmp_path / "guess", config=IntrinsicsConfig())
