@@ -317,8 +317,9 @@ def _level(
     planted_m, of_all_m, stances = [], [], 0
     for motion, rows, body in zip(motions, usable, bodies, strict=True):
         apart = frames_apart(motion.fps_hz)
-        soles_m = foot_points_m(body, motion)[::apart, :, SOLE_POINTS]
-        soles_m = np.where(rows[::apart, None, None, None], soles_m, np.nan)
+        at = slice(int(rows.argmax()), None, apart)  # from the first known row, to meet any
+        soles_m = foot_points_m(body, motion)[at, :, SOLE_POINTS]
+        soles_m = np.where(rows[at, None, None, None], soles_m, np.nan)
         still = standing(soles_m, config.slip_m(motion.fps_hz / apart))
         planted_m.append(soles_m[still])
         of_all_m.append(soles_m)
