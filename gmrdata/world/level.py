@@ -195,7 +195,9 @@ def balance(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     seconds = np.maximum(after - before, 1)[:, None] / motion.fps_hz
     speeds = np.linalg.norm(feet_m[after] - feet_m[before], axis=-1) / seconds
     carried = np.exp(-speeds / STILL_M_PER_S)
-    support_m = np.einsum("tf,tfk->tk", carried / carried.sum(axis=1, keepdims=True), feet_m)
+    # By the slower foot: of a jump, as where a depth is wrong, both feet carry 0 in a float.
+    shares = np.exp((speeds.min(axis=1, keepdims=True) - speeds) / STILL_M_PER_S)
+    support_m = np.einsum("tf,tfk->tk", shares / shares.sum(axis=1, keepdims=True), feet_m)
     joints_m = motion_joints_m(body, motion)
     above_m = np.einsum("j,tjk->tk", MASSES, joints_m) - support_m
     rest_m = body.rest_joints_m(motion.shape)
