@@ -326,7 +326,7 @@ def _level(
         stances += count_stances(still)
     feet_m = np.concatenate(planted_m)
     known = [
-        (body, motion.take(rows))
+        (body, motion.take(rows), np.flatnonzero(rows))
         for body, motion, rows in zip(bodies, motions, usable, strict=True)
         if rows.any()
     ]
@@ -347,7 +347,7 @@ def _level(
         level = level.beside_picture(float(np.rad2deg(apart_rad)))
     floor_m = _floor_m(soles_on_floor_m(feet_m, np.concatenate(of_all_m), up), up, plane, config)
     first = np.any(usable, axis=0).argmax()
-    pelvis_m = next(motion.pelvis_m[0] for _, motion in known)
+    pelvis_m = next(motion.pelvis_m[0] for _, motion, _ in known)
     return (
         level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2]),
         level.with_soles(feet_m @ up - floor_m),

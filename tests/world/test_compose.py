@@ -259,6 +259,18 @@ def before_a_still_camera(
 STANDS_M = 1.195 - 0.223  # height of the small body's pelvis over its soles
 
 
+def test_who_comes_back_far_away_still_stands(small_body):
+    """After ten seconds in which nobody was seen, 16 m further on."""
+    pelvis_m, known = np.tile([0.0, 0.0, 4.0], (350, 1)), np.ones(350, dtype=bool)
+    known[50:300] = False
+    pelvis_m[50:, 2] += np.append(np.linspace(0, 16, 250), np.full(50, 16.0))
+    world = before_a_still_camera(small_body, pelvis_m, known, 25.0)
+    found_m = world.clips[0].motion.pelvis_m[known]
+    assert np.isfinite(world.clips[0].motion.root_rotmats).all()
+    assert found_m[:, 2] == pytest.approx(STANDS_M, abs=0.02)
+    assert found_m[-1, 1] - found_m[0, 1] == pytest.approx(16.0, abs=0.02)
+
+
 @pytest.mark.parametrize("first", [5, 6])
 def test_poses_between_the_frames_that_are_watched_for_feet_tell_the_floor(small_body, first):
     """Of 120 fps every second frame is watched, and with a pose in each 24th from an odd one on
