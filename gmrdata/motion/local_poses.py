@@ -35,7 +35,7 @@ from gmrdata.read.bodies import load_body
 from gmrdata.read.source_motion import ReadConfig, check_rate_hz
 from gmrdata.read.systems import prompthmr
 from gmrdata.read.systems.result import is_system_npz, read_system
-from gmrdata.values.body import SMPL, BodyModel, gender_of, shape_on
+from gmrdata.values.body import BodyModel, gender_of, shape_on
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz
@@ -174,7 +174,7 @@ def _runs_of(
 
 def _shape_on(body: BodyModel, person: EstimatedPerson) -> np.ndarray:
     """(S,) SMPL's neutral betas on SMPL's neutral body; the mean shape of all others."""
-    if person.betas is None or not person.betas_body == body.name == f"{SMPL}neutral":
+    if person.betas is None or not person.has_betas_of(body.name):
         return np.zeros(body.n_shape)
     return shape_on(body, person.betas.mean(axis=0))
 

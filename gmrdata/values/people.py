@@ -8,7 +8,7 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, PositiveInt
 
-from gmrdata.values.body import N_LOCAL
+from gmrdata.values.body import N_LOCAL, SMPL
 from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import ArrayShapes, Record, check_shapes, read_arrays
@@ -98,6 +98,9 @@ class InWorld:
     of_mean_shape: bool = False  # J0 is that of the mean of `betas`, not of each row's
 
 
+NEUTRAL = f"{SMPL}neutral"  # name of the body whose betas other systems estimate
+
+
 @dataclass(frozen=True, eq=False)
 class EstimatedPerson:
     """One person over the T rows in which the system has it."""
@@ -108,13 +111,18 @@ class EstimatedPerson:
     in_camera: InCamera | None = None
     in_world: InWorld | None = None
     betas: np.ndarray | None = None  # (T, S) of `betas_body`; None where the file has none of SMPL
-    betas_body: str = "smpl-neutral"  # name of the BodyModel that `betas` are of
+    betas_body: str = NEUTRAL  # name of the BodyModel that `betas` are of
     rest_pelvis_m: np.ndarray | None = None
     """(3,) J0 of the file's own body, rest frame [m]; None where `betas` tell it."""
     cuts: frozenset[int] = frozenset()  # frames with which a new shot of the video begins
     has_own_rate: bool = False  # rows are of the file's own frame rate, not frames of a video
     lacks: Mapping[Part, str] = field(default_factory=dict)
     """What the file has not that a part needs, in words."""
+
+    def has_betas_of(self, body: str) -> bool:
+        """Whether the shape holds on a body of that name: SMPL's neutral betas on its neutral body
+        alone."""
+        return self.betas is not None and self.betas_body == body == NEUTRAL
 
 
 SAME_RATE = 0.01  # as a share: the frames then drift by one in 100

@@ -15,13 +15,14 @@ from gmrdata.read.systems.entries import AGAIN
 from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.body import SMPL, BodyModel, gender_of
+from gmrdata.values.body import BodyModel, gender_of
 from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import (
+    NEUTRAL,
     POSES_FILE,
     EstimatedPeople,
     EstimatedPerson,
@@ -179,7 +180,7 @@ def _write(
         clip = _clip(person.name, motion, known, filmed, config.frames_per_row)
         path = folder / person_file(len(facts))
         save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
-        sigma = _own_size_sigma(found, body) if told_m is None else told_sigma(told_m)
+        sigma = _own_size_sigma(person, body) if told_m is None else told_sigma(told_m)
         facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]], body, sigma))
     if not facts:
         raise BadMotionFile(f"{poses_path}: {'; '.join(left_out)}. {AGAIN}")
@@ -258,10 +259,9 @@ def _first_frame(found: EstimatedPeople, frames: FrameSet, step: int) -> int:
     return step - 1 if by_itself else 0
 
 
-def _own_size_sigma(found: EstimatedPeople, body: BodyModel) -> float:
-    """Standard error of people's sizes, as a share, where nobody told them."""
-    has_sizes = any(one.betas is not None for one in found.people)
-    return ESTIMATED_SIGMA if has_sizes and body.name == f"{SMPL}neutral" else UNKNOWN_SIGMA
+def _own_size_sigma(person: EstimatedPerson, body: BodyModel) -> float:
+    """Standard error of a person's size, as a share, where nobody told it."""
+    return ESTIMATED_SIGMA if person.has_betas_of(body.name) else UNKNOWN_SIGMA
 
 
 def _size_notes(found: EstimatedPeople, body: BodyModel, config: BodiesConfig) -> list[str]:
@@ -272,13 +272,17 @@ def _size_notes(found: EstimatedPeople, body: BodyModel, config: BodiesConfig) -
         for one in config.heights
         if one.person not in (EVERYBODY, *names)
     ]
-    told = all(height_of(name, config.heights) is not None for name in names)
-    if told or (sigma := _own_size_sigma(found, body)) < UNKNOWN_SIGMA:
+    of_mean = [
+        one
+        for one in found.people
+        if height_of(one.name, config.heights) is None and not one.has_betas_of(body.name)
+    ]
+    if not of_mean:
         return notes
     size = f"people have the size of the mean {body.name} body, not their own"
-    has_sizes = any(one.betas is not None for one in found.people)
+    has_sizes = any(one.has_betas_of(NEUTRAL) for one in of_mean)
     remedy = ", or SMPL's neutral model with --body" if has_sizes else ""
-    carry = f"scale and places carry that error, {100 * sigma:.0f} %"
+    carry = f"scale and places carry that error, {100 * UNKNOWN_SIGMA:.0f} %"
     return [*notes, f"{size}: {carry} (give a height with --height-m{remedy})"]
 
 

@@ -150,15 +150,20 @@ def from_picture_rad(world_from_cam: np.ndarray, up: np.ndarray) -> float:
     return float(np.median(np.arccos(np.clip(cosines, -1.0, 1.0))))
 
 
-def body_cue(bodies: Sequence[BodyModel], motions: Sequence[Motion]) -> UpCue:
+def body_cue(
+    bodies: Sequence[BodyModel],
+    motions: Sequence[Motion],
+    frames: Sequence[np.ndarray | None] | None = None,
+) -> UpCue:
     """Where people's masses are above their feet, on average over time; of a person who never
-    stands, along the trunk.
+    stands, along the trunk.  `frames` are as `balance` has them, by person.
 
     Who keeps standing has the mass over the feet, also in a crouch, on one leg or on a walk: what
     it is off by in a moment averages out.  How a system sees people does not, only in part over
     them.
     """
-    ups, variances = zip(*map(_upright_of, bodies, motions), strict=True)
+    frames = frames or [None] * len(motions)
+    ups, variances = zip(*map(_upright_of, bodies, motions, frames), strict=True)
     weights = 1 / np.array(variances)
     shares = weights / weights.sum()
     up = shares @ np.array(ups)
@@ -167,9 +172,11 @@ def body_cue(bodies: Sequence[BodyModel], motions: Sequence[Motion]) -> UpCue:
     return UpCue("bodies", up / np.linalg.norm(up), np.eye(3) / sigma_rad2)
 
 
-def _upright_of(body: BodyModel, motion: Motion) -> tuple[np.ndarray, float]:
+def _upright_of(
+    body: BodyModel, motion: Motion, frames: np.ndarray | None
+) -> tuple[np.ndarray, float]:
     """A person's mean direction (3,), and its variance along each axis [rad2]."""
-    above_m, weights = balance(body, motion)
+    above_m, weights = balance(body, motion, frames)
     sigma_rad = BALANCE_SIGMA_RAD
     if weights.sum() < FEWEST_S * motion.fps_hz:
         joints_m = motion_joints_m(body, motion)
@@ -184,18 +191,27 @@ def _upright_of(body: BodyModel, motion: Motion) -> tuple[np.ndarray, float]:
     return up, sigma_rad**2 + spread_rad2 / max(1.0, seconds / BODY_TIME_S)
 
 
-def balance(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+def balance(
+    body: BodyModel, motion: Motion, frames: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Where a person's mass is over what the feet stand on, (T, 3) [m], and how far they do, (T,):
-    1 at rest, 0 of somebody who sits or lies."""
+    1 at rest, 0 of somebody who sits or lies.
+
+    `frames` (T,) are the rows' numbers at the motion's rate, rising: how long a gap lasts, so that
+    who comes back elsewhere did not fly there.  None has no gaps.
+    """
     soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
     feet_m = soles_m.mean(axis=2)
     reach = max(1, round(SPEED_TIME_S * motion.fps_hz / 2))
-    before, after = (np.clip(np.arange(len(feet_m)) + way, 0, len(feet_m) - 1)
-                     for way in (-reach, reach))  # fmt: skip
-    seconds = np.maximum(after - before, 1)[:, None] / motion.fps_hz
+    frames = np.arange(len(feet_m)) if frames is None else frames
+    before = np.maximum(np.searchsorted(frames, frames - reach, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(frames, frames + reach), len(frames) - 1)
+    seconds = np.maximum(frames[after] - frames[before], 1)[:, None] / motion.fps_hz
     speeds = np.linalg.norm(feet_m[after] - feet_m[before], axis=-1) / seconds
     carried = np.exp(-speeds / STILL_M_PER_S)
-    support_m = np.einsum("tf,tfk->tk", carried / carried.sum(axis=1, keepdims=True), feet_m)
+    # By the slower foot: of a jump, as where a depth is wrong, both feet carry 0 in a float.
+    shares = np.exp((speeds.min(axis=1, keepdims=True) - speeds) / STILL_M_PER_S)
+    support_m = np.einsum("tf,tfk->tk", shares / shares.sum(axis=1, keepdims=True), feet_m)
     joints_m = motion_joints_m(body, motion)
     above_m = np.einsum("j,tjk->tk", MASSES, joints_m) - support_m
     rest_m = body.rest_joints_m(motion.shape)

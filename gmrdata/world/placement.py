@@ -13,7 +13,7 @@ import numpy as np
 
 from gmrdata.read.systems import vibe
 from gmrdata.read.systems.entries import AGAIN
-from gmrdata.values.body import SMPL, SMPL_REST_PELVIS_M, BodyModel, shape_on
+from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel, shape_on
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.people import Crop, EstimatedPerson, InCamera, Pinhole
@@ -142,8 +142,7 @@ def _other_video(
 def _shape_and_rest(person: EstimatedPerson, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
     """(S,) the shape on this body, and J0 (T, 3) or (3,) of the system's own [m]."""
     shape = np.zeros(body.n_shape)
-    is_its = person.betas_body == body.name == f"{SMPL}neutral"
-    if person.betas is None or not is_its:
+    if person.betas is None or not person.has_betas_of(body.name):
         rest_m = SMPL_REST_PELVIS_M if person.rest_pelvis_m is None else person.rest_pelvis_m
         return shape, np.asarray(rest_m)
     shape = shape_on(body, person.betas.mean(axis=0))

@@ -317,15 +317,16 @@ def _level(
     planted_m, of_all_m, stances = [], [], 0
     for motion, rows, body in zip(motions, usable, bodies, strict=True):
         apart = frames_apart(motion.fps_hz)
-        soles_m = foot_points_m(body, motion)[::apart, :, SOLE_POINTS]
-        soles_m = np.where(rows[::apart, None, None, None], soles_m, np.nan)
+        at = slice(int(rows.argmax()), None, apart)  # from the first known row, to meet any
+        soles_m = foot_points_m(body, motion)[at, :, SOLE_POINTS]
+        soles_m = np.where(rows[at, None, None, None], soles_m, np.nan)
         still = standing(soles_m, config.slip_m(motion.fps_hz / apart))
         planted_m.append(soles_m[still])
         of_all_m.append(soles_m)
         stances += count_stances(still)
     feet_m = np.concatenate(planted_m)
     known = [
-        (body, motion.take(rows))
+        (body, motion.take(rows), np.flatnonzero(rows))
         for body, motion, rows in zip(bodies, motions, usable, strict=True)
         if rows.any()
     ]
@@ -346,7 +347,7 @@ def _level(
         level = level.beside_picture(float(np.rad2deg(apart_rad)))
     floor_m = _floor_m(soles_on_floor_m(feet_m, np.concatenate(of_all_m), up), up, plane, config)
     first = np.any(usable, axis=0).argmax()
-    pelvis_m = next(motion.pelvis_m[0] for _, motion in known)
+    pelvis_m = next(motion.pelvis_m[0] for _, motion, _ in known)
     return (
         level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2]),
         level.with_soles(feet_m @ up - floor_m),

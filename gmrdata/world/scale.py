@@ -221,8 +221,9 @@ def _of_person(
     would be before the camera: they keep still there, and their scale is about 0.
     """
     every = frames_apart(person.motion.fps_hz)
-    path = person.camera_path.at_rows(slice(None, None, every))
-    motion = person.motion.take(slice(None, None, every), person.motion.fps_hz / every)
+    at = slice(int(person.camera_path.has_camera.argmax()), None, every)  # from the first known row
+    path = person.camera_path.at_rows(at)
+    motion = person.motion.take(at, person.motion.fps_hz / every)
     feet_cam_m, up_cam = foot_points_m(person.body, motion), motion.root_rotmats[:, :, 1]
     seen = SeenFeet(path, feet_cam_m, up_cam, motion.fps_hz)
     feet, why = None, None

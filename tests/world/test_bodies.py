@@ -144,6 +144,19 @@ def test_another_body_stands_in_and_says_so(seen, small_body, tmp_path):
     assert "size of the mean" in record.notes[0] and "--body" in record.notes[0]
 
 
+def test_only_people_with_betas_of_smpls_neutral_body_have_their_own_size(seen, neutral, tmp_path):
+    """Betas of SMPL's female body were left out, and the mean size passed for the person's own."""
+    people = system_files.wham_people([seen, seen])
+    people[1]["body"] = "smpl-female"
+    path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
+    lens = Lens.of_matrix(seen.intrinsics_px, SIZE_PX)
+    record = made_of(path, Filmed(video(np.arange(N_FRAMES)), lens), neutral)
+    assert [one.size_sigma for one in record.people] == [0.05, 0.07]
+    size = "people have the size of the mean smpl-neutral body, not their own"
+    carry = "scale and places carry that error, 7 % (give a height with --height-m)"
+    assert record.notes == (f"{size}: {carry}",)
+
+
 def test_a_height_that_is_told_moves_who_has_it(seen, neutral, tmp_path):
     frames, heights = video(np.arange(N_FRAMES)), heights_of({"person_0": 1.5, "anna": 1.7})
     plain, told = tmp_path / "plain", tmp_path / "told"

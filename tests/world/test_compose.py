@@ -33,8 +33,14 @@ from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.world.compose import metric_cameras, motion_in_camera, motion_in_world
-from gmrdata.world.judge import load_record
-from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
+from gmrdata.world.judge import SolvedCameras, load_record
+from gmrdata.world.pseudo_gt import (
+    CameraPerson,
+    ComposedWorld,
+    WorldEvidence,
+    compose_clips,
+    make_pseudo_gt,
+)
 from gmrdata.world.recipe import PseudoGtConfig, save_gravity
 from tests.motions import made_up
 from tests.reconstructions import quality_of_path
@@ -233,6 +239,46 @@ def test_slow_motion_shows_the_same_world(small_body, tmp_path):
     assert usual.level is not None and slow.level is not None
     assert slow.level.remark is None and usual.level.remark is None
     assert slow.level.soles_above_m == pytest.approx(usual.level.soles_above_m, abs=0.01)
+
+
+def before_a_still_camera(
+    body: BodyModel, pelvis_m: np.ndarray, known: np.ndarray, fps_hz: float
+) -> ComposedWorld:
+    """A person who stands with the pelvis there (T, 3), upright in the picture, in known rows."""
+    n, half_turn = len(pelvis_m), np.tile(np.diag([1.0, -1.0, -1.0]), (len(pelvis_m), 1, 1))
+    rest = np.tile(np.eye(3), (n, 23, 1, 1))
+    motion = made_up(rest, half_turn, pelvis_m, frame="camera", fps_hz=fps_hz)
+    intrinsics_px = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 180.0], [0.0, 0.0, 1.0]])
+    path = CameraPath(intrinsics_px, 640, 360, np.tile(np.eye(4), (n, 1, 1)), np.ones(n, bool))
+    quality = quality_of_path(path, geometry="static")
+    cameras = SolvedCameras(path, "static", np.zeros((0, 3)), quality, np.arange(n))
+    clip = Clip("stands", motion, known, np.arange(n), None)
+    return compose_clips([CameraPerson(clip, body, 0.07, known)], cameras, PseudoGtConfig())
+
+
+STANDS_M = 1.195 - 0.223  # height of the small body's pelvis over its soles
+
+
+def test_who_comes_back_far_away_still_stands(small_body):
+    """After ten seconds in which nobody was seen, 16 m further on."""
+    pelvis_m, known = np.tile([0.0, 0.0, 4.0], (350, 1)), np.ones(350, dtype=bool)
+    known[50:300] = False
+    pelvis_m[50:, 2] += np.append(np.linspace(0, 16, 250), np.full(50, 16.0))
+    world = before_a_still_camera(small_body, pelvis_m, known, 25.0)
+    found_m = world.clips[0].motion.pelvis_m[known]
+    assert np.isfinite(world.clips[0].motion.root_rotmats).all()
+    assert found_m[:, 2] == pytest.approx(STANDS_M, abs=0.02)
+    assert found_m[-1, 1] - found_m[0, 1] == pytest.approx(16.0, abs=0.02)
+
+
+@pytest.mark.parametrize("first", [5, 6])
+def test_poses_between_the_frames_that_are_watched_for_feet_tell_the_floor(small_body, first):
+    """Of 120 fps every second frame is watched, and with a pose in each 24th from an odd one on
+    no frame was left."""
+    known = np.zeros(240, dtype=bool)
+    known[first::24] = True
+    world = before_a_still_camera(small_body, np.tile([0.0, 0.0, 4.0], (240, 1)), known, 120.0)
+    assert world.clips[0].motion.pelvis_m[:, 2] == pytest.approx(STANDS_M, abs=0.02)
 
 
 def on_its_side(clip: Clip) -> Clip:

@@ -85,6 +85,26 @@ def test_who_sits_tells_up_by_the_trunk(small_body):
     assert angle_deg(up, UP) < 10.0 and level.sigma_deg == pytest.approx(12 * np.sqrt(2), rel=1e-2)
 
 
+def test_a_jump_of_both_feet_tells_nothing_and_breaks_nothing(small_body):
+    """A person seen in a frame with a wrong depth: both feet carried 0, and up was NaN."""
+    still = standing_still(small_body, 100)
+    pelvis_m = still.pelvis_m.copy()
+    pelvis_m[50, 1] += 40.0
+    cues = [
+        body_cue([small_body], [replace(still, pelvis_m=m)]) for m in (still.pelvis_m, pelvis_m)
+    ]
+    assert angle_deg(cues[0].up, cues[1].up) < 1e-6
+
+
+def test_who_is_seen_now_and_then_stood_between(small_body):
+    """Rows 0.2 s apart counted as neighbours at 30 fps: feet at rest were never slow."""
+    motion = make_gait("walk", 8.0, 30.0, small_body, np.random.default_rng(0))
+    frames = np.arange(0, motion.n_frames, 6)
+    cue = body_cue([small_body], [motion.take(frames)], [frames])
+    up, level = up_of(cue, [])
+    assert angle_deg(up, UP) < 3.0 and 9.0 < level.sigma_deg < 11.0
+
+
 def posed(body: BodyModel, trunk: int, hip: int, knee: int, ankle: int) -> Motion:
     """Somebody who keeps still, by angles [degrees]: the trunk's forward, then those of legs."""
     motion = turned(standing_still(body, 60), trunk)

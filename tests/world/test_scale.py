@@ -111,6 +111,18 @@ def test_frames_without_a_camera_are_left_out(small_body):
     assert estimate.scale == pytest.approx(3.0, rel=0.01)
 
 
+def test_frames_between_those_that_are_watched_for_feet_tell_the_scale(small_body):
+    """Of 120 fps every second frame is watched, from the first with a camera on: here the odd."""
+    motion, path = filmed("walk", "circular", small_body, seed=1, fps_hz=120.0)
+    found = seen_through(path, 2.5, 0.0, 0.0, seed=0)
+    odd = np.arange(path.n_frames) % 2 == 1
+    known = np.where(odd[:, None, None], found.world_from_cam, np.nan)
+    estimate = scale_of(
+        small_body, motion, path, replace(found, world_from_cam=known, has_camera=odd)
+    )
+    assert estimate.scale == pytest.approx(2.5, rel=0.02)
+
+
 def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body):
     motion, path = filmed("walk", "circular", small_body, seed=0)
     person = motion_in_camera(motion, path.world_from_cam)
