@@ -1,6 +1,7 @@
 """The stage: a pseudo ground truth and a network's motions to one world motion with error bars."""
 
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -104,6 +105,12 @@ class FusedInputs:
         """The record, read once for all people: that of a long film is large."""
         return None if self.quality_path is None else PseudoGtQuality.read(self.quality_path)
 
+    @cached_property
+    def has_world(self) -> bool:
+        """Whether any of the clips has a camera somewhere."""
+        cameras = (load_clip(path).camera for path in self.clip_paths)
+        return any(camera is not None and camera.has_camera.any() for camera in cameras)
+
     @classmethod
     def of(
         cls,
@@ -198,17 +205,15 @@ def fuse(
     """
     given = FusedInputs.of(source, network, errors_path)
     config = FuseConfig(fusion=fusion_config_of(Path(source))) if config is None else config
-    people = _people(given, config)
 
     def work(partial: Path) -> None:
         body = load_body(body_path)
         weighed = WeighedGmr.load(given, config.which)
         said = []
         fusion = _on_floors(config.fusion, given.quality)
-        has_world = any(_has_cameras(person.clip) for person in people)
-        for number, person in enumerate(people):
+        for number, person in enumerate(_people(given, config)):
             fused = fuse_person(person, weighed, body, fusion)
-            if has_world and not known_frames(person.clip).any():
+            if not known_frames(person.clip).any() and given.has_world:
                 fused = fused.shown_nowhere
             rest_pelvis_m = body.rest_pelvis_m(fused.clip.motion.shape)
             save_clip(partial / person_file(number), fused.clip, rest_pelvis_m)
@@ -270,10 +275,6 @@ def _off_rows(quality: PseudoGtQuality | None, number: int) -> tuple[int, ...]:
     return () if fit is None else fit.off_rows
 
 
-def _has_cameras(clip: Clip) -> bool:
-    return clip.camera is not None and bool(clip.camera.has_camera.any())
-
-
 @dataclass(frozen=True, eq=False)
 class WorldPerson:
     """One person of a pseudo ground truth, and what else is known of the path."""
@@ -323,10 +324,12 @@ class WeighedGmr:
         return cls(load_gmr(given.network_dir, which), DeltaErrors.read(given.errors_path))
 
 
-def _people(given: FusedInputs, config: FuseConfig) -> list[WorldPerson]:
+def _people(given: FusedInputs, config: FuseConfig) -> Iterator[WorldPerson]:
+    """One by one: each holds all frames of a film, for whoever is seen for a moment too."""
     if config.loops and len(given.clip_paths) > 1:
         raise BadRecipe(f"--loops is of one person: give its clip, like {given.clip_paths[0]}")
-    return [_person(given, path, config) for path in given.clip_paths]
+    for path in given.clip_paths:
+        yield _person(given, path, config)
 
 
 def _person(given: FusedInputs, path: Path, config: FuseConfig) -> WorldPerson:

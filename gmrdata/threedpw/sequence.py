@@ -27,7 +27,7 @@ from gmrdata.values.errors import BadRecord, NoReconstruction
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.values.records import MAKE_AGAIN, Config, Record
 from gmrdata.world.judge import load_record, quality_record, unsolved_quality
-from gmrdata.world.recipe import Doubts, save_dataset_camera, verdict_of
+from gmrdata.world.recipe import Doubts, Override, overridden, save_dataset_camera, verdict_of
 
 PEOPLE_FILE, DOUBTS_FILE = "people.json", "doubts.json"
 DATASET_CAMERA_FILE = "dataset_camera.npz"
@@ -166,12 +166,15 @@ def regenerate_one(
             run=run,
         )
     except NoReconstruction as error:
-        work = partial(_write_unsolved, given, str(error))
+        work = partial(_write_unsolved, given, str(error), config.pseudo_gt.override)
         return run_stage(UNSOLVED, out_dir, made_by, inputs, work, run=run)
 
 
-def _write_unsolved(given: SequencePeople, reason: str, out_dir: Path) -> None:
-    """The people in the camera's frame, every row dropped with its reason, and `quality.json`."""
+def _write_unsolved(
+    given: SequencePeople, reason: str, override: Override | None, out_dir: Path
+) -> None:
+    """The people in the camera's frame, every row dropped with its reason, and `quality.json`,
+    where a person's decision stands too, though nobody can keep a row."""
     doubts = Doubts.read(given.doubts_path)
     reasons = (*doubts.sequence, reason)
     judged = []
@@ -182,7 +185,10 @@ def _write_unsolved(given: SequencePeople, reason: str, out_dir: Path) -> None:
         rest_pelvis_m = read_body(person.body_path).rest_pelvis_m(clip.motion.shape)
         save_clip(out_dir / person_file(number), unsolved, rest_pelvis_m)
         texts = [doubt or "there is no reconstruction" for doubt in doubts.frames[number]]
-        judged.append(verdict_of(clip.id, False, reasons, texts))
+        verdict = verdict_of(clip.id, False, reasons, texts)
+        if override is not None:
+            verdict = overridden(verdict, override, ~unsolved.valid)
+        judged.append(verdict)
     unsolved_quality(judged).write(out_dir / QUALITY_FILE)
 
 

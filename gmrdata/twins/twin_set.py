@@ -25,7 +25,7 @@ from gmrdata.read.threedpw_files import (
     SequenceFiles,
     require_name,
 )
-from gmrdata.stage.progress import track
+from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.threedpw.clips import sequence_arrays
@@ -42,7 +42,7 @@ from gmrdata.twins.faults import (
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadFrames, BadSequence, MissingInput, NothingMade, StageFailed
-from gmrdata.values.files import atomic_path, remove_orphans, write_npz
+from gmrdata.values.files import STAGE_FILE, atomic_path, remove_orphans, write_npz
 from gmrdata.values.records import PART, Config, Record
 from gmrdata.write.threedpw import write_sequence
 
@@ -248,7 +248,8 @@ def make_twins(
 
     The truth is kept in `out_dir/truth`: `<name>.p<person>.npz`, the exact clip of each annotated
     person, `<name>.exposure.npz`, and `twins.json`, which says of each sequence what it is.  A run
-    that was stopped goes on where it was; the same recipe again does nothing.
+    that was stopped goes on where it was; the same recipe again does nothing.  Twins that another
+    recipe left there, and those of clips that fail now, are removed: the set has what is listed.
 
     Raises:
         StageFailed: some clips failed; the sequences of the others are written.
@@ -273,6 +274,12 @@ def make_twins(
         remove_orphans(folder)
     for clip in track(clips, "writing sequences"):
         write_sequence_twin(recipe, clip, out_dir, run=run)
+    names = {clip.id for clip in clips}
+    # What no stage made stays: the folder may hold 3DPW itself.
+    for made in sorted((out_dir / DATASET_FOLDER / IMAGES_DIR).glob(f"*/{STAGE_FILE}")):
+        if made.parent.name not in names:
+            remark(f"{made.parent.name}: removed, as this run has no such twin")
+            _remove_sequence(made.parent.name, out_dir)
     about = []
     for clip in clips:
         scene = render_config(recipe.set, clip).scene
@@ -283,6 +290,17 @@ def make_twins(
     if failed is not None:
         raise failed
     return out_dir / DATASET_FOLDER
+
+
+def _remove_sequence(name: str, out_dir: Path) -> None:
+    """Remove what a recipe made of a sequence.  The images go first: whoever is stopped here must
+    find nothing that looks made."""
+    root, truth_dir = out_dir / DATASET_FOLDER, out_dir / TRUTH_FOLDER
+    shutil.rmtree(root / IMAGES_DIR / name, ignore_errors=True)
+    stale = [root / SEQUENCES_DIR / split / f"{name}.pkl" for split in SPLITS]
+    stale += [truth_dir / f"{name}.exposure.npz", *truth_dir.glob(f"{name}.p[0-9].npz")]
+    for path in stale:
+        path.unlink(missing_ok=True)
 
 
 def write_sequence_twin(
@@ -305,12 +323,8 @@ def write_sequence_twin(
     paths = [rendered / file for file in config.people]
 
     def work(partial_dir: Path) -> None:
-        # What lies elsewhere goes: whoever is stopped here must find nothing that looks made.
-        shutil.rmtree(root / IMAGES_DIR / clip.id, ignore_errors=True)
-        for split in SPLITS:  # of another recipe, which had more people or another split
-            (root / SEQUENCES_DIR / split / f"{clip.id}.pkl").unlink(missing_ok=True)
-        for stale in truth_dir.glob(f"{clip.id}.p[0-9].npz"):
-            stale.unlink()
+        # Of another recipe, which had more people or another split.
+        _remove_sequence(clip.id, out_dir)
         rng = clip_rng(recipe.set.seed, clip.id, "faults")
         genders = [GENDERS[int(rng.integers(2))] for _ in paths]
         files = SequenceFiles(root, clip.id, config.split)

@@ -1,6 +1,7 @@
 """Cameras and a network put together: from a pseudo ground truth to clips with error bars."""
 
 import shutil
+import weakref
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +34,7 @@ from gmrdata.fusion.record import (
 )
 from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr, deltas_at_source_rate
+from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput, StageFailed
@@ -121,6 +123,32 @@ def test_the_folder_has_whole_clips_with_error_bars(
     assert again == made
 
 
+def test_people_are_read_one_by_one_and_of_a_made_folder_not_again(
+    pseudo_gt, run_dir, errors_path, body_path, tmp_path, monkeypatch
+):
+    """A crowd's film held each person's frames at once, before it was known that all is made."""
+    from gmrdata.fusion import fuse as stage
+
+    (pseudo_gt / "quality.json").unlink()
+    for number in (1, 2):
+        shutil.copy(pseudo_gt / "person_0.npz", pseudo_gt / f"person_{number}.npz")
+    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
+    given |= {"body_path": body_path, "config": FuseConfig(fusion=FusionConfig(feet=False))}
+    met: list[weakref.ref[WorldPerson]] = []
+    held = []
+
+    def noted(person: WorldPerson, *others: Any) -> FusedClip:
+        met.append(weakref.ref(person))
+        held.append(sum(one() is not None for one in met))
+        return fuse_person(person, *others)
+
+    monkeypatch.setattr(stage, "fuse_person", noted)
+    made = fuse(pseudo_gt, tmp_path / "out", **given)
+    assert held == [1, 1, 1]
+    monkeypatch.delattr(stage, "load_clip")
+    assert fuse(pseudo_gt, tmp_path / "out", **given) == made
+
+
 def test_people_of_the_built_in_estimator_get_the_packages_network(
     pseudo_gt, clip, small_body, errors_path, run_dir, body_path, tmp_path, monkeypatch, capsys
 ):
@@ -147,7 +175,7 @@ def test_people_of_the_built_in_estimator_get_the_packages_network(
         camera=camera_of(clip).at_rows(slice(0, 2)),
     )
     save_clip(pseudo_gt / "person_0.npz", short, small_body.rest_pelvis_m(clip.motion.shape))
-    fuse_own_people(folder, body_path)
+    fuse_own_people(folder, body_path, run=Run(redo=True))
     assert "without the network's motions" in " ".join(capsys.readouterr().err.split())
     assert not (folder / "fused").exists()
 

@@ -120,9 +120,7 @@ def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
     (images / "arc_00" / "image_00007.jpg").write_bytes(b"")
     # Nobody has a row there, and so no mask.
     shutil.copy(images / "arc_00" / "image_00035.jpg", images / "arc_00" / "image_00036.jpg")
-    grey = cv2.imencode(".jpg", np.full((180, 320, 3), 120, np.uint8))[1].tobytes()
-    for path in sorted((images / "pan_00").glob("*.jpg")):
-        path.write_bytes(grey)
+    paint_grey(images / "pan_00")
     assert pan.is_file()
     out_dir = tmp_path / "out"
     with pytest.raises(StageFailed, match="2 of 4 failed") as caught:
@@ -153,6 +151,33 @@ def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
         copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, run=Run(redo=False)
     )
     assert stage.stat().st_mtime_ns == before
+
+
+def paint_grey(image_dir: Path) -> None:
+    """Nothing is left of which cameras could be found."""
+    grey = cv2.imencode(".jpg", np.full((180, 320, 3), 120, np.uint8))[1].tobytes()
+    for path in image_dir.glob("*.jpg"):
+        path.write_bytes(grey)
+
+
+def test_without_a_reconstruction_a_persons_decision_stands_too(copied_set, tmp_path):
+    paint_grey(copied_set.root / "imageFiles" / "pan_00")
+
+    def verdict(**decided: Any) -> dict[str, Any]:
+        overrides = {"pan_00": {"because": "a glass wall", **decided}}
+        recipe = copied_set.recipe(sequences=["pan_00"], overrides=overrides)
+        regenerate_set(recipe, copied_set.root, tmp_path / "out", run=Run(redo=True))
+        return read_json(tmp_path / "out" / "verdicts.json")["sequences"][0]
+
+    for decided in ("rejected", "accepted"):
+        found = verdict(verdict=decided)
+        assert not found["accepted"] and found["reasons"][0] == "a person decided: a glass wall"
+        assert "textureless" in found["reasons"][1]
+    assert found["reasons"][2] == "no frame can be used"
+    (clip,) = read_manifest(tmp_path / "out" / "pseudo_gt.yaml").clips
+    assert clip.quality is not None and "a glass wall" in clip.quality.reasons[0]
+    with pytest.raises(StageFailed, match=r"drop 0\.\.37: the sequence has 36 frames"):
+        verdict(drop=[[0, 37]])
 
 
 def test_without_a_reconstruction_other_masks_are_tried(copied_set, tmp_path):

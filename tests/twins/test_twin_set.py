@@ -17,6 +17,7 @@ from gmrdata.film.set_plan import SyntheticClip
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence
+from gmrdata.read.threedpw_files import find_sequences
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.clips import camera_clip
@@ -260,11 +261,37 @@ def test_a_clip_that_fails_is_named_and_the_others_are_written(out, tmp_path):
     gone = SyntheticClip.model_validate({"id": "gone_00", "gait": "walk", "programme": programme})
     clips = (gone, *RECIPE.set.clips)
     recipe = RECIPE.model_copy(update={"set": RECIPE.set.model_copy(update={"clips": clips})})
+    # It rendered once, and so did one that the recipe has no more.
+    for name in ("gone_00", "former_00"):
+        leave_twin(out, tmp_path, name)
     with pytest.raises(StageFailed, match="gone_00: a linear camera can't keep"):
         make_twins(recipe, tmp_path)
     assert files_of(tmp_path / "3DPW") == files_of(out / "3DPW")
+    assert files_of(tmp_path / "truth").keys() == files_of(out / "truth").keys()
     listed = read_json(tmp_path / "truth" / "twins.json")["sequences"]
     assert [sequence["name"] for sequence in listed] == [clip.id for clip in RECIPE.set.clips]
+
+
+def leave_twin(out: Path, folder: Path, name: str) -> None:
+    """One more twin in a folder: the one with a single person, by another name."""
+    for path in (f"imageFiles/{ONE}", f"sequenceFiles/train/{ONE}.pkl"):
+        source, target = out / "3DPW" / path, folder / "3DPW" / path.replace(ONE, name)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        (shutil.copytree if source.is_dir() else shutil.copy)(source, target)
+    (folder / "truth").mkdir(exist_ok=True)
+    for kind in ("p0", "exposure"):
+        shutil.copy(out / "truth" / f"{ONE}.{kind}.npz", folder / "truth" / f"{name}.{kind}.npz")
+
+
+@pytest.mark.slow
+def test_a_sequence_that_no_recipe_made_stays(out, tmp_path):
+    """The folder may hold 3DPW itself."""
+    shutil.copytree(out, tmp_path / "copy")
+    leave_twin(out, tmp_path / "copy", "downtown_00")
+    (tmp_path / "copy" / "3DPW" / "imageFiles" / "downtown_00" / "stage.json").unlink()
+    make_twins(RECIPE, tmp_path / "copy")
+    assert "downtown_00" in [one.name for one in find_sequences(tmp_path / "copy" / "3DPW")]
+    assert (tmp_path / "copy" / "3DPW" / "imageFiles" / "downtown_00").is_dir()
 
 
 def test_a_set_of_which_nothing_was_rendered_says_why(tmp_path):
