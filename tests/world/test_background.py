@@ -92,6 +92,11 @@ def test_tracks_of_another_reconstruction_are_refused(row, point, walkers, sfm_d
     save_tracks(sfm_dir / TRACKS_FILE, bad)
     with pytest.raises(BadRecord, match="its files are of different frames"):
         load_background_tracks(sfm_dir, found)
+    # Colours are read from the images: a record of others must not name other files.
+    for name in ("../../secret.jpg", "/secret.jpg", ""):
+        save_tracks(sfm_dir / TRACKS_FILE, replace(good, image_names=(*names[1:], name)))
+        with pytest.raises(BadRecord, match=f"'{name}' is no image's name"):
+            load_background_tracks(sfm_dir, found)
     path = sfm_dir / TRACKS_FILE
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(BadMotionFile, match="not a readable .npz"):

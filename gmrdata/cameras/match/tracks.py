@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gmrdata.cameras.files import Distortion
 from gmrdata.values import records, transforms
 from gmrdata.values.camera import bent
-from gmrdata.values.errors import MissingInput
+from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import write_npz
 
 TRACKS_FILE = "tracks.npz"
@@ -109,7 +109,8 @@ def save_tracks(path: Path, tracks: Tracks) -> None:
 
 
 def load_tracks(sfm_dir: Path) -> Tracks:
-    """Read `tracks.npz` of a folder; MissingInput where an older version made it."""
+    """Read `tracks.npz` of a folder; MissingInput where an older version made it, BadRecord where
+    an image's name leads out of the folder of images."""
     path = sfm_dir / TRACKS_FILE
     if not path.is_file():
         remedy = f"Delete {sfm_dir} and run the same command again, which makes the same cameras"
@@ -117,4 +118,6 @@ def load_tracks(sfm_dir: Path) -> Tracks:
     arrays = records.read_arrays(path, TRACKS_FORMAT, _SHAPES)
     rows, points = arrays["row"].astype(np.int64), arrays["point"].astype(np.int64)
     adjusted, names = arrays["adjusted"], tuple(map(str, arrays["image_names"]))
+    if odd := [name for name in names if not name or Path(name).name != name]:
+        raise BadRecord(f"{path}: {odd[0]!r} is no image's name; {records.MAKE_AGAIN}")
     return Tracks(rows, points, arrays["image_px"].astype(np.float64), adjusted, names)
