@@ -1,13 +1,15 @@
-"""COLMAP models of cameras and points that are drawn."""
+"""COLMAP models, and matches, of cameras and points that are drawn."""
 
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.match.features import pinhole_params
+from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.values import transforms
-from gmrdata.values.camera import project
+from gmrdata.values.camera import Lens, bent, project
 
 INTRINSICS_PX = np.array([[800.0, 0, 320], [0, 800.0, 240], [0, 0, 1]])
 SIZE_PX = (640, 480)
@@ -50,3 +52,31 @@ def model_of(world_from_cam: np.ndarray, points: np.ndarray, image_px: np.ndarra
 def places_of(model: Any) -> np.ndarray:
     """(T, 3) places of a model's cameras, in the order of their ids."""
     return np.array([model.image(i).projection_center() for i in sorted(model.reg_image_ids())])
+
+
+def turning_matches(
+    lens: Lens, turn_deg: float, noise_px: float = 0.4, seed: int = 0, drift_m: float = 0.0
+) -> Matches:
+    """Those of 8 frames of a camera that turns by so much about the vertical and a quarter of it
+    about its side, and drifts in the hand."""
+    rng = np.random.default_rng(seed)
+    rays = rng.normal(size=(1000, 3))
+    points_m = rays / np.linalg.norm(rays, axis=1, keepdims=True) * rng.uniform(4, 15, (1000, 1))
+    seen, points_px = [], []
+    for share in np.linspace(-0.5, 0.5, 8):
+        angles = [share * turn_deg, 0.25 * share * turn_deg]
+        world_from_cam = Rotation.from_euler("yx", angles, degrees=True).as_matrix()
+        cam_m = (points_m - drift_m * rng.normal(size=3)) @ world_from_cam
+        flat = cam_m[:, :2] / cam_m[:, 2:]
+        there = (cam_m[:, 2] > 0.1) & (np.linalg.norm(flat, axis=1) < 1.2)
+        image_px = lens.focal_px * bent(flat, *lens.radial) + lens.centre_px
+        image_px += rng.normal(0, noise_px, image_px.shape)
+        there &= (image_px > 0).all(axis=1) & (image_px < lens.size_px).all(axis=1)
+        seen.append(np.flatnonzero(there))
+        points_px.append(image_px[there])
+    pairs = []
+    for first in range(8):
+        for second in range(first + 1, min(8, first + 4)):
+            _, a, b = np.intersect1d(seen[first], seen[second], return_indices=True)
+            pairs.append(PairMatches(first, second, np.c_[a, b], "UNCALIBRATED"))
+    return Matches(points_px, pairs, [len(points) for points in points_px])

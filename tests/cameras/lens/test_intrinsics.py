@@ -41,12 +41,13 @@ from gmrdata.cameras.lens.self_calibration import (
     likelier,
     nothing_found,
 )
-from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, read_matches
+from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, read_matches
 from gmrdata.read.frames import read_frames
 from gmrdata.solve.verdict import with_lens_error
-from gmrdata.values.camera import Lens, bent
+from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadIntrinsics, BadRecord, StaleOutput
 from gmrdata.world.recipe import PseudoGtConfig
+from tests.cameras.drawn_models import turning_matches
 from tests.read.test_intrinsics import jpeg_with
 from tests.read.test_lens_files import PINHOLES, READ
 from tests.reconstructions import good_quality
@@ -401,31 +402,12 @@ def filmed_cloud(folder: Path, focal_px: float, k1: float, seed: int = 0) -> tup
 
 
 def turned(
-    turn_deg: float, focal_px: float, k1: float, seed: int = 0, drift_m: float = 0.0
+    turn_deg: float, focal_px: float, k1: float, drift_m: float = 0.0
 ) -> tuple[Frames, Matches]:
-    """A camera that turns by so much about the vertical and a quarter of it about its side."""
-    rng = np.random.default_rng(seed)
-    rays = rng.normal(size=(1000, 3))
-    points_m = rays / np.linalg.norm(rays, axis=1, keepdims=True) * rng.uniform(4, 15, (1000, 1))
-    seen, points_px = [], []
-    for share in np.linspace(-0.5, 0.5, 8):
-        angles = [share * turn_deg, 0.25 * share * turn_deg]
-        world_from_cam = Rotation.from_euler("yx", angles, degrees=True).as_matrix()
-        cam_m = (points_m - drift_m * rng.normal(size=3)) @ world_from_cam
-        flat = cam_m[:, :2] / cam_m[:, 2:]
-        there = (cam_m[:, 2] > 0.1) & (np.linalg.norm(flat, axis=1) < 1.2)
-        image_px = focal_px * bent(flat, k1) + np.array(SIZE_PX) / 2
-        image_px += rng.normal(0, NOISE_PX, image_px.shape)
-        there &= (image_px > 0).all(axis=1) & (image_px < SIZE_PX).all(axis=1)
-        seen.append(np.flatnonzero(there))
-        points_px.append(image_px[there])
-    pairs = []
-    for first in range(8):
-        for second in range(first + 1, min(8, first + 4)):
-            _, a, b = np.intersect1d(seen[first], seen[second], return_indices=True)
-            pairs.append(PairMatches(first, second, np.c_[a, b], "UNCALIBRATED"))
+    """A camera that turns by so much."""
     frames = drawn_frames(Path(), [f"{row:05d}.jpg" for row in range(8)])
-    return frames, Matches(points_px, pairs, [len(points) for points in points_px])
+    lens = replace(Lens.centred(focal_px, SIZE_PX), radial=(k1, 0.0))
+    return frames, turning_matches(lens, turn_deg, NOISE_PX, drift_m=drift_m)
 
 
 def require_lens(found: SelfCalibration, focal_px: float, k1: float) -> None:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
 from gmrdata.cameras.files import Distortion, load_quality
@@ -20,8 +19,10 @@ from gmrdata.cameras.map.focal import (
     with_lens,
 )
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
-from gmrdata.cameras.match.matches import Matches, PairMatches
+from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.values.camera import Lens
+from tests.cameras.drawn_models import turning_matches
 
 NOISE_PX = 0.4
 
@@ -187,32 +188,8 @@ def test_a_film_names_its_focal_length(kind, factor, geometry, sigmas, film, tmp
     assert abs(quality.focal_factor - 1 / factor) < sigmas * quality.focal_sigma
 
 
-INTRINSICS_PX = np.array([[600.0, 0, 270], [0, 620.0, 480], [0, 0, 1]])
-SIZE_PX = (540, 960)
-N_FRAMES = 8
-
-
-def panned(turn_deg: float, noise_px: float, seed: int = 0, drift_m: float = 0.0) -> Matches:
-    """Matches of a camera that turns by so much, and drifts in the hand."""
-    rng = np.random.default_rng(seed)
-    rays = rng.normal(size=(2000, 3))
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    points_m = rays * rng.uniform(4, 15, (len(rays), 1))
-    seen, points_px = [], []
-    for share in np.linspace(-0.5, 0.5, N_FRAMES):
-        world_from_cam = Rotation.from_euler("y", share * turn_deg, degrees=True).as_matrix()
-        cam_m = (points_m - drift_m * rng.normal(size=3)) @ world_from_cam
-        image_px = (cam_m / cam_m[:, 2:]) @ INTRINSICS_PX.T
-        image_px = image_px[:, :2] + rng.normal(0, noise_px, (len(rays), 2))
-        inside = (cam_m[:, 2] > 0.1) & (image_px > 0).all(axis=1) & (image_px < SIZE_PX).all(axis=1)
-        seen.append(np.flatnonzero(inside))
-        points_px.append(image_px[inside])
-    pairs = []
-    for first in range(N_FRAMES):
-        for second in range(first + 1, min(N_FRAMES, first + 5)):
-            _, a, b = np.intersect1d(seen[first], seen[second], return_indices=True)
-            pairs.append(PairMatches(first, second, np.c_[a, b], "CALIBRATED"))
-    return Matches(points_px, pairs)
+LENS = Lens((600.0, 620.0), (270.0, 480.0), (540, 960))
+INTRINSICS_PX = LENS.matrix_px
 
 
 def freed(matches: Matches, factor: float) -> FreedFocal | None:
@@ -225,7 +202,7 @@ def freed(matches: Matches, factor: float) -> FreedFocal | None:
 
 @pytest.mark.parametrize("factor", [1.3, 1.0, 1 / 1.3])
 def test_exact_matches_give_the_exact_focal_length(factor):
-    found = freed(panned(20.0, 0.0), factor)
+    found = freed(turning_matches(LENS, 20.0, 0.0), factor)
     assert found is not None
     assert found.factor == pytest.approx(1 / factor, rel=1e-5)
 
@@ -234,25 +211,25 @@ def test_exact_matches_give_the_exact_focal_length(factor):
 @pytest.mark.parametrize("turn_deg", [8.0, 40.0])
 def test_noise_and_a_drift_in_the_hand_stay_within_the_standard_error(turn_deg, factor):
     for seed in range(3):
-        found = freed(panned(turn_deg, 0.4, seed, drift_m=0.01), factor)
+        found = freed(turning_matches(LENS, turn_deg, 0.4, seed, drift_m=0.01), factor)
         assert found is not None and found.sigma is not None
         assert found.sigma < 0.06
         assert abs(found.factor - 1 / factor) < 2 * found.sigma
 
 
 def test_a_camera_that_does_not_turn_says_nothing():
-    assert freed(panned(0.0, 0.4), 1.0) is None
-    assert freed(panned(0.0, 0.0), 1.0) is None
+    assert freed(turning_matches(LENS, 0.0, 0.4), 1.0) is None
+    assert freed(turning_matches(LENS, 0.0, 0.0), 1.0) is None
 
 
 def test_a_camera_that_stays_is_not_fitted(monkeypatch):
     """Of a long video a fit whose answer would mean nothing took minutes."""
     monkeypatch.setattr(focal, "fit_turning", lambda *_, **__: pytest.fail("was fitted"))
-    assert freed(panned(0.0, 0.4), 1.0) is None
+    assert freed(turning_matches(LENS, 0.0, 0.4), 1.0) is None
 
 
 def test_of_many_pairs_fewer_matches_are_taken(monkeypatch):
-    matches = panned(30.0, 0.4)
+    matches = turning_matches(LENS, 30.0, 0.4)
     monkeypatch.setattr(rotation_only, "MOST_MATCHES", 35 * len(matches.pairs))
     turning = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(0))
     rows, _, _ = focal._gather(turning, matches, INTRINSICS_PX)
@@ -263,7 +240,7 @@ def test_of_many_pairs_fewer_matches_are_taken(monkeypatch):
 
 
 def test_wrong_matches_are_outvoted():
-    matches = panned(30.0, 0.4)
+    matches = turning_matches(LENS, 30.0, 0.4)
     rng = np.random.default_rng(1)
     for points_px in matches.keypoints_px:
         wrong = rng.random(len(points_px)) < 0.1
@@ -277,5 +254,5 @@ def test_wrong_matches_are_outvoted():
 def test_a_turn_of_half_a_degree_says_next_to_nothing(seed):
     """A phone held still before people, by 0.3 degrees either way, was said to have half its focal
     length, to 3 %."""
-    found = freed(panned(0.6, 0.1, seed, drift_m=0.005), 1.0)
+    found = freed(turning_matches(LENS, 0.6, 0.1, seed, drift_m=0.005), 1.0)
     assert found is not None and found.sigma > 0.3
