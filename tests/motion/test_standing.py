@@ -30,25 +30,15 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats
 
 NAME = {joint: name for name, joint in MIXAMO.items()}
-POSITIONS = ("Xposition", "Yposition", "Zposition")
-ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
-ORDER: list[int] = []  # joints so that a child comes right after its parent, as in a BVH
-
-
-def _line(joint: int) -> None:
-    ORDER.append(joint)
-    for child in range(24):
-        if PARENTS[child] == joint:
-            _line(child)
-
-
-_line(0)
 
 
 @pytest.fixture
-def write(write_bvh, small_body, tmp_path) -> Callable[..., Path]:
+def write(write_person, small_body, tmp_path) -> Callable[..., Path]:
     """A walk of the small body as a BVH that is told from the pose `zero` (24, 3, 3)."""
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
+    joints_m = small_body.joints_template_m.copy()
+    joints_m[JOINT["head"]] += 0.2 * (joints_m[JOINT["head"]] - joints_m[JOINT["neck"]])
+    long_necked = replace(small_body, joints_template_m=joints_m)  # that of no body in any shape
 
     def write(
         name: str,
@@ -67,20 +57,18 @@ def write(write_bvh, small_body, tmp_path) -> Callable[..., Path]:
         if t_pose:
             local[0], pelvis_m[0] = np.eye(3), [0, 1, 0]
         above = np.concatenate([np.eye(3)[None], zero])[np.array(PARENTS) + 1]
-        rest_m = small_body.rest_joints_m(np.zeros(10))
-        offsets_m = rest_m - np.where(np.array(PARENTS)[:, None] < 0, rest_m, rest_m[list(PARENTS)])
-        offsets_m[JOINT["head"]] *= 1.2  # that of no body in any shape
-        offsets_m = np.einsum("jkl,jl->jk", above, offsets_m)
-        told = (above @ local @ zero.swapaxes(1, 2))[:, ORDER]
+        told = above @ local @ zero.swapaxes(1, 2)
         angles_deg = Rotation.from_matrix(told.reshape(-1, 3, 3)).as_euler("ZXY", degrees=True)
-        rows = np.c_[pelvis_m / per_unit, angles_deg.reshape(len(local), -1)]
-        channels = [(*POSITIONS, *ROTATIONS)] + [ROTATIONS] * 23
-        tips = {ORDER.index(j): zero[j] @ [0, 0, 0.07] / per_unit for j in (10, 11)}
-        parents = [-1 if PARENTS[j] < 0 else ORDER.index(PARENTS[j]) for j in ORDER]
-        names = [NAME[JOINT_NAMES[j]] for j in ORDER]
-        offsets = offsets_m[ORDER] / per_unit
-        path = tmp_path / f"{name}.bvh"
-        return write_bvh(path, names, parents, offsets, channels, rows, tips, frame_time="0.04")
+        return write_person(
+            tmp_path / f"{name}.bvh",
+            long_necked,
+            angles_deg.reshape(-1, 24, 3),
+            pelvis_m,
+            prefix="",
+            cm_per_unit=100 * per_unit,
+            zero=zero,
+            frame_time="0.04",
+        )
 
     return write
 
