@@ -22,21 +22,12 @@ from blender.people.rigged_pose import (
 from gmrdata.motion.rest_pose import LIMBS
 from gmrdata.values.body import JOINT, PARENTS, BodyModel
 from gmrdata.values.errors import BadCharacter
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats, motion_joints_m
-from tests.blender.jobs import facing_x
+from tests.motions import random_motion
 
 N_FRAMES = 4
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 MOST_RAD = {"hip": 0.2, "knee": 0.2, "shoulder": 0.9, "elbow": 0.9}
-
-
-def random_motion(body: BodyModel, seed: int) -> Motion:
-    rng = np.random.default_rng(seed)
-    rotmats = Rotation.from_rotvec(rng.normal(0, 0.7, (N_FRAMES * 24, 3))).as_matrix()
-    rotmats = rotmats.reshape(N_FRAMES, 24, 3, 3)
-    standing = facing_x(body, rng.normal(size=(N_FRAMES, 3)), rotmats[:, 1:])
-    return replace(standing, root_rotmats=rotmats[:, 0])
 
 
 def random_rest(body: BodyModel, seed: int, unit: float, file_from_rest: np.ndarray) -> RestPose:
@@ -68,7 +59,7 @@ AXES = st.sampled_from([np.eye(3), Z_UP, Z_UP @ np.diag([-1.0, 1.0, -1.0]), Z_UP
 
 @given(st.integers(0, 10_000), AXES, st.sampled_from([1.0, 100.0]))
 def test_limbs_point_where_the_bodys_do(small_body, seed, axes, unit):
-    motion = random_motion(small_body, seed)
+    motion = random_motion(np.random.default_rng(seed), N_FRAMES, 0.7, shape=np.zeros(10))
     rest = random_rest(small_body, seed, unit, axes)
     found = check_rest(rest, False, "someone.glb")
     np.testing.assert_allclose(found, axes, atol=1e-12)
@@ -123,7 +114,8 @@ def test_sizes(small_body):
     size = size_of(large, np.eye(3), small_body, shape, keep_size=False)
     assert size.scale == pytest.approx(1 / 200) and size.leg_ratio == pytest.approx(1)
     assert size.ankle_m - size.body_ankle_m == pytest.approx(0.03)
-    joints_m = motion_joints_m(small_body, random_motion(small_body, 1))
+    motion = random_motion(np.random.default_rng(1), N_FRAMES, shape=shape)
+    joints_m = motion_joints_m(small_body, motion)
     middle_m = joints_m[:, HIPS].mean(axis=1)
     np.testing.assert_allclose(
         hips_m(size, joints_m), middle_m + np.array([0, 0, 0.03]), atol=1e-12

@@ -46,6 +46,7 @@ from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera, motion_in_world
 from gmrdata.write.bvh import write_bvh
+from tests.motions import random_motion
 
 PROGRAMMES = (Circular(), Linear(), Panning(), LinearPanning(), Small(), Static())
 EVERYONE = Extras(company=1, passers_by=2, cars=1)
@@ -256,12 +257,8 @@ def test_frames_that_hold_no_motion_are_not_filmed(small_body, tmp_path):
 @given(yaw_rad=st.floats(-7, 7), seed=st.integers(0, 99))
 def test_a_moved_motion_moves_alike(yaw_rad, seed):
     rng = np.random.default_rng(seed)
-    turns, _ = np.linalg.qr(rng.normal(size=(6, 24, 3, 3)))
-    turns *= np.linalg.det(turns)[..., None, None]
-    path_m, to_m = rng.normal(size=(6, 3)), rng.normal(size=2)
-    motion = Motion(
-        turns[:, 1:], turns[:, 0], path_m, np.zeros(3), 10.0, "b", "neutral", "world", "s"
-    )
+    motion, to_m = random_motion(rng, 6), rng.normal(size=2)
+    path_m = motion.pelvis_m
     moved = move_motion(motion, yaw_rad, path_m[2, :2], to_m)
     np.testing.assert_allclose(moved.pelvis_m[2], [*to_m, path_m[2, 2]], atol=1e-12)
     np.testing.assert_allclose(moved.pelvis_m[:, 2], path_m[:, 2], atol=1e-12)

@@ -21,16 +21,9 @@ from gmrdata.values.body import JOINT_NAMES, MIRRORED
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.skinning import motion_joints_m
-from tests.motions import made_up
+from tests.motions import random_motion
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
-
-
-def random_motion(seed: int, n_frames: int = 5) -> Motion:
-    rng = np.random.default_rng(seed)
-    rotmats = Rotation.random(24 * n_frames, random_state=seed).as_matrix()
-    rotmats = rotmats.reshape(n_frames, 24, 3, 3)
-    return made_up(rotmats[:, 1:], rotmats[:, 0], rng.normal(size=(n_frames, 3)))
 
 
 def mirror_motion(motion: Motion) -> Motion:
@@ -45,7 +38,7 @@ def mirror_motion(motion: Motion) -> Motion:
 
 @given(st.integers(0, 2**31 - 1))
 def test_mirrored_twice_is_the_motion_itself(seed):
-    motion = random_motion(seed)
+    motion = random_motion(np.random.default_rng(seed), 5)
     once = mirror_motion(motion)
     twice = mirror_motion(once)
     for name in ("local_rotmats", "root_rotmats", "pelvis_m"):
@@ -57,7 +50,7 @@ def test_mirrored_twice_is_the_motion_itself(seed):
 @given(st.integers(0, 2**31 - 1))
 def test_joints_are_the_mirror_image(small_body, seed):
     """On a skeleton of equal sides: x changes its sign, and left and right their names."""
-    motion = random_motion(seed)
+    motion = random_motion(np.random.default_rng(seed), 5)
     mirrored_m = motion_joints_m(small_body, mirror_motion(motion))
     expected_m = motion_joints_m(small_body, motion)[:, list(MIRRORED)] * [-1.0, 1.0, 1.0]
     np.testing.assert_allclose(mirrored_m, expected_m, atol=1e-12)
@@ -66,7 +59,7 @@ def test_joints_are_the_mirror_image(small_body, seed):
 
 @given(st.integers(0, 2**31 - 1))
 def test_motions_between_frames_are_mirrored_in_the_body(seed):
-    motion = random_motion(seed)
+    motion = random_motion(np.random.default_rng(seed), 5)
     mirrored = mirror_motion(motion)
     delta_rotmats, delta_m = deltas(motion.root_rotmats, motion.pelvis_m)
     found_rotmats, found_m = deltas(mirrored.root_rotmats, mirrored.pelvis_m)
@@ -84,7 +77,7 @@ def test_a_left_turn_becomes_a_right_turn():
     turn = Rotation.from_euler("z", 30, degrees=True).as_matrix()
     stand = np.array([[-1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
     motion = replace(
-        random_motion(0, 2),
+        random_motion(np.random.default_rng(0), 2),
         root_rotmats=np.stack([stand, turn @ stand]),
         pelvis_m=np.array([[0.0, 0, 1], [-0.4, 0, 1]]),
     )
@@ -115,7 +108,7 @@ def test_mirrored_windows_are_windows_of_mirrored_clips(make_clips, representati
 
 
 def test_about_as_many_windows_are_mirrored_as_asked_for():
-    motion = random_motion(1, 40)
+    motion = random_motion(np.random.default_rng(1), 40)
     clip = Clip("one", motion, np.ones(40, bool), np.full(40, -1), None)
     config = WindowConfig(frames=40, reverse_probability=0.0, mirror_probability=0.3)
     training_set = make_training_set([clip], ModelConfig(input="6d"), config)

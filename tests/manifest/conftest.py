@@ -16,7 +16,7 @@ from gmrdata.manifest.write import ClipFiles, clip_entry, made_by, write_manifes
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, save_clip
 from tests.clip_manifests import Edit, a_head, a_walk
-from tests.motions import made_up
+from tests.motions import random_motion
 
 REST_PELVIS_M = np.array([0.001, -0.24, 0.03])
 N_FRAMES = 6
@@ -25,12 +25,7 @@ N_FRAMES = 6
 @pytest.fixture(scope="session")
 def walk_clip() -> Clip:
     """Six frames with a camera; row 2 is not valid and has no camera."""
-    rng = np.random.default_rng(7)
-    rotmats = Rotation.random(N_FRAMES * 24, random_state=3).as_matrix()
-    rotmats = rotmats.reshape(N_FRAMES, 24, 3, 3)
-    motion = made_up(
-        rotmats[:, 1:], rotmats[:, 0], rng.normal(size=(N_FRAMES, 3)), shape=rng.normal(size=10)
-    )
+    motion = random_motion(np.random.default_rng(7), N_FRAMES)
     world_from_cam = np.tile(np.eye(4), (N_FRAMES, 1, 1))
     world_from_cam[:, :3, :3] = Rotation.random(N_FRAMES, random_state=5).as_matrix()
     world_from_cam[2] = np.nan

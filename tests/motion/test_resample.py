@@ -9,16 +9,11 @@ from scipy.spatial.transform import Rotation, Slerp
 from gmrdata.motion.resample import resample, slice_motion, valid_runs
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
+from tests.motions import random_motion
 
 
-def _motion(n_frames: int, fps_hz: float, seed: int = 0) -> Motion:
-    rng = np.random.default_rng(seed)
-    rotmats = Rotation.random(n_frames * 24, random_state=rng).as_matrix()
-    rotmats = rotmats.reshape(n_frames, 24, 3, 3)
-    return Motion(
-        rotmats[:, 1:], rotmats[:, 0], rng.normal(size=(n_frames, 3)), np.zeros(10), fps_hz,
-        "small", "neutral", "world", "made up",
-    )  # fmt: skip
+def _motion(n_frames: int, fps_hz: float) -> Motion:
+    return random_motion(np.random.default_rng(0), n_frames, fps_hz=fps_hz)
 
 
 @given(st.integers(2, 40), st.integers(1, 6), st.sampled_from([12.0, 30.0, 120.0, 59.94]))

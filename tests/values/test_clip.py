@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from gmrdata.values import limits
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
@@ -17,23 +16,21 @@ from gmrdata.values.clip import _CAMERA_SHAPES, _SHAPES, Clip, load_clip, rows_o
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
 from tests.damage import Calls
-from tests.motions import made_up
+from tests.motions import random_motion
 
 
 def a_clip(n_frames: int = 5, seed: int = 0, with_camera: bool = True, far_m: float = 1.0) -> Clip:
     rng = np.random.default_rng(seed)
-    rotmats = Rotation.from_quat(rng.normal(size=(n_frames * 24, 4))).as_matrix()
-    rotmats = rotmats.reshape(n_frames, 24, 3, 3)
-    motion = made_up(
-        rotmats[:, 1:],
-        rotmats[:, 0],
-        far_m * rng.normal(size=(n_frames, 3)),
+    motion = random_motion(
+        rng,
+        n_frames,
         shape=rng.normal(size=11),
         fps_hz=29.97,
         gender="female",
         frame="camera" if seed % 2 else "world",
         source="made up: Ünïcode, seed 0",
     )
+    motion = replace(motion, pelvis_m=far_m * motion.pelvis_m)
     camera = None
     if with_camera:
         world_from_cam = np.tile(np.eye(4), (n_frames, 1, 1))

@@ -14,10 +14,9 @@ from torch import Tensor
 
 from gmrdata.values import skinning as skin
 from gmrdata.values.body import JOINT, MIRRORED, PARENTS, BodyModel
-from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.skinning_torch import place, posed_vertices
-from tests.motions import made_up
+from tests.motions import random_motion
 from tests.torch_joints import posed_joints
 
 seeds = st.integers(0, 2**32 - 1)
@@ -32,16 +31,6 @@ def random_rotmats(rng: np.random.Generator, *batch: int) -> np.ndarray:
 def random_pose(rng: np.random.Generator, *batch: int) -> tuple[Tensor, Tensor]:
     return torch.as_tensor(rng.normal(size=(*batch, 10))), torch.as_tensor(
         random_rotmats(rng, *batch, 23)
-    )
-
-
-def random_motion(rng: np.random.Generator, n_frames: int) -> Motion:
-    return made_up(
-        random_rotmats(rng, n_frames, 23),
-        random_rotmats(rng, n_frames),
-        rng.normal(size=(n_frames, 3)),
-        shape=rng.normal(size=10),
-        fps_hz=30.0,
     )
 
 

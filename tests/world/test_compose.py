@@ -30,7 +30,6 @@ from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.errors import BadIntrinsics, BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.files import read_json
-from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.world.compose import metric_cameras, motion_in_camera, motion_in_world
 from gmrdata.world.judge import SolvedCameras, load_record
@@ -42,22 +41,11 @@ from gmrdata.world.pseudo_gt import (
     make_pseudo_gt,
 )
 from gmrdata.world.recipe import PseudoGtConfig, save_gravity
-from tests.motions import made_up
+from tests.motions import made_up, random_motion
 from tests.reconstructions import quality_of_path
 
 # About where SMPL's rest pelvis is: 0.22 m below the model's origin.
 REST_PELVIS_M = np.array([-0.002, -0.223, 0.028])
-
-
-def random_motion(rng: np.random.Generator, n: int) -> Motion:
-    return made_up(
-        Rotation.random(23 * n, random_state=rng.integers(1 << 30))
-        .as_matrix()
-        .reshape(n, 23, 3, 3),
-        Rotation.random(n, random_state=rng.integers(1 << 30)).as_matrix(),
-        rng.normal(0, 3, (n, 3)),
-        shape=rng.normal(0, 1, 10),
-    )
 
 
 def random_cameras(rng: np.random.Generator, n: int) -> np.ndarray:

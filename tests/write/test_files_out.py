@@ -37,27 +37,10 @@ from gmrdata.values.skinning import (
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
-from tests.motions import made_up
+from tests.motions import random_motion
 
 Y_UP = WORLD_FROM_REST.T
 """From the z-up world to the files' y-up axes."""
-
-
-def some_motion(
-    body: BodyModel, n_frames: int, seed: int, spread_rad: float, fps_hz: float
-) -> Motion:
-    """Any rotations whatever, and a shape."""
-    rng = np.random.default_rng(seed)
-    rotvecs = rng.normal(0, spread_rad, (n_frames * 24, 3))
-    rotmats = Rotation.from_rotvec(rotvecs).as_matrix().reshape(n_frames, 24, 3, 3)
-    return made_up(
-        rotmats[:, 1:],
-        rotmats[:, 0],
-        rng.normal(0, 3, (n_frames, 3)),
-        shape=rng.normal(0, 0.5, body.n_shape),
-        fps_hz=fps_hz,
-        body=body.name,
-    )
 
 
 @settings(max_examples=25)
@@ -70,7 +53,7 @@ def some_motion(
 def test_bvh_comes_back_through_our_reader(
     seed, spread_rad, fps_hz, n_frames, small_body, tmp_path_factory
 ):
-    motion = some_motion(small_body, n_frames, seed, spread_rad, fps_hz)
+    motion = random_motion(np.random.default_rng(seed), n_frames, spread_rad, fps_hz=fps_hz)
     path = tmp_path_factory.getbasetemp() / "some.bvh"
     write_bvh(path, motion, small_body)
     found = read_bvh(path, drop_rest_frame=False)
@@ -287,7 +270,7 @@ def test_glb_moves_as_the_body_does(walk, small_body, tmp_path):
 
 def test_glb_turns_the_short_way_between_frames(small_body, tmp_path):
     """Quaternions whose signs jumped would swing through half a turn between two frames."""
-    motion = some_motion(small_body, 5, 1, 2.0, 10.0)
+    motion = random_motion(np.random.default_rng(1), 5)
     glb = written_glb(tmp_path / "body.glb", motion, small_body)
     (animation,) = glb.tree["animations"]
     for sampler in animation["samplers"][:24]:
