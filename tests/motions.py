@@ -1,12 +1,17 @@
-"""Motions that tests make up."""
+"""Motions that tests make up, and clips of nothing else."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.motion.gait import embedded_motions
 from gmrdata.values import transforms
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.motion import Motion
 
 REST: dict[str, Any] = {
@@ -38,3 +43,24 @@ def moved(motion: Motion, b_from_a: np.ndarray) -> Motion:
         root_rotmats=b_from_a[:3, :3] @ motion.root_rotmats,
         pelvis_m=transforms.apply(b_from_a, motion.pelvis_m),
     )
+
+
+def bare_clip(id: str, motion: Motion, valid: np.ndarray | None = None) -> Clip:
+    """A clip without a camera and without images, all of whose frames can be used unless said."""
+    n = motion.n_frames
+    return Clip(id, motion, np.ones(n, bool) if valid is None else valid, np.full(n, -1), None)
+
+
+def save_bare(path: Path, body: BodyModel, motion: Motion, valid: np.ndarray | None = None) -> Path:
+    """Write such a clip, named like its file; gives the file."""
+    save_clip(path, bare_clip(path.stem, motion, valid), body.rest_pelvis_m(motion.shape))
+    return path
+
+
+def walking_clips(
+    body: BodyModel, ids: Sequence[str], seed: int = 0, *, fps_hz: float = 20.0, duration_s: float
+) -> list[Clip]:
+    """Generated walks as such clips."""
+    rng, length = np.random.default_rng(seed), {"fps_hz": fps_hz, "duration_s": duration_s}
+    motions = embedded_motions(body, rng, count=len(ids), **length)
+    return [bare_clip(id, motion) for id, motion in zip(ids, motions, strict=True)]

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,10 +17,11 @@ from gmrdata.film.render_outputs import read_depth
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
-from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, rigid
+from tests.motions import bare_clip
 
 FACING_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Root rotation of someone upright who faces +x."""
@@ -61,9 +63,7 @@ def save_job(
     folder: Path, body: BodyModel, motion: Motion, camera: CameraPath, valid: Any = None
 ) -> Job:
     """`clip.npz` and `body.npz` in a folder."""
-    n_frames = motion.n_frames
-    kept = np.ones(n_frames, bool) if valid is None else np.array(valid)
-    clip = Clip("clip", motion, kept, np.full(n_frames, -1), camera)
+    clip = replace(bare_clip("clip", motion, valid), camera=camera)
     save_clip(folder / "clip.npz", clip, body.rest_pelvis_m(motion.shape))
     save_body(folder / "body.npz", body)
     return Job(folder / "clip.npz", folder / "body.npz")

@@ -53,7 +53,7 @@ def walking(body: BodyModel) -> Motion:
 @pytest.fixture(scope="module")
 def job(small_body, tmp_path_factory) -> Job:
     motion = walking(small_body)
-    camera, valid = circling(motion, (WIDTH_PX, HEIGHT_PX)), [True, True, False, True]
+    camera, valid = circling(motion, (WIDTH_PX, HEIGHT_PX)), np.array([1, 1, 0, 1], bool)
     return save_job(tmp_path_factory.mktemp("clip"), small_body, motion, camera, valid)
 
 

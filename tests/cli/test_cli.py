@@ -17,15 +17,14 @@ import pytest
 from gmrdata import __version__
 from gmrdata.cli import RENAMED, VERBS
 from gmrdata.film.blender_environment import PYTHON_NAME, blender_python
-from gmrdata.motion.gait import embedded_motions
 from gmrdata.pages.report_data import ClipSummary, GmrSummary, Summary
 from gmrdata.read.models import MODELS, models_dir
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip
 from tests.clip_manifests import write_clips
 from tests.docs.page_commands import FUNCTIONS
+from tests.motions import walking_clips
 from tests.record_keys import assert_each_key_is_needed
 
 Answer = subprocess.CompletedProcess[str]
@@ -187,10 +186,7 @@ def test_a_flag_that_does_nothing_is_refused(typed, said, gmrdata, small_body, t
 
 def _with_files(typed: str, body: BodyModel, folder: Path) -> list[str]:
     """A command line on a folder, a clip and a manifest of it, with an `--out`."""
-    (motion,) = embedded_motions(body, np.random.default_rng(0), count=1, duration_s=0.2)
-    n = motion.n_frames
-    clip = Clip("walk", motion, np.ones(n, bool), np.full(n, -1), None)
-    manifest = write_clips(folder / "in", body, [clip])
+    manifest = write_clips(folder / "in", body, walking_clips(body, ["walk"], duration_s=0.2))
     files = {"IN": folder / "in", "MANIFEST": manifest, "CLIP": next(folder.rglob("*.npz"))}
     words = [str(files.get(word, word)) for word in typed.split()]
     return [*words, "--out", str(folder / "out")]

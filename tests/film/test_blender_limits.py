@@ -7,10 +7,10 @@ import pytest
 
 from gmrdata.film.render import RenderConfig, RenderJob, run_blender
 from gmrdata.stage.jobs import Job, _attempt
-from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadRecipe, RenderOverLimit
 from gmrdata.values.limits import MIB, blender_bytes, blender_frame_s
 from gmrdata.values.motion import Motion
+from tests.motions import save_bare
 
 
 @pytest.fixture
@@ -18,9 +18,8 @@ def job(small_body, tmp_path) -> RenderJob:
     turns, root = np.tile(np.eye(3), (1, 23, 1, 1)), np.eye(3)[None]
     shape, name = np.zeros(small_body.n_shape), small_body.name
     motion = Motion(turns, root, np.ones((1, 3)), shape, 10.0, name, "neutral", "world", "stands")
-    clip = Clip("one", motion, np.ones(1, dtype=bool), np.array([-1]), None)
-    save_clip(tmp_path / "clip.npz", clip, small_body.rest_pelvis_m(shape))
-    paths = {"clip_path": tmp_path / "clip.npz", "body_path": tmp_path, "out_dir": tmp_path}
+    clip_path = save_bare(tmp_path / "clip.npz", small_body, motion)
+    paths = {"clip_path": clip_path, "body_path": tmp_path, "out_dir": tmp_path}
     return RenderJob(config=RenderConfig(), **paths)
 
 

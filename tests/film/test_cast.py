@@ -38,7 +38,7 @@ from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, in_frame, person_box, project
-from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion, deltas
@@ -46,7 +46,7 @@ from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera, motion_in_world
 from gmrdata.write.bvh import write_bvh
-from tests.motions import random_motion
+from tests.motions import random_motion, save_bare
 
 PROGRAMMES = (Circular(), Linear(), Panning(), LinearPanning(), Small(), Static())
 EVERYONE = Extras(company=1, passers_by=2, cars=1)
@@ -216,9 +216,7 @@ def test_no_room_is_said(small_body):
 def test_motions_from_files(small_body, tmp_path):
     clip, rng = clip_of(small_body, 2), np.random.default_rng(5)
     run = make_gait("run", 6.0, 30.0, small_body, rng, shape=np.zeros(10))
-    recorded = Clip("run", run, np.ones(180, bool), np.full(180, -1), None)
-    save_clip(tmp_path / "run.npz", recorded, small_body.rest_pelvis_m(run.shape))
-    extras = Extras(passers_by=1, motions=(tmp_path / "run.npz",))
+    extras = Extras(passers_by=1, motions=(save_bare(tmp_path / "run.npz", small_body, run),))
     walker = make_cast(extras, [clip], small_body, 0).walkers[0]
     speed_m_per_s = np.linalg.norm(np.diff(walker.pelvis_m, axis=0), axis=1).mean() * 10
     assert walker.n_frames == 40 and speed_m_per_s > 2 and "run.npz" in walker.source
@@ -234,9 +232,7 @@ def test_frames_that_hold_no_motion_are_not_filmed(small_body, tmp_path):
     """A clip of somebody who left the picture for a second; the frames between are filled."""
     walk = make_gait("walk", 6.0, 30.0, small_body, np.random.default_rng(5))
     seen = ~np.isin(np.arange(180), np.arange(60, 90))
-    recorded = Clip("walk", walk, seen, np.full(180, -1), None)
-    path = tmp_path / "walk.npz"
-    save_clip(path, recorded, small_body.rest_pelvis_m(walk.shape))
+    path = save_bare(tmp_path / "walk.npz", small_body, walk, seen)
 
     def planned(**said: float) -> Clip:
         given = {"id": "a", "trial": "walk", "programme": {"kind": "static"}} | said

@@ -30,10 +30,11 @@ from gmrdata.stage.jobs import OthersLeft
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.stage.run import Run, Shard
 from gmrdata.stage.workers import worker_pool
-from gmrdata.values.clip import Clip, camera_of, save_clip
+from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
 from gmrdata.write.bvh import write_bvh
 from tests.film.set_kills import VICTIMS, contents, kill_and_complete, leftovers, write_recipe
+from tests.motions import save_bare
 
 pytestmark = pytest.mark.slow
 
@@ -198,11 +199,9 @@ def test_the_origin_of_motions_and_what_is_odd_in_them_is_kept(tmp_path, anny):
     walk = make_gait(
         "walk", 2.0, 30.0, anny, np.random.default_rng(0), shape=np.zeros(anny.n_shape)
     )
-    (tmp_path / "motions" / "KIT" / "3").mkdir(parents=True)
+    (tmp_path / "motions").mkdir()
     write_bvh(tmp_path / "motions" / "fast.bvh", replace(walk, fps_hz=120.0), anny)
-    recorded = Clip("kick", walk, np.ones(60, bool), np.full(60, -1), None)
-    path = tmp_path / "motions" / "KIT" / "3" / "kick_poses.npz"
-    save_clip(path, recorded, anny.rest_pelvis_m(walk.shape))
+    save_bare(tmp_path / "motions" / "KIT" / "3" / "kick_poses.npz", anny, walk)
     clips = [
         {"id": trial, "trial": trial, "duration_s": 0.5, "programme": {"kind": "small"}}
         for trial in ("fast", "kick_poses")

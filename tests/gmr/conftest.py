@@ -4,13 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
-from gmrdata.motion.gait import embedded_motions
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
+from tests.motions import walking_clips
 
 
 @pytest.fixture(scope="session")
@@ -18,23 +17,8 @@ def make_clips(small_body) -> Callable[..., list[Clip]]:
     """Generated walks of the small body as clips without cameras."""
 
     def make(count: int, seed: int, duration_s: float = 4.0, fps_hz: float = 20.0) -> list[Clip]:
-        motions = embedded_motions(
-            small_body,
-            np.random.default_rng(seed),
-            count=count,
-            fps_hz=fps_hz,
-            duration_s=duration_s,
-        )
-        return [
-            Clip(
-                id=f"gait_{seed}_{i}",
-                motion=motion,
-                valid=np.ones(motion.n_frames, bool),
-                image_numbers=np.full(motion.n_frames, -1),
-                camera=None,
-            )
-            for i, motion in enumerate(motions)
-        ]
+        ids = [f"gait_{seed}_{i}" for i in range(count)]
+        return walking_clips(small_body, ids, seed, fps_hz=fps_hz, duration_s=duration_s)
 
     return make
 

@@ -18,10 +18,9 @@ from gmrdata.gmr.augmentation import (
 from gmrdata.gmr.config import ModelConfig, WindowConfig
 from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.values.body import JOINT_NAMES, MIRRORED
-from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.skinning import motion_joints_m
-from tests.motions import random_motion
+from tests.motions import bare_clip, random_motion
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 
@@ -109,9 +108,8 @@ def test_mirrored_windows_are_windows_of_mirrored_clips(make_clips, representati
 
 def test_about_as_many_windows_are_mirrored_as_asked_for():
     motion = random_motion(np.random.default_rng(1), 40)
-    clip = Clip("one", motion, np.ones(40, bool), np.full(40, -1), None)
     config = WindowConfig(frames=40, reverse_probability=0.0, mirror_probability=0.3)
-    training_set = make_training_set([clip], ModelConfig(input="6d"), config)
+    training_set = make_training_set([bare_clip("one", motion)], ModelConfig(input="6d"), config)
     batch = make_batch(training_set, config, 400, seed=0, step=0)
     whole = torch.from_numpy(motion.local_rotmats).float()
     share = (

@@ -24,7 +24,7 @@ from gmrdata.read.body_file import save_body
 from gmrdata.stage import store
 from gmrdata.stage.run import Run
 from gmrdata.values.body import WORLD_FROM_REST
-from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import (
     BadCheckpoint,
     BadMotionFile,
@@ -35,6 +35,7 @@ from gmrdata.values.errors import (
 from gmrdata.values.files import read_json
 from gmrdata.write.bvh import write_bvh
 from tests.joblib_layout import joblib_bytes
+from tests.motions import bare_clip, save_bare
 from tests.read.system_files import (
     phalp_frame,
     phalp_poses,
@@ -59,8 +60,7 @@ def names(folder: Path) -> list[str]:
 
 def test_each_format_gives_each_file(tmp_path, run_dir, body_path, small_body, walk):
     motion = walk(30.0, 40)
-    clip = Clip("a walk", motion, np.ones(40, bool), np.full(40, -1), None)
-    save_clip(tmp_path / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    save_bare(tmp_path / "a walk.npz", small_body, motion).rename(tmp_path / "clip.npz")
     write_bvh(tmp_path / "walk.bvh", motion, small_body)
     np.savez(
         tmp_path / "amass.npz",
@@ -227,7 +227,7 @@ def test_a_hostile_clip_name_stays_inside(
     walk
 ):  # fmt: skip
     motion = walk(30.0, 20)
-    clip = Clip("../../x y", motion, np.ones(20, bool), np.full(20, -1), None)
+    clip = bare_clip("../../x y", motion)
     save_clip(tmp_path / "c.npz", clip, small_body.rest_pelvis_m(motion.shape))
     out = tmp_path / "deep" / "out"
     infer(run_dir, tmp_path / "c.npz", out, InferConfig(video=False), body_path=body_path)
@@ -358,13 +358,11 @@ def _cache_env() -> dict[str, str]:
 
 
 def test_a_body_that_the_file_is_not_of_gets_its_mean_shape(tmp_path, run_dir, small_body, walk):
-    motion = walk(30.0, 20)
-    clip = Clip("walk", motion, np.ones(20, bool), np.full(20, -1), None)
-    save_clip(tmp_path / "c.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    path = save_bare(tmp_path / "walk.npz", small_body, walk(30.0, 20))
     save_body(tmp_path / "other.npz", replace(small_body, name="other"))
     out = tmp_path / "out"
     config = InferConfig(video=False)
-    infer(run_dir, tmp_path / "c.npz", out, config, body_path=tmp_path / "other.npz")
+    infer(run_dir, path, out, config, body_path=tmp_path / "other.npz")
     found = load_clip(out / "walk" / "clip.npz").motion
     assert found.body == "other" and not found.shape.any()
 

@@ -29,7 +29,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
 from gmrdata.values.files import read_json, write_json
 from gmrdata.values.motion import accumulate, deltas
-from tests.motions import made_up
+from tests.motions import bare_clip, made_up
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 
@@ -44,7 +44,7 @@ def counting_clip(n_frames: int, fps_hz: float, gaps: tuple[int, ...] = ()) -> C
         np.arange(n_frames)[:, None] * [1.0, 0.0, 0.0],
         fps_hz=fps_hz,
     )
-    return Clip("counting", motion, valid, np.full(n_frames, -1), None)
+    return bare_clip("counting", motion, valid)
 
 
 def frame_numbers(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[list[float]]:

@@ -14,11 +14,10 @@ from gmrdata.motion.files import read_file, read_motion
 from gmrdata.motion.local_poses import read_local_poses
 from gmrdata.read.source_motion import DEFAULT_READING
 from gmrdata.read.systems.result import read_system
-from gmrdata.values.body import SMPL_LEG_M, SMPL_REST_PELVIS_M, BodyModel, leg_length_m
-from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.body import SMPL_LEG_M, SMPL_REST_PELVIS_M, leg_length_m
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion
 from tests.damage import in_one_folder, part_replaced, read_or_refused
+from tests.motions import save_bare
 
 HAND_COLUMNS = {72: (22, 23), 156: (22, 37), 165: (25, 40)}
 
@@ -104,24 +103,16 @@ def test_the_subjects_own_leg_length_scales_the_path(tmp_path, small_body):
 
 def test_a_clip_of_the_same_body_comes_back(tmp_path, small_body):
     motion = read_motion(_save(tmp_path / "a.npz", _arrays()), small_body)
-    clip = Clip("c", motion, np.ones(6, dtype=bool), np.full(6, -1), None)
-    save_clip(tmp_path / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
-    again = read_motion(tmp_path / "clip.npz", small_body, ground=False)
+    path = save_bare(tmp_path / "clip.npz", small_body, motion)
+    again = read_motion(path, small_body, ground=False)
     np.testing.assert_allclose(again.local_rotmats, motion.local_rotmats, atol=1e-12)
     np.testing.assert_allclose(again.pelvis_m, motion.pelvis_m, atol=1e-12)
     other = replace(small_body, name="other")
     with pytest.raises(BadMotionFile, match="'small'; give that body with --body"):
-        read_motion(tmp_path / "clip.npz", other)
-    camera = Clip("c", replace(motion, frame="camera"), clip.valid, clip.image_numbers, None)
-    save_clip(tmp_path / "camera.npz", camera, small_body.rest_pelvis_m(motion.shape))
+        read_motion(path, other)
+    save_bare(path, small_body, replace(motion, frame="camera"))
     with pytest.raises(BadMotionFile, match="camera frames"):
-        read_motion(tmp_path / "camera.npz", small_body)
-
-
-def _clip(path: Path, motion: Motion, valid: np.ndarray, body: BodyModel) -> Path:
-    clip = Clip("c", motion, valid, np.full(len(valid), -1), None)
-    save_clip(path, clip, body.rest_pelvis_m(motion.shape))
-    return path
+        read_motion(path, small_body)
 
 
 def test_rows_of_a_clip_that_are_not_valid_may_be_nan(tmp_path, small_body):
@@ -134,7 +125,7 @@ def test_rows_of_a_clip_that_are_not_valid_may_be_nan(tmp_path, small_body):
     gaps = replace(
         motion, local_rotmats=rotmats[:, 1:], root_rotmats=rotmats[:, 0], pelvis_m=pelvis_m
     )
-    path = _clip(tmp_path / "gaps.npz", gaps, valid, small_body)
+    path = save_bare(tmp_path / "gaps.npz", small_body, gaps, valid)
     read = read_file(path, small_body, DEFAULT_READING)
     np.testing.assert_array_equal(read.valid, valid)
     np.testing.assert_allclose(read.motion.rotmats[~missing], rotmats[~missing], atol=1e-12)
@@ -144,7 +135,7 @@ def test_rows_of_a_clip_that_are_not_valid_may_be_nan(tmp_path, small_body):
     np.testing.assert_allclose(read.motion.pelvis_m[4], third_m, atol=1e-12)
     assert read.motion.source.endswith(", 3 missing frames filled")
     # The floor is that of the rows that are there.
-    known = _clip(tmp_path / "known.npz", motion.take(~missing), valid[~missing], small_body)
+    known = save_bare(tmp_path / "known.npz", small_body, motion.take(~missing), valid[~missing])
     grounded, wanted = (read_motion(one, small_body, ground=True) for one in (path, known))
     np.testing.assert_array_equal(grounded.pelvis_m[~missing], wanted.pelvis_m)
 
@@ -154,11 +145,11 @@ def test_a_clip_without_a_motion_says_so(tmp_path, small_body):
     pelvis_m = motion.pelvis_m.copy()
     pelvis_m[3] = np.nan
     lost = replace(motion, pelvis_m=pelvis_m)
-    path = _clip(tmp_path / "b.npz", lost, np.full(6, True), small_body)
+    path = save_bare(tmp_path / "b.npz", small_body, lost, np.full(6, True))
     with pytest.raises(BadMotionFile, match=r"b\.npz: trans is not finite at frame 3"):
         read_motion(path, small_body)
     nobody = replace(motion, pelvis_m=np.full((6, 3), np.nan))
-    path = _clip(tmp_path / "c.npz", nobody, np.full(6, False), small_body)
+    path = save_bare(tmp_path / "c.npz", small_body, nobody, np.full(6, False))
     with pytest.raises(BadMotionFile, match=r"c\.npz: 0 frames are no motion"):
         read_motion(path, small_body)
 

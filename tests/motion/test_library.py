@@ -25,8 +25,8 @@ from gmrdata.motion.library import (
     plan_library,
 )
 from gmrdata.stage.run import Run
-from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+from tests.motions import save_bare
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 NAMES = [
@@ -212,11 +212,11 @@ def test_files_whose_names_have_no_plain_letter_in_common(tmp_path):
 def test_frames_that_a_clip_drops_stay_dropped(tmp_path, small_body, body_path):
     """A fused motion has poses where nobody saw the person, which are not for training."""
     motion = embedded_motions(small_body, np.random.default_rng(0), count=1, duration_s=1)[0]
-    clip = Clip("walk", motion, np.arange(30) >= 10, np.full(30, -1), None)
-    save_clip(tmp_path / "walk.npz", clip, small_body.rest_pelvis_m(motion.shape))
-    path = make_library([tmp_path / "walk.npz"], str(body_path), tmp_path / "out")
+    valid = np.arange(30) >= 10
+    path = save_bare(tmp_path / "walk.npz", small_body, motion, valid)
+    path = make_library([path], str(body_path), tmp_path / "out")
     (found,) = load_clips(path)
-    assert np.array_equal(found.valid, clip.valid)
+    assert np.array_equal(found.valid, valid)
 
 
 def test_a_library_below_its_source_does_not_read_its_own_clips(tmp_path, body_path, monkeypatch):

@@ -14,7 +14,6 @@ from gmrdata.gmr.config import LossConfig, NetworkConfig
 from gmrdata.gmr.flat_runs import in_memory
 from gmrdata.gmr.losses import make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet
-from gmrdata.motion.gait import embedded_motions
 from gmrdata.paper.joint import (
     JointModel,
     fit_joint,
@@ -40,6 +39,7 @@ from gmrdata.values.errors import (
 from gmrdata.values.files import read_json, read_npz, write_npz
 from gmrdata.values.motion import deltas
 from gmrdata.values.motion_metrics import angles_rad
+from tests.motions import walking_clips
 
 N_FEATURES = 48
 SMALL = JointConfig(
@@ -55,13 +55,7 @@ SMALL = JointConfig(
 @pytest.fixture(scope="module")
 def walks(small_body) -> list[Clip]:
     """Six generated people at 20 fps, 4 s each."""
-    rng = np.random.default_rng(0)
-    motions = embedded_motions(small_body, rng, count=6, fps_hz=20.0, duration_s=4.0)
-    n = motions[0].n_frames
-    return [
-        Clip(f"walk_{i}", motion, np.ones(n, bool), np.full(n, -1), None)
-        for i, motion in enumerate(motions)
-    ]
+    return walking_clips(small_body, [f"walk_{i}" for i in range(6)], duration_s=4.0)
 
 
 def told(clip: Clip) -> np.ndarray:

@@ -15,7 +15,6 @@ from gmrdata.gmr.config import DataConfig, LossConfig, NetworkConfig, network_di
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.manifest.read import load_clips
-from gmrdata.motion.gait import embedded_motions
 from gmrdata.paper.comparison import (
     OverSeeds,
     TableData,
@@ -38,11 +37,12 @@ from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord
-from gmrdata.values.clip import Clip, camera_of, save_clip
+from gmrdata.values.clip import camera_of, save_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json, write_npz
 from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import write_clips
+from tests.motions import walking_clips
 from tests.paper.openpose_files import person, write_frame, write_frames
 from tests.record_keys import assert_each_key_is_needed
 from tests.score.score_records import clip_score, metrics
@@ -334,13 +334,7 @@ def write_walks(small_body, tmp_path) -> Callable[..., Path]:
     """A manifest of generated walks, named like CMU's trials."""
 
     def write(name: str, trials: list[str], seed: int) -> Path:
-        motions = embedded_motions(
-            small_body, np.random.default_rng(seed), count=len(trials), fps_hz=20.0, duration_s=3.0
-        )
-        clips = [
-            Clip(id, motion, np.ones(motion.n_frames, bool), np.full(motion.n_frames, -1), None)
-            for id, motion in zip(trials, motions, strict=True)
-        ]
+        clips = walking_clips(small_body, trials, seed, duration_s=3.0)
         return write_clips(tmp_path / name, small_body, clips, sources="CMU")
 
     return write

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.runs import UsableClip
 from gmrdata.motion.emdb import make_emdb
-from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.predictions import Pairing, PredictedClip, file_clip
@@ -26,7 +25,7 @@ from gmrdata.values.transforms import rigid
 from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import write_clips
 from tests.motion.test_emdb import content, write_sequence
-from tests.motions import moved
+from tests.motions import bare_clip, moved, walking_clips
 from tests.score.made_people import made_people
 from tests.smpl_models import save_smpl
 
@@ -37,10 +36,7 @@ B_FROM_A = rigid(
 
 @pytest.fixture(scope="module")
 def true(small_body) -> Clip:
-    (motion,) = embedded_motions(
-        small_body, np.random.default_rng(0), count=1, fps_hz=30.0, duration_s=2.0
-    )
-    return Clip("walk", motion, np.ones(60, bool), np.full(60, -1), None)
+    return walking_clips(small_body, ["walk"], fps_hz=30.0, duration_s=2.0)[0]
 
 
 def elsewhere(clip: Clip) -> Clip:
@@ -97,12 +93,7 @@ def test_frames_without_a_prediction_are_an_error_or_dropped(tmp_path, small_bod
 
 
 def test_a_prediction_that_ends_early_lacks_frames(tmp_path, small_body, true):
-    short = replace(
-        elsewhere(true),
-        motion=elsewhere(true).motion.take(slice(0, 50), 30.0),
-        valid=np.ones(50, bool),
-        image_numbers=np.full(50, -1),
-    )
+    short = bare_clip("walk", elsewhere(true).motion.take(slice(0, 50), 30.0))
     with pytest.raises(BadMotionFile, match="no prediction for 10 of 60"):
         read(tmp_path, small_body, true, short)
     found = read(tmp_path, small_body, true, short, drop_missing=True)
@@ -118,12 +109,7 @@ def test_frames_that_the_truth_lacks_are_not_missed(tmp_path, small_body, true):
 
 def test_a_prediction_at_a_lower_rate(tmp_path, small_body, true):
     """Every third row at 10 fps; a gap of the truth between two of them is still a gap."""
-    slow = replace(
-        elsewhere(true),
-        motion=elsewhere(true).motion.take(slice(0, None, 3), 10.0),
-        valid=np.ones(20, bool),
-        image_numbers=np.full(20, -1),
-    )
+    slow = bare_clip("walk", elsewhere(true).motion.take(slice(0, None, 3), 10.0))
     found = read(tmp_path, small_body, true, slow)
     assert [run.true.n_frames for run in found.runs] == [20]
     assert found.worlds[0][0].true.fps_hz == 10.0
@@ -148,15 +134,13 @@ def test_what_can_not_be_scored_is_named(tmp_path, small_body, true):
     other = elsewhere(true)
     nan = replace(other, motion=replace(other.motion, pelvis_m=other.motion.pelvis_m.copy()))
     nan.motion.pelvis_m[7, 1] = np.nan
-    long = other.motion.take(np.r_[0:60, 0:5], 30.0)
+    long = bare_clip("walk", other.motion.take(np.r_[0:60, 0:5], 30.0))
     refused = {
         "holds clip run": replace(other, id="run"),
         "in the camera's frame": replace(other, motion=replace(other.motion, frame="camera")),
         "no multiple": replace(other, motion=replace(other.motion, fps_hz=25.0)),
         r"walk\.npz: frame 7 holds NaN": nan,
-        "65 frames, but the clip has 60": replace(
-            other, motion=long, valid=np.ones(65, bool), image_numbers=np.full(65, -1)
-        ),
+        "65 frames, but the clip has 60": long,
     }
     for message, clip in refused.items():
         with pytest.raises(BadMotionFile, match=message):

@@ -42,6 +42,7 @@ from gmrdata.values.transforms import rigid
 from tests.clip_manifests import a_head, write_clips
 from tests.clips_in_memory import counted_clips
 from tests.joblib_layout import joblib_bytes
+from tests.motions import save_bare
 from tests.read import system_files as files
 
 N, FIRST = 60, 10  # the clip's images are 10 to 69 of the video
@@ -380,9 +381,7 @@ def test_files_with_their_own_rate_are_scored_on_the_frames_that_all_share(
     files.write_wham(folder / "wham" / "wham_output.pkl", people, rest(body, true))
     files.write_amass(folder / "mocap" / f"{true.id}.npz", slow, rest(body, true))
     without_12 = np.arange(slow.n_frames) != 12
-    ours = Clip(true.id, slow, without_12, np.full(slow.n_frames, -1), None)
-    (folder / "ours").mkdir()
-    save_clip(folder / "ours" / f"{true.id}.npz", ours, rest(body, true))
+    save_bare(folder / "ours" / f"{true.id}.npz", body, slow, without_12)
     made = score(data, folder, tmp_path / "out", missing="drop", fps_hz=fps_hz)
     assert made.comparison is not None
     assert Comparison.read(made.comparison).runs == ("mocap", "ours", "wham")

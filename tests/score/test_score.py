@@ -19,7 +19,6 @@ from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.runs import runs_at, usable_files
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality
-from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.score import METHODS, METRICS, Metric
 from gmrdata.score.clip_errors import ClipErrors
@@ -47,6 +46,7 @@ from gmrdata.values.skinning import motion_vertices_m
 from tests.clip_manifests import write_clips as write_manifest_of
 from tests.clips_in_memory import counted_clips
 from tests.fixtures.inference import keep_gmr, stepped_gmr
+from tests.motions import walking_clips
 
 FLOOR_GROUP = {
     "sequences": 1,
@@ -66,14 +66,9 @@ CAMERA_MOTIONS = ("circular", "linear", "circular")
 
 @pytest.fixture(scope="module")
 def clips(small_body) -> list[Clip]:
-    motions = embedded_motions(
-        small_body, np.random.default_rng(0), count=3, fps_hz=30.0, duration_s=2.0
-    )
-    made = []
-    for i, motion in enumerate(motions):
-        valid = np.ones(60, bool)
-        valid[30 : 30 + 5 * i] = False
-        made.append(Clip(f"clip_{i}", motion, valid, np.full(60, -1), None))
+    made = walking_clips(small_body, [f"clip_{i}" for i in range(3)], fps_hz=30.0, duration_s=2.0)
+    for i, clip in enumerate(made):
+        clip.valid[30 : 30 + 5 * i] = False
     return made
 
 
