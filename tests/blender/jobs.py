@@ -18,7 +18,6 @@ from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
 from gmrdata.values.clip import camera_of, load_clip, save_clip
-from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, rigid
 from tests.motions import bare_clip
@@ -67,15 +66,6 @@ def save_job(
     save_clip(folder / "clip.npz", clip, body.rest_pelvis_m(motion.shape))
     save_body(folder / "body.npz", body)
     return Job(folder / "clip.npz", folder / "body.npz")
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """Hashes of all files but the stage's record, which holds times."""
-    return {
-        path.relative_to(folder).as_posix(): sha256_of_file(path)
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != "stage.json"
-    }
 
 
 def mask_of(folder: Path, row: int) -> np.ndarray:

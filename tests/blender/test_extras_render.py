@@ -18,8 +18,9 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.files import read_npz
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.values.transforms import apply, invert
-from tests.blender.jobs import Job, contents, mask_of, overlap, save_job, unprojected
+from tests.blender.jobs import Job, mask_of, overlap, save_job, unprojected
 from tests.clip_manifests import a_head, a_walk
+from tests.folders import bytes_of
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 5, 320, 180
 EXTRAS = Extras(company=1, passers_by=1, cars=1)
@@ -173,4 +174,4 @@ def test_the_manifest_lists_the_extras(filmed):
 
 @pytest.mark.slow
 def test_the_same_recipe_gives_the_same_bytes(filmed, job, tmp_path):
-    assert contents(job.render(tmp_path / "walk", CONFIG, threads=2)) == contents(filmed)
+    assert bytes_of(job.render(tmp_path / "walk", CONFIG, threads=2)) == bytes_of(filmed)

@@ -19,7 +19,6 @@ from gmrdata.values.transforms import apply, invert
 from tests.blender.jobs import (
     Job,
     circling,
-    contents,
     facing_x,
     grown,
     mask_of,
@@ -27,6 +26,7 @@ from tests.blender.jobs import (
     shrunk,
     unprojected,
 )
+from tests.folders import bytes_of
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 320, 180
 PLAIN = RenderConfig(samples=1, scene=SceneConfig(seed=5))
@@ -105,8 +105,8 @@ def seen_by_rays(full: Path, body: BodyModel, row: int) -> Seen:
 
 
 def test_passes_come_on_top_and_change_nothing_else(full, job, tmp_path):
-    plain = contents(job.render(tmp_path / "plain", PLAIN))
-    more = contents(full)
+    plain = bytes_of(job.render(tmp_path / "plain", PLAIN))
+    more = bytes_of(full)
     assert {name: data for name, data in more.items() if name in plain} == plain
     added = {f"{d}/{row:05d}.png" for d in ("depth", "normals") for row in range(N_FRAMES)}
     added |= {f"flow/{row:05d}.png" for row in range(N_FRAMES - 1)}
@@ -196,4 +196,4 @@ def test_a_frame_with_a_file_missing_is_made_again(full, job, tmp_path):
     assert set(first) == {"frames", "masks", "depth", "normals", "flow"}
     first["flow"].unlink()
     job.render(out_dir, FULL, threads=2)
-    assert contents(out_dir) == contents(full)
+    assert bytes_of(out_dir) == bytes_of(full)

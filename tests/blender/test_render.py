@@ -22,7 +22,6 @@ from gmrdata.values.skinning import motion_vertices_m
 from tests.blender.jobs import (
     Job,
     circling,
-    contents,
     coverage,
     facing_x,
     in_blender,
@@ -31,6 +30,7 @@ from tests.blender.jobs import (
     overlap,
     save_job,
 )
+from tests.folders import bytes_of
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 4, 320, 180
 CONFIG = RenderConfig(samples=4, scene=SceneConfig(seed=5))
@@ -70,7 +70,7 @@ def rendered(job, tmp_path_factory) -> Path:
 def test_the_folder_holds_frames_masks_and_the_clip_and_nothing_else(rendered):
     names = [f"frames/{i:05d}.jpg" for i in range(N_FRAMES)]
     names += [f"masks/{i:05d}.png" for i in range(N_FRAMES)]
-    assert sorted(contents(rendered)) == sorted([*names, "clearance.json", "clip.npz"])
+    assert sorted(bytes_of(rendered)) == sorted([*names, "clearance.json", "clip.npz"])
     for row in range(N_FRAMES):
         frame = cv2.imread(str(rendered / f"frames/{row:05d}.jpg"), cv2.IMREAD_UNCHANGED)
         mask = cv2.imread(str(rendered / f"masks/{row:05d}.png"), cv2.IMREAD_UNCHANGED)
@@ -109,7 +109,7 @@ def test_the_scene_has_enough_to_match(rendered):
 
 
 def test_another_run_with_other_threads_gives_the_same_bytes(rendered, job, tmp_path):
-    assert contents(job.render(tmp_path / "again", CONFIG, threads=2)) == contents(rendered)
+    assert bytes_of(job.render(tmp_path / "again", CONFIG, threads=2)) == bytes_of(rendered)
 
 
 def test_the_blender_process_has_no_use_for_torch(tmp_path):
@@ -149,9 +149,9 @@ def before_boxes(box_place) -> RenderConfig:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(before_boxes, job, tmp_path_factory) -> dict[str, str]:
+def undisturbed(before_boxes, job, tmp_path_factory) -> dict[str, bytes]:
     """What a render of that leaves when nobody kills it."""
-    return contents(job.render(tmp_path_factory.mktemp("boxes") / "stride", before_boxes))
+    return bytes_of(job.render(tmp_path_factory.mktemp("boxes") / "stride", before_boxes))
 
 
 def test_a_killed_parent_takes_blender_along_and_the_next_run_goes_on(
@@ -172,13 +172,13 @@ def test_a_killed_parent_takes_blender_along_and_the_next_run_goes_on(
     parent.send_signal(signal.SIGKILL)
     parent.wait()
     assert wait_until(lambda: not blender_pids(partial), 10), "Blender lives on without its parent"
-    for name, data in contents(partial).items():  # what is there is complete
+    for name, data in bytes_of(partial).items():  # what is there is complete
         if name.startswith(("frames/", "masks/")):
             assert data == undisturbed[name]
     assert not out_dir.exists()
     written_ns = first.stat().st_mtime_ns
     job.render(out_dir, before_boxes)
-    assert contents(out_dir) == undisturbed
+    assert bytes_of(out_dir) == undisturbed
     assert (out_dir / "frames/00000.jpg").stat().st_mtime_ns == written_ns  # not made again
 
 
@@ -196,4 +196,4 @@ def test_a_killed_blender_is_an_error_and_missing_frames_are_made_again(
         job.render(out_dir, before_boxes, on_frame=kill_at_second)
     (partial / "masks/00000.png").unlink()
     job.render(out_dir, before_boxes)
-    assert contents(out_dir) == undisturbed
+    assert bytes_of(out_dir) == undisturbed

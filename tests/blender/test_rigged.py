@@ -40,7 +40,6 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from tests.blender.jobs import (
     Job,
-    contents,
     facing_x,
     grown,
     in_blender,
@@ -49,6 +48,7 @@ from tests.blender.jobs import (
     save_job,
     shrunk,
 )
+from tests.folders import bytes_of
 
 pytestmark = pytest.mark.slow
 
@@ -365,7 +365,7 @@ def test_another_run_from_a_gltf_with_files_beside_it_gives_the_same_bytes(
     path.write_text(json.dumps(scene))
     said = {"character": Character(path=path), "joints": True, "scene": SceneConfig()}
     out_dir = film(clip_path, folder / "from_parts", **said)
-    assert contents(out_dir) == contents(rendered)
+    assert bytes_of(out_dir) == bytes_of(rendered)
     written_ns = (out_dir / "stage.json").stat().st_mtime_ns
     film(clip_path, folder / "from_parts", **said)  # does nothing
     assert (out_dir / "stage.json").stat().st_mtime_ns == written_ns

@@ -21,15 +21,8 @@ from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed, Train
 from gmrdata.values.files import write_json
 from tests.clip_manifests import write_clips
 from tests.clips_in_memory import counted_clips
+from tests.folders import bytes_of
 from tests.gmr.conftest import Training
-
-
-def bytes_of(run_dir: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(run_dir).as_posix(): path.read_bytes()
-        for path in sorted(run_dir.rglob("*"))
-        if path.is_file()
-    }
 
 
 def lines_of(run_dir: Path) -> list[dict[str, float]]:

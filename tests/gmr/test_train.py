@@ -37,6 +37,7 @@ from gmrdata.values.errors import (
 )
 from gmrdata.values.files import read_json, read_npz, sha256_of_file, write_npz
 from tests.clip_manifests import write_clips
+from tests.folders import bytes_of
 from tests.gmr.test_loop import lines_of
 
 PROGRAM = """
@@ -201,7 +202,7 @@ def test_kill_9_at_any_time_ends_with_the_same_bytes(
         steps_at_kill.append(_step(run_dir))
     assert not run_dir.exists()
     run(run_dir)
-    whole, killed = _bytes_of(tmp_path / "whole"), _bytes_of(run_dir)
+    whole, killed = bytes_of(tmp_path / "whole"), bytes_of(run_dir)
     assert killed == whole
     assert any(name.endswith("best.safetensors") for name in whole)
 
@@ -210,15 +211,6 @@ def _step(run_dir: Path) -> int:
     """Step of the unfinished run's latest checkpoint."""
     folder = latest_checkpoint(run_dir.with_name(run_dir.name + ".partial"))
     return int(folder.name.removeprefix("step_")) if folder else 0
-
-
-def _bytes_of(run_dir: Path) -> dict[str, bytes]:
-    """All files but the stage's record, which holds the time it took."""
-    return {
-        path.relative_to(run_dir).as_posix(): path.read_bytes()
-        for path in sorted(run_dir.rglob("*"))
-        if path.is_file() and path.name != "stage.json"
-    }
 
 
 # No thread of the process group may be left at the end: freeing a tensor while Python ends, it

@@ -39,6 +39,7 @@ from gmrdata.values.errors import (
 from gmrdata.values.files import read_json, read_npz, write_npz
 from gmrdata.values.motion import deltas
 from gmrdata.values.motion_metrics import angles_rad
+from tests.folders import bytes_of
 from tests.motions import walking_clips
 
 N_FEATURES = 48
@@ -77,12 +78,6 @@ def write_features(folder: Path, clips: list[Clip]) -> None:
 def pose_error_deg(local_rotmats: np.ndarray, true_rotmats: np.ndarray) -> float:
     """Mean angle of the local rotations."""
     return float(np.rad2deg(angles_rad(true_rotmats @ local_rotmats.swapaxes(-1, -2))).mean())
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Every file by its path within a folder."""
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def test_it_learns(walks, small_body, write_set, body_path, tmp_path, capsys):
@@ -134,7 +129,7 @@ def test_the_same_recipe_gives_the_same_network(walks, small_body, tmp_path):
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
         fit_joint(runs, [small_body], tmp_path / name, config)
-    assert contents(tmp_path / "one") == contents(tmp_path / "other")
+    assert bytes_of(tmp_path / "one") == bytes_of(tmp_path / "other")
 
 
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(walks, small_body, tmp_path, monkeypatch):
@@ -158,7 +153,7 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(walks, small_body, tmp_path,
     pointer = tmp_path / "stopped" / "checkpoints" / "latest"
     assert pointer.read_text() == "step_00000004\n"
     fit_joint(runs, [small_body], tmp_path / "stopped", config)
-    assert contents(tmp_path / "stopped") == contents(tmp_path / "whole")
+    assert bytes_of(tmp_path / "stopped") == bytes_of(tmp_path / "whole")
     steps = [json.loads(line)["step"] for line in (tmp_path / "whole/metrics.jsonl").open()]
     assert steps == list(range(1, 10))
 

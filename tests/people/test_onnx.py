@@ -26,6 +26,7 @@ from gmrdata.people.yolox import COCO_NAMES, letterbox
 from gmrdata.read import models
 from gmrdata.read.frames import read_color, read_frames, read_gray
 from gmrdata.values.errors import BadDetector, BadFrames, MissingInput, StaleOutput
+from tests.folders import bytes_of
 
 FLOAT, INT64 = TensorProto.FLOAT, TensorProto.INT64
 IN_ONE_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -102,7 +103,7 @@ def test_two_runs_and_two_thread_counts_give_the_same_bytes(yolox_nano, dog_dir,
     for run, count in enumerate((1, 1, 2)):
         threads(count)
         out_dir = onnx_masks(yolox_nano, read_frames(dog_dir), tmp_path / str(run), OnnxConfig())
-        made.append({p.name: p.read_bytes() for p in out_dir.iterdir() if p.name != "stage.json"})
+        made.append(bytes_of(out_dir))
     assert len(made[0]) == 5
     assert made[0] == made[1] == made[2]
 
