@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
@@ -33,7 +31,6 @@ from gmrdata.values.errors import (
     BadManifest,
     BadMotionFile,
     BadRecipe,
-    GmrdataError,
     MissingInput,
     StaleOutput,
 )
@@ -41,7 +38,6 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from tests.clip_manifests import a_head, write_clips
 from tests.clips_in_memory import counted_clips
-from tests.joblib_layout import joblib_bytes
 from tests.motions import save_bare
 from tests.read import system_files as files
 
@@ -468,44 +464,6 @@ def test_a_person_outside_of_trams_cameras_is_refused(tmp_path, body, true):
     np.save(folder / "camera.npy", camera)  # type: ignore[arg-type]
     with pytest.raises(BadMotionFile, match=r"frames to 69, but camera\.npy has 9 cameras"):
         read_system(folder, "world")
-
-
-BROKEN = ("nan", "short", "no_key", "wrong_width", "text", "frames_not_rising", "cut_off")
-
-
-@given(data=st.data())
-@settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-def test_a_broken_result_is_an_error_that_names_the_file(data, tmp_path):
-    n = data.draw(st.integers(1, 5))
-    keys = {"pose_world": 72, "trans_world": 3, "betas": 10}
-    person: dict[str, Any] = {key: np.zeros((n, width)) for key, width in keys.items()}
-    person["frame_ids"] = np.arange(n)
-    key, how = data.draw(st.sampled_from(sorted(person))), data.draw(st.sampled_from(BROKEN))
-    value = person[key]
-    if how == "nan":
-        person[key] = np.where(np.arange(value.size).reshape(value.shape) == 0, np.nan, value)
-    elif how == "short":
-        person[key] = value[:-1]
-    elif how == "no_key":
-        del person[key]
-    elif how == "wrong_width":
-        person[key] = np.zeros((n, 73))
-    elif how == "text":
-        person[key] = "abc"
-    elif how == "frames_not_rising":
-        person["frame_ids"] = -np.ones(n + 1)
-    content = joblib_bytes({1: person})
-    if how == "cut_off":
-        content = content[: data.draw(st.integers(0, len(content) - 1))]
-    path = tmp_path / "wham_output.pkl"
-    path.write_bytes(content)
-    if key == "betas" and how == "wrong_width":  # SMPL has up to 300 coefficients
-        assert len(read_system(path, "world").people) == 1
-        return
-    with pytest.raises(GmrdataError, match=r"wham_output\.pkl: "):
-        read_system(path, "world")
 
 
 def test_figures_are_json(tmp_path, data, body, true):

@@ -28,6 +28,12 @@ def vibe(path: Path, **change: Any) -> Path:
     return system_files.write_joblib(path / "vibe_output.pkl", {1: _changed(person, change)})
 
 
+def wham(path: Path, **change: Any) -> Path:
+    person = {"pose_world": np.zeros((T, 72)), "trans_world": np.zeros((T, 3))}
+    person |= {"betas": np.zeros((T, 10)), "frame_ids": np.arange(T)}
+    return system_files.write_joblib(path / "wham_output.pkl", {1: _changed(person, change)})
+
+
 def gvhmr(path: Path, **change: Any) -> Path:
     params = system_files.gvhmr_params(np.zeros((T, 63)), np.zeros((T, 3)), np.zeros((T, 3)))
     person = _changed({key: one.numpy() for key, one in params.items()}, change)
@@ -324,6 +330,7 @@ def test_rows_of_sam_3d_body_that_are_unclear(change, said, tmp_path):
 
 WRITERS: dict[str, tuple[Callable[..., Path], tuple[str, ...]]] = {
     "vibe": (vibe, ("pose", "betas", "orig_cam", "frame_ids")),
+    "wham": (wham, ("pose_world", "trans_world", "betas", "frame_ids")),
     "gvhmr": (gvhmr, ("body_pose", "global_orient", "transl")),
     "gem-x": (gem, ("body_pose", "global_orient", "transl")),
     "sam-3d-body": (sam3d, tuple(sam3d_rows())),
@@ -336,6 +343,11 @@ WRITERS: dict[str, tuple[Callable[..., Path], tuple[str, ...]]] = {
 }
 OPTIONAL = {"frame", "mocap_framerate", "cam_R", "cam_t"}
 PARTS = [(system, key) for system, (_, keys) in WRITERS.items() for key in keys]
+BROKEN = [(*part, how) for part in PARTS for how in ("nan", "short", "flat", "gone")]
+BROKEN += [("wham", key, how) for key in WRITERS["wham"][1] for how in ("wide", "text")]
+BROKEN += [("wham", "frame_ids", "not rising"), ("vibe", "frame_ids", "not rising")]
+TAKEN = [("wham", "betas", "wide")]  # SMPL has up to 300 coefficients
+TAKEN += [(system, key, "gone") for system, key in PARTS if key in OPTIONAL]
 
 
 def _changed(arrays: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
@@ -349,6 +361,12 @@ def _changed(arrays: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
             arrays[key] = value.ravel()[:-1] if value.ndim else np.zeros(0)
         elif how == "degrees":
             arrays[key] = np.full(value.shape, 60.0)
+        elif how == "wide":
+            arrays[key] = np.zeros((T, 73))
+        elif how == "text":
+            arrays[key] = "abc"
+        elif how == "not rising":
+            arrays[key] = -np.ones(T + 1)
         else:
             del arrays[key]
     return arrays
@@ -372,16 +390,25 @@ def test_the_folder_that_a_system_made_for_a_video_is_read(system, tmp_path):
     assert read_system(tmp_path, "world").system == system
 
 
-@pytest.mark.parametrize(("system", "key"), PARTS)
-@pytest.mark.parametrize("how", ["nan", "short", "flat", "gone"])
+@pytest.mark.parametrize(("system", "key", "how"), BROKEN)
 def test_a_broken_part_is_refused(system, key, how, tmp_path):
     path = WRITERS[system][0](tmp_path, **{key: how})
-    if how == "gone" and key in OPTIONAL:
+    if (system, key, how) in TAKEN:
         assert read_system(path, _part(system)).people
         return
-    with pytest.raises(GmrdataError, match=str(tmp_path)) as refused:
+    with pytest.raises(GmrdataError, match=str(path)) as refused:
         read_system(path, _part(system))
     assert type(refused.value) in (BadMotionFile, MissingInput)
+
+
+@pytest.mark.parametrize("system", [system for system in WRITERS if system != "tram"])
+def test_a_file_that_is_cut_off_is_refused(system, tmp_path):
+    path = WRITERS[system][0](tmp_path)
+    whole = path.read_bytes()
+    for length in np.linspace(0, len(whole) - 1, 50, dtype=int):
+        path.write_bytes(whole[:length])
+        with pytest.raises(GmrdataError, match=f"{path}: "):
+            read_system(path, _part(system))
 
 
 @pytest.mark.parametrize(("system", "key"), [part for part in PARTS if part[1] in AXIS_ANGLES])
