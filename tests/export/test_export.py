@@ -233,12 +233,17 @@ def test_folders_whose_names_become_one_are_two_sequences():
     assert _sequences(files) == [[files[0]], [files[1]]]
 
 
-def test_times_are_those_of_the_video(walkers, small_body, tmp_path, capsys):
-    """Whose part was solved, and which stopped for a second: as those of cameras alone are."""
-    clip = walkers[0]
-    path = tmp_path / "walk/pseudo_gt/person_0.npz"
-    save_clip(path, clip, small_body.rest_pelvis_m(clip.motion.shape))
-    rows = np.arange(clip.motion.n_frames)
+PERSON = "walk/pseudo_gt/person_0.npz"
+
+
+@pytest.mark.parametrize("without_image", [[], [3]])
+def test_times_are_those_of_the_video(without_image, walkers, small_body, tmp_path, capsys):
+    """Whose part was solved, and which stopped for a second: as those of cameras alone are.  With a
+    row without an image, all times began at 0, at the usual rate."""
+    clip, rows = walkers[0], np.arange(walkers[0].motion.n_frames)
+    numbers = np.where(np.isin(rows, without_image), -1, clip.image_numbers)
+    clip = replace(clip, image_numbers=numbers)
+    save_clip(tmp_path / PERSON, clip, small_body.rest_pelvis_m(clip.motion.shape))
     times_s = 4.0 + rows / 30 + (rows > 20)
     video(times_s.tolist()).write(tmp_path / "walk/frames/video.json")
     gmrdata.export(tmp_path / "walk", ["tum", "glb"], tmp_path)
@@ -246,9 +251,6 @@ def test_times_are_those_of_the_video(walkers, small_body, tmp_path, capsys):
     np.testing.assert_allclose(np.loadtxt(written)[:, 0], times_s, atol=1e-9)
     said = " ".join(capsys.readouterr().err.split())
     assert "frames are up to 1.00 s off a steady" in said and "which glb has" in said
-
-
-PERSON = "walk/pseudo_gt/person_0.npz"
 
 
 @pytest.mark.parametrize(("every", "first"), [(2, 0), (1, 60)])
@@ -267,19 +269,6 @@ def test_frames_are_those_of_the_whole_video(walkers, small_body, tmp_path, ever
     (path,) = (tmp_path / "wham").rglob("*.pkl")
     (found,) = read_system(path, "world").people
     assert found.frame_numbers.tolist() == np.array(numbers)[clip.valid].tolist()
-
-
-def test_a_row_without_an_image_keeps_the_other_times(walkers, small_body, tmp_path):
-    """All times began at 0 then, at the usual rate."""
-    clip = walkers[0]
-    rows = np.arange(clip.motion.n_frames)
-    clip = replace(clip, image_numbers=np.where(rows == 3, -1, clip.image_numbers))
-    save_clip(tmp_path / PERSON, clip, small_body.rest_pelvis_m(clip.motion.shape))
-    times_s = 4.0 + rows / 30
-    video(times_s.tolist()).write(tmp_path / "walk/frames/video.json")
-    gmrdata.export(tmp_path / "walk", ["tum"], tmp_path)
-    (written,) = (tmp_path / "tum").iterdir()
-    np.testing.assert_allclose(np.loadtxt(written)[:, 0], times_s, atol=1e-9)
 
 
 @pytest.fixture(scope="module")

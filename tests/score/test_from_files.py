@@ -47,7 +47,7 @@ def elsewhere(clip: Clip) -> Clip:
 def read(
     folder: Path, body: BodyModel, true: Clip, predicted: Clip, **options: Any
 ) -> PredictedClip:
-    save_clip(folder / "walk.npz", predicted, body.rest_pelvis_m(predicted.motion.shape))
+    save_clip(folder / f"{true.id}.npz", predicted, body.rest_pelvis_m(predicted.motion.shape))
     found = file_clip(folder, UsableClip(true, "linear"), Pairing(10.0, **options))
     assert isinstance(found, PredictedClip)
     return found
@@ -175,9 +175,7 @@ def person(small_body) -> tuple[Clip, Clip]:
 def scored(
     folder: Path, body: BodyModel, true: Clip, predicted: Clip, name: str, *original: str
 ) -> ClipErrors:
-    save_clip(folder / f"{true.id}.npz", predicted, body.rest_pelvis_m(predicted.motion.shape))
-    found = file_clip(folder, UsableClip(true, "linear"), Pairing(10.0, protocol_fps_hz=30.0))
-    assert isinstance(found, PredictedClip)
+    found = read(folder, body, true, predicted, protocol_fps_hz=30.0)
     protocol = protocol_as(name, original)  # type: ignore[arg-type]
     return clip_errors(found, body, protocol)
 

@@ -18,12 +18,12 @@ from gmrdata.threedpw.intrinsics_check import (
     estimate_focal,
     intrinsics_reason,
 )
-from gmrdata.twins.faults import FaultConfig, KeypointConfig, dataset_side, detected_keypoints
+from gmrdata.twins.faults import FaultConfig, dataset_side
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import motion_joints_m
+from tests.fixtures.filmed_sets import keypoints_px
 
 WIDTH_PX, HEIGHT_PX, N_FRAMES = 540, 960, 150
 CONFIG = IntrinsicsConfig()
@@ -57,11 +57,7 @@ def twin(
         motions[1] = replace(motions[1], pelvis_m=moved_m)
     camera = camera_path(programme, motions[0].pelvis_m, 30.0, WIDTH_PX, HEIGHT_PX, 50.0, rng)
     clips = [_clip(number, motion, camera) for number, motion in enumerate(motions)]
-    detector = KeypointConfig(noise_px=noise_px)
-    points_px = [
-        detected_keypoints(motion_joints_m(body, clip.motion), camera_of(clip), detector, rng)
-        for clip in clips
-    ]
+    points_px = [keypoints_px(body, clip, noise_px, rng) for clip in clips]
     faulty = dataset_side(clips, faults or FaultConfig(), rng)
     arrays = sequence_arrays(
         "walk_00", faulty, [body] * people, ["female", "male"][:people], points_px

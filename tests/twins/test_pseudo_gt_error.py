@@ -290,18 +290,6 @@ def turning(clip: Clip, deg_per_frame: float) -> Clip:
     return replace(clip, motion=replace(clip.motion, root_rotmats=root_rotmats))
 
 
-def scaled(clip: Clip, factor: float) -> Clip:
-    """Everything in the world larger by a factor."""
-    assert clip.camera is not None
-    cameras = clip.camera.world_from_cam.copy()
-    cameras[:, :3, 3] *= factor
-    return replace(
-        clip,
-        motion=replace(clip.motion, pelvis_m=factor * clip.motion.pelvis_m),
-        camera=replace(clip.camera, world_from_cam=cameras),
-    )
-
-
 def test_a_sequence_shows_the_person_who_fares_worst(truth, small_body):
     """0.1 and 0.2 deg per frame are 0.3 and 0.6 deg per motion at 10 fps."""
     found = [turning(truth[0], 0.1), turning(truth[1], 0.2)]
@@ -325,7 +313,7 @@ def test_a_sequence_shows_the_person_who_fares_worst(truth, small_body):
 
 @pytest.mark.parametrize(("sigma_share", "inside"), [(0.011, True), (0.009, False)])
 def test_two_percent_too_large(truth, sigma_share, inside):
-    found = [scaled(clip, 1.02) for clip in truth]
+    found = [moved(clip, np.eye(4), 1.02) for clip in truth]
     # The true factor is 5: 5.1 was found.
     measured = replace(ACCEPTED, scale=5.1, scale_sigma=5 * sigma_share)
     row = sequence_errors(measured, found, truth)
