@@ -31,7 +31,6 @@ from gmrdata.values import transforms
 from gmrdata.values.transforms import invert
 
 MIN_PNP_INLIERS = 20  # points that a frame must agree with to be placed by them
-MOST_PNP_PX = 4.0  # how far from them they are seen; COLMAP's 12 places what is no rigid view
 
 
 def place_frames(
@@ -46,14 +45,12 @@ def place_frames(
     width_px, height_px = (round(2 * middle_px) for middle_px in intrinsics_px[:2, 2])
     params = pinhole_params(intrinsics_px)
     camera = pycolmap.Camera(model="PINHOLE", width=width_px, height=height_px, params=params)
-    options = pycolmap.AbsolutePoseEstimationOptions()
-    options.ransac.max_error = MOST_PNP_PX
     count = 0
     for row, features, of in _points_of(set(rows), placed.seen, matches, known or {}):
         if len(features) < MIN_PNP_INLIERS:
             continue
         answer = pycolmap.estimate_and_refine_absolute_pose(
-            matches.keypoints_px[row][features], placed.points[of], camera, options
+            matches.keypoints_px[row][features], placed.points[of], camera
         )
         if answer is None:
             continue

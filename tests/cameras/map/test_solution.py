@@ -421,18 +421,14 @@ def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours():
     assert np.allclose(transforms.invert(world_from_cam[1]) @ cameras[1], np.eye(4), atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("n_points", "noise_px", "n_placed"), [(13, 0.0, 0), (30, 0.0, 1), (30, 0.3, 1), (30, 5.0, 0)]
-)
-def test_a_frame_is_held_by_points_once_each_where_it_is_a_rigid_view(n_points, noise_px, n_placed):
-    """What lies between two keyframes follows their points from both; a jolt bends its view."""
+@pytest.mark.parametrize(("n_points", "n_placed"), [(13, 0), (30, 1)])
+def test_a_point_that_is_followed_from_both_sides_holds_a_frame_once(n_points, n_placed):
     rng = np.random.default_rng(0)
     intrinsics_px = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
     points = rng.uniform([-2, -1, 4], [2, 1, 7], (n_points, 3))
     cameras = np.tile(np.eye(4), (3, 1, 1))
     cameras[:, 0, 3] = [0.0, 0.1, 0.2]
     first, middle, last = (project(camera, points, intrinsics_px) for camera in cameras)
-    middle = middle + rng.normal(0, noise_px, middle.shape)
     every = np.arange(n_points)
     same = np.stack([every, every], axis=1)
     pairs = [
@@ -448,4 +444,4 @@ def test_a_frame_is_held_by_points_once_each_where_it_is_a_rigid_view(n_points, 
     assert inliers[1] == n_placed * n_points
     if n_placed:
         assert placed.seen[1].tolist() == same.tolist()
-        assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6 + 0.1 * noise_px)
+        assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6)
