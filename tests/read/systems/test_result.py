@@ -29,7 +29,7 @@ def vibe(path: Path, **change: Any) -> Path:
 
 
 def wham(path: Path, **change: Any) -> Path:
-    person = {"pose_world": np.zeros((T, 72)), "trans_world": np.zeros((T, 3))}
+    person: dict[str, Any] = {"pose_world": np.zeros((T, 72)), "trans_world": np.zeros((T, 3))}
     person |= {"betas": np.zeros((T, 10)), "frame_ids": np.arange(T)}
     return system_files.write_joblib(path / "wham_output.pkl", {1: _changed(person, change)})
 
