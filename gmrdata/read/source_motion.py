@@ -159,7 +159,7 @@ CMU_60_HZ_SUBJECTS = frozenset({33, 34, 42, 60, 61, 62, 74, 75, 77, 79, 80, 87, 
 CMU_TRIAL = re.compile(r"^(\d{2,3})_(\d{2})(?:_|$)")
 """CMU's file names: subject_trial; AMASS appends `_poses` or `_stageii`."""
 LOWEST_HZ, HIGHEST_HZ = 1.0, 1000.0
-USUAL_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 144, 240)  # of recorders
+USUAL_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 144, 240)  # of recorders
 LOWEST_HEADER_HZ = 5.0  # nobody records a person with less; a header that says so was never set
 
 
@@ -183,7 +183,8 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
     """Frame rate of a BVH `Frame Time`, with the rounding of the printed number undone.
 
     `.0083333` stands for everything from .00833325 to .00833335, and 120 Hz lies in there; so does
-    29.97 Hz and no whole rate in .0333667.  In .017 lie 58, 59 and 60 Hz, of which one is usual.
+    29.97 Hz and no whole rate in .0333667.  In .017 lie 58, 59 and 60 Hz, of which one is usual;
+    .004 is 250 Hz, of which it is no rounding, and not 240.
     """
     try:
         frame_time_s = float(text)
@@ -204,7 +205,8 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
         [float(hz) for hz in some if abs(1 / hz - frame_time_s) <= half_step_s]
         for some in (USUAL_HZ, likely_hz)
     )
-    if len(usual_hz) == 1:
+    is_rounded = abs(likely_hz[0] * frame_time_s - 1) > 1e-9
+    if is_rounded and len(usual_hz) == 1:
         return usual_hz[0]
     return fitting_hz[0] if fitting_hz else 1 / frame_time_s
 

@@ -18,10 +18,10 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from gmrdata.cameras.colmap import add_bare_image, observations_of, pycolmap
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.map.models import MIN_PNP_INLIERS
 from gmrdata.cameras.match.matches import Matches, PairMatches, matched_points
 from gmrdata.cameras.recipe import MappingConfig
 
-FEWEST_COMMON = 20  # points by which one keyframe holds another, as in `models.place_frames`
 FEW_BETWEEN = 5  # keyframes, each a small step from the next, show what those around them show
 
 
@@ -127,14 +127,14 @@ def alone(rows: set[int], matches: Matches) -> set[int]:
 
 def links_among(covered: set[int], points_of: dict[int, np.ndarray]) -> set[int]:
     """Those of covered rows that must stay: without them, some rows that hold each other, all
-    through all, would do so no more.
+    through all, would do so no more.  Two do that see as many points as place a frame.
 
     A camera that dwells, turns away by its field of view and dwells again sees each point of the
     turn often enough from both sides; but without the turn nothing says how large one side is
     beside the other.
     """
     rows, links = np.array(sorted(points_of)), set[int]()
-    common = _common_points(rows, points_of) >= FEWEST_COMMON
+    common = _common_points(rows, points_of) >= MIN_PNP_INLIERS
     whole = connected_components(common, directed=False)[1]
     for together in (np.flatnonzero(whole == one) for one in np.unique(whole)):
         while True:

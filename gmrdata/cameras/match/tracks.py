@@ -58,7 +58,7 @@ def tracks_of(
     rows, numbers = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
     image_px = [np.zeros((0, 2))]
     for row, table in sorted(seen.items()):
-        # Followed from two keyframes, a point may be there twice.
+        # Two features of a keyframe may show one point.
         once, first = np.unique(table[:, 1], return_index=True)
         rows.append(np.full(len(once), row, np.int32))
         numbers.append(once)
