@@ -35,6 +35,7 @@ from gmrdata.read.source_motion import (
 from gmrdata.values.body import (
     HANDS,
     N_JOINTS,
+    NEUTRAL,
     SMPL,
     SMPL_LEG_M,
     SMPL_REST_PELVIS_M,
@@ -70,11 +71,11 @@ def chosen_body(path: Path, names: Collection[str]) -> str:
     That of its shape; else SMPL's neutral one; else the only one.  BadBodyFile: none of these.
     """
     wanted = named_body(path) if path.suffix.lower() == ".npz" else None
-    for name in (wanted, f"{SMPL}neutral"):
+    for name in (wanted, NEUTRAL):
         if name is not None and name in names:
             return name
     if len(names) > 1:
-        needs = " or ".join(dict.fromkeys(filter(None, (wanted, f"{SMPL}neutral"))))
+        needs = " or ".join(dict.fromkeys(filter(None, (wanted, NEUTRAL))))
         there = ", ".join(sorted(names))
         raise BadBodyFile(
             f"{path}: needs the body {needs}; there are {there}. Put it into the folder"

@@ -17,7 +17,7 @@ from gmrdata.read.numbers import smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.body import SMPL, BodyModel, shape_on
+from gmrdata.values.body import NEUTRAL, BodyModel, shape_on
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadBodyFile, BadSequence
@@ -36,7 +36,7 @@ def take_clip(
     Image numbers count from 1, as the files' do.
     """
     clip_id = f"S{subject}.{files.ACTIONS[take.action]}.{take.subaction}"
-    if body.name != f"{SMPL}neutral":
+    if body.name != NEUTRAL:
         raise BadBodyFile(
             f"{clip_id}: the betas are of SMPL's neutral body, given: {body.name}. Give --body"
             " SMPL_NEUTRAL.pkl"

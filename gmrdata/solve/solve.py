@@ -47,6 +47,7 @@ from gmrdata.solve.request import (
 )
 from gmrdata.solve.verdict import with_lens_error, write_doubts
 from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.values.body import NEUTRAL
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
@@ -129,7 +130,7 @@ def _body(request: SolveRequest, out_dir: Path, run: Run) -> Path | None:
 
 def chosen_body(body: str) -> str:
     """The body that people whom a system sees get: of a folder the neutral one."""
-    return str(body_file(body, "smpl-neutral")) if Path(body).expanduser().is_dir() else body
+    return str(body_file(body, NEUTRAL)) if Path(body).expanduser().is_dir() else body
 
 
 def _drop(folders: Sequence[Path], run: Run, what: str) -> None:

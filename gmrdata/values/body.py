@@ -137,6 +137,7 @@ def gender_of(body: BodyModel) -> str:
 
 SMPL = "smpl-"
 """What the names of SMPL's bodies begin with; the gender follows."""
+NEUTRAL = f"{SMPL}neutral"  # whose betas most other systems estimate
 
 
 def shape_on(body: BodyModel, betas: np.ndarray) -> np.ndarray:

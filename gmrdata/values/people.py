@@ -8,7 +8,7 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, PositiveInt
 
-from gmrdata.values.body import N_LOCAL, SMPL
+from gmrdata.values.body import N_LOCAL, NEUTRAL
 from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import ArrayShapes, Record, check_shapes, read_arrays
@@ -96,9 +96,6 @@ class InWorld:
     """(T, 4, 4) the system's own camera; its place counts with `has_camera_path` alone [m]."""
     has_camera_path: bool = False
     of_mean_shape: bool = False  # J0 is that of the mean of `betas`, not of each row's
-
-
-NEUTRAL = f"{SMPL}neutral"  # name of the body whose betas other systems estimate
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,14 +15,13 @@ from gmrdata.read.systems.entries import AGAIN
 from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.body import BodyModel, gender_of
+from gmrdata.values.body import NEUTRAL, BodyModel, gender_of
 from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import (
-    NEUTRAL,
     POSES_FILE,
     EstimatedPeople,
     EstimatedPerson,

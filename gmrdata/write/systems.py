@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.entries import N_SMPLX_BODY, SMPLX_REST_PELVIS_M
 from gmrdata.read.systems.gvhmr import GVHMR
-from gmrdata.values.body import SMPL, SMPL_REST_PELVIS_M, WORLD_FROM_REST
+from gmrdata.values.body import NEUTRAL, SMPL, SMPL_REST_PELVIS_M, WORLD_FROM_REST
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.files import write_bytes
@@ -148,7 +148,7 @@ def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, 
     content |= _named(world, "pose_world", "trans_world")
     content["betas"] = np.tile(shape, (motion.n_frames, 1)).astype(np.float32)
     content["frame_ids"] = person.frame_numbers[rows].astype(np.int64)
-    content["body"] = motion.body if is_smpl else f"{SMPL}neutral"
+    content["body"] = motion.body if is_smpl else NEUTRAL
     return content
 
 

@@ -33,7 +33,7 @@ from gmrdata.read.systems.entries import (
     rotmats_of,
     turned,
 )
-from gmrdata.values.body import N_JOINTS, N_LOCAL
+from gmrdata.values.body import N_JOINTS, N_LOCAL, NEUTRAL
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, InWorld
 
 CAMERA_KEYS, WORLD_KEYS = ("pose", "trans"), ("pose_world", "trans_world")
@@ -65,7 +65,7 @@ def _person(entry: Entry) -> EstimatedPerson:
         in_camera=in_camera,
         in_world=in_world,
         betas=betas,
-        betas_body=body or "smpl-neutral",
+        betas_body=body or NEUTRAL,
         lacks={
             "camera": entry.lacking(*CAMERA_KEYS, "betas"),
             "world": entry.lacking(*WORLD_KEYS, "betas"),
