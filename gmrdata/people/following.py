@@ -13,9 +13,9 @@ import json
 import shutil
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
 
@@ -24,6 +24,7 @@ from pydantic import Field, PositiveInt
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.people.landmark_network import (
+    LIMBS,
     N_LANDMARKS,
     Crop,
     LandmarkNetwork,
@@ -63,6 +64,8 @@ from gmrdata.values.records import (
 FOLLOWED_FILE, SIGHTINGS_FILE, OUTLINES_FOLDER = "followed.json", "sightings.npz", "outlines"
 SIGHTINGS_FORMAT = "gmrdata-sightings/1"
 MOST_NAMED = 3  # people in one line; of a crowd the record has the rest
+CLOSER, TOUCHING = 0.85, 0.05
+"""Side of a crop that shows less of other people, and overlap of boxes from which they may mix."""
 HUES, SATURATIONS = 8, 4
 """Bins of the colours by which a person is known again."""
 
@@ -76,6 +79,10 @@ class FollowConfig(Config):
     """A person is followed while the landmark network's score reaches this."""
     same_iou: float = Field(default=0.4, gt=0, le=1)
     """Overlap of two boxes from which they are of one person."""
+    max_unlike: float = Field(default=0.05, gt=0)
+    """Mean distance of limbs, in sides of the crop, to those that a closer look shows, of a person
+    whose box another's touches: 0.03 and less where both are the person, 0.08 and more where the
+    network makes one body of two people."""
     link: LinkConfig = LinkConfig()
     min_frames: int = Field(default=10, ge=2)
     """Who is seen in fewer frames has no poses; the one seen in most of them only if in one frame
@@ -370,11 +377,11 @@ class _Follower:
     def _note(
         self, person: Person, crop: Crop, piece: int, image: np.ndarray, row: int
     ) -> list[Seen]:
-        """A person who was seen in a crop of a frame; nothing where there is none, or one who was
-        met already."""
+        """A person who was seen in a crop of a frame; nothing where there is none, one who was met
+        already, or one body made of two people."""
         if person.score < self.config.min_score or not person.mask.any():
             return []
-        if self._is_met(person.box_px, row):
+        if self._is_met(person.box_px, row) or self._shows_another(person, crop, image, row):
             return []
         self.met_px[row][piece] = person.box_px
         write_gray(outline_path(self.folder, self.frames.paths[row], piece), person.mask)
@@ -394,6 +401,18 @@ class _Follower:
             "colours": _colours(image, person.mask).round(4),
         }
         return [seen | {key: values.tolist() for key, values in arrays.items()}]
+
+    def _shows_another(self, person: Person, crop: Crop, image: np.ndarray, row: int) -> bool:
+        """Whether a closer look at a person whom others touch shows another body: of two people the
+        network may make one, and be sure of it."""
+        near = (self.met_px[n].values() for n in (row - 1, row, row + 1))
+        boxes_px = np.array([*self.detections[row].boxes_px, *chain(*near)]).reshape(-1, 4)
+        overlaps = box_iou(person.box_px[None], boxes_px)
+        if not ((overlaps > TOUCHING) & (overlaps < self.config.same_iou)).any():
+            return False
+        closer = self.look(image, replace(crop, side_px=CLOSER * crop.side_px))
+        apart_px = np.linalg.norm(closer.image_px - person.image_px, axis=1)[list(LIMBS)].mean()
+        return bool(apart_px > self.config.max_unlike * crop.side_px)
 
     def _is_met(self, box_px: np.ndarray, row: int) -> bool:
         return is_among(box_px, list(self.met_px[row].values()), self.config.same_iou)

@@ -35,6 +35,10 @@ LANDMARKS = (
 )  # fmt: skip
 """The body's landmarks in the network's order."""
 N_LANDMARKS = len(LANDMARKS)
+TRUNK = tuple(LANDMARKS.index(f"{side}_{part}") for part in ("shoulder", "hip")
+              for side in ("left", "right"))  # fmt: skip
+LIMBS = (*TRUNK, *(LANDMARKS.index(f"{side}_{part}") for part in ("elbow", "wrist", "knee", "ankle")
+                   for side in ("left", "right")))  # fmt: skip
 HIP_CENTRE, UPRIGHT = 33, 34  # Two more: the middle of the hips, and half a person above it
 CROP_MARGIN = 1.25  # A crop is larger than the person by this
 OUTPUT_SIZES = {"landmarks": 39 * 5, "score": 1, "mask": CROP_PX * CROP_PX, "world": 39 * 3}

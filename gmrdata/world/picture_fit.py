@@ -3,7 +3,8 @@
 The outline of each projected body is compared with masks that were made without it.  Bodies of
 another video lie beside the people, a stiff one covers them badly, and one that is late lies better
 on the people of other frames.  Where landmarks of people were found too, limbs must lie on them: an
-outline of somebody else in a like pose covers well enough.
+outline of somebody else in a like pose covers well enough.  Where they do, others in the mask say
+nothing against the body.
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ from pydantic.dataclasses import dataclass as part
 from gmrdata.cameras.files import Distortion, bent_points
 from gmrdata.people.following import load_tracks
 from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
-from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmark_network import LANDMARKS, LIMBS, TRUNK
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.values.body import JOINT, BodyModel
@@ -37,10 +38,6 @@ LAGS = np.arange(-30, 31)
 """Steps by which a body may be late."""
 LAG_S = 1 / 30
 """Least time of such a step, so that they reach over a second at any rate [s]."""
-TRUNK = tuple(LANDMARKS.index(f"{side}_{part}") for part in ("shoulder", "hip")
-              for side in ("left", "right"))  # fmt: skip
-LIMBS = (*TRUNK, *(LANDMARKS.index(f"{side}_{part}") for part in ("elbow", "wrist", "knee", "ankle")
-                   for side in ("left", "right")))  # fmt: skip
 KNEES = tuple(LANDMARKS.index(f"{side}_knee") for side in ("left", "right"))
 LEGS = [JOINT[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot")
         for side in ("left", "right")]  # fmt: skip
@@ -88,15 +85,18 @@ def picture_fits(
     clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks, config: VerdictConfig
 ) -> list[PictureFit | None]:
     """By person, with bodies in the camera frame; None where too few frames show both.  A body lies
-    on nobody where their overlap is less than `off_overlap`, or its limbs are off by more than
-    `off_limbs`."""
+    on nobody where their overlap is less than `off_overlap` and no landmarks vouch for it, or its
+    limbs are off by more than `off_limbs`."""
     masks = _Masks(people, camera_of(clips[0]))
     tracks = [] if people.followed_dir is None else load_tracks(people.followed_dir)
     landmarks = [
         SeenLandmarks(one.image_numbers, masks.lens.rays(one.image_px), one.world_m, one.visibility)
         for one in tracks
     ]
-    limbs = [_limbs(clip, body, landmarks) for clip, body in zip(clips, bodies, strict=True)]
+    rays = [_limb_rays(clip, body) for clip, body in zip(clips, bodies, strict=True)]
+    limbs = [
+        _limbs(of, clip.image_numbers, landmarks) for of, clip in zip(rays, clips, strict=True)
+    ]
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
@@ -114,16 +114,20 @@ def picture_fits(
             for row, outline in own.items():
                 elsewhere = _elsewhere(row, outline, others)
                 found[person].now[row] = _at(clip, row, outline, elsewhere, masks)
+                found[person].covered[row] = _covered(clip, row, outline, masks)
                 found[person].doubled[row] = _doubled(row, outline, outlines[:person])
                 if row in compared_late[person]:
                     late = [
                         _at(clip, row + lag, outline, elsewhere, masks) for lag in lags.tolist()
                     ]
                     found[person].late.append(late)
-    off = [limbs_off > config.off_limbs for limbs_off, _ in limbs]
-    return [
-        _fit(one, lags, config.off_overlap, beside) for one, beside in zip(found, off, strict=True)
-    ]
+    fits = []
+    for person, (one, (limbs_off, _)) in enumerate(zip(found, limbs, strict=True)):
+        fit = _fit(one, lags, one.off(limbs_off, config))
+        if fit and not _limbs_late(rays[person], clips[person], fit.late_frames, landmarks):
+            fit = replace(fit, late_frames=0, late_overlap=fit.overlap)
+        fits.append(fit)
+    return fits
 
 
 def _evenly(rows: np.ndarray) -> set[int]:
@@ -132,28 +136,48 @@ def _evenly(rows: np.ndarray) -> set[int]:
     return set(rows[some].tolist())
 
 
-def _limbs(
-    clip: Clip, body: BodyModel, landmarks: Sequence[SeenLandmarks]
-) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) mean distance of limbs from the landmarks of whom they lie nearest to, in the person's
-    size in the picture, and whether both knees are hidden there; 0 and False where nobody's trunk
-    is about where the body's is.  Landmarks have the numbers of their images for times."""
+def _limb_rays(clip: Clip, body: BodyModel) -> np.ndarray:
+    """(T, 33, 2) directions of a body's landmarks from the camera."""
     motion = clip.motion
     placed_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
     placed_m = placed_m + motion.pelvis_m[:, None]
-    rays = placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M)
-    nearest, hidden = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=bool)
+    return np.asarray(placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M))
+
+
+def _limbs(
+    rays: np.ndarray, image_numbers: np.ndarray, landmarks: Sequence[SeenLandmarks]
+) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) mean distance of limbs from the landmarks of whom they lie nearest to, in the person's
+    size in the picture, and whether both knees are hidden there; NaN and False where nobody's trunk
+    is about where the body's is.  Landmarks have the numbers of their images for times."""
+    nearest, hidden = np.full(len(rays), np.nan), np.zeros(len(rays), dtype=bool)
     for whole in landmarks:
-        _, at, both = np.intersect1d(clip.image_numbers, whole.times_s, return_indices=True)
+        _, at, both = np.intersect1d(image_numbers, whole.times_s, return_indices=True)
         seen = whole.take(both)
         apart = np.linalg.norm(rays[at] - seen.rays, axis=-1) / seen.sizes[:, None]
         shown = seen.visibility * (seen.visibility > VISIBLE)
         here = (apart[:, TRUNK].mean(axis=1) < SAME_TRUNK) & (shown[:, LIMBS].sum(1) > FEWEST_LIMBS)
         off = (shown * apart)[:, LIMBS].sum(1) / np.maximum(shown[:, LIMBS].sum(1), FEWEST_LIMBS)
-        nearer = here & (off < nearest[at])
+        nearer = here & ~(off >= nearest[at])
         nearest[at[nearer]] = off[nearer]
         hidden[at[nearer]] = ~shown[nearer][:, KNEES].any(axis=1)
-    return np.where(np.isfinite(nearest), nearest, 0.0), hidden
+    return nearest, hidden
+
+
+def _limbs_late(
+    rays: np.ndarray, clip: Clip, late: int, landmarks: Sequence[SeenLandmarks]
+) -> bool:
+    """Whether limbs, too, lie nearer to people's landmarks of so many frames before: beside who
+    stands still, others who come and go in the mask make any other time look better.  So it is
+    where landmarks don't tell."""
+    rows = np.arange(max(0, late), min(len(rays), len(rays) + late))
+    now, then = (
+        _limbs(rays[rows], clip.image_numbers[at], landmarks)[0] for at in (rows, rows - late)
+    )
+    known = clip.valid[rows] & np.isfinite(now) & np.isfinite(then)
+    if known.sum() < FEWEST_FRAMES:
+        return True
+    return bool(np.median(then[known]) < np.median(now[known]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,12 +194,22 @@ class _Overlaps:
     """Of one person's outline with the masks; NaN where nothing was compared."""
 
     now: np.ndarray  # (T,)
+    covered: np.ndarray  # (T,) share of the outline that is in the mask
     doubled: np.ndarray  # (T,) bool: another body lies on the same place
     late: list[list[float]]  # of some frames, by lag
 
     @classmethod
     def empty(cls, valid: np.ndarray) -> "_Overlaps":
-        return cls(np.full(len(valid), np.nan), np.zeros(len(valid), dtype=bool), [])
+        unknown = np.full((2, len(valid)), np.nan)
+        return cls(*unknown, np.zeros(len(valid), dtype=bool), [])
+
+    def off(self, limbs_off: np.ndarray, config: VerdictConfig) -> np.ndarray:
+        """(T,) bool: the outline, or limbs of such a distance from landmarks, don't lie on the
+        person.  Limbs that do vouch for a body that the mask covers: the rest of the mask is others
+        then."""
+        vouched = (limbs_off <= config.off_limbs) & (self.covered >= config.off_overlap)
+        beside = (self.now < config.off_overlap) & ~vouched
+        return np.isfinite(self.now) & (beside | (limbs_off > config.off_limbs))
 
 
 def _elsewhere(row: int, outline: _Outline, others: Sequence[dict[int, _Outline]]) -> np.ndarray:
@@ -202,6 +236,12 @@ def _at(clip: Clip, row: int, outline: _Outline, elsewhere: np.ndarray, masks: "
         return np.nan
     mask = masks.of(int(clip.image_numbers[row]))
     return np.nan if mask is None else _overlap(outline, mask & ~elsewhere)
+
+
+def _covered(clip: Clip, row: int, outline: _Outline, masks: "_Masks") -> float:
+    mask = masks.of(int(clip.image_numbers[row]))
+    n = np.count_nonzero(outline.shown)
+    return np.count_nonzero(outline.shown & mask) / n if n and mask is not None else 0.0
 
 
 class _Masks:
@@ -289,9 +329,7 @@ def _outlines(
     return outlines
 
 
-def _fit(
-    found: _Overlaps, lags: np.ndarray, off_overlap: float, limbs_off: np.ndarray
-) -> PictureFit | None:
+def _fit(found: _Overlaps, lags: np.ndarray, off: np.ndarray) -> PictureFit | None:
     compared = np.isfinite(found.now)
     if compared.sum() < FEWEST_FRAMES or len(found.late) < FEWEST_FRAMES:
         return None
@@ -308,15 +346,14 @@ def _fit(
     best = max(range(len(lags)), key=lambda number: medians[number][0] - medians[number][1])
     if medians[best][0] <= medians[best][1]:
         best = int(np.flatnonzero(lags == 0)[0])
-    off = np.flatnonzero(compared & (limbs_off | (np.nan_to_num(found.now, nan=1.0) < off_overlap)))
     return PictureFit(
         frames=int(compared.sum()),
-        off_frames=len(off),
+        off_frames=int(off.sum()),
         overlap=float(np.median(found.now[compared])),
         late_frames=int(-lags[best]),
         late_overlap=float(np.median(found.now[compared])) + medians[best][0] - medians[best][1],
         doubled_frames=int(found.doubled.sum()),
-        off_rows=tuple(off.tolist()),
+        off_rows=tuple(np.flatnonzero(off).tolist()),
     )
 
 
