@@ -26,7 +26,7 @@ from gmrdata.people.following import (
     load_tracks,
     outline_path,
 )
-from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmark_network import LANDMARKS, LIMBS, Crop, Person
 from gmrdata.people.linking import (
     LinkConfig,
     Piece,
@@ -141,6 +141,33 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
     made = follow_people(read_frames(frames_dir, {7}), tmp_path / "out", CONFIG, networks)
     record = FollowedRecord.read(made / FOLLOWED_FILE)
     assert record.images == (8, 9, 10) and record.people[0].seen == ((8, 10),)
+
+
+@pytest.mark.parametrize(
+    ("off_px", "beside_px", "seen"), [(15.0, 80.0, True), (15.0, 200.0, True), (60.0, 200.0, True),
+                                      (60.0, 80.0, False)],
+)  # fmt: skip
+def test_who_is_another_in_a_closer_look_beside_somebody_is_not_seen(
+    frames_dir, tmp_path, off_px, beside_px, seen
+):
+    """A man behind a woman had the limbs of both, in a closer look by a tenth of the crop elsewhere."""
+    crop = Crop(np.array([300.0, 300.0]), 500.0)
+    image_px = np.random.default_rng(0).uniform(200, 400, (33, 2))
+    box_px = np.array([250.0, 100.0, 350.0, 500.0])
+
+    def look(image: np.ndarray, asked: Crop) -> Person:
+        is_closer = asked.side_px < crop.side_px
+        moved_px = (
+            image_px + np.where(np.isin(np.arange(33), LIMBS), off_px * is_closer, 0)[:, None]
+        )
+        mask = np.full(image.shape[:2], 255, np.uint8)
+        return Person(1.0, mask, box_px, crop, moved_px, np.zeros((33, 3)), np.ones(33))
+
+    follower = _Follower(read_frames(frames_dir), tmp_path, FollowConfig(), lambda image: [], look)
+    box = (box_px + [beside_px, 0, beside_px, 0]).tolist()
+    follower.detections.append(detections_from_json([{"box_px": box, "class": 0, "score": 0.9}]))
+    image = read_color(follower.frames.paths[0])
+    assert bool(follower._note(look(image, crop), crop, 0, image, 0)) is seen
 
 
 def test_a_video_without_people_leaves_a_record_without_people(networks, grey_dir, tmp_path):

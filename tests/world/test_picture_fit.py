@@ -224,6 +224,33 @@ def test_limbs_elsewhere_in_a_like_outline_are_off(walker, small_body, masks, tm
     assert turned is not None and turned.off_frames > 30
 
 
+def test_somebody_beside_who_is_not_followed_speaks_against_nobody(small_body, tmp_path):
+    """A woman who stood was 50 frames late: a man who was lost came into the mask beside her."""
+    still = walk_of(small_body, 4.0, 10.0)
+    standing = replace(still, motion=still.motion.take(np.zeros(still.motion.n_frames, dtype=int)))
+    seen = draw_masks(tmp_path / "person", [standing], small_body)
+    for number in standing.image_numbers[20:].tolist():
+        path = seen.masks_dir / f"{number:05d}.png"
+        mask = read_gray(path, SIZE_PX)
+        rows, columns = np.nonzero(mask)
+        mask[rows.min() : rows.max(), columns.min() - 12 : columns.max() + 12] = 255
+        write_gray(path, mask)
+    tracks = followed(tmp_path / "followed", standing, small_body)
+    blind, told = (
+        picture_fits([standing], [small_body], people, VERDICT)[0]
+        for people in (seen, replace(seen, followed_dir=tracks))
+    )
+    assert blind is not None and blind.off_frames == 20 and abs(blind.late_frames) > 15
+    assert told is not None and (told.off_frames, told.late_frames) == (0, 0)
+
+
+@pytest.mark.parametrize("rows", [8, -8])
+def test_who_is_late_by_mask_and_landmarks_says_so(walker, small_body, masks, tmp_path, rows):
+    seen = replace(masks, followed_dir=followed(tmp_path, walker, small_body))
+    (found,) = picture_fits([later(walker, rows)], [small_body], seen, VERDICT)
+    assert found is not None and found.late_frames == -rows
+
+
 def test_legs_behind_a_wall_are_not_asked_to_be_in_the_mask(walker, small_body, tmp_path):
     """Whom a desk hides below the hips lay on the person by 0.45 to 0.55, and was rejected."""
     cut = draw_masks(tmp_path / "person", [walker], small_body)
