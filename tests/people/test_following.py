@@ -150,7 +150,7 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
 def test_who_is_another_in_a_closer_look_beside_somebody_is_not_seen(
     frames_dir, tmp_path, off_px, beside_px, seen
 ):
-    """A man behind a woman had the limbs of both, in a closer look by a tenth of the crop elsewhere."""
+    """A man behind a woman had the limbs of both, and in a closer look others."""
     crop = Crop(np.array([300.0, 300.0]), 500.0)
     image_px = np.random.default_rng(0).uniform(200, 400, (33, 2))
     box_px = np.array([250.0, 100.0, 350.0, 500.0])
@@ -164,7 +164,7 @@ def test_who_is_another_in_a_closer_look_beside_somebody_is_not_seen(
         return Person(1.0, mask, box_px, crop, moved_px, np.zeros((33, 3)), np.ones(33))
 
     follower = _Follower(read_frames(frames_dir), tmp_path, FollowConfig(), lambda image: [], look)
-    box = (box_px + [beside_px, 0, beside_px, 0]).tolist()
+    box = (box_px + np.array([beside_px, 0.0, beside_px, 0.0])).tolist()
     follower.detections.append(detections_from_json([{"box_px": box, "class": 0, "score": 0.9}]))
     image = read_color(follower.frames.paths[0])
     assert bool(follower._note(look(image, crop), crop, 0, image, 0)) is seen
