@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from people.before_camera import ViewRow, shirt_row, view_row
-from people.in_world import WorldRow, dancer_row, man_row
+from people.in_world import WorldRow, beside_row, dancer_row, man_row
 from people.low_clips import make_low_clips
 from people.real import DANCE, VIEWS, dance_of, on_the_man, solved, tracks_of, view_of
 from people.verdicts import judged, known_man, known_rendered, made_people
@@ -88,6 +88,31 @@ def _coverage(row: WorldRow) -> list[Bar]:
 def _posed(seen: SeenLandmarks, numbers: np.ndarray, body: BodyModel) -> tuple[LocalPoses, str]:
     sure, doubt = sure_frames(seen, body, LocalPosesConfig())
     return poses_of(seen.take(sure), numbers[sure], body, LocalPosesConfig()), doubt
+
+
+def test_the_man_beside_somebody(
+    request: pytest.FixtureRequest, record: Record, shared_data: Path, anny: BodyModel
+) -> None:
+    """The same man in pose2sim's `Demo_MultiPerson`, where a woman is rendered before him."""
+    videos: Path | None = request.config.getoption("--clips")
+    if record.small or videos is None:
+        pytest.skip("--clips FOLDER has its cam01.mp4 to cam04.mp4")
+    rows = []
+    for name in VIEWS:
+        view = view_of(shared_data / "real", name, beside=True)
+        out_dir = WORK_DIR / f"{name}_beside"
+        solved_dir = solved(shared_data, name, out_dir, beside_dir=videos.resolve())
+        rows.append(beside_row(view, solved_dir, anny))
+    show("Beside somebody", [asdict(row) for row in rows])
+    record.add(beside=[asdict(row) for row in rows])
+    record.hold(
+        [
+            at_most("worst pa_mm", max(row.pa_mm for row in rows), MOST_PA_MM),
+            at_most("pa_mm of a kept frame", max(row.worst_pa_mm for row in rows), 150.0),
+            at_most("people rejected", sum(row.people - row.accepted for row in rows), 0),
+            at_most("worst level_deg", max(row.level_deg for row in rows), MOST_VIEW_LEVEL_DEG),
+        ]
+    )
 
 
 def test_the_dancer(record: Record, shared_data: Path, anny: BodyModel) -> None:

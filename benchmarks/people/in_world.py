@@ -14,7 +14,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.skinning import motion_joints_m
-from gmrdata.values.transforms import apply, fit_similarity, invert, mean_rotation
+from gmrdata.values.transforms import apply, fit_similarities, fit_similarity, invert, mean_rotation
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.level import level_from_world
@@ -66,6 +66,43 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
         floor_m=None,
         **_level(world_from_cam[:1, :3, :3] @ view.up, quality, number),
         **_places(found_m, apply(view.level_from_cam, hips_m), before_m - hips_m, sigmas),
+    )
+
+
+@dataclass(frozen=True)
+class BesideRow:
+    """The man with somebody before him; joints are the 12 of limbs, before the camera."""
+
+    view: str
+    people: int
+    accepted: int
+    kept_frames: int
+    """Of the man."""
+    pa_mm: float
+    """In these frames."""
+    worst_pa_mm: float
+    level_deg: float
+    said_deg: float
+
+
+def beside_row(view: View, solved_dir: Path, body: BodyModel) -> BesideRow:
+    """The man in a view that shows somebody else, too."""
+    quality, number = load_record(solved_dir / PSEUDO_GT), the_man(view, solved_dir, body)
+    clip, kept = load_clip(solved_dir / BODIES / person_file(number)), quality.people[number].kept
+    found_m, true_m = _hips_m(clip, body)[0][kept], view.true_m[clip.image_numbers[kept]]
+    off = fit_similarities(true_m, found_m).apply(found_m) - true_m
+    pa_mm = 1000 * np.linalg.norm(off, axis=-1).mean(axis=1)
+    world_from_cam = camera_of(load_clip(solved_dir / FUSED / person_file(number))).world_from_cam
+    level = _level(world_from_cam[:1, :3, :3] @ view.up, quality, number)
+    return BesideRow(
+        view.name,
+        len(quality.people),
+        sum(person.accepted for person in quality.people),
+        len(pa_mm),
+        float(pa_mm.mean()),
+        float(pa_mm.max()),
+        level["level_deg"],
+        level["said_deg"],
     )
 
 

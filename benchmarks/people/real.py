@@ -60,12 +60,12 @@ class Dance:
     depth_m: np.ndarray  # (N, 256, 192); NaN where LiDAR is unsure or off the shirt
 
 
-def view_of(real_dir: Path, name: str) -> View:
-    """One camera's truth."""
+def view_of(real_dir: Path, name: str, *, beside: bool = False) -> View:
+    """One camera's truth, also of `Demo_MultiPerson`, which has somebody rendered beside him."""
     with np.load(real_dir / "pose2sim" / "reference3d.npz") as file:
         truth = dict(file)
     n = VIEWS.index(name)
-    size_px = (1080, 1920) if n < 2 else (1088, 1920)
+    size_px = (1080, 1920) if n < 2 and not beside else (1088, 1920)
     radial = float(truth["D"][n][0]), float(truth["D"][n][1])
     cam_from_world = rigid(truth["R"][n], truth["T"][n])
     return View(
@@ -95,10 +95,17 @@ def dance_of(real_dir: Path) -> Dance:
     )
 
 
-def solved(data_dir: Path, name: str, out_dir: Path, height_m: float | None = None) -> Path:
+def solved(
+    data_dir: Path,
+    name: str,
+    out_dir: Path,
+    height_m: float | None = None,
+    beside_dir: Path | None = None,
+) -> Path:
     """What `gmrdata video` leaves of a view, whose lens is told, or of the dancer.
 
-    People's world is made anew, and their poses unless it is for another height.
+    People's world is made anew, and their poses unless it is for another height.  `beside_dir` has
+    the views of `Demo_MultiPerson`.
     """
     models = data_dir / "models"
     masks = PersonSource(model=models / "yolox_nano.onnx", landmarks=models / POSE_LANDMARKS.name)
@@ -108,8 +115,9 @@ def solved(data_dir: Path, name: str, out_dir: Path, height_m: float | None = No
     if name == DANCE:
         source, lens = _dance_frames(data_dir, out_dir), None
     else:
-        source = data_dir / "real" / "pose2sim" / f"{name}.mp4"
-        lens = GivenIntrinsics(file=_calibration(data_dir, name, out_dir))
+        source = (beside_dir or data_dir / "real" / "pose2sim") / f"{name}.mp4"
+        view = view_of(data_dir / "real", name, beside=beside_dir is not None)
+        lens = GivenIntrinsics(file=_calibration(data_dir, view, out_dir))
     fps_hz = DANCE_HZ if name == DANCE else None
     solve_video(
         source, out_dir, poses="own", lens=lens, fps_hz=fps_hz, height_m=height_m, config=config
@@ -117,14 +125,14 @@ def solved(data_dir: Path, name: str, out_dir: Path, height_m: float | None = No
     return out_dir
 
 
-def _calibration(data_dir: Path, name: str, out_dir: Path) -> Path:
+def _calibration(data_dir: Path, view: View, out_dir: Path) -> Path:
     """A view's lens as COLMAP writes it."""
     with np.load(data_dir / "real" / "pose2sim" / "reference3d.npz") as file:
-        matrix_px, bent = file["K"][VIEWS.index(name)], file["D"][VIEWS.index(name)]
-    width_px, height_px = view_of(data_dir / "real", name).lens.size_px
+        matrix_px, bent = file["K"][VIEWS.index(view.name)], file["D"][VIEWS.index(view.name)]
+    width_px, height_px = view.lens.size_px
     numbers = [matrix_px[0, 0], matrix_px[1, 1], *matrix_px[:2, 2], *bent.ravel()[:4]]
     text = " ".join(f"{number:.12g}" for number in numbers)
-    path = out_dir.with_name(f"{name}_lens") / "cameras.txt"
+    path = out_dir.with_name(f"{out_dir.name}_lens") / "cameras.txt"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, f"1 OPENCV {width_px} {height_px} {text}\n".encode())
     return path

@@ -200,8 +200,8 @@ class _Overlaps:
 
     @classmethod
     def empty(cls, valid: np.ndarray) -> "_Overlaps":
-        unknown = np.full((2, len(valid)), np.nan)
-        return cls(*unknown, np.zeros(len(valid), dtype=bool), [])
+        now, covered = np.full((2, len(valid)), np.nan)
+        return cls(now, covered, np.zeros(len(valid), dtype=bool), [])
 
     def off(self, limbs_off: np.ndarray, config: VerdictConfig) -> np.ndarray:
         """(T,) bool: the outline, or limbs of such a distance from landmarks, don't lie on the
