@@ -42,6 +42,8 @@ class FusionConfig(Config):
     """The same along the camera's ray, as a share of the distance, if that is more."""
     slow_time_s: float = Field(default=0.5, gt=0)
     """Time in which it forgets itself to 1/e [s]."""
+    lasting_place_m: float = Field(default=0.0, ge=0)
+    """Error of a person's place that lasts, along each axis; it widens error bars alone [m]."""
     slow_turn_deg: float = Field(default=0.5, ge=0)
     unseen_widening: float = Field(default=3.0, ge=1)
     """Factor on the network's error where the person was not seen though the camera is known: the
@@ -70,13 +72,15 @@ OWN_FUSION = FusionConfig(
     place_sigma_m=0.01,
     turn_sigma_deg=2.0,
     pace_share=0.35,
-    slow_place_m=0.03,
+    slow_place_m=0.015,
     slow_along_share=0.03,
+    lasting_place_m=0.02,
     slow_turn_deg=8.0,
 )
 """For poses of the built-in estimator: on real people its distance is off by 2 to 3.5 % for half a
-second at a time, and hips by 2.7 cm across the ray (docs/figures.md); and a network sees a third
-less of a walker's pace in its poses."""
+second at a time, and hips by 2.7 cm across the ray, of which 2 cm last, as landmarks are not quite
+the body's joints (docs/figures.md); and a network sees a third less of a walker's pace in its
+poses."""
 
 
 def fusion_config_of(source: Path) -> FusionConfig:
@@ -178,6 +182,7 @@ def error_bars(
     apart_m = poses.pelvis_m - middle_m
     tilt_rad = np.deg2rad(errors.level_deg) / np.sqrt(2)
     across_m = np.linalg.norm(apart_m[:, :2], axis=1)
+    blocks_m2 = blocks_m2 + config.lasting_place_m**2 * np.eye(3)
     whole_m2 = np.diagonal(blocks_m2, axis1=1, axis2=2) + (errors.scale_share * apart_m) ** 2
     whole_m2[:, 2] += (tilt_rad * across_m) ** 2
     lasting_rad2 = np.deg2rad(config.slow_turn_deg) ** 2 + tilt_rad**2

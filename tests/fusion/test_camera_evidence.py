@@ -190,6 +190,10 @@ def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion):
     seen_m = np.linalg.norm(bars["camera_sigma_m"], axis=1)
     np.testing.assert_allclose(seen_m, 0.07 * away_m)
     np.testing.assert_allclose(bars["turn_sigma_deg"], np.hypot(CONFIG.slow_turn_deg, np.sqrt(2)))
+    lasting = CONFIG.model_copy(update={"lasting_place_m": 0.03})
+    wider = error_bars(poses, moving, lasting, WorldErrors(0.02, 0.07, 2.0))
+    for key in ("place_sigma_m", "camera_sigma_m"):
+        np.testing.assert_allclose(wider[key] ** 2, bars[key] ** 2 + 0.03**2)
     none = error_bars(poses, replace(moving, camera=None), CONFIG, WorldErrors(0.02, 0.07, 2.0))
     assert none["place_sigma_m"].max() == 0 and np.isnan(none["camera_sigma_m"]).all()
 
