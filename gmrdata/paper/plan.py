@@ -375,7 +375,8 @@ def planned_runs(
         shown = "?" if minutes is None else f"{minutes:.1f}"
         rows.append((run, parameters, str(config.steps), state, shown))
     n_left, known = len(left_minutes), [one for one in left_minutes if one is not None]
-    total = f"about {sum(known) / max(1, min(workers, n_left)):.0f} minutes"
+    least = sum(known) / max(1, min(workers, n_left))
+    total = f"at least {least:.0f} minutes, loss and data on top"
     if len(known) < n_left:
         total = "no estimate for those with ?: their device is not here, or their input is unknown"
     return rows, [
