@@ -72,13 +72,13 @@ OWN_FUSION = FusionConfig(
     place_sigma_m=0.01,
     turn_sigma_deg=2.0,
     pace_share=0.35,
-    slow_place_m=0.015,
+    slow_place_m=0.02,
     slow_along_share=0.03,
-    lasting_place_m=0.02,
+    lasting_place_m=0.015,
     slow_turn_deg=8.0,
 )
 """For poses of the built-in estimator: on real people its distance is off by 2 to 3.5 % for half a
-second at a time, and hips by 2.7 cm across the ray, of which 2 cm last, as landmarks are not quite
+second at a time, and hips by 2.7 cm across the ray, much of which lasts, as landmarks are not quite
 the body's joints (docs/figures.md); and a network sees a third less of a walker's pace in its
 poses."""
 
