@@ -93,10 +93,7 @@ def picture_fits(
         SeenLandmarks(one.image_numbers, masks.lens.rays(one.image_px), one.world_m, one.visibility)
         for one in tracks
     ]
-    rays = [_limb_rays(clip, body) for clip, body in zip(clips, bodies, strict=True)]
-    limbs = [
-        _limbs(of, clip.image_numbers, landmarks) for of, clip in zip(rays, clips, strict=True)
-    ]
+    limbs = [_limbs(clip, body, landmarks) for clip, body in zip(clips, bodies, strict=True)]
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
@@ -114,7 +111,8 @@ def picture_fits(
             for row, outline in own.items():
                 elsewhere = _elsewhere(row, outline, others)
                 found[person].now[row] = _at(clip, row, outline, elsewhere, masks)
-                found[person].covered[row] = _covered(clip, row, outline, masks)
+                if found[person].now[row] < config.off_overlap:
+                    found[person].covered[row] = _covered(clip, row, outline, masks)
                 found[person].doubled[row] = _doubled(row, outline, outlines[:person])
                 if row in compared_late[person]:
                     late = [
@@ -124,8 +122,10 @@ def picture_fits(
     fits = []
     for person, (one, (limbs_off, _)) in enumerate(zip(found, limbs, strict=True)):
         fit = _fit(one, lags, one.off(limbs_off, config))
-        if fit and not _limbs_late(rays[person], clips[person], fit.late_frames, landmarks):
-            fit = replace(fit, late_frames=0, late_overlap=fit.overlap)
+        if fit and fit.late_frames:
+            then, _ = _limbs(clips[person], bodies[person], landmarks, fit.late_frames)
+            if not _are_late(limbs_off, then, clips[person].valid):
+                fit = replace(fit, late_frames=0, late_overlap=fit.overlap)
         fits.append(fit)
     return fits
 
@@ -136,24 +136,23 @@ def _evenly(rows: np.ndarray) -> set[int]:
     return set(rows[some].tolist())
 
 
-def _limb_rays(clip: Clip, body: BodyModel) -> np.ndarray:
-    """(T, 33, 2) directions of a body's landmarks from the camera."""
+def _limbs(
+    clip: Clip, body: BodyModel, landmarks: Sequence[SeenLandmarks], late: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) mean distance of limbs from the landmarks, so many frames before, of whom they lie
+    nearest to, in the person's size in the picture, and whether both knees are hidden there; NaN
+    and False where nobody's trunk is about where the body's is.  Landmarks have the numbers of
+    their images for times."""
     motion = clip.motion
     placed_m = landmarks_about(motion.rotmats, body.rest_joints_m(motion.shape))
     placed_m = placed_m + motion.pelvis_m[:, None]
-    return np.asarray(placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M))
-
-
-def _limbs(
-    rays: np.ndarray, image_numbers: np.ndarray, landmarks: Sequence[SeenLandmarks]
-) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) mean distance of limbs from the landmarks of whom they lie nearest to, in the person's
-    size in the picture, and whether both knees are hidden there; NaN and False where nobody's trunk
-    is about where the body's is.  Landmarks have the numbers of their images for times."""
+    rays = placed_m[..., :2] / placed_m[..., 2:].clip(NEAREST_M)
     nearest, hidden = np.full(len(rays), np.nan), np.zeros(len(rays), dtype=bool)
+    rows = np.arange(max(0, late), len(rays) + min(0, late))
+    numbers = clip.image_numbers[rows - late]
     for whole in landmarks:
-        _, at, both = np.intersect1d(image_numbers, whole.times_s, return_indices=True)
-        seen = whole.take(both)
+        _, at, both = np.intersect1d(numbers, whole.times_s, return_indices=True)
+        at, seen = rows[at], whole.take(both)
         apart = np.linalg.norm(rays[at] - seen.rays, axis=-1) / seen.sizes[:, None]
         shown = seen.visibility * (seen.visibility > VISIBLE)
         here = (apart[:, TRUNK].mean(axis=1) < SAME_TRUNK) & (shown[:, LIMBS].sum(1) > FEWEST_LIMBS)
@@ -164,17 +163,11 @@ def _limbs(
     return nearest, hidden
 
 
-def _limbs_late(
-    rays: np.ndarray, clip: Clip, late: int, landmarks: Sequence[SeenLandmarks]
-) -> bool:
-    """Whether limbs, too, lie nearer to people's landmarks of so many frames before: beside who
-    stands still, others who come and go in the mask make any other time look better.  So it is
-    where landmarks don't tell."""
-    rows = np.arange(max(0, late), min(len(rays), len(rays) + late))
-    now, then = (
-        _limbs(rays[rows], clip.image_numbers[at], landmarks)[0] for at in (rows, rows - late)
-    )
-    known = clip.valid[rows] & np.isfinite(now) & np.isfinite(then)
+def _are_late(now: np.ndarray, then: np.ndarray, valid: np.ndarray) -> bool:
+    """Whether limbs, too, lie nearer to people's landmarks of another time: beside who stands
+    still, others who come and go in the mask make any other time look better.  So it is where
+    landmarks don't tell."""
+    known = valid & np.isfinite(now) & np.isfinite(then)
     if known.sum() < FEWEST_FRAMES:
         return True
     return bool(np.median(then[known]) < np.median(now[known]))
@@ -194,7 +187,7 @@ class _Overlaps:
     """Of one person's outline with the masks; NaN where nothing was compared."""
 
     now: np.ndarray  # (T,)
-    covered: np.ndarray  # (T,) share of the outline that is in the mask
+    covered: np.ndarray  # (T,) share of an outline of too little overlap that is in the mask
     doubled: np.ndarray  # (T,) bool: another body lies on the same place
     late: list[list[float]]  # of some frames, by lag
 

@@ -287,7 +287,8 @@ class VerdictConfig(CamerasVerdictConfig):
     however late: front and back are 180 apart, a somersault turns by 100 in 0.1 s [degrees]."""
     off_overlap: float = Field(default=0.5, gt=0, le=1)
     """Overlap, as intersection over union, below which a body does not lie on a person: 0.71 and
-    more for right bodies with errors, 0.45 and less for others' (docs/verdict.md)."""
+    more for right bodies with errors, 0.45 and less for others' (docs/verdict.md).  Where limbs lie
+    on landmarks, the mask need only cover as much of the body."""
     off_limbs: float = Field(default=0.3, gt=0)
     """Mean distance of limbs from a person's landmarks, in the person's size in the picture, beyond
     which a body does not lie on the person: 12 cm or so.  0.2 and less where legs were guessed."""
