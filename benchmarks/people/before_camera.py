@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from people.real import TWELVE, VIEW_HZ, Dance, View
+from poses.score import aligned_mm
 
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import LocalPoses
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
-from gmrdata.values.transforms import fit_similarities
 
 ALONG_SIGMA = 0.042
 """Error of a place along the ray, as a share of the distance, for which `within` is told."""
@@ -63,14 +63,13 @@ def view_row(view: View, poses: LocalPoses, body: BodyModel, doubt: str) -> View
     """The man's poses against his true joints."""
     fps_hz, true_m = VIEW_HZ, view.true_m[poses.frame_numbers]
     found_m = motion_joints_m(body, motion_of(poses, body, fps_hz))[:, TWELVE]
-    off = fit_similarities(true_m, found_m).apply(found_m) - true_m
     hips_m, true_hips_m = found_m[:, 6:8].mean(1), true_m[:, 6:8].mean(1)
     centred = (found_m - hips_m[:, None]) - (true_m - true_hips_m[:, None])
     along = _along(hips_m, true_hips_m) / np.linalg.norm(true_hips_m, axis=1)
     return ViewRow(
         view=view.name,
         frames=len(found_m),
-        pa_mm=float(1000 * np.linalg.norm(off, axis=-1).mean()),
+        pa_mm=float(aligned_mm(found_m, true_m).mean()),
         mpjpe_mm=float(1000 * np.linalg.norm(centred, axis=-1).mean()),
         distance_ratio=float(np.median(hips_m[:, 2] / true_hips_m[:, 2])),
         reversed_share=float((_facing(found_m, true_m) < 0).mean()),

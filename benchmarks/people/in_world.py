@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from people.before_camera import drawn_shirt
 from people.real import TWELVE, Dance, View
+from poses.score import aligned_mm
 
 from gmrdata.fusion.record import load_sigma, sigma_file
 from gmrdata.score.metrics import segment_errors_mm
@@ -14,7 +15,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.skinning import motion_joints_m
-from gmrdata.values.transforms import apply, fit_similarities, fit_similarity, invert, mean_rotation
+from gmrdata.values.transforms import apply, fit_similarity, invert, mean_rotation
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.level import level_from_world
@@ -90,8 +91,7 @@ def beside_row(view: View, solved_dir: Path, body: BodyModel) -> BesideRow:
     quality, number = load_record(solved_dir / PSEUDO_GT), the_man(view, solved_dir, body)
     clip, kept = load_clip(solved_dir / BODIES / person_file(number)), quality.people[number].kept
     found_m, true_m = _hips_m(clip, body)[0][kept], view.true_m[clip.image_numbers[kept]]
-    off = fit_similarities(true_m, found_m).apply(found_m) - true_m
-    pa_mm = 1000 * np.linalg.norm(off, axis=-1).mean(axis=1)
+    pa_mm = aligned_mm(found_m, true_m)
     world_from_cam = camera_of(load_clip(solved_dir / FUSED / person_file(number))).world_from_cam
     level = _level(world_from_cam[:1, :3, :3] @ view.up, quality, number)
     return BesideRow(

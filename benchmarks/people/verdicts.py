@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from people.in_world import the_man
 from people.real import TWELVE, View, tracks_of
+from poses.score import aligned_mm
 from poses.world import of_truth
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
@@ -29,12 +30,12 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.people import BODIES, PSEUDO_GT, PersonFiles, person_file
 from gmrdata.values.skinning import motion_joints_m
-from gmrdata.values.transforms import apply, fit_similarities, invert
+from gmrdata.values.transforms import apply, invert
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord
 from gmrdata.world.judge import load_record
 from gmrdata.world.pseudo_gt import WorldEvidence, config_of, make_pseudo_gt
 
-MOST_PA_M, MOST_WRONG = 0.15, 0.2
+MOST_PA_MM, MOST_WRONG = 150.0, 0.2
 """Error of a frame's joints from which it is wrong, and the share of such frames that is."""
 RIGHT = ("as found", "legs hidden")
 LATE_S = 0.5
@@ -197,8 +198,7 @@ def _wrong_share(
     kept: np.ndarray | None = None,
 ) -> float:
     found_m = motion_joints_m(body, clip.motion)[:, one.joints]
-    apart_m = fit_similarities(one.true_m, found_m).apply(found_m) - one.true_m
-    wrong = np.linalg.norm(apart_m, axis=-1).mean(axis=1) > MOST_PA_M
+    wrong = aligned_mm(found_m, one.true_m) > MOST_PA_MM
     wrong |= np.isin(np.arange(len(wrong)), off_rows)
     counted = clip.valid if kept is None or not kept.any() else kept
     return float(wrong[counted].mean())

@@ -15,6 +15,7 @@ from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.local_poses import LocalPosesConfig, poses_of, seen_landmarks
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
+from gmrdata.score.metrics import aligned_errors_mm
 from gmrdata.solve.request import FOLLOWED, INTRINSICS
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
@@ -75,7 +76,7 @@ def pose_row(clip_dir: Path, work_dir: Path, models_dir: Path) -> PoseRow:
         frames=len(truth.rows),
         of_frames=clip.motion.n_frames,
         focal_ratio=float(intrinsics.focal_px / facts.focal_px),
-        raw_mm=aligned_mm(truth.seen.world_m[:, TWELVE], true_m[:, TWELVE]),
+        raw_mm=float(aligned_mm(truth.seen.world_m[:, TWELVE], true_m[:, TWELVE]).mean()),
         fit_mm=errors["mm"],
         root_deg=errors["root_deg"],
         depth_ratio=errors["depth_ratio"],
@@ -98,16 +99,15 @@ def _errors(truth: TrueTrack, body: BodyModel) -> dict[str, float]:
     joints_m, _ = posed_joints_m(rest_joints_m, rotmats, found.pelvis_m)
     cosines = (np.einsum("tij,tij->t", found.root_rotmats, truth.rotmats[:, 0]) - 1) / 2
     return {
-        "mm": aligned_mm(joints_m, truth.joints_m),
+        "mm": float(aligned_mm(joints_m, truth.joints_m).mean()),
         "root_deg": float(np.median(np.rad2deg(np.arccos(cosines.clip(-1, 1))))),
         "depth_ratio": float(np.median(found.pelvis_m[:, 2] / truth.joints_m[:, 0, 2])),
     }
 
 
-def aligned_mm(found_m: np.ndarray, true_m: np.ndarray) -> float:
-    """PA-MPJPE: mean distance of points (T, J, 3) after each frame's own similarity [mm]."""
-    aligned_m = fit_similarities(true_m, found_m).apply(found_m)
-    return float(1000 * np.linalg.norm(aligned_m - true_m, axis=-1).mean())
+def aligned_mm(found_m: np.ndarray, true_m: np.ndarray) -> np.ndarray:
+    """PA-MPJPE of each frame (T,): mean distance of points (T, J, 3) after its own similarity."""
+    return aligned_errors_mm(found_m, true_m, fit_similarities(true_m, found_m))
 
 
 def means(rows: list[PoseRow]) -> dict[str, Any]:
