@@ -322,13 +322,14 @@ def _decided(
     taken, words = _taken(known, asked, found, size_px)
     notes, objections = [words], [FOLDED] if _folds(taken) else []
     sigma = taken.focal_from.sigma or 0.0
+    other_bend = "" if known is None or found is None else _other_bend(known[0], found, config)
+    if other_bend:
+        objections.append(other_bend)
     if known is not None and asked is not None:
         one = known[0]
         apart = float(np.log(asked.focal_px / one.focal_px[0]))
         both_sigma = float(np.hypot(asked.focal_sigma, one.focal_from.sigma or 0.0))
         words = _compared(one, asked)
-        if other_bend := _other_bend(one, asked, config):
-            objections.append(other_bend)
         if abs(apart) <= max(config.doubt_sigmas * both_sigma, config.object_share):
             notes.append(f"{words}, which agrees." if not other_bend else f"{words}.")
         elif one.focal_from.source == "given" and abs(apart) <= config.object_sigmas * both_sigma:
@@ -358,18 +359,23 @@ def _decided(
     )
 
 
-def _other_bend(known: Lens, asked: AskedLens, config: IntrinsicsConfig) -> str:
-    """Why a distortion that is given is not that of the frames; empty where none is, or it is."""
-    if known.radial_from.source != "given":
+def _other_bend(known: Lens, found: SelfCalibration, config: IntrinsicsConfig) -> str:
+    """Why a distortion that is given is not that of the frames; empty where none is, or it is.
+
+    Frames may show it where they hold no focal length.
+    """
+    if known.radial_from.source != "given" or found.focal is None:
         return ""
-    given_k1, asked_k1 = known.radial[0], asked.radial_k1
-    sigma = float(np.hypot(asked.radial_k1_sigma, known.radial_from.sigma or 0.0))
+    given_k1, asked_k1 = known.radial[0], found.radial_k1
+    # k1 goes with the square of the focal length.
+    own_sigma = float(np.hypot(found.radial_k1_sigma, 2 * asked_k1 * found.focal_sigma))
+    sigma = float(np.hypot(own_sigma, known.radial_from.sigma or 0.0))
     apart = abs(given_k1 - asked_k1)
     # At the corner a point moves by k1 r^2 of its distance from the middle.
     if apart <= max(config.object_sigmas * sigma, config.object_share / known.corner_radius**2):
         return ""
     given = f"The distortion k1 of {given_k1:g} that is given is not that of these frames"
-    return f"{given}, which ask for {asked_k1:.3f} ± {asked.radial_k1_sigma:.3f}."
+    return f"{given}, which ask for {asked_k1:.3f} ± {own_sigma:.3f}."
 
 
 def _taken(
