@@ -22,7 +22,7 @@ def good_quality(n_frames: int, **figures: Any) -> CamerasQuality:
         "geometry": "full",
         "mapper": "global",
         "evidence": EVIDENCE,
-        "bent_model_set_aside": False,
+        "travel_set_aside": None,
         "frames": n_frames,
         "frames_with_camera": n_frames,
         "registered_share": 1.0,

@@ -161,8 +161,9 @@ class CamerasQuality(records.Record):
     geometry: Geometry
     mapper: Mapper
     evidence: Evidence
-    bent_model_set_aside: bool
-    """Whether a model with six degrees of freedom was there and was not trusted."""
+    travel_set_aside: Figure | None
+    """How far the camera travels in a model of six degrees of freedom that was not trusted, as a
+    share of the background's distance; null where none was set aside."""
     frames: PositiveInt
     frames_with_camera: NonNegativeInt
     registered_share: Figure

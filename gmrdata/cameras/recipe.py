@@ -141,7 +141,8 @@ class ChoiceConfig(Config):
     least_covered: float = Field(default=0.5, ge=0, le=1)
     """Share of the picture's cells that a turn must explain: a logo stays in its place too."""
     vague_focal: float = Field(default=0.02, ge=0)
-    """A model whose focal length is more uncertain is held by little parallax."""
+    """A model whose focal length is more uncertain, and that no second one confirms, is held by
+    little parallax."""
 
 
 class SecondConfig(Config):
@@ -289,6 +290,12 @@ class CamerasVerdictConfig(Config):
     min_frames_in_place: int = Field(default=10, ge=0)
     """Frames that a camera needs that is said to stay in its place: over fewer it hardly leaves it
     anyway."""
+    max_travel_set_aside: float = Field(default=0.025, gt=0)
+    """Share of the background's distance that a camera may have travelled, by a path that does not
+    hold, and still be said to stay in its place."""
+    max_turn_wide_median_px: float = Field(default=1.5, gt=0)
+    """Median residual of a turn in the worst tenth of the pairs, above which that counts: what
+    moves before a camera at rest leaves most matches in their place [px]."""
     min_inliers: int = Field(default=25, ge=0)
     """Background points or matches that hold a frame's camera."""
     max_turn_deg_per_s: float = Field(default=500.0, gt=0)

@@ -25,6 +25,7 @@ from gmrdata.cameras.map.mapping import (
     refine_mapped,
 )
 from gmrdata.cameras.map.models import weakest_step
+from gmrdata.cameras.map.refinement import background_distance
 from gmrdata.cameras.map.rotation_only import (
     RotationOnly,
     refine_turning,
@@ -182,12 +183,12 @@ def _solve_by(
         keys = keys.but_matched(matches)
         mapped = without_seen_again(matches, config.mapping)
         keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
-        solution, evidence, bent = _solve_keyframes(keyed, work_dir)
+        solution, evidence, set_aside = _solve_keyframes(keyed, work_dir)
     except NoReconstruction as error:
         why = f"{error.why}{cuts_in_words(frames.numbers[keys.cuts])}"
         raise NoReconstruction(why, error.frames_dir) from None
     filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
-    quality = quality_of(solution, marks, evidence, keys, bent, frames.size_px)
+    quality = quality_of(solution, marks, evidence, keys, set_aside, frames.size_px)
     return replace(solution, world_from_cam=filled), quality
 
 
@@ -219,8 +220,9 @@ class _Keyed:
         )
 
 
-def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence, bool]:
-    """All frames by their keyframes; the evidence; and whether a bent model was set aside."""
+def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence, float | None]:
+    """All frames by their keyframes; the evidence; and how far the camera travels in a bent model
+    that was set aside."""
     config, turning = keyed.config, keyed.turning(keyed.matches)
     evidence = weigh(turning, keyed.matches, config)
     turns = evidence.verdict == "rotation_only"
@@ -234,14 +236,15 @@ def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence,
     bent = mapped is not None and is_bent(mapped, turning, config)
     unsure = evidence.verdict == "either"
     if turns or bent or (unsure and not explains_better(mapped, turning, config)):
-        return _as_turning(keyed, turning, matches), evidence, bent
+        set_aside = travel_share(mapped) if mapped is not None and bent else None
+        return _as_turning(keyed, turning, matches), evidence, set_aside
     if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
             f"{len(keyed.matches.pairs)} pairs of frames match, but no mapper could build a model; "
             f"{_why_unsolved(len(keyed.rows), evidence, config)}",
             keyed.frames.images[0].parent,
         )
-    return _as_mapped(keyed, mapped, matches), evidence, bent
+    return _as_mapped(keyed, mapped, matches), evidence, None
 
 
 def _mapped(keyed: _Keyed, work_dir: Path, *, turns: bool) -> tuple[Solution | None, Matches]:
@@ -322,8 +325,9 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
 
     Over a way that is short beside the distance of the background, turning and travelling look
     alike, and a mapper may trade one for the other.  Such a model asks for another focal length
-    than the true one, or can't tell which it needs, or a part of the keyframes gives another path.
-    One of few keyframes does not tell how far the camera travels over all.
+    than the true one, or a part of the keyframes gives another path; where no part says which, it
+    can't tell the focal length.  One of few keyframes does not tell how far the camera travels over
+    all.
     """
     if mapped.has_camera.mean() < config.second.most_of_them:
         return False
@@ -332,9 +336,19 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
         return False
     if not hardly_travels(mapped, config.small_travel_share):
         return False
-    enough = mapped.is_confirmed_by(config.second.most_of_them)
-    if enough and disagreement(mapped, config) > config.second.agreeing_share:
+    confirmed = mapped.is_confirmed_by(config.second.most_of_them)
+    if confirmed and disagreement(mapped, config) > config.second.agreeing_share:
         return True
-    if (focal := mapped.focal) is None or focal.sigma > config.choice.vague_focal:
+    if (focal := mapped.focal) is None:
+        return True
+    # A part that gives the same path says more than a short way can of the focal length.
+    if not confirmed and focal.sigma > config.choice.vague_focal:
         return True
     return abs(focal.factor - 1.0) > 3 * focal.sigma
+
+
+def travel_share(mapped: Solution) -> float:
+    """How far a model's cameras are apart, as a share of the background's distance."""
+    centres = mapped.world_from_cam[mapped.has_camera, :3, 3]
+    extent = float(np.linalg.norm(np.ptp(centres, axis=0)))
+    return extent / background_distance(centres, mapped.points)

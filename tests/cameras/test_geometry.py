@@ -18,7 +18,7 @@ from gmrdata.cameras.map.rotation_only import RotationOnly
 from gmrdata.cameras.map.solution import Solution
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.reconstruct import is_bent
+from gmrdata.cameras.reconstruct import is_bent, travel_share
 from gmrdata.values import transforms
 
 CONFIG = SfmConfig()
@@ -84,6 +84,22 @@ def test_a_short_way_is_bent_if_every_second_keyframe_goes_another():
         assert is_bent(again, turning(0.9), CONFIG) is bent
         # A second model of few of them says nothing.
         assert not is_bent(replace(again, second_share=0.5), turning(0.9), CONFIG)
+
+
+@pytest.mark.parametrize(
+    ("focal", "share", "bent"),
+    [
+        (FreedFocal(1.009, 0.021), 0.0025, False),
+        (FreedFocal(1.03, 0.043), 0.0015, False),
+        (FreedFocal(1.03, 0.043), 0.02, True),
+        (FreedFocal(0.87, 0.0125), 0.001, True),  # a turn with a lens that is 15 % too long
+    ],
+)
+def test_a_short_way_that_others_confirm_need_not_show_the_focal_length(focal, share, bent):
+    """Of 20 frames of the dancer, 20 cm of way: called bent, they stood in their place."""
+    found = replace(mapped(0.5, focal), second_share=1.0, agreement=Agreement(6, 0.1, share))
+    assert is_bent(found, turning(1.38), CONFIG) is bent
+    assert travel_share(found) == pytest.approx(0.05, rel=0.01)
 
 
 def test_where_the_camera_hardly_travels_both_solutions_begin_again_until_they_agree(

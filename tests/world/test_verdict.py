@@ -18,7 +18,7 @@ from gmrdata.world.judge import SolvedCameras, judge, telling_rows
 from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.recipe import CueEstimate, Doubts, Dropped, Verdict, VerdictConfig, verdict_of
 from gmrdata.world.scale import ScaleEstimate, fuse
-from tests.reconstructions import good_quality
+from tests.reconstructions import EVIDENCE, good_quality
 
 N, FPS_HZ = 90, 30.0
 ROWS = np.arange(N)
@@ -114,6 +114,11 @@ def test_a_good_sequence_is_accepted_whole(clip):
         ),
         ({"agreement": Agreement(9, 0.3, 0.08)}, "8.0% of its way off, more than 3.0%"),
         (
+            {"travel_set_aside": 0.042},
+            "travels by about 4.2% of the background's distance, more than 2.5%, and no path of it "
+            "holds: a turn in its place leaves 9.0 px in the worst pairs, more than 1.5",
+        ),
+        (
             {"focal_factor": 0.95, "focal_sigma": 0.015},
             "0.95 times the one in use (standard error 0.01; 1% and 2 of these may be off)",
         ),
@@ -122,6 +127,12 @@ def test_a_good_sequence_is_accepted_whole(clip):
 def test_a_sequence_that_misses_a_threshold_is_rejected_with_both_figures(clip, figures, reason):
     verdict = judged(clip, good_quality(N, **figures))
     assert not verdict.accepted and len(verdict.reasons) == 1 and reason in verdict.reasons[0]
+
+
+def test_a_path_set_aside_rejects_nothing_that_is_short_or_where_a_turn_explains_the_pairs(clip):
+    explained = replace(EVIDENCE, rotation_only_wide_median_px=1.4)
+    for figures in ({"travel_set_aside": 0.02}, {"travel_set_aside": 0.09, "evidence": explained}):
+        assert judged(clip, good_quality(N, **figures)).accepted
 
 
 @pytest.mark.parametrize(("loose", "moving"), [(0.0014, 0.05), (0.0002, 0.6), (0.005, 0.0)])

@@ -36,6 +36,7 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
             f"{quality.frames} frames, fewer than {config.min_frames_in_place}, do not tell a "
             "camera that stays in its place from one that travels"
         )
+    yield from _travel_reasons(quality, config)
     error_px, most_px = quality.mean_reprojection_px, config.max_reprojection_px
     if error_px > most_px:
         yield f"the mean reprojection error is {error_px:.2f} px, more than {most_px:g} px"
@@ -54,6 +55,21 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
         )
     if (again := quality.agreement) is not None:
         yield from agreement_reasons("a part of the keyframes, solved alone,", again, config)
+
+
+def _travel_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
+    """Why a camera that is said to stay in its place may not: what moves before a camera at rest
+    leaves most matches of each pair in their place."""
+    travel, off_px = quality.travel_set_aside, quality.evidence.rotation_only_wide_median_px
+    if travel is None or travel <= config.max_travel_set_aside:
+        return
+    if off_px > config.max_turn_wide_median_px:
+        yield (
+            f"the camera travels by about {travel:.1%} of the background's distance, more than "
+            f"{config.max_travel_set_aside:.1%}, and no path of it holds: a turn in its place "
+            f"leaves {off_px:.1f} px in the worst pairs, more than "
+            f"{config.max_turn_wide_median_px:g}; travel further, or stay in place"
+        )
 
 
 def agreement_reasons(what: str, again: Agreement, config: CamerasVerdictConfig) -> Iterator[str]:

@@ -133,7 +133,7 @@ def quality_of(
     interpolated: np.ndarray,
     evidence: files.Evidence,
     keys: Keyframes,
-    bent_model_set_aside: bool,
+    travel_set_aside: float | None,
     size_px: tuple[int, int],
 ) -> files.CamerasQuality:
     """The figures of a solution, and which of its gaps are to be filled, (T,) bool."""
@@ -146,7 +146,7 @@ def quality_of(
         geometry=solution.geometry,
         mapper=solution.mapper,
         evidence=evidence,
-        bent_model_set_aside=bent_model_set_aside,
+        travel_set_aside=travel_set_aside,
         frames=n_frames,
         frames_with_camera=n_found,
         registered_share=n_found / n_frames,
