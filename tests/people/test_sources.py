@@ -205,7 +205,10 @@ def test_both_senses_and_namings_become_ours(name, masked_value, noise_dir, tmp_
         assert np.array_equal(read_gray(out_dir / f"{stem}.png"), 255 * DYNAMIC)
 
 
+SPREAD = np.zeros(SIZE, np.uint8)  # three objects, whose numbers were spread from black to white
+SPREAD[10:40, 2:20], SPREAD[10:40, 22:40], SPREAD[10:40, 42:60] = 85, 170, 255
 NO_MASKS = {
+    "spread numbers": (SPREAD, "numbers of objects, one of them as dark as 85 of 255"),
     "number": (DYNAMIC * np.uint8(1), "numbers of objects, none of them brighter than 1 of 255"),
     "numbers of 16 bits": (DYNAMIC * np.uint16(200), "brighter than 200 of 65535"),
     "dark colour": (DYNAMIC[..., None] * np.uint8([0, 0, 128]), "holds colours"),
@@ -233,6 +236,7 @@ def test_what_is_no_mask_is_refused_by_name(kind, masked_value, noise_dir, tmp_p
         lambda mask: np.dstack([mask] * 3),
         lambda mask: np.dstack([mask] * 3 + [np.full_like(mask, 255)]),
         lambda mask: np.maximum(mask, 100),
+        lambda mask: np.maximum(mask, cv2.dilate(mask, np.ones((9, 9))) // 3),
     ],
 )
 def test_masks_may_be_stored_otherwise(as_stored, noise_dir, tmp_path):
