@@ -11,7 +11,13 @@ from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, load_intrinsics
-from gmrdata.people.sources import FolderSource, network_files, sources_dir, without_files
+from gmrdata.people.sources import (
+    FolderSource,
+    network_files,
+    sources_dir,
+    with_absolute_files,
+    without_files,
+)
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.video import VideoConfig, has_times
 from gmrdata.read.video_files import FoundVideos, NamedVideo, find_videos, with_poses
@@ -324,13 +330,15 @@ def _with_files(videos: Sequence[NamedVideo], batch: Batch) -> Batch:
     request = batch.request
     if not any(batch.of(video).people for video in videos):
         batch = replace(batch, config=batch.config.for_cameras_alone)
-    config = batch.config
-    files = {} if config.masks is None else network_files(config.masks)
+    config, files = batch.config, dict[str, Path]()
+    if config.masks is not None:
+        masks = with_absolute_files(config.masks)
+        config, files = config.model_copy(update={"masks": masks}), network_files(masks)
     if request.lens is not None and request.lens.file is not None:
         path = request.lens.file.absolute()
         files |= {"intrinsics": path}
         request = replace(request, lens=request.lens.model_copy(update={"file": path}))
-    batch = replace(batch, files=files, request=request)
+    batch = replace(batch, config=config, files=files, request=request)
     if not any(batch.of(video).people for video in videos):
         return batch
     if isinstance(request.people, EstimatedPeople):

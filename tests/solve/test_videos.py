@@ -1,13 +1,17 @@
 """A batch of folders of images, some of which have times."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from gmrdata import solve_videos
+from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.frames import write_gray
 from gmrdata.read.video import extract_video
-from gmrdata.solve.request import SolveConfig
-from gmrdata.solve.videos import Videos
+from gmrdata.read.video_files import NamedVideo
+from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
+from gmrdata.solve.videos import Batch, Videos, _with_files
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 from tests.read.videos import make_video
@@ -38,3 +42,21 @@ def test_folders_that_were_extracted_from_videos_have_times(tmp_path):
         rates_hz("bc")
     with pytest.raises(BadRecipe, match=r"a: a video has its own times\. Leave --fps-hz out"):
         rates_hz("ab", 30.0)
+
+
+def test_a_worker_in_another_folder_finds_the_networks(tmp_path, monkeypatch):
+    """Each video failed there: the detector's path counted from where the worker ran."""
+    monkeypatch.chdir(tmp_path)
+    names = ("net.onnx", "net.tflite")
+    for name in names:
+        (tmp_path / name).touch()
+    detector, landmarks = map(Path, names)
+    source = PersonSource(model=detector, landmarks=landmarks)
+    config = SolveConfig(masks=MasksConfig(sources=(source,)))
+    video = NamedVideo("walk", tmp_path / "walk.mp4")
+    batch = Batch(tmp_path / "out", SolveRequest(Path(), EstimatedPeople()), config)
+    found = _with_files([video], batch)
+    own = [tmp_path / name for name in names]
+    assert [*found.config.networks.values()] == [*found.own_files.values()] == own
+    assert [*found.files.values()] == own
+    assert found.recipe(video) == batch.recipe(video)
