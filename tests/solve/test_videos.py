@@ -2,18 +2,17 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gmrdata import solve_videos
 from gmrdata.people.sources import MasksConfig, PersonSource
-from gmrdata.read.frames import write_gray
 from gmrdata.read.video import extract_video
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
 from gmrdata.solve.videos import Batch, Videos, _with_files
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
+from tests.frame_sets import grey_images
 from tests.read.videos import make_video
 
 
@@ -21,9 +20,7 @@ def test_folders_that_were_extracted_from_videos_have_times(tmp_path):
     """A batch of them was refused with a rate, and without."""
     for name, rate_hz in (("a", 10), ("b", 20)):
         extract_video(make_video(tmp_path / f"{name}.mp4", rate_hz=rate_hz), tmp_path / name)
-    (tmp_path / "c").mkdir()
-    for number in range(3):
-        write_gray(tmp_path / "c" / f"{number}.png", np.full((48, 64), 128, np.uint8))
+    grey_images(tmp_path / "c")
 
     def rates_hz(names: str, fps_hz: float | None = None) -> list[float | None]:
         record = solve_videos(
