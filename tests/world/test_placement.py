@@ -16,9 +16,10 @@ from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.people import EstimatedPeople, Pinhole
 from gmrdata.world.placement import PlacedBody, assumed_place, place_body
+from tests.damage import bytes_changed, read_or_refused
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files
 from tests.read.system_files import Seen, write_joblib, write_seen_tram, write_torch
@@ -232,18 +233,10 @@ def test_what_a_result_lacks_is_named(tmp_path, seen):
 @given(data=st.data())
 def test_any_cut_or_changed_file_is_read_or_refused(data, files, tmp_path_factory):
     system = data.draw(st.sampled_from(["vibe", "wham", "gvhmr", "phalp"]))
-    content = bytearray(files[0.0][system].read_bytes())
-    at = data.draw(st.integers(0, len(content) - 1))
-    if data.draw(st.booleans()):
-        content = content[:at]
-    else:
-        content[at] = data.draw(st.integers(0, 255))
-    path = tmp_path_factory.mktemp("changed") / files[0.0][system].name
-    path.write_bytes(bytes(content))
-    try:
-        read(path)
-    except GmrdataError as error:
-        assert path.name in str(error)
+    whole = files[0.0][system].read_bytes()
+    cut = whole[: data.draw(st.integers(0, len(whole) - 1))]
+    content = cut if data.draw(st.booleans()) else bytes_changed(data, whole, most=1)
+    read_or_refused(tmp_path_factory.mktemp("changed") / files[0.0][system].name, content, read)
 
 
 def test_several_people_with_gaps_keep_their_frames(walk, seen, neutral, tmp_path):
