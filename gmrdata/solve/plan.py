@@ -79,14 +79,11 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     }
     stages = [name for name, is_on in asked.items() if is_on]
     planned = plan_stages(request.source, request.part, stages, alone=people is None)
-    n_pixels, shrink = planned.size_px[0] * planned.size_px[1], _shrink(planned.size_px, config)
+    n_pixels = planned.size_px[0] * planned.size_px[1]
+    shrink = min(1.0, config.sfm.max_image_size_px / max(planned.size_px))
     image_mb = MASKS_MB * asked["masks"] + (PIXEL_MB * n_pixels * shrink**2 if shrink < 1 else 0.0)
     image_mb += JPEG_MB * n_pixels / (1280 * 720) if is_video(request.source) else 0.0
     return planned._replace(disk_gb=planned.n_images * image_mb / 1e3)
-
-
-def _shrink(size_px: tuple[int, int], config: SolveConfig) -> float:
-    return min(1.0, config.sfm.max_image_size_px / max(size_px))
 
 
 def plan_stages(

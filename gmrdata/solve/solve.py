@@ -23,7 +23,6 @@ from gmrdata.people.sources import (
     MasksConfig,
     OnnxSource,
     PersonSource,
-    source_names,
     sources_dir,
 )
 from gmrdata.read.bodies import body_file, keep_body
@@ -404,7 +403,7 @@ def people_masks(
     in a folder.
     """
     found: dict[bool, PeopleMasks] = {}
-    for name, source in zip(source_names(config.sources), config.sources, strict=True):
+    for name, source in config.named:
         if isinstance(source, OF_PICTURES):
             boxed = isinstance(source, OnnxSource)
             masks = PeopleMasks(
