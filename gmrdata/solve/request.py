@@ -8,7 +8,7 @@ from typing import Self
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, Intrinsics, IntrinsicsConfig
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.local_poses import LocalPosesConfig
-from gmrdata.people.sources import MasksConfig, PersonSource
+from gmrdata.people.sources import MasksConfig, PersonSource, SilhouetteSource
 from gmrdata.read.systems.result import read_system
 from gmrdata.read.video import VideoConfig, has_times
 from gmrdata.read.video_files import NamedVideo
@@ -179,9 +179,13 @@ def people_of(
     """Who is sought in pictures, and the file or folder of another system's results.
 
     Without the networks of the built-in estimator, where nobody asked for its people, that is said.
-    BadRecipe for rows of every n-th frame, which only a system's file has, and for what is said of
-    people where cameras alone are asked for.
+    BadRecipe for masks of bodies, which aren't known yet, for rows of every n-th frame, which only
+    a system's file has, and for what is said of people where cameras alone are asked for.
     """
+    masks = () if config.masks is None else config.masks.sources
+    if any(isinstance(source, SilhouetteSource) for source in masks):
+        what = "silhouette needs a body before any camera is known. Use person"
+        raise BadRecipe(f"--masks: {what}")
     if poses is not SEEN and str(poses) not in (OWN, NOBODY):
         return None, Path(poses)
     if config.bodies.frames_per_row > 1:

@@ -106,6 +106,15 @@ def test_rows_of_every_second_frame_are_of_a_systems_file(tmp_path, poses):
     assert not (tmp_path / "out").exists()
 
 
+def test_masks_of_bodies_are_refused_before_frames_are_written(tmp_path):
+    """Of a recipe without sources, too, it was said at the masks, with a flag of another verb."""
+    for poses in (None, "none", tmp_path / "wham_output.pkl"):
+        config = SolveConfig(masks=MasksConfig(max_masked_share=0.8))
+        with pytest.raises(BadRecipe, match="silhouette needs a body before any camera is known"):
+            solve_video(tmp_path / "walk.mp4", tmp_path / "out", poses=poses, config=config)
+        assert not (tmp_path / "out").exists()
+
+
 def test_a_source_that_is_not_there_is_said_first(tmp_path):
     with pytest.raises(MissingInput, match=r"gone.mp4: no such video, or folder of images"):
         solve_video(tmp_path / "gone.mp4", tmp_path / "out", poses="none")
