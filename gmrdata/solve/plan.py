@@ -14,6 +14,7 @@ from gmrdata.solve.request import (
     EstimatedPeople,
     SolveConfig,
     SolveRequest,
+    paths_of,
     people_of,
 )
 from gmrdata.solve.videos import Batch, prepared
@@ -120,7 +121,7 @@ class Plan(NamedTuple):
 
 
 def plan_videos(
-    sources: Sequence[str | Path],
+    sources: str | Path | Sequence[str | Path],
     *,
     poses: str | Path | None = SEEN,
     body: str = "anny",
@@ -132,7 +133,7 @@ def plan_videos(
 ) -> Plan:
     """The plan of `solve_video`, or for several of `solve_videos`, and about how long it takes on
     two cores; nothing is made.  Heights and gravity change neither.  Errors as there."""
-    paths = [Path(source) for source in sources]
+    paths = paths_of(sources)
     people, results = people_of(poses, body, config, gravity)
     request = SolveRequest(paths[0], people, lens, fps_hz, part)
     found = find_videos(paths)

@@ -1,6 +1,6 @@
 """What is asked of one sequence: its frames, what is known of them, and its stages' recipe."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -163,6 +163,12 @@ class Solved:
     remarks: tuple[str, ...] = ()  # what one should know of them
     world_dir: Path | None = None
     unsolved: NoReconstruction | None = None  # why there are no cameras, or no world
+
+
+def paths_of(sources: str | Path | Sequence[str | Path]) -> list[Path]:
+    """Sources as paths; one that is no list of them is a source, not its letters."""
+    listed = [sources] if isinstance(sources, str | Path) else sources
+    return [Path(source) for source in listed]
 
 
 SEEN, OWN, NOBODY = None, "own", "none"

@@ -35,6 +35,7 @@ from gmrdata.solve.request import (
     EstimatedPeople,
     SolveConfig,
     SolveRequest,
+    paths_of,
     people_of,
 )
 from gmrdata.solve.solve import chosen_body, solve
@@ -242,7 +243,7 @@ def solve_video(
 
 
 def solve_videos(
-    sources: Sequence[str | Path],
+    sources: str | Path | Sequence[str | Path],
     out_dir: str | Path,
     *,
     poses: str | Path | None = SEEN,
@@ -271,9 +272,10 @@ def solve_videos(
         StageFailed: some videos failed; the record lists them, and the others are done.
         BadRecipe, MissingInput: of what was given.
     """
-    found = find_videos([Path(source) for source in sources])
+    paths = paths_of(sources)
+    found = find_videos(paths)
     if found is None:
-        raise BadRecipe(f"{sources[0]}: is one video. Use solve_video")
+        raise BadRecipe(f"{paths[0]}: is one video. Use solve_video")
     config = config.with_heights(height_m)
     people, results_dir = people_of(poses, body, config)
     request = SolveRequest(Path(), people, lens, fps_hz, part)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata import solve_videos
+from gmrdata import plan_videos, solve_videos
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.video import extract_video
 from gmrdata.read.video_files import NamedVideo
@@ -39,6 +39,18 @@ def test_folders_that_were_extracted_from_videos_have_times(tmp_path):
         rates_hz("bc")
     with pytest.raises(BadRecipe, match=r"a: a video has its own times\. Leave --fps-hz out"):
         rates_hz("ab", 30.0)
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_folder_that_is_in_no_list_is_one_source(kind, tmp_path):
+    """Its letters were sought as videos; a path could not be gone through."""
+    (tmp_path / "clips").mkdir()
+    walk = make_video(tmp_path / "clips" / "walk.mp4")
+    assert plan_videos(kind(walk), poses="none").is_of_one
+    planned = plan_videos(kind(walk.parent), poses="none", config=SolveConfig(masks=None))
+    assert [row[0] for row in planned.rows] == ["walk", "all"]
+    with pytest.raises(BadRecipe, match=r"walk\.mp4: is one video\. Use solve_video"):
+        solve_videos(kind(walk), tmp_path / "out", poses="none")
 
 
 def test_a_worker_in_another_folder_finds_the_networks(tmp_path, monkeypatch):
