@@ -166,8 +166,11 @@ class Solved:
 
 
 def paths_of(sources: str | Path | Sequence[str | Path]) -> list[Path]:
-    """Sources as paths; one that is no list of them is a source, not its letters."""
+    """Sources as paths; one that is no list of them is a source, not its letters.  BadRecipe for
+    none, as a pattern that fits no file gives."""
     listed = [sources] if isinstance(sources, str | Path) else sources
+    if not listed:
+        raise BadRecipe("nothing given. Name a video, or a folder of numbered images or of videos")
     return [Path(source) for source in listed]
 
 

@@ -53,6 +53,15 @@ def test_a_folder_that_is_in_no_list_is_one_source(kind, tmp_path):
         solve_videos(kind(walk), tmp_path / "out", poses="none")
 
 
+def test_no_source_at_all_is_refused(tmp_path):
+    """A pattern that fitted no file left an empty record, as if all were done."""
+    with pytest.raises(BadRecipe, match=r"nothing given\. Name a video"):
+        solve_videos([], tmp_path / "out", poses="none")
+    with pytest.raises(BadRecipe, match=r"nothing given\. Name a video"):
+        plan_videos([], poses="none")
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_worker_in_another_folder_finds_the_networks(tmp_path, monkeypatch):
     """Each video failed there: the detector's path counted from where the worker ran."""
     monkeypatch.chdir(tmp_path)
