@@ -1,6 +1,6 @@
 """What a dry run says: how many images there are, and about how long each stage takes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -121,7 +121,7 @@ class Plan(NamedTuple):
 
 
 def plan_videos(
-    sources: str | Path | Sequence[str | Path],
+    sources: str | Path | Iterable[str | Path],
     *,
     poses: str | Path | None = SEEN,
     body: str = "anny",

@@ -1,6 +1,6 @@
 """What is asked of one sequence: its frames, what is known of them, and its stages' recipe."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -165,13 +165,14 @@ class Solved:
     unsolved: NoReconstruction | None = None  # why there are no cameras, or no world
 
 
-def paths_of(sources: str | Path | Sequence[str | Path]) -> list[Path]:
+def paths_of(sources: str | Path | Iterable[str | Path]) -> list[Path]:
     """Sources as paths; one that is no list of them is a source, not its letters.  BadRecipe for
     none, as a pattern that fits no file gives."""
     listed = [sources] if isinstance(sources, str | Path) else sources
-    if not listed:
+    paths = [Path(source) for source in listed]
+    if not paths:
         raise BadRecipe("nothing given. Name a video, or a folder of numbered images or of videos")
-    return [Path(source) for source in listed]
+    return paths
 
 
 SEEN, OWN, NOBODY = None, "own", "none"

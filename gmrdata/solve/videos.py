@@ -1,7 +1,7 @@
 """Many videos as one batch: each a job of its own with a line for it, and one record of all."""
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -243,7 +243,7 @@ def solve_video(
 
 
 def solve_videos(
-    sources: str | Path | Sequence[str | Path],
+    sources: str | Path | Iterable[str | Path],
     out_dir: str | Path,
     *,
     poses: str | Path | None = SEEN,

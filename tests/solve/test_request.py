@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata import solve_video
+from gmrdata import SequenceConfig, solve_sequence, solve_video
 from gmrdata.cameras.files import Distortion
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.sources import FolderSource, MasksConfig
@@ -113,6 +113,13 @@ def test_masks_of_bodies_are_refused_before_frames_are_written(tmp_path):
         with pytest.raises(BadRecipe, match="silhouette needs a body before any camera is known"):
             solve_video(tmp_path / "walk.mp4", tmp_path / "out", poses=poses, config=config)
         assert not (tmp_path / "out").exists()
+
+
+def test_a_sequence_without_people_is_refused(tmp_path):
+    frames, config = grey_images(tmp_path / "frames"), SequenceConfig(masks=None)
+    with pytest.raises(MissingInput, match="frames: nobody is given"):
+        solve_sequence(frames, (), tmp_path / "out", config)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_source_that_is_not_there_is_said_first(tmp_path):
