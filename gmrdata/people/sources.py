@@ -213,7 +213,8 @@ def masks_named(
             elif name.endswith(".yaml"):
                 recipe = load_recipe(find_recipe(name), MasksRecipe)
                 sources += recipe.sources
-                settings = dict(_settings(recipe, UnionConfig))
+                said = UnionConfig.model_fields.keys() & recipe.model_fields_set
+                settings |= {key: getattr(recipe, key) for key in said}
             elif Path(name).is_dir():
                 sources.append(FolderSource(path=Path(name)))
             else:

@@ -106,6 +106,11 @@ def test_a_recipe_file_brings_its_settings(tmp_path):
     config = masks_named(("silhouette", str(path)))
     assert [source.kind for source in config.sources] == ["silhouette", "onnx"]
     assert config.max_masked_share == 0.4
+    other = tmp_path / "other.yaml"  # which says nothing of it, and set it back to 0.9
+    other.write_text("recipe: masks\nsources: [{kind: person}]\n")
+    for files in ((path, other), (other, path)):
+        config = masks_named([str(file) for file in files])
+        assert len(config.sources) == 2 and config.max_masked_share == 0.4
 
 
 @pytest.mark.parametrize(
