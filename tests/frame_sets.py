@@ -1,9 +1,10 @@
-"""A FrameSet without images, for those who ask only for numbers, times and size."""
+"""A FrameSet without images, for those who ask only for numbers, times and size; even images."""
 
 from pathlib import Path
 
 import numpy as np
 
+from gmrdata.read.frames import write_gray
 from gmrdata.values.frame_set import FrameSet
 
 
@@ -22,3 +23,10 @@ def frame_set(
         times_s=np.arange(n) / fps_hz,
         rate_hz=fps_hz,
     )
+
+
+def grey_images(folder: Path, n: int = 3) -> Path:
+    """A folder of images 0.png, 1.png, ... of 64x48 px in which nothing is to be seen."""
+    for number in range(n):
+        write_gray(folder / f"{number}.png", np.full((48, 64), 128, np.uint8))
+    return folder

@@ -299,9 +299,6 @@ def _masks(
     flags.need(names, "a source of masks: --masks person, or none")
     if names == NO_MASKS:
         return None
-    if "silhouette" in names:
-        what = "silhouette needs a body before any camera is known. Use person"
-        raise BadRecipe(f"--masks: {what}")
     config = masks_named(names, **vars(networks.absolute()))
     try:
         network_files(config.for_cameras_alone if str(poses) == NOBODY else config)

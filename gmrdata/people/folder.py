@@ -21,6 +21,7 @@ from gmrdata.values.records import Config, Figure, Record, figure
 RECORD_FILE = "masks.json"
 NAMED_FRAMES = 5
 MOST_OBJECTS = 16  # grey values of a mask of numbered objects; a faint soft mask has more
+OBJECT_PX = 15  # side of a square of one grey that no soft edge has
 
 
 class FolderMaskConfig(Config):
@@ -91,11 +92,23 @@ def _read_mask(path: Path, size_px: tuple[int, int]) -> np.ndarray:
         what = "is see-through in part"
     elif image.ndim == 3 and not (image[..., :3] == grey[..., None]).all():
         what = "holds colours"
-    elif 0 < (highest := int(grey.max())) <= white // 2 and len(np.unique(grey)) <= MOST_OBJECTS:
-        what = f"holds numbers of objects, none of them brighter than {highest} of {white}"
+    elif len(levels := np.flatnonzero(np.bincount(grey.ravel()))) <= MOST_OBJECTS:
+        if 0 < levels[-1] <= white // 2:
+            what = f"holds numbers of objects, none of them brighter than {levels[-1]} of {white}"
+        elif dark := _dark_objects(grey, levels[1:][levels[1:] <= white // 2]):
+            what = f"holds numbers of objects, one of them as dark as {dark[0]} of {white}"
     if what is not None:
         raise BadFrames(f"{path}: {what}; write 255 where a mask is set, else 0")
     return grey if white == 255 else (grey >> 8).astype(np.uint8)
+
+
+def _dark_objects(grey: np.ndarray, levels: np.ndarray) -> list[int]:
+    """Those of some grey values that whole areas have: numbers of objects that were spread from
+    black to white, of which the darker half would not count as masked."""
+    import cv2
+
+    square = np.ones((OBJECT_PX, OBJECT_PX), np.uint8)
+    return [n for n in levels.tolist() if cv2.erode((grey == n).astype(np.uint8), square).any()]
 
 
 def find_mask(masks_dir: Path, image: Path) -> Path:

@@ -122,6 +122,15 @@ class MasksConfig(UnionConfig):
     """Where masks come from; a pixel is masked if any source says so."""
 
     @property
+    def named(self) -> list[tuple[str, MaskSource]]:
+        """Each source beside its name: the kind, numbered where it occurs more than once."""
+        kinds = [source.kind for source in self.sources]
+        return [
+            (f"{kind}_{kinds[: place + 1].count(kind)}" if kinds.count(kind) > 1 else kind, source)
+            for place, (kind, source) in enumerate(zip(kinds, self.sources, strict=True))
+        ]
+
+    @property
     def show_people(self) -> bool:
         """Whether some tell where people are, as bodies that are right lie on them."""
         return any(isinstance(source, OF_PICTURES) for source in self.sources)
@@ -166,9 +175,7 @@ def make_masks(
         FetchFailed: torchvision could not fetch its weights.
     """
     given = _Given(frames, people, followed_dir, run)
-    made: dict[str, Path] = {}
-    for name, source in zip(source_names(config.sources), config.sources, strict=True):
-        made[name] = _make(source, given, sources_dir(out_dir) / name)
+    made = {name: _make(one, given, sources_dir(out_dir) / name) for name, one in config.named}
     union = _settings(config, UnionConfig)
     return unite_masks(made, frames, out_dir, union, run=run)
 
@@ -206,7 +213,8 @@ def masks_named(
             elif name.endswith(".yaml"):
                 recipe = load_recipe(find_recipe(name), MasksRecipe)
                 sources += recipe.sources
-                settings = dict(_settings(recipe, UnionConfig))
+                said = UnionConfig.model_fields.keys() & recipe.model_fields_set
+                settings |= {key: getattr(recipe, key) for key in said}
             elif Path(name).is_dir():
                 sources.append(FolderSource(path=Path(name)))
             else:
@@ -230,7 +238,7 @@ def network_files(config: MasksConfig) -> dict[str, Path]:
     """The networks' files that `make_masks` would read, by role; what it would raise for files that
     are not there, this raises before any work."""
     found = {}
-    for name, source in zip(source_names(config.sources), config.sources, strict=True):
+    for name, source in config.named:
         if isinstance(source, OnnxSource):
             found[f"{name} detector"] = find_model(YOLOX_NANO, source.model)
         if isinstance(source, PersonSource):
@@ -243,8 +251,9 @@ def network_files(config: MasksConfig) -> dict[str, Path]:
 
 def mask_folders(config: MasksConfig) -> dict[str, Path]:
     """The folders of masks that other tools made, by role."""
-    named = zip(source_names(config.sources), config.sources, strict=True)
-    return {f"{name} masks": one.path for name, one in named if isinstance(one, FolderSource)}
+    return {
+        f"{name} masks": one.path for name, one in config.named if isinstance(one, FolderSource)
+    }
 
 
 def without_files(config: MasksConfig) -> MasksConfig:
@@ -275,15 +284,6 @@ def masks_seconds(masks_dir: Path) -> float:
     """Wall time that masks took, their sources included [s]."""
     stages = [path.parent for path in sorted(sources_dir(masks_dir).glob(f"*/{STAGE_FILE}"))]
     return sum(stage_seconds(folder) for folder in (masks_dir, *stages))
-
-
-def source_names(sources: Sequence[MaskSource]) -> list[str]:
-    """The kinds, numbered where one occurs more than once."""
-    kinds = [source.kind for source in sources]
-    return [
-        f"{kind}_{kinds[: place + 1].count(kind)}" if kinds.count(kind) > 1 else kind
-        for place, kind in enumerate(kinds)
-    ]
 
 
 @dataclass(frozen=True)

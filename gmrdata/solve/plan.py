@@ -1,6 +1,6 @@
 """What a dry run says: how many images there are, and about how long each stage takes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from gmrdata.solve.request import (
     EstimatedPeople,
     SolveConfig,
     SolveRequest,
+    paths_of,
     people_of,
 )
 from gmrdata.solve.videos import Batch, prepared
@@ -79,14 +80,11 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     }
     stages = [name for name, is_on in asked.items() if is_on]
     planned = plan_stages(request.source, request.part, stages, alone=people is None)
-    n_pixels, shrink = planned.size_px[0] * planned.size_px[1], _shrink(planned.size_px, config)
+    n_pixels = planned.size_px[0] * planned.size_px[1]
+    shrink = min(1.0, config.sfm.max_image_size_px / max(planned.size_px))
     image_mb = MASKS_MB * asked["masks"] + (PIXEL_MB * n_pixels * shrink**2 if shrink < 1 else 0.0)
     image_mb += JPEG_MB * n_pixels / (1280 * 720) if is_video(request.source) else 0.0
     return planned._replace(disk_gb=planned.n_images * image_mb / 1e3)
-
-
-def _shrink(size_px: tuple[int, int], config: SolveConfig) -> float:
-    return min(1.0, config.sfm.max_image_size_px / max(size_px))
 
 
 def plan_stages(
@@ -123,7 +121,7 @@ class Plan(NamedTuple):
 
 
 def plan_videos(
-    sources: Sequence[str | Path],
+    sources: str | Path | Iterable[str | Path],
     *,
     poses: str | Path | None = SEEN,
     body: str = "anny",
@@ -135,7 +133,7 @@ def plan_videos(
 ) -> Plan:
     """The plan of `solve_video`, or for several of `solve_videos`, and about how long it takes on
     two cores; nothing is made.  Heights and gravity change neither.  Errors as there."""
-    paths = [Path(source) for source in sources]
+    paths = paths_of(sources)
     people, results = people_of(poses, body, config, gravity)
     request = SolveRequest(paths[0], people, lens, fps_hz, part)
     found = find_videos(paths)

@@ -1,6 +1,6 @@
 """What is asked of one sequence: its frames, what is known of them, and its stages' recipe."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -8,7 +8,7 @@ from typing import Self
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, Intrinsics, IntrinsicsConfig
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.local_poses import LocalPosesConfig
-from gmrdata.people.sources import MasksConfig, PersonSource
+from gmrdata.people.sources import MasksConfig, PersonSource, SilhouetteSource
 from gmrdata.read.systems.result import read_system
 from gmrdata.read.video import VideoConfig, has_times
 from gmrdata.read.video_files import NamedVideo
@@ -165,6 +165,16 @@ class Solved:
     unsolved: NoReconstruction | None = None  # why there are no cameras, or no world
 
 
+def paths_of(sources: str | Path | Iterable[str | Path]) -> list[Path]:
+    """Sources as paths; one that is no list of them is a source, not its letters.  BadRecipe for
+    none, as a pattern that fits no file gives."""
+    listed = [sources] if isinstance(sources, str | Path) else sources
+    paths = [Path(source) for source in listed]
+    if not paths:
+        raise BadRecipe("nothing given. Name a video, or a folder of numbered images or of videos")
+    return paths
+
+
 SEEN, OWN, NOBODY = None, "own", "none"
 """Words for people instead of a system's results: whom the built-in estimator sees; the same, one
 of whom must be accepted; and cameras alone."""
@@ -179,9 +189,13 @@ def people_of(
     """Who is sought in pictures, and the file or folder of another system's results.
 
     Without the networks of the built-in estimator, where nobody asked for its people, that is said.
-    BadRecipe for rows of every n-th frame, which only a system's file has, and for what is said of
-    people where cameras alone are asked for.
+    BadRecipe for masks of bodies, which aren't known yet, for rows of every n-th frame, which only
+    a system's file has, and for what is said of people where cameras alone are asked for.
     """
+    masks = () if config.masks is None else config.masks.sources
+    if any(isinstance(source, SilhouetteSource) for source in masks):
+        what = "silhouette needs a body before any camera is known. Use person"
+        raise BadRecipe(f"--masks: {what}")
     if poses is not SEEN and str(poses) not in (OWN, NOBODY):
         return None, Path(poses)
     if config.bodies.frames_per_row > 1:

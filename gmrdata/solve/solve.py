@@ -23,7 +23,6 @@ from gmrdata.people.sources import (
     MasksConfig,
     OnnxSource,
     PersonSource,
-    source_names,
     sources_dir,
 )
 from gmrdata.read.bodies import body_file, keep_body
@@ -50,7 +49,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.body import NEUTRAL
 from gmrdata.values.camera import Lens
 from gmrdata.values.clip import camera_of, load_clip
-from gmrdata.values.errors import BadMotionFile, NoReconstruction, StaleOutput
+from gmrdata.values.errors import BadMotionFile, MissingInput, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.people import (
@@ -404,7 +403,7 @@ def people_masks(
     in a folder.
     """
     found: dict[bool, PeopleMasks] = {}
-    for name, source in zip(source_names(config.sources), config.sources, strict=True):
+    for name, source in config.named:
         if isinstance(source, OF_PICTURES):
             boxed = isinstance(source, OnnxSource)
             masks = PeopleMasks(
@@ -451,7 +450,11 @@ def solve_sequence(
 
     Raises:
         NoReconstruction: there is no camera path, or no world.
+        MissingInput: there are no people.
     """
+    if not people:
+        what = "nobody is given. Give a person's clip and body; solve_video needs none"
+        raise MissingInput(f"{frames}: {what}")
     given = GivenPeople(people, dataset_camera_path, doubts_path, left_out)
     stages = SolveConfig(masks=config.masks, sfm=config.sfm, pseudo_gt=config.pseudo_gt)
     solved = solve(SolveRequest(Path(frames), given, part=video), Path(out_dir), stages, run)

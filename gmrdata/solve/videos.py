@@ -1,7 +1,7 @@
 """Many videos as one batch: each a job of its own with a line for it, and one record of all."""
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,13 @@ from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, load_intrinsics
-from gmrdata.people.sources import FolderSource, network_files, sources_dir, without_files
+from gmrdata.people.sources import (
+    FolderSource,
+    network_files,
+    sources_dir,
+    with_absolute_files,
+    without_files,
+)
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.video import VideoConfig, has_times
 from gmrdata.read.video_files import FoundVideos, NamedVideo, find_videos, with_poses
@@ -29,6 +35,7 @@ from gmrdata.solve.request import (
     EstimatedPeople,
     SolveConfig,
     SolveRequest,
+    paths_of,
     people_of,
 )
 from gmrdata.solve.solve import chosen_body, solve
@@ -236,7 +243,7 @@ def solve_video(
 
 
 def solve_videos(
-    sources: Sequence[str | Path],
+    sources: str | Path | Iterable[str | Path],
     out_dir: str | Path,
     *,
     poses: str | Path | None = SEEN,
@@ -265,9 +272,10 @@ def solve_videos(
         StageFailed: some videos failed; the record lists them, and the others are done.
         BadRecipe, MissingInput: of what was given.
     """
-    found = find_videos([Path(source) for source in sources])
+    paths = paths_of(sources)
+    found = find_videos(paths)
     if found is None:
-        raise BadRecipe(f"{sources[0]}: is one video. Use solve_video")
+        raise BadRecipe(f"{paths[0]}: is one video. Use solve_video")
     config = config.with_heights(height_m)
     people, results_dir = people_of(poses, body, config)
     request = SolveRequest(Path(), people, lens, fps_hz, part)
@@ -324,13 +332,15 @@ def _with_files(videos: Sequence[NamedVideo], batch: Batch) -> Batch:
     request = batch.request
     if not any(batch.of(video).people for video in videos):
         batch = replace(batch, config=batch.config.for_cameras_alone)
-    config = batch.config
-    files = {} if config.masks is None else network_files(config.masks)
+    config, files = batch.config, dict[str, Path]()
+    if config.masks is not None:
+        masks = with_absolute_files(config.masks)
+        config, files = config.model_copy(update={"masks": masks}), network_files(masks)
     if request.lens is not None and request.lens.file is not None:
         path = request.lens.file.absolute()
         files |= {"intrinsics": path}
         request = replace(request, lens=request.lens.model_copy(update={"file": path}))
-    batch = replace(batch, files=files, request=request)
+    batch = replace(batch, config=config, files=files, request=request)
     if not any(batch.of(video).people for video in videos):
         return batch
     if isinstance(request.people, EstimatedPeople):

@@ -179,7 +179,8 @@ def _write(
         clip = _clip(person.name, motion, known, filmed, config.frames_per_row)
         path = folder / person_file(len(facts))
         save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
-        sigma = _own_size_sigma(person, body) if told_m is None else told_sigma(told_m)
+        own_sigma = ESTIMATED_SIGMA if person.has_betas_of(body.name) else UNKNOWN_SIGMA
+        sigma = own_sigma if told_m is None else told_sigma(told_m)
         facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]], body, sigma))
     if not facts:
         raise BadMotionFile(f"{poses_path}: {'; '.join(left_out)}. {AGAIN}")
@@ -256,11 +257,6 @@ def _first_frame(found: EstimatedPeople, frames: FrameSet, step: int) -> int:
     last where PromptHMR itself left out the others."""
     by_itself = found.system == "prompt-hmr" and step == prompthmr.taken_every(frames.video_hz)
     return step - 1 if by_itself else 0
-
-
-def _own_size_sigma(person: EstimatedPerson, body: BodyModel) -> float:
-    """Standard error of a person's size, as a share, where nobody told it."""
-    return ESTIMATED_SIGMA if person.has_betas_of(body.name) else UNKNOWN_SIGMA
 
 
 def _size_notes(found: EstimatedPeople, body: BodyModel, config: BodiesConfig) -> list[str]:

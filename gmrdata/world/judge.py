@@ -85,11 +85,9 @@ def quality_of(
     verdicts: Sequence[Verdict],
     cameras: "SolvedCameras",
     config: PseudoGtConfig,
-    fits: Sequence[PictureFit | None] | None = None,
+    fits: Sequence[PictureFit | None],
 ) -> PseudoGtQuality:
-    """The record of a pseudo ground truth; of clips in the world, before frames were dropped.
-    How bodies lie in the pictures was not checked where `fits` is left out."""
-    unchecked = [None] * len(verdicts)
+    """The record of a pseudo ground truth; of clips in the world, before frames were dropped."""
     # The class of the one camera is told round the person who is known in most frames.
     clip = max(clips, key=lambda clip: clip.valid.sum())
     valid, motion = clip.valid, clip.motion
@@ -103,7 +101,7 @@ def quality_of(
         camera_motion=camera_motion,
         camera_motion_figures=_rounded(figures),
         people=tuple(verdicts),
-        picture_fits=tuple(None if fit is None else _rounded(fit) for fit in fits or unchecked),
+        picture_fits=tuple(None if fit is None else _rounded(fit) for fit in fits),
     )
 
 

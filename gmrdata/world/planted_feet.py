@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gmrdata.motion.ground import PLANTED_M_PER_S
+from gmrdata.motion.ground import PLANTED_M_PER_S, SIDES
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import JOINT, BodyModel, sole_vertices, with_vertices
 from gmrdata.values.camera import CameraPath
@@ -18,7 +18,6 @@ from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
-SIDES = ("left", "right")
 WATCHED_HZ = 60.0
 """Rate at which frames are compared to see which feet stand, nearly: of frames that follow sooner a
 foot that swings slips as little as the noise of one that stands."""

@@ -41,7 +41,7 @@ def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters, limit):
     clip = clip_of(circling())
     vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),)), matters=matters)
     verdict = judged(clip, scale=vague)
-    record = quality_of([clip], [verdict], solved(GOOD, vague), PseudoGtConfig())
+    record = quality_of([clip], [verdict], solved(GOOD, vague), PseudoGtConfig(), [None])
     sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
     assert (sigma.value, sigma.threshold) == ("10", limit)
     assert sigma.met == verdict.accepted == (not matters)
@@ -55,7 +55,7 @@ def test_a_scale_that_no_camera_has_is_missed(scale, matters):
     estimate = replace(estimate, scale=scale, matters=matters)
     verdict = judged(clip, scale=estimate)
     assert not verdict.accepted
-    record = quality_of([clip], [verdict], solved(GOOD, estimate), PseudoGtConfig())
+    record = quality_of([clip], [verdict], solved(GOOD, estimate), PseudoGtConfig(), [None])
     first, sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
     assert (first.value, first.threshold, first.met) == (f"{scale:g} ± 0.02", "> 0", False)
     assert sigma.value == ("1" if scale else "inf")
@@ -65,7 +65,7 @@ def test_nothing_is_asked_of_cues_where_no_scale_enters():
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict = verdict_of("c", True, (), [""] * 90)
     no_scale = ScaleEstimate(None, None, fuse(APART).cues, matters=False)
-    record = quality_of([still], [verdict], solved(GOOD, no_scale), PseudoGtConfig())
+    record = quality_of([still], [verdict], solved(GOOD, no_scale), PseudoGtConfig(), [None])
     assert record.scale_disagreement is not None and record.scale_disagreement > 5
     found = replace(NOTHING, record=record, clips={0: still})
     assert [row.met for row in scale_rows(found)] == [None, None]
@@ -84,7 +84,7 @@ def test_the_weakest_step_stands_beside_its_thresholds():
     cameras = good_quality(90, weakest_step=WeakestStep(40, 52, 0.005, 0.3, 1.2))
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict, no_scale = verdict_of("c", True, (), [""] * 90), ScaleEstimate(None, None, (), False)
-    record = quality_of([still], [verdict], solved(cameras, no_scale), PseudoGtConfig())
+    record = quality_of([still], [verdict], solved(cameras, no_scale), PseudoGtConfig(), [None])
     rows = verdict_rows(replace(NOTHING, record=record))
     open_, moving = [row for row in rows if "weakest step" in row.name or "moves" in row.name]
     assert (open_.value, open_.threshold, open_.met) == ("0.5", "≤ 0.6", True)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gmrdata.people.landmark_body import SeenLandmarks, from_hips, landmarks_about
+from gmrdata.score.metrics import aligned_errors_mm
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import posed_joints_m
@@ -33,5 +34,4 @@ def aligned_mm(motion: Motion, body: BodyModel, rotmats: np.ndarray) -> float:
     rest_joints_m, origin = body.rest_joints_m(motion.shape), np.zeros((motion.n_frames, 3))
     true_m, _ = posed_joints_m(rest_joints_m, motion.rotmats, origin)
     found_m, _ = posed_joints_m(rest_joints_m, rotmats, origin)
-    off_m = fit_similarities(true_m, found_m).apply(found_m) - true_m
-    return float(1000 * np.linalg.norm(off_m, axis=-1).mean())
+    return float(aligned_errors_mm(found_m, true_m, fit_similarities(true_m, found_m)).mean())

@@ -308,9 +308,11 @@ def doubts_of(*pieces: Piece) -> tuple[str, ...]:
     recipe = _FollowedAt(rate_hz=30.0)
     _, people, _ = _known_people(sightings_of(*pieces), np.arange(7, 207), recipe)
     assert len(people) == 1
-    return FollowedRecord(
-        size_px=(64, 48), images=(), detections=(), people=people, left_out=()
-    ).doubts()
+    return record_of(people).doubts()
+
+
+def record_of(people: tuple[PersonFacts, ...]) -> FollowedRecord:
+    return FollowedRecord(size_px=(64, 48), images=(), detections=(), people=people, left_out=())
 
 
 def test_pieces_that_may_be_of_two_are_said():
@@ -361,18 +363,9 @@ def test_who_is_seen_together_or_in_other_colours_is_surely_two():
 def test_a_crowd_who_may_all_be_one_is_said_in_a_line_each():
     """It was one for each pair: 400 for the 46 people of a film."""
     n = 30
-    people = tuple(
-        PersonFacts(
-            images=12,
-            seen=((0, 11),),
-            may_be=(*range(number), *range(number + 1, n)),
-            unsure_from=(),
-        )
-        for number in range(n)
-    )
-    said = FollowedRecord(
-        size_px=(64, 48), images=(0,), detections=([],), people=people, left_out=()
-    ).doubts()
+    others = [(*range(number), *range(number + 1, n)) for number in range(n)]
+    people = (PersonFacts(12, ((0, 11),), may_be, unsure_from=()) for may_be in others)
+    said = record_of(tuple(people)).doubts()
     assert len(said) == n - 1 and max(map(len, said)) < 100
     never = "they are never seen in one frame"
     assert said[0] == f"person 1 may be person 0: {never}"

@@ -2,8 +2,9 @@
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -82,30 +83,28 @@ def test_instances_and_filled_boxes_are_united_and_widened():
     assert wide[9, 9] == 0 and not wide[18:23, 18:23].any()
 
 
-def recorded(answers: list[Answer]) -> Callable[..., maskrcnn.Segmenter]:
-    """A network that says what was recorded, frame after frame."""
+@pytest.fixture
+def masked(noise_dir, tmp_path, monkeypatch) -> Callable[..., Path]:
+    """Masks of the frames by a network that says what was recorded, frame after frame."""
 
-    def open_recorded(weights_path: Path | None, config: MaskRcnnConfig) -> maskrcnn.Segmenter:
+    def run(name: str, answers: list[Answer], **settings: Any) -> Path:
         left = iter(answers)
 
-        def segment(image: np.ndarray) -> Mapping[str, np.ndarray]:
+        def segment(image: np.ndarray) -> Answer:
             assert image.shape == (48, 64, 3)
             return next(left)
 
-        return segment
+        monkeypatch.setattr(maskrcnn, "open_segmenter", lambda *_: segment)
+        config = MaskRcnnConfig(**settings)
+        return maskrcnn_masks(None, read_frames(noise_dir), tmp_path / name, config)
 
-    return open_recorded
+    return run
 
 
-def test_the_stage_masks_every_frame_and_fills_the_one_that_was_missed(
-    noise_dir, tmp_path, monkeypatch
-):
+def test_the_stage_masks_every_frame_and_fills_the_one_that_was_missed(masked):
     person, later = ("person", 0.9, (10, 10, 20, 40)), ("person", 0.3, (14, 10, 24, 40))
-    monkeypatch.setattr(
-        maskrcnn, "open_segmenter", recorded([answer(person), answer(), answer(later)])
-    )
-    config = MaskRcnnConfig(dilate_px=0, tracks=TrackConfig(hold_frames=0))
-    out_dir = maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "out", config)
+    answers, tracks = [answer(person), answer(), answer(later)], TrackConfig(hold_frames=0)
+    out_dir = masked("out", answers, dilate_px=0, tracks=tracks)
     lefts = []
     for i in range(3):
         rows, columns = np.nonzero(read_gray(out_dir / f"{i:05d}.png", (64, 48)))
@@ -119,15 +118,11 @@ def test_the_stage_masks_every_frame_and_fills_the_one_that_was_missed(
     ]
 
 
-def test_a_stopped_run_keeps_the_frames_it_has(noise_dir, tmp_path, monkeypatch):
+def test_a_stopped_run_keeps_the_frames_it_has(masked):
     every = [answer(("person", 0.9, (x, 10, x + 10, 40))) for x in (10, 12, 14)]
-    monkeypatch.setattr(maskrcnn, "open_segmenter", recorded(every[:2]))
     with pytest.raises(StopIteration):
-        maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "out", MaskRcnnConfig())
-    monkeypatch.setattr(maskrcnn, "open_segmenter", recorded(every[2:]))
-    resumed = maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "out", MaskRcnnConfig())
-    monkeypatch.setattr(maskrcnn, "open_segmenter", recorded(every))
-    whole = maskrcnn_masks(None, read_frames(noise_dir), tmp_path / "whole", MaskRcnnConfig())
+        masked("out", every[:2])
+    resumed, whole = masked("out", every[2:]), masked("whole", every)
     for i in range(3):
         name = f"{i:05d}.png"
         assert (resumed / name).read_bytes() == (whole / name).read_bytes()

@@ -1,8 +1,6 @@
 """Sources and folders of masks; no frame goes unmasked in silence."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -10,7 +8,6 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gmrdata.cli import main
 from gmrdata.people.folder import (
     RECORD_FILE,
     FolderMaskConfig,
@@ -35,7 +32,20 @@ from gmrdata.read.frames import read_frames, read_gray
 from gmrdata.read.video import VideoConfig, as_frames
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from tests.fixtures.command_line import Answer
 from tests.read.videos import make_video
+
+SIZE = (48, 64)
+WHITE = np.full(SIZE, 255, np.uint8)
+DYNAMIC = np.zeros(SIZE, dtype=bool)
+DYNAMIC[5:12, 20:33] = True
+
+
+def put(folder: Path, *masks: np.ndarray, name: str = "{}.png") -> Path:
+    folder.mkdir()
+    for i, mask in enumerate(masks):
+        cv2.imwrite(str(folder / name.format(f"{i:05d}")), mask)
+    return folder
 
 
 def test_the_body_is_the_source_unless_others_are_named():
@@ -96,6 +106,11 @@ def test_a_recipe_file_brings_its_settings(tmp_path):
     config = masks_named(("silhouette", str(path)))
     assert [source.kind for source in config.sources] == ["silhouette", "onnx"]
     assert config.max_masked_share == 0.4
+    other = tmp_path / "other.yaml"  # which says nothing of it, and set it back to 0.9
+    other.write_text("recipe: masks\nsources: [{kind: person}]\n")
+    for files in ((path, other), (other, path)):
+        config = masks_named([str(file) for file in files])
+        assert len(config.sources) == 2 and config.max_masked_share == 0.4
 
 
 @pytest.mark.parametrize(
@@ -116,15 +131,10 @@ def test_wrong_command_lines_are_told(names, options, error, said):
 
 
 def test_two_folders_are_united_and_stand_in_the_record(noise_dir, tmp_path):
-    for name, column in (("a", 3), ("b", 40)):
-        (tmp_path / name).mkdir()
-        for i in range(3):
-            mask = np.zeros((48, 64), np.uint8)
-            mask[5, column] = 255
-            cv2.imwrite(str(tmp_path / name / f"{i:05d}.png"), mask)
-    config = MasksConfig(
-        sources=(FolderSource(path=tmp_path / "a"), FolderSource(path=tmp_path / "b", dilate_px=1))
-    )
+    masks = np.zeros((2, *SIZE), np.uint8)
+    masks[0, 5, 3] = masks[1, 5, 40] = 255
+    a, b = (put(tmp_path / name, *[mask] * 3) for name, mask in zip("ab", masks, strict=True))
+    config = MasksConfig(sources=(FolderSource(path=a), FolderSource(path=b, dilate_px=1)))
     out_dir = make_masks(read_frames(noise_dir), tmp_path / "out" / "masks", config)
     mask = read_gray(out_dir / "00002.png")
     assert np.argwhere(mask).tolist() == [[4, 40], [5, 3], [5, 39], [5, 40], [5, 41], [6, 40]]
@@ -139,10 +149,9 @@ def test_two_folders_are_united_and_stand_in_the_record(noise_dir, tmp_path):
 
 def test_left_out_images_get_no_mask_and_make_no_error(noise_dir, tmp_path):
     (noise_dir / "00001.png").write_bytes(b"")
-    (tmp_path / "a").mkdir()
-    for i in (0, 2):
-        cv2.imwrite(str(tmp_path / "a" / f"{i:05d}.png"), np.full((48, 64), 255, np.uint8))
-    config = MasksConfig(sources=(FolderSource(path=tmp_path / "a"),))
+    masks = put(tmp_path / "a", *[WHITE] * 3)
+    (masks / "00001.png").unlink()
+    config = MasksConfig(sources=(FolderSource(path=masks),))
     with pytest.raises(BadFrames, match=r"00001\.png: empty file"):
         make_masks(read_frames(noise_dir), tmp_path / "masks", config)
     out_dir = make_masks(read_frames(noise_dir, {1}), tmp_path / "masks", config)
@@ -170,18 +179,6 @@ def test_a_silhouette_needs_the_body(noise_dir, tmp_path):
         make_masks(read_frames(noise_dir), tmp_path / "masks", MasksConfig())
 
 
-SIZE = (48, 64)
-DYNAMIC = np.zeros(SIZE, dtype=bool)
-DYNAMIC[5:12, 20:33] = True
-
-
-def put(folder: Path, *masks: np.ndarray, name: str = "{}.png") -> Path:
-    folder.mkdir()
-    for i, mask in enumerate(masks):
-        cv2.imwrite(str(folder / name.format(f"{i:05d}")), mask)
-    return folder
-
-
 def left_part(share: float) -> np.ndarray:
     mask = np.zeros(SIZE, np.uint8)
     mask[:, : round(64 * share)] = 255
@@ -205,7 +202,10 @@ def test_both_senses_and_namings_become_ours(name, masked_value, noise_dir, tmp_
         assert np.array_equal(read_gray(out_dir / f"{stem}.png"), 255 * DYNAMIC)
 
 
+SPREAD = np.zeros(SIZE, np.uint8)  # three objects, whose numbers were spread from black to white
+SPREAD[10:40, 2:20], SPREAD[10:40, 22:40], SPREAD[10:40, 42:60] = 85, 170, 255
 NO_MASKS = {
+    "spread numbers": (SPREAD, "numbers of objects, one of them as dark as 85 of 255"),
     "number": (DYNAMIC * np.uint8(1), "numbers of objects, none of them brighter than 1 of 255"),
     "numbers of 16 bits": (DYNAMIC * np.uint16(200), "brighter than 200 of 65535"),
     "dark colour": (DYNAMIC[..., None] * np.uint8([0, 0, 128]), "holds colours"),
@@ -233,6 +233,7 @@ def test_what_is_no_mask_is_refused_by_name(kind, masked_value, noise_dir, tmp_p
         lambda mask: np.dstack([mask] * 3),
         lambda mask: np.dstack([mask] * 3 + [np.full_like(mask, 255)]),
         lambda mask: np.maximum(mask, 100),
+        lambda mask: np.maximum(mask, cv2.dilate(mask, np.ones((9, 9))) // 3),
     ],
 )
 def test_masks_may_be_stored_otherwise(as_stored, noise_dir, tmp_path):
@@ -258,13 +259,12 @@ def test_a_faint_soft_mask_shows_nobody(noise_dir, tmp_path):
 def test_masks_of_all_frames_are_not_laid_on_every_second(tmp_path):
     video = make_video(tmp_path / "a.mp4")
     frames = as_frames(video, tmp_path / "frames", VideoConfig(every=2))
-    mask = np.full((48, 64), 255, np.uint8)
-    of_all = put(tmp_path / "all", *[mask] * 8)
+    of_all = put(tmp_path / "all", *[WHITE] * 8)
     with pytest.raises(
         BadFrames, match="all: masks go beyond image 3, .*; keep those of frames 0, 2, 4"
     ):
         folder_masks(of_all, frames, tmp_path / "out", FolderMaskConfig())
-    of_taken = put(tmp_path / "taken", *[mask] * 4)
+    of_taken = put(tmp_path / "taken", *[WHITE] * 4)
     folder_masks(of_taken, frames, tmp_path / "out", FolderMaskConfig())
 
     # Of a part nobody can tell: the remedy for all frames laid right masks on the wrong images.
@@ -283,15 +283,14 @@ def test_masks_numbered_from_1_are_not_laid_one_frame_off(tmp_path):
     """Of a video whose start is left out, each image found a mask: that of the frame before."""
     video = make_video(tmp_path / "a.mp4")
     later = as_frames(video, tmp_path / "later", VideoConfig(from_s=0.08))
-    mask = np.full((48, 64), 255, np.uint8)
-    from_1 = put(tmp_path / "from_1", *[mask] * 9)
+    from_1 = put(tmp_path / "from_1", *[WHITE] * 9)
     (from_1 / "00000.png").unlink()
     said = (
         "from_1: masks go beyond image 7, the last one, so they are numbered otherwise, as from 1"
     )
     with pytest.raises(BadFrames, match=f"{said}; number them from 0, as images are"):
         folder_masks(from_1, later, tmp_path / "out", FolderMaskConfig())
-    whole = put(tmp_path / "whole", *[mask] * 8)
+    whole = put(tmp_path / "whole", *[WHITE] * 8)
     of_later = folder_masks(whole, later, tmp_path / "out", FolderMaskConfig())
     assert [path.stem for path in sorted(of_later.glob("*.png"))] == [
         f"{number:05d}" for number in range(2, 8)
@@ -377,12 +376,7 @@ def test_a_mask_that_covers_everything_is_reported_with_the_frame(noise_dir, tmp
     assert capsys.readouterr().err == first
 
 
-def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from gmrdata.cli import main; main()", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-def test_frames_are_masked_and_shown(yolox_nano, dog_dir, tmp_path):
+def test_frames_are_masked_and_shown(yolox_nano, dog_dir, gmrdata, tmp_path):
     out = tmp_path / "out"
     answer = gmrdata("masks", dog_dir, "--out", out, "--detector", yolox_nano, "--classes", "dog")
     assert answer.returncode == 0, answer.stderr
@@ -395,35 +389,31 @@ def test_frames_are_masked_and_shown(yolox_nano, dog_dir, tmp_path):
     assert sheet is not None and sheet.shape[1] == 4 * 400 + 3 * 4
 
 
-def fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    with pytest.raises(SystemExit) as caught:
-        main([str(argument) for argument in arguments])
-    assert caught.value.code == 1
-    return " ".join(capsys.readouterr().err.split())
+def said_by(answer: Answer, code: int = 1) -> str:
+    assert answer.returncode == code, answer.stderr
+    return " ".join(answer.stderr.split())
 
 
-def test_a_video_and_a_folder_of_masks(tmp_path, capsys):
+def test_a_video_and_a_folder_of_masks(gmrdata, tmp_path):
     video = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10, (64, 48))
-    (tmp_path / "made").mkdir()
     for i in range(3):
         video.write(np.full((48, 64, 3), 60 * i, np.uint8))
-        cv2.imwrite(str(tmp_path / "made" / f"{i:05d}.png"), np.full((48, 64), 255, np.uint8))
     video.release()
+    made = put(tmp_path / "made", *[WHITE] * 3)
     common = ("masks", tmp_path / "v.avi", "--out", tmp_path / "out", "--masks")
-    main([str(argument) for argument in (*common, tmp_path / "made")])
+    said = said_by(gmrdata(*common, made), 0)
     frames = sorted(p.name for p in (tmp_path / "out" / "frames").glob("*.jpg"))
     assert frames == [f"{i:05d}.jpg" for i in range(3)]
-    said = " ".join(capsys.readouterr().err.split())
     assert "more than 90% of the picture is masked in frame 00000, 00001, 00002. Look" in said
-    part = (*common, tmp_path / "made", "--redo", "--from", "0.05", "--to", "0.2")
-    main([str(argument) for argument in part])
+    part = (*common, made, "--redo", "--from", "0.05", "--to", "0.2")
+    said_by(gmrdata(*part), 0)
     frames = sorted(p.name for p in (tmp_path / "out" / "frames").glob("*.jpg"))
     assert frames == ["00001.jpg", "00002.jpg"]
-    assert "to_s: 0.01 s is not after from_s, 0.05 s" in fails(capsys, *part[:-1], "0.01")
-    of_folder = ("masks", tmp_path / "out" / "frames", *common[2:], tmp_path / "made")
-    assert "are for a video file" in fails(capsys, *of_folder, "--every", "2")
-    (tmp_path / "made" / "00001.png").unlink()
-    assert "no mask for 00001.jpg" in fails(capsys, *common, tmp_path / "made", "--redo")
+    assert "to_s: 0.01 s is not after from_s, 0.05 s" in said_by(gmrdata(*part[:-1], "0.01"))
+    of_folder = ("masks", tmp_path / "out" / "frames", *common[2:], made)
+    assert "are for a video file" in said_by(gmrdata(*of_folder, "--every", "2"))
+    (made / "00001.png").unlink()
+    assert "no mask for 00001.jpg" in said_by(gmrdata(*common, made, "--redo"))
 
 
 @pytest.mark.parametrize(
@@ -436,9 +426,9 @@ def test_a_video_and_a_folder_of_masks(tmp_path, capsys):
         (("--masks",), "nothing given. Name a source of masks"),
     ],
 )
-def test_what_is_missing_is_told(arguments, said, noise_dir, tmp_path, capsys, monkeypatch):
+def test_what_is_missing_is_told(arguments, said, noise_dir, tmp_path, gmrdata, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    assert said in fails(capsys, "masks", noise_dir, "--out", tmp_path / "out", *arguments)
+    assert said in said_by(gmrdata("masks", noise_dir, "--out", tmp_path / "out", *arguments))
     assert not (tmp_path / "out" / "masks").exists()
 
 

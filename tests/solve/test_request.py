@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata import solve_video
+from gmrdata import SequenceConfig, solve_sequence, solve_video
 from gmrdata.cameras.files import Distortion
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.sources import FolderSource, MasksConfig
-from gmrdata.read.frames import write_gray
 from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_dir
 from gmrdata.solve import solve as solving
 from gmrdata.solve.request import (
@@ -39,7 +38,7 @@ from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction, Sta
 from gmrdata.values.people import POSES_FILE, LocalPosesRecord, PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
-from tests.frame_sets import frame_set
+from tests.frame_sets import frame_set, grey_images
 from tests.reconstructions import quality_of_path
 
 
@@ -51,18 +50,16 @@ def test_cameras_alone_get_masks_by_the_quick_network(
     models_dir().mkdir(parents=True)
     for model in MODELS:
         shutil.copy(shared_path(f"models/{model.name}"), models_dir())
-    (tmp_path / "frames").mkdir()
-    for number in range(3):
-        write_gray(tmp_path / "frames" / f"{number}.png", np.full((48, 64), 128, np.uint8))
-    solve_video(tmp_path / "frames", tmp_path / "out", poses=poses, fps_hz=30)
+    frames = grey_images(tmp_path / "frames")
+    solve_video(frames, tmp_path / "out", poses=poses, fps_hz=30)
     record = StageRecord.of(tmp_path / "out" / FOLLOWED)
     assert record.inputs["landmarks"] == network.sha256
-    assert_nothing_is_left_of_another_video(tmp_path / "frames", tmp_path / "out", poses)
+    assert_nothing_is_left_of_another_video(frames, tmp_path / "out", poses)
 
 
 def test_a_result_does_not_lie_among_its_frames(tmp_path):
     # The same command again would find another folder of frames, and not go on.
-    write_gray(tmp_path / "0.png", np.full((48, 64), 128, np.uint8))
+    grey_images(tmp_path, 1)
     for out in (tmp_path, tmp_path / "out"):
         with pytest.raises(StaleOutput, match=r"lies in .*, which is read. Pass another --out"):
             solve_video(tmp_path, out, poses="none", fps_hz=30)
@@ -72,11 +69,8 @@ def test_a_result_does_not_lie_among_its_frames(tmp_path):
 
 
 def test_without_masks_none_of_an_earlier_run_are_left(tmp_path):
-    frames, masks, out = (tmp_path / name for name in ("frames", "own", "out"))
-    for folder in (frames, masks):
-        folder.mkdir()
-        for number in range(3):
-            write_gray(folder / f"{number}.png", np.full((48, 64), 128, np.uint8))
+    frames, masks = (grey_images(tmp_path / name) for name in ("frames", "own"))
+    out = tmp_path / "out"
 
     def solved_by(*sources: FolderSource, redo: bool) -> None:
         config = SolveConfig(masks=MasksConfig(sources=sources) if sources else None)
@@ -112,6 +106,22 @@ def test_rows_of_every_second_frame_are_of_a_systems_file(tmp_path, poses):
     assert not (tmp_path / "out").exists()
 
 
+def test_masks_of_bodies_are_refused_before_frames_are_written(tmp_path):
+    """Of a recipe without sources, too, it was said at the masks, with a flag of another verb."""
+    for poses in (None, "none", tmp_path / "wham_output.pkl"):
+        config = SolveConfig(masks=MasksConfig(max_masked_share=0.8))
+        with pytest.raises(BadRecipe, match="silhouette needs a body before any camera is known"):
+            solve_video(tmp_path / "walk.mp4", tmp_path / "out", poses=poses, config=config)
+        assert not (tmp_path / "out").exists()
+
+
+def test_a_sequence_without_people_is_refused(tmp_path):
+    frames, config = grey_images(tmp_path / "frames"), SequenceConfig(masks=None)
+    with pytest.raises(MissingInput, match="frames: nobody is given"):
+        solve_sequence(frames, (), tmp_path / "out", config)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_source_that_is_not_there_is_said_first(tmp_path):
     with pytest.raises(MissingInput, match=r"gone.mp4: no such video, or folder of images"):
         solve_video(tmp_path / "gone.mp4", tmp_path / "out", poses="none")
@@ -122,10 +132,7 @@ def test_what_is_said_of_people_is_left_aside_where_their_networks_were_not_fetc
     tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "empty"))
-    (tmp_path / "frames").mkdir()
-    for number in range(3):
-        write_gray(tmp_path / "frames" / f"{number}.png", np.full((48, 64), 128, np.uint8))
-    given = tmp_path / "frames", tmp_path / "out"
+    given = grey_images(tmp_path / "frames"), tmp_path / "out"
     told = {"fps_hz": 30, "height_m": 1.78, "gravity": tmp_path / "gravity.csv"}
     config = SolveConfig(masks=None)
     verdict_path = solve_video(*given, config=config, **told)

@@ -1,15 +1,18 @@
 """A batch of folders of images, some of which have times."""
 
-import numpy as np
+from pathlib import Path
+
 import pytest
 
-from gmrdata import solve_videos
-from gmrdata.read.frames import write_gray
+from gmrdata import plan_videos, solve_videos
+from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.video import extract_video
-from gmrdata.solve.request import SolveConfig
-from gmrdata.solve.videos import Videos
+from gmrdata.read.video_files import NamedVideo
+from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
+from gmrdata.solve.videos import Batch, Videos, _with_files
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
+from tests.frame_sets import grey_images
 from tests.read.videos import make_video
 
 
@@ -17,9 +20,7 @@ def test_folders_that_were_extracted_from_videos_have_times(tmp_path):
     """A batch of them was refused with a rate, and without."""
     for name, rate_hz in (("a", 10), ("b", 20)):
         extract_video(make_video(tmp_path / f"{name}.mp4", rate_hz=rate_hz), tmp_path / name)
-    (tmp_path / "c").mkdir()
-    for number in range(3):
-        write_gray(tmp_path / "c" / f"{number}.png", np.full((48, 64), 128, np.uint8))
+    grey_images(tmp_path / "c")
 
     def rates_hz(names: str, fps_hz: float | None = None) -> list[float | None]:
         record = solve_videos(
@@ -38,3 +39,42 @@ def test_folders_that_were_extracted_from_videos_have_times(tmp_path):
         rates_hz("bc")
     with pytest.raises(BadRecipe, match=r"a: a video has its own times\. Leave --fps-hz out"):
         rates_hz("ab", 30.0)
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_folder_that_is_in_no_list_is_one_source(kind, tmp_path):
+    """Its letters were sought as videos; a path could not be gone through."""
+    (tmp_path / "clips").mkdir()
+    walk = make_video(tmp_path / "clips" / "walk.mp4")
+    assert plan_videos(kind(walk), poses="none").is_of_one
+    planned = plan_videos(kind(walk.parent), poses="none", config=SolveConfig(masks=None))
+    assert [row[0] for row in planned.rows] == ["walk", "all"]
+    with pytest.raises(BadRecipe, match=r"walk\.mp4: is one video\. Use solve_video"):
+        solve_videos(kind(walk), tmp_path / "out", poses="none")
+
+
+def test_no_source_at_all_is_refused(tmp_path):
+    """A pattern that fitted no file left an empty record, as if all were done."""
+    with pytest.raises(BadRecipe, match=r"nothing given\. Name a video"):
+        solve_videos([], tmp_path / "out", poses="none")
+    with pytest.raises(BadRecipe, match=r"nothing given\. Name a video"):
+        plan_videos([], poses="none")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_worker_in_another_folder_finds_the_networks(tmp_path, monkeypatch):
+    """Each video failed there: the detector's path counted from where the worker ran."""
+    monkeypatch.chdir(tmp_path)
+    names = ("net.onnx", "net.tflite")
+    for name in names:
+        (tmp_path / name).touch()
+    detector, landmarks = map(Path, names)
+    source = PersonSource(model=detector, landmarks=landmarks)
+    config = SolveConfig(masks=MasksConfig(sources=(source,)))
+    video = NamedVideo("walk", tmp_path / "walk.mp4")
+    batch = Batch(tmp_path / "out", SolveRequest(Path(), EstimatedPeople()), config)
+    found = _with_files([video], batch)
+    own = [tmp_path / name for name in names]
+    assert [*found.config.networks.values()] == [*found.own_files.values()] == own
+    assert [*found.files.values()] == own
+    assert found.recipe(video) == batch.recipe(video)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,12 +23,12 @@ from gmrdata.film.programmes import Circular, Panning, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.ground import sole_points_m
 from gmrdata.read.body_file import save_body
-from gmrdata.stage.run import Run
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, fill_gaps
-from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadIntrinsics, BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.files import read_json
 from gmrdata.values.people import PersonFiles, person_file
@@ -119,26 +120,23 @@ def true_clip(body: BodyModel, programme: Circular | Panning, fps_hz: float = 10
 
 def as_input(clip: Clip) -> Clip:
     """What 3DPW gives: the person in the camera frame, and intrinsics."""
-    assert clip.camera is not None
-    n = clip.motion.n_frames
+    n, true = clip.motion.n_frames, camera_of(clip)
     unknown = np.full((n, 4, 4), np.nan)
-    camera = replace(clip.camera, world_from_cam=unknown, has_camera=np.zeros(n, dtype=bool))
-    return replace(
-        clip, motion=motion_in_camera(clip.motion, clip.camera.world_from_cam), camera=camera
-    )
+    camera = replace(true, world_from_cam=unknown, has_camera=np.zeros(n, dtype=bool))
+    return replace(clip, motion=motion_in_camera(clip.motion, true.world_from_cam), camera=camera)
 
 
 def reconstruction(folder: Path, clip: Clip, geometry: str, lost: list[int]) -> Path:
     """The true cameras in another world and unit, without the rows `lost`, as sfm writes them."""
-    assert clip.camera is not None
+    true = camera_of(clip)
     world = transforms.rigid(Rotation.from_rotvec([0.4, 1.0, -2.0]).as_matrix(), np.ones(3))
-    world_from_cam = metric_cameras(world @ clip.camera.world_from_cam, 1 / 0.37)
+    world_from_cam = metric_cameras(world @ true.world_from_cam, 1 / 0.37)
     if geometry == "rotation_only":
         world_from_cam[:, :3, 3] = 0.0
     has_camera = np.ones(len(world_from_cam), dtype=bool)
     has_camera[lost] = False
     world_from_cam[lost] = np.nan
-    path = CameraPath(clip.camera.intrinsics_px, 640, 360, world_from_cam, has_camera)
+    path = CameraPath(true.intrinsics_px, 640, 360, world_from_cam, has_camera)
     folder.mkdir()
     cameras = SfmCameras(
         path,
@@ -162,8 +160,15 @@ def person_files(folder: Path, clip: Clip, body: BodyModel, name: str = "in") ->
 
 def made(tmp_path: Path, clip: Clip, body: BodyModel, geometry: str, lost: list[int]) -> Path:
     people = (person_files(tmp_path, as_input(clip), body),)
-    sfm_dir = reconstruction(tmp_path / "sfm", clip, geometry, lost)
-    return make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+    return made_of(reconstruction(tmp_path / "sfm", clip, geometry, lost), people)
+
+
+def made_of(
+    sfm_dir: Path, people: tuple[PersonFiles, ...], run: Run = DEFAULT_RUN, **evidence: Any
+) -> Path:
+    """The pseudo ground truth beside a reconstruction, by the usual recipe."""
+    given, out_dir = WorldEvidence(sfm_dir, people, **evidence), sfm_dir.with_name("out")
+    return make_pseudo_gt(given, out_dir, PseudoGtConfig(), run=run)
 
 
 def test_exact_cameras_give_back_the_true_motion(small_body, tmp_path):
@@ -271,10 +276,13 @@ def test_poses_between_the_frames_that_are_watched_for_feet_tell_the_floor(small
 
 def on_its_side(clip: Clip) -> Clip:
     """The same before a camera that was turned by 90 degrees about its axis."""
-    assert clip.camera is not None
     quarter = transforms.rigid(Rotation.from_euler("z", 90, degrees=True).as_matrix(), np.zeros(3))
-    camera = replace(clip.camera, world_from_cam=clip.camera.world_from_cam @ quarter)
-    return replace(clip, camera=camera)
+    return filmed_from(clip, camera_of(clip).world_from_cam @ quarter)
+
+
+def filmed_from(clip: Clip, world_from_cam: np.ndarray) -> Clip:
+    """The same before cameras (T, 4, 4) elsewhere."""
+    return replace(clip, camera=replace(camera_of(clip), world_from_cam=world_from_cam))
 
 
 def test_a_picture_on_its_side_makes_up_unsure_and_is_said(small_body, tmp_path):
@@ -303,18 +311,16 @@ def test_a_picture_on_its_side_makes_up_unsure_and_is_said(small_body, tmp_path)
 def test_a_phone_tells_up_of_who_lies(small_body, tmp_path):
     """It was refused as another video's, as it was 90 degrees from the body's."""
     true = true_clip(small_body, Panning())
-    assert true.camera is not None
-    at_rest = np.tile(true.camera.world_from_cam[:1], (true.motion.n_frames, 1, 1))
-    lying = on_its_side(replace(true, camera=replace(true.camera, world_from_cam=at_rest)))
+    at_rest = np.tile(camera_of(true).world_from_cam[:1], (true.motion.n_frames, 1, 1))
+    lying = on_its_side(filmed_from(true, at_rest))
     people = (person_files(tmp_path, as_input(lying), small_body),)
     sfm_dir = reconstruction(tmp_path / "sfm", lying, "rotation_only", [])
     gravity_path = tmp_path / "g.npz"
     save_gravity(gravity_path, np.tile([0.0, -1.0, 0.0], (len(at_rest), 1)))
-    evidence = WorldEvidence(sfm_dir, people, gravity_path=gravity_path)
-    out_dir = make_pseudo_gt(evidence, tmp_path / "out", PseudoGtConfig())
+    out_dir = made_of(sfm_dir, people, gravity_path=gravity_path)
     found, level = load_clip(out_dir / person_file(0)), load_record(out_dir).level
-    assert found.camera is not None and level is not None
-    np.testing.assert_allclose(-found.camera.world_from_cam[:, 2, 1], 1.0, atol=1e-3)
+    assert level is not None
+    np.testing.assert_allclose(-camera_of(found).world_from_cam[:, 2, 1], 1.0, atol=1e-3)
     assert level.sigma_deg < 1.0 and level.tipped is None
 
 
@@ -323,9 +329,8 @@ def test_frames_without_a_camera_are_not_valid_but_finite(small_body, tmp_path):
     lost = [0, 7, 8, true.motion.n_frames - 1]
     found = load_clip(made(tmp_path, true, small_body, "full", lost) / person_file(0))
     assert np.flatnonzero(~found.valid).tolist() == lost
-    assert found.camera is not None
-    assert np.array_equal(found.camera.has_camera, found.valid)
-    assert np.isnan(found.camera.world_from_cam[lost]).all()
+    assert np.array_equal(camera_of(found).has_camera, found.valid)
+    assert np.isnan(camera_of(found).world_from_cam[lost]).all()
     assert np.isfinite(found.motion.pelvis_m).all() and np.isfinite(found.motion.root_rotmats).all()
     # Row 7 lies in a short gap of a smooth path: interpolation is near the truth.
     steps_m = np.linalg.norm(np.diff(found.motion.pelvis_m, axis=0), axis=1)
@@ -360,7 +365,7 @@ def test_why_there_is_no_world_names_the_image_before_a_cut(small_body, tmp_path
     quality = load_quality(sfm_dir).model_copy(update={"cuts_after_frames": (7, 20)})
     quality.write(sfm_dir / QUALITY_FILE)
     with pytest.raises(NoReconstruction, match="place 2 times, first after frame 107: cut"):
-        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+        made_of(sfm_dir, people)
 
 
 def test_clips_that_do_not_fit_are_refused(small_body, tmp_path):
@@ -373,20 +378,18 @@ def test_clips_that_do_not_fit_are_refused(small_body, tmp_path):
     ):
         people = tuple(person_files(tmp_path, clip, small_body, n) for n, clip in clips.items())
         with pytest.raises(BadMotionFile, match=said):
-            make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+            made_of(sfm_dir, people)
 
 
 def test_what_the_phone_felt_levels_the_world_and_another_videos_is_refused(small_body, tmp_path):
     true = true_clip(small_body, Circular())
-    assert true.camera is not None
-    up_cam = true.camera.world_from_cam[:, 2, :3]  # the third row: the world's z in each camera
+    up_cam = camera_of(true).world_from_cam[:, 2, :3]  # the third row: the world's z in each camera
     people = (person_files(tmp_path, as_input(true), small_body),)
     sfm_dir, gravity_path = reconstruction(tmp_path / "sfm", true, "full", []), tmp_path / "g.npz"
-    evidence = WorldEvidence(sfm_dir, people, gravity_path=gravity_path)
 
     def make(felt: np.ndarray) -> Path:
         save_gravity(gravity_path, felt)
-        return make_pseudo_gt(evidence, tmp_path / "out", PseudoGtConfig(), run=Run(redo=True))
+        return made_of(sfm_dir, people, Run(redo=True), gravity_path=gravity_path)
 
     out_dir = make(up_cam)
     error = compare_clips(load_clip(out_dir / person_file(0)), true)

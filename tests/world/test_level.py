@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.ground import motion_of
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.motion import Motion
-from gmrdata.values.transforms import rigid
+from gmrdata.values.transforms import angles_deg, rigid
 from gmrdata.world.level import (
     BALANCE_SIGMA_RAD,
     UpCue,
@@ -30,12 +31,12 @@ UP = np.array([0.0, 0.0, 1.0])
 BODIES = UpCue("bodies", UP, np.eye(3) / BALANCE_SIGMA_RAD**2)
 
 
-def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+def _turn(degrees: float) -> np.ndarray:
+    return np.asarray(Rotation.from_euler("x", degrees, degrees=True).as_matrix())
 
 
 def leaning(degrees: float) -> np.ndarray:
-    return np.asarray(Rotation.from_euler("x", degrees, degrees=True).apply(UP))
+    return np.asarray(_turn(degrees) @ UP)
 
 
 def bodies_that_lean(degrees: float) -> UpCue:
@@ -49,8 +50,7 @@ def square_m(n: int = 60) -> np.ndarray:
 
 def turned(motion: Motion, degrees: float) -> Motion:
     """The motion in a world that leans."""
-    turn = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
-    return moved(motion, rigid(turn, np.zeros(3)))
+    return moved(motion, rigid(_turn(degrees), np.zeros(3)))
 
 
 @pytest.mark.parametrize("kind", ["walk", "side_step", "stand"])
@@ -59,30 +59,24 @@ def test_without_ground_up_is_where_a_persons_mass_is_above_its_feet(small_body,
     if kind != "stand":
         motion = make_gait(kind, 8.0, 30.0, small_body, np.random.default_rng(0))
     up, level = up_of(body_cue([small_body], [motion]), [])
-    assert angle_deg(up, UP) < 2 * level.sigma_deg  # the rest pose stands on its heels
+    assert angles_deg(up, UP) < 2 * level.sigma_deg  # the rest pose stands on its heels
     leant, _ = up_of(body_cue([small_body], [turned(motion, 7.0)]), [])
-    assert np.allclose(leant, Rotation.from_euler("x", 7, degrees=True).apply(up))
+    assert np.allclose(leant, _turn(7.0) @ up)
     assert 5.6 < level.sigma_deg < 7.5
     assert [(one.name, one.used) for one in level.cues] == [("bodies", True)]
 
 
 def standing_still(body: BodyModel, n: int) -> Motion:
-    root = np.tile(Rotation.from_euler("x", 90, degrees=True).as_matrix(), (n, 1, 1))
-    local, pelvis_m = np.tile(np.eye(3), (n, 23, 1, 1)), np.tile([0.0, 0.0, 0.95], (n, 1))
-    person = body.name, "neutral"
-    shape = np.zeros(body.n_shape)
-    return Motion(local, root, pelvis_m, shape, 30.0, *person, frame="world", source="rest")
+    rotmats = np.tile(np.eye(3), (n, 24, 1, 1))
+    rotmats[:, 0] = _turn(90)
+    pelvis_m = np.tile([0.0, 0.0, 0.95], (n, 1))
+    return motion_of(body, np.zeros(body.n_shape), rotmats, pelvis_m, 30.0, "rest")
 
 
 def test_who_sits_tells_up_by_the_trunk(small_body):
-    motion = standing_still(small_body, 60)
-    local = motion.local_rotmats.copy()
-    for side in ("left", "right"):
-        for joint, degrees in (("hip", -100), ("knee", 130)):
-            turn = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
-            local[:, JOINT[f"{side}_{joint}"] - 1] = turn
-    up, level = up_of(body_cue([small_body], [replace(motion, local_rotmats=local)]), [])
-    assert angle_deg(up, UP) < 10.0 and level.sigma_deg == pytest.approx(12 * np.sqrt(2), rel=1e-2)
+    sitting = posed(small_body, trunk=0, hip=-100, knee=130, ankle=0)
+    up, level = up_of(body_cue([small_body], [sitting]), [])
+    assert angles_deg(up, UP) < 10.0 and level.sigma_deg == pytest.approx(12 * np.sqrt(2), rel=1e-2)
 
 
 def test_a_jump_of_both_feet_tells_nothing_and_breaks_nothing(small_body):
@@ -93,7 +87,7 @@ def test_a_jump_of_both_feet_tells_nothing_and_breaks_nothing(small_body):
     cues = [
         body_cue([small_body], [replace(still, pelvis_m=m)]) for m in (still.pelvis_m, pelvis_m)
     ]
-    assert angle_deg(cues[0].up, cues[1].up) < 1e-6
+    assert angles_deg(cues[0].up, cues[1].up) < 1e-6
 
 
 def test_who_is_seen_now_and_then_stood_between(small_body):
@@ -102,7 +96,7 @@ def test_who_is_seen_now_and_then_stood_between(small_body):
     frames = np.arange(0, motion.n_frames, 6)
     cue = body_cue([small_body], [motion.take(frames)], [frames])
     up, level = up_of(cue, [])
-    assert angle_deg(up, UP) < 3.0 and 9.0 < level.sigma_deg < 11.0
+    assert angles_deg(up, UP) < 3.0 and 9.0 < level.sigma_deg < 11.0
 
 
 def posed(body: BodyModel, trunk: int, hip: int, knee: int, ankle: int) -> Motion:
@@ -111,8 +105,7 @@ def posed(body: BodyModel, trunk: int, hip: int, knee: int, ankle: int) -> Motio
     local = motion.local_rotmats.copy()
     for side in ("left", "right"):
         for joint, degrees in (("hip", hip), ("knee", knee), ("ankle", ankle)):
-            turn = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
-            local[:, JOINT[f"{side}_{joint}"] - 1] = turn
+            local[:, JOINT[f"{side}_{joint}"] - 1] = _turn(degrees)
     return replace(motion, local_rotmats=local)
 
 
@@ -131,7 +124,7 @@ def test_who_sits_high_or_with_straight_legs_tells_up_by_the_trunk_too(anny, nam
     80 degrees off, and 5.7 were told."""
     trunk_deg, *legs = SITTING[name]
     up, level = up_of(body_cue([anny], [posed(anny, trunk_deg, *legs)]), [])
-    assert angle_deg(up, leaning(trunk_deg)) < 0.5
+    assert angles_deg(up, leaning(trunk_deg)) < 0.5
     assert level.sigma_deg == pytest.approx(12 * np.sqrt(2), rel=1e-2)
 
 
@@ -139,7 +132,7 @@ def test_who_sits_high_or_with_straight_legs_tells_up_by_the_trunk_too(anny, nam
 def test_who_stands_or_crouches_tells_up_by_the_mass_over_the_soles(anny, pose):
     """Whose trunk may lean by 40 degrees."""
     up, level = up_of(body_cue([anny], [posed(anny, *pose)]), [])
-    assert angle_deg(up, UP) < 5.7
+    assert angles_deg(up, UP) < 5.7
     assert level.sigma_deg == pytest.approx(4 * np.sqrt(2), rel=1e-2)
 
 
@@ -149,16 +142,19 @@ def test_two_people_tell_more_than_one_and_share_what_their_system_errs(small_bo
     assert two.sigma_deg == pytest.approx(np.sqrt(0.75) * one.sigma_deg, rel=1e-3)
 
 
-def test_soles_all_round_correct_leaning_bodies():
-    cue = contact_cue([square_m()], 60, leaning(6.0), 0.02)
+def contact_of(soles_m: np.ndarray, stances: int, up: np.ndarray, sigma_m: float) -> UpCue:
+    cue = contact_cue([soles_m], stances, up, sigma_m)
     assert cue is not None
-    up, level = up_of(bodies_that_lean(6.0), [cue])
-    assert angle_deg(up, UP) < 0.3 and level.sigma_deg < 0.5
+    return cue
+
+
+def test_soles_all_round_correct_leaning_bodies():
+    up, level = up_of(bodies_that_lean(6.0), [contact_of(square_m(), 60, leaning(6.0), 0.02)])
+    assert angles_deg(up, UP) < 0.3 and level.sigma_deg < 0.5
 
 
 def test_soles_of_one_stance_tell_as_much_as_one_point():
-    many, few = (contact_cue([square_m()], n, UP, 0.2) for n in (60, 6))
-    assert many is not None and few is not None
+    many, few = (contact_of(square_m(), n, UP, 0.2) for n in (60, 6))
     assert np.trace(many.precision) == pytest.approx(10 * np.trace(few.precision), rel=0.02)
 
 
@@ -176,7 +172,7 @@ def test_soles_on_one_spot_lean_as_the_body_does(anny):
     """A minute of exercises said its level to 1.5 degrees, and was 5 off as the body."""
     soles_m, bodies = on_one_spot(anny, -5.0)
     up, level = up_of(bodies, [contact_cue([soles_m], 100, bodies.up, 0.02)])
-    assert level.sigma_deg >= 4.0 and 3.0 < angle_deg(up, UP) < 2 * level.sigma_deg
+    assert level.sigma_deg >= 4.0 and 3.0 < angles_deg(up, UP) < 2 * level.sigma_deg
     # Along a way of 4 m they tell well, and across it as on the spot.
     way_m = np.linspace(-2, 2, len(soles_m))[:, None] * [0.6, 0.8, 0.0]
     _, level = up_of(bodies, [contact_cue([soles_m + way_m], 100, bodies.up, 0.02)])
@@ -186,17 +182,15 @@ def test_soles_on_one_spot_lean_as_the_body_does(anny):
 def test_soles_along_a_line_correct_the_tilt_along_it_only():
     line_m = np.column_stack([np.zeros(30), np.linspace(0, 4, 30), np.zeros(30)])
     for soles_m, left_deg in ((line_m, 0.0), (line_m[:, [1, 0, 2]], 6.0)):
-        cue = contact_cue([soles_m], 30, leaning(6.0), 0.02)
-        assert cue is not None
-        up, _ = up_of(bodies_that_lean(6.0), [cue])
-        assert angle_deg(up, leaning(left_deg)) < 0.2
+        up, _ = up_of(bodies_that_lean(6.0), [contact_of(soles_m, 30, leaning(6.0), 0.02)])
+        assert angles_deg(up, leaning(left_deg)) < 0.2
 
 
 def test_people_of_other_sizes_on_planes_of_their_own_tilt_nothing():
     """A woman behind a man seemed to stand on another floor: the world tilted by 2 degrees."""
     one_m, behind_m = square_m(), square_m() + np.array([0.0, 4.0, 0.2])
     up, _ = up_of(bodies_that_lean(0.0), [contact_cue([one_m, behind_m], 60, UP, 0.02)])
-    assert angle_deg(up, UP) < 0.1
+    assert angles_deg(up, UP) < 0.1
 
 
 def test_soles_on_steps_and_too_few_are_no_plane():
@@ -252,13 +246,9 @@ def test_a_ground_that_is_steep_stays_as_it_is(slope_deg, level):
     """What bodies may lean by is taken for level; a slope and stairs are not made so."""
     ground = ground_cue(leaning(slope_deg), square_m(400) @ _turn(slope_deg).T, 0.01)
     up, found = up_of(BODIES, [ground])
-    assert angle_deg(up, leaning(slope_deg) if level else UP) < 0.5
+    assert angles_deg(up, leaning(slope_deg) if level else UP) < 0.5
     assert found.cues[1].used == level
     assert found.sigma_deg == pytest.approx(0.98 if level else 4 * np.sqrt(2), rel=0.05)
-
-
-def _turn(degrees: float) -> np.ndarray:
-    return np.asarray(Rotation.from_euler("x", degrees, degrees=True).as_matrix())
 
 
 @given(st.integers(0, 10**6))
@@ -299,7 +289,7 @@ def test_gravity_levels_leaning_bodies_also_on_a_slope():
     slope = ground_cue(leaning(18), square_m(400) @ _turn(18).T, 0.01)
     for ground in ([], [slope]):
         up, level = up_of(bodies_that_lean(6.0), ground, felt(UP))
-        assert angle_deg(up, UP) < 0.1 and level.sigma_deg == pytest.approx(0.70, abs=0.02)
+        assert angles_deg(up, UP) < 0.1 and level.sigma_deg == pytest.approx(0.70, abs=0.02)
         assert [(one.name, one.used) for one in level.cues][:2] == [
             ("gravity", True), ("bodies", True),
         ]  # fmt: skip
@@ -309,7 +299,7 @@ def test_gravity_levels_leaning_bodies_also_on_a_slope():
 def test_gravity_and_a_level_ground_share_what_they_err_by():
     ground = ground_cue(leaning(1.0), square_m(400) @ _turn(1.0).T, 0.01)
     up, level = up_of(BODIES, [ground], felt(UP))
-    assert 0.2 < angle_deg(up, UP) < 0.5 and level.cues[2].used
+    assert 0.2 < angles_deg(up, UP) < 0.5 and level.cues[2].used
     assert level.sigma_deg < 0.6
 
 

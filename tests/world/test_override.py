@@ -16,12 +16,10 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadRecipe, BadRecord
 from gmrdata.values.people import PersonFiles
 from gmrdata.world.judge import PseudoGtQuality, load_record, quality_record, unsolved_quality
-from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import (
     Doubts,
     Dropped,
     Override,
-    PseudoGtConfig,
     load_dataset_camera,
     overridden,
     save_dataset_camera,
@@ -33,6 +31,7 @@ from tests.world.test_compose import (
     Circular,
     as_input,
     made,
+    made_of,
     person_files,
     reconstruction,
     true_clip,
@@ -197,15 +196,13 @@ def test_55_px_under_another_name_are_not_accepted(small_body, tmp_path):
 
     sfm_dir, people = sfm_of(tmp_path, small_body, renamed)
     with pytest.raises(BadRecord, match=r"quality\.json: has no key `mean_reprojection_px`"):
-        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+        made_of(sfm_dir, people)
     assert not (tmp_path / "out").exists()
 
 
 def test_55_px_are_rejected(small_body, tmp_path):
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda said: said | {"mean_reprojection_px": 55})
-    record = load_record(
-        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
-    )
+    record = load_record(made_of(sfm_dir, people))
     assert not record.people[0].accepted
     assert "the mean reprojection error is 55.00 px, more than 1 px" in record.people[0].reasons
 
@@ -223,7 +220,7 @@ def test_55_px_are_rejected(small_body, tmp_path):
 def test_figures_of_an_older_version_and_of_other_frames(figures, said, small_body, tmp_path):
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda _: figures)
     with pytest.raises(BadRecord, match=said):
-        make_pseudo_gt(WorldEvidence(sfm_dir, people), tmp_path / "out", PseudoGtConfig())
+        made_of(sfm_dir, people)
 
 
 def test_what_is_written_comes_back(small_body, tmp_path):
@@ -292,12 +289,9 @@ def test_each_array_of_the_dataset_camera_is_needed_and_named(tmp_path, key):
 
 def test_doubts_and_cameras_of_other_frames_are_refused(small_body, tmp_path):
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda said: said)
-    config, out_dir = PseudoGtConfig(), tmp_path / "out"
     DOUBTS.write(tmp_path / "doubts.json")
     with pytest.raises(BadRecord, match="is not of 1 people and 40 frames"):
-        evidence = WorldEvidence(sfm_dir, people, doubts_path=tmp_path / "doubts.json")
-        make_pseudo_gt(evidence, out_dir, config)
+        made_of(sfm_dir, people, doubts_path=tmp_path / "doubts.json")
     save_dataset_camera(tmp_path / "camera.npz", np.tile(np.eye(4), (3, 1, 1)))
     with pytest.raises(BadRecord, match="3 cameras for 40 frames"):
-        evidence = WorldEvidence(sfm_dir, people, dataset_camera_path=tmp_path / "camera.npz")
-        make_pseudo_gt(evidence, out_dir, config)
+        made_of(sfm_dir, people, dataset_camera_path=tmp_path / "camera.npz")

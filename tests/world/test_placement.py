@@ -1,7 +1,6 @@
 """People before the camera, of files as VIBE, WHAM, GVHMR, TRAM and PHALP would have made them."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,11 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.read.systems.result import read_system
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import Lens
-from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.people import EstimatedPeople, Pinhole
 from gmrdata.world.placement import PlacedBody, assumed_place, place_body
+from tests.damage import bytes_changed, read_or_refused
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files
 from tests.read.system_files import Seen, write_joblib, write_seen_tram, write_torch
@@ -52,99 +52,89 @@ def placed_by(path: Path, body: BodyModel, lens: Lens) -> PlacedBody:
     return place_body(read(path).people[0], body, lens, SIZE_PX, path)
 
 
-@dataclass(frozen=True)
-class Files:
-    folder: Path
-    seen: Seen
+def off_shares(placed: PlacedBody, seen: Seen) -> np.ndarray:
+    """(T,) how far off a person stands, as a share of the way from the camera."""
+    true_m = seen.motion.pelvis_m
+    return np.linalg.norm(placed.pelvis_m - true_m, axis=1) / np.linalg.norm(true_m, axis=1)
 
-    def of(self, system: str) -> Path:
-        n = int(self.seen.frames[-1]) + 1
-        match system:
-            case "vibe":
-                people = system_files.vibe_people([self.seen], np.random.default_rng(0))
-                return write_joblib(self.folder / "vibe_output.pkl", people)
-            case "wham":
-                people = system_files.wham_people([self.seen])
-                return write_joblib(self.folder / "wham_output.pkl", people)
-            case "gvhmr":
-                result = system_files.gvhmr_result(self.seen)
-                return write_torch(self.folder / "hmr4d_results.pt", result)
-            case "tram":
-                return write_seen_tram(self.folder / "tram", [self.seen], n)
-        frames = system_files.phalp_frames([self.seen], n, np.random.default_rng(0))
-        return write_joblib(self.folder / "demo_walk.pkl", frames)
+
+def written(system: str, folder: Path, seen: Seen) -> Path:
+    """A system's file of one person."""
+    n, rng = int(seen.frames[-1]) + 1, np.random.default_rng(0)
+    match system:
+        case "vibe":
+            people = system_files.vibe_people([seen], rng)
+            return write_joblib(folder / "vibe_output.pkl", people)
+        case "wham":
+            return write_joblib(folder / "wham_output.pkl", system_files.wham_people([seen]))
+        case "gvhmr":
+            return write_torch(folder / "hmr4d_results.pt", system_files.gvhmr_result(seen))
+        case "tram":
+            return write_seen_tram(folder / "tram", [seen], n)
+    return write_joblib(folder / "demo_walk.pkl", system_files.phalp_frames([seen], n, rng))
 
 
 @pytest.fixture(scope="module")
-def files(walk, neutral, tmp_path_factory) -> dict[float, dict[str, Path]]:
+def seen(walk, neutral) -> Seen:
+    """The person before a camera without distortion."""
+    return system_files.seen_person(walk.motion, camera_of(walk), neutral)
+
+
+@pytest.fixture(scope="module")
+def files(walk, seen, neutral, tmp_path_factory) -> dict[float, dict[str, Path]]:
     """By distortion and system."""
-    assert walk.camera is not None
+    bent = system_files.seen_person(walk.motion, camera_of(walk), neutral, radial_k1=K1)
     made = {}
-    for k1 in (0.0, K1):
-        seen = system_files.seen_person(walk.motion, walk.camera, neutral, radial_k1=k1)
-        folder = Files(tmp_path_factory.mktemp("files"), seen)
-        made[k1] = {system: folder.of(system) for system in SYSTEMS}
+    for k1, one in ((0.0, seen), (K1, bent)):
+        folder = tmp_path_factory.mktemp("files")
+        made[k1] = {system: written(system, folder, one) for system in SYSTEMS}
     return made
 
 
 @pytest.mark.parametrize("k1", [0.0, K1])
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_a_person_stands_where_the_picture_shows_it(system, k1, files, walk, neutral):
+def test_a_person_stands_where_the_picture_shows_it(system, k1, files, walk, seen, neutral):
     found = read(files[k1][system])
     assert found.system == system
-    assert walk.camera is not None
-    true = system_files.seen_person(walk.motion, walk.camera, neutral).motion
-    person = found.people[0]
-    placed = placed_by(files[k1][system], neutral, replace(walk.camera.lens, radial=(k1, 0.0)))
-    far_m = np.linalg.norm(true.pelvis_m, axis=1)
-    off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1) / far_m
+    true, person = seen.motion, found.people[0]
+    lens = replace(camera_of(walk).lens, radial=(k1, 0.0))
+    placed = placed_by(files[k1][system], neutral, lens)
     # The file's own distance is another one: f is 554 px, and each assumed another.
     assert np.abs(placed.assumed_depths_m / true.pelvis_m[:, 2] - 1.0).min() > 0.05
-    assert off.max() < 0.005, off.max()
+    assert off_shares(placed, seen).max() < 0.005
     np.testing.assert_allclose(placed.root_rotmats, true.root_rotmats, atol=2e-3)
     np.testing.assert_allclose(person.local_rotmats[:, :21], true.local_rotmats[:, :21], atol=1e-5)
 
 
-def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(files, walk, neutral):
-    assert walk.camera is not None
-    true = system_files.seen_person(walk.motion, walk.camera, neutral).motion
-    placed = placed_by(files[K1]["wham"], neutral, walk.camera.lens)
-    off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1)
-    assert off.max() > 0.01 * np.linalg.norm(true.pelvis_m, axis=1).min()
+def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(files, walk, seen, neutral):
+    placed = placed_by(files[K1]["wham"], neutral, camera_of(walk).lens)
+    assert off_shares(placed, seen).max() > 0.01
 
 
 def test_a_file_of_vibe_with_its_drawing_camera_alone_gives_nearly_the_same(
-    files, walk, neutral, tmp_path
+    walk, seen, neutral, tmp_path
 ):
     """`orig_cam` is a tenth too small, and says nothing of the crop's middle."""
-    assert walk.camera is not None
-    seen = system_files.seen_person(walk.motion, walk.camera, neutral)
     people = system_files.vibe_people([seen])
     for person in people.values():
         del person["pred_cam"], person["bboxes"]
     path = write_joblib(tmp_path / "vibe_output.pkl", people)
-    placed = placed_by(path, neutral, walk.camera.lens)
-    far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
-    assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.02
+    placed = placed_by(path, neutral, camera_of(walk).lens)
+    assert off_shares(placed, seen).max() < 0.02
 
 
-def test_phalp_of_the_whole_picture_is_the_same_person(walk, neutral, tmp_path):
+def test_phalp_of_the_whole_picture_is_the_same_person(walk, seen, neutral, tmp_path):
     """Where the crop is not in the file, `camera` tells the same."""
-    assert walk.camera is not None
-    seen = system_files.seen_person(walk.motion, walk.camera, neutral)
     frames = system_files.phalp_frames([seen], len(seen.frames))
     for frame in frames.values():
         del frame["camera_bbox"], frame["center"], frame["scale"]
     path = write_joblib(tmp_path / "demo.pkl", frames)
-    placed = placed_by(path, neutral, walk.camera.lens)
-    far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
-    assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.01
+    placed = placed_by(path, neutral, camera_of(walk).lens)
+    assert off_shares(placed, seen).max() < 0.01
 
 
-def test_phalps_scale_as_a_share_of_the_picture_is_the_same_crop(files, walk, neutral, tmp_path):
+def test_phalps_scale_as_a_share_of_the_picture_is_the_same_crop(walk, seen, neutral, tmp_path):
     """As 4D-Humans' own demo writes it: one number, the crop's side over the longer side."""
-    assert walk.camera is not None
-    seen = system_files.seen_person(walk.motion, walk.camera, neutral)
     frames = system_files.phalp_frames([seen], len(seen.frames))
     in_px = write_joblib(tmp_path / "px.pkl", frames)
     for frame in frames.values():
@@ -152,11 +142,10 @@ def test_phalps_scale_as_a_share_of_the_picture_is_the_same_crop(files, walk, ne
         s, scale = frame["camera_bbox"][0][0], frame["scale"][0]
         assert frame["camera"][0][2] == pytest.approx(2 * 5000 / (256 * s * scale), rel=1e-5)
     as_share = write_joblib(tmp_path / "share.pkl", frames)
-    lens = walk.camera.lens
+    lens = camera_of(walk).lens
     own, other = (placed_by(path, neutral, lens) for path in (in_px, as_share))
     np.testing.assert_allclose(other.pelvis_m, own.pelvis_m, rtol=1e-9)
-    far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
-    assert (np.linalg.norm(other.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.005
+    assert off_shares(other, seen).max() < 0.005
 
 
 def test_the_size_comes_from_the_file_on_smpls_neutral_body_alone(files, neutral, small_body):
@@ -220,9 +209,7 @@ def test_a_broken_file_is_named_with_the_fault(content, said, tmp_path):
     assert str(path) in str(error.value)
 
 
-def test_what_a_result_lacks_is_named(files, tmp_path, walk, neutral):
-    assert walk.camera is not None
-    seen = system_files.seen_person(walk.motion, walk.camera, neutral)
+def test_what_a_result_lacks_is_named(tmp_path, seen):
     whole = system_files.gvhmr_result(seen)
     for broken, said in (
         ({"smpl_params_global": whole["smpl_params_global"]}, "no 'smpl_params_incam'"),
@@ -246,36 +233,24 @@ def test_what_a_result_lacks_is_named(files, tmp_path, walk, neutral):
 @given(data=st.data())
 def test_any_cut_or_changed_file_is_read_or_refused(data, files, tmp_path_factory):
     system = data.draw(st.sampled_from(["vibe", "wham", "gvhmr", "phalp"]))
-    content = bytearray(files[0.0][system].read_bytes())
-    at = data.draw(st.integers(0, len(content) - 1))
-    if data.draw(st.booleans()):
-        content = content[:at]
-    else:
-        content[at] = data.draw(st.integers(0, 255))
-    path = tmp_path_factory.mktemp("changed") / files[0.0][system].name
-    path.write_bytes(bytes(content))
-    try:
-        read(path)
-    except GmrdataError as error:
-        assert path.name in str(error)
+    whole = files[0.0][system].read_bytes()
+    cut = whole[: data.draw(st.integers(0, len(whole) - 1))]
+    content = cut if data.draw(st.booleans()) else bytes_changed(data, whole, most=1)
+    read_or_refused(tmp_path_factory.mktemp("changed") / files[0.0][system].name, content, read)
 
 
-def test_several_people_with_gaps_keep_their_frames(walk, neutral, tmp_path):
-    assert walk.camera is not None
-    camera, n = walk.camera, walk.motion.n_frames
-    some = np.array([0, 1, 2, 5, 6, 9])
-    seen = [
-        system_files.seen_person(walk.motion, camera, neutral),
-        system_files.seen_person(walk.motion.take(some), camera.at_rows(some), neutral, some),
-    ]
-    ways: dict[str, Callable[[], Path]] = {
-        "vibe": lambda: write_joblib(tmp_path / "v.pkl", system_files.vibe_people(seen)),
-        "wham": lambda: write_joblib(tmp_path / "w.pkl", system_files.wham_people(seen)),
-        "tram": lambda: write_seen_tram(tmp_path / "t", seen, n),
-        "phalp": lambda: write_joblib(tmp_path / "p.pkl", system_files.phalp_frames(seen, n)),
+def test_several_people_with_gaps_keep_their_frames(walk, seen, neutral, tmp_path):
+    n, some = walk.motion.n_frames, np.array([0, 1, 2, 5, 6, 9])
+    camera = camera_of(walk).at_rows(some)
+    both = [seen, system_files.seen_person(walk.motion.take(some), camera, neutral, some)]
+    ways = {
+        "vibe": write_joblib(tmp_path / "v.pkl", system_files.vibe_people(both)),
+        "wham": write_joblib(tmp_path / "w.pkl", system_files.wham_people(both)),
+        "tram": write_seen_tram(tmp_path / "t", both, n),
+        "phalp": write_joblib(tmp_path / "p.pkl", system_files.phalp_frames(both, n)),
     }
-    for system, write in ways.items():
-        found = read(write())
+    for system, path in ways.items():
+        found = read(path)
         assert [len(one.frame_numbers) for one in found.people] == [n, 6], system
         np.testing.assert_array_equal(found.people[1].frame_numbers, some)
         assert found.n_frames == {"tram": n, "phalp": n}.get(system)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.film.programmes import Circular, Linear, Programme, Small, camera_path
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.ground import motion_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import NoReconstruction
@@ -26,18 +27,17 @@ from gmrdata.world.recipe import CueEstimate, ScaleConfig
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, fuse, short_windows_scale
 
 CONFIG = ScaleConfig()
-PROGRAMMES = {"circular": Circular(), "linear": Linear()}
+CIRCULAR, LINEAR = Circular(), Linear()
 
 
 @cache
 def filmed(
-    gait: str, programme: str, body: BodyModel, seed: int, fps_hz: float = 10.0
+    gait: str, programme: Programme, body: BodyModel, seed: int, fps_hz: float = 10.0
 ) -> tuple[Motion, CameraPath]:
     """A world motion, and the exact camera that films it; nobody changes them."""
     motion = make_gait(gait, 4.8, fps_hz, body, np.random.default_rng(seed))
     rng = np.random.default_rng(seed)
-    path = camera_path(PROGRAMMES[programme], motion.pelvis_m, fps_hz, 640, 360, 60.0, rng)
-    return motion, path
+    return motion, camera_path(programme, motion.pelvis_m, fps_hz, 640, 360, 60.0, rng)
 
 
 def seen_through(
@@ -60,13 +60,17 @@ def scale_of(
     config: ScaleConfig = CONFIG,
 ) -> ScaleEstimate:
     """Of one person whom a camera films, with the path as it was found; the true one for None."""
+    return estimate_scale([seen_person(body, motion, path, found)], "full", config)
+
+
+def seen_person(
+    body: BodyModel, motion: Motion, path: CameraPath, found: CameraPath | None = None
+) -> SeenPerson:
     person = motion_in_camera(motion, path.world_from_cam)
-    return estimate_scale(
-        [SeenPerson(person, body, path if found is None else found)], "full", config
-    )
+    return SeenPerson(person, body, path if found is None else found)
 
 
-@pytest.mark.parametrize("programme", ["circular", "linear"])
+@pytest.mark.parametrize("programme", [CIRCULAR, LINEAR], ids=str)
 @pytest.mark.parametrize("gait", ["walk", "run", "circle", "side_step"])
 @pytest.mark.parametrize("metres_per_unit", [0.13, 7.0])
 def test_scale_is_found_to_two_percent(gait, programme, metres_per_unit, small_body):
@@ -79,7 +83,7 @@ def test_scale_is_found_to_two_percent(gait, programme, metres_per_unit, small_b
 
 
 def test_the_unit_of_length_does_not_matter(small_body):
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     scales = []
     for unit in (1.0, 1e-3, 1e3):
         found = seen_through(path, unit, 0.0, 0.0, seed=0)
@@ -92,7 +96,7 @@ def test_the_unit_of_length_does_not_matter(small_body):
 def test_errors_stay_within_their_bars(small_body):
     inside, total = 0, 0
     for seed in range(6):
-        for programme in PROGRAMMES:
+        for programme in (CIRCULAR, LINEAR):
             motion, path = filmed("walk", programme, small_body, seed)
             found = seen_through(path, 2.0, 0.006, 0.001, seed)
             estimate = scale_of(small_body, motion, path, found)
@@ -104,7 +108,7 @@ def test_errors_stay_within_their_bars(small_body):
 
 
 def test_frames_without_a_camera_are_left_out(small_body):
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
     found.world_from_cam[[0, 9, 10, 30]] = np.nan
     estimate = scale_of(small_body, motion, path, found)
@@ -113,7 +117,7 @@ def test_frames_without_a_camera_are_left_out(small_body):
 
 def test_frames_between_those_that_are_watched_for_feet_tell_the_scale(small_body):
     """Of 120 fps every second frame is watched, from the first with a camera on: here the odd."""
-    motion, path = filmed("walk", "circular", small_body, seed=1, fps_hz=120.0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=1, fps_hz=120.0)
     found = seen_through(path, 2.5, 0.0, 0.0, seed=0)
     odd = np.arange(path.n_frames) % 2 == 1
     known = np.where(odd[:, None, None], found.world_from_cam, np.nan)
@@ -124,25 +128,22 @@ def test_frames_between_those_that_are_watched_for_feet_tell_the_scale(small_bod
 
 
 def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body):
-    motion, path = filmed("walk", "circular", small_body, seed=0)
-    person = motion_in_camera(motion, path.world_from_cam)
-    estimate = estimate_scale(
-        [SeenPerson(person, small_body, path)], "rotation_only", ScaleConfig()
-    )
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
+    estimate = estimate_scale([seen_person(small_body, motion, path)], "rotation_only", CONFIG)
     assert estimate.scale is None and estimate.sigma is None and estimate.cues == ()
 
 
 def test_a_camera_that_does_not_move_has_no_scale(small_body):
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
     with pytest.raises(NoReconstruction, match="camera hardly moves"):
         scale_of(small_body, motion, still)
 
 
 def test_why_nobodys_feet_tell_is_said_once(small_body):
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
-    person = SeenPerson(motion_in_camera(motion, still.world_from_cam), small_body, still)
+    person = seen_person(small_body, motion, still)
     with pytest.raises(NoReconstruction) as raised:
         estimate_scale([person] * 20, "full", CONFIG)
     assert str(raised.value).count("camera hardly moves") == 1
@@ -150,7 +151,7 @@ def test_why_nobodys_feet_tell_is_said_once(small_body):
 
 def held_by_hand(body: BodyModel, way_m: float, unseen: slice, moved_m: float) -> ScaleEstimate:
     """Of a noisy person before a camera that sways by some way, and moves while nobody is seen."""
-    motion, path = filmed("walk", "circular", body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, body, seed=0)
     rng = np.random.default_rng(2)
     swaying = np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1))
     phase_rad = 2 * np.pi * np.arange(path.n_frames) / 20
@@ -160,7 +161,7 @@ def held_by_hand(body: BodyModel, way_m: float, unseen: slice, moved_m: float) -
     noisy = replace(person, pelvis_m=person.pelvis_m + rng.normal(0, 0.004, person.pelvis_m.shape))
     swaying[unseen] = np.nan
     found = replace(path, world_from_cam=swaying)
-    estimate = estimate_scale([SeenPerson(noisy, body, found)], "full", ScaleConfig())
+    estimate = estimate_scale([SeenPerson(noisy, body, found)], "full", CONFIG)
     (cue,) = estimate.cues
     assert cue.name == "planted_feet"
     return estimate
@@ -183,7 +184,7 @@ def test_a_camera_that_walks_while_nobody_is_seen_needs_its_scale(small_body, mo
 
 def test_an_unknown_scale_that_would_matter_is_kept(small_body):
     """For the verdict to reject it."""
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     estimate = scale_of(small_body, motion, path, config=ScaleConfig(body_share=0.8))
     assert estimate.scale == pytest.approx(1.0, rel=0.02)
     assert estimate.sigma is not None and estimate.sigma > 0.8 * estimate.scale
@@ -197,7 +198,7 @@ def test_an_unknown_scale_that_would_matter_is_kept(small_body):
 
 
 def test_feet_that_never_rest_give_no_scale(small_body):
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     rng = np.random.default_rng(0)
     flying = replace(motion, pelvis_m=rng.normal(0, 3.0, motion.pelvis_m.shape))
     with pytest.raises(NoReconstruction, match="planted feet found"):
@@ -268,10 +269,8 @@ def test_sole_points_lie_on_the_ground_while_they_stand(small_body):
 
 def test_sole_points_are_the_lowest_of_a_round_sole(anny):
     """The hindmost and the foremost points of the default body's soles are 13 mm higher."""
-    shape = np.zeros(anny.n_shape)
-    local, root = np.tile(np.eye(3), (1, 23, 1, 1)), np.eye(3)[None]
-    pelvis_m, person = anny.rest_pelvis_m(shape)[None], ("anny", "neutral")
-    rest = Motion(local, root, pelvis_m, shape, 30.0, *person, frame="camera", source="rest")
+    shape, rotmats = np.zeros(anny.n_shape), np.tile(np.eye(3), (1, 24, 1, 1))
+    rest = motion_of(anny, shape, rotmats, anny.rest_pelvis_m(shape)[None], 30.0, "rest")
     soles_m = foot_points_m(anny, rest)[0, :, SOLE_POINTS]
     height_m = soles_m[..., 1] - anny.rest_vertices_m(shape)[:, 1].min()
     assert (height_m < 0.001).all()
@@ -279,29 +278,28 @@ def test_sole_points_are_the_lowest_of_a_round_sole(anny):
 
 
 def test_two_people_give_a_cue_each(small_body):
-    motion, path = filmed("walk", "circular", small_body, seed=0)
-    other, _ = filmed("side_step", "circular", small_body, seed=1)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
+    other, _ = filmed("side_step", CIRCULAR, small_body, seed=1)
     found = seen_through(path, 3.0, 0.002, 0.0003, seed=0)
     half = replace(found, world_from_cam=found.world_from_cam.copy())
     half.world_from_cam[20:] = np.nan
     n = min(motion.n_frames, other.n_frames)
     assert n == motion.n_frames
     people = [
-        SeenPerson(motion_in_camera(motion, path.world_from_cam), small_body, found),
-        SeenPerson(motion_in_camera(other, path.world_from_cam), small_body, half),
+        seen_person(small_body, motion, path, found),
+        seen_person(small_body, other, path, half),
     ]
-    estimate = estimate_scale(people, "full", ScaleConfig())
+    estimate = estimate_scale(people, "full", CONFIG)
     assert [cue.person for cue in estimate.cues] == [0, 1]
     assert estimate.scale == pytest.approx(3.0, rel=0.02)
 
 
 def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body):
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
-    person = motion_in_camera(motion, path.world_from_cam)
     unknown = replace(found, world_from_cam=np.full_like(found.world_from_cam, np.nan))
-    people = [SeenPerson(person, small_body, unknown), SeenPerson(person, small_body, found)]
-    estimate = estimate_scale(people, "full", ScaleConfig())
+    people = [seen_person(small_body, motion, path, one) for one in (unknown, found)]
+    estimate = estimate_scale(people, "full", CONFIG)
     assert [cue.person for cue in estimate.cues] == [1]
 
 
@@ -314,7 +312,7 @@ def test_what_cues_share_is_not_lowered_by_their_number():
 def test_a_camera_that_stands_for_a_while_tells_the_scale_as_well_as_without(small_body):
     """The usual speed of one that stands for 60 % of the time is nothing: the scale of the rest was
     thrown away as unknown."""
-    motion, path = filmed("walk", "circular", small_body, seed=0)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     n = path.n_frames * 6 // 10
     cameras = path.world_from_cam.copy()
     cameras[:n] = cameras[n]
@@ -329,7 +327,7 @@ def test_a_camera_that_stands_for_a_while_tells_the_scale_as_well_as_without(sma
 @pytest.mark.parametrize("fps_hz", [10.0, 30.0])
 def test_feet_creep_as_far_as_a_steady_camera_travels(small_body, fps_hz):
     """Its scale has the error of their speed over its own."""
-    motion, path = filmed("walk", "linear", small_body, seed=0, fps_hz=fps_hz)
+    motion, path = filmed("walk", LINEAR, small_body, seed=0, fps_hz=fps_hz)
     metres = np.linspace(0, 5, path.n_frames)
     cameras = np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1))
     cameras[:, :3, 3] += metres[:, None] * [0.6, 0.8, 0.0]
@@ -344,11 +342,9 @@ WORLD = rigid(Rotation.from_rotvec([0.4, 1.0, -2.0]).as_matrix(), np.array([3.0,
 
 
 def walk(
-    body: BodyModel, programme: Programme, seed: int = 3, n_seconds: float = 4.8
+    body: BodyModel, programme: Programme = CIRCULAR, seed: int = 3
 ) -> tuple[Motion, CameraPath]:
-    motion = make_gait("walk", n_seconds, 30.0, body, np.random.default_rng(seed))
-    rng = np.random.default_rng(seed)
-    return motion, camera_path(programme, motion.pelvis_m, 30.0, 640, 360, 60.0, rng)
+    return filmed("walk", programme, body, seed, fps_hz=30.0)
 
 
 def reconstructed(path: CameraPath, points_m: np.ndarray) -> tuple[CameraPath, np.ndarray]:
@@ -380,7 +376,7 @@ def ground_cue(
     return ground_contact_scale(seen, points, rough, CONFIG)
 
 
-@pytest.mark.parametrize("programme", [Circular(), Linear(), Small()], ids=str)
+@pytest.mark.parametrize("programme", [CIRCULAR, LINEAR, Small()], ids=str)
 @pytest.mark.parametrize("rough", [0.85, 1.0, 1.15])
 def test_soles_on_the_ground_tell_the_scale(programme, rough, small_body):
     motion, path = walk(small_body, programme)
@@ -393,7 +389,7 @@ def test_soles_on_the_ground_tell_the_scale(programme, rough, small_body):
 @pytest.mark.parametrize("lean_deg", [12, 24])
 def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(lean_deg, small_body):
     """The left foot is on the ground heel and all; the right one, in front, waits 4 cm above it."""
-    motion, path = walk(small_body, Circular())
+    motion, path = walk(small_body)
     middle_m = motion.pelvis_m.mean(axis=0) * [1, 1, 0]
     sole_m = np.array([[0, 0, 0.07], [0.1, 0, 0.03], [-0.05, 0, 0], [0.15, 0, 0], [0.2, 0, 0.005]])
     feet_m = middle_m + np.stack([sole_m, sole_m + np.array([0.6, 0.2, 0.04])])
@@ -407,13 +403,18 @@ def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(lean
     assert cue is not None and cue.scale == pytest.approx(UNIT_M, rel=1e-4)
 
 
+def at_height(path: CameraPath, height_m: float) -> CameraPath:
+    world_from_cam = path.world_from_cam.copy()
+    world_from_cam[:, 2, 3] = height_m
+    return replace(path, world_from_cam=world_from_cam)
+
+
 def test_without_a_ground_there_is_no_such_cue(small_body):
-    motion, path = walk(small_body, Circular())
+    motion, path = walk(small_body)
     wall_m = scenery(motion, 0.01, 0)[60:]
     assert ground_cue(motion, path, wall_m, small_body, UNIT_M) is None
     assert ground_cue(motion, path, np.zeros((0, 3)), small_body, UNIT_M) is None
-    low = replace(path, world_from_cam=path.world_from_cam.copy())
-    low.world_from_cam[:, 2, 3] = 0.2  # a camera near the ground sees it too flat
+    low = at_height(path, 0.2)  # a camera near the ground sees it too flat
     assert ground_cue(motion, low, scenery(motion, 0.01, 600), small_body, UNIT_M) is None
 
 
@@ -421,7 +422,7 @@ def test_without_a_ground_there_is_no_such_cue(small_body):
 def test_a_table_is_not_the_ground_of_a_low_camera(table_m, small_body):
     """Hardly below the camera or above it: the scale was 18 times too large, or below zero."""
     motion, path = walk(small_body, Circular(radius_m=2.5))
-    path.world_from_cam[:, 2, 3] = 0.37
+    path = at_height(path, 0.37)
     rng, middle_m = np.random.default_rng(0), motion.pelvis_m.mean(axis=0)
     table_m = [*middle_m[:2], table_m] + np.c_[rng.uniform(-1, 1, (300, 2)), np.zeros(300)]
     assert ground_cue(motion, path, table_m, small_body, UNIT_M) is None
@@ -429,7 +430,7 @@ def test_a_table_is_not_the_ground_of_a_low_camera(table_m, small_body):
 
 def test_who_is_hidden_below_the_hips_is_above_the_ground(small_body):
     """Legs that are guessed keep still before the camera, where feet found a scale of 0 ± 1 %."""
-    motion, path = walk(small_body, Linear())
+    motion, path = walk(small_body, LINEAR)
     rest = np.tile(np.eye(3), (motion.n_frames, 23, 1, 1))
     guessed = replace(motion_in_camera(motion, path.world_from_cam), local_rotmats=rest)
     found, points = reconstructed(path, scenery(motion, 0.01, 600))
@@ -457,7 +458,7 @@ def drifting(path: CameraPath, drift_m: float, seed: int) -> np.ndarray:
 def test_a_data_sets_own_path_tells_the_scale_where_it_drifts_little(small_body):
     inside = 0
     for seed in range(8):
-        _, path = walk(small_body, Circular(), seed)
+        _, path = walk(small_body, seed=seed)
         found, _ = reconstructed(path, np.zeros((0, 3)))
         exact = short_windows_scale(found, path.world_from_cam, 30.0, CONFIG)
         assert exact is not None and exact.scale == pytest.approx(UNIT_M, rel=1e-9)
@@ -469,7 +470,7 @@ def test_a_data_sets_own_path_tells_the_scale_where_it_drifts_little(small_body)
 
 
 def test_frames_that_either_path_lacks_are_left_out(small_body):
-    _, path = walk(small_body, Linear())
+    _, path = walk(small_body, LINEAR)
     found, _ = reconstructed(path, np.zeros((0, 3)))
     found.world_from_cam[5:9] = np.nan
     dataset_camera = path.world_from_cam.copy()
@@ -483,17 +484,11 @@ def test_frames_that_either_path_lacks_are_left_out(small_body):
 
 
 def test_all_cues_together_are_better_than_feet_alone(small_body):
-    motion, path = walk(small_body, Circular())
+    motion, path = walk(small_body)
     found, points = reconstructed(path, scenery(motion, 0.01, 600))
-    person = motion_in_camera(motion, path.world_from_cam)
-    feet = estimate_scale([SeenPerson(person, small_body, found)], "full", CONFIG)
-    every = estimate_scale(
-        [SeenPerson(person, small_body, found)],
-        "full",
-        CONFIG,
-        points=points,
-        dataset_camera=drifting(path, 0.3, 0),
-    )
+    people, dataset_camera = [seen_person(small_body, motion, path, found)], drifting(path, 0.3, 0)
+    feet = estimate_scale(people, "full", CONFIG)
+    every = estimate_scale(people, "full", CONFIG, points=points, dataset_camera=dataset_camera)
     assert [cue.name for cue in every.cues] == ["planted_feet", "ground_contact", "short_windows"]
     assert feet.sigma is not None and every.sigma is not None and every.scale is not None
     assert every.sigma < feet.sigma
@@ -509,8 +504,8 @@ def test_the_ground_is_found_though_steps_are_too_short(anny):
         turns = Rotation.from_matrix(local[:, hip]).as_rotvec()
         local[:, hip] = Rotation.from_rotvec(0.3 * turns).as_matrix()
     found, points = reconstructed(path, scenery(motion, 0.005, 400))
-    person = motion_in_camera(replace(motion, local_rotmats=local), path.world_from_cam)
-    estimate = estimate_scale([SeenPerson(person, anny, found)], "full", CONFIG, points=points)
+    person = seen_person(anny, replace(motion, local_rotmats=local), path, found)
+    estimate = estimate_scale([person], "full", CONFIG, points=points)
     feet, ground = estimate.cues
     assert feet.scale < 0.8 * UNIT_M
     assert ground.scale == pytest.approx(UNIT_M, rel=0.05)

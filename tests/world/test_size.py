@@ -11,14 +11,14 @@ from gmrdata.values.skinning import motion_joints_m
 from gmrdata.world.recipe import CueEstimate
 from gmrdata.world.scale import fuse
 from gmrdata.world.size import height_m, height_of, heights_of, of_height, of_size
+from tests.motions import made_up
 
 
 @pytest.fixture
 def standing_person(anny) -> Motion:
     local, root = np.tile(np.eye(3), (2, 23, 1, 1)), np.tile(np.diag([1.0, -1, -1]), (2, 1, 1))
-    pelvis_m, person = np.array([[0.3, 0.2, 4.0], [0.5, 0.2, 4.0]]), ("anny", "neutral")
-    shape = np.zeros(anny.n_shape)
-    return Motion(local, root, pelvis_m, shape, 30.0, *person, frame="camera", source="rest")
+    given = {"shape": np.zeros(anny.n_shape), "body": "anny", "frame": "camera"}
+    return made_up(local, root, np.array([[0.3, 0.2, 4.0], [0.5, 0.2, 4.0]]), **given)
 
 
 @pytest.mark.parametrize("told_m", [1.5, 1.64, 1.95])
