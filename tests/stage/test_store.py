@@ -161,6 +161,28 @@ def test_an_empty_folder_may_be_filled(tmp_path):
     assert names(made(tmp_path / "out", Counter())) == ["result.txt", "stage.json"]
 
 
+@pytest.mark.parametrize("there", [True, False])
+def test_a_folder_behind_a_link_is_made_where_the_link_leads(there, tmp_path):
+    """It took the link's place on the small disk, and the next redo ended after all its work."""
+    disk, link = tmp_path / "disk", tmp_path / "out"
+    disk.mkdir()
+    link.symlink_to(disk / "out")
+    if there:
+        (disk / "out").mkdir()
+    work = Counter()
+    for seed in range(3):
+        assert made(link, work, Recipe(seed=seed), run=Run(redo=True)) == link
+        made(link, work, Recipe(seed=seed))
+        assert link.is_symlink() and (disk / "out" / "result.txt").read_text() == f"run {seed + 1}"
+    assert names(tmp_path) == ["disk", "out"] and names(disk) == ["out"]
+
+
+def test_a_folder_without_a_name_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StaleOutput, match=r"^\.: a folder without a name .*another --out"):
+        made(Path(), Counter())
+
+
 def test_a_cut_off_record_is_stale(tmp_path):
     made(tmp_path / "out", Counter())
     record = tmp_path / "out" / "stage.json"
