@@ -98,6 +98,13 @@ def test_a_shard_that_is_none_is_refused(text):
         Shard.parse(text)
 
 
+@pytest.mark.parametrize("workers", [0, 5000])
+def test_a_number_of_workers_that_no_machine_has_is_refused(workers):
+    """Of the second each verb began as many processes, and `floor` ended with a traceback."""
+    with pytest.raises(BadRecipe, match=f"--workers {workers}: "):
+        Run(workers=workers)
+
+
 def test_who_finds_all_made_gets_the_whole(tmp_path):
     listed = re.escape(f"shard 1/3: {', '.join(of_share(1, 3))}")
     for shard in ("2/3", "3/3"):

@@ -190,12 +190,20 @@ def test_drift_turns_about_the_vertical_more_than_it_tilts():
 
 
 @pytest.mark.parametrize(
-    "values",
-    [{"drift_m": (0.8, 0.2)}, {"drift_deg": (-1, 2)}, {"root_error_period_s": 0}, {"x": 1}],
+    ("kind", "values"),
+    [
+        (FaultConfig, {"drift_m": (0.8, 0.2)}),
+        (FaultConfig, {"drift_deg": (-1, 2)}),
+        (FaultConfig, {"root_error_period_s": 0}),
+        (FaultConfig, {"x": 1}),
+        # These two were accepted, and the set ended with a traceback once all was rendered.
+        (KeypointConfig, {"noise_px": -1}),
+        (KeypointConfig, {"confidence": (0.95, 0.6)}),
+    ],
 )
-def test_a_wrong_recipe_is_refused(values):
+def test_a_wrong_recipe_is_refused(kind, values):
     with pytest.raises(ValidationError):
-        FaultConfig.model_validate(values)
+        kind.model_validate(values)
 
 
 def test_clips_without_a_world_or_a_camera_are_refused():
