@@ -328,6 +328,10 @@ def test_people_come_in_order(tmp_path, small_body):
         twins.people("park")
     with pytest.raises(MissingInput, match="no twin 'room_00'; there are park_00, park"):
         twins.people("room_00")
+    # Who was missing counted as nobody, or ended the floor with a traceback.
+    (tmp_path / "truth" / "park_00.p1.npz").unlink()
+    with pytest.raises(MissingInput, match=r"no park_00\.p1\.npz; make the twins again"):
+        twins.people("park_00")
 
 
 @pytest.mark.parametrize(
