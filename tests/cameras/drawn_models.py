@@ -13,6 +13,22 @@ from gmrdata.values.camera import Lens, bent, project
 
 INTRINSICS_PX = np.array([[800.0, 0, 320], [0, 800.0, 240], [0, 0, 1]])
 SIZE_PX = (640, 480)
+NOISE_PX = 0.4  # of the image points of what COLMAP draws
+
+
+def synthetic(seed: int, n_frames: int, n_points: int, camera: Any, database: Any = None) -> Any:
+    """COLMAP's own cameras all round a cloud of points, with noise in the image points; a database
+    gets their matches."""
+    pycolmap.set_random_seed(seed)
+    options, noise = pycolmap.SyntheticDatasetOptions(), pycolmap.SyntheticNoiseOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig = 1, 1, n_frames
+    options.num_points3D = n_points
+    options.camera_model_id, options.camera_params = camera.model, camera.params
+    options.camera_width, options.camera_height = camera.width, camera.height
+    model = pycolmap.synthesize_dataset(options, database)
+    noise.point2D_stddev = NOISE_PX
+    pycolmap.synthesize_noise(noise, model, database)
+    return model
 
 
 def drawn_points(n: int, rng: np.random.Generator) -> np.ndarray:
