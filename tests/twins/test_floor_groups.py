@@ -130,7 +130,7 @@ def test_the_file_holds_what_was_measured(floor, tmp_path):
     ("change", "message"),
     [
         ({"format": "gmrdata-floor/9"}, "`format` is 'gmrdata-floor/9'"),
-        ({"overall": {}}, "has no key `overall.sequences`"),
+        ({"overall": {}}, "has no key `overall.ome_deg`"),
         ({"more": 1}, "has an unknown key `more`"),
     ],
 )
