@@ -1,11 +1,15 @@
 """COLMAP models, and matches, of cameras and points that are drawn."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.map.rotation_only import RotationOnly
 from gmrdata.cameras.match.features import pinhole_params
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.values import transforms
@@ -68,6 +72,18 @@ def model_of(world_from_cam: np.ndarray, points: np.ndarray, image_px: np.ndarra
 def places_of(model: Any) -> np.ndarray:
     """(T, 3) places of a model's cameras, in the order of their ids."""
     return np.array([model.image(i).projection_center() for i in sorted(model.reg_image_ids())])
+
+
+def turning_by(
+    rotmats: np.ndarray,
+    residuals_px: ArrayLike = (),
+    pairs_rows: Sequence[tuple[int, int]] = (),
+) -> RotationOnly:
+    """Turns (T, 3, 3) of a camera that is known in each frame; residuals are of the first pair."""
+    n, residuals = len(rotmats), np.asarray(residuals_px, dtype=float)
+    rows, of_pair = np.array(pairs_rows).reshape(-1, 2), np.zeros(len(residuals), dtype=int)
+    information = csr_array((3 * n, 3 * n))
+    return RotationOnly(rotmats, np.ones(n, dtype=bool), residuals, of_pair, rows, information)
 
 
 def turning_matches(
