@@ -18,7 +18,7 @@ from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import list_images, read_frames, read_gray
 from gmrdata.values.camera import Lens, straightened
 from gmrdata.values.errors import BadFrames, NoReconstruction
-from tests.filming import tracked_error_px, turn_errors_deg
+from tests.filming import tracked_error_px, turn_errors_deg, write_pictures
 from tests.read.test_frames import with_exif
 
 
@@ -206,10 +206,7 @@ def test_cameras_of_large_frames_have_their_size(dolly, tmp_path):
 
 
 def test_an_error_names_the_frames_that_were_given(tmp_path):
-    (tmp_path / "frames").mkdir()
-    for i in range(6):
-        path = tmp_path / "frames" / f"{i:05d}.png"
-        cv2.imwrite(str(path), np.full((120, 160), 128, np.uint8))
+    write_pictures(tmp_path / "frames", [np.full((120, 160), 128, np.uint8)] * 6)
     config = SfmConfig(max_image_size_px=80)
     with pytest.raises(NoReconstruction) as raised:
         frames = read_frames(tmp_path / "frames")
@@ -274,16 +271,12 @@ def test_cameras_of_a_known_lens_are_right(bent_arc, tmp_path):
 
 
 def test_a_frame_is_straightened_and_what_was_not_seen_is_masked(tmp_path):
-    for name in ("frames", "masks"):
-        (tmp_path / name).mkdir()
     picture = np.zeros((120, 200), np.uint8)
     picture[20:23, 40:43] = 255
-    cv2.imwrite(str(tmp_path / "frames" / "00000.png"), picture)
-    cv2.imwrite(str(tmp_path / "masks" / "00000.png"), np.zeros_like(picture))
+    images = write_pictures(tmp_path / "frames", [picture])
+    write_pictures(tmp_path / "masks", [np.zeros_like(picture)])
     intrinsics_px = np.array([[150.0, 0, 100], [0, 150, 60], [0, 0, 1]])
-    given = Frames(
-        [tmp_path / "frames" / "00000.png"], tmp_path / "masks", intrinsics_px, (200, 120)
-    )
+    given = Frames(images, tmp_path / "masks", intrinsics_px, (200, 120))
     for k1 in (-0.15, 0.2):
         straight = reduced(given, 400, tmp_path / f"straight{k1}", k1)
         assert straight.size_px == given.size_px

@@ -131,7 +131,7 @@ def test_the_table_is_printed(place):
 
 def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(place, filmed_set):
     path = place / "out" / "floor.json"
-    before = path.read_bytes()
+    before, was = path.read_bytes(), Floor.read(path)
     main(words(place))
     assert path.read_bytes() == before
     root = place / "twins" / "3DPW"
@@ -151,17 +151,11 @@ def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(place, f
     floor = Floor.read(path)
     torn = next(row for row in floor.sequences if row.id == "torn_00")
     assert (torn.accepted, torn.class_measured, torn.tme_mm) == (False, "none", None)
-    was = read_floor_bytes(before, place)
     assert floor.classes["circular"] == was.classes["circular"]
     panning = floor.classes["panning"]
     assert panning.tme_mm == was.classes["panning"].tme_mm
     assert (panning.sequences, panning.accepted) == (2, 1)
     assert panning.kept_share == pytest.approx(was.classes["panning"].kept_share / 2, rel=1e-5)
-
-
-def read_floor_bytes(content: bytes, folder: Path) -> Any:
-    (folder / "before.json").write_bytes(content)
-    return Floor.read(folder / "before.json")
 
 
 def test_twins_without_truth_are_refused_before_the_work(filmed_set, tmp_path):

@@ -361,19 +361,14 @@ def test_a_model_of_one_scale_passes():
     assert step.before == step.after + 3 and 0.00005 < step.loose_share < FIRM
 
 
-def test_halves_without_a_common_point_are_found():
+@pytest.mark.parametrize(("second", "after", "open_share"), [(9, {24}, 1), (10, {24, 27}, 0.05)])
+def test_halves_that_share_no_point_or_one_frame_have_no_common_scale(second, after, open_share):
+    """The shared frame 9 sees the points of both, but nothing that is seen on both sides of it."""
     sees = along(0, 1)
-    sees[:9, 150:], sees[9:, :150] = False, False
+    sees[:9, 150:], sees[second:, :150] = False, False
     step = found(*solved(STRAIGHT, sees))
-    assert (step.after, step.before) == (24, 27) and step.loose_share > 1
-
-
-def test_halves_that_share_one_frame_have_no_common_scale():
-    """Frame 9 sees the points of both, but nothing that is seen on both sides of it."""
-    sees = along(0, 1)
-    sees[:9, 150:], sees[10:, :150] = False, False
-    step = found(*solved(STRAIGHT, sees))
-    assert step.after in (24, 27) and step.loose_share > 0.05
+    assert step.after in after and step.before == step.after + 3
+    assert step.loose_share > open_share
 
 
 def test_a_camera_that_rests_at_first_is_held_by_what_it_sees():

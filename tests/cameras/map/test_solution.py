@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import bundle_adjuster, incremental_options, pycolmap
-from gmrdata.cameras.files import SfmCameras, load_cameras, load_quality, save_cameras
+from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.map import mapping, models
 from gmrdata.cameras.map import refinement as jumps_module
@@ -22,7 +22,7 @@ from gmrdata.cameras.map.solution import Placed, fill_short_gaps
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
-from gmrdata.values.camera import CameraPath, project
+from gmrdata.values.camera import project
 from gmrdata.values.transforms import fit_similarity
 from tests.cameras.drawn_models import (
     INTRINSICS_PX,
@@ -136,13 +136,6 @@ def test_frames_that_cannot_be_placed_are_interpolated_and_marked(film, tmp_path
     assert before.frames_with_camera == after.frames_with_camera == keys.sum()
     assert not np.array(after.inliers_per_frame)[~keys].any()
     assert filmed.centre_errors_m(filled.path.centres_world_m).max() < 0.015
-
-
-def test_marks_are_kept(tmp_path):
-    marks = np.array([False, True, False])
-    cameras = CameraPath(np.eye(3), 4, 3, np.tile(np.eye(4), (3, 1, 1)), np.ones(3, dtype=bool))
-    save_cameras(tmp_path / "cameras.npz", SfmCameras(cameras, "full", np.arange(3), marks))
-    assert load_cameras(tmp_path).interpolated.tolist() == marks.tolist()
 
 
 N_FRAMES, JUMPED = 15, 6

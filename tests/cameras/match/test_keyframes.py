@@ -204,8 +204,7 @@ def test_features_are_followed_into_the_frames_between(tmp_path):
     assert sorted(rows) == sorted([*between, (0, 4, "CALIBRATED")])
     for pair in all_frames.pairs:
         shift_px = 2.5 * (pair.second - pair.first)
-        first_px = all_frames.keypoints_px[pair.first][pair.features[:, 0]]
-        second_px = all_frames.keypoints_px[pair.second][pair.features[:, 1]]
+        first_px, second_px = all_frames.ends_px(pair)
         assert np.abs(first_px - [shift_px, 0] - second_px).max() < 0.1
         assert n - 1 not in (pair.features[:, 0] if pair.first == 0 else pair.features[:, 1])
 
