@@ -148,9 +148,23 @@ def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
     stage = out_dir / "sequences" / "pan_00" / "pseudo_gt" / "stage.json"
     before = stage.stat().st_mtime_ns
     regenerate_set(
-        copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, run=Run(redo=False)
+        copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, run=Run(redo=True)
     )
     assert stage.stat().st_mtime_ns == before
+
+
+def test_one_sequence_alone_does_not_take_the_place_of_all(made_set, filmed_set, tmp_path):
+    """Of a set in which another one had failed it became the complete manifest, in silence."""
+    out_dir = Path(shutil.copytree(made_set, tmp_path / "out"))
+    manifest, verdicts = out_dir / "pseudo_gt.yaml", out_dir / "verdicts.json"
+    manifest.write_text(manifest.read_text().replace("1.0.0", "1.0.0-incomplete", 1))
+    before = manifest.read_bytes(), verdicts.read_bytes()
+    alone = filmed_set.recipe(sequences=["pan_00"])
+    with pytest.raises(BadManifest, match=r"pseudo_gt\.yaml: lists arc_00 besides; leave out"):
+        regenerate_set(alone, filmed_set.root, out_dir)
+    assert (manifest.read_bytes(), verdicts.read_bytes()) == before
+    regenerate_set(alone, filmed_set.root, out_dir, run=Run(redo=True))
+    assert [clip.id for clip in read_manifest(manifest).clips] == ["pan_00.p0"]
 
 
 def paint_grey(image_dir: Path) -> None:
