@@ -1,8 +1,6 @@
 """From 3DPW's layout to a manifest of world motions, with verdicts, on real workers."""
 
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -273,14 +271,9 @@ def test_a_sequence_that_is_not_there_is_an_error(filmed_set, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_dry_run_says_which_stages_are_to_do(filmed_set, tmp_path):
-    command = [sys.executable, "-m", "gmrdata", "threedpw", "regenerate"]
-    command += ["--threedpw", str(filmed_set.root)]
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "out"), "--dry-run"],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
+def test_a_dry_run_says_which_stages_are_to_do(filmed_set, gmrdata, tmp_path):
+    given = "--threedpw", filmed_set.root, "--out", tmp_path / "out"
+    done = gmrdata("threedpw", "regenerate", *given, "--dry-run")
+    assert done.returncode == 0
     assert "arc_00" in done.stdout and "to do: people, masks, sfm, pseudo_gt" in done.stdout
     assert not (tmp_path / "out").exists()
