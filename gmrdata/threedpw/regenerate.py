@@ -268,7 +268,7 @@ def _require_none_unlisted(recipe: ThreedpwRecipe, paths: SetPaths, run: Run) ->
         return
     listed = {clip.source.sequence or clip.id for clip in there.clips}
     if others := sorted(listed - set(recipe.sequences)):
-        remedy = "leave out which sequences, to list all; or pass --redo, or another --out"
+        remedy = "name no sequences, to list all; or pass --redo, or another --out"
         raise BadManifest(f"{paths.manifest}: lists {some(others)} besides; {remedy}")
 
 

@@ -17,7 +17,15 @@ import pytest
 from distributed import LocalCluster
 
 from gmrdata.stage import workers
-from gmrdata.stage.jobs import Job, count_files, in_threads, made_ahead, run_jobs, try_jobs
+from gmrdata.stage.jobs import (
+    Job,
+    count_files,
+    in_threads,
+    made_ahead,
+    run_jobs,
+    try_here,
+    try_jobs,
+)
 from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
 from gmrdata.stage.workers import Pool, own_cores, worker_pool
@@ -32,6 +40,10 @@ def write_process_id(path: Path) -> int:
 
 def fail_on_purpose(name: str) -> None:
     raise BadFrames(f"{name}: 0 bytes. Copy it again")
+
+
+def fail_in_words(name: str) -> None:
+    raise ValueError(f"no number: {name}")
 
 
 def fail_unforeseen() -> None:
@@ -122,6 +134,19 @@ def test_a_crash_is_tried_again_and_bad_input_is_not(two_workers, tmp_path):
     assert (tmp_path / "bad").read_text() == "x"
     files = {path.stem: path.read_text() for path in failed.iterdir()}
     assert files == outcome.reasons
+
+
+@pytest.mark.parametrize("call", [fail_on_purpose, fail_in_words])
+def test_a_name_that_is_no_utf8_is_in_the_reason(call, tmp_path):
+    """A folder from an old disk: one broken file in it ended the whole batch with a traceback."""
+    name = os.fsdecode(b"donn\xe9es/7.jpg")
+    jobs = [
+        Job("bad", call, {"name": name}),
+        Job("good", write_process_id, {"path": tmp_path / "done"}),
+    ]
+    outcome = try_here("reading", jobs, tmp_path / "failed")
+    assert list(outcome.results) == ["good"] and r"donn\xe9es/7.jpg" in outcome.reasons["bad"]
+    assert (tmp_path / "failed" / "bad.txt").read_text() == outcome.reasons["bad"]
 
 
 def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path):
