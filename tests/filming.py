@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.files import Distortion, load_cameras, load_points
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.match.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import read_frames
@@ -168,6 +170,24 @@ def motion_errors(found: np.ndarray, true: np.ndarray, step: int) -> tuple[float
     degrees = np.rad2deg(Rotation.from_matrix(apart).magnitude())
     lengths = np.linalg.norm(moves[0][:, :3, 3] - moves[1][:, :3, 3], axis=1)
     return float(np.sqrt(np.mean(degrees**2))), float(np.sqrt(np.mean(lengths**2)))
+
+
+def turn_errors_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Angles between the orientations of cameras (T, 4, 4), or rotations (T, 3, 3), after the best
+    common turn of the found world; two of the same world differ by at most twice as much."""
+    found, true = found[:, :3, :3], true[:, :3, :3]
+    u, _, vt = np.linalg.svd((true @ np.swapaxes(found, 1, 2)).sum(axis=0))
+    aligned = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt @ found
+    chord = np.linalg.norm(aligned - true, axis=(1, 2))
+    return np.rad2deg(2 * np.arcsin(np.clip(chord / np.sqrt(8), 0, 1)))
+
+
+def tracked_error_px(sfm_dir: Path, lens: Distortion | None) -> float:
+    """The mean error of a reconstruction's cameras, as its tracks give it again."""
+    tracks, points = load_tracks(sfm_dir).of_adjusted(), load_points(sfm_dir)
+    path = load_cameras(sfm_dir).path
+    found_px = errors_px(tracks, points, path.world_from_cam, path.intrinsics_px, lens)
+    return mean_over_points(found_px, tracks.points)
 
 
 def solve_keyframes_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.motion import Motion
 
 REST: dict[str, Any] = {
@@ -43,6 +43,16 @@ def moved(motion: Motion, b_from_a: np.ndarray) -> Motion:
         root_rotmats=b_from_a[:3, :3] @ motion.root_rotmats,
         pelvis_m=transforms.apply(b_from_a, motion.pelvis_m),
     )
+
+
+def with_motion(clip: Clip, **changes: Any) -> Clip:
+    """A clip with another motion, of which the fields are given that change."""
+    return replace(clip, motion=replace(clip.motion, **changes))
+
+
+def with_camera(clip: Clip, **changes: Any) -> Clip:
+    """A clip with another camera, of which the fields are given that change."""
+    return replace(clip, camera=replace(camera_of(clip), **changes))
 
 
 def bare_clip(id: str, motion: Motion, valid: np.ndarray | None = None) -> Clip:

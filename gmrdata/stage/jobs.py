@@ -18,7 +18,7 @@ from gmrdata.stage.run import Shard
 from gmrdata.stage.store import NotMade
 from gmrdata.stage.workers import Fault, Pool, checked_workers, own_cores
 from gmrdata.values.errors import GmrdataError, NothingMade, NoWorkers, StageFailed
-from gmrdata.values.files import write_text
+from gmrdata.values.files import as_text, write_text
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -277,15 +277,16 @@ def _attempt(job: Job) -> Any:
 
 
 def _reason(error: BaseException, where: TracebackType | None) -> str:
-    """What went wrong in one line; below it the traceback of an error that we did not foresee."""
+    """What went wrong in one line; below it the traceback of an error that we did not foresee.
+    Names in it are as records can hold them."""
     from dask.distributed import KilledWorker
 
     if isinstance(error, GmrdataError | OSError):
-        return "\n".join([str(error), *getattr(error, "__notes__", ())])
+        return as_text("\n".join([str(error), *getattr(error, "__notes__", ())]))
     if isinstance(error, KilledWorker):
         what = "its worker process was killed again and again, as the system does when memory runs"
         return f"{what} out. Run again to go on, with fewer workers"
-    return f"{type(error).__name__}: {error}\n" + "".join(traceback.format_tb(where))
+    return as_text(f"{type(error).__name__}: {error}\n" + "".join(traceback.format_tb(where)))
 
 
 def count_files(folders: Sequence[Path], pattern: str, finished: dict[Path, int]) -> int:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from gmrdata.values.errors import BadRecipe
+from gmrdata.values.limits import MOST_WORKERS
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ class Run:
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 1:
             raise BadRecipe(f"--workers {self.workers}: at least one process has to do the work")
+        if self.workers is not None and self.workers > MOST_WORKERS:
+            raise BadRecipe(f"--workers {self.workers}: give {MOST_WORKERS} or fewer")
 
 
 DEFAULT_RUN = Run()  # keep what is made; the recipe's number of local workers

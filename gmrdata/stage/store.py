@@ -133,20 +133,29 @@ def run_stage(
         if not check_out(name, out_dir, config, inputs, run):
             raise NotMade(out_dir)
         return out_dir
-    _keep_inputs(out_dir, inputs)
-    with locked(out_dir) as alone:
-        hashes = _InputHashes(out_dir, run)
+    folder = _behind_link(out_dir)
+    _keep_inputs(folder, inputs)
+    with locked(folder) as alone:
+        hashes = _InputHashes(folder, run)
         recipe = _recipe(name, config, hashes.of(inputs))
-        shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
-        if not out_dir.exists() or _is_stale(out_dir, recipe, run):
-            partial = _partial_dir(out_dir, recipe, work, alone, run)
-            LOG.info("%s: begins in %s", name, out_dir)
-            _make(out_dir, recipe, work, partial)
-            LOG.info("%s: made in %.1f s", name, stage_seconds(out_dir))
+        shutil.rmtree(folder.with_name(f".{folder.name}.old"), ignore_errors=True)
+        if not folder.exists() or _is_stale(folder, recipe, run):
+            partial = _partial_dir(folder, recipe, work, alone, run)
+            LOG.info("%s: begins in %s", name, folder)
+            _make(folder, recipe, work, partial)
+            LOG.info("%s: made in %.1f s", name, stage_seconds(folder))
         else:
-            LOG.info("%s: there in %s", name, out_dir)
+            LOG.info("%s: there in %s", name, folder)
         hashes.remember()
     return out_dir
+
+
+def _behind_link(out_dir: Path) -> Path:
+    """The folder that is meant where `out_dir` is a link to it, as to a larger disk: a rename would
+    take the link's own place."""
+    if not out_dir.name:
+        raise StaleOutput(f"{out_dir}: a folder without a name can't be made. Pass another --out")
+    return out_dir.resolve() if out_dir.is_symlink() else out_dir
 
 
 def _keep_inputs(out_dir: Path, inputs: Mapping[str, Path]) -> None:
@@ -165,6 +174,7 @@ def check_out(
     Nobody is waited for: the folder appears as a whole.  A stage that works for long before it
     calls `run_stage` asks this first.
     """
+    out_dir = _behind_link(out_dir)
     _keep_inputs(out_dir, inputs)
     if not out_dir.exists():
         return False
@@ -183,7 +193,7 @@ def is_made(
     # By name first: only then are the inputs worth hashing.
     if made_by is None or made_by.stage != name:
         return False
-    hashes = _InputHashes(out_dir, run)
+    hashes = _InputHashes(_behind_link(out_dir), run)
     return not made_by.differences(_recipe(name, config, hashes.of(inputs)))
 
 

@@ -6,6 +6,8 @@ from typing import Literal
 
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ManifestHead, made_by, write_manifest
 from gmrdata.people.sources import FolderSource, with_absolute_files
 from gmrdata.read import threedpw
@@ -27,7 +29,14 @@ from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
 from gmrdata.values.camera_motion import MotionClass
-from gmrdata.values.errors import BadRecipe, BadSequence, GmrdataError, MissingInput
+from gmrdata.values.errors import (
+    BadManifest,
+    BadRecipe,
+    BadSequence,
+    GmrdataError,
+    MissingInput,
+    some,
+)
 from gmrdata.values.files import remove_orphans
 from gmrdata.values.records import PART, Figure, Record
 from gmrdata.world.judge import load_record
@@ -240,8 +249,27 @@ def _list(
     verdicts += [_failed(name, splits.get(name, ""), why) for name, why in reasons.items()]
     verdicts.sort(key=lambda verdict: verdict.sequence)
     if done:  # the manifest first, which may be refused
+        _require_none_unlisted(recipe, paths, run)
         _write_manifest(recipe, done, reasons, paths, run)
     Verdicts(sequences=tuple(verdicts)).write(paths.verdicts)
+
+
+def _require_none_unlisted(recipe: ThreedpwRecipe, paths: SetPaths, run: Run) -> None:
+    """Refuse to list a few sequences in place of more, in the same version: nothing would say that
+    the others are gone."""
+    if not recipe.sequences or run.redo or not paths.manifest.is_file():
+        return
+    try:
+        there = read_manifest(paths.manifest)
+    except BadManifest:  # who writes says so
+        return
+    version = there.version.partition("incomplete")[0].rstrip("-.")
+    if not isinstance(there, Manifest) or version != recipe.version:
+        return
+    listed = {clip.source.sequence or clip.id for clip in there.clips}
+    if others := sorted(listed - set(recipe.sequences)):
+        remedy = "name no sequences, to list all; or pass --redo, or another --out"
+        raise BadManifest(f"{paths.manifest}: lists {some(others)} besides; {remedy}")
 
 
 def _write_manifest(

@@ -265,10 +265,10 @@ def _rotate(rotmats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return np.asarray(np.einsum("nij,nj->ni", rotmats, vectors))
 
 
-class KeypointConfig(Config):
+class KeypointConfig(_Ranges):
     """How well the joints are detected."""
 
-    noise_px: float = 2.0
+    noise_px: float = Field(default=2.0, ge=0)
     """Standard deviation of x and of y."""
     confidence: tuple[float, float] = (0.6, 0.95)
     """Confidence of a joint that is seen is drawn from this range; 3DPW's are like that."""

@@ -1,6 +1,6 @@
 """Twins made, regenerated, and measured against their truth: `floor.json`."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -62,13 +62,7 @@ def sampled_floor(
 ) -> MadeFloor:
     """Render twins to `out_dir/twins`, then as `floor_of_twins`; NothingMade without any twin."""
     twins_dir = out_dir / TWINS_FOLDER
-    failed: StageFailed | None = None
-    try:
-        make_twins(sampled, twins_dir, motions_dir=motions_dir, run=run)
-    except NothingMade:
-        raise
-    except StageFailed as error:
-        failed = error
+    failed = _what_failed(lambda: make_twins(sampled, twins_dir, motions_dir=motions_dir, run=run))
     made = floor_of_twins(twins_dir, recipe, out_dir, seed=sampled.set.seed, run=run)
     return made._replace(failed=failed or made.failed)
 
@@ -90,16 +84,21 @@ def floor_of_twins(
         twins.people(name)
     recipe = recipe.model_copy(update={"sequences": names})
     regenerated_dir = out_dir / REGENERATED_FOLDER
-    failed: StageFailed | None = None
-    try:
-        regenerate_set(recipe, twins.root, regenerated_dir, run=run)
-    except NothingMade:
-        raise
-    except StageFailed as error:
-        failed = error
+    failed = _what_failed(lambda: regenerate_set(recipe, twins.root, regenerated_dir, run=run))
     floor = measure(twins, regenerated_dir, recipe, seed=seed)
     floor.write(out_dir / FLOOR_FILE)
     return MadeFloor(out_dir / FLOOR_FILE, failed)
+
+
+def _what_failed(make: Callable[[], Path]) -> StageFailed | None:
+    """Why a part of a set could not be made; NothingMade is raised where nothing could."""
+    try:
+        make()
+    except NothingMade:
+        raise
+    except StageFailed as error:
+        return error
+    return None
 
 
 def measure(

@@ -57,7 +57,7 @@ class SequenceErrors(_Errors):
     """Why it was rejected."""
 
 
-class FloorGroup(Config):
+class FloorGroup(_Errors):
     """Figures of some sequences, of which `accepted` may be used.
 
     Errors are of the accepted ones; null where there are none.  OME, TME and VME are means over all
@@ -70,11 +70,6 @@ class FloorGroup(Config):
     """Those whose camera was given its true class."""
     n_motions: int
     """All people's motions, in all phases."""
-    ome_deg: Figure | None
-    tme_mm: Figure | None
-    vme_mm: Figure | None
-    camera_rotation_deg: Figure | None
-    camera_path_mm: Figure | None
     abs_scale_error_percent: Figure | None
     """Size of the scale error, mean of the sequences in which scale enters [%]."""
     scale_stated: int

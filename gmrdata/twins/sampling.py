@@ -26,6 +26,7 @@ from gmrdata.values.camera import in_frame, person_box
 from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, class_of, classify
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.limits import LARGEST_SEED, LARGEST_SIDE_PX
 
 Settings = dict[str, Any]
 """A part of a recipe."""
@@ -67,8 +68,8 @@ def twin_recipe(
     all six classes; each fourth sequence has two people.  Each motion file is taken once; BadRecipe
     where too few are long enough and fit a camera.
     """
-    if seed < 0:
-        raise BadRecipe(f"--seed {seed}: give 0 or more")
+    if not 0 <= seed <= LARGEST_SEED:
+        raise BadRecipe(f"--seed {seed}: give 0 or more, at most {LARGEST_SEED}")
     if n_sequences < 1:
         raise BadRecipe(f"{n_sequences} sequences: ask for at least one")
     given = {"seed": seed, "film": film} | ({} if workers is None else {"workers": workers})
@@ -292,9 +293,9 @@ def film_of(size: str, n_frames: int) -> Film:
     width_px, height_px = SIZES_PX.get(size, (0, 0))
     if found := re.fullmatch(r"(\d{1,5})x(\d{1,5})", size):
         width_px, height_px = int(found[1]), int(found[2])
-    if min(width_px, height_px) < MIN_SIDE_PX:
+    if min(width_px, height_px) < MIN_SIDE_PX or max(width_px, height_px) > LARGEST_SIDE_PX:
         known = "small, full, or width x height in pixels, like 180x320"
-        raise BadRecipe(f"--size {size}: give {known}, each {MIN_SIDE_PX} or more")
+        raise BadRecipe(f"--size {size}: give {known}, each {MIN_SIDE_PX} to {LARGEST_SIDE_PX}")
     if n_frames < MIN_FRAMES:
         why = "in less time the class of a camera's motion does not show"
         raise BadRecipe(f"--clip-frames {n_frames}: give {MIN_FRAMES} or more; {why}")

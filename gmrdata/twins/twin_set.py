@@ -197,7 +197,12 @@ class TwinTruth:
     """A folder that `gmrdata threedpw twin` made."""
 
     folder: Path
-    classes: dict[str, str]  # what the camera does, by sequence
+    sequences: dict[str, TwinSequence]  # by name
+
+    @property
+    def classes(self) -> dict[str, str]:
+        """What the camera does, by sequence."""
+        return {name: sequence.class_true for name, sequence in self.sequences.items()}
 
     @property
     def root(self) -> Path:
@@ -205,17 +210,15 @@ class TwinTruth:
         return self.folder / DATASET_FOLDER
 
     def people(self, name: str) -> list[Clip]:
-        """The exact people of a sequence; MissingInput where there are none."""
-        if name not in self.classes:
-            known = ", ".join(self.classes)
+        """The exact people of a sequence; MissingInput where one of them is missing."""
+        if name not in self.sequences:
+            known = ", ".join(self.sequences)
             raise MissingInput(f"{self.folder}: no twin {name!r}; there are {known}")
         folder = self.folder / TRUTH_FOLDER
-        clips: list[Clip] = []
-        while (path := folder / f"{name}.p{len(clips)}.npz").is_file():
-            clips.append(load_clip(path))
-        if not clips:
-            raise MissingInput(f"{folder}: no {name}.p0.npz; make the twins again")
-        return clips
+        paths = [folder / f"{name}.p{n}.npz" for n in range(self.sequences[name].people)]
+        if missing := [path.name for path in paths if not path.is_file()]:
+            raise MissingInput(f"{folder}: no {missing[0]}; make the twins again")
+        return [load_clip(path) for path in paths]
 
 
 def read_truth(folder: Path) -> TwinTruth:
@@ -226,7 +229,7 @@ def read_truth(folder: Path) -> TwinTruth:
     sequences = TwinsRecord.read(path).sequences
     for sequence in sequences:
         require_name(sequence.name)
-    return TwinTruth(folder, {sequence.name: sequence.class_true for sequence in sequences})
+    return TwinTruth(folder, {sequence.name: sequence for sequence in sequences})
 
 
 class SequenceTwinConfig(Config):

@@ -1,11 +1,15 @@
 """COLMAP models, and matches, of cameras and points that are drawn."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.map.rotation_only import RotationOnly
 from gmrdata.cameras.match.features import pinhole_params
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.values import transforms
@@ -13,6 +17,22 @@ from gmrdata.values.camera import Lens, bent, project
 
 INTRINSICS_PX = np.array([[800.0, 0, 320], [0, 800.0, 240], [0, 0, 1]])
 SIZE_PX = (640, 480)
+NOISE_PX = 0.4  # of the image points of what COLMAP draws
+
+
+def synthetic(seed: int, n_frames: int, n_points: int, camera: Any, database: Any = None) -> Any:
+    """COLMAP's own cameras all round a cloud of points, with noise in the image points; a database
+    gets their matches."""
+    pycolmap.set_random_seed(seed)
+    options, noise = pycolmap.SyntheticDatasetOptions(), pycolmap.SyntheticNoiseOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig = 1, 1, n_frames
+    options.num_points3D = n_points
+    options.camera_model_id, options.camera_params = camera.model, camera.params
+    options.camera_width, options.camera_height = camera.width, camera.height
+    model = pycolmap.synthesize_dataset(options, database)
+    noise.point2D_stddev = NOISE_PX
+    pycolmap.synthesize_noise(noise, model, database)
+    return model
 
 
 def drawn_points(n: int, rng: np.random.Generator) -> np.ndarray:
@@ -52,6 +72,18 @@ def model_of(world_from_cam: np.ndarray, points: np.ndarray, image_px: np.ndarra
 def places_of(model: Any) -> np.ndarray:
     """(T, 3) places of a model's cameras, in the order of their ids."""
     return np.array([model.image(i).projection_center() for i in sorted(model.reg_image_ids())])
+
+
+def turning_by(
+    rotmats: np.ndarray,
+    residuals_px: ArrayLike = (),
+    pairs_rows: Sequence[tuple[int, int]] = (),
+) -> RotationOnly:
+    """Turns (T, 3, 3) of a camera that is known in each frame; residuals are of the first pair."""
+    n, residuals = len(rotmats), np.asarray(residuals_px, dtype=float)
+    rows, of_pair = np.array(pairs_rows).reshape(-1, 2), np.zeros(len(residuals), dtype=int)
+    information = csr_array((3 * n, 3 * n))
+    return RotationOnly(rotmats, np.ones(n, dtype=bool), residuals, of_pair, rows, information)
 
 
 def turning_matches(

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 
 from gmrdata.cameras.check import agreement
 from gmrdata.cameras.check.agreement import without_each
@@ -20,6 +19,7 @@ from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import is_bent, travel_share
 from gmrdata.values import transforms
+from tests.cameras.drawn_models import turning_by
 
 CONFIG = SfmConfig()
 WELL_MATCHED = CONFIG.second.well_matched
@@ -44,14 +44,7 @@ def mapped(extent: float, focal: FreedFocal | None) -> Solution:
 
 def turning(residual_px: float) -> RotationOnly:
     """Pure rotations with one residual everywhere."""
-    return RotationOnly(
-        np.tile(np.eye(3), (N, 1, 1)),
-        np.ones(N, dtype=bool),
-        np.full(100, residual_px),
-        np.zeros(100, dtype=int),
-        np.array([[0, 1]]),
-        csr_array((3 * N, 3 * N)),
-    )
+    return turning_by(np.tile(np.eye(3), (N, 1, 1)), np.full(100, residual_px), [(0, 1)])
 
 
 def chained(folder: Path, reach: int) -> tuple[Frames, Matches]:

@@ -7,7 +7,9 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import dask
 import numpy as np
@@ -15,7 +17,15 @@ import pytest
 from distributed import LocalCluster
 
 from gmrdata.stage import workers
-from gmrdata.stage.jobs import Job, count_files, in_threads, made_ahead, run_jobs, try_jobs
+from gmrdata.stage.jobs import (
+    Job,
+    count_files,
+    in_threads,
+    made_ahead,
+    run_jobs,
+    try_here,
+    try_jobs,
+)
 from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
 from gmrdata.stage.workers import Pool, own_cores, worker_pool
@@ -30,6 +40,10 @@ def write_process_id(path: Path) -> int:
 
 def fail_on_purpose(name: str) -> None:
     raise BadFrames(f"{name}: 0 bytes. Copy it again")
+
+
+def fail_in_words(name: str) -> None:
+    raise ValueError(f"no number: {name}")
 
 
 def fail_unforeseen() -> None:
@@ -122,6 +136,19 @@ def test_a_crash_is_tried_again_and_bad_input_is_not(two_workers, tmp_path):
     assert files == outcome.reasons
 
 
+@pytest.mark.parametrize("call", [fail_on_purpose, fail_in_words])
+def test_a_name_that_is_no_utf8_is_in_the_reason(call, tmp_path):
+    """A folder from an old disk: one broken file in it ended the whole batch with a traceback."""
+    name = os.fsdecode(b"donn\xe9es/7.jpg")
+    jobs = [
+        Job("bad", call, {"name": name}),
+        Job("good", write_process_id, {"path": tmp_path / "done"}),
+    ]
+    outcome = try_here("reading", jobs, tmp_path / "failed")
+    assert list(outcome.results) == ["good"] and r"donn\xe9es/7.jpg" in outcome.reasons["bad"]
+    assert (tmp_path / "failed" / "bad.txt").read_text() == outcome.reasons["bad"]
+
+
 def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path):
     jobs = [
         Job("hungry", kill_own_process),
@@ -149,14 +176,18 @@ def test_a_worker_that_dies_once_is_replaced(tmp_path):
     assert (tmp_path / "1").read_text() == "xx"
 
 
+@contextmanager
+def cluster_of(n_workers: int, **more: Any) -> Iterator[tuple[LocalCluster, Run]]:
+    """A scheduler with so many workers, and a run on it."""
+    options = {"threads_per_worker": 1, "dashboard_address": None} | more
+    with LocalCluster(n_workers=n_workers, **options) as cluster:
+        yield cluster, Run(scheduler=cluster.scheduler_address)
+
+
 def test_a_running_scheduler_is_used(tmp_path):
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
-        address = cluster.scheduler_address
-        with worker_pool(Run(scheduler=address)) as pool:
-            results = run_jobs(
-                "writing", [Job("a", write_process_id, {"path": tmp_path / "a"})], pool, tmp_path
-            )
-    assert set(results) == {"a"}
+    jobs = [Job("a", write_process_id, {"path": tmp_path / "a"})]
+    with cluster_of(1) as (_, run), worker_pool(run) as pool:
+        assert set(run_jobs("writing", jobs, pool, tmp_path)) == {"a"}
 
 
 def name_slowly(name: str) -> str:
@@ -168,15 +199,13 @@ def test_two_commands_on_one_scheduler_get_their_own_results(tmp_path):
     """A key stands for one task of all clients: the second had the first one's folders."""
     found: dict[str, str] = {}
 
-    def ask(name: str, address: str) -> None:
-        with worker_pool(Run(scheduler=address)) as pool:
+    def ask(name: str, run: Run) -> None:
+        with worker_pool(run) as pool:
             job = Job("walk", name_slowly, {"name": name})
             found[name] = run_jobs("naming", [job], pool, tmp_path)["walk"]
 
-    with LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster:
-        commands = [
-            threading.Thread(target=ask, args=(name, cluster.scheduler_address)) for name in "ab"
-        ]
+    with cluster_of(1, threads_per_worker=2) as (_, run):
+        commands = [threading.Thread(target=ask, args=(name, run)) for name in "ab"]
         for command in commands:
             command.start()
         for command in commands:
@@ -233,16 +262,13 @@ def test_workers_that_do_not_see_the_folder_are_named(tmp_path, monkeypatch):
     """They run in this process here, so that a disk can be taken away from them."""
     monkeypatch.setattr(console, "quiet", False)  # which a worker makes it
     jobs = [Job("a", write_process_id, {"path": tmp_path / "a"})]
-    with LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=None, processes=False, protocol="tcp"
-    ) as cluster:
-        run = Run(scheduler=cluster.scheduler_address)
-        with worker_pool(run) as pool:
-            with monkeypatch.context() as patch:
-                patch.setattr(Path, "is_file", see_no_mark)
-                with pytest.raises(NoWorkers, match=f"does not see {tmp_path}. Put it on a disk"):
-                    run_jobs("writing", jobs, pool, tmp_path / "failed")
-            assert list(run_jobs("writing", jobs, pool, tmp_path / "failed")) == ["a"]
+    here = {"processes": False, "protocol": "tcp"}
+    with cluster_of(1, **here) as (_, run), worker_pool(run) as pool:
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "is_file", see_no_mark)
+            with pytest.raises(NoWorkers, match=f"does not see {tmp_path}. Put it on a disk"):
+                run_jobs("writing", jobs, pool, tmp_path / "failed")
+        assert list(run_jobs("writing", jobs, pool, tmp_path / "failed")) == ["a"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a"]
 
 
@@ -252,7 +278,7 @@ def test_workers_with_another_version_are_named(tmp_path):
     metadata = "Metadata-Version: 2.1\nName: scipy\nVersion: 0.1\n"
     (tmp_path / "site" / "scipy-0.1.dist-info" / "METADATA").write_text(metadata)
     jobs = [Job("a", write_process_id, {"path": tmp_path / "a"})]
-    with LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None) as cluster:
+    with cluster_of(0) as (cluster, run):
         command = [sys.executable, "-m", "distributed.cli.dask_worker", cluster.scheduler_address]
         worker = subprocess.Popen(
             [*command, "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)],
@@ -261,7 +287,7 @@ def test_workers_with_another_version_are_named(tmp_path):
         )
         try:
             with (
-                worker_pool(Run(scheduler=cluster.scheduler_address)) as pool,
+                worker_pool(run) as pool,
                 pytest.raises(NoWorkers, match=r"tcp://.*: has scipy 0\.1, not 1"),
             ):
                 run_jobs("writing", jobs, pool, tmp_path / "failed")
@@ -273,8 +299,8 @@ def test_workers_with_another_version_are_named(tmp_path):
 def test_a_cluster_without_workers_is_a_clear_error(tmp_path, monkeypatch):
     monkeypatch.setattr(workers, "FIRST_WORKER_S", 0.2)
     with (
-        LocalCluster(n_workers=0, dashboard_address=None) as cluster,
-        worker_pool(Run(scheduler=cluster.scheduler_address)) as pool,
+        cluster_of(0) as (_, run),
+        worker_pool(run) as pool,
         pytest.raises(NoWorkers, match="no worker came to tcp://"),
     ):
         run_jobs("a", [Job("a", write_process_id, {"path": tmp_path})], pool, tmp_path / "failed")
@@ -285,8 +311,8 @@ def test_a_scheduler_that_is_lost_is_a_clear_error(tmp_path, monkeypatch):
     monkeypatch.setattr(console, "quiet", False)  # which a worker in this process makes it
     jobs = [Job("a", wait_s, {"seconds": 4.0})]
     with (
-        LocalCluster(n_workers=1, processes=False, protocol="tcp", dashboard_address=None) as lost,
-        worker_pool(Run(scheduler=lost.scheduler_address)) as pool,
+        cluster_of(1, processes=False, protocol="tcp") as (lost, run),
+        worker_pool(run) as pool,
         pytest.raises(NoWorkers, match="waiting: the scheduler was lost. Start it again"),
     ):
         threading.Timer(1.0, lost.close).start()

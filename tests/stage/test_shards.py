@@ -21,6 +21,7 @@ from gmrdata.stage.store import run_stage
 from gmrdata.stage.workers import worker_pool
 from gmrdata.values.errors import BadFrames, BadRecipe
 from gmrdata.values.records import Config
+from tests.folders import wait_for
 
 IDS = [f"c{number}" for number in range(6)]
 
@@ -98,6 +99,13 @@ def test_a_shard_that_is_none_is_refused(text):
         Shard.parse(text)
 
 
+@pytest.mark.parametrize("workers", [0, 5000])
+def test_a_number_of_workers_that_no_machine_has_is_refused(workers):
+    """Of the second each verb began as many processes, and `floor` ended with a traceback."""
+    with pytest.raises(BadRecipe, match=f"--workers {workers}: "):
+        Run(workers=workers)
+
+
 def test_who_finds_all_made_gets_the_whole(tmp_path):
     listed = re.escape(f"shard 1/3: {', '.join(of_share(1, 3))}")
     for shard in ("2/3", "3/3"):
@@ -135,10 +143,7 @@ def test_what_failed_is_known_to_who_merges(tmp_path):
 
 def test_a_killed_shard_is_started_again(tmp_path):
     dies = child(tmp_path, "1/2", "old", 60.0)
-    deadline_s = time.monotonic() + 60
-    while not (tmp_path / "log").exists():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
+    wait_for(tmp_path / "log", dies)
     with pytest.raises(OthersLeft, match="shard 1/2: "):
         batch(tmp_path, "2/2")
     os.killpg(dies.pid, signal.SIGKILL)
@@ -249,10 +254,7 @@ def test_two_machines_that_make_the_same_stage_leave_one_whole_folder(resumable,
         for host, wait_s in (("a", "1.0"), ("b", "0.05"))
     )
     first = subprocess.Popen(slow)
-    deadline_s = time.monotonic() + 30
-    while not (tmp_path / "a_at_b").exists():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
+    wait_for(tmp_path / "a_at_b", first)
     assert subprocess.run(quick, check=False).returncode == 0
     assert not (tmp_path / "a_worked").exists()
     assert first.wait(timeout=30) == 0

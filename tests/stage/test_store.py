@@ -42,6 +42,7 @@ from gmrdata.values.files import (
     write_text,
 )
 from gmrdata.values.records import Config, Record
+from tests.folders import wait_for
 from tests.record_keys import assert_each_key_is_needed
 
 
@@ -76,6 +77,12 @@ def made(
 
 def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
+
+
+def fail(partial: Path) -> None:
+    """Work that ends in the middle."""
+    (partial / "half.txt").write_text("half")
+    raise ArithmeticError
 
 
 def test_stage_is_complete_with_its_record(tmp_path):
@@ -129,10 +136,6 @@ def test_redo_replaces_the_result(tmp_path):
 
 def test_failed_redo_keeps_the_old_result(tmp_path):
     made(tmp_path / "out", Counter())
-
-    def fail(partial: Path) -> None:
-        raise ArithmeticError
-
     with pytest.raises(ArithmeticError):
         made(tmp_path / "out", fail, Recipe(seed=1), run=Run(redo=True))
     assert (tmp_path / "out" / "result.txt").read_text() == "run 1"
@@ -161,6 +164,28 @@ def test_an_empty_folder_may_be_filled(tmp_path):
     assert names(made(tmp_path / "out", Counter())) == ["result.txt", "stage.json"]
 
 
+@pytest.mark.parametrize("there", [True, False])
+def test_a_folder_behind_a_link_is_made_where_the_link_leads(there, tmp_path):
+    """It took the link's place on the small disk, and the next redo ended after all its work."""
+    disk, link = tmp_path / "disk", tmp_path / "out"
+    disk.mkdir()
+    link.symlink_to(disk / "out")
+    if there:
+        (disk / "out").mkdir()
+    work = Counter()
+    for seed in range(3):
+        assert made(link, work, Recipe(seed=seed), run=Run(redo=True)) == link
+        made(link, work, Recipe(seed=seed))
+        assert link.is_symlink() and (disk / "out" / "result.txt").read_text() == f"run {seed + 1}"
+    assert names(tmp_path) == ["disk", "out"] and names(disk) == ["out"]
+
+
+def test_a_folder_without_a_name_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StaleOutput, match=r"^\.: a folder without a name .*another --out"):
+        made(Path(), Counter())
+
+
 def test_a_cut_off_record_is_stale(tmp_path):
     made(tmp_path / "out", Counter())
     record = tmp_path / "out" / "stage.json"
@@ -178,10 +203,6 @@ def test_missing_input(tmp_path):
 
 
 def test_an_exception_leaves_no_result(tmp_path):
-    def fail(partial: Path) -> None:
-        (partial / "half.txt").write_text("half")
-        raise ArithmeticError
-
     with pytest.raises(ArithmeticError):
         made(tmp_path / "out", fail)
     assert not [path for path in tmp_path.iterdir() if path.name.startswith("out")]
@@ -216,10 +237,16 @@ class Steps:
             self.written.append(step)
 
 
-def test_resumable_work_goes_on(tmp_path):
-    steps = Steps()
+@pytest.fixture
+def steps(tmp_path) -> Steps:
+    """Such work that died in `out`."""
+    begun = Steps()
     with pytest.raises(KeyboardInterrupt):
-        made(tmp_path / "out", Resumable(steps))
+        made(tmp_path / "out", Resumable(begun))
+    return begun
+
+
+def test_resumable_work_goes_on(tmp_path, steps):
     # What a kill in the middle of `atomic_path` leaves must not become part of the result.
     (tmp_path / "out.partial" / ".2.txt.123-4.tmp.txt").write_text("ha")
     made(tmp_path / "out", Resumable(steps))
@@ -228,19 +255,13 @@ def test_resumable_work_goes_on(tmp_path):
 
 
 @pytest.mark.parametrize(("seed", "resumable"), [(1, True), (0, False)])
-def test_other_work_starts_anew(tmp_path, seed, resumable):
-    steps = Steps()
-    with pytest.raises(KeyboardInterrupt):
-        made(tmp_path / "out", Resumable(steps))
+def test_other_work_starts_anew(tmp_path, steps, seed, resumable):
     work = Resumable(steps) if resumable else steps
     made(tmp_path / "out", work, Recipe(seed=seed))
     assert steps.written == [0, 1, 0, 1, 2, 3]
 
 
-def test_what_another_recipe_began_is_thrown_away_when_that_is_asked_for(tmp_path):
-    steps = Steps()
-    with pytest.raises(KeyboardInterrupt):
-        made(tmp_path / "out", Resumable(steps))
+def test_what_another_recipe_began_is_thrown_away_when_that_is_asked_for(tmp_path, steps):
     with pytest.raises(StaleOutput, match=r"out\.partial: begun with other values of config\.seed"):
         made(tmp_path / "out", Resumable(steps, costly=True), Recipe(seed=1))
     assert (tmp_path / "out.partial" / "1.txt").exists()
@@ -269,14 +290,6 @@ run_stage("test", root / "out", Config(), {}, work)
 
 def child(root: Path, sleep_s: float) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-c", CHILD, str(root), str(sleep_s)])
-
-
-def wait_for(path: Path, process: subprocess.Popen[bytes]) -> None:
-    deadline_s = time.monotonic() + 30
-    while not path.exists():
-        assert process.poll() is None, "the process ended too early"
-        assert time.monotonic() < deadline_s, f"{path} did not appear"
-        time.sleep(0.01)
 
 
 def test_kill_9_leaves_no_result(tmp_path):
@@ -312,25 +325,32 @@ FULL_DISK = """
 import resource, sys
 from pathlib import Path
 import numpy as np
-from gmrdata.values.files import atomic_path, write_text
+from gmrdata.values.files import atomic_path, write_npz
 resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
-path = Path(sys.argv[1])
+path, arrays = Path(sys.argv[1]), {"a": np.zeros(100_000)}
 try:
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, a=np.zeros(100_000))
+    if sys.argv[2] == "write_npz":
+        write_npz(path, arrays)
+    else:
+        with atomic_path(path) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, **arrays)
 except OSError as error:
     sys.exit(error.errno)
 """
 
 
+@pytest.mark.parametrize("by", ["atomic_path", "write_npz"])
 @pytest.mark.parametrize("old", [None, b"the old content"])
-def test_no_space_leaves_the_old_file_or_none(tmp_path, old):
-    """A size limit ends a write in the middle as a full disk does."""
+def test_no_space_leaves_the_old_file_or_none(tmp_path, old, by):
+    """A size limit ends a write in the middle as a full disk does.  Of arrays zipfile used to print
+    a traceback of its own when it was thrown away."""
     path = tmp_path / "a.npz"
     if old is not None:
         path.write_bytes(old)
-    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], check=False)
+    command = [sys.executable, "-c", FULL_DISK, str(path), by]
+    done = subprocess.run(command, check=False, capture_output=True)
     assert done.returncode == 27  # EFBIG
+    assert by != "write_npz" or done.stdout == done.stderr == b""
     assert names(tmp_path) == ([] if old is None else ["a.npz"])
     assert old is None or path.read_bytes() == old
 
@@ -389,29 +409,6 @@ def test_commit_without_git(monkeypatch, tmp_path):
     store.git_commit.cache_clear()
     assert read_json(tmp_path / "out" / "stage.json")["git_commit"] is None
     assert store.STAGE_FILE == "stage.json"
-
-
-def test_arrays_on_a_disk_that_fills_up_end_with_an_error_and_no_file(tmp_path):
-    """zipfile used to print a traceback of its own when it was thrown away."""
-    script = (
-        "import resource, numpy; from pathlib import Path\n"
-        "from gmrdata.values.files import write_npz\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
-        "try:\n"
-        "    write_npz(Path('a.npz'), {'a': numpy.zeros(100_000)})\n"
-        "except OSError as error:\n"
-        "    print(error.errno)\n"
-    )
-    answer = subprocess.run(
-        [sys.executable, "-c", script],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(Path(__file__).resolve().parents[2])},
-    )
-    assert (answer.stdout, answer.stderr) == ("27\n", "")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_only_what_killed_processes_left_is_removed(tmp_path):

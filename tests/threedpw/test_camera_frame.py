@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.openpose import OPENPOSE_JOINTS
 from gmrdata.read.threedpw import Sequence3DPW, read_sequence
 from gmrdata.threedpw.clips import WORLD_FROM_3DPW, camera_clip, fitting_body, shape_of, world_clip
-from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile
@@ -25,10 +24,6 @@ NAME = "courtyard_walk_00"
 @pytest.fixture
 def sequence(make_dataset) -> Sequence3DPW:
     return read_sequence(make_dataset(), NAME)
-
-
-def smpl_named(body: BodyModel, name: str) -> BodyModel:
-    return replace(body, name=name)
 
 
 @pytest.mark.parametrize("person", [0, 1])
@@ -134,7 +129,7 @@ def test_unusable_frames_are_not_valid_and_the_clip_can_be_stored(
 
 
 def test_the_body_of_the_persons_gender_is_taken(walk_arrays, small_body):
-    bodies = [smpl_named(small_body, f"smpl-{gender}") for gender in ("neutral", "male", "female")]
+    bodies = [replace(small_body, name=f"smpl-{name}") for name in ("neutral", "male", "female")]
     female, male = walk_arrays.people
     assert fitting_body(female, bodies, "x").name == "smpl-female"
     assert fitting_body(male, bodies, "x").name == "smpl-male"

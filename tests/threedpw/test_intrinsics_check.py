@@ -20,9 +20,7 @@ from gmrdata.threedpw.intrinsics_check import (
 )
 from gmrdata.twins.faults import FaultConfig, dataset_side
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
-from gmrdata.values.motion import Motion
 from tests.fixtures.filmed_sets import keypoints_px
 
 WIDTH_PX, HEIGHT_PX, N_FRAMES = 540, 960, 150
@@ -50,13 +48,17 @@ def twin(
 ) -> Sequence3DPW:
     """A faulty sequence of someone who walks, without images; a second one walks beside."""
     rng = np.random.default_rng(seed)
-    motions = [_walk(body, rng) for _ in range(people)]
+    frames = slice(N_FRAMES)
+    motions = [
+        make_gait("walk", N_FRAMES / 30, 30.0, body, rng).take(frames) for _ in range(people)
+    ]
     if people == 2:
         aside_m = motions[0].pelvis_m[75] - motions[1].pelvis_m[75] + np.array([0.8, 0.3, 0.0])
         moved_m = motions[1].pelvis_m + aside_m * (1.0, 1.0, 0.0)
         motions[1] = replace(motions[1], pelvis_m=moved_m)
     camera = camera_path(programme, motions[0].pelvis_m, 30.0, WIDTH_PX, HEIGHT_PX, 50.0, rng)
-    clips = [_clip(number, motion, camera) for number, motion in enumerate(motions)]
+    n = np.arange(N_FRAMES)
+    clips = [Clip(f"w.p{number}", one, n >= 0, n, camera) for number, one in enumerate(motions)]
     points_px = [keypoints_px(body, clip, noise_px, rng) for clip in clips]
     faulty = dataset_side(clips, faults or FaultConfig(), rng)
     arrays = sequence_arrays(
@@ -64,14 +66,6 @@ def twin(
     )
     images = SequenceImages((), WIDTH_PX, HEIGHT_PX, ("",) * N_FRAMES, 0)
     return Sequence3DPW(SequenceFiles(Path("3DPW"), "walk_00", "train"), arrays, images, ())
-
-
-def _walk(body: BodyModel, rng: np.random.Generator) -> Motion:
-    return make_gait("walk", N_FRAMES / 30, 30.0, body, rng).take(slice(N_FRAMES))
-
-
-def _clip(number: int, motion: Motion, camera: CameraPath) -> Clip:
-    return Clip(f"w.p{number}", motion, np.ones(N_FRAMES, bool), np.arange(N_FRAMES), camera)
 
 
 def with_k(sequence: Sequence3DPW, factor: float, shift_px: tuple[float, float] = (0, 0)) -> Any:

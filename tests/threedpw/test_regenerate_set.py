@@ -1,8 +1,6 @@
 """From 3DPW's layout to a manifest of world motions, with verdicts, on real workers."""
 
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -148,9 +146,23 @@ def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
     stage = out_dir / "sequences" / "pan_00" / "pseudo_gt" / "stage.json"
     before = stage.stat().st_mtime_ns
     regenerate_set(
-        copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, run=Run(redo=False)
+        copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, run=Run(redo=True)
     )
     assert stage.stat().st_mtime_ns == before
+
+
+def test_one_sequence_alone_does_not_take_the_place_of_all(made_set, filmed_set, tmp_path):
+    """Of a set in which another one had failed it became the complete manifest, in silence."""
+    out_dir = Path(shutil.copytree(made_set, tmp_path / "out"))
+    manifest, verdicts = out_dir / "pseudo_gt.yaml", out_dir / "verdicts.json"
+    manifest.write_text(manifest.read_text().replace("1.0.0", "1.0.0-incomplete", 1))
+    before = manifest.read_bytes(), verdicts.read_bytes()
+    alone = filmed_set.recipe(sequences=["pan_00"])
+    with pytest.raises(BadManifest, match=r"pseudo_gt\.yaml: lists arc_00 besides; name no"):
+        regenerate_set(alone, filmed_set.root, out_dir)
+    assert (manifest.read_bytes(), verdicts.read_bytes()) == before
+    regenerate_set(alone, filmed_set.root, out_dir, run=Run(redo=True))
+    assert [clip.id for clip in read_manifest(manifest).clips] == ["pan_00.p0"]
 
 
 def paint_grey(image_dir: Path) -> None:
@@ -259,14 +271,9 @@ def test_a_sequence_that_is_not_there_is_an_error(filmed_set, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_dry_run_says_which_stages_are_to_do(filmed_set, tmp_path):
-    command = [sys.executable, "-m", "gmrdata", "threedpw", "regenerate"]
-    command += ["--threedpw", str(filmed_set.root)]
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "out"), "--dry-run"],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
+def test_a_dry_run_says_which_stages_are_to_do(filmed_set, gmrdata, tmp_path):
+    given = "--threedpw", filmed_set.root, "--out", tmp_path / "out"
+    done = gmrdata("threedpw", "regenerate", *given, "--dry-run")
+    assert done.returncode == 0
     assert "arc_00" in done.stdout and "to do: people, masks, sfm, pseudo_gt" in done.stdout
     assert not (tmp_path / "out").exists()

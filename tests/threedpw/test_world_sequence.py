@@ -1,10 +1,7 @@
 """Clips in the world as 3DPW's files, a set's tables, and arithmetic of frame ranges."""
 
-import os
 import pickle  # noqa: TID251  The oracle: what every other reader of 3DPW uses.  # noqa: TID251  The test writes a hostile pickle.
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -22,6 +19,7 @@ from gmrdata.paper.table7 import merged, n_frames, n_shared
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import read_sequence, unusable_reasons
 from gmrdata.read.threedpw_files import SequenceArrays, SequenceFiles
+from gmrdata.stage.progress import answers
 from gmrdata.threedpw.clips import sequence_arrays, with_original, world_clip
 from gmrdata.threedpw.regenerate import range_rows, sequence_rows
 from gmrdata.values.body import BodyModel
@@ -126,12 +124,6 @@ def _require_same(
 NAME = "courtyard_walk_00"
 
 
-def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from gmrdata.cli import main; main()", *map(str, arguments)]
-    environment = os.environ | {"COLUMNS": "240"}
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-
-
 @pytest.fixture
 def mixed_root(make_dataset, walk_arrays, jpeg) -> Path:
     """A good sequence, one with oddities, and five that can't be read."""
@@ -150,7 +142,8 @@ def mixed_root(make_dataset, walk_arrays, jpeg) -> Path:
     return root
 
 
-def test_the_list_shows_every_sequence_and_ends_with_1(mixed_root):
+def test_the_list_shows_every_sequence_and_ends_with_1(mixed_root, gmrdata, monkeypatch):
+    monkeypatch.setattr(answers, "width", 240)
     answer = gmrdata("threedpw", "list", "--threedpw", mixed_root)
     assert answer.returncode == 1
     assert "Traceback" not in answer.stderr
@@ -181,13 +174,13 @@ def test_rows_of_good_and_odd_sequences(mixed_root):
     assert n_bad == 4
 
 
-def test_a_good_folder_ends_with_0(make_dataset):
+def test_a_good_folder_ends_with_0(make_dataset, gmrdata):
     answer = gmrdata("threedpw", "list", "--threedpw", make_dataset())
     assert answer.returncode == 0, answer.stderr
     assert "90.0 %, 100.0 %" in answer.stdout
 
 
-def test_show_gives_the_ranges_and_reasons_of_each_person(make_dataset, walk_arrays):
+def test_show_gives_the_ranges_and_reasons_of_each_person(make_dataset, gmrdata):
     root = make_dataset()
     SequenceFiles(root, NAME, "train").image_path(29).unlink()
     rows, problems = range_rows(root, NAME, "campose_valid")

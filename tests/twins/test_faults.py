@@ -1,6 +1,7 @@
 """The faults of a twin's dataset side, each measured against its stated bounds."""
 
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -34,7 +35,7 @@ from gmrdata.values.motion_metrics import angles_rad, orientation_errors_deg
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert, rigid
 from gmrdata.world.compose import motion_in_camera
-from tests.motions import made_up
+from tests.motions import made_up, with_camera, with_motion
 
 NO_INVALID = FaultConfig(invalid_runs=(0, 0))
 seeds = st.integers(0, 1_000_000)
@@ -157,9 +158,8 @@ def test_invalid_frames_are_marked_and_wrong_and_all_others_untouched(seed):
 def test_frames_that_were_invalid_stay_so():
     exact = walker(0)
     valid = np.arange(150) >= 20
-    wrong = with_invalid_frames(
-        replace(exact, valid=valid), FaultConfig(), np.random.default_rng(0)
-    )
+    marked = replace(exact, valid=valid)
+    wrong = with_invalid_frames(marked, FaultConfig(), np.random.default_rng(0))
     assert not wrong.valid[:20].any()
 
 
@@ -190,21 +190,26 @@ def test_drift_turns_about_the_vertical_more_than_it_tilts():
 
 
 @pytest.mark.parametrize(
-    "values",
-    [{"drift_m": (0.8, 0.2)}, {"drift_deg": (-1, 2)}, {"root_error_period_s": 0}, {"x": 1}],
+    ("kind", "values"),
+    [
+        (FaultConfig, {"drift_m": (0.8, 0.2)}),
+        (FaultConfig, {"drift_deg": (-1, 2)}),
+        (FaultConfig, {"root_error_period_s": 0}),
+        (FaultConfig, {"x": 1}),
+        # These two were accepted, and the set ended with a traceback once all was rendered.
+        (KeypointConfig, {"noise_px": -1}),
+        (KeypointConfig, {"confidence": (0.95, 0.6)}),
+    ],
 )
-def test_a_wrong_recipe_is_refused(values):
+def test_a_wrong_recipe_is_refused(kind, values):
     with pytest.raises(ValidationError):
-        FaultConfig.model_validate(values)
+        kind.model_validate(values)
 
 
 def test_clips_without_a_world_or_a_camera_are_refused():
     exact = walker(0)
-    camera = replace(camera_of(exact), has_camera=np.arange(150) > 3)
-    for bad in (
-        replace(exact, camera=camera),
-        replace(exact, motion=replace(exact.motion, frame="camera")),
-    ):
+    bare = with_camera(exact, has_camera=np.arange(150) > 3)
+    for bad in (bare, with_motion(exact, frame="camera")):
         with pytest.raises(BadSequence, match=r"made\.up: faults need a world-frame clip"):
             dataset_side([bad], FaultConfig(), np.random.default_rng(0))
 
@@ -232,23 +237,19 @@ def test_people_share_the_camera_and_stand_on_a_y_up_floor(walk_arrays, small_bo
 
 
 def test_keypoints_are_noisy_cut_at_the_border_and_gone_below_six(walkers, small_body):
-    clip = walkers[0]
-    joints_m = motion_joints_m(small_body, clip.motion)
-    camera = camera_of(clip)
-    exact = detected_keypoints(
-        joints_m, camera, KeypointConfig(noise_px=0.0), np.random.default_rng(0)
-    )
-    noisy = detected_keypoints(
-        joints_m, camera, KeypointConfig(noise_px=1.5), np.random.default_rng(0)
-    )
+    joints_m = motion_joints_m(small_body, walkers[0].motion)
+    camera = camera_of(walkers[0])
+
+    def detected(camera: CameraPath, noise_px: float) -> np.ndarray:
+        config = KeypointConfig(noise_px=noise_px)
+        return detected_keypoints(joints_m, camera, config, np.random.default_rng(0))
+
+    exact, noisy = detected(camera, 0.0), detected(camera, 1.5)
     both = (exact[..., 2] > 0) & (noisy[..., 2] > 0)
     assert (noisy - exact)[both][:, :2].std() == pytest.approx(1.5, rel=0.1)
     assert (exact[both][:, 2] >= 0.6).all() and (exact[both][:, 2] <= 0.95).all()
     assert not exact[:, [0, 14, 15, 16, 17]].any()  # the face is no joint of SMPL
-    narrow = replace(camera, width_px=52)
-    cut = detected_keypoints(
-        joints_m, narrow, KeypointConfig(noise_px=0.0), np.random.default_rng(0)
-    )
+    cut = detected(replace(camera, width_px=52), 0.0)
     n_joints = (cut[..., 2] > 0).sum(axis=1)
     assert ((n_joints == 0) | (n_joints >= FEWEST_JOINTS)).all()
     assert n_joints.min() == 0 or n_joints.min() < (exact[..., 2] > 0).sum(axis=1).min()
@@ -256,15 +257,14 @@ def test_keypoints_are_noisy_cut_at_the_border_and_gone_below_six(walkers, small
 
 
 def other_camera(clip: Clip) -> Clip:
-    camera = camera_of(clip)
-    return replace(clip, camera=replace(camera, world_from_cam=camera.world_from_cam[::-1]))
+    return with_camera(clip, world_from_cam=camera_of(clip).world_from_cam[::-1])
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda clip: replace(clip, motion=replace(clip.motion, fps_hz=10.0)), "at 10 Hz"),
-        (lambda clip: replace(clip, motion=replace(clip.motion, frame="camera")), "camera frame"),
+        (partial(with_motion, fps_hz=10.0), "at 10 Hz"),
+        (partial(with_motion, frame="camera"), "camera frame"),
         (other_camera, "has another camera"),
     ],
 )

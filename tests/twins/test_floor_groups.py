@@ -19,26 +19,25 @@ from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import write_json
 from tests.record_keys import assert_each_key_is_needed
 
+FACTORS = {
+    "ome_deg": 1, "tme_mm": 10, "vme_mm": 20, "camera_rotation_deg": 1, "camera_path_mm": 1,
+}  # fmt: skip
 
-def person(errors: float | None, n_motions: int, kept_frames: int) -> PersonErrors:
-    return PersonErrors(
-        id="p",
-        n_motions=n_motions,
-        kept_frames=kept_frames,
-        ome_deg=errors,
-        tme_mm=None if errors is None else 10 * errors,
-        vme_mm=None if errors is None else 20 * errors,
-        camera_rotation_deg=errors,
-        camera_path_mm=errors,
-        scale_error_percent=None,
-    )
+
+def errors_of(size: float | None) -> dict[str, Any]:
+    """Each error by one size."""
+    return {key: None if size is None else factor * size for key, factor in FACTORS.items()}
+
+
+def person(size: float | None, n_motions: int, kept_frames: int) -> PersonErrors:
+    counts = {"n_motions": n_motions, "kept_frames": kept_frames}
+    return PersonErrors(id="p", scale_error_percent=None, **counts, **errors_of(size))
 
 
 def row(
     name: str, people: list[PersonErrors], scale_error: float | None = None, **changes: Any
 ) -> SequenceErrors:
-    errors = [one.ome_deg for one in people if one.ome_deg is not None]
-    worst = max(errors, default=None)
+    sizes = [one.ome_deg for one in people if one.ome_deg is not None]
     figures: dict[str, Any] = {
         "id": name,
         "class_true": "linear",
@@ -46,18 +45,13 @@ def row(
         "accepted": True,
         "frames": 50,
         "kept_share": sum(one.kept_frames for one in people) / (50 * len(people)),
-        "ome_deg": worst,
-        "tme_mm": None if worst is None else 10 * worst,
-        "vme_mm": None if worst is None else 20 * worst,
-        "camera_rotation_deg": worst,
-        "camera_path_mm": worst,
         "scale_error_percent": scale_error,
         "scale_within_2sigma": None if scale_error is None else abs(scale_error) < 1.5,
         "seconds": 25.0,
         "people": tuple(people),
         "reasons": (),
     }
-    return SequenceErrors(**figures | changes)
+    return SequenceErrors(**figures | errors_of(max(sizes, default=None)) | changes)
 
 
 ROWS = [
@@ -130,7 +124,7 @@ def test_the_file_holds_what_was_measured(floor, tmp_path):
     ("change", "message"),
     [
         ({"format": "gmrdata-floor/9"}, "`format` is 'gmrdata-floor/9'"),
-        ({"overall": {}}, "has no key `overall.sequences`"),
+        ({"overall": {}}, "has no key `overall.ome_deg`"),
         ({"more": 1}, "has an unknown key `more`"),
     ],
 )

@@ -16,7 +16,9 @@ def test_sizes_by_name_and_by_number():
     assert tiny.hfov_deg == full.hfov_deg == FILM.hfov_deg
 
 
-@pytest.mark.parametrize("size", ["big", "180", "180x", "0x320", "180x320x3", "-180x320", "63x64"])
+@pytest.mark.parametrize(
+    "size", ["big", "180", "180x", "0x320", "180x320x3", "-180x320", "63x64", "1080x19200"]
+)
 def test_other_sizes_are_refused(size):
     with pytest.raises(BadRecipe, match=f"--size {size}: give small, full, or"):
         film_of(size, 150)
@@ -27,9 +29,11 @@ def test_too_few_frames_are_refused():
         film_of("small", 59)
 
 
-def test_a_negative_seed_and_no_sequences_are_refused(tmp_path):
-    with pytest.raises(BadRecipe, match="--seed -1: give 0 or more"):
-        twin_recipe(2, -1, tmp_path)
+@pytest.mark.parametrize("seed", [-1, 2**63])
+def test_another_seed_and_no_sequences_are_refused(tmp_path, seed):
+    """The second ended with a traceback."""
+    with pytest.raises(BadRecipe, match=f"--seed {seed}: give 0 or more, at most 9223372036854"):
+        twin_recipe(2, seed, tmp_path)
     with pytest.raises(BadRecipe, match="0 sequences: ask for at least one"):
         twin_recipe(0, 1, tmp_path)
 

@@ -15,10 +15,11 @@ from gmrdata.twins.pseudo_gt_error import (
 )
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
-from gmrdata.values.clip import Clip
+from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import StageFailed
-from gmrdata.values.motion import deltas
+from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.skinning import motion_vertices_m
+from tests.motions import with_camera, with_motion
 
 PSEUDO_FROM_TRUE = transforms.rigid(
     Rotation.from_euler("xyz", [100.0, -20.0, 40.0], degrees=True).as_matrix(),
@@ -26,33 +27,32 @@ PSEUDO_FROM_TRUE = transforms.rigid(
 )
 
 
+def filmed(id: str, motion: Motion, turn_rad: np.ndarray, centres_m: np.ndarray) -> Clip:
+    """A motion seen by a camera that turns by so much (N, 3) at places (N, 3)."""
+    n = np.arange(motion.n_frames)
+    world_from_cam = transforms.rigid(Rotation.from_euler("xyz", turn_rad).as_matrix(), centres_m)
+    camera = CameraPath(intrinsics_from_fov(60, 640, 360), 640, 360, world_from_cam, n >= 0)
+    return Clip(id, motion, n >= 0, n, camera)
+
+
 @pytest.fixture(scope="module")
 def true_clip(small_body) -> Clip:
     """A walk seen by a camera that moves on a curve and turns."""
     motion = make_gait("walk", 4.0, 10.0, small_body, np.random.default_rng(0))
-    n = motion.n_frames
-    along = np.linspace(0, 1, n)
+    along = np.linspace(0, 1, motion.n_frames)
     turn_rad = np.stack([0.3 * along, 1 + 0.8 * along**2, 0.1 * np.sin(9 * along)], axis=1)
     centres_m = np.stack([2 * along, np.sin(3 * along), 1.5 + 0.2 * along], axis=1)
-    world_from_cam = transforms.rigid(Rotation.from_euler("xyz", turn_rad).as_matrix(), centres_m)
-    camera = CameraPath(
-        intrinsics_from_fov(60, 640, 360), 640, 360, world_from_cam, np.ones(n, bool)
-    )
-    return Clip("walk", motion, np.ones(n, bool), np.arange(n), camera)
+    return filmed("walk", motion, turn_rad, centres_m)
 
 
 def moved(clip: Clip, pseudo_from_true: np.ndarray, scale: float = 1.0) -> Clip:
     """The same clip in another world, everything in which is larger by a factor."""
     root = pseudo_from_true @ transforms.rigid(clip.motion.root_rotmats, clip.motion.pelvis_m)
     root[:, :3, 3] *= scale
-    assert clip.camera is not None
-    cameras = pseudo_from_true @ clip.camera.world_from_cam
+    cameras = pseudo_from_true @ camera_of(clip).world_from_cam
     cameras[:, :3, 3] *= scale
-    return replace(
-        clip,
-        motion=replace(clip.motion, root_rotmats=root[:, :3, :3], pelvis_m=root[:, :3, 3]),
-        camera=replace(clip.camera, world_from_cam=cameras),
-    )
+    placed = with_motion(clip, root_rotmats=root[:, :3, :3], pelvis_m=root[:, :3, 3])
+    return with_camera(placed, world_from_cam=cameras)
 
 
 def test_another_world_is_no_error(true_clip):
@@ -76,8 +76,7 @@ def test_scale_error_has_its_size_and_sign(true_clip, scale):
     assert found.tme_mm == pytest.approx(abs(scale - 1) * steps_mm.mean(), rel=1e-8, abs=1e-9)
     assert found.ome_deg == pytest.approx(0, abs=1e-6)
     # Rigidly fitted, the two paths have one middle, and each centre is off by its share of it.
-    assert true_clip.camera is not None
-    centres_m = true_clip.camera.centres_world_m
+    centres_m = camera_of(true_clip).centres_world_m
     away_mm = 1000 * np.linalg.norm(centres_m - centres_m.mean(axis=0), axis=1)
     assert found.camera_path_mm == pytest.approx(abs(scale - 1) * away_mm.mean(), abs=1e-9)
 
@@ -85,10 +84,7 @@ def test_scale_error_has_its_size_and_sign(true_clip, scale):
 def test_motion_errors_are_those_put_in(true_clip):
     """A world that turns by half a degree from frame to frame."""
     yaw = Rotation.from_euler("z", 0.5 * np.arange(40)[:, None], degrees=True).as_matrix()
-    pseudo = replace(
-        true_clip,
-        motion=replace(true_clip.motion, root_rotmats=yaw @ true_clip.motion.root_rotmats),
-    )
+    pseudo = with_motion(true_clip, root_rotmats=yaw @ true_clip.motion.root_rotmats)
     found = compare_clips(pseudo, true_clip)
     assert found.ome_deg == pytest.approx(0.5, abs=1e-9)
     assert (found.n_motions, found.vme_mm) == (39, None)
@@ -97,8 +93,7 @@ def test_motion_errors_are_those_put_in(true_clip):
 def test_vertices_slip_as_far_as_the_world(true_clip, small_body):
     """A world that slips by 3 mm from frame to frame moves every vertex by 3 mm."""
     slip_m = 0.003 * np.arange(40)[:, None] * np.array([0.6, 0.0, 0.8])
-    pelvis_m = true_clip.motion.pelvis_m + slip_m
-    pseudo = replace(true_clip, motion=replace(true_clip.motion, pelvis_m=pelvis_m))
+    pseudo = with_motion(true_clip, pelvis_m=true_clip.motion.pelvis_m + slip_m)
     found = compare_clips(moved(pseudo, PSEUDO_FROM_TRUE), true_clip, body=small_body)
     assert found.tme_mm == pytest.approx(3, abs=1e-9)
     assert found.vme_mm == pytest.approx(3, abs=1e-4)
@@ -123,17 +118,14 @@ def test_vertices_turn_with_the_world_in_the_true_pose(true_clip, small_body):
 
 def test_camera_rotation_error_is_after_one_best_rotation(true_clip):
     """Cameras rolled by +2 and -2 deg in turn: their best common rotation is none, the error 2."""
-    assert true_clip.camera is not None
     roll_deg = np.where(np.arange(40) % 2, 2.0, -2.0)[:, None]
-    cameras = true_clip.camera.world_from_cam.copy()
+    cameras = camera_of(true_clip).world_from_cam.copy()
     fixed = cameras[0, :3, :3]
     cameras[:, :3, :3] = fixed
-    still = replace(true_clip, camera=replace(true_clip.camera, world_from_cam=cameras))
+    still = with_camera(true_clip, world_from_cam=cameras)
     rolled = cameras.copy()
     rolled[:, :3, :3] = fixed @ Rotation.from_euler("z", roll_deg, degrees=True).as_matrix()
-    pseudo = moved(
-        replace(still, camera=replace(true_clip.camera, world_from_cam=rolled)), PSEUDO_FROM_TRUE
-    )
+    pseudo = moved(with_camera(still, world_from_cam=rolled), PSEUDO_FROM_TRUE)
     assert compare_clips(pseudo, still).camera_rotation_deg == pytest.approx(2.0, abs=1e-6)
 
 
@@ -144,7 +136,7 @@ def test_no_motion_is_taken_across_a_gap(true_clip):
     pelvis_m = true_clip.motion.pelvis_m.copy()
     pelvis_m[20] = np.nan
     pelvis_m[21:] += [1.0, 0, 0]
-    pseudo = replace(true_clip, motion=replace(true_clip.motion, pelvis_m=pelvis_m), valid=valid)
+    pseudo = replace(with_motion(true_clip, pelvis_m=pelvis_m), valid=valid)
     found = compare_clips(pseudo, true_clip)
     assert found.tme_mm == pytest.approx(0, abs=1e-9)
     assert found.trajectory_mm > 100
@@ -154,8 +146,7 @@ def test_no_motion_is_taken_across_a_gap(true_clip):
 def test_rows_are_paired_by_image_number(true_clip):
     """A pseudo clip of images 5, 6, 7 and 20, 21 has three motions."""
     rows = np.array([5, 6, 7, 20, 21])
-    assert true_clip.camera is not None
-    motion, camera = true_clip.motion.take(rows), true_clip.camera.at_rows(rows)
+    motion, camera = true_clip.motion.take(rows), camera_of(true_clip).at_rows(rows)
     motion = replace(motion, pelvis_m=motion.pelvis_m + (rows > 10)[:, None] * [1.0, 0, 0])
     camera = replace(camera, has_camera=np.array([True, True, False, True, True]))
     pseudo = Clip("part", motion, np.ones(5, bool), rows, camera)
@@ -165,15 +156,14 @@ def test_rows_are_paired_by_image_number(true_clip):
 
 
 def test_no_scale_without_camera_motion_or_positions(true_clip):
-    assert true_clip.camera is not None
-    cameras = true_clip.camera.world_from_cam.copy()
+    cameras = camera_of(true_clip).world_from_cam.copy()
     cameras[:, :3, 3] = [0.3, 0.2, 0.1]
-    rotation_only = replace(true_clip, camera=replace(true_clip.camera, world_from_cam=cameras))
+    rotation_only = with_camera(true_clip, world_from_cam=cameras)
     assert compare_clips(rotation_only, true_clip).scale_error_percent is None
     assert compare_clips(true_clip, rotation_only).scale_error_percent is None
     cameras = cameras.copy()
     cameras[:, 0, 3] += np.linspace(0, 0.049, 40)
-    almost = replace(true_clip, camera=replace(true_clip.camera, world_from_cam=cameras))
+    almost = with_camera(true_clip, world_from_cam=cameras)
     assert compare_clips(almost, almost).scale_error_percent is None
 
 
@@ -189,9 +179,7 @@ def test_trajectory_error_is_evos_ape_after_the_same_alignment(true_clip):
     evo_metrics = pytest.importorskip("evo.core.metrics")
     noise_m = np.random.default_rng(0).normal(0, 0.02, (40, 3))
     pseudo = moved(true_clip, PSEUDO_FROM_TRUE)
-    pseudo = replace(
-        pseudo, motion=replace(pseudo.motion, pelvis_m=pseudo.motion.pelvis_m + noise_m)
-    )
+    pseudo = with_motion(pseudo, pelvis_m=pseudo.motion.pelvis_m + noise_m)
     found = compare_clips(pseudo, true_clip)
 
     def path(clip: Clip, change: np.ndarray) -> object:
@@ -214,10 +202,10 @@ def test_trajectory_error_is_evos_ape_after_the_same_alignment(true_clip):
 
 
 def test_clips_that_cannot_be_compared(true_clip):
-    other_rate = replace(true_clip, motion=replace(true_clip.motion, fps_hz=30.0))
+    other_rate = with_motion(true_clip, fps_hz=30.0)
     with pytest.raises(StageFailed, match="30 fps, but its truth walk has 10 fps"):
         compare_clips(other_rate, true_clip)
-    in_camera = replace(true_clip, motion=replace(true_clip.motion, frame="camera"))
+    in_camera = with_motion(true_clip, frame="camera")
     with pytest.raises(StageFailed, match="not in the world frame"):
         compare_clips(in_camera, true_clip)
     alternating = replace(true_clip, valid=np.arange(40) % 2 == 0)
@@ -233,10 +221,10 @@ def test_clips_that_cannot_be_compared(true_clip):
 def thirty_hz(true_clip: Clip) -> tuple[Clip, Clip]:
     """The clip, said to have 30 fps, and a pseudo ground truth whose pelvis is 3 mm off in every
     third frame."""
-    true = replace(true_clip, motion=replace(true_clip.motion, fps_hz=30.0))
+    true = with_motion(true_clip, fps_hz=30.0)
     pelvis_m = true.motion.pelvis_m.copy()
     pelvis_m[::3, 2] += 0.003
-    return true, replace(true, motion=replace(true.motion, pelvis_m=pelvis_m))
+    return true, with_motion(true, pelvis_m=pelvis_m)
 
 
 def test_at_a_third_of_the_rate_every_phase_counts(true_clip):
@@ -253,7 +241,7 @@ def test_at_a_third_of_the_rate_no_motion_crosses_a_gap(true_clip):
     pelvis_m[13:] += 1.0
     valid = np.ones(40, bool)
     valid[13] = False
-    pseudo = replace(pseudo, valid=valid, motion=replace(pseudo.motion, pelvis_m=pelvis_m))
+    pseudo = replace(with_motion(pseudo, pelvis_m=pelvis_m), valid=valid)
     assert compare_clips(pseudo, true, fps_hz=10.0).tme_mm == pytest.approx(0, abs=1e-9)
 
 
@@ -272,22 +260,18 @@ def truth(small_body) -> list[Clip]:
     along = np.linspace(0, 1, N)
     turn_rad = np.stack([0.1 * along, 1 + 0.5 * along, np.zeros(N)], axis=1)
     centres_m = np.stack([2 * along, np.sin(3 * along), np.full(N, 1.5)], axis=1)
-    world_from_cam = transforms.rigid(Rotation.from_euler("xyz", turn_rad).as_matrix(), centres_m)
-    intrinsics_px = intrinsics_from_fov(60, 640, 360)
-    camera = CameraPath(intrinsics_px, 640, 360, world_from_cam, np.ones(N, bool))
     clips = []
     for person in range(2):
-        rng, rows = np.random.default_rng(person), np.arange(N)
-        motion = make_gait("walk", N / 30, 30.0, small_body, rng).take(rows)
-        clips.append(Clip(f"pass_00.p{person}", motion, np.ones(N, bool), rows, camera))
+        rng = np.random.default_rng(person)
+        motion = make_gait("walk", N / 30, 30.0, small_body, rng).take(np.arange(N))
+        clips.append(filmed(f"pass_00.p{person}", motion, turn_rad, centres_m))
     return clips
 
 
 def turning(clip: Clip, deg_per_frame: float) -> Clip:
     """A person whose orientation drifts about the vertical."""
     yaw = Rotation.from_euler("z", deg_per_frame * np.arange(N)[:, None], degrees=True)
-    root_rotmats = yaw.as_matrix() @ clip.motion.root_rotmats
-    return replace(clip, motion=replace(clip.motion, root_rotmats=root_rotmats))
+    return with_motion(clip, root_rotmats=yaw.as_matrix() @ clip.motion.root_rotmats)
 
 
 def test_a_sequence_shows_the_person_who_fares_worst(truth, small_body):
@@ -327,7 +311,7 @@ def test_motions_are_between_kept_frames_alone(truth):
     """Frame 20 is not kept, and the world slips by a metre there: 4 of 37 motions would tell."""
     valid = np.arange(N) != 20
     pelvis_m = truth[0].motion.pelvis_m + (np.arange(N) > 20)[:, None] * [1.0, 0, 0]
-    gapped = replace(truth[0], valid=valid, motion=replace(truth[0].motion, pelvis_m=pelvis_m))
+    gapped = replace(with_motion(truth[0], pelvis_m=pelvis_m), valid=valid)
     row = sequence_errors(ACCEPTED, [gapped], truth[:1])
     assert row.tme_mm == pytest.approx(0, abs=1e-9)
     assert row.people[0].n_motions == 33
@@ -336,7 +320,7 @@ def test_motions_are_between_kept_frames_alone(truth):
 
 def test_what_was_not_recovered_has_no_errors(truth):
     rejected = replace(truth[0], valid=np.zeros(N, bool))
-    in_camera = replace(truth[1], motion=replace(truth[1].motion, frame="camera"))
+    in_camera = with_motion(truth[1], frame="camera")
     flicker = replace(truth[1], valid=np.arange(N) % 4 < 2)
     for found in ([rejected, in_camera], [], [rejected, flicker]):
         row = sequence_errors(replace(ACCEPTED, accepted=False), found, truth)
@@ -347,7 +331,7 @@ def test_what_was_not_recovered_has_no_errors(truth):
 
 
 def test_clips_of_another_video_are_an_error_not_a_gap(truth):
-    other = replace(truth[0], motion=replace(truth[0].motion, fps_hz=25.0))
+    other = with_motion(truth[0], fps_hz=25.0)
     with pytest.raises(StageFailed, match="25 fps"):
         sequence_errors(ACCEPTED, [other], truth[:1])
 

@@ -1,7 +1,6 @@
 """A twin on disk: the dataset's side has the faults, the images and the truth are exact."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from gmrdata.twins.twin_set import FilmedPeople, TwinConfig, write_twin
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadFrames, BadSequence
 from gmrdata.world.compose import motion_in_camera
+from tests.motions import with_motion
 
 CONFIG = TwinConfig(
     faults=FaultConfig(invalid_frames=(2, 5)), exposure=ExposureConfig(gain=(1.0, 1.0))
@@ -135,6 +135,5 @@ def test_frames_that_are_not_the_cameras_are_refused_and_no_sequence_is_left(
 
 
 def test_clips_of_another_rate_are_refused(write, walkers):
-    slow = [replace(clip, motion=replace(clip.motion, fps_hz=10.0)) for clip in walkers]
     with pytest.raises(BadSequence, match="at 10 Hz"):
-        write(clips=slow)
+        write(clips=[with_motion(clip, fps_hz=10.0) for clip in walkers])

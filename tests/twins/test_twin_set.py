@@ -16,6 +16,7 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticClip
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import read_body
+from gmrdata.read.frames import read_color
 from gmrdata.read.threedpw import read_sequence
 from gmrdata.read.threedpw_files import find_sequences
 from gmrdata.stage.recipes import find_recipe, load_recipe
@@ -158,12 +159,8 @@ def test_each_annotated_person_is_where_the_image_shows_that_person(out, name, p
 @pytest.mark.slow
 def test_the_index_says_what_each_sequence_is(out):
     two, one = read_json(out / "truth" / "twins.json")["sequences"]
-    assert (two["name"], two["class_true"], two["trial"], two["people"]) == (
-        TWO,
-        "circular",
-        "gait walk",
-        2,
-    )
+    said = two["name"], two["class_true"], two["trial"], two["people"]
+    assert said == (TWO, "circular", "gait walk", 2)
     assert (one["class_true"], one["people"], one["scene"]["kind"]) == ("panning", 1, "room")
 
 
@@ -174,20 +171,14 @@ def test_exposure_changes_the_frames_as_planned_and_the_shutter_was_open(out):
         assert read_json(rendered / "stage.json")["config"]["shutter"] == 0.5
         gains = np.load(out / "truth" / f"{name}.exposure.npz")["gains"]
         ratios = [
-            brightness(out / "3DPW" / "imageFiles" / name / f"image_{row:05d}.jpg")
-            / brightness(rendered / "frames" / f"{row:05d}.jpg")
+            read_color(out / "3DPW" / "imageFiles" / name / f"image_{row:05d}.jpg").mean()
+            / read_color(rendered / "frames" / f"{row:05d}.jpg").mean()
             for row in range(12)
         ]
         assert np.ptp(gains) > 0.25
         # Light goes as value^2.2; what is white already can't get brighter.
         assert np.corrcoef(np.log(ratios), np.log(gains))[0, 1] > 0.99
         np.testing.assert_allclose(np.array(ratios) ** 2.2, gains, rtol=0.12)
-
-
-def brightness(path: Path) -> float:
-    image = cv2.imread(str(path))
-    assert image is not None
-    return float(image.mean())
 
 
 @pytest.mark.slow
@@ -227,15 +218,15 @@ def reseeded(seed: int) -> TwinRecipe:
 
 @pytest.mark.slow
 def test_another_split_is_refused_and_with_redo_leaves_no_second_file(out, tmp_path):
-    shutil.copytree(out, tmp_path / "copy")
+    copy = shutil.copytree(out, tmp_path / "copy")
     moved = RECIPE.model_copy(update={"splits": {}})
     clip = RECIPE.set.clips[1]
     with pytest.raises(StaleOutput, match=r"config\.split"):
-        write_sequence_twin(moved, clip, tmp_path / "copy")
-    write_sequence_twin(moved, clip, tmp_path / "copy", run=Run(redo=True))
-    found = sorted((tmp_path / "copy" / "3DPW").rglob(f"{ONE}.pkl"))
+        write_sequence_twin(moved, clip, copy)
+    write_sequence_twin(moved, clip, copy, run=Run(redo=True))
+    found = sorted((copy / "3DPW").rglob(f"{ONE}.pkl"))
     assert [path.parent.name for path in found] == ["test"]
-    assert read_sequence(tmp_path / "copy" / "3DPW", ONE).problems == ()
+    assert read_sequence(copy / "3DPW", ONE).problems == ()
 
 
 @pytest.mark.slow
@@ -328,6 +319,10 @@ def test_people_come_in_order(tmp_path, small_body):
         twins.people("park")
     with pytest.raises(MissingInput, match="no twin 'room_00'; there are park_00, park"):
         twins.people("room_00")
+    # Who was missing counted as nobody, or ended the floor with a traceback.
+    (tmp_path / "truth" / "park_00.p1.npz").unlink()
+    with pytest.raises(MissingInput, match=r"no park_00\.p1\.npz; make the twins again"):
+        twins.people("park_00")
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from gmrdata.cameras.colmap import (
     incremental_options,
     matrix_of,
     pycolmap,
+    seen_by,
 )
 from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames, reduced
@@ -429,15 +430,12 @@ def _cost(model: Any, n_matched: int) -> float:
     focal_px, cx, cy, k1 = camera.params
     total, count = 0.0, 0
     for image in map(model.image, sorted(model.reg_image_ids())):
-        seen = [point for point in image.points2D if point.has_point3D()]
-        if not seen:
-            continue
-        points = np.array([model.point3D(point.point3D_id).xyz for point in seen])
+        _, seen_px, points = seen_by(model, image)
         points_cam = transforms.apply(matrix_of(image.cam_from_world()), points)
         flat = bent(points_cam[:, :2] / points_cam[:, 2:], k1)
-        apart_px = focal_px * flat + [cx, cy] - np.array([point.xy for point in seen])
+        apart_px = focal_px * flat + [cx, cy] - seen_px
         total += float(_loss((apart_px**2).sum(axis=1)).sum())
-        count += len(seen)
+        count += len(points)
     missed = max(0, n_matched - count)
     return (total + missed * float(_loss(np.array(np.inf)))) / max(1, n_matched)
 

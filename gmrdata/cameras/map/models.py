@@ -28,7 +28,6 @@ from gmrdata.cameras.match.features import pinhole_params
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.recipe import MappingConfig, SfmConfig
 from gmrdata.values import transforms
-from gmrdata.values.transforms import invert
 
 MIN_PNP_INLIERS = 20  # points that a frame must agree with to be placed by them
 
@@ -375,7 +374,7 @@ def _moving_share(
     rays = [np.c_[px, np.ones(len(px))] @ to_rays for px in matches.keypoints_px]
     shares = []
     for pair in matches.pairs:
-        move = invert(cameras[pair.second]) @ cameras[pair.first]
+        move = transforms.invert(cameras[pair.second]) @ cameras[pair.first]
         if np.isfinite(move).all():
             essential = np.cross(move[:3, 3], move[:3, :3], axisb=0, axisc=0)
             features, same = pair.features.T

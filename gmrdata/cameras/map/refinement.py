@@ -149,10 +149,8 @@ def background_distance(centres: np.ndarray, points: np.ndarray) -> float:
 
 def has_weak(model: Any, matches: Matches, frames: Frames, config: SfmConfig) -> bool:
     """Whether a model has a keyframe that it explains little of."""
-    n_matched, row_of_name = matched_points(matches), frames.row_of_name
-    least = config.mapping.least_held
-    images = map(model.image, model.reg_image_ids())
-    return any(image.num_points3D < least * n_matched[row_of_name[image.name]] for image in images)
+    n_matched, least = matched_points(matches), config.mapping.least_held
+    return any(image.num_points3D < least * n_matched[row] for row, image in frames.rows_of(model))
 
 
 def triangulate_again(model: Any, database_path: Path, config: SfmConfig) -> None:
@@ -277,13 +275,13 @@ def see_again(model: Any, matches: Matches, frames: Frames, config: MasksConfig)
     """
     if not matches.descriptors:
         return 0
-    ids, row_of_name = sorted(model.point3D_ids()), frames.row_of_name
+    ids = sorted(model.point3D_ids())
     number = {point_id: n for n, point_id in enumerate(ids)}
     points = np.array([model.point3D(i).xyz for i in ids]).reshape(-1, 3)
     often = np.array(
         [model.point3D(i).track.length() >= config.again_seen for i in ids], dtype=bool
     )
-    images = {row_of_name[image.name]: image for image in map(model.image, model.reg_image_ids())}
+    images = dict(frames.rows_of(model))
     seen = {row: _seen_features(image, number) for row, image in sorted(images.items())}
     looks = np.zeros((len(ids), 128), dtype=np.float32)
     # Backwards first: a point that was not seen yet looks as it will.

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras import again
@@ -17,13 +16,14 @@ from gmrdata.cameras.files import (
     load_cameras,
     save_cameras,
 )
-from gmrdata.cameras.map.rotation_only import CELLS, FEWEST_FEATURES, RotationOnly, covered_share
+from gmrdata.cameras.map.rotation_only import CELLS, FEWEST_FEATURES, covered_share
 from gmrdata.cameras.match.keyframes import unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.transforms import rigid
+from tests.cameras.drawn_models import turning_by
 from tests.reconstructions import lens
 from tests.record_keys import assert_each_key_is_needed
 
@@ -149,11 +149,7 @@ def turned_px(image_px: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
 def share(first_px: np.ndarray, second_px: np.ndarray, turn: np.ndarray, n_free: int) -> float:
     """Of two frames, each of whose features is matched."""
-    rotmats = np.array([np.eye(3), turn.T])
-    nothing = np.zeros(0)
-    turning = RotationOnly(
-        rotmats, np.ones(2, dtype=bool), nothing, nothing, np.array([[0, 1]]), csr_array((6, 6))
-    )
+    turning = turning_by(np.array([np.eye(3), turn.T]), pairs_rows=[(0, 1)])
     same = np.repeat(np.arange(len(first_px))[:, None], 2, axis=1)
     pair = PairMatches(0, 1, same, "PANORAMIC")
     matches = Matches([first_px, second_px], [pair], [n_free, n_free])
@@ -184,10 +180,7 @@ def test_what_masks_cover_need_not_be_explained():
 
 
 def test_without_matched_neighbours_nothing_is_said():
-    nobody = RotationOnly(
-        np.tile(np.eye(3), (3, 1, 1)), np.ones(3, dtype=bool), np.zeros(0), np.zeros(0),
-        np.zeros((0, 2)), csr_array((9, 9)),
-    )  # fmt: skip
+    nobody = turning_by(np.tile(np.eye(3), (3, 1, 1)))
     matches = Matches([np.zeros((0, 2))] * 3, [PairMatches(0, 2, np.zeros((0, 2), int), "")])
     assert np.isnan(covered_share(nobody, matches, INTRINSICS_PX, SIZE_PX, 2.0))
 

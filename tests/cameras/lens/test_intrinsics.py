@@ -47,7 +47,7 @@ from gmrdata.solve.verdict import with_lens_error
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadIntrinsics, BadRecord, StaleOutput
 from gmrdata.world.recipe import PseudoGtConfig
-from tests.cameras.drawn_models import turning_matches
+from tests.cameras.drawn_models import NOISE_PX, synthetic, turning_matches
 from tests.read.test_intrinsics import jpeg_with
 from tests.read.test_lens_files import PINHOLES, READ
 from tests.reconstructions import good_quality
@@ -66,7 +66,7 @@ def made(
 ) -> Intrinsics:
     """The lens of two black frames, which may note one."""
     frames = folder / "frames"
-    frames.mkdir(exist_ok=True)
+    frames.mkdir(parents=True, exist_ok=True)
     content = jpeg_with(folder, {} if film_mm is None else {0xA405: film_mm}).read_bytes()
     for number in range(2):
         (frames / f"{number:05d}.jpg").write_bytes(content)
@@ -95,7 +95,6 @@ def test_a_file_and_our_own_record_are_taken(tmp_path):
     path = tmp_path / "cameras.txt"
     path.write_text("1 OPENCV 640 480 600 605 322 239 -0.15 0 0 0\n")
     lens = made(tmp_path, given=GivenIntrinsics(file=path))
-    (tmp_path / "again").mkdir()
     own = GivenIntrinsics(file=tmp_path / "out" / "intrinsics.json")
     again = made(tmp_path / "again", given=own)
     assert (again.focal_px, again.focal_y_px, again.centre_px) == (600, 605, (322, 239))
@@ -110,10 +109,10 @@ def test_a_record_is_known_by_what_it_says_and_not_by_its_name(tmp_path):
     assert (lens.focal_px, lens.focal_y_px, lens.radial_k1) == (600, 605, -0.1)
     assert lens.centre_px == (320, 240)
     path.write_text(PINHOLES["open3d.json"])
-    lens = made_again(tmp_path / "open3d", path)
+    lens = made(tmp_path / "open3d", given=GivenIntrinsics(file=path))
     assert (lens.focal_px, lens.centre_px) == (600, (320, 240))
-    (tmp_path / "out" / "intrinsics.json").rename(tmp_path / "phone.json")
-    assert made_again(tmp_path / "renamed", tmp_path / "phone.json").radial_k1 == -0.1
+    renamed = (tmp_path / "out" / "intrinsics.json").rename(tmp_path / "phone.json")
+    assert made(tmp_path / "renamed", given=GivenIntrinsics(file=renamed)).radial_k1 == -0.1
 
 
 def test_our_own_record_of_another_size_is_scaled(tmp_path):
@@ -123,20 +122,13 @@ def test_our_own_record_of_another_size_is_scaled(tmp_path):
     larger |= {"centre_px": (660.0, 470.0), "radial_k1": -0.1}
     path = tmp_path / "larger.json"
     lens.model_copy(update=larger).write(path)
-    scaled = made_again(tmp_path / "scaled", path)
+    scaled = made(tmp_path / "scaled", given=GivenIntrinsics(file=path))
     assert (scaled.focal_px, scaled.focal_y_px, scaled.radial_k1) == (600, 605, -0.1)
     assert scaled.centre_px == (330, 235) and scaled.lens.size_px == (640, 480)
 
 
-def made_again(folder: Path, file: Path) -> Intrinsics:
-    folder.mkdir()
-    return made(folder, given=GivenIntrinsics(file=file))
-
-
 @pytest.mark.parametrize("asked", [-0.13, -0.17])
 def test_our_own_record_is_as_uncertain_as_it_was(tmp_path, shown, asked):
-    for name in ("again", "guess", "other"):
-        (tmp_path / name).mkdir()
     shown(replace(FOUND, focal_sigma=0.06, radial_k1=-0.15, radial_k1_sigma=0.02))
     made(tmp_path, config=IntrinsicsConfig())
     own = GivenIntrinsics(file=tmp_path / "out")
@@ -156,7 +148,8 @@ def test_the_cameras_note_comes_next(tmp_path):
     lens = made(tmp_path, film_mm=26)
     assert lens.source == "metadata" and lens.focal_sigma == 0.05
     assert lens.focal_px == pytest.approx(480.7, abs=0.1)
-    assert made_given_wins(tmp_path / "given").source == "given"
+    given = GivenIntrinsics(focal_px=500.0)
+    assert made(tmp_path / "given", film_mm=26, given=given).source == "given"
 
 
 def test_notes_that_differ_leave_the_lens_as_uncertain(tmp_path):
@@ -170,13 +163,7 @@ def test_notes_that_differ_leave_the_lens_as_uncertain(tmp_path):
     assert lens.focal_sigma == pytest.approx(np.hypot(0.05, np.log(2) / np.sqrt(2)))
 
 
-def made_given_wins(folder: Path) -> Intrinsics:
-    folder.mkdir()
-    return made(folder, film_mm=26, given=GivenIntrinsics(focal_px=500.0))
-
-
 def test_then_the_frames_and_then_a_guess_that_says_so(tmp_path, shown):
-    (tmp_path / "a").mkdir()
     shown(FOUND)
     lens = made(tmp_path / "a", config=IntrinsicsConfig())
     assert lens.source == "self_calibrated" and lens.focal_px == pytest.approx(448.0)
@@ -204,7 +191,6 @@ def test_a_guess_takes_the_little_that_the_frames_show(tmp_path, shown):
     assert lens.focal_px == pytest.approx(640 * 1.16**share * 0.85 ** (1 - share))
     assert lens.focal_sigma == pytest.approx(0.3 * 0.11 / np.hypot(0.3, 0.11))
     assert "the little that the frames show" in lens.notes[0] and "±" not in lens.notes[0]
-    (tmp_path / "less").mkdir()
     shown(replace(weak, focal_sigma=0.4))
     lens = made(tmp_path / "less", config=IntrinsicsConfig())
     assert lens.focal_px == pytest.approx(0.85 * 640) and "Nothing shows" in lens.notes[0]
@@ -292,7 +278,6 @@ def test_a_right_one_and_a_rough_note_are_not(tmp_path, shown):
     given = GivenIntrinsics(focal_px=455.0)
     lens = made(tmp_path, config=IntrinsicsConfig(), given=given)
     assert not lens.objections and any("which agrees" in note for note in lens.notes)
-    (tmp_path / "note").mkdir()
     lens = made(tmp_path / "note", config=IntrinsicsConfig(), film_mm=35)
     # The frames are firmer; that the two disagree makes the error wider.
     assert lens.source == "self_calibrated" and not lens.objections
@@ -327,7 +312,6 @@ def test_a_lens_of_the_frames_that_folds_the_picture_is_objected_to(tmp_path, sh
     assert lens.source == "self_calibrated" and lens.radial_k1 == -0.25
     (objection,) = lens.objections
     assert "folds the corners of the picture" in objection
-    (tmp_path / "sound").mkdir()
     shown(FOUND)
     assert not made(tmp_path / "sound", config=IntrinsicsConfig()).objections
 
@@ -350,7 +334,6 @@ def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path):
     path = tmp_path / "out" / "intrinsics.json"
     value = json.loads(path.read_text())
     path.write_text(json.dumps(value | {"width_px": 320}))
-    (tmp_path / "other").mkdir()
     with pytest.raises(BadIntrinsics, match="of 320x480 px, the frames have 640x480"):
         made(tmp_path / "other", given=GivenIntrinsics(file=path))
     del value["objections"]
@@ -375,7 +358,6 @@ def test_a_filmed_arc_shows_its_lens(film, tmp_path):
 
 SIZE_PX = (640, 480)
 CONFIG = SelfCalibrationConfig()
-NOISE_PX = 0.4
 
 
 def drawn_frames(folder: Path, names: list[str]) -> Frames:
@@ -386,19 +368,10 @@ def drawn_frames(folder: Path, names: list[str]) -> Frames:
 
 def filmed_cloud(folder: Path, focal_px: float, k1: float, seed: int = 0) -> tuple[Frames, Matches]:
     """COLMAP's own cameras all round a cloud of points, and its database of their matches."""
-    pycolmap.set_random_seed(seed)
-    options = pycolmap.SyntheticDatasetOptions()
-    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig = 1, 1, 10
-    options.num_points3D = 150
-    options.camera_model_id = pycolmap.CameraModelId.SIMPLE_RADIAL
-    options.camera_width, options.camera_height = SIZE_PX
-    options.camera_params = [focal_px, 320.0, 240.0, k1]
-    path = folder / DATABASE_FILE
+    path, params = folder / DATABASE_FILE, [focal_px, 320.0, 240.0, k1]
+    camera = pycolmap.Camera(model="SIMPLE_RADIAL", width=640, height=480, params=params)
     with pycolmap.Database.open(path) as database:
-        model = pycolmap.synthesize_dataset(options, database)
-        noise = pycolmap.SyntheticNoiseOptions()
-        noise.point2D_stddev = NOISE_PX
-        pycolmap.synthesize_noise(noise, model, database)
+        model = synthetic(seed, 10, 150, camera, database)
     names = sorted(image.name for image in model.images.values())
     frames = drawn_frames(folder, names)
     return frames, read_matches(path, frames.images)

@@ -22,25 +22,14 @@ from gmrdata.cameras.map.rotation_only import solve_rotation_only
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values.camera import Lens
-from tests.cameras.drawn_models import turning_matches
-
-NOISE_PX = 0.4
+from tests.cameras.drawn_models import synthetic, turning_matches
 
 
-def synthetic(seed: int, frames: int = 12) -> Any:
-    """Cameras all round a cloud of points, with noise in the image points."""
-    pycolmap.set_random_seed(seed)
-    options = pycolmap.SyntheticDatasetOptions()
-    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig = 1, 1, frames
-    options.num_points3D = 200
-    options.camera_model_id = pycolmap.CameraModelId.PINHOLE
-    options.camera_width, options.camera_height = 540, 960
-    options.camera_params = [700.0, 700.0, 270.0, 480.0]
-    model = pycolmap.synthesize_dataset(options)
-    noise = pycolmap.SyntheticNoiseOptions()
-    noise.point2D_stddev = NOISE_PX
-    pycolmap.synthesize_noise(noise, model)
-    return model
+def pinhole(seed: int, frames: int = 12) -> Any:
+    """Cameras without distortion all round a cloud of points."""
+    params = [700.0, 700.0, 270.0, 480.0]
+    camera = pycolmap.Camera(model="PINHOLE", width=540, height=960, params=params)
+    return synthetic(seed, frames, 200, camera)
 
 
 def with_focal(model: Any, factor: float) -> Any:
@@ -66,7 +55,7 @@ def distorted(model: Any, k1: float, k2: float = 0.0) -> Any:
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_right_intrinsics_are_kept_within_the_standard_error(seed):
-    freed = freed_focal(with_focal(synthetic(seed), 1.0))
+    freed = freed_focal(with_focal(pinhole(seed), 1.0))
     assert freed is not None and freed.radial_k1 is not None and freed.radial_k1_sigma is not None
     assert 0.0125 < freed.sigma < 0.02
     assert abs(freed.factor - 1.0) < 1.5 * freed.sigma
@@ -75,14 +64,14 @@ def test_right_intrinsics_are_kept_within_the_standard_error(seed):
 
 @pytest.mark.parametrize("factor", [2.2, 1.3, 1.05, 1 / 1.05, 1 / 1.3, 1 / 2.2])
 def test_wrong_intrinsics_are_undone(factor):
-    freed = freed_focal(with_focal(synthetic(3), factor))
+    freed = freed_focal(with_focal(pinhole(3), factor))
     assert freed is not None
     assert freed.factor == pytest.approx(1 / factor, rel=0.01)
 
 
 def test_the_standard_error_is_that_of_many_noises():
     """Errors of single image points are independent here, so the covariance is right as it is."""
-    found = [freed_focal(with_focal(synthetic(seed), 1.0)) for seed in range(10, 20)]
+    found = [freed_focal(with_focal(pinhole(seed), 1.0)) for seed in range(10, 20)]
     factors = np.array([freed.factor for freed in found if freed is not None])
     stated = np.array([freed.sigma for freed in found if freed is not None])
     by_noise = np.sqrt(stated**2 - SYSTEMATIC_FOCAL**2) / FREED_NOT_INDEPENDENT
@@ -91,7 +80,7 @@ def test_the_standard_error_is_that_of_many_noises():
 
 
 def test_the_model_stays_as_it_is_and_the_figures_repeat():
-    model = with_focal(synthetic(4), 1.1)
+    model = with_focal(pinhole(4), 1.1)
     before = {i: model.image(i).cam_from_world().matrix() for i in model.reg_image_ids()}
     first, second = freed_focal(model), freed_focal(model)
     assert first == second
@@ -103,7 +92,7 @@ def test_the_model_stays_as_it_is_and_the_figures_repeat():
 
 @pytest.mark.parametrize("k1", [0.06, -0.2])
 def test_distortion_is_measured_and_is_not_taken_for_a_focal_length(k1):
-    model = distorted(synthetic(5), k1)
+    model = distorted(pinhole(5), k1)
     bundle_adjuster(model).solve()
     freed = freed_focal(model)
     assert freed is not None and freed.radial_k1 is not None and freed.radial_k1_sigma is not None
@@ -112,7 +101,7 @@ def test_distortion_is_measured_and_is_not_taken_for_a_focal_length(k1):
 
 
 def test_a_lens_with_two_focal_lengths_is_kept():
-    model = synthetic(6)
+    model = pinhole(6)
     (camera,) = model.cameras.values()
     fx, fy, cx, cy = camera.params
     for image in model.images.values():
@@ -126,7 +115,7 @@ def test_a_lens_with_two_focal_lengths_is_kept():
 @pytest.mark.parametrize("stretch", [1.0, 1.1])
 def test_a_lens_is_found_and_its_image_points_are_put_right(stretch):
     """On pixels that are square and such that are not."""
-    truth = synthetic(7)
+    truth = pinhole(7)
     (camera,) = truth.cameras.values()
     bare = [point.xy.copy() for point in truth.image(1).points2D]
     model = distorted(pycolmap.Reconstruction(truth), 0.2, 0.1)
@@ -158,7 +147,7 @@ def test_a_lens_is_found_and_its_image_points_are_put_right(stretch):
 
 @pytest.mark.parametrize(("frames", "k2"), [(12, 0.0), (12, 0.003), (4, -0.2), (12, -4.0)])
 def test_no_lens_is_taken_that_hardly_helps_has_few_points_or_folds_the_picture(frames, k2):
-    model = distorted(synthetic(8, frames), 0.0, k2)
+    model = distorted(pinhole(8, frames), 0.0, k2)
     bundle_adjuster(model).solve()
     same, lens = with_lens(model, SfmConfig().distortion)
     assert same is model and lens is None

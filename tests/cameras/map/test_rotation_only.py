@@ -17,6 +17,7 @@ from gmrdata.cameras.match.keyframes import relative_rotation, unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values.camera import intrinsics_from_fov
+from tests.filming import turn_errors_deg
 
 INTRINSICS_PX = intrinsics_from_fov(60.0, 640, 360)
 
@@ -56,14 +57,6 @@ def panning_rotations(n: int) -> np.ndarray:
     return Rotation.from_rotvec(turns).as_matrix()
 
 
-def angles_deg(found: np.ndarray, true: np.ndarray, root: int) -> np.ndarray:
-    """Errors relative to one frame, so that the choice of world doesn't matter."""
-    relative_found = found[root].T @ found
-    relative_true = true[root].T @ true
-    difference = np.swapaxes(relative_found, 1, 2) @ relative_true
-    return np.rad2deg(Rotation.from_matrix(difference).magnitude())
-
-
 @given(st.integers(0, 10**6))
 @settings(max_examples=25)
 def test_a_pair_of_views_gives_back_its_exact_rotation(seed):
@@ -83,7 +76,7 @@ def test_exact_matches_give_exact_rotations():
     matches = turning_matches(true, 0.0, 0.0, np.random.default_rng(0))
     solution = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
     assert solution.has_camera.all()
-    assert angles_deg(solution.world_from_cam_rotmats, true, 0).max() < 1e-6
+    assert turn_errors_deg(solution.world_from_cam_rotmats, true).max() < 5e-7
     assert solution.residuals_px.max() < 1e-6
 
 
@@ -114,7 +107,7 @@ def test_many_frames_of_a_camera_that_travels_are_given_up_early(monkeypatch):
     assert len(steps) == rotation_only.FEW_ITERATIONS
     solution = solve_rotation_only(turning, INTRINSICS_PX, 2.0, np.random.default_rng(1))
     assert len(steps) > 2 * rotation_only.FEW_ITERATIONS
-    assert angles_deg(solution.world_from_cam_rotmats, true, 0).max() < 0.2
+    assert turn_errors_deg(solution.world_from_cam_rotmats, true).max() < 0.1
 
 
 def test_a_long_video_is_solved_without_a_factor(monkeypatch):
@@ -124,14 +117,14 @@ def test_a_long_video_is_solved_without_a_factor(monkeypatch):
     monkeypatch.setattr(rotation_only, "MOST_MATCHES", 100)  # so that these are many
     monkeypatch.setattr(rotation_only, "spsolve", None)
     solution = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
-    assert angles_deg(solution.world_from_cam_rotmats, true, 0).max() < 0.1
+    assert turn_errors_deg(solution.world_from_cam_rotmats, true).max() < 0.05
 
 
 def test_noise_and_wrong_matches_are_averaged_out():
     true = panning_rotations(9)
     matches = turning_matches(true, 0.5, 0.2, np.random.default_rng(0))
     solution = solve_rotation_only(matches, INTRINSICS_PX, 2.0, np.random.default_rng(1))
-    assert angles_deg(solution.world_from_cam_rotmats, true, 4).max() < 0.06
+    assert turn_errors_deg(solution.world_from_cam_rotmats, true).max() < 0.03
     # 0.5 px in x and y of both images: a median of 0.5 * sqrt(2) * sqrt(2 ln 2) for right matches.
     right = solution.residuals_px[solution.residuals_px < 5]
     assert np.median(right) == pytest.approx(0.83, abs=0.1)
@@ -146,7 +139,7 @@ def test_frames_without_matches_have_no_camera():
         Matches(matches.keypoints_px, kept), INTRINSICS_PX, 2.0, np.random.default_rng(1)
     )
     assert solution.has_camera.tolist() == [True] * 8 + [False]
-    assert angles_deg(solution.world_from_cam_rotmats[:8], true[:8], 0).max() < 0.02
+    assert turn_errors_deg(solution.world_from_cam_rotmats[:8], true[:8]).max() < 0.01
 
 
 THREADS_SCRIPT = """

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import bundle_adjuster, incremental_options, pycolmap
-from gmrdata.cameras.files import SfmCameras, load_cameras, load_quality, save_cameras
+from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.map import mapping, models
 from gmrdata.cameras.map import refinement as jumps_module
@@ -22,7 +22,7 @@ from gmrdata.cameras.map.solution import Placed, fill_short_gaps
 from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
-from gmrdata.values.camera import CameraPath, project
+from gmrdata.values.camera import project
 from gmrdata.values.transforms import fit_similarity
 from tests.cameras.drawn_models import (
     INTRINSICS_PX,
@@ -136,13 +136,6 @@ def test_frames_that_cannot_be_placed_are_interpolated_and_marked(film, tmp_path
     assert before.frames_with_camera == after.frames_with_camera == keys.sum()
     assert not np.array(after.inliers_per_frame)[~keys].any()
     assert filmed.centre_errors_m(filled.path.centres_world_m).max() < 0.015
-
-
-def test_marks_are_kept(tmp_path):
-    marks = np.array([False, True, False])
-    cameras = CameraPath(np.eye(3), 4, 3, np.tile(np.eye(4), (3, 1, 1)), np.ones(3, dtype=bool))
-    save_cameras(tmp_path / "cameras.npz", SfmCameras(cameras, "full", np.arange(3), marks))
-    assert load_cameras(tmp_path).interpolated.tolist() == marks.tolist()
 
 
 N_FRAMES, JUMPED = 15, 6
@@ -397,13 +390,22 @@ def test_the_mapper_joins_and_adjusts(filmed_parts, monkeypatch, tmp_path):
     assert np.array_equal(mapped[0].world_from_cam, mapped[1].world_from_cam)
 
 
+K_PX = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
+
+
+def three_cameras(
+    step: float, n_points: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Cameras (3, 4, 4) beside each other, points (N, 3), and where each camera sees them."""
+    points = rng.uniform([-2, -1, 4], [2, 1, 7], (n_points, 3))
+    cameras = np.tile(np.eye(4), (3, 1, 1))
+    cameras[:, 0, 3] = step * np.arange(3)
+    return cameras, points, [project(camera, points, K_PX) for camera in cameras]
+
+
 def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours():
     rng = np.random.default_rng(0)
-    intrinsics_px = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
-    points = rng.uniform([-2, -1, 4], [2, 1, 7], (80, 3))
-    cameras = np.tile(np.eye(4), (3, 1, 1))
-    cameras[:, 0, 3] = [0.0, 0.3, 0.6]
-    keypoints = [project(camera, points, intrinsics_px) for camera in cameras]
+    cameras, points, keypoints = three_cameras(0.3, 80, rng)
     every = np.arange(80)
     shuffled = rng.permutation(80)
     keypoints[1] = keypoints[1][np.argsort(shuffled)]
@@ -413,7 +415,7 @@ def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours():
     observations = np.array([80, 0, 0])
     matches = Matches(keypoints, [pair])
     placed = Placed(world_from_cam, observations, points, {0: np.tile(every, (2, 1)).T})
-    assert place_frames([1, 2], placed, matches, intrinsics_px) == 1
+    assert place_frames([1, 2], placed, matches, K_PX) == 1
     assert placed.seen[1].tolist() == np.stack([shuffled, every], axis=1).tolist()
     assert observations.tolist() == [80, 80, 0]
     assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6)
@@ -423,12 +425,8 @@ def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours():
 
 @pytest.mark.parametrize(("n_points", "n_placed"), [(13, 0), (30, 1)])
 def test_a_point_that_is_followed_from_both_sides_holds_a_frame_once(n_points, n_placed):
-    rng = np.random.default_rng(0)
-    intrinsics_px = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
-    points = rng.uniform([-2, -1, 4], [2, 1, 7], (n_points, 3))
-    cameras = np.tile(np.eye(4), (3, 1, 1))
-    cameras[:, 0, 3] = [0.0, 0.1, 0.2]
-    first, middle, last = (project(camera, points, intrinsics_px) for camera in cameras)
+    cameras, points, seen = three_cameras(0.1, n_points, np.random.default_rng(0))
+    first, middle, last = seen
     every = np.arange(n_points)
     same = np.stack([every, every], axis=1)
     pairs = [
@@ -440,7 +438,7 @@ def test_a_point_that_is_followed_from_both_sides_holds_a_frame_once(n_points, n
     world_from_cam[1] = np.nan
     inliers = np.array([n_points, 0, n_points])
     placed = Placed(world_from_cam, inliers, points, {0: same, 2: same})
-    assert place_frames([1], placed, matches, intrinsics_px) == n_placed
+    assert place_frames([1], placed, matches, K_PX) == n_placed
     assert inliers[1] == n_placed * n_points
     if n_placed:
         assert placed.seen[1].tolist() == same.tolist()

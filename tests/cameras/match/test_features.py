@@ -39,13 +39,10 @@ SMALL_INTRINSICS_PX = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
 
 def coarse_noise(folder: Path, n_frames: int) -> list[Path]:
     """Frames whose features all lie in the first octave."""
-    folder.mkdir()
-    rng = np.random.default_rng(0)
-    for i in range(n_frames):
-        coarse = rng.integers(0, 255, (30, 40)).astype(np.uint8)
-        image = cv2.resize(coarse, (160, 120), interpolation=cv2.INTER_CUBIC)
-        cv2.imwrite(str(folder / f"{i:05d}.png"), image)
-    return sorted(folder.iterdir())
+    rng, size_px = np.random.default_rng(0), (160, 120)
+    coarse = (rng.integers(0, 255, (30, 40)).astype(np.uint8) for _ in range(n_frames))
+    fine = (cv2.resize(one, size_px, interpolation=cv2.INTER_CUBIC) for one in coarse)
+    return write_pictures(folder, fine)
 
 
 def features_of(frames: Frames, database_path: Path, config: SfmConfig) -> Features:
@@ -116,9 +113,7 @@ def test_features_inside_masks_are_last_and_have_no_descriptors(tmp_path):
     images = coarse_noise(tmp_path / "frames", 2)
     mask = np.zeros((120, 160), np.uint8)
     mask[:, :70] = 255
-    (tmp_path / "masks").mkdir()
-    for image in images:
-        cv2.imwrite(str(tmp_path / "masks" / image.name), mask)
+    write_pictures(tmp_path / "masks", [mask] * len(images))
     frames = Frames(images, tmp_path / "masks", SMALL_INTRINSICS_PX, (160, 120))
     found = features_of(frames, tmp_path / "masked.db", SfmConfig())
     places = keypoints_of(tmp_path / "masked.db")
@@ -172,10 +167,10 @@ def test_weak_features_are_taken_where_masks_leave_few(masked_px, weak_too, tmp_
     image = cv2.resize(coarse, LARGE_PX, interpolation=cv2.INTER_CUBIC) + 128
     mask = np.zeros(LARGE_PX[::-1], np.uint8)
     mask[:, :masked_px] = 255
-    (tmp_path / "masks").mkdir()
-    cv2.imwrite(str(tmp_path / "00000.png"), np.clip(np.round(image), 0, 255).astype(np.uint8))
-    cv2.imwrite(str(tmp_path / "masks" / "00000.png"), mask)
-    frames = Frames([tmp_path / "00000.png"], tmp_path / "masks", SMALL_INTRINSICS_PX, LARGE_PX)
+    picture = np.clip(np.round(image), 0, 255).astype(np.uint8)
+    images = write_pictures(tmp_path / "frames", [picture])
+    write_pictures(tmp_path / "masks", [mask])
+    frames = Frames(images, tmp_path / "masks", SMALL_INTRINSICS_PX, LARGE_PX)
     features_of(frames, tmp_path / "own.db", SfmConfig())
     x_px = keypoints_of(tmp_path / "own.db")["00000.png"][:, 0]
     n_weak = int((x_px > 661).sum())
@@ -310,8 +305,8 @@ def keypoint_errors_px(matches: Matches) -> np.ndarray:
     """(M,) by how much the motions of matched features are wrong."""
     errors = []
     for pair in matches.pairs:
-        ends = matches.keypoints_px[pair.first], matches.keypoints_px[pair.second]
-        moved_px = ends[1][pair.features[:, 1]] - ends[0][pair.features[:, 0]]
+        first_px, second_px = matches.ends_px(pair)
+        moved_px = second_px - first_px
         true_px = [SHIFTS_PX[pair.first] - SHIFTS_PX[pair.second], 0.0]
         errors.append(np.linalg.norm(moved_px - true_px, axis=1))
     return np.concatenate(errors)
