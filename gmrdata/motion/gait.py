@@ -4,7 +4,7 @@ This is not motion capture.  It gives a fresh machine input to try everything on
 exactly, the pelvis rides on two-bone legs, and the arms swing against them, with seeded variety.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import convolve1d, minimum_filter1d
@@ -98,8 +98,7 @@ def gait_with_contacts(
     arrays = pose_body(body, shape, Walk(path, plan, style, time_s, steps), half_window)
     rotmats, pelvis_m, planted = (array[pad : pad + n_frames] for array in arrays)
     source = f"gmrdata gait {kind}, {style.speed_m_s:.2f} m/s, generated, not motion capture"
-    motion = motion_of(body, shape, rotmats, pelvis_m, float(fps_hz), source)
-    return replace(motion, gender="neutral"), planted
+    return motion_of(body, shape, rotmats, pelvis_m, float(fps_hz), source), planted
 
 
 def sample_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
