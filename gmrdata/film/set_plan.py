@@ -46,7 +46,7 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values import limits
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, StageFailed
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
 from gmrdata.values.records import Config
 
 PLANNED_FILE = "clip.npz"
@@ -345,7 +345,7 @@ def plan_takes(
             if take.camera_off:
                 path = make_twin(take.id, path, body_path, plans_dir / take.id, run=run)
             paths[take.id] = path
-        except (BadMotionFile, BadRecipe, StageFailed) as error:
+        except (BadMotionFile, BadRecipe, MissingInput, StageFailed) as error:
             reasons[take.id] = str(error)
     planned = [take for take in selection.takes if take.id in paths]
     of_clip: dict[int, list[Path]] = {}

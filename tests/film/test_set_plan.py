@@ -118,6 +118,18 @@ def test_a_trial_s_name_that_two_motions_have_is_refused(tmp_path):
     assert select(recipe, tmp_path).files["walk"] == paths[0]
 
 
+def test_a_motion_that_lacks_its_skeleton_leaves_the_others(body_path, tmp_path):
+    """The whole set ended with it."""
+    (tmp_path / "02_01.amc").write_text(":FULLY-SPECIFIED\n:DEGREES\n1\nroot 0 0 0 0 0 0\n")
+    walk = {"id": "walk", "gait": "walk", "programme": {"kind": "small"}}
+    recipe = recipe_of(
+        clips=[walk, {"id": "cmu", "trial": "02_01", "programme": {"kind": "small"}}]
+    )
+    jobs, reasons = plan_takes(select(recipe, tmp_path), body_path, tmp_path / "plan", tmp_path)
+    assert jobs.keys() == {"walk"} and reasons.keys() == {"cmu"}
+    assert "its skeleton 02.asf is not beside it" in reasons["cmu"]
+
+
 def test_passers_by_from_files_are_read_as_the_set_says(tmp_path):
     names = tmp_path / "names.yaml"
     extras = {"passers_by": 1, "motions": ["walk.bvh"]}

@@ -127,12 +127,13 @@ def test_bad_files_are_listed_at_the_end(tmp_path, body_path, workers):
 
 
 def test_a_name_that_is_no_text_loses_no_other_file(tmp_path, body_path):
-    """As zip files of Windows unpack it; what macOS puts beside files is no motion."""
+    """As zip files of Windows unpack it; what desktops leave beside files is no motion."""
     root = tmp_path / "AMASS"
     write_amass(root, NAMES[:2])
     named = root / f"{NAMES[0]}.npz"
-    for other in (named.with_name(f"._{named.name}"), root / "__MACOSX" / named.name):
-        other.parent.mkdir(exist_ok=True)
+    for folder in (named.parent, root / "__MACOSX", root / ".Trash-1000" / "files"):
+        other = folder / (f"._{named.name}" if folder == named.parent else named.name)
+        other.parent.mkdir(parents=True, exist_ok=True)
         other.write_bytes(b"\0\5\x16\7")
     named.rename(named.with_name("aufschw\udcfcnge_poses.npz"))
     with pytest.raises(BadMotionFile) as refused:
