@@ -107,8 +107,6 @@ def add_sky(scene: Any, image: Any) -> None:
     """Show an equirectangular bpy image behind everything."""
     world = bpy.data.worlds.new("sky")
     scene.world = world
-    if world.node_tree is None:  # before Blender 5.0
-        world.use_nodes = True
     nodes, links = world.node_tree.nodes, world.node_tree.links
     nodes.clear()
     texture = nodes.new("ShaderNodeTexEnvironment")

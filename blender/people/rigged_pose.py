@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmrdata.motion.ground import foot_corrections
+from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections
 from gmrdata.motion.rest_pose import (
     LIMBS,
     LONGEST_LEG_M,
@@ -34,7 +34,6 @@ from gmrdata.values.skinning import global_rotmats
 from gmrdata.values.transforms import quaternions_from_rotmats
 
 HIPS = (JOINT["left_hip"], JOINT["right_hip"])
-FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))
 SHORTEST_LIMB_SHARE = 0.05
 """Of the leg's length: a shorter limb has no direction."""
 
@@ -176,7 +175,7 @@ def size_of(
 
 def of_feet(weights: np.ndarray) -> np.ndarray:
     """(V,) bool: vertices that move with an ankle or the toes; all, if none does. (V, 24) given."""
-    feet = np.isin(weights.argmax(axis=1), FEET)
+    feet = np.isin(weights.argmax(axis=1), FOOT_JOINTS)
     return feet if feet.any() else np.ones_like(feet)
 
 

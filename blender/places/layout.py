@@ -186,14 +186,14 @@ TAPER = np.array([0.66, 0.84, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A quad mesh."""
+    """A mesh of quads; a person's is of triangles."""
 
     vertices_m: np.ndarray
     """(V, 3) world [m]."""
     faces: np.ndarray
-    """(F, 4) vertex indices, counter-clockwise seen from outside."""
+    """(F, 4 or 3) vertex indices, counter-clockwise seen from outside."""
     uv: np.ndarray
-    """(F, 4, 2) picture coordinates per corner; (0, 0) is the picture's lower left."""
+    """(F, 4 or 3, 2) picture coordinates per corner; (0, 0) is the picture's lower left."""
     smooth: bool
     """Whether shading is interpolated across faces."""
 
