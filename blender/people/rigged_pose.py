@@ -13,7 +13,7 @@ flat feet stay flat.  Hands and fingers stay to the forearm as they are at rest 
 spine, collars, neck and head turn as the body's do, each keeping its own posture at rest.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -189,10 +189,3 @@ def hips_m(size: Size, body_joints_m: np.ndarray) -> np.ndarray:
     above_ankle_m = middle_m[:, 2] - size.body_ankle_m
     middle_m[:, 2] = size.leg_ratio * above_ankle_m + size.ankle_m
     return np.asarray(middle_m)
-
-
-def joints_of(values: np.ndarray, bones: Mapping[int, int]) -> np.ndarray:
-    """Values (..., B, 3) of bones as values (..., 24, 3) of joints; NaN where there is no bone."""
-    joints = np.full((*values.shape[:-2], len(JOINT_NAMES), 3), np.nan)
-    joints[..., list(bones), :] = values[..., list(bones.values()), :]
-    return joints
