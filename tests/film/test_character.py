@@ -111,9 +111,9 @@ def test_a_joint_map_names_bones_as_they_are():
     partly = {name: joint for name, joint in joint_map.items() if joint != "left_knee"}
     for wrong, message in (
         (partly, "no bone is known to be left_knee. Give a joint_map"),
-        (joint_map | {"tail": "head"}, "joint_map names the bones tail, which it does not have"),
-        (joint_map | {"bone 1": "thigh"}, "joint_map speaks of the joints thigh; there are pelvis"),
-        (joint_map | {"bone 1": "head"}, "joint_map gives head more than one bone"),
+        (partly | {"tail": "left_knee"}, "the joint map names tail, which the file does not have"),
+        (joint_map | {"bone 1": "thigh"}, "map speaks of thigh; SMPL's joints are pelvis"),
+        (joint_map | {"bone 1": "head"}, "the joint map names head more than once"),
     ):
         with pytest.raises(BadCharacter, match=message):
             find_bones(names, PARENTS, wrong, FILE)
