@@ -229,7 +229,9 @@ def planned_clip(
     rng = clip_rng(recipe.seed, clip.id, "motion")
     reading: FileReading | None = None
     if motion_path is not None:
-        reading = read_file(motion_path, body, clip.read or recipe.read, shape=shape)
+        said = clip.read or recipe.read
+        # A file of this very body has a floor of its own, and the place's ground is at z = 0.
+        reading = read_file(motion_path, body, said, shape=shape, ground=True)
         motion = reading.motion
         first_s, last_s = (clip.hold_s,) * 2 if clip.hold_s is not None else (0, film.duration_s)
         require_motion(reading, motion_path, first_s, last_s)

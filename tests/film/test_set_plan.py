@@ -19,7 +19,14 @@ from benchmarks.training.default_body import (
 from gmrdata.film.character import phenotypes_of, sample_person
 from gmrdata.film.render import RenderConfig, full_json
 from gmrdata.film.scene import Extras, SceneConfig
-from gmrdata.film.set_plan import SyntheticRecipe, clip_rng, plan_takes, render_config, select
+from gmrdata.film.set_plan import (
+    SyntheticRecipe,
+    clip_rng,
+    plan_takes,
+    planned_clip,
+    render_config,
+    select,
+)
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import library_files
@@ -30,6 +37,7 @@ from gmrdata.values.body import JOINT, PHENOTYPES
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadBodyFile, BadRecipe
 from gmrdata.values.skinning import motion_vertices_m
+from tests.motions import save_bare
 
 KINDS = ("walk", "run", "turn", "circle", "side_step")
 SCENES = [{"kind": "street"}, {"kind": "park", "light": "overcast"}, {"kind": "room", "seed": 5}]
@@ -128,6 +136,18 @@ def test_a_motion_that_lacks_its_skeleton_leaves_the_others(body_path, tmp_path)
     jobs, reasons = plan_takes(select(recipe, tmp_path), body_path, tmp_path / "plan", tmp_path)
     assert jobs.keys() == {"walk"} and reasons.keys() == {"cmu"}
     assert "its skeleton 02.asf is not beside it" in reasons["cmu"]
+
+
+@pytest.mark.parametrize("off_m", [0.4, -0.3])
+def test_a_motion_of_the_sets_own_body_is_put_on_the_ground(small_body, tmp_path, off_m):
+    """In a world whose floor is elsewhere it was filmed in the air, or below the ground."""
+    walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
+    off_floor = replace(walk, pelvis_m=walk.pelvis_m + np.array([0, 0, off_m]))
+    path = save_bare(tmp_path / "walk.npz", small_body, off_floor)
+    clip = {"id": "walk", "trial": "walk", "programme": {"kind": "small"}}
+    recipe = recipe_of(clips=[clip], people={})
+    motion = planned_clip(recipe.clips[0], recipe, path, small_body)[0].motion
+    assert np.abs(motion_vertices_m(small_body, motion)[..., 2].min(axis=1)).max() < 0.03
 
 
 def test_passers_by_from_files_are_read_as_the_set_says(tmp_path):
