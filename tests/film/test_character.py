@@ -23,6 +23,7 @@ from gmrdata.film.character import (
 )
 from gmrdata.film.render import full_json
 from gmrdata.film.set_plan import SyntheticRecipe, render_config
+from gmrdata.values import joint_names
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
 from gmrdata.values.clip import CharacterRecord, load_character, save_character
 from gmrdata.values.errors import BadCharacter, BadMotionFile, GmrdataError, MissingInput
@@ -37,12 +38,8 @@ def glb(scene: object) -> bytes:
     return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON") + text
 
 
-MIXAMO = (
-    "Hips", "LeftUpLeg", "RightUpLeg", "Spine", "LeftLeg", "RightLeg", "Spine1", "LeftFoot",
-    "RightFoot", "Spine2", "LeftToeBase", "RightToeBase", "Neck", "LeftShoulder", "RightShoulder",
-    "Head", "LeftArm", "RightArm", "LeftForeArm", "RightForeArm", "LeftHand", "RightHand",
-    "LeftHandMiddle1", "RightHandMiddle1",
-)  # fmt: skip
+_NAME = {joint: name for name, joint in joint_names.MIXAMO.items()}
+MIXAMO = tuple(_NAME[joint] for joint in JOINT_NAMES)
 SMPL_FBX = (
     "Pelvis", "L_Hip", "R_Hip", "Spine1", "L_Knee", "R_Knee", "Spine2", "L_Ankle", "R_Ankle",
     "Spine3", "L_Foot", "R_Foot", "Neck", "L_Collar", "R_Collar", "Head", "L_Shoulder",
