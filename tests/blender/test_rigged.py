@@ -21,8 +21,6 @@ from gmrdata.film.render_set import render_set
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.read import read_manifest
 from gmrdata.pages.sets import write_set_pages
 from gmrdata.read.body_file import save_body
 from gmrdata.values import joint_names
@@ -50,6 +48,7 @@ from tests.blender.jobs import (
     save_job,
     shrunk,
 )
+from tests.clip_manifests import clips_of
 from tests.folders import bytes_of
 
 pytestmark = pytest.mark.slow
@@ -422,9 +421,7 @@ def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
     )
     path = render_set(recipe, folder / "set")
     check_manifest(path)
-    manifest = read_manifest(path)
-    assert isinstance(manifest, Manifest)
-    body, someone = manifest.clips  # sorted by id
+    body, someone = clips_of(path)  # sorted by id
     assert someone.quality is not None and body.quality is not None
     assert someone.character is not None and body.character is None
     assert someone.licence == "CC0-1.0; character: CC0-1.0" and body.licence == "CC0-1.0"

@@ -54,13 +54,6 @@ def recipe_of(kinds: tuple[str, ...] = KINDS, **said: object) -> SyntheticRecipe
     )
 
 
-@pytest.fixture(scope="module")
-def body_path(small_body, tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("body") / "body.npz"
-    save_body(path, small_body)
-    return path
-
-
 def plan(recipe: SyntheticRecipe, body_path: Path, folder: Path) -> dict[str, Path]:
     """Files of the planned clips."""
     jobs, reasons = plan_takes(select(recipe, None), body_path, folder, folder)

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.manifest.read import load_clips
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.library import (
     FEW_FILES,
@@ -26,6 +25,7 @@ from gmrdata.motion.library import (
 )
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+from tests.clip_manifests import clips_of
 from tests.motions import save_bare
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -61,12 +61,6 @@ def write_amass(root: Path, names: list[str], n_frames: int = 12, **changed: Any
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, **arrays | changed)
         np.savez(path.parent / "shape.npz", gender="male", betas=np.zeros(16))
-
-
-def clips_of(path: Path) -> list[Any]:
-    manifest = read_manifest(path)
-    assert isinstance(manifest, Manifest)
-    return list(manifest.clips)
 
 
 def test_amass_in_worker_processes(tmp_path, body_path):

@@ -9,8 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.film.set_plan import SyntheticRecipe, planned_clip
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library, motion_table
@@ -19,7 +17,6 @@ from gmrdata.motion.pelvis import hung_on
 from gmrdata.motion.retarget import _turned as turned_source
 from gmrdata.motion.retarget import retarget
 from gmrdata.motion.up_axis import is_upright, person_of
-from gmrdata.read.body_file import save_body
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import ReadConfig, SourceMotion
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
@@ -28,6 +25,7 @@ from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import MIXAMO, find_joints, joints_by_name
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats
+from tests.clip_manifests import clips_of
 
 NAME = {joint: name for name, joint in MIXAMO.items()}
 T_POSE = np.tile(np.eye(3), (24, 1, 1))
@@ -253,11 +251,10 @@ def test_joints_that_move_as_well_as_turn(plain, small_body):
     assert residual.worst_deg["limbs"] < 1e-3 and 0.1 < residual.mean_deg["hip line"] < 20
 
 
-def test_what_was_read_stands_in_table_and_manifest(write, small_body, tmp_path):
+def test_what_was_read_stands_in_table_and_manifest(write, body_path, tmp_path):
     write("walk", _turned(shoulder=60.0))
     fallen = write("fallen", _turned(shoulder=60.0), lies=True)
-    save_body(tmp_path / "small.npz", small_body)
-    table = motion_table((tmp_path,), str(tmp_path / "small.npz"), ReadConfig(fps_hz=50))
+    table = motion_table((tmp_path,), str(body_path), ReadConfig(fps_hz=50))
     assert [row[:4] for row in table.rows] == [
         ("fallen.bvh", "60", "50", "given"),
         ("walk.bvh", "60", "50", "given"),
@@ -266,14 +263,14 @@ def test_what_was_read_stands_in_table_and_manifest(write, small_body, tmp_path)
     warning, fast = table.warnings
     assert warning.startswith("fallen.bvh: the person lies or leans throughout")
     assert fast.startswith("walk.bvh: walks at")  # at 50 Hz, not at its 30
-    made = make_library((fallen,), str(tmp_path / "small.npz"), tmp_path / "out")
-    (clip,) = read_manifest(made).clips
-    assert isinstance(clip, ClipEntry) and clip.quality is not None
+    made = make_library((fallen,), str(body_path), tmp_path / "out")
+    (clip,) = clips_of(made)
+    assert clip.quality is not None
     assert clip.quality.figures["limbs_residual_deg_worst"] == 0.0
     record = ReadingRecord.read(tmp_path / "out" / "clips" / "fallen" / READING_FILE)
     assert (record.rate_from, record.upright) == ("header", False)
     with pytest.raises(BadMotionFile, match=r"config\.rest_pose"):
-        make_library((fallen,), str(tmp_path / "small.npz"), tmp_path / "out", rest_pose="a")
+        make_library((fallen,), str(body_path), tmp_path / "out", rest_pose="a")
 
 
 @pytest.mark.parametrize("per_unit", [1.0, 0.0254, 0.001, 0.04, 0.01])
