@@ -260,6 +260,8 @@ def test_light_suits_the_place(said, lit_by):
         ({"kind": "room", "extras": {"cars": 1}}, "a car doesn't fit a room"),
         ({"extras": {"dogs": 1}}, "Extra inputs are not permitted"),
         ({"extras": {"passers_by": -1}}, "greater than or equal to 0"),
+        ({"extras": {"motions": ["walk.bvh"]}}, "extras.motions: are for passers-by; give"),
+        ({"extras": {"cars": 1, "hold_s": 0.5}}, "extras.hold_s: nobody is asked for who"),
         ({"kind": "moon"}, "Input should be 'courtyard', 'street', 'park', 'room' or 'blend'"),
     ],
 )

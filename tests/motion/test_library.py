@@ -186,6 +186,11 @@ def test_names_of_clips(tmp_path):
     assert sorted(file.id for file in again) == sorted(found)
     with pytest.raises(BadRecipe, match="would both be clip walk"):
         library_files((tmp_path / "files" / "a", tmp_path / "files" / "b"))
+    write_amass(tmp_path / "files" / "b", ["run"])
+    with pytest.raises(
+        BadRecipe, match=r"b/run\.bvh and .*b/run\.npz would both.*Leave one out, as"
+    ):
+        library_files((tmp_path / "files" / "b",))
     with pytest.raises(MissingInput, match="nothing given"):
         library_files(())
     (tmp_path / "empty").mkdir()
