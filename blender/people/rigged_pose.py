@@ -154,11 +154,7 @@ def bone_rotations(
 
 
 def size_of(
-    rest: RestPose,
-    file_from_rest: np.ndarray,
-    body: BodyModel,
-    shape: np.ndarray,
-    keep_size: bool,
+    rest: RestPose, file_from_rest: np.ndarray, body: BodyModel, shape: np.ndarray, keep_size: bool
 ) -> Size:
     """The size of a character beside a body of (S,) shape coefficients."""
     body_joints_m = body.rest_joints_m(shape)

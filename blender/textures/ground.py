@@ -9,16 +9,7 @@ What one walks on outdoors.
 import cv2
 import numpy as np
 
-from blender.textures.base import (
-    POSTERS,
-    Colour,
-    blocks,
-    clipped,
-    ellipses,
-    noise,
-    pick,
-    weather,
-)
+from blender.textures.base import POSTERS, Colour, blocks, clipped, ellipses, noise, pick, weather
 
 
 def sky(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray:

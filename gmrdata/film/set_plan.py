@@ -28,13 +28,7 @@ from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.current import CameraMotion, ListManifest, Semver, Source
 from gmrdata.manifest.read import read_manifest
-from gmrdata.motion.files import (
-    FileReading,
-    find_motions,
-    input_files,
-    read_file,
-    require_motion,
-)
+from gmrdata.motion.files import FileReading, find_motions, input_files, read_file, require_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, gait_source, motion_source
 from gmrdata.motion.resample import hold_pose

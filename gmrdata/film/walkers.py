@@ -162,11 +162,7 @@ def no_way(name: str, remedy: str) -> BadRecipe:
 
 
 def keep_company(
-    name: str,
-    shot: Shot,
-    others: Sequence[Motion],
-    body: BodyModel,
-    seed: np.random.SeedSequence,
+    name: str, shot: Shot, others: Sequence[Motion], body: BodyModel, seed: np.random.SeedSequence
 ) -> Motion:
     """A gait beside the first subject, in its direction and at its mean speed, as near as can be.
     It goes straight on; beside a subject that stays, or comes back, it steps to and fro.  Where the

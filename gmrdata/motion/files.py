@@ -16,13 +16,7 @@ from gmrdata.motion.up_axis import BY_TRUNK, LIES, person_of, remarks_on, shows_
 from gmrdata.read.amass_keys import SPLIT_KEYS
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import (
-    CMU_TRIAL,
-    ReadConfig,
-    RestPose,
-    SourceMotion,
-    UpAxis,
-)
+from gmrdata.read.source_motion import CMU_TRIAL, ReadConfig, RestPose, SourceMotion, UpAxis
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput

@@ -303,11 +303,7 @@ def make_library(
 
 
 def make_entry(
-    file: LibraryFile,
-    body_paths: Mapping[str, Path],
-    out_dir: Path,
-    config: ReadConfig,
-    run: Run,
+    file: LibraryFile, body_paths: Mapping[str, Path], out_dir: Path, config: ReadConfig, run: Run
 ) -> ClipEntry:
     """Stage: one motion file as a clip in `clips/<id>` of the library; gives its manifest entry."""
     body_path = body_paths[chosen_body(file.path, body_paths)]

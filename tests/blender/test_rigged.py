@@ -38,16 +38,7 @@ from gmrdata.values.errors import BadManifest, RenderFailed
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
-from tests.blender.jobs import (
-    Job,
-    facing_x,
-    grown,
-    in_blender,
-    mask_of,
-    overlap,
-    save_job,
-    shrunk,
-)
+from tests.blender.jobs import Job, facing_x, grown, in_blender, mask_of, overlap, save_job, shrunk
 from tests.clip_manifests import clips_of
 from tests.folders import bytes_of
 

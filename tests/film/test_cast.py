@@ -19,15 +19,7 @@ from gmrdata.film.programmes import (
     plan_clip,
     static_twin,
 )
-from gmrdata.film.scene import (
-    Cast,
-    Extras,
-    load_cast,
-    looks_of,
-    make_cast,
-    save_cast,
-    save_extras,
-)
+from gmrdata.film.scene import Cast, Extras, load_cast, looks_of, make_cast, save_cast, save_extras
 from gmrdata.film.set_plan import SyntheticClip, planned_clip
 from gmrdata.film.walkers import CAR_SIZE_M, HALF_DRIVE_M, move_motion, way_driven_m
 from gmrdata.motion.gait import make_gait
@@ -298,9 +290,7 @@ def test_two_frames_of_a_clip_are_enough(small_body, number):
     clip = clip_of(small_body, number)
     camera = camera_of(clip)
     piece = replace(
-        clip,
-        motion=slice_motion(clip.motion, 20, 22),
-        camera=camera.at_rows(slice(20, 22)),
+        clip, motion=slice_motion(clip.motion, 20, 22), camera=camera.at_rows(slice(20, 22))
     )
     cast = make_cast(EVERYONE, [piece], small_body, 0)
     assert [walker.n_frames for walker in cast.walkers] == [2, 2, 2]
