@@ -61,6 +61,12 @@ def euler_rotmats(
     return rotmats
 
 
+def about_z(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+    """The rotation about the z axis, from x towards y."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
 def rotmats_from_rotvecs(rotvecs: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Rotations by an axis times an angle [rad].
 
