@@ -18,7 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import levelled, motion_of
 from gmrdata.motion.resample import between_known
@@ -34,7 +33,6 @@ from gmrdata.read.source_motion import (
 )
 from gmrdata.values.body import (
     HANDS,
-    N_JOINTS,
     NEUTRAL,
     SMPL,
     SMPL_LEG_M,
@@ -47,6 +45,7 @@ from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadBodyFile, BadMotionFile
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rotmats_from_rotvecs
 
 _EXTRA = re.compile(r"(^shape|_stagei|^neutral_stagei)$")
 
@@ -257,6 +256,4 @@ def _leg_and_pelvis(body: BodyModel, shape: np.ndarray) -> tuple[float, np.ndarr
 def _rotmats(poses: np.ndarray) -> np.ndarray:
     """(T, 24, 3, 3) local rotations of the SMPL tree, root first."""
     rotvecs = poses.reshape(len(poses), -1, 3)
-    chosen = rotvecs[:, [*range(22), *HANDS[poses.shape[1]]]]
-    rotmats = Rotation.from_rotvec(chosen.reshape(-1, 3)).as_matrix()
-    return np.asarray(rotmats.reshape(len(poses), N_JOINTS, 3, 3))
+    return rotmats_from_rotvecs(rotvecs[:, [*range(22), *HANDS[poses.shape[1]]]])

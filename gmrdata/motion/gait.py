@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import convolve1d, minimum_filter1d
-from scipy.spatial.transform import Rotation
 
 from gmrdata.motion import gait_steps
 from gmrdata.motion.gait_steps import (
@@ -29,6 +28,7 @@ from gmrdata.motion.ground import motion_of
 from gmrdata.values.body import JOINT, N_LOCAL, BodyModel
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rotmats_from_rotvecs, rotvecs_from_rotmats
 
 N_DRAWN = 10
 """Shape coefficients that vary, as many as SMPL's; further ones of a body stay at the mean."""
@@ -293,4 +293,4 @@ def _swing_arms(
 
 def _share(rotmats: np.ndarray, joints: int) -> np.ndarray:
     """The rotation that gives `rotmats` (T, 3, 3) when it is applied `joints` times over."""
-    return Rotation.from_rotvec(Rotation.from_matrix(rotmats).as_rotvec() / joints).as_matrix()
+    return rotmats_from_rotvecs(rotvecs_from_rotmats(rotmats) / joints)
