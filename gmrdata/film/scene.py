@@ -153,7 +153,7 @@ def _passing_motion(
 
     path = extras.motions[int(rng.integers(len(extras.motions)))]
     said = DEFAULT_READING if extras.read is None else extras.read
-    read = read_file(path, body, said, shape=sample_shape(body, rng), ground=True)
+    read = read_file(path, body, said, shape=sample_shape(body, rng))
     whole, n_frames = resample(read.motion, shot.fps_hz), shot.motion_frames
     if whole.n_frames < n_frames:
         lasts = f"lasts {whole.n_frames / shot.fps_hz:.2f} s, and it takes {shot.motion_s:.2f} s"

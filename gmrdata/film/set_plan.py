@@ -30,6 +30,7 @@ from gmrdata.manifest.current import CameraMotion, ListManifest, Semver, Source
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import FileReading, find_motions, input_files, read_file, require_motion
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.ground import on_ground
 from gmrdata.motion.library import READING_FILE, ReadingRecord, gait_source, motion_source
 from gmrdata.motion.resample import hold_pose
 from gmrdata.read.body_file import read_body
@@ -223,10 +224,8 @@ def planned_clip(
     rng = clip_rng(recipe.seed, clip.id, "motion")
     reading: FileReading | None = None
     if motion_path is not None:
-        said = clip.read or recipe.read
-        # A file of this very body has a floor of its own, and the place's ground is at z = 0.
-        reading = read_file(motion_path, body, said, shape=shape, ground=True)
-        motion = reading.motion
+        reading = read_file(motion_path, body, clip.read or recipe.read, shape=shape)
+        motion = on_ground(body, reading.motion)
         first_s, last_s = (clip.hold_s,) * 2 if clip.hold_s is not None else (0, film.duration_s)
         require_motion(reading, motion_path, first_s, last_s)
     else:

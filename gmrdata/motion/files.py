@@ -95,19 +95,14 @@ def read_motion(
 
 
 def read_file(
-    path: Path,
-    body: BodyModel,
-    config: ReadConfig,
-    *,
-    shape: np.ndarray | None = None,
-    ground: bool | None = None,
+    path: Path, body: BodyModel, config: ReadConfig, *, shape: np.ndarray | None = None
 ) -> FileReading:
     """`read_motion` as a recipe says, with where the rate is from and the residual."""
     require_text(path, BadMotionFile)
     _check_options(path, body, config.unit_m, shape)
     valid = None
     if path.suffix.lower() == ".npz":
-        motion, residual = read_amass(path, body, config, shape=shape, ground=ground), None
+        motion, residual = read_amass(path, body, config, shape=shape), None
         turns, arrays = motion.local_rotmats, read_npz(path, plain_alone=True)
         rate_from = amass_rate(arrays, config.fps_hz, path)[1]
         if str(arrays.get("format")) == CLIP_FORMAT:
@@ -115,8 +110,7 @@ def read_file(
     else:
         source = _read_source(path, config)
         turns = source.local_rotmats[:, 1:]
-        said = Retargeting(shape=shape, ground=ground)
-        motion, residual = _on_body(source, path, body, config, said)
+        motion, residual = _on_body(source, path, body, config, Retargeting(shape=shape))
         rate_from = source.rate_from
     person = person_of(body, motion)
     remarks = remarks_on(person, motion.fps_hz)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
 
 from benchmarks.training.default_body import (
     BMI_KG_PER_M2,
@@ -29,6 +30,7 @@ from gmrdata.film.set_plan import (
 )
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.ground import on_ground
 from gmrdata.motion.library import library_files
 from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.source_motion import ReadConfig
@@ -131,7 +133,7 @@ def test_a_motion_that_lacks_its_skeleton_leaves_the_others(body_path, tmp_path)
     assert "its skeleton 02.asf is not beside it" in reasons["cmu"]
 
 
-@pytest.mark.parametrize("off_m", [0.4, -0.3])
+@pytest.mark.parametrize("off_m", [0.4, -0.3, 0.0])
 def test_a_motion_of_the_sets_own_body_is_put_on_the_ground(small_body, tmp_path, off_m):
     """In a world whose floor is elsewhere it was filmed in the air, or below the ground."""
     walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
@@ -141,6 +143,10 @@ def test_a_motion_of_the_sets_own_body_is_put_on_the_ground(small_body, tmp_path
     recipe = recipe_of(clips=[clip], people={})
     motion = planned_clip(recipe.clips[0], recipe, path, small_body)[0].motion
     assert np.abs(motion_vertices_m(small_body, motion)[..., 2].min(axis=1)).max() < 0.03
+    assert motion.source.endswith(", put on the floor") == (off_m != 0.0)
+    turned = Rotation.from_euler("x", 180, degrees=True).as_matrix() @ walk.root_rotmats
+    upside_down = replace(walk, root_rotmats=turned, pelvis_m=[0, 0, 1.2] - walk.pelvis_m)
+    assert on_ground(small_body, upside_down) is upside_down
 
 
 def test_passers_by_from_files_are_read_as_the_set_says(tmp_path):
