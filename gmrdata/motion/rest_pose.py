@@ -279,10 +279,9 @@ def _pose_of(rest: SourceMotion, source: SourceMotion, name: str) -> np.ndarray:
 
 def _hips_off_deg(source: SourceMotion, joints: Mapping[int, int], rest_m: np.ndarray) -> float:
     """How far the hips are turned beside the pelvis's joint from where the zero pose has them."""
-    rows = some_rows(source.n_frames)
-    lines = _left(source_joints_m(source, joints, rows))
-    turned = global_rotmats(source.parents, source.local_rotmats[rows])[:, joints[JOINT["pelvis"]]]
-    return float(angles_deg(lines, turned @ _left(rest_m)).mean())
+    frames, places_m = source.posed(some_rows(source.n_frames))
+    turned = frames[:, joints[JOINT["pelvis"]]]
+    return float(angles_deg(_left(joints_of(places_m, joints)), turned @ _left(rest_m)).mean())
 
 
 def zero_pose_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
@@ -313,9 +312,7 @@ def source_joints_m(
     source: SourceMotion, joints: Mapping[int, int], rows: np.ndarray
 ) -> np.ndarray:
     """(N, 24, 3) places of SMPL's joints in some frames of a source [m]; NaN where it has none."""
-    world_from_joint = global_rotmats(source.parents, source.local_rotmats[rows])
-    all_m = joint_positions_m(source.parents, world_from_joint, source.translations_m[rows])
-    return joints_of(all_m, joints)
+    return joints_of(source.posed(rows)[1], joints)
 
 
 def _frame(joints_m: np.ndarray, up: np.ndarray | None) -> np.ndarray:
