@@ -116,8 +116,6 @@ def camera_of(job: RenderJob, clip: Clip, body: BodyModel) -> CameraPath:
         raise BadMotionFile(f"{job.clip_path}: has no camera; give it one with a camera programme")
     if not clip.camera.has_camera.all():
         raise BadMotionFile(f"{job.clip_path}: some frames have no camera; slice them off first")
-    if clip.camera.n_frames != clip.motion.n_frames:
-        raise BadMotionFile(f"{job.clip_path}: the camera has another number of frames")
     if clip.motion.body != body.name or len(clip.motion.shape) != body.n_shape:
         raise BadMotionFile(
             f"{job.clip_path}: made for body {clip.motion.body!r}, "

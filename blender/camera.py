@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.transforms import quaternions_from_rotmats
 
@@ -94,12 +94,7 @@ def read_back(scene: Any, camera: Any, wanted: CameraPath) -> CameraPath:
     render, data = scene.render, camera.data
     width_px, height_px = int(render.resolution_x), int(render.resolution_y)
     focal_px = data.lens / data.sensor_width * width_px
-    intrinsics_px = np.array(
-        [
-            [focal_px, 0.0, width_px / 2 - data.shift_x * width_px],
-            [0.0, focal_px, height_px / 2 + data.shift_y * width_px],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    has_camera = np.ones(len(world_from_cam), dtype=bool)
-    return CameraPath(intrinsics_px, width_px, height_px, world_from_cam, has_camera)
+    centre_px = width_px / 2 - data.shift_x * width_px, height_px / 2 + data.shift_y * width_px
+    lens = Lens((focal_px, focal_px), centre_px, (width_px, height_px))
+    everywhere = np.ones(len(world_from_cam), dtype=bool)
+    return CameraPath(lens.matrix_px, *lens.size_px, world_from_cam, everywhere)

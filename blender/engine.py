@@ -45,6 +45,32 @@ def as_output(path: Path) -> str:
     return str(path).replace("{", "{{").replace("}", "}}")
 
 
+def new_compositor(name: str) -> tuple[Any, Any]:
+    """A compositor tree that leaves the picture as it is, and the node of what is rendered."""
+    tree = bpy.data.node_groups.new(name, "CompositorNodeTree")
+    layers = tree.nodes.new("CompositorNodeRLayers")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    tree.links.new(layers.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs[0])
+    return tree, layers
+
+
+def write_to_file(
+    tree: Any, socket: Any, kind: str, path: Path, form: tuple[str, str, str]
+) -> None:
+    """Let a compositor tree write a socket of the render to a file, without its suffix given.
+
+    `kind` is Blender's name of what the socket holds, `form` its names of the file's format, its
+    channels and its bits.
+    """
+    files = tree.nodes.new("CompositorNodeOutputFile")
+    files.directory, files.file_name = as_output(path.parent), ""
+    files.file_output_items.new(kind, path.name)
+    files.save_as_render = False
+    files.format.media_type = "IMAGE"
+    files.format.file_format, files.format.color_mode, files.format.color_depth = form
+    tree.links.new(socket, files.inputs[0])
+
+
 def set_up_output(scene: Any, threads: int) -> None:
     """Pictures as they come, with a fixed number of threads."""
     render = scene.render

@@ -23,6 +23,14 @@ HAZE_TILT_RAD = np.deg2rad(35.0)
 Kind = Literal["sun", "overcast", "indoor", "traced"]
 """`traced`: a file's own lamps and sky light everything, and no light is in the materials."""
 
+REFLECTED = {
+    "sun": ((0.43, 0.50, 0.63), (0.27, 0.22, 0.17)),
+    "overcast": ((1.16, 1.20, 1.26), (0.24, 0.23, 0.22)),
+    "indoor": ((0.62, 0.58, 0.52), (0.50, 0.44, 0.37)),
+    "traced": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+}
+"""Colours of what falls on a surface that faces the brightest part, and that faces away from it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Light:
@@ -35,24 +43,12 @@ class Light:
     @property
     def above(self) -> np.ndarray:
         """(3,) what a surface reflects that faces the brightest part."""
-        colours = {
-            "sun": (0.43, 0.50, 0.63),
-            "overcast": (1.16, 1.20, 1.26),
-            "indoor": (0.62, 0.58, 0.52),
-            "traced": (0.0, 0.0, 0.0),
-        }
-        return np.array(colours[self.kind])
+        return np.array(REFLECTED[self.kind][0])
 
     @property
     def below(self) -> np.ndarray:
         """(3,) what a surface reflects that faces away from it."""
-        colours = {
-            "sun": (0.27, 0.22, 0.17),
-            "overcast": (0.24, 0.23, 0.22),
-            "indoor": (0.50, 0.44, 0.37),
-            "traced": (0.0, 0.0, 0.0),
-        }
-        return np.array(colours[self.kind])
+        return np.array(REFLECTED[self.kind][1])
 
     @property
     def brightest(self) -> np.ndarray:
@@ -107,8 +103,6 @@ def add_sky(scene: Any, image: Any) -> None:
     """Show an equirectangular bpy image behind everything."""
     world = bpy.data.worlds.new("sky")
     scene.world = world
-    if world.node_tree is None:  # before Blender 5.0
-        world.use_nodes = True
     nodes, links = world.node_tree.nodes, world.node_tree.links
     nodes.clear()
     texture = nodes.new("ShaderNodeTexEnvironment")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A place as Blender objects: meshes, materials, lamp and sky."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,13 +71,19 @@ def load_sky(path: Path) -> Any:
 
 def add_mesh(scene: Any, name: str, mesh: Mesh, material: Any) -> None:
     """Make an object of a mesh."""
+    add_object(scene, name, bpy_mesh(name, mesh, [material]))
+
+
+def bpy_mesh(name: str, mesh: Mesh, materials: Sequence[Any]) -> Any:
+    """A mesh as Blender's, with materials, of which all faces have the first."""
     data = bpy.data.meshes.new(name)
     data.from_pydata(mesh.vertices_m.tolist(), [], mesh.faces.tolist())
     data.uv_layers.new(name="uv").data.foreach_set("uv", mesh.uv.astype(np.float32).ravel())
     data.polygons.foreach_set("use_smooth", np.full(len(mesh.faces), mesh.smooth))
-    data.materials.append(material)
+    for material in materials:
+        data.materials.append(material)
     data.update()
-    add_object(scene, name, data)
+    return data
 
 
 def add_object(scene: Any, name: str, mesh: Any) -> Any:
@@ -167,8 +174,6 @@ def mark_as_moving(tree: Any) -> None:
 
 def _empty_material(name: str) -> tuple[Any, Any]:
     material = bpy.data.materials.new(name)
-    if material.node_tree is None:  # before Blender 5.0
-        material.use_nodes = True
     material.node_tree.nodes.clear()
     # The emission stands for the sky's light; the surfaces must not be sampled as lamps.
     material.cycles.emission_sampling = "NONE"

@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender.engine import as_output, traced
+from blender.engine import new_compositor, traced, write_to_file
 from blender.objects import CUT_OUT
 from blender.people.actors import Actor
 from gmrdata.film.render import RenderConfig
@@ -74,27 +74,13 @@ def add_surface_output(
         for number, actor in enumerate(actors, start=1):
             for material in actor.mesh.materials:  # no two actors share one
                 _mark_instance(material.node_tree, number)
-    tree = bpy.data.node_groups.new("surface", "CompositorNodeTree")
-    layers = tree.nodes.new("CompositorNodeRLayers")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    tree.links.new(layers.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs[0])
+    tree, layers = new_compositor("surface")
     wanted = {"depth": True, "normals": config.normals, STEP: config.flow}
     wanted[INSTANCE] = config.instances
     for name in (name for name, is_wanted in wanted.items() if is_wanted):
-        _write_pass(tree, layers.outputs[_SOCKETS[name]], name, work_dir)
+        socket = layers.outputs[_SOCKETS[name]]
+        write_to_file(tree, socket, _FILES[name], work_dir / name, ("OPEN_EXR", "RGB", "32"))
     return tree
-
-
-def _write_pass(tree: Any, socket: Any, name: str, work_dir: Path) -> None:
-    """Let the compositor write a socket of the render to an EXR file."""
-    files = tree.nodes.new("CompositorNodeOutputFile")
-    files.directory, files.file_name = as_output(work_dir), ""
-    files.file_output_items.new(_FILES[name], name)
-    files.save_as_render = False
-    files.format.media_type = "IMAGE"
-    files.format.file_format = "OPEN_EXR"
-    files.format.color_mode, files.format.color_depth = "RGB", "32"
-    tree.links.new(socket, files.inputs[0])
 
 
 def set_step(actor: Actor, row: int) -> None:

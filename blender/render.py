@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from blender.clearance import measure_clearance
-from blender.engine import as_output, set_up_render, traced
+from blender.engine import as_output, new_compositor, set_up_render, traced, write_to_file
 from blender.objects import MOVING_PASS
 from blender.passes import add_surface_output, set_step, wants_surface, write_surface
 from blender.scene import ClipScene, build_scene, save_blend
@@ -19,11 +19,11 @@ from blender.visibility import visible_joints
 from gmrdata.film.render import EXTRAS_FOLDER, FRAME_LINE, RenderJob, frame_files
 from gmrdata.film.render_outputs import CLEARANCE_FILE, project_joints
 from gmrdata.film.scene import save_extras
+from gmrdata.read.frames import write_image
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import CHARACTER_FILE, Clip, save_character, save_clip, save_joints
 from gmrdata.values.errors import RenderFailed
-from gmrdata.values.files import atomic_path
 
 WORK_FOLDER = ".unfinished"
 SCENE_FOLDER = "scene"
@@ -96,19 +96,10 @@ def add_mask_output(scene: Any, work_dir: Path) -> None:
     """Let the compositor write coverage.png: the share of each pixel that moves by itself."""
     aov = scene.view_layers[0].aovs.add()
     aov.name, aov.type = MOVING_PASS, "VALUE"
-    tree = bpy.data.node_groups.new("masks", "CompositorNodeTree")
+    tree, layers = new_compositor("masks")
     scene.compositing_node_group = tree
-    layers = tree.nodes.new("CompositorNodeRLayers")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    tree.links.new(layers.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs[0])
-    files = tree.nodes.new("CompositorNodeOutputFile")
-    files.directory, files.file_name = as_output(work_dir), ""
-    files.file_output_items.new("FLOAT", "coverage")
-    files.save_as_render = False
-    files.format.media_type = "IMAGE"
-    files.format.file_format = "PNG"
-    files.format.color_mode, files.format.color_depth = "BW", "8"
-    tree.links.new(layers.outputs[MOVING_PASS], files.inputs[0])
+    coverage = layers.outputs[MOVING_PASS]
+    write_to_file(tree, coverage, "FLOAT", work_dir / "coverage", ("PNG", "BW", "8"))
 
 
 def _render_frame(
@@ -128,13 +119,7 @@ def _render_frame(
     if coverage is None:
         raise RenderFailed(f"frame {row}: Blender wrote a mask that is no picture")
     coverages[0].unlink()
-    _write_image(mask, np.where(coverage >= 128, 255, 0).astype(np.uint8), [])
+    # By OpenCV, which writes no dates.
+    write_image(mask, np.where(coverage >= 128, 255, 0).astype(np.uint8))
     options = [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality] if frame.suffix == ".jpg" else []
-    _write_image(frame, picture, options)
-
-
-def _write_image(path: Path, pixels: np.ndarray, options: list[int]) -> None:
-    """Encode with OpenCV, which writes no dates, and put the file in place when it is complete."""
-    _, encoded = cv2.imencode(path.suffix, pixels, options)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(encoded.tobytes())
+    write_image(frame, picture, options)

@@ -23,10 +23,7 @@ STEPS = 2
 
 
 def visible_joints(
-    scene: Any,
-    person: Actor,
-    joints_m: np.ndarray,
-    centres_m: np.ndarray,
+    scene: Any, person: Actor, joints_m: np.ndarray, centres_m: np.ndarray
 ) -> np.ndarray:
     """Whether nothing hides a joint, for joints inside the frame or not.
 

@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gmrdata.manifest.current import CameraMotion, Quality, Source
+from gmrdata.manifest.current import CameraMotion, Manifest, Quality, Source
+from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -22,6 +24,13 @@ def a_walk(camera_motion: CameraMotion = "circular", **more: Any) -> ClipAbout:
     """What is said of a clip of this package's own walk."""
     source = Source(dataset="gmrdata", sequence="walk")
     return ClipAbout(camera_motion=camera_motion, licence="CC0-1.0", source=source, **more)
+
+
+def clips_of(path: Path) -> list[ClipEntry]:
+    """What a manifest of clips lists."""
+    manifest = read_manifest(path)
+    assert isinstance(manifest, Manifest)
+    return list(manifest.clips)
 
 
 def write_clips(

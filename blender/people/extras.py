@@ -4,15 +4,14 @@
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from blender.light import Light
-from blender.objects import mark_as_moving, picture_material
+from blender.objects import bpy_mesh, moving_picture_material
 from blender.people.actors import Actor, add_actor
 from blender.people.person import person_mesh
 from blender.places.car import car_things, moved_vertices_m
-from blender.places.layout import mesh_of
+from blender.places.layout import Mesh, mesh_of
 from gmrdata.film.scene import Cast, SceneConfig, looks_of
 from gmrdata.film.walkers import Drive
 from gmrdata.motion.resample import slice_motion
@@ -70,15 +69,12 @@ def driving_car(
     faces = np.concatenate([part.faces + n for part, n in zip(parts, starts, strict=True)])
     uv = np.concatenate([part.uv for part in parts])
     slots = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
-    data = bpy.data.meshes.new(name)
-    data.from_pydata(rest_m.tolist(), [], faces.tolist())
-    data.uv_layers.new(name="uv").data.foreach_set("uv", uv.astype(np.float32).ravel())
-    for slot, thing in enumerate(things):
-        material = picture_material(f"{name}_{slot}", thing.picture, light)
-        mark_as_moving(material.node_tree)
-        data.materials.append(material)
+    materials = [
+        moving_picture_material(f"{name}_{slot}", thing.picture, light)
+        for slot, thing in enumerate(things)
+    ]
+    data = bpy_mesh(name, Mesh(rest_m, faces, uv, smooth=False), materials)
     data.polygons.foreach_set("material_index", slots.astype(np.int32))
-    data.polygons.foreach_set("use_smooth", np.zeros(len(faces), dtype=bool))
     data.update()
     wheels = [
         (slice(start, start + len(part.vertices_m)), thing.centre_m)

@@ -3,19 +3,17 @@
 
 from typing import Any
 
-import bpy
 import numpy as np
 
 from blender.light import Light
-from blender.objects import moving_picture_material
+from blender.objects import bpy_mesh, moving_picture_material
 from blender.people.atlas import lay_out
 from blender.people.clothes import paint
 from blender.people.outfit import sample_outfit
+from blender.places.layout import Mesh
 from gmrdata.film.character import TextureConfig, phenotypes_of
 from gmrdata.read.body_file import read_picture, read_uv
-from gmrdata.values.body import BodyModel
-
-UV = "uv"
+from gmrdata.values.body import BodyModel, gender_of
 
 
 def person_mesh(
@@ -44,17 +42,12 @@ def person_mesh(
     Raises:
         BadBodyFile: the texture's files can't be read, or don't fit the body.
     """
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(vertices_m.tolist(), [], body.faces.tolist())
-    mesh.polygons.foreach_set("use_smooth", np.ones(len(body.faces), dtype=bool))
     if texture is None:
         uv, picture = dressed(body, shape, rng, surroundings)
     else:
         uv, picture = read_uv(texture.uv, body.faces), read_picture(texture.image)
-    mesh.uv_layers.new(name=UV).data.foreach_set("uv", uv.astype(np.float32).ravel())
-    mesh.materials.append(moving_picture_material(name, picture, light))
-    mesh.update()
-    return mesh
+    material = moving_picture_material(name, picture, light)
+    return bpy_mesh(name, Mesh(vertices_m, body.faces, uv, smooth=True), [material])
 
 
 def dressed(
@@ -64,17 +57,13 @@ def dressed(
     surroundings: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Picture coordinates per corner (F, 3, 2) and the picture (H, W, 3), sRGB, of someone."""
-    phenotypes = phenotypes_of(body, shape) or {"gender": _gender(body), "age": 0.75}
+    female = {"female": 1.0, "male": 0.0, "neutral": 0.5}[gender_of(body)]
+    phenotypes = phenotypes_of(body, shape) or {"gender": female, "age": 0.75}
     outfit = sample_outfit(
         rng, female=phenotypes["gender"], age=phenotypes["age"], surroundings=surroundings
     )
     atlas = lay_out(body.template_m, body.faces)
     return atlas.uv, paint(body, shape, outfit, atlas)
-
-
-def _gender(body: BodyModel) -> float:
-    ending = body.name.rpartition("-")[2]
-    return {"female": 1.0, "male": 0.0}.get(ending, 0.5)
 
 
 def joint_of_face(body: BodyModel) -> np.ndarray:

@@ -17,11 +17,11 @@ from blender.people.rigged_pose import (
     check_rest,
     hips_m,
     joint_turns,
-    joints_of,
     of_feet,
     size_of,
 )
 from gmrdata.film.character import Character, find_bones, joint_of_bone
+from gmrdata.motion.rest_pose import joints_of
 from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
 from gmrdata.values.camera import CameraPath, in_frame
 from gmrdata.values.clip import CharacterRecord

@@ -314,9 +314,6 @@ def _painted(material: Any, path: Path, light: Light) -> Any:
     if material is None:
         material = bpy.data.materials.new("plain")
     tree = material.node_tree
-    if tree is None:  # before Blender 5.0
-        material.use_nodes = True
-        tree = material.node_tree
     colour, alpha = _colour_socket(material, tree), _alpha_socket(tree)
     used = _upstream(colour.node) + (_upstream(alpha.node) if alpha else [])
     for node in [node for node in tree.nodes if node not in used]:

@@ -13,12 +13,12 @@ flat feet stay flat.  Hands and fingers stay to the forearm as they are at rest 
 spine, collars, neck and head turn as the body's do, each keeping its own posture at rest.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gmrdata.motion.ground import foot_corrections
+from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections
 from gmrdata.motion.rest_pose import (
     LIMBS,
     LONGEST_LEG_M,
@@ -34,7 +34,6 @@ from gmrdata.values.skinning import global_rotmats
 from gmrdata.values.transforms import quaternions_from_rotmats
 
 HIPS = (JOINT["left_hip"], JOINT["right_hip"])
-FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))
 SHORTEST_LIMB_SHARE = 0.05
 """Of the leg's length: a shorter limb has no direction."""
 
@@ -155,11 +154,7 @@ def bone_rotations(
 
 
 def size_of(
-    rest: RestPose,
-    file_from_rest: np.ndarray,
-    body: BodyModel,
-    shape: np.ndarray,
-    keep_size: bool,
+    rest: RestPose, file_from_rest: np.ndarray, body: BodyModel, shape: np.ndarray, keep_size: bool
 ) -> Size:
     """The size of a character beside a body of (S,) shape coefficients."""
     body_joints_m = body.rest_joints_m(shape)
@@ -176,7 +171,7 @@ def size_of(
 
 def of_feet(weights: np.ndarray) -> np.ndarray:
     """(V,) bool: vertices that move with an ankle or the toes; all, if none does. (V, 24) given."""
-    feet = np.isin(weights.argmax(axis=1), FEET)
+    feet = np.isin(weights.argmax(axis=1), FOOT_JOINTS)
     return feet if feet.any() else np.ones_like(feet)
 
 
@@ -190,10 +185,3 @@ def hips_m(size: Size, body_joints_m: np.ndarray) -> np.ndarray:
     above_ankle_m = middle_m[:, 2] - size.body_ankle_m
     middle_m[:, 2] = size.leg_ratio * above_ankle_m + size.ankle_m
     return np.asarray(middle_m)
-
-
-def joints_of(values: np.ndarray, bones: Mapping[int, int]) -> np.ndarray:
-    """Values (..., B, 3) of bones as values (..., 24, 3) of joints; NaN where there is no bone."""
-    joints = np.full((*values.shape[:-2], len(JOINT_NAMES), 3), np.nan)
-    joints[..., list(bones), :] = values[..., list(bones.values()), :]
-    return joints

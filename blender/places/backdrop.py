@@ -11,6 +11,7 @@ import numpy as np
 from gmrdata.film.scene import BackdropConfig
 from gmrdata.values.errors import BadBackdrop
 from gmrdata.values.limits import MOST_PIXELS
+from gmrdata.values.transforms import about_z
 
 _FILE_NODES = ("ShaderNodeTexIES", "ShaderNodeScript")
 
@@ -173,10 +174,8 @@ def _copy_exclusions(theirs: Any, ours: Any) -> None:
 def _move_to_our_world(scene: Any, things: list[Any], config: BackdropConfig) -> None:
     """Turn and shift all that the file has, by way of a parent, so that its origin is ours."""
     yaw_rad = np.deg2rad(config.yaw_deg)
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    ours_from_theirs = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     parent = bpy.data.objects.new("backdrop", None)
-    parent.location = ours_from_theirs @ -np.array(config.origin_m)
+    parent.location = about_z(-yaw_rad) @ -np.array(config.origin_m)
     parent.rotation_euler = (0.0, 0.0, -yaw_rad)
     for thing in things:
         if thing.parent is None:

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from blender.textures.base import blocks, by_channel
+from gmrdata.values.transforms import about_z
 
 SUBJECT_CLEARANCE_M = 1.1
 CAMERA_CLEARANCE_M = 0.9
@@ -186,14 +187,14 @@ TAPER = np.array([0.66, 0.84, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A quad mesh."""
+    """A mesh of quads; a person's is of triangles."""
 
     vertices_m: np.ndarray
     """(V, 3) world [m]."""
     faces: np.ndarray
-    """(F, 4) vertex indices, counter-clockwise seen from outside."""
+    """(F, 4 or 3) vertex indices, counter-clockwise seen from outside."""
     uv: np.ndarray
-    """(F, 4, 2) picture coordinates per corner; (0, 0) is the picture's lower left."""
+    """(F, 4 or 3, 2) picture coordinates per corner; (0, 0) is the picture's lower left."""
     smooth: bool
     """Whether shading is interpolated across faces."""
 
@@ -212,9 +213,8 @@ def mesh_of(thing: Thing, rng: np.random.Generator) -> Mesh:
         unit = unit[:, [0, 2, 1]] * [1, 1, -1]  # the axis from z to y, still right-handed
     else:
         unit, faces, uv, smooth = (*_blob(28, 18, rng), True)
-    cos, sin = np.cos(thing.yaw_rad), np.sin(thing.yaw_rad)
-    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
-    return Mesh(unit * thing.size_m @ turn.T + thing.centre_m, faces, uv, smooth)
+    placed_m = unit * thing.size_m @ about_z(thing.yaw_rad).T + thing.centre_m
+    return Mesh(placed_m, faces, uv, smooth)
 
 
 def ground_mesh(centre_m: np.ndarray, side_m: float) -> Mesh:

@@ -69,10 +69,7 @@ def by_channel(values: np.ndarray) -> np.ndarray:
 
 
 def ellipses(
-    image: np.ndarray,
-    half_axes_px: np.ndarray,
-    colours: np.ndarray,
-    rng: np.random.Generator,
+    image: np.ndarray, half_axes_px: np.ndarray, colours: np.ndarray, rng: np.random.Generator
 ) -> None:
     """Draw N ellipses anywhere on an image and turned anyhow, one over the other.
 

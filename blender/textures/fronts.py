@@ -15,8 +15,7 @@ def poster(patch: np.ndarray, rng: np.random.Generator) -> None:
     height, width = patch.shape[:2]
     if height < 8 or width < 8:
         return
-    picture = np.empty((height, width, 3), np.float32)
-    picture[:] = pick(rng, POSTERS)
+    picture = np.full((height, width, 3), pick(rng, POSTERS), np.float32)
     for _ in range(int(rng.integers(3, 8))):
         colour = tuple(float(c) for c in pick(rng, POSTERS))
         at = rng.uniform(0, 1, 2) * (width, 0.7 * height)
@@ -41,8 +40,7 @@ def poster(patch: np.ndarray, rng: np.random.Generator) -> None:
 
 def posters(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray:
     """An advertising pillar: posters side by side, pasted over one another."""
-    image = np.empty((height_px, width_px, 3), np.float32)
-    image[:] = pick(rng, PLASTERS)
+    image = np.full((height_px, width_px, 3), pick(rng, PLASTERS), np.float32)
     for _ in range(40):
         height, width = (
             int(height_px * rng.uniform(0.2, 0.4)),
@@ -61,8 +59,7 @@ def facade(
 ) -> np.ndarray:
     """A house front: plaster or brick, windows with shutters, a door, posters, and a dirty foot."""
     height, width = int(height_m * px_per_m), int(width_m * px_per_m)
-    image = np.empty((height, width, 3), np.float32)
-    image[:] = pick(rng, PLASTERS)
+    image = np.full((height, width, 3), pick(rng, PLASTERS), np.float32)
     image = weather(image, rng, 0.07)
     if rng.random() < 0.45:
         _bricks(image, px_per_m, rng)

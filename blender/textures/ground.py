@@ -9,16 +9,7 @@ What one walks on outdoors.
 import cv2
 import numpy as np
 
-from blender.textures.base import (
-    POSTERS,
-    Colour,
-    blocks,
-    clipped,
-    ellipses,
-    noise,
-    pick,
-    weather,
-)
+from blender.textures.base import POSTERS, Colour, blocks, clipped, ellipses, noise, pick, weather
 
 
 def sky(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray:
@@ -40,15 +31,13 @@ JOINTS = (0.22, 0.20, 0.18)
 def paving(size_px: int, metres: float, rng: np.random.Generator) -> np.ndarray:
     """Flagstones in rows of changing width, with leaves, stains and painted marks."""
     px_per_m = size_px / metres
-    image = np.empty((size_px, size_px, 3), np.float32)
-    image[:] = JOINTS
+    image = np.full((size_px, size_px, 3), JOINTS, np.float32)
     y = 0.0
     joint = max(0.014 * px_per_m, 1)
     while y < size_px:
         row = rng.uniform(0.32, 0.62) * px_per_m
         x = -rng.uniform(0, 0.8) * px_per_m
-        line = np.empty((size_px, 3), np.float32)
-        line[:] = JOINTS
+        line = np.full((size_px, 3), JOINTS, np.float32)
         while x < size_px:
             stone = rng.uniform(0.35, 1.05) * px_per_m
             shade = rng.normal(0.52, 0.085) * np.array([1.0, 0.95, 0.87]) + rng.normal(0, 0.012, 3)
@@ -154,8 +143,7 @@ def _paths(image: np.ndarray, px_per_m: float, rng: np.random.Generator) -> None
 def hedge(width_m: float, height_m: float, px_per_m: float, rng: np.random.Generator) -> np.ndarray:
     """Clipped leaves over leaves, with twigs and blossoms between."""
     height, width = int(height_m * px_per_m), int(width_m * px_per_m)
-    image = np.empty((height, width, 3), np.float32)
-    image[:] = (0.07, 0.10, 0.05)
+    image = np.full((height, width, 3), (0.07, 0.10, 0.05), np.float32)
     count = int(420 * width_m * height_m)
     tint = pick(rng, ((0.26, 0.44, 0.14), (0.34, 0.46, 0.16), (0.22, 0.38, 0.20)))
     blossom = pick(rng, FLOWERS)

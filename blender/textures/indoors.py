@@ -15,9 +15,8 @@ WALLPAPERS: tuple[Colour, ...] = (
 def wall(width_m: float, height_m: float, px_per_m: float, rng: np.random.Generator) -> np.ndarray:
     """Striped paper with sprigs over panelling, hung with pictures."""
     height, width = int(height_m * px_per_m), int(width_m * px_per_m)
-    image = np.empty((height, width, 3), np.float32)
     paper, ink = pick(rng, WALLPAPERS), pick(rng, POSTERS)
-    image[:] = paper
+    image = np.full((height, width, 3), paper, np.float32)
     step = int(0.3 * px_per_m)
     for x in range(0, width, step):
         image[:, x : x + step // 2] *= 0.88
@@ -113,8 +112,7 @@ def carpet(height: int, width: int, rng: np.random.Generator) -> np.ndarray:
 def ceiling(size_px: int, metres: float, rng: np.random.Generator) -> np.ndarray:
     """Painted panels between beams."""
     px_per_m = size_px / metres
-    image = np.empty((size_px, size_px, 3), np.float32)
-    image[:] = (0.78, 0.76, 0.70)
+    image = np.full((size_px, size_px, 3), (0.78, 0.76, 0.70), np.float32)
     image = weather(image, rng, 0.06)
     beam = max(int(0.16 * px_per_m), 2)
     for at in np.arange(0.3, metres, 1.4) * px_per_m:
@@ -125,9 +123,8 @@ def ceiling(size_px: int, metres: float, rng: np.random.Generator) -> np.ndarray
 
 def books(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray:
     """Shelves full of books, with gaps and things between."""
-    image = np.empty((height_px, width_px, 3), np.float32)
     wood = pick(rng, WOODS)
-    image[:] = wood * 0.25
+    image = np.full((height_px, width_px, 3), wood * 0.25, np.float32)
     rows = max(height_px // 70, 2)
     for row in range(rows):
         top, bottom = row * height_px // rows + 5, (row + 1) * height_px // rows - 5
@@ -150,9 +147,8 @@ def books(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray
 
 def cloth(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray:
     """Printed upholstery."""
-    image = np.empty((height_px, width_px, 3), np.float32)
     base = 0.7 * pick(rng, POSTERS) + 0.1
-    image[:] = base
+    image = np.full((height_px, width_px, 3), base, np.float32)
     for _ in range(int(width_px * height_px / 260)):
         at = tuple(int(v) for v in rng.uniform(0, 1, 2) * (width_px, height_px))
         axes = tuple(int(v) for v in rng.uniform(2, 9, 2))

@@ -43,8 +43,7 @@ def planks(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarra
 
 def foliage(size_px: int, rng: np.random.Generator) -> np.ndarray:
     """Leaves over leaves, lighter on top, with some blossoms."""
-    image = np.empty((size_px, size_px, 3), np.float32)
-    image[:] = (0.06, 0.10, 0.04)
+    image = np.full((size_px, size_px, 3), (0.06, 0.10, 0.04), np.float32)
     blossom = pick(rng, POSTERS)
     lighter = np.linspace(0.45, 1.35, LEAVES)[:, None]
     shades = np.array([0.28, 0.46, 0.14]) * lighter * rng.uniform(0.7, 1.3, (LEAVES, 1))
@@ -56,8 +55,7 @@ def foliage(size_px: int, rng: np.random.Generator) -> np.ndarray:
 
 def barrel(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray:
     """A painted drum: hoops, rust and a label."""
-    image = np.empty((height_px, width_px, 3), np.float32)
-    image[:] = pick(rng, POSTERS)
+    image = np.full((height_px, width_px, 3), pick(rng, POSTERS), np.float32)
     rust = noise(height_px, width_px, rng, height_px // 3, 7, 0.7) > rng.uniform(0.5, 1.2)
     image[rust] = (0.40, 0.22, 0.12)
     for y in (0, height_px // 3, 2 * height_px // 3, height_px - height_px // 20):

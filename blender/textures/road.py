@@ -35,8 +35,7 @@ def road(size_px: int, metres: float, road_m: float, rng: np.random.Generator) -
 
 def _asphalt(height: int, width: int, px_per_m: float, rng: np.random.Generator) -> np.ndarray:
     """Stones in tar, mended in patches, cracked and stained."""
-    image = np.empty((height, width, 3), np.float32)
-    image[:] = (0.33, 0.33, 0.34)
+    image = np.full((height, width, 3), (0.33, 0.33, 0.34), np.float32)
     for _ in range(int(width / px_per_m * 0.9)):
         size = rng.uniform((0.5, 0.4), (2.6, 1.5)) * px_per_m
         x, y = (int(v) for v in rng.uniform(-0.2, 1, 2) * (width, height))
@@ -115,15 +114,13 @@ def car_windows(paint: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def car_roof(paint: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Painted metal under the sky."""
-    image = np.empty((160, 256, 3), np.float32)
-    image[:] = paint
+    image = np.full((160, 256, 3), paint, np.float32)
     return weather(image, rng, 0.12)
 
 
 def tyre(rng: np.random.Generator) -> np.ndarray:
     """Rubber; its picture goes round the tread and, whole, over each side with the rim."""
-    image = np.empty((128, 128, 3), np.float32)
-    image[:] = 0.08
+    image = np.full((128, 128, 3), 0.08, np.float32)
     cv2.circle(image, (64, 64), 40, (0.55, 0.55, 0.57), -1, cv2.LINE_AA)
     for turn in np.arange(5) * 2 * np.pi / 5 + rng.uniform(0, 1):
         at = (64 + int(24 * np.cos(turn)), 64 + int(24 * np.sin(turn)))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.spatial.transform import Rotation
 
 from gmrdata.values.errors import BadRecipe
+from gmrdata.values.transforms import rotmats_from_rotvecs
 
 FOLLOW_SIGMA_S = 0.35
 """Low-pass on the subject's path: steps bob at about 2 Hz, and an operator doesn't follow those."""
@@ -123,8 +123,8 @@ def held(
     if drift_m > 0:
         unsteady[:, :3, 3] += drift_m * subject.waves[:, :3]
     if shake_deg > 0:
-        shake = Rotation.from_rotvec(np.deg2rad(shake_deg) * subject.waves[:, 3:])
-        unsteady[:, :3, :3] = unsteady[:, :3, :3] @ shake.as_matrix()
+        shake = rotmats_from_rotvecs(np.deg2rad(shake_deg) * subject.waves[:, 3:])
+        unsteady[:, :3, :3] = unsteady[:, :3, :3] @ shake
     return unsteady
 
 

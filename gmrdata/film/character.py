@@ -10,7 +10,6 @@ Layout of .glb and .gltf: the glTF 2.0 specification, sections 3 and 4.4 (binary
 """
 
 import struct
-from collections import Counter
 from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -25,7 +24,7 @@ from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, PHENOTYPES, BodyMod
 from gmrdata.values.clip import CharacterRecord
 from gmrdata.values.errors import BadCharacter, MissingInput
 from gmrdata.values.files import parse_json
-from gmrdata.values.joint_names import REQUIRED, joints_by_name
+from gmrdata.values.joint_names import REQUIRED, joints_by_name, mapped_joints
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import angles_deg
 
@@ -226,7 +225,10 @@ def find_bones(
     (`mixamorig:Hips_01`) are overlooked, but not by a joint_map `{bone: SMPL joint}`.  The bones
     must hang together as the joints do, and those of `REQUIRED` must be there.
     """
-    found = joints_by_name(names, parents) if joint_map is None else _by_map(names, joint_map, path)
+    if joint_map is None:
+        found = joints_by_name(names, parents)
+    else:
+        found = mapped_joints(names, joint_map, path, BadCharacter)
     if missing := [joint for joint in REQUIRED if joint not in found]:
         raise BadCharacter(
             f"{path}: no bone is known to be {', '.join(missing)}. Give a joint_map "
@@ -249,19 +251,6 @@ def _nearest(number: int, parents: Sequence[int], wanted: Container[int]) -> int
     while number >= 0 and number not in wanted:
         number = parents[number]
     return number
-
-
-def _by_map(names: Sequence[str], joint_map: Mapping[str, str], path: Path) -> dict[str, int]:
-    if unknown := [name for name in joint_map if name not in names]:
-        what = f"joint_map names the bones {', '.join(unknown)}, which it does not have"
-        raise BadCharacter(f"{path}: {what}. Its bones are {', '.join(names)}")
-    joints = Counter(joint_map.values())
-    if wrong := sorted(joints.keys() - JOINT.keys()):
-        what = f"joint_map speaks of the joints {', '.join(wrong)}"
-        raise BadCharacter(f"{path}: {what}; there are {', '.join(JOINT)}")
-    if twice := sorted(joint for joint, count in joints.items() if count > 1):
-        raise BadCharacter(f"{path}: joint_map gives {', '.join(twice)} more than one bone")
-    return {joint: names.index(name) for name, joint in joint_map.items()}
 
 
 def _check_tree(

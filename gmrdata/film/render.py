@@ -14,11 +14,7 @@ from typing import Any, Literal, TextIO
 
 from pydantic import Field, model_validator
 
-from gmrdata.film.blender_environment import (
-    blender_command,
-    blender_variables,
-    versions_said,
-)
+from gmrdata.film.blender_environment import blender_command, blender_variables, versions_said
 from gmrdata.film.character import Character, PersonConfig
 from gmrdata.film.scene import SceneConfig, make_cast, save_cast
 from gmrdata.read.body_file import read_body

@@ -12,12 +12,11 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from gmrdata.read.frames import decoded
+from gmrdata.read.frames import decoded, write_image
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import in_frame, project_cam
 from gmrdata.values.clip import Clip, Joints2d, camera_of
 from gmrdata.values.errors import BadFrames
-from gmrdata.values.files import write_bytes
 from gmrdata.values.records import Record
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
@@ -88,7 +87,7 @@ def read_flow(path: Path) -> np.ndarray:
 
 def write_instances(path: Path, instances: np.ndarray) -> None:
     """Write (H, W) numbers of what is seen, 0 for the background: 8 bit."""
-    _write(path, instances, np.uint8)
+    write_image(path, instances.astype(np.uint8))
 
 
 def read_instances(path: Path) -> np.ndarray:
@@ -96,11 +95,8 @@ def read_instances(path: Path) -> np.ndarray:
     return _read(path, 2, np.uint8)
 
 
-def _write(path: Path, pixels: np.ndarray, kind: type[np.integer] = np.uint16) -> None:
-    import cv2
-
-    _, encoded = cv2.imencode(".png", pixels.astype(kind))
-    write_bytes(path, encoded.tobytes())
+def _write(path: Path, pixels: np.ndarray) -> None:
+    write_image(path, pixels.astype(np.uint16))
 
 
 def _read(path: Path, n_dimensions: int, kind: type[np.integer] = np.uint16) -> np.ndarray:

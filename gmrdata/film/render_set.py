@@ -57,11 +57,7 @@ RETRIES = 1  # how often a crashed Blender process is started again
 
 
 def render_clips(
-    jobs: Mapping[str, RenderJob],
-    pool: Pool,
-    failures_dir: Path,
-    *,
-    run: Run = DEFAULT_RUN,
+    jobs: Mapping[str, RenderJob], pool: Pool, failures_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> None:
     """Render each clip as `try_render_clips` does; StageFailed if some clips failed."""
     outcome = try_render_clips(jobs, pool, failures_dir, run=run)
@@ -69,11 +65,7 @@ def render_clips(
 
 
 def try_render_clips(
-    jobs: Mapping[str, RenderJob],
-    pool: Pool,
-    failures_dir: Path,
-    *,
-    run: Run = DEFAULT_RUN,
+    jobs: Mapping[str, RenderJob], pool: Pool, failures_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> stage_jobs.Outcome:
     """Render each clip, given by id, in a worker of its own; reasons of failures are kept.
     A Blender process that ends without its result is started once more, at the next missing frame.

@@ -232,6 +232,16 @@ class SceneConfig(Config):
             raise ValueError("hdri_path: no sky is seen from a room; leave it out")
         if self.kind == "room" and self.extras.cars:
             raise ValueError("extras.cars: a car doesn't fit a room; set it to 0")
+        return self._extras_have_people()
+
+    def _extras_have_people(self) -> "SceneConfig":
+        """What is said of people who aren't asked for was meant for somebody."""
+        extras = self.extras
+        if extras.motions and not extras.passers_by:
+            raise ValueError("extras.motions: are for passers-by; give their number, passers_by")
+        if extras.hold_s is not None and not extras.company + extras.passers_by:
+            what = "nobody is asked for who could hold a pose"
+            raise ValueError(f"extras.hold_s: {what}; for the clip's own person give its hold_s")
         return self
 
     @property

@@ -28,14 +28,9 @@ from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.current import CameraMotion, ListManifest, Semver, Source
 from gmrdata.manifest.read import read_manifest
-from gmrdata.motion.files import (
-    FileReading,
-    find_motions,
-    input_files,
-    read_file,
-    require_motion,
-)
+from gmrdata.motion.files import FileReading, find_motions, input_files, read_file, require_motion
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.ground import on_ground
 from gmrdata.motion.library import READING_FILE, ReadingRecord, gait_source, motion_source
 from gmrdata.motion.resample import hold_pose
 from gmrdata.read.body_file import read_body
@@ -46,7 +41,7 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values import limits
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, StageFailed
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
 from gmrdata.values.records import Config
 
 PLANNED_FILE = "clip.npz"
@@ -230,7 +225,7 @@ def planned_clip(
     reading: FileReading | None = None
     if motion_path is not None:
         reading = read_file(motion_path, body, clip.read or recipe.read, shape=shape)
-        motion = reading.motion
+        motion = on_ground(body, reading.motion)
         first_s, last_s = (clip.hold_s,) * 2 if clip.hold_s is not None else (0, film.duration_s)
         require_motion(reading, motion_path, first_s, last_s)
     else:
@@ -345,7 +340,7 @@ def plan_takes(
             if take.camera_off:
                 path = make_twin(take.id, path, body_path, plans_dir / take.id, run=run)
             paths[take.id] = path
-        except (BadMotionFile, BadRecipe, StageFailed) as error:
+        except (BadMotionFile, BadRecipe, MissingInput, StageFailed) as error:
             reasons[take.id] = str(error)
     planned = [take for take in selection.takes if take.id in paths]
     of_clip: dict[int, list[Path]] = {}

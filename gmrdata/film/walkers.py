@@ -16,7 +16,7 @@ from gmrdata.values.camera import CameraPath, in_frame
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
-from gmrdata.values.transforms import rigid
+from gmrdata.values.transforms import about_z, rigid
 
 PEOPLE_APART_M = 0.8
 """Between the pelvises of two people, on the ground; a person is about half a metre wide."""
@@ -126,8 +126,7 @@ def place_in_sight(
 
 def move_motion(motion: Motion, yaw_rad: float, from_m: np.ndarray, to_m: np.ndarray) -> Motion:
     """A world-frame motion turned about the vertical, its point `from_m` (2,) moved to `to_m`."""
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    turn = about_z(yaw_rad)
     pelvis_m = (motion.pelvis_m - np.append(from_m, 0.0)) @ turn.T + np.append(to_m, 0.0)
     return replace(motion, root_rotmats=turn @ motion.root_rotmats, pelvis_m=pelvis_m)
 
@@ -162,11 +161,7 @@ def no_way(name: str, remedy: str) -> BadRecipe:
 
 
 def keep_company(
-    name: str,
-    shot: Shot,
-    others: Sequence[Motion],
-    body: BodyModel,
-    seed: np.random.SeedSequence,
+    name: str, shot: Shot, others: Sequence[Motion], body: BodyModel, seed: np.random.SeedSequence
 ) -> Motion:
     """A gait beside the first subject, in its direction and at its mean speed, as near as can be.
     It goes straight on; beside a subject that stays, or comes back, it steps to and fro.  Where the
@@ -344,9 +339,7 @@ def _sample_drive(shot: Shot, axis: int, beside_m: float, rng: np.random.Generat
     row = round(rng.uniform(0.2, 0.8) * (shot.n_frames - 1))
     middle_m, _ = place_in_sight(shot, row, CAR_SIZE_M[1] / 2, CAR_BEHIND_M, rng)
     middle_m[1 - axis] += rng.uniform(-beside_m, beside_m)
-    heading_rad = axis * np.pi / 2 + np.pi * int(rng.integers(2))
-    cos, sin = np.round(np.cos(heading_rad)), np.round(np.sin(heading_rad))
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    turn = np.round(about_z(axis * np.pi / 2 + np.pi * int(rng.integers(2))))
     time_s = (np.arange(shot.n_frames) - row) / shot.fps_hz
     driven_m = way_driven_m(time_s, float(rng.uniform(*SPEEDS_M_PER_S)))
     places_m = np.append(middle_m, 0.0) + driven_m[:, None] * turn[:, 0]

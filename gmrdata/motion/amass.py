@@ -18,7 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import levelled, motion_of
 from gmrdata.motion.resample import between_known
@@ -34,7 +33,6 @@ from gmrdata.read.source_motion import (
 )
 from gmrdata.values.body import (
     HANDS,
-    N_JOINTS,
     NEUTRAL,
     SMPL,
     SMPL_LEG_M,
@@ -47,6 +45,7 @@ from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadBodyFile, BadMotionFile
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rotmats_from_rotvecs
 
 _EXTRA = re.compile(r"(^shape|_stagei|^neutral_stagei)$")
 
@@ -59,7 +58,10 @@ def is_amass_extra(path: Path) -> bool:
 def named_body(path: Path) -> str | None:
     """The body whose shape a file's betas are, "smpl-female"; None where it has none of a known
     body: SMPL-X's betas mean something else."""
-    arrays = joined_poses(read_npz(path, plain_alone=True))
+    return _named_body(joined_poses(read_npz(path, plain_alone=True)))
+
+
+def _named_body(arrays: dict[str, np.ndarray]) -> str | None:
     if "betas" not in arrays or "poses" not in arrays or arrays["poses"].shape[-1:] == (165,):
         return None
     return str(arrays["body"]) if "body" in arrays else f"{SMPL}{gender_word(arrays)}"
@@ -110,7 +112,7 @@ def read_amass(
     poses, trans = _pose_arrays(arrays, known, path)
     trans = trans * (1.0 if config.unit_m is None else config.unit_m)
     rate_hz, rate_note = amass_rate(arrays, config.fps_hz, path)
-    kept = _holds_shape_of(arrays, body, poses.shape[1])
+    kept = _named_body(arrays) == body.name
     betas = _betas(arrays, len(poses), path)
     source_leg_m, source_pelvis_m = _subject(arrays, betas, body, kept, source_body, path)
     is_own = kept and shape is None
@@ -196,13 +198,6 @@ def amass_rate(
     return (60.0, "CMU's index") if is_60_hz and rate_hz == 120.0 else (rate_hz, "file")
 
 
-def _holds_shape_of(arrays: dict[str, np.ndarray], body: BodyModel, n_values: int) -> bool:
-    """Whether the file's betas are shape coefficients of this body."""
-    if "betas" not in arrays or "body" in arrays:
-        return "betas" in arrays and str(arrays["body"]) == body.name
-    return n_values != 165 and body.name == f"smpl-{gender_word(arrays)}"
-
-
 def _betas(arrays: dict[str, np.ndarray], n_frames: int, path: Path) -> np.ndarray:
     """(S,) the file's, or the mean of one row for each frame."""
     betas = finite_numbers(arrays.get("betas", ()), "betas", path).squeeze()
@@ -221,8 +216,8 @@ def _betas_note(
     if kept:
         is_cut = betas[body.n_shape :].any()
         return f"the first {body.n_shape} betas of the file" if is_cut else "betas of the file"
-    is_gendered = "betas" in arrays and "body" not in arrays and arrays["poses"].shape[1] != 165
-    whose = f", which are of {SMPL}{gender_word(arrays)}" if is_gendered else ""
+    gendered = None if "body" in arrays else _named_body(arrays)
+    whose = f", which are of {gendered}" if gendered else ""
     return f"betas of the file not used{whose}"
 
 
@@ -261,6 +256,4 @@ def _leg_and_pelvis(body: BodyModel, shape: np.ndarray) -> tuple[float, np.ndarr
 def _rotmats(poses: np.ndarray) -> np.ndarray:
     """(T, 24, 3, 3) local rotations of the SMPL tree, root first."""
     rotvecs = poses.reshape(len(poses), -1, 3)
-    chosen = rotvecs[:, [*range(22), *HANDS[poses.shape[1]]]]
-    rotmats = Rotation.from_rotvec(chosen.reshape(-1, 3)).as_matrix()
-    return np.asarray(rotmats.reshape(len(poses), N_JOINTS, 3, 3))
+    return rotmats_from_rotvecs(rotvecs[:, [*range(22), *HANDS[poses.shape[1]]]])

@@ -16,17 +16,11 @@ from gmrdata.motion.up_axis import BY_TRUNK, LIES, person_of, remarks_on, shows_
 from gmrdata.read.amass_keys import SPLIT_KEYS
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import (
-    CMU_TRIAL,
-    ReadConfig,
-    RestPose,
-    SourceMotion,
-    UpAxis,
-)
+from gmrdata.read.source_motion import CMU_TRIAL, ReadConfig, RestPose, SourceMotion, UpAxis
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
-from gmrdata.values.files import read_npz, require_text, visible
+from gmrdata.values.files import is_hidden, read_npz, require_text, visible
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_metrics import angles_rad
@@ -221,14 +215,15 @@ def find_motions(folder: Path) -> list[Path]:
 
     Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses.  A trial that
     is there both as AMC and as BVH (same name in one folder, or the same CMU name `02_03` anywhere)
-    is listed once, as AMC: that is CMU's own form.  Links that lead out of the folder are not
-    followed.  MissingInput: there is no such folder.
+    is listed once, as AMC: that is CMU's own form.  Hidden folders, as those of what was deleted,
+    are not entered, nor links that lead out.  MissingInput: there is no such folder.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
     paths = (path for path in visible(folder.rglob("*")) if path.suffix.lower() in SUFFIXES)
-    inside = (path for path in paths if path.resolve().is_relative_to(folder.resolve()))
+    shown = (path for path in paths if not is_hidden(path.relative_to(folder)))
+    inside = (path for path in shown if path.resolve().is_relative_to(folder.resolve()))
     found = [path for path in inside if path.is_file() and _is_motion(path)]
     as_amc = {_trial(file) for file in found if file.suffix.lower() == ".amc"}
     return sorted(f for f in found if f.suffix.lower() != ".bvh" or _trial(f) not in as_amc)

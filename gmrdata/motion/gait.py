@@ -4,11 +4,10 @@ This is not motion capture.  It gives a fresh machine input to try everything on
 exactly, the pelvis rides on two-bone legs, and the arms swing against them, with seeded variety.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import convolve1d, minimum_filter1d
-from scipy.spatial.transform import Rotation
 
 from gmrdata.motion import gait_steps
 from gmrdata.motion.gait_steps import (
@@ -29,6 +28,7 @@ from gmrdata.motion.ground import motion_of
 from gmrdata.values.body import JOINT, N_LOCAL, BodyModel
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rotmats_from_rotvecs, rotvecs_from_rotmats
 
 N_DRAWN = 10
 """Shape coefficients that vary, as many as SMPL's; further ones of a body stay at the mean."""
@@ -98,8 +98,7 @@ def gait_with_contacts(
     arrays = pose_body(body, shape, Walk(path, plan, style, time_s, steps), half_window)
     rotmats, pelvis_m, planted = (array[pad : pad + n_frames] for array in arrays)
     source = f"gmrdata gait {kind}, {style.speed_m_s:.2f} m/s, generated, not motion capture"
-    motion = motion_of(body, shape, rotmats, pelvis_m, float(fps_hz), source)
-    return replace(motion, gender="neutral"), planted
+    return motion_of(body, shape, rotmats, pelvis_m, float(fps_hz), source), planted
 
 
 def sample_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
@@ -294,4 +293,4 @@ def _swing_arms(
 
 def _share(rotmats: np.ndarray, joints: int) -> np.ndarray:
     """The rotation that gives `rotmats` (T, 3, 3) when it is applied `joints` times over."""
-    return Rotation.from_rotvec(Rotation.from_matrix(rotmats).as_rotvec() / joints).as_matrix()
+    return rotmats_from_rotvecs(rotvecs_from_rotmats(rotmats) / joints)

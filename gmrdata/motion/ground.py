@@ -13,7 +13,7 @@ import numpy as np
 
 from gmrdata.values.body import JOINT, PARENTS, BodyModel, gender_of
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import posed_joints_m, with_ancestors
+from gmrdata.values.skinning import motion_joints_m, posed_joints_m, with_ancestors
 from gmrdata.values.transforms import rotmats_from_quaternions, smallest_rotation
 
 SIDES = ("left", "right")
@@ -38,6 +38,7 @@ but not the lowest, which is where a foot dips through."""
 SHORTEST_SPREAD_M = 0.4
 """A tilt is looked for along directions in which the standing feet spread by this (1 sigma)."""
 LARGEST_TILT_DEG = 2.5
+OFF_FLOOR_M = 0.02  # so far from it feet seem to stand on the floor
 LARGEST_RESIDUAL_M = 0.025
 """Standing feet are on one plane if 80 % of them are nearer to it than this."""
 
@@ -77,6 +78,19 @@ def put_on_floor(body: BodyModel, motion: Motion) -> tuple[Motion, float]:
     tilt_deg = float(np.rad2deg(np.arccos(np.clip(level_from_world[2, 2], -1.0, 1.0))))
     root_rotmats = level_from_world @ motion.root_rotmats
     return replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m), tilt_deg
+
+
+def on_ground(body: BodyModel, motion: Motion) -> Motion:
+    """The same on z = 0 if it is of somebody on foot whose floor lies elsewhere.
+
+    A file of a body's own motion keeps the floor that it has, which need not be there.
+    """
+    floored, _ = put_on_floor(body, motion)
+    off_m = np.abs(floored.pelvis_m - motion.pelvis_m)[:, 2].max()
+    lowest = motion_joints_m(body, motion)[..., 2].argmin(axis=1)
+    if off_m <= OFF_FLOOR_M or np.isin(lowest, FOOT_JOINTS).mean() < 0.5:
+        return motion
+    return replace(floored, source=f"{motion.source}, put on the floor")
 
 
 def floor_height_m(heights_m: np.ndarray) -> float:

@@ -143,6 +143,8 @@ def library_files(
         file = LibraryFile(path, id, motion_source(path, inside))
         if (other := files.setdefault(file.id, file)) is not file:
             remedy = "Give the folder that holds both, or import them into two folders"
+            if other.path.with_suffix("") == path.with_suffix(""):
+                remedy = "Leave one out, as two forms of one motion, or rename it"
             raise BadRecipe(f"{other.path} and {path} would both be clip {file.id}. {remedy}")
     return list(files.values())
 
@@ -301,11 +303,7 @@ def make_library(
 
 
 def make_entry(
-    file: LibraryFile,
-    body_paths: Mapping[str, Path],
-    out_dir: Path,
-    config: ReadConfig,
-    run: Run,
+    file: LibraryFile, body_paths: Mapping[str, Path], out_dir: Path, config: ReadConfig, run: Run
 ) -> ClipEntry:
     """Stage: one motion file as a clip in `clips/<id>` of the library; gives its manifest entry."""
     body_path = body_paths[chosen_body(file.path, body_paths)]

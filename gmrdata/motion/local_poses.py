@@ -35,7 +35,7 @@ from gmrdata.read.bodies import load_body
 from gmrdata.read.source_motion import ReadConfig, check_rate_hz
 from gmrdata.read.systems import prompthmr
 from gmrdata.read.systems.result import is_system_npz, read_system
-from gmrdata.values.body import BodyModel, gender_of, shape_on
+from gmrdata.values.body import SMPL, BodyModel, gender_of, shape_on
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz
@@ -186,17 +186,19 @@ def _of_clip(path: Path, fps_hz: float | None, body: BodyModel) -> tuple[Clip, .
     if not runs:
         raise BadMotionFile(f"{path}: none of its frames is valid. Give another clip")
     rate_hz = clip.motion.fps_hz if fps_hz is None else check_rate_hz(fps_hz, path)
-    same = clip.motion.body == body.name and clip.motion.shape.shape == (body.n_shape,)
-    shape = clip.motion.shape if same else np.zeros(body.n_shape)
-    source = f"{path.name}: {clip.motion.source}"
+    shape, gender = np.zeros(body.n_shape), gender_of(body)
+    by_size = body.name.startswith(SMPL) or len(clip.motion.shape) == body.n_shape
+    if clip.motion.body == body.name and by_size:
+        shape, gender = shape_on(body, clip.motion.shape), clip.motion.gender
+    whole = replace(clip.motion, shape=shape, fps_hz=rate_hz, body=body.name, gender=gender)
+    whole = replace(whole, source=f"{path.name}: {clip.motion.source}")
     clips = []
     for start, stop in runs:
-        motion = slice_motion(clip.motion, start, stop)
+        motion = slice_motion(whole, start, stop)
         if not np.isfinite(motion.local_rotmats).all():
             what = "a valid frame holds NaN or infinite poses"
             remedy = "Mark such frames as not valid, or make the clip again"
             raise BadMotionFile(f"{path}: {what}. {remedy}")
-        motion = replace(motion, shape=shape, fps_hz=rate_hz, body=body.name, source=source)
         numbers = clip.image_numbers[start:stop]
         numbers = np.arange(start, stop) if (numbers < 0).any() else numbers
         name = clip.id if len(runs) == 1 else f"{clip.id}_from_{start}"

@@ -10,7 +10,7 @@ from gmrdata.motion.rest_pose import some_rows, zero_pose_m
 from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, leg_length_m
 from gmrdata.values.joint_names import line_to
-from gmrdata.values.skinning import global_rotmats, joint_positions_m
+from gmrdata.values.skinning import global_rotmats
 from gmrdata.values.transforms import angles_deg
 
 RIGID_M = 1e-3  # how far a joint may move in the frame of what carries it
@@ -39,9 +39,7 @@ def on_pelvis(
         return hung, find(hung)
     if legs == parted or joints[JOINT["pelvis"]] != parted:
         return source, joints
-    rows = some_rows(source.n_frames)
-    frames = global_rotmats(source.parents, source.local_rotmats[rows])
-    places_m = joint_positions_m(source.parents, frames, source.translations_m[rows])
+    frames, places_m = source.posed(some_rows(source.n_frames))
     hips_m = places_m[:, joints[_LIMBS[0]]] - places_m[:, joints[_LIMBS[1]]]
     seen_m = np.einsum("tji,tj->ti", frames[:, parted], hips_m)
     if angles_deg(seen_m, seen_m.mean(axis=0)).max() < TURNS_DEG:
@@ -71,8 +69,7 @@ def hung_on(source: SourceMotion, pelvis: int) -> SourceMotion:
     the bone that now hangs on it; else it gets the frame that did, which was that of its child.
     """
     line = line_to(pelvis, source.parents)
-    frames = global_rotmats(source.parents, source.local_rotmats)
-    places_m = joint_positions_m(source.parents, frames, source.translations_m)
+    frames, places_m = source.posed()
     rest_m = source.rest_joints_m()
     parents = list(source.parents)
     framed = list(range(len(parents)))  # the bone whose frame each gets

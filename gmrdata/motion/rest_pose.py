@@ -89,8 +89,9 @@ def source_from_rest_axes(rest_joints_m: np.ndarray) -> np.ndarray:
     return np.stack([left, up, np.cross(left, up)], axis=1)
 
 
-def _left(rest_m: np.ndarray) -> np.ndarray:
-    return np.asarray(rest_m[JOINT["left_hip"]] - rest_m[JOINT["right_hip"]])
+def _left(joints_m: np.ndarray) -> np.ndarray:
+    """(..., 3) from the right hip to the left one of poses (..., 24, 3)."""
+    return np.asarray(joints_m[..., JOINT["left_hip"], :] - joints_m[..., JOINT["right_hip"], :])
 
 
 def arms_deg(rest_m: np.ndarray) -> np.ndarray:
@@ -278,19 +279,21 @@ def _pose_of(rest: SourceMotion, source: SourceMotion, name: str) -> np.ndarray:
 
 def _hips_off_deg(source: SourceMotion, joints: Mapping[int, int], rest_m: np.ndarray) -> float:
     """How far the hips are turned beside the pelvis's joint from where the zero pose has them."""
-    rows = some_rows(source.n_frames)
-    joints_m = source_joints_m(source, joints, rows)
-    lines = joints_m[:, JOINT["left_hip"]] - joints_m[:, JOINT["right_hip"]]
-    turned = global_rotmats(source.parents, source.local_rotmats[rows])[:, joints[JOINT["pelvis"]]]
-    at_rest = turned @ (rest_m[JOINT["left_hip"]] - rest_m[JOINT["right_hip"]])
-    return float(angles_deg(lines, at_rest).mean())
+    frames, places_m = source.posed(some_rows(source.n_frames))
+    turned = frames[:, joints[JOINT["pelvis"]]]
+    return float(angles_deg(_left(joints_of(places_m, joints)), turned @ _left(rest_m)).mean())
 
 
 def zero_pose_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
     """(24, 3) SMPL's joints in the zero pose of a source [m]; NaN where it has none."""
-    rest_m = np.full((N_JOINTS, 3), np.nan)
-    rest_m[list(joints)] = source.rest_joints_m()[list(joints.values())]
-    return rest_m
+    return joints_of(source.rest_joints_m(), joints)
+
+
+def joints_of(values: np.ndarray, bones: Mapping[int, int]) -> np.ndarray:
+    """Values (..., B, 3) of bones as values (..., 24, 3) of joints; NaN where there is no bone."""
+    joints = np.full((*values.shape[:-2], N_JOINTS, 3), np.nan)
+    joints[..., list(bones), :] = values[..., list(bones.values()), :]
+    return joints
 
 
 def _up_axis(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
@@ -309,16 +312,12 @@ def source_joints_m(
     source: SourceMotion, joints: Mapping[int, int], rows: np.ndarray
 ) -> np.ndarray:
     """(N, 24, 3) places of SMPL's joints in some frames of a source [m]; NaN where it has none."""
-    world_from_joint = global_rotmats(source.parents, source.local_rotmats[rows])
-    all_m = joint_positions_m(source.parents, world_from_joint, source.translations_m[rows])
-    joints_m = np.full((len(rows), N_JOINTS, 3), np.nan)
-    joints_m[:, list(joints)] = all_m[:, list(joints.values())]
-    return joints_m
+    return joints_of(source.posed(rows)[1], joints)
 
 
 def _frame(joints_m: np.ndarray, up: np.ndarray | None) -> np.ndarray:
     """Axes (3, 3) of a pose (24, 3): left by the hips, up given or by the trunk, and front."""
-    left = joints_m[JOINT["left_hip"]] - joints_m[JOINT["right_hip"]]
+    left = _left(joints_m)
     hips_m, shoulders_m = middles(joints_m, "hip", "shoulder")
     front = np.cross(left, shoulders_m - hips_m if up is None else up)
     upright = np.cross(front, left) if up is None else up
@@ -344,9 +343,7 @@ def _told_from(
 ) -> SourceMotion:
     """The same motion with local rotations `pose` (J, 3, 3) for its zero pose, set along `axes`."""
     turned = global_rotmats(source.parents, pose[None])
-    posed_m = joint_positions_m(source.parents, turned, source.offsets_m)[0]
-    joints_m = np.full((N_JOINTS, 3), np.nan)
-    joints_m[list(joints)] = posed_m[list(joints.values())]
+    joints_m = joints_of(joint_positions_m(source.parents, turned, source.offsets_m)[0], joints)
     zero = axes @ _frame(joints_m, up).T @ turned[0]
     if up is None and JOINT["spine1"] in joints:
         # The mean pose of a dance may be twisted: shoulders are set over the hips.

@@ -59,14 +59,7 @@ from gmrdata.motion.rest_pose import (
 )
 from gmrdata.motion.up_axis import turn_upright
 from gmrdata.read.source_motion import RestPose, SourceMotion, UpAxis
-from gmrdata.values.body import (
-    JOINT,
-    N_JOINTS,
-    PARENTS,
-    WORLD_FROM_REST,
-    BodyModel,
-    leg_length_m,
-)
+from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel, leg_length_m
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import (

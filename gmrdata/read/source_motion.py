@@ -15,7 +15,7 @@ from pydantic import Field
 from gmrdata.read.numbers import bad_line
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.records import Config
-from gmrdata.values.skinning import joint_positions_m
+from gmrdata.values.skinning import global_rotmats, joint_positions_m
 
 RestPose = Literal["t", "a", "arms_down", "arms_up", "along_axes", "first_frame"]
 """What a file's pose without rotations is.  The first four stand, with arms as said; along the
@@ -94,6 +94,12 @@ class SourceMotion:
         """Joint positions in the zero pose, root at its offset: (J, 3) [m]."""
         unturned = np.tile(np.eye(3), (1, len(self.parents), 1, 1))
         return np.asarray(joint_positions_m(self.parents, unturned, self.offsets_m)[0])
+
+    def posed(self, rows: slice | np.ndarray = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        """world_from_joint (N, J, 3, 3) and joints in the world (N, J, 3) [m] of some frames."""
+        world_from_joint = global_rotmats(self.parents, self.local_rotmats[rows])
+        translations_m = self.translations_m[rows]
+        return world_from_joint, joint_positions_m(self.parents, world_from_joint, translations_m)
 
 
 DROPPED_REST = "added rest pose in frame 0 dropped"

@@ -216,9 +216,7 @@ def fill_gaps(world_from_cam: np.ndarray, has_camera: np.ndarray, times: np.ndar
 def intrinsics_from_fov(hfov_deg: float, width_px: int, height_px: int) -> np.ndarray:
     """Calibration matrix (3, 3) [px]: square pixels, principal point in the image centre."""
     focal_px = 0.5 * width_px / np.tan(np.deg2rad(hfov_deg) / 2)
-    return np.array(
-        [[focal_px, 0.0, width_px / 2], [0.0, focal_px, height_px / 2], [0.0, 0.0, 1.0]]
-    )
+    return Lens.centred(focal_px, (width_px, height_px)).matrix_px
 
 
 def project_cam(points_cam_m: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:

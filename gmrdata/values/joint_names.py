@@ -1,12 +1,13 @@
 """Which joint of a file stands for which joint of the SMPL tree."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 from gmrdata.values.body import JOINT
-from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
 from gmrdata.values.files import parse_json
 from gmrdata.values.limits import MOST_JOINT_MAP_BYTES
 from gmrdata.values.plain_yaml import parse
@@ -117,11 +118,8 @@ def find_joints(
     if joint_map is None:
         found = joints_by_name(names, parents)
     else:
-        chosen = _read_map(joint_map, path)
-        if unknown := sorted(set(chosen) - set(names)):
-            what = f"the joint map names {', '.join(unknown)}, which the file does not have"
-            raise BadMotionFile(f"{path}: {what}. It has: {', '.join(names)}")
-        found = {joint: names.index(name) for name, joint in chosen.items()}
+        loaded = joint_map if isinstance(joint_map, Mapping) else _load_map(Path(joint_map))
+        found = mapped_joints(names, loaded, path, BadMotionFile)
         if not set(REQUIRED) <= set(found):
             found = joints_by_name(names, parents, found)
     if missing := [joint for joint in REQUIRED if joint not in found]:
@@ -218,18 +216,21 @@ def _middle(
     return middle | {joint: bones[0] for joint, bones in ends.items() if bones}
 
 
-def _read_map(joint_map: Mapping[str, str] | Path | str, path: Path) -> dict[str, str]:
-    """The user's map as a checked dict."""
-    loaded = joint_map if isinstance(joint_map, Mapping) else _load_map(Path(joint_map))
-    entries = {str(name): str(joint) for name, joint in loaded.items()}
-    wrong = sorted(set(entries.values()) - JOINT.keys())
-    if wrong:
+def mapped_joints(
+    names: Sequence[str], joint_map: Mapping[str, str], path: Path, error: type[GmrdataError]
+) -> dict[str, int]:
+    """`{SMPL joint: number of the bone}` as a person's map has it; an error names what can't be."""
+    entries = {str(name): str(joint) for name, joint in joint_map.items()}
+    joints = Counter(entries.values())
+    if wrong := sorted(joints.keys() - JOINT.keys()):
         what = f"the joint map speaks of {', '.join(wrong)}"
-        raise BadMotionFile(f"{path}: {what}; SMPL's joints are {', '.join(JOINT)}")
-    twice = sorted({joint for joint in entries.values() if [*entries.values()].count(joint) > 1})
-    if twice:
-        raise BadMotionFile(f"{path}: the joint map names {', '.join(twice)} more than once")
-    return entries
+        raise error(f"{path}: {what}; SMPL's joints are {', '.join(JOINT)}")
+    if twice := sorted(joint for joint, count in joints.items() if count > 1):
+        raise error(f"{path}: the joint map names {', '.join(twice)} more than once")
+    if unknown := sorted(entries.keys() - set(names)):
+        what = f"the joint map names {', '.join(unknown)}, which the file does not have"
+        raise error(f"{path}: {what}. It has: {', '.join(names)}")
+    return {joint: names.index(name) for name, joint in entries.items()}
 
 
 def _load_map(map_path: Path) -> Mapping[str, str]:

@@ -61,6 +61,12 @@ def euler_rotmats(
     return rotmats
 
 
+def about_z(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+    """The rotation about the z axis, from x towards y."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
 def rotmats_from_rotvecs(rotvecs: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Rotations by an axis times an angle [rad].
 
@@ -214,11 +220,8 @@ def fit_similarities(
     mean_a, mean_b = points_a_m.mean(1), points_b_m.mean(1)
     centred_a, centred_b = points_a_m - mean_a[:, None], points_b_m - mean_b[:, None]
     covariances = np.swapaxes(centred_a, 1, 2) @ centred_b / points_a_m.shape[1]
-    u, singular, vt = np.linalg.svd(covariances)
-    signs = np.ones_like(singular)
-    signs[:, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    rotmats = (u * signs[:, None]) @ vt
-    scales = (singular * signs).sum(1) / centred_b.var(1).sum(1)
+    rotmats, singular = _nearest_rotation(covariances)
+    scales = singular.sum(1) / centred_b.var(1).sum(1)
     translations_m = mean_a - scales[:, None] * (rotmats @ mean_b[..., None])[..., 0]
     return Similarities(scales, rotmats, translations_m)
 
@@ -259,7 +262,8 @@ def turns_about_mean_rad(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarra
 
 
 def _nearest_rotation(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rotation nearest to a 3x3 matrix, and its signed singular values."""
+    """The rotations nearest to matrices (..., 3, 3), and their signed singular values (..., 3)."""
     u, singular, vt = np.linalg.svd(matrix)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
-    return (u * signs) @ vt, singular * signs
+    signs = np.ones_like(singular)
+    signs[..., 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    return (u * signs[..., None, :]) @ vt, singular * signs

@@ -199,39 +199,37 @@ def test_a_rolling_shutter_shows_each_row_at_its_own_time(
     assert sha256_of_file(out_dir / "clip.npz") == sha256_of_file(sharp / "clip.npz")
 
 
+def in_saved_scene(code: str, folder: Path, scene: Path, *words: object) -> str:
+    """What code says that Blender runs in a saved scene."""
+    start = "import bpy, sys\nbpy.ops.wm.open_mainfile(filepath=sys.argv[1])\n"
+    script = folder / "script.py"
+    script.write_text(f"{start}scene = bpy.context.scene\n{code}")
+    return in_blender(script, scene, *words).stdout
+
+
 def test_a_saved_scene_plays_at_the_clip_s_rate(job, box_place, small_body, tmp_path):
     clip = load_clip(job.clip_path)
     motion = clip.motion.take(slice(1, 2), fps_hz=59.94)
     job = save_job(tmp_path / "in", small_body, motion, camera_of(clip).at_rows(slice(1, 2)))
     config = RenderConfig(samples=1, blend=True, scene=box_place)
     saved = job.render(tmp_path / "out", config) / "scene" / "scene.blend"
-    script = tmp_path / "rate.py"
-    script.write_text(
-        "import bpy, sys\n"
-        "bpy.ops.wm.open_mainfile(filepath=sys.argv[1])\n"
-        "render = bpy.context.scene.render\n"
-        "print('RATE', render.fps / render.fps_base)\n"
-    )
-    said = in_blender(script, saved).stdout.split("RATE ")[1]
+    code = "print('RATE', scene.render.fps / scene.render.fps_base)"
+    said = in_saved_scene(code, tmp_path, saved).split("RATE ")[1]
     assert float(said.split()[0]) == pytest.approx(59.94)
 
 
 def test_a_saved_scene_renders_the_same_pixels_elsewhere(sharp, tmp_path):
     (sharp / "scene").rename(tmp_path / "moved")
     try:
-        script = tmp_path / "again.py"
-        script.write_text(
-            "import bpy, sys\n"
-            "bpy.ops.wm.open_mainfile(filepath=sys.argv[1])\n"
-            "scene = bpy.context.scene\n"
+        picture = tmp_path / "again.bmp"
+        code = (
             "scene.frame_set(1)\n"
             "scene.cycles.seed = 1\n"
             "scene.compositing_node_group = None\n"
             "scene.render.filepath = sys.argv[2]\n"
             "bpy.ops.render.render(write_still=True)\n"
         )
-        picture = tmp_path / "again.bmp"
-        in_blender(script, tmp_path / "moved/scene.blend", picture)
+        in_saved_scene(code, tmp_path, tmp_path / "moved/scene.blend", picture)
     finally:
         (tmp_path / "moved").rename(sharp / "scene")
     np.testing.assert_array_equal(read(picture), read(sharp / "frames/00001.png"))

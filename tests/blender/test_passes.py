@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gmrdata.film.render import RenderConfig, frame_files
 from gmrdata.film.render_outputs import read_flow, read_normals
@@ -38,9 +39,8 @@ FULL = PLAIN.model_copy(
 def striding(body: BodyModel) -> Motion:
     """Three frames of someone who swings a leg and goes along x."""
     local = np.tile(np.eye(3), (N_FRAMES, 23, 1, 1))
-    for row in range(N_FRAMES):
-        cos, sin = np.cos(0.3 * row), np.sin(0.3 * row)
-        local[row, JOINT["left_hip"] - 1, 1:, 1:] = [[cos, -sin], [sin, cos]]
+    swings = Rotation.from_euler("x", 0.3 * np.arange(N_FRAMES)[:, None])
+    local[:, JOINT["left_hip"] - 1] = swings.as_matrix()
     return facing_x(body, [[0.1 * row + 3, -2.0, 0.95] for row in range(N_FRAMES)], local)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.scene import SceneConfig
@@ -39,14 +40,11 @@ CONFIG = RenderConfig(samples=4, scene=SceneConfig(seed=5))
 def walking(body: BodyModel) -> Motion:
     """Four frames of someone who strides along x with the arms down."""
     local = np.tile(np.eye(3), (N_FRAMES, 23, 1, 1))
-    for name, angle in (("left_shoulder", -1.2), ("right_shoulder", 1.2)):
-        cos, sin = np.cos(angle), np.sin(angle)
-        local[:, JOINT[name] - 1, :2, :2] = [[cos, -sin], [sin, cos]]
-    for name, sign in (("left_hip", 1), ("right_hip", -1)):
-        for row in range(N_FRAMES):
-            angle = sign * 0.4 * np.cos(0.9 * row)
-            cos, sin = np.cos(angle), np.sin(angle)
-            local[row, JOINT[name] - 1, 1:, 1:] = [[cos, -sin], [sin, cos]]
+    swings_rad = 0.4 * np.cos(0.9 * np.arange(N_FRAMES))
+    for side, sign in (("left", 1), ("right", -1)):
+        local[:, JOINT[f"{side}_shoulder"] - 1] = Rotation.from_euler("z", -1.2 * sign).as_matrix()
+        hips = Rotation.from_euler("x", sign * swings_rad[:, None])
+        local[:, JOINT[f"{side}_hip"] - 1] = hips.as_matrix()
     return facing_x(body, [[0.13 * row + 3, -2.0, 0.95] for row in range(N_FRAMES)], local)
 
 

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from gmrdata.film.character import Character, limb_angles_deg, residual_figures
 from gmrdata.film.programmes import Static, camera_path
@@ -20,11 +21,10 @@ from gmrdata.film.render_set import render_set
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.read import read_manifest
 from gmrdata.pages.sets import write_set_pages
 from gmrdata.read.body_file import save_body
-from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
+from gmrdata.values import joint_names
+from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, WORLD_FROM_REST, BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import (
     CharacterRecord,
@@ -38,45 +38,29 @@ from gmrdata.values.errors import BadManifest, RenderFailed
 from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
-from tests.blender.jobs import (
-    Job,
-    facing_x,
-    grown,
-    in_blender,
-    mask_of,
-    overlap,
-    save_job,
-    shrunk,
-)
+from tests.blender.jobs import Job, facing_x, grown, in_blender, mask_of, overlap, save_job, shrunk
+from tests.clip_manifests import clips_of
 from tests.folders import bytes_of
 
 pytestmark = pytest.mark.slow
 
 WIDTH_PX, HEIGHT_PX, N_FRAMES = 160, 90, 3
-WORLD_FROM_REST = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 LEGS = {f"{side}_{joint}": 1.1 for side in ("left", "right") for joint in ("hip", "knee")}
 ARMS = {f"{side}_{joint}": 0.9 for side in ("left", "right") for joint in ("shoulder", "elbow")}
 ARMS_DOWN_RAD, LEGS_APART_RAD = 0.8, 0.12
-MIXAMO = {
-    "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2", "neck": "Neck",
-    "head": "Head", "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase",
-    "collar": "Shoulder", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand",
-    "hand": "HandMiddle1",
-}  # fmt: skip
+MIXAMO = {joint: name for name, joint in joint_names.MIXAMO.items()}
+X, Y, Z = np.eye(3)
 
 
 Film, Files = Callable[..., Path], dict[str, Path]
 
 
 def mixamo_name(joint: str) -> str:
-    side, _, part = joint.rpartition("_")
-    return f"mixamorig:{side.capitalize()}{MIXAMO[part]}"
+    return f"mixamorig:{MIXAMO[joint]}"
 
 
 def rotation(axis: np.ndarray, angle_rad: float) -> np.ndarray:
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross
+    return Rotation.from_rotvec(angle_rad * axis / np.linalg.norm(axis)).as_matrix()
 
 
 def stand_in(
@@ -155,15 +139,14 @@ def striding(body: BodyModel) -> Motion:
     for row in range(N_FRAMES):
         swing = 0.6 * np.cos(0.9 * row)
         for side, sign in (("left", 1), ("right", -1)):
-            arm = rotation(np.array([1.0, 0, 0]), sign * swing) @ rotation(
-                np.array([0, 0, 1.0]), -1.2 * sign
-            )
-            local[row, JOINT[f"{side}_shoulder"] - 1] = arm
-            elbow = rotation(np.array([0, 1.0, 0]), -0.7 * sign)
-            local[row, JOINT[f"{side}_elbow"] - 1] = elbow
-            local[row, JOINT[f"{side}_hip"] - 1] = rotation(np.array([1.0, 0, 0]), -sign * swing)
-            knee = rotation(np.array([1.0, 0, 0]), 0.3 + 0.2 * sign)
-            local[row, JOINT[f"{side}_knee"] - 1] = knee
+            turns = {
+                "shoulder": rotation(X, sign * swing) @ rotation(Z, -1.2 * sign),
+                "elbow": rotation(Y, -0.7 * sign),
+                "hip": rotation(X, -sign * swing),
+                "knee": rotation(X, 0.3 + 0.2 * sign),
+            }
+            for part, turn in turns.items():
+                local[row, JOINT[f"{side}_{part}"] - 1] = turn
     return facing_x(body, [[0.2 * row, 0.0, 0.93] for row in range(N_FRAMES)], local)
 
 
@@ -429,9 +412,7 @@ def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
     )
     path = render_set(recipe, folder / "set")
     check_manifest(path)
-    manifest = read_manifest(path)
-    assert isinstance(manifest, Manifest)
-    body, someone = manifest.clips  # sorted by id
+    body, someone = clips_of(path)  # sorted by id
     assert someone.quality is not None and body.quality is not None
     assert someone.character is not None and body.character is None
     assert someone.licence == "CC0-1.0; character: CC0-1.0" and body.licence == "CC0-1.0"

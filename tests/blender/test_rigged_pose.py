@@ -15,11 +15,10 @@ from blender.people.rigged_pose import (
     check_rest,
     hips_m,
     joint_turns,
-    joints_of,
     of_feet,
     size_of,
 )
-from gmrdata.motion.rest_pose import LIMBS
+from gmrdata.motion.rest_pose import LIMBS, joints_of
 from gmrdata.values.body import JOINT, PARENTS, BodyModel
 from gmrdata.values.errors import BadCharacter
 from gmrdata.values.skinning import global_rotmats, motion_joints_m

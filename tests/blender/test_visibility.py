@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT, JOINT_NAMES, BodyModel
@@ -23,26 +24,22 @@ PASSER_BY_X_M = (9.0, 9.0, 9.0, 1.0, -3.0)
 WALL_M = [(-1.0, -2.0, 0.0), (-1.0, 2.0, 0.0), (-1.0, 2.0, 0.8), (-1.0, -2.0, 0.8)]
 
 
-def turn(axis: int, angle_rad: float) -> np.ndarray:
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    rotmat = np.eye(3)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    rotmat[np.ix_([i, j], [i, j])] = [[cos, -sin], [sin, cos]]
-    return rotmat
+def about_z(angle_rad: float) -> np.ndarray:
+    return Rotation.from_euler("z", angle_rad).as_matrix()
 
 
 def standing(body: BodyModel) -> Motion:
     """Facing +x, the left arm hanging down, the right forearm folded behind the back."""
     n_frames = len(PLACES_M)
     local = np.tile(np.eye(3), (n_frames, 23, 1, 1))
-    local[:, JOINT["left_shoulder"] - 1] = turn(2, -1.4)
-    local[:, JOINT["right_shoulder"] - 1] = turn(2, 1.4)
+    local[:, JOINT["left_shoulder"] - 1] = about_z(-1.4)
+    local[:, JOINT["right_shoulder"] - 1] = about_z(1.4)
     # The right forearm, along -x in the rest pose, points to the left, a little down and back.
     along = np.array([0.9, -0.1, -0.4]) / np.linalg.norm([0.9, -0.1, -0.4])
     third = np.cross(-along, [0.0, 1.0, 0.0])
     third /= np.linalg.norm(third)
     elbow = np.stack([-along, np.cross(third, -along), third], axis=1)
-    local[:, JOINT["right_elbow"] - 1] = turn(2, 1.4).T @ elbow
+    local[:, JOINT["right_elbow"] - 1] = about_z(1.4).T @ elbow
     return facing_x(body, [[0.0, 0.0, 0.95]] * n_frames, local)
 
 

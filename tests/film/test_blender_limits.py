@@ -2,22 +2,19 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gmrdata.film.render import RenderConfig, RenderJob, run_blender
 from gmrdata.stage.jobs import Job, _attempt
 from gmrdata.values.errors import BadRecipe, RenderOverLimit
 from gmrdata.values.limits import MIB, blender_bytes, blender_frame_s
-from gmrdata.values.motion import Motion
+from tests.blender.jobs import facing_x
 from tests.motions import save_bare
 
 
 @pytest.fixture
 def job(small_body, tmp_path) -> RenderJob:
-    turns, root = np.tile(np.eye(3), (1, 23, 1, 1)), np.eye(3)[None]
-    shape, name = np.zeros(small_body.n_shape), small_body.name
-    motion = Motion(turns, root, np.ones((1, 3)), shape, 10.0, name, "neutral", "world", "stands")
+    motion = facing_x(small_body, [[1.0, 1.0, 1.0]])
     clip_path = save_bare(tmp_path / "clip.npz", small_body, motion)
     paths = {"clip_path": clip_path, "body_path": tmp_path, "out_dir": tmp_path}
     return RenderJob(config=RenderConfig(), **paths)

@@ -19,19 +19,11 @@ from gmrdata.film.programmes import (
     plan_clip,
     static_twin,
 )
-from gmrdata.film.scene import (
-    Cast,
-    Extras,
-    load_cast,
-    looks_of,
-    make_cast,
-    save_cast,
-    save_extras,
-)
+from gmrdata.film.scene import Cast, Extras, load_cast, looks_of, make_cast, save_cast, save_extras
 from gmrdata.film.set_plan import SyntheticClip, planned_clip
 from gmrdata.film.walkers import CAR_SIZE_M, HALF_DRIVE_M, move_motion, way_driven_m
 from gmrdata.motion.gait import make_gait
-from gmrdata.motion.resample import hold_pose, slice_motion
+from gmrdata.motion.resample import hold_pose
 from gmrdata.read.source_motion import ReadConfig
 from gmrdata.score.camera_as_world import find_cameras, recovered_cameras
 from gmrdata.stage.recipes import find_recipe, load_recipe
@@ -57,6 +49,12 @@ def clip_of(body: BodyModel, number: int, kind: str = "walk", duration_s: float 
     film = Film(fps_hz=10, duration_s=duration_s)
     motion = film_motion(make_gait(kind, duration_s, 10.0, body, rng), film)
     return plan_clip("clip", motion, PROGRAMMES[number % len(PROGRAMMES)], film, rng)
+
+
+def piece_of(clip: Clip) -> Clip:
+    """Two frames, as a dry run's probe renders them."""
+    rows = slice(10, 12)
+    return replace(clip, motion=clip.motion.take(rows), camera=camera_of(clip).at_rows(rows))
 
 
 @pytest.fixture(scope="module")
@@ -295,13 +293,7 @@ def test_files_of_the_truth(casts, small_body, tmp_path):
 @pytest.mark.parametrize("number", range(6))
 def test_two_frames_of_a_clip_are_enough(small_body, number):
     """A dry run's probe renders no more."""
-    clip = clip_of(small_body, number)
-    camera = camera_of(clip)
-    piece = replace(
-        clip,
-        motion=slice_motion(clip.motion, 20, 22),
-        camera=camera.at_rows(slice(20, 22)),
-    )
+    piece = piece_of(clip_of(small_body, number))
     cast = make_cast(EVERYONE, [piece], small_body, 0)
     assert [walker.n_frames for walker in cast.walkers] == [2, 2, 2]
     assert cast.cars[0].world_from_car.shape == (2, 4, 4)
@@ -355,12 +347,6 @@ def test_passers_by_hold_their_poses_too(small_body):
     clip = plan_clip("a", film_motion(motion, film), Circular(), film, np.random.default_rng(3))
     cast = make_cast(Extras(passers_by=2, hold_s=0.5), [clip], small_body, 4)
     assert len(cast.walkers) == 2 and all(map(holds_still, cast.walkers))
-
-
-def piece_of(clip: Clip) -> Clip:
-    """Two frames, as a dry run's probe renders them."""
-    rows = slice(10, 12)
-    return replace(clip, motion=clip.motion.take(rows), camera=camera_of(clip).at_rows(rows))
 
 
 @pytest.mark.parametrize("hold_s", [0.4, 0.35, 2.5])  # 0.35 s lie between two frames

@@ -23,6 +23,7 @@ from gmrdata.film.character import (
 )
 from gmrdata.film.render import full_json
 from gmrdata.film.set_plan import SyntheticRecipe, render_config
+from gmrdata.values import joint_names
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
 from gmrdata.values.clip import CharacterRecord, load_character, save_character
 from gmrdata.values.errors import BadCharacter, BadMotionFile, GmrdataError, MissingInput
@@ -37,12 +38,8 @@ def glb(scene: object) -> bytes:
     return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON") + text
 
 
-MIXAMO = (
-    "Hips", "LeftUpLeg", "RightUpLeg", "Spine", "LeftLeg", "RightLeg", "Spine1", "LeftFoot",
-    "RightFoot", "Spine2", "LeftToeBase", "RightToeBase", "Neck", "LeftShoulder", "RightShoulder",
-    "Head", "LeftArm", "RightArm", "LeftForeArm", "RightForeArm", "LeftHand", "RightHand",
-    "LeftHandMiddle1", "RightHandMiddle1",
-)  # fmt: skip
+_NAME = {joint: name for name, joint in joint_names.MIXAMO.items()}
+MIXAMO = tuple(_NAME[joint] for joint in JOINT_NAMES)
 SMPL_FBX = (
     "Pelvis", "L_Hip", "R_Hip", "Spine1", "L_Knee", "R_Knee", "Spine2", "L_Ankle", "R_Ankle",
     "Spine3", "L_Foot", "R_Foot", "Neck", "L_Collar", "R_Collar", "Head", "L_Shoulder",
@@ -111,9 +108,9 @@ def test_a_joint_map_names_bones_as_they_are():
     partly = {name: joint for name, joint in joint_map.items() if joint != "left_knee"}
     for wrong, message in (
         (partly, "no bone is known to be left_knee. Give a joint_map"),
-        (joint_map | {"tail": "head"}, "joint_map names the bones tail, which it does not have"),
-        (joint_map | {"bone 1": "thigh"}, "joint_map speaks of the joints thigh; there are pelvis"),
-        (joint_map | {"bone 1": "head"}, "joint_map gives head more than one bone"),
+        (partly | {"tail": "left_knee"}, "the joint map names tail, which the file does not have"),
+        (joint_map | {"bone 1": "thigh"}, "map speaks of thigh; SMPL's joints are pelvis"),
+        (joint_map | {"bone 1": "head"}, "the joint map names head more than once"),
     ):
         with pytest.raises(BadCharacter, match=message):
             find_bones(names, PARENTS, wrong, FILE)

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmrdata.film.camera_moves import look_at
 from gmrdata.film.render_outputs import (
     project_joints,
     read_depth,
@@ -21,12 +20,11 @@ from gmrdata.film.render_outputs import (
     write_normals,
 )
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, load_joints, save_joints
 from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
 from gmrdata.values.files import write_npz
-from gmrdata.values.transforms import rigid
-from tests.motions import made_up
+from tests.blender.jobs import camera_at, facing_x
+from tests.motions import bare_clip
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -91,24 +89,10 @@ def test_other_images_are_refused(tmp_path):
 
 def filmed(body: BodyModel) -> Clip:
     """Row 0: the pelvis in the middle, 1 m ahead. Row 1: the camera has its back to the person."""
-    root = np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (2, 1, 1))
-    motion = made_up(
-        np.tile(np.eye(3), (2, 23, 1, 1)),
-        root,
-        np.tile([0.0, 0.0, 0.95], (2, 1)),
-        shape=np.zeros(body.n_shape),
-        body=body.name,
-    )
-    centres_m = np.array([[1.0, 0.0, 0.95], [1.0, 0.0, 0.95]])
-    targets_m = np.array([[0.0, 0.0, 0.95], [2.0, 0.0, 0.95]])
-    camera = CameraPath(
-        intrinsics_from_fov(60, 64, 36),
-        64,
-        36,
-        rigid(look_at(centres_m, targets_m), centres_m),
-        np.ones(2, dtype=bool),
-    )
-    return Clip("two", motion, np.ones(2, dtype=bool), np.arange(2), camera)
+    motion = facing_x(body, [[0.0, 0.0, 0.95]] * 2)
+    targets_m = [[0.0, 0.0, 0.95], [2.0, 0.0, 0.95]]
+    camera = camera_at([[1.0, 0.0, 0.95]] * 2, targets_m, (64, 36))
+    return replace(bare_clip("two", motion), camera=camera)
 
 
 def test_places_in_the_camera_and_the_image(small_body):

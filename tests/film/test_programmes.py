@@ -62,6 +62,18 @@ def walks(draw: st.DrawFn) -> np.ndarray:
     return np.c_[start + np.cumsum(steps, axis=0), bob]
 
 
+def straight(speed_m_per_s: float, n_frames: int = N_FRAMES) -> np.ndarray:
+    """The pelvis (T, 3) of someone who goes along x."""
+    way_m = speed_m_per_s / FPS_HZ * np.arange(n_frames)
+    return np.c_[way_m, np.zeros(n_frames), np.full(n_frames, 0.93)]
+
+
+def assert_rotations(rotmats: np.ndarray, atol: float) -> None:
+    identities = np.broadcast_to(np.eye(3), rotmats.shape)
+    np.testing.assert_allclose(rotmats @ np.swapaxes(rotmats, -1, -2), identities, atol=atol)
+    np.testing.assert_allclose(np.linalg.det(rotmats), 1.0, atol=atol)
+
+
 def filmed_by(programme: Programme, pelvis: np.ndarray, seed: int = 0) -> CameraPath:
     return camera_path(programme, pelvis, FPS_HZ, 640, 360, 60.0, np.random.default_rng(seed))
 
@@ -78,10 +90,7 @@ def test_every_programme_gives_real_cameras_with_the_person_in_frame(programme, 
     rotmats = camera.world_from_cam[:, :3, :3]
     assert camera.n_frames == N_FRAMES and camera.has_camera.all()
     assert np.isfinite(camera.world_from_cam).all()
-    np.testing.assert_allclose(
-        rotmats @ np.swapaxes(rotmats, -1, -2), np.tile(np.eye(3), (N_FRAMES, 1, 1)), atol=1e-9
-    )
-    np.testing.assert_allclose(np.linalg.det(rotmats), 1.0, atol=1e-9)
+    assert_rotations(rotmats, atol=1e-9)
     assert in_frame(camera, person_box(pelvis)).mean() == 1.0
     assert np.linalg.norm(camera.centres_world_m - pelvis, axis=1).min() > 1.0
     again = filmed_by(programme, pelvis, seed)
@@ -114,8 +123,7 @@ def test_panning_is_a_pure_rotation(pelvis):
 
 
 def test_panning_follows_a_walk_across_the_picture():
-    pelvis = np.c_[np.arange(N_FRAMES) * 0.13, np.zeros(N_FRAMES), np.full(N_FRAMES, 0.93)]
-    assert turn_deg(filmed_by(Panning(), pelvis))[-1] > 40
+    assert turn_deg(filmed_by(Panning(), straight(1.3)))[-1] > 40
 
 
 @settings(max_examples=20)
@@ -131,8 +139,7 @@ def test_linear_translates_only_at_constant_speed_on_a_line(pelvis, move):
 
 
 def test_linear_panning_does_both():
-    pelvis = np.c_[np.arange(N_FRAMES) * 0.13, np.zeros(N_FRAMES), np.full(N_FRAMES, 0.93)]
-    camera = filmed_by(LinearPanning(), pelvis)
+    camera = filmed_by(LinearPanning(), straight(1.3))
     steps = np.diff(camera.centres_world_m, axis=0)
     np.testing.assert_allclose(steps, np.tile(steps[0], (N_FRAMES - 1, 1)), atol=1e-9)
     assert turn_deg(camera)[-1] > 15
@@ -148,8 +155,7 @@ def test_small_drifts_by_centimetres():
 
 
 def test_static_does_not_move():
-    pelvis = np.c_[np.arange(N_FRAMES) * 0.05, np.zeros(N_FRAMES), np.full(N_FRAMES, 0.93)]
-    world_from_cam = filmed_by(Static(), pelvis).world_from_cam
+    world_from_cam = filmed_by(Static(), straight(0.5)).world_from_cam
     assert np.all(world_from_cam == world_from_cam[0])
 
 
@@ -169,9 +175,8 @@ def test_one_frame_is_enough():
 
 
 def test_a_subject_that_cannot_be_framed_is_an_error():
-    marathon = np.c_[np.arange(N_FRAMES) * 3.0, np.zeros(N_FRAMES), np.full(N_FRAMES, 0.93)]
     with pytest.raises(BadRecipe, match="static camera can't keep the subject in frame"):
-        filmed_by(Static(), marathon)
+        filmed_by(Static(), straight(30.0))
 
 
 @pytest.mark.parametrize("path", [np.zeros((0, 3)), np.zeros((4, 2)), np.full((4, 3), np.nan)])
@@ -204,7 +209,7 @@ def test_out_of_frame_is_counted():
     "programme", [Circular(), Linear(), Panning(), LinearPanning()], ids=lambda p: p.kind
 )
 def test_a_hand_adds_its_unrest_to_every_moving_camera(programme):
-    pelvis = np.c_[np.linspace(-2, 2, 600), np.zeros(600), np.full(600, 0.95)]
+    pelvis = straight(4 / 60, 600)
     wheels = programme.model_copy(update={"distance_m": 9.0})
     hand = wheels.model_copy(update={"handheld_deg": 0.5, "handheld_m": 0.02})
     smooth, held = filmed_by(wheels, pelvis), filmed_by(hand, pelvis)
@@ -222,7 +227,7 @@ def test_a_hand_adds_its_unrest_to_every_moving_camera(programme):
 
 
 def test_a_held_camera_keeps_the_person_in_frame():
-    pelvis = np.c_[np.linspace(-2, 2, N_FRAMES), np.zeros(N_FRAMES), np.full(N_FRAMES, 0.95)]
+    pelvis = straight(0.85)
     camera = filmed_by(Circular(handheld_deg=2.0, handheld_m=0.1), pelvis)
     assert in_frame(camera, person_box(pelvis)).mean() == 1.0
 
@@ -232,10 +237,7 @@ def test_the_target_is_in_the_middle_and_the_horizon_level(seed):
     rng = np.random.default_rng(seed)
     centres, targets = rng.normal(0, 3, (6, 3)), rng.normal(8, 2, (6, 3))
     rotmats = look_at(centres, targets)
-    np.testing.assert_allclose(
-        rotmats @ np.swapaxes(rotmats, -1, -2), np.tile(np.eye(3), (6, 1, 1)), atol=1e-12
-    )
-    np.testing.assert_allclose(np.linalg.det(rotmats), 1.0, atol=1e-12)
+    assert_rotations(rotmats, atol=1e-12)
     intrinsics_px = intrinsics_from_fov(60, 640, 360)
     world_from_cam = rigid(rotmats, centres)
     middle_px = project(world_from_cam, targets[:, None], intrinsics_px)[:, 0]

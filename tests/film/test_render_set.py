@@ -21,7 +21,6 @@ from gmrdata.film.render_set import (
 )
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import LICENCES
@@ -33,6 +32,7 @@ from gmrdata.stage.workers import worker_pool
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
 from gmrdata.write.bvh import write_bvh
+from tests.clip_manifests import clips_of
 from tests.film.set_kills import VICTIMS, contents, kill_and_complete, leftovers, write_recipe
 from tests.motions import save_bare
 
@@ -99,9 +99,7 @@ def test_a_twin_has_the_motion_of_its_clip_and_a_camera_that_rests(rendered):
 
 
 def test_every_clip_has_the_whole_person_in_frame_as_its_masks_say(rendered):
-    manifest = read_manifest(rendered)
-    assert isinstance(manifest, Manifest)
-    for clip in manifest.clips:
+    for clip in clips_of(rendered):
         assert clip.quality is not None
         figures = clip.quality.figures
         assert (figures["in_frame_share"], figures["clear_sight_share"]) == (1.0, 1.0)
@@ -174,15 +172,12 @@ def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path, anny):
     with pytest.raises(StageFailed, match=r"1 of 2 failed(.|\n)*far: a linear camera can't keep"):
         render_set(SyntheticRecipe.model_validate(recipe), tmp_path)
     assert "can't keep the subject in frame" in (tmp_path / "failed" / "far.txt").read_text()
-    manifest = read_manifest(tmp_path / "synthetic.yaml")
-    assert isinstance(manifest, Manifest)
-    assert (manifest.version, [clip.id for clip in manifest.clips]) == (
-        "1.0.0-incomplete",
-        ["near"],
-    )
-    check_manifest(tmp_path / "synthetic.yaml")
-    assert manifest.clips[0].quality is not None
-    assert manifest.clips[0].quality.figures["in_frame_share"] == 0.0
+    manifest_path = tmp_path / "synthetic.yaml"
+    assert read_manifest(manifest_path).version == "1.0.0-incomplete"
+    (clip,) = clips_of(manifest_path)
+    check_manifest(manifest_path)
+    assert clip.id == "near" and clip.quality is not None
+    assert clip.quality.figures["in_frame_share"] == 0.0
     assert (
         (tmp_path / "warnings.txt").read_text().startswith("clip near: the whole person is in 0%")
     )
@@ -209,9 +204,7 @@ def test_the_origin_of_motions_and_what_is_odd_in_them_is_kept(tmp_path, anny):
     changes = {"clips": clips, "camera_off": False, "render": PLAIN, "workers": 1}
     recipe = SyntheticRecipe.model_validate(RECIPE.model_dump() | changes)
     manifest_path = render_set(recipe, tmp_path / "out", motions_dir=tmp_path / "motions")
-    manifest = read_manifest(manifest_path)
-    assert isinstance(manifest, Manifest)
-    fast, kick = manifest.clips
+    fast, kick = clips_of(manifest_path)
     assert (fast.source.dataset, fast.source.sequence) == ("file", "fast")
     assert (kick.source.dataset, kick.source.sequence) == ("AMASS", "KIT/3/kick_poses")
     assert kick.licence == LICENCES["AMASS"] and fast.licence != kick.licence

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
 
 from benchmarks.training.default_body import (
     BMI_KG_PER_M2,
@@ -19,9 +20,17 @@ from benchmarks.training.default_body import (
 from gmrdata.film.character import phenotypes_of, sample_person
 from gmrdata.film.render import RenderConfig, full_json
 from gmrdata.film.scene import Extras, SceneConfig
-from gmrdata.film.set_plan import SyntheticRecipe, clip_rng, plan_takes, render_config, select
+from gmrdata.film.set_plan import (
+    SyntheticRecipe,
+    clip_rng,
+    plan_takes,
+    planned_clip,
+    render_config,
+    select,
+)
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.ground import on_ground
 from gmrdata.motion.library import library_files
 from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.source_motion import ReadConfig
@@ -30,6 +39,7 @@ from gmrdata.values.body import JOINT, PHENOTYPES
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadBodyFile, BadRecipe
 from gmrdata.values.skinning import motion_vertices_m
+from tests.motions import save_bare
 
 KINDS = ("walk", "run", "turn", "circle", "side_step")
 SCENES = [{"kind": "street"}, {"kind": "park", "light": "overcast"}, {"kind": "room", "seed": 5}]
@@ -44,13 +54,6 @@ def recipe_of(kinds: tuple[str, ...] = KINDS, **said: object) -> SyntheticRecipe
         | {"people": {"vary": True}, "scenes": SCENES}
         | said
     )
-
-
-@pytest.fixture(scope="module")
-def body_path(small_body, tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("body") / "body.npz"
-    save_body(path, small_body)
-    return path
 
 
 def plan(recipe: SyntheticRecipe, body_path: Path, folder: Path) -> dict[str, Path]:
@@ -116,6 +119,34 @@ def test_a_trial_s_name_that_two_motions_have_is_refused(tmp_path):
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / "run.bvh").write_text("HIERARCHY")
     assert select(recipe, tmp_path).files["walk"] == paths[0]
+
+
+def test_a_motion_that_lacks_its_skeleton_leaves_the_others(body_path, tmp_path):
+    """The whole set ended with it."""
+    (tmp_path / "02_01.amc").write_text(":FULLY-SPECIFIED\n:DEGREES\n1\nroot 0 0 0 0 0 0\n")
+    walk = {"id": "walk", "gait": "walk", "programme": {"kind": "small"}}
+    recipe = recipe_of(
+        clips=[walk, {"id": "cmu", "trial": "02_01", "programme": {"kind": "small"}}]
+    )
+    jobs, reasons = plan_takes(select(recipe, tmp_path), body_path, tmp_path / "plan", tmp_path)
+    assert jobs.keys() == {"walk"} and reasons.keys() == {"cmu"}
+    assert "its skeleton 02.asf is not beside it" in reasons["cmu"]
+
+
+@pytest.mark.parametrize("off_m", [0.4, -0.3, 0.0])
+def test_a_motion_of_the_sets_own_body_is_put_on_the_ground(small_body, tmp_path, off_m):
+    """In a world whose floor is elsewhere it was filmed in the air, or below the ground."""
+    walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
+    off_floor = replace(walk, pelvis_m=walk.pelvis_m + np.array([0, 0, off_m]))
+    path = save_bare(tmp_path / "walk.npz", small_body, off_floor)
+    clip = {"id": "walk", "trial": "walk", "programme": {"kind": "small"}}
+    recipe = recipe_of(clips=[clip], people={})
+    motion = planned_clip(recipe.clips[0], recipe, path, small_body)[0].motion
+    assert np.abs(motion_vertices_m(small_body, motion)[..., 2].min(axis=1)).max() < 0.03
+    assert motion.source.endswith(", put on the floor") == (off_m != 0.0)
+    turned = Rotation.from_euler("x", 180, degrees=True).as_matrix() @ walk.root_rotmats
+    upside_down = replace(walk, root_rotmats=turned, pelvis_m=[0, 0, 1.2] - walk.pelvis_m)
+    assert on_ground(small_body, upside_down) is upside_down
 
 
 def test_passers_by_from_files_are_read_as_the_set_says(tmp_path):
@@ -235,6 +266,8 @@ def test_light_suits_the_place(said, lit_by):
         ({"kind": "room", "extras": {"cars": 1}}, "a car doesn't fit a room"),
         ({"extras": {"dogs": 1}}, "Extra inputs are not permitted"),
         ({"extras": {"passers_by": -1}}, "greater than or equal to 0"),
+        ({"extras": {"motions": ["walk.bvh"]}}, "extras.motions: are for passers-by; give"),
+        ({"extras": {"cars": 1, "hold_s": 0.5}}, "extras.hold_s: nobody is asked for who"),
         ({"kind": "moon"}, "Input should be 'courtyard', 'street', 'park', 'room' or 'blend'"),
     ],
 )

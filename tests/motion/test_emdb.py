@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.manifest.read import load_clips
 from gmrdata.motion.emdb import make_emdb
 from gmrdata.read.emdb import read_emdb
 from gmrdata.values.body import BodyModel
@@ -22,6 +20,7 @@ from gmrdata.values.camera import project
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadBodyFile, BadSequence, MissingInput, UnsafePickle
 from gmrdata.values.transforms import rigid
+from tests.clip_manifests import clips_of
 from tests.damage import Calls, bytes_changed, in_one_folder, read_or_refused
 from tests.smpl_models import save_smpl
 
@@ -90,12 +89,10 @@ def test_manifests_of_all_of_emdb1_and_of_emdb2(tmp_path, bodies):
     ids = []
     for path in made:
         check_manifest(path)
-        manifest = read_manifest(path)
-        assert isinstance(manifest, Manifest)
-        ids.append([clip.id for clip in manifest.clips])
+        entries = clips_of(path)
+        ids.append([clip.id for clip in entries])
     assert ids == [["P0_09_outdoor_walk", second], [second], ["P0_09_outdoor_walk"]]
-    (entry,) = manifest.clips
-    assert isinstance(entry, ClipEntry)
+    (entry,) = entries
     assert (entry.body, entry.fps_hz) == ("smpl-male", 30.0)
     assert entry.source.sequence == "P0/09_outdoor_walk"
     assert entry.camera_motion == "linear_panning"
@@ -143,9 +140,7 @@ def test_frames_that_are_not_finite_are_dropped(tmp_path, bodies):
     assert np.flatnonzero(~clip.valid).tolist() == [2, 4, 6]
     assert np.isnan(clip.motion.local_rotmats[2]).all()
     assert np.isnan(camera_of(clip).world_from_cam[6]).all()
-    manifest = read_manifest(made[0])
-    assert isinstance(manifest, Manifest)
-    assert [part.reason for part in manifest.clips[0].dropped] == [
+    assert [part.reason for part in clips_of(made[0])[0].dropped] == [
         "poses or trans is not finite",
         "good_frames_mask is False",
         "extrinsics is no rigid transform",

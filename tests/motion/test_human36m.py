@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.runs import runs_at
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.manifest.read import load_clips
 from gmrdata.motion.human36m import make_human36m
 from gmrdata.read.body_file import read_body
 from gmrdata.read.human36m import find_subjects, read_cameras, read_takes
@@ -21,6 +20,7 @@ from gmrdata.values.camera import project
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import BadBodyFile, BadSequence, MissingInput
 from gmrdata.values.motion_metrics import orientation_errors_deg
+from tests.clip_manifests import clips_of
 from tests.damage import bytes_changed, in_one_folder, read_or_refused
 from tests.smpl_models import save_smpl
 
@@ -79,16 +79,15 @@ def test_two_manifests_by_subject(tmp_path, body_path):
     assert [path.name for path in made] == ["train.yaml", "test.yaml"]
     for path in made:
         check_manifest(path)
-    train, test = (read_manifest(path) for path in made)
-    assert isinstance(train, Manifest) and isinstance(test, Manifest)
-    assert [clip.id for clip in test.clips] == [
+    train, test = map(clips_of, made)
+    assert [clip.id for clip in test] == [
         "S9.Directions.1",
         "S9.Directions.2",
         "S9.Walking.1",
         "S9.Walking.2",
     ]
-    assert {clip.source.sequence.split("/")[0] for clip in train.clips} == {"S1", "S5"}
-    entry = test.clips[0]
+    assert {clip.source.sequence.split("/")[0] for clip in train} == {"S1", "S5"}
+    entry = test[0]
     assert (entry.fps_hz, entry.n_frames, entry.camera_motion) == (10.0, 7, "static")
     assert [(part.start, part.stop) for part in entry.dropped] == [(3, 4)]
     # Again: nothing is made.

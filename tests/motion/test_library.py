@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Manifest
-from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.manifest.read import load_clips
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.library import (
     FEW_FILES,
@@ -26,6 +25,7 @@ from gmrdata.motion.library import (
 )
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+from tests.clip_manifests import clips_of
 from tests.motions import save_bare
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -61,12 +61,6 @@ def write_amass(root: Path, names: list[str], n_frames: int = 12, **changed: Any
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, **arrays | changed)
         np.savez(path.parent / "shape.npz", gender="male", betas=np.zeros(16))
-
-
-def clips_of(path: Path) -> list[Any]:
-    manifest = read_manifest(path)
-    assert isinstance(manifest, Manifest)
-    return list(manifest.clips)
 
 
 def test_amass_in_worker_processes(tmp_path, body_path):
@@ -127,12 +121,13 @@ def test_bad_files_are_listed_at_the_end(tmp_path, body_path, workers):
 
 
 def test_a_name_that_is_no_text_loses_no_other_file(tmp_path, body_path):
-    """As zip files of Windows unpack it; what macOS puts beside files is no motion."""
+    """As zip files of Windows unpack it; what desktops leave beside files is no motion."""
     root = tmp_path / "AMASS"
     write_amass(root, NAMES[:2])
     named = root / f"{NAMES[0]}.npz"
-    for other in (named.with_name(f"._{named.name}"), root / "__MACOSX" / named.name):
-        other.parent.mkdir(exist_ok=True)
+    for folder in (named.parent, root / "__MACOSX", root / ".Trash-1000" / "files"):
+        other = folder / (f"._{named.name}" if folder == named.parent else named.name)
+        other.parent.mkdir(parents=True, exist_ok=True)
         other.write_bytes(b"\0\5\x16\7")
     named.rename(named.with_name("aufschw\udcfcnge_poses.npz"))
     with pytest.raises(BadMotionFile) as refused:
@@ -191,6 +186,11 @@ def test_names_of_clips(tmp_path):
     assert sorted(file.id for file in again) == sorted(found)
     with pytest.raises(BadRecipe, match="would both be clip walk"):
         library_files((tmp_path / "files" / "a", tmp_path / "files" / "b"))
+    write_amass(tmp_path / "files" / "b", ["run"])
+    with pytest.raises(
+        BadRecipe, match=r"b/run\.bvh and .*b/run\.npz would both.*Leave one out, as"
+    ):
+        library_files((tmp_path / "files" / "b",))
     with pytest.raises(MissingInput, match="nothing given"):
         library_files(())
     (tmp_path / "empty").mkdir()

@@ -18,13 +18,14 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.local_poses import read_local_poses
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, sized
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BrokenPickle, MissingInput, UnsafePickle
 from gmrdata.values.motion import Motion
 from tests.damage import Calls, bytes_changed, read_or_refused
 from tests.joblib_layout import joblib_bytes
+from tests.motions import save_bare
 from tests.read.system_files import (
     phalp_frame,
     phalp_poses,
@@ -106,6 +107,21 @@ def test_betas_are_kept_on_the_body_that_they_are_of(tmp_path, small_body):
     np.testing.assert_allclose(run.motion.shape, person["betas"].mean(axis=0), atol=1e-6)
     (other,) = read_local_poses(path, 30.0, body=replace(small_body, name="smpl-male"))
     assert not other.motion.shape.any()
+
+
+@pytest.mark.parametrize("of_body", ["smpl-female", "smpl-neutral"])
+def test_the_shape_of_a_clip_is_kept_by_size_and_its_gender_is_the_bodys(
+    of_body, tmp_path, small_body
+):
+    """A woman's clip on the neutral body was called female, and 10 betas were lost on 16."""
+    woman = replace(small_body, name="smpl-female")
+    motion = embedded_motions(woman, np.random.default_rng(0), count=1, duration_s=1)[0]
+    assert (motion.body, motion.gender) == ("smpl-female", "female")
+    path = save_bare(tmp_path / "walk.npz", woman, motion)
+    (run,) = read_local_poses(path, body=sized(replace(woman, name=of_body), 16))
+    kept = of_body == "smpl-female"
+    assert (run.motion.body, run.motion.gender) == (of_body, of_body.removeprefix("smpl-"))
+    np.testing.assert_array_equal(run.motion.shape, np.append(motion.shape * kept, np.zeros(6)))
 
 
 def test_wham(tmp_path, small_body):

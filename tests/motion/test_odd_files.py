@@ -19,7 +19,6 @@ from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import CMU_BVH, is_cmu, joints_by_name, line_to
 from gmrdata.values.motion_metrics import angles_rad
-from gmrdata.values.skinning import global_rotmats, joint_positions_m
 from gmrdata.values.transforms import rigid
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import frame_time, write_bvh
@@ -47,8 +46,7 @@ def _save(
             add(child)
 
     add(parents.index(-1))
-    frames = global_rotmats(source.parents, source.local_rotmats)
-    places_m = joint_positions_m(source.parents, frames, source.translations_m)
+    frames, places_m = source.posed()
     rest_m = source.rest_joints_m()
     offsets, rows = [], []
     for joint in order:
@@ -111,8 +109,7 @@ def test_a_root_whose_frame_is_that_of_the_bone_it_holds(
     """What the file does not say of the foot or the head is told of."""
     plain = replace(read_bvh(walk_path), offsets_m=1.01 * read_bvh(walk_path).offsets_m)
     parents = list(plain.parents)
-    frames = global_rotmats(plain.parents, plain.local_rotmats)
-    places_m = joint_positions_m(plain.parents, frames, plain.translations_m)
+    frames, places_m = plain.posed()
     turned = frames.copy()
     for above, below in pairwise(line_to(plain.names.index(root), parents)):
         parents[above], turned[:, below] = below, frames[:, above]

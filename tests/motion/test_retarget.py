@@ -15,7 +15,8 @@ from gmrdata.values.body import JOINT, JOINT_NAMES, WORLD_FROM_REST, BodyModel
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.joint_names import MIXAMO, find_joints
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import global_rotmats, joint_positions_m, motion_joints_m
+from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.transforms import angles_deg
 
 SOLE_M = -1.195
 """The small body's lowest vertex in its rest frame."""
@@ -120,15 +121,12 @@ def test_a_wrong_unit_is_told(write_person, small_body, tmp_path):
 def _limb_errors_deg(source: SourceMotion, motion: Motion, body: BodyModel) -> np.ndarray:
     """(T, 8) angle between the bones of a source (y up) and of the body (z up)."""
     joints = find_joints(source.names, source.parents, None, Path("x"))
-    rotmats = global_rotmats(source.parents, source.local_rotmats)
-    source_m = joint_positions_m(source.parents, rotmats, source.translations_m) @ WORLD_FROM_REST.T
+    source_m = source.posed()[1] @ WORLD_FROM_REST.T
     body_m = motion_joints_m(body, motion)
     errors = []
     for start, end in LIMBS:
         a = source_m[:, joints[end]] - source_m[:, joints[start]]
-        b = body_m[:, end] - body_m[:, start]
-        sine = np.linalg.norm(np.cross(a, b), axis=1)
-        errors.append(np.rad2deg(np.arctan2(sine, np.einsum("ti,ti->t", a, b))))
+        errors.append(angles_deg(a, body_m[:, end] - body_m[:, start]))
     return np.stack(errors, axis=1)
 
 

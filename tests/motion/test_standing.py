@@ -9,8 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.film.set_plan import SyntheticRecipe, planned_clip
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library, motion_table
@@ -19,7 +17,6 @@ from gmrdata.motion.pelvis import hung_on
 from gmrdata.motion.retarget import _turned as turned_source
 from gmrdata.motion.retarget import retarget
 from gmrdata.motion.up_axis import is_upright, person_of
-from gmrdata.read.body_file import save_body
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import ReadConfig, SourceMotion
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
@@ -28,8 +25,10 @@ from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import MIXAMO, find_joints, joints_by_name
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats
+from tests.clip_manifests import clips_of
 
 NAME = {joint: name for name, joint in MIXAMO.items()}
+T_POSE = np.tile(np.eye(3), (24, 1, 1))
 
 
 @pytest.fixture
@@ -73,9 +72,16 @@ def write(write_person, small_body, tmp_path) -> Callable[..., Path]:
     return write
 
 
+@pytest.fixture
+def plain(write) -> tuple[SourceMotion, dict[int, int]]:
+    """That walk from a T-pose, and the joints of its skeleton."""
+    source = read_bvh(write("t", T_POSE))
+    return source, find_joints(source.names, source.parents, None, Path("a"))
+
+
 def _turned(**angles_deg: float) -> np.ndarray:
     """A pose (24, 3, 3) with each arm turned down about the front by so many degrees."""
-    local = np.tile(np.eye(3), (24, 1, 1))
+    local = T_POSE.copy()
     for joint, angle_deg in angles_deg.items():
         for side, sign in (("left", -1), ("right", 1)):
             turn = Rotation.from_euler("z", sign * angle_deg, degrees=True).as_matrix()
@@ -86,7 +92,7 @@ def _turned(**angles_deg: float) -> np.ndarray:
 def _along_bones(small_body: BodyModel) -> np.ndarray:
     """A pose in which each bone lies along x, as rigs are drawn that nobody set upright."""
     rest_m = small_body.rest_joints_m(np.zeros(10))
-    zero = np.tile(np.eye(3), (24, 1, 1))
+    zero = T_POSE.copy()
     for joint in range(1, 24):
         child = next((c for c in range(24) if PARENTS[c] == joint), None)
         bone = rest_m[child] - rest_m[joint] if child is not None else np.array([1.0, 2.0, 3.0])
@@ -104,7 +110,7 @@ def _apart_deg(a: Motion, b: Motion, rows: slice = slice(None)) -> np.ndarray:
 
 @pytest.mark.parametrize("down_deg", [0.0, 45.0, 90.0])
 def test_arms_may_hang_in_the_zero_pose(write, small_body, down_deg):
-    motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body)
+    motion = read_motion(write("t", T_POSE), small_body)
     other = read_motion(write("a", _turned(shoulder=down_deg)), small_body)
     # Hands and palms, too: the arm is 2.2 degrees off the plane in which it was turned down.
     apart_deg = _apart_deg(motion, other)
@@ -116,9 +122,8 @@ def test_arms_may_hang_in_the_zero_pose(write, small_body, down_deg):
 @pytest.mark.parametrize("raised", [True, False], ids=["arms up", "along the bones"])
 def test_a_t_pose_in_frame_0_says_what_rotations_mean(write, small_body, raised):
     zero = _turned(shoulder=-90.0) if raised else _along_bones(small_body)
-    t_pose = np.tile(np.eye(3), (24, 1, 1))
     motion = read_motion(
-        write("t", t_pose, t_pose=True), small_body, drop_rest_frame=False, ground=True
+        write("t", T_POSE, t_pose=True), small_body, drop_rest_frame=False, ground=True
     )
     other = read_motion(
         write("bones", zero, t_pose=True), small_body, drop_rest_frame=False, ground=True
@@ -142,16 +147,16 @@ def test_a_t_pose_that_is_dropped_says_it_too(write, small_body, rest_pose):
 
 
 def test_a_t_pose_after_an_added_one_says_it_as_well(write, small_body):
-    zero, t_pose = _turned(shoulder=-90.0), np.tile(np.eye(3), (24, 1, 1))
+    zero = _turned(shoulder=-90.0)
     source = read_bvh(write("up", zero, t_pose=True), drop_rest_frame=False)
-    source = replace(source, first_row=1, added_pose=t_pose)  # the arms go up in it, as at zero
+    source = replace(source, first_row=1, added_pose=T_POSE)  # the arms go up in it, as at zero
     joints = find_joints(source.names, source.parents, None, Path("a"))
     motion, _ = retarget(source, joints, small_body)
     assert "turns told from frame 1, a T-pose" in motion.source
 
 
 def test_the_added_pose_goes_with_its_motion(write):
-    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
+    source = read_bvh(write("t", T_POSE))
     source = replace(source, added_pose=source.local_rotmats[0])
     hung = hung_on(source, source.names.index("LeftArm"))
     np.testing.assert_allclose(hung.added_pose, hung.local_rotmats[0], atol=1e-12)
@@ -160,13 +165,13 @@ def test_the_added_pose_goes_with_its_motion(write):
 
 
 def test_local_poses_are_counted_by_the_files_rows(write, small_body):
-    path = write("t", np.tile(np.eye(3), (24, 1, 1)), t_pose=True)
+    path = write("t", T_POSE, t_pose=True)
     (clip,) = read_local_poses(path, body=small_body)
     np.testing.assert_array_equal(clip.image_numbers, np.arange(1, 60))
 
 
 def test_without_a_t_pose_it_is_the_mean_pose(write, small_body):
-    motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body)
+    motion = read_motion(write("t", T_POSE), small_body)
     other = read_motion(write("bones", _along_bones(small_body)), small_body)
     assert "turns told from the mean pose" in other.source
     apart_deg = _apart_deg(motion, other)
@@ -176,8 +181,8 @@ def test_without_a_t_pose_it_is_the_mean_pose(write, small_body):
 
 
 def test_the_zero_pose_may_be_given(write, small_body):
-    up, t_pose = _turned(shoulder=-90.0), np.tile(np.eye(3), (24, 1, 1))
-    motion = read_motion(write("t", t_pose), small_body, ground=False)
+    up = _turned(shoulder=-90.0)
+    motion = read_motion(write("t", T_POSE), small_body, ground=False)
     path = write("up", up)
     assert "turns told from the mean pose" in read_motion(path, small_body).source
     given = read_motion(path, small_body, rest_pose="arms_up", ground=False)
@@ -188,7 +193,7 @@ def test_the_zero_pose_may_be_given(write, small_body):
     assert np.delete(_apart_deg(motion, told), [7, 8, 10, 11]).max() < 0.01
     for wrong, words in (
         ("t", r"up.bvh: the arms of the zero pose point \+\d\d degrees above the level, so"),
-        (write("other", t_pose), "up.bvh: the offset of .* is another in the file of --rest-pose"),
+        (write("other", T_POSE), "up.bvh: the offset of .* is another in the file of --rest-pose"),
         (Path("tpose"), "tpose: no such file. --rest-pose takes a BVH file, or t, a, arms_down"),
     ):
         with pytest.raises((BadMotionFile, MissingInput), match=words):
@@ -232,26 +237,24 @@ def _plan(recipe: dict[str, object], path: Path, body: BodyModel) -> Clip:
 
 
 def test_hands_that_the_zero_pose_bends(write, small_body):
-    motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body, ground=False)
+    motion = read_motion(write("t", T_POSE), small_body, ground=False)
     other = read_motion(write("bent", _turned(wrist=40.0)), small_body, ground=False)
     assert _apart_deg(motion, other)[[JOINT["left_wrist"], JOINT["right_hand"]]].max() < 0.01
 
 
-def test_joints_that_move_as_well_as_turn(write, small_body):
+def test_joints_that_move_as_well_as_turn(plain, small_body):
     # Axis Neuron's files have places for each joint, which give in as flesh does.
-    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
-    joints = find_joints(source.names, source.parents, None, Path("a"))
+    source, joints = plain
     moved_m = source.translations_m.copy()
     moved_m[:, 1:] += 0.02 * np.random.default_rng(0).normal(size=moved_m[:, 1:].shape)
     _, residual = retarget(replace(source, translations_m=moved_m), joints, small_body)
     assert residual.worst_deg["limbs"] < 1e-3 and 0.1 < residual.mean_deg["hip line"] < 20
 
 
-def test_what_was_read_stands_in_table_and_manifest(write, small_body, tmp_path):
+def test_what_was_read_stands_in_table_and_manifest(write, body_path, tmp_path):
     write("walk", _turned(shoulder=60.0))
     fallen = write("fallen", _turned(shoulder=60.0), lies=True)
-    save_body(tmp_path / "small.npz", small_body)
-    table = motion_table((tmp_path,), str(tmp_path / "small.npz"), ReadConfig(fps_hz=50))
+    table = motion_table((tmp_path,), str(body_path), ReadConfig(fps_hz=50))
     assert [row[:4] for row in table.rows] == [
         ("fallen.bvh", "60", "50", "given"),
         ("walk.bvh", "60", "50", "given"),
@@ -260,21 +263,20 @@ def test_what_was_read_stands_in_table_and_manifest(write, small_body, tmp_path)
     warning, fast = table.warnings
     assert warning.startswith("fallen.bvh: the person lies or leans throughout")
     assert fast.startswith("walk.bvh: walks at")  # at 50 Hz, not at its 30
-    made = make_library((fallen,), str(tmp_path / "small.npz"), tmp_path / "out")
-    (clip,) = read_manifest(made).clips
-    assert isinstance(clip, ClipEntry) and clip.quality is not None
+    made = make_library((fallen,), str(body_path), tmp_path / "out")
+    (clip,) = clips_of(made)
+    assert clip.quality is not None
     assert clip.quality.figures["limbs_residual_deg_worst"] == 0.0
     record = ReadingRecord.read(tmp_path / "out" / "clips" / "fallen" / READING_FILE)
     assert (record.rate_from, record.upright) == ("header", False)
     with pytest.raises(BadMotionFile, match=r"config\.rest_pose"):
-        make_library((fallen,), str(tmp_path / "small.npz"), tmp_path / "out", rest_pose="a")
+        make_library((fallen,), str(body_path), tmp_path / "out", rest_pose="a")
 
 
 @pytest.mark.parametrize("per_unit", [1.0, 0.0254, 0.001, 0.04, 0.01])
 def test_any_unit_is_found_by_the_legs(write, small_body, per_unit):
-    t_pose = np.tile(np.eye(3), (24, 1, 1))
-    motion = read_motion(write("cm", t_pose), small_body)
-    other = read_motion(write("unit", t_pose, per_unit=per_unit), small_body)
+    motion = read_motion(write("cm", T_POSE), small_body)
+    other = read_motion(write("unit", T_POSE, per_unit=per_unit), small_body)
     # The unit says only when a foot counts as still, from which flat feet and the floor are read.
     np.testing.assert_allclose(other.rotmats, motion.rotmats, atol=1e-4)
     np.testing.assert_allclose(other.pelvis_m, motion.pelvis_m, atol=1e-3)
@@ -306,10 +308,9 @@ def _with_pivots(source: SourceMotion, angles_deg: np.ndarray) -> SourceMotion:
     )
 
 
-def test_hips_that_turn_beside_their_joint(write, small_body):
+def test_hips_that_turn_beside_their_joint(plain, small_body):
     # Networks that place joints write such files: deep-motion-editing's results, for one.
-    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
-    joints = find_joints(source.names, source.parents, None, Path("a"))
+    source, joints = plain
     motion, _ = retarget(source, joints, small_body)
     turned = _with_pivots(source, np.full(source.n_frames, 90.0))
     joints = find_joints(turned.names, turned.parents, None, Path("a"))
@@ -323,9 +324,8 @@ def test_hips_that_turn_beside_their_joint(write, small_body):
         retarget(swinging, joints, small_body)
 
 
-def test_an_animal_is_refused(write, small_body):
-    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
-    joints = find_joints(source.names, source.parents, None, Path("a"))
+def test_an_animal_is_refused(plain, small_body):
+    source, joints = plain
     offsets_m = source.offsets_m.copy()
     spine = [joints[JOINT[name]] for name in ("spine1", "spine2", "spine3", "neck")]
     offsets_m[spine] = offsets_m[spine][:, [0, 2, 1]]  # the trunk lies, its legs hang
@@ -337,9 +337,8 @@ def test_an_animal_is_refused(write, small_body):
         retarget(lying, joints, small_body, name="beast.bvh")
 
 
-def test_one_who_lies_throughout_is_told_of(write, small_body):
-    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
-    joints = find_joints(source.names, source.parents, None, Path("a"))
+def test_one_who_lies_throughout_is_told_of(plain, small_body):
+    source, joints = plain
     assert is_upright(person_of(small_body, retarget(source, joints, small_body)[0]))
     local_rotmats = source.local_rotmats.copy()
     local_rotmats[:, 0] = (

@@ -6,8 +6,7 @@ import pytest
 from gmrdata.motion.files import read_motion
 from gmrdata.read.amc import read_amc
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import SourceMotion
-from gmrdata.values.skinning import global_rotmats, joint_positions_m, motion_joints_m
+from gmrdata.values.skinning import motion_joints_m
 
 LEGS = {
     "Hips": "root", "LeftUpLeg": "lfemur", "LeftLeg": "ltibia", "LeftFoot": "lfoot",
@@ -39,11 +38,6 @@ def _angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.rad2deg(2 * np.arcsin(np.linalg.norm(a - b, axis=(-2, -1)) / np.sqrt(8)))
 
 
-def _posed(source: SourceMotion) -> tuple[np.ndarray, np.ndarray]:
-    rotmats = global_rotmats(source.parents, source.local_rotmats)
-    return rotmats, joint_positions_m(source.parents, rotmats, source.translations_m)
-
-
 def _directions(positions: np.ndarray, names: tuple[str, ...], bones) -> np.ndarray:
     bone = np.stack(
         [positions[:, names.index(b)] - positions[:, names.index(a)] for a, b in bones], axis=1
@@ -58,7 +52,7 @@ def test_both_readers_see_the_same_skeleton_move(cmu_dir, trial):
     assert "added rest pose in frame 0 dropped" in bvh.notes
     assert bvh.n_frames == amc.n_frames
     assert bvh.fps_hz == amc.fps_hz == 120.0
-    (bvh_rotmats, bvh_m), (amc_rotmats, amc_m) = _posed(bvh), _posed(amc)
+    (bvh_rotmats, bvh_m), (amc_rotmats, amc_m) = bvh.posed(), amc.posed()
     names = LEGS | ABOVE
     in_bvh, in_amc = (
         [bvh.names.index(n) for n in names],

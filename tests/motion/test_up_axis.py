@@ -12,7 +12,6 @@ from gmrdata.motion.files import read_file, read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library
 from gmrdata.motion.up_axis import person_of, standing_along
-from gmrdata.read.body_file import save_body
 from gmrdata.read.source_motion import ReadConfig, UpAxis, axis_of
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.clip import load_clip
@@ -148,13 +147,12 @@ def test_one_who_lies_in_a_rig_that_shows_no_up(tmp_path, small_body, write_pers
     assert not [what for what in said.remarks if "no up" in what]
 
 
-def test_up_stands_in_the_record(tmp_path, small_body):
-    save_body(tmp_path / "small.npz", small_body)
+def test_up_stands_in_the_record(tmp_path, small_body, body_path):
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
     path = _save(tmp_path / "walk.npz", _in_world(walk, "y"), small_body)
     for up, upright in ((None, True), ("z", False)):
         out = tmp_path / f"out_{up}"
-        make_library((path,), str(tmp_path / "small.npz"), out, up=up)
+        make_library((path,), str(body_path), out, up=up)
         record = ReadingRecord.read(out / "clips" / "walk" / READING_FILE)
         assert (record.upright, record.residual_deg) == (upright, {})
 

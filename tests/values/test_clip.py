@@ -1,8 +1,9 @@
-"""The clip file: what is saved is loaded, and what is broken is refused."""
+"""The clip file: what is saved is loaded, and what is broken is refused.  Runs of texts."""
 
 import io
 import zipfile
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,16 @@ from hypothesis import strategies as st
 
 from gmrdata.values import limits
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
-from gmrdata.values.clip import _CAMERA_SHAPES, _SHAPES, Clip, load_clip, rows_of_numbers, save_clip
+from gmrdata.values.clip import (
+    _CAMERA_SHAPES,
+    _SHAPES,
+    Clip,
+    load_clip,
+    rows_of_numbers,
+    save_clip,
+    text_runs,
+    texts_of,
+)
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
 from tests.damage import Calls
@@ -254,3 +264,12 @@ def test_npz_bomb_is_refused_unopened(tmp_path, monkeypatch):
     monkeypatch.setattr(limits, "FREE_BYTES", 1_000_000)
     with pytest.raises(BadMotionFile, match="unpacks to more bytes"):
         read_npz(path)
+
+
+@given(st.lists(st.sampled_from(["", "a", "b"]), max_size=30))
+def test_runs_tile_the_rows_and_give_the_texts_back(texts):
+    runs = text_runs(texts)
+    assert [start for start, _, _ in runs] == [0, *[stop for _, stop, _ in runs]][: len(runs)]
+    assert all(a[2] != b[2] for a, b in pairwise(runs))
+    assert texts_of(runs, len(texts)) == texts
+    assert texts_of((run for run in runs if run[2]), len(texts)) == texts
