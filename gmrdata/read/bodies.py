@@ -78,11 +78,6 @@ def read_smpl(path: Path) -> BodyModel:
     return body
 
 
-def says_gender(path: Path) -> bool:
-    """Whether the name of a model's file, or of its folder, says a gender."""
-    return _found_gender(path) is not None
-
-
 def _without_fingers(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """SMPL+H's arrays on the 24-joint tree; fingers are straight against the first index joint."""
     weights, pose_dirs_m, tree = (arrays[k] for k in ("weights", "posedirs", "kintree_table"))
@@ -183,7 +178,7 @@ def body_files(folder: Path) -> list[Path]:
     found = {path for pattern in _IN_FOLDER for path in visible(folder.glob(pattern))}
     inside = (path for path in found if path.resolve().is_relative_to(folder.resolve()))
     files = (path for path in inside if path.suffix in (".npz", ".pkl") and path.is_file())
-    return sorted(path for path in files if says_gender(path) or npz_format(path) == BODY_FORMAT)
+    return sorted(path for path in files if _found_gender(path) or npz_format(path) == BODY_FORMAT)
 
 
 def load_bodies(body: Path | str | None) -> tuple[BodyModel, ...]:
