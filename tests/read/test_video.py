@@ -370,29 +370,20 @@ def test_fewer_than_two_frames_are_refused_and_leave_no_folder(tmp_path, n_frame
     assert not (tmp_path / "frames").exists()
 
 
-def test_what_is_no_video_is_named(tmp_path):
+def test_what_is_no_video_is_named_with_what_to_do(tmp_path):
     with pytest.raises(MissingInput, match=r"no\.mp4"):
         extract_video(tmp_path / "no.mp4", tmp_path / "frames")
     playlist = f"#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n{make_video(tmp_path / 'b.ts')}\n"
+    whole = make_video(tmp_path / "whole.mp4").read_bytes()
+    at_index, at_data = whole.index(b"moov") - 4, whole.index(b"mdat") - 4
+    still_open = whole[:at_data] + bytes(4) + whole[at_data + 4 : at_index]
     contents = {
         "empty.mp4": (b"", "empty file"),
         "text.mp4": (b"not a video at all", "no video"),
         "playlist.mp4": (playlist.encode(), "no video"),
         "concat.mp4": (f"ffconcat version 1.0\nfile {tmp_path}/b.ts\n".encode(), "no video"),
         "image.png": (cv2.imencode(".png", picture(0))[1].tobytes(), "no video"),
-        "head.mp4": (make_video(tmp_path / "c.mp4").read_bytes()[:900], "was cut off before"),
-    }
-    for name, (content, said) in contents.items():
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(BadFrames, match=f"{name}: {said}"):
-            extract_video(tmp_path / name, tmp_path / "frames")
-
-
-def test_what_is_no_whole_video_says_what_to_do(tmp_path):
-    whole = make_video(tmp_path / "whole.mp4").read_bytes()
-    at_index, at_data = whole.index(b"moov") - 4, whole.index(b"mdat") - 4
-    still_open = whole[:at_data] + bytes(4) + whole[at_data + 4 : at_index]
-    contents = {
+        "head.mp4": (whole[:900], "was cut off before"),
         "half.mp4": (whole[: at_index - 99], "was cut off before its index (moov); get the whole"),
         "open.mp4": (still_open, "was cut off before its index (moov); get the whole"),
         "crashed.mp4": (whole[:at_index] + bytes(99), "no video (without an index, moov"),
