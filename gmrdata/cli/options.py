@@ -294,7 +294,7 @@ def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
     from gmrdata.read.bodies import body_file
     from gmrdata.values.clip import load_clip
 
-    name = load_clip(clip_path).motion.body if Path(body).is_dir() else body
+    name = load_clip(clip_path).motion.body if Path(body).expanduser().is_dir() else body
     return (PersonFiles(clip_path, body_file(body, name)),)
 
 

@@ -78,11 +78,6 @@ def read_smpl(path: Path) -> BodyModel:
     return body
 
 
-def says_gender(path: Path) -> bool:
-    """Whether the name of a model's file, or of its folder, says a gender."""
-    return _found_gender(path) is not None
-
-
 def _without_fingers(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """SMPL+H's arrays on the 24-joint tree; fingers are straight against the first index joint."""
     weights, pose_dirs_m, tree = (arrays[k] for k in ("weights", "posedirs", "kintree_table"))
@@ -151,9 +146,9 @@ def load_body(body: Path | str | None) -> BodyModel:
     "anny", and None, are the default body, `ANNY_FILE`.  A path is of SMPL's model as `.npz` or
     `.pkl`, or of an `.npz` of gmrdata's own.
     """
-    if body in ("anny", None):
+    path = _given(body)
+    if path is None:
         return read_body(ANNY_FILE)
-    path = Path(body).expanduser()
     if path.is_dir():
         what = "a folder of bodies, and here one body stands for everybody. Name one of its files"
         raise BadBodyFile(f"{path}: {what}")
@@ -168,6 +163,11 @@ def load_body(body: Path | str | None) -> BodyModel:
     raise BadBodyFile(f"{path}: a body is 'anny', or a file ending in .npz or .pkl")
 
 
+def _given(body: Path | str | None) -> Path | None:
+    """The file or folder that a body's path names; None for the default body."""
+    return None if body is None or str(body) == "anny" else Path(body).expanduser()
+
+
 _IN_FOLDER = ("*", "*/*", "*/*/*")
 """Where a folder's models lie: in it, as SMPL's releases have them, as `female/model.npz`."""
 
@@ -178,7 +178,7 @@ def body_files(folder: Path) -> list[Path]:
     found = {path for pattern in _IN_FOLDER for path in visible(folder.glob(pattern))}
     inside = (path for path in found if path.resolve().is_relative_to(folder.resolve()))
     files = (path for path in inside if path.suffix in (".npz", ".pkl") and path.is_file())
-    return sorted(path for path in files if says_gender(path) or npz_format(path) == BODY_FORMAT)
+    return sorted(path for path in files if _found_gender(path) or npz_format(path) == BODY_FORMAT)
 
 
 def load_bodies(body: Path | str | None) -> tuple[BodyModel, ...]:
@@ -187,14 +187,16 @@ def load_bodies(body: Path | str | None) -> tuple[BodyModel, ...]:
     They get as many shape coefficients as the one with most.  MissingInput: a folder without any.
     BadBodyFile: two files are of one body.
     """
-    if body is None or not (folder := Path(body).expanduser()).is_dir() or body == "anny":
-        return (load_body(body),)
+    folder = _given(body)
+    if folder is None or not folder.is_dir():
+        return (load_body(folder),)
     found = _named_files(folder)
     return of_equal_size([one for _, one in (found[name] for name in sorted(found))])
 
 
-def body_inputs(path: Path | None, role: str = "body") -> dict[str, Path]:
+def body_inputs(body: Path | None, role: str = "body") -> dict[str, Path]:
     """The files of `load_bodies`, as a stage's inputs; none for the default body."""
+    path = _given(body)
     if path is None or not path.is_dir():
         return {} if path is None else {role: path}
     return {f"{role}_{number}": file for number, file in enumerate(body_files(path))}
@@ -202,9 +204,9 @@ def body_inputs(path: Path | None, role: str = "body") -> dict[str, Path]:
 
 def body_file(body: str, name: str) -> Path:
     """The file of the body of that name, of those that `load_bodies` takes."""
-    folder = Path(body).expanduser()
-    if body == "anny" or not folder.is_dir():
-        return ANNY_FILE if body == "anny" else Path(body)
+    folder = _given(body)
+    if folder is None or not folder.is_dir():
+        return folder or ANNY_FILE
     found = _named_files(folder)
     if name not in found:
         raise BadBodyFile(f"{folder}: holds {', '.join(found)}, but not {name}. Put it there")
@@ -238,15 +240,15 @@ def keep_body(body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
     def work(partial_dir: Path) -> None:
         save_body(partial_dir / BODY_FILE, load_body(body))
 
-    config = BodyConfig(body=Path(body).name)
-    inputs = {"file": Path(body)} if Path(body).is_file() else {}
+    config, path = BodyConfig(body=Path(body).name), _given(body)
+    inputs = {"file": path} if path is not None and path.is_file() else {}
     return run_stage("body", out_dir, config, inputs, work, run=run) / BODY_FILE
 
 
 def keep_bodies(body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> dict[str, Path]:
     """Keep each body of a folder, or a single one, in `out_dir/<name>`; the files by name."""
-    folder = Path(body).expanduser()
-    if body == "anny" or not folder.is_dir():
+    folder = _given(body)
+    if folder is None or not folder.is_dir():
         named = {load_body(body).name: body}
     else:
         named = {name: str(path) for name, (path, _) in sorted(_named_files(folder).items())}

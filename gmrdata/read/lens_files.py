@@ -317,7 +317,9 @@ def _of_values(value: Any, frames_px: tuple[int, int], *, from_middle: bool) -> 
             names = ", ".join(map(str, list(value)[:8]))
             raise KeyError(f"no matrix and no focal length under a usual name, but {names}")
         return _one_of([_camera(one, frames_px, from_middle) for one in cameras])
-    return _of_numbers(np.asarray(value, dtype=np.float64).ravel().tolist(), frames_px)
+    array = np.asarray(value, dtype=np.float64)
+    each = _by_picture(array.ravel().tolist(), len(np.atleast_1d(array)))
+    return _one_of([_of_numbers(numbers, frames_px) for numbers in each])
 
 
 def _cameras(value: Mapping[Any, Any], around: Values, depth: int) -> Iterator[Values]:

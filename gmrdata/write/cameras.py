@@ -15,6 +15,7 @@ OpenCV's axes; it takes the first camera as the origin itself.
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from errno import EIO
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,7 @@ def write_colmap(
             r + k1 r^3 + k2 r^5.
         images_dir: Where the images are, to give the points their colours.
 
-    BadMotionFile where no frame has both a camera and an image.
+    BadMotionFile where no frame has both a camera and an image, OSError where a file is cut off.
     """
     known = zip(image_names, camera.has_camera, strict=True)
     names = {row: name for row, (name, there) in enumerate(known) if name and there}
@@ -94,6 +95,25 @@ def write_colmap(
     for name, write in writers.items():
         (folder / name).mkdir(parents=True)
         write(str(folder / name))
+        _require_whole(folder / name, model)
+
+
+def _require_whole(folder: Path, model: Any) -> None:
+    """OSError where a file is cut off, as on a full disk: pycolmap does not look at that."""
+    images, points = model.images.values(), model.points3D.values()
+    names = [len(image.name.encode()) for image in images]
+    n_bytes = {  # by COLMAP's format: a count, then each one's own numbers
+        "images.bin": 8 + 73 * len(names) + sum(names) + 24 * sum(i.num_points2D() for i in images),
+        "points3D.bin": 8 + 51 * len(points) + 8 * sum(p.track.length() for p in points),
+    }
+    n_lines = {"images.txt": 2 * len(images), "points3D.txt": len(points)}
+    for path in sorted(folder.iterdir()):
+        whole = path.stat().st_size == n_bytes.get(path.name, path.stat().st_size)
+        if path.name in n_lines:
+            lines = [one for one in path.read_bytes().split(b"\n") if not one.startswith(b"#")]
+            whole = len(lines) == n_lines[path.name] + 1 and not lines[-1]
+        if not whole:
+            raise OSError(EIO, "cut off; is the disk full?", str(path))
 
 
 def _with_cameras(camera: CameraPath, radial: tuple[float, float] | None) -> Any:

@@ -23,6 +23,7 @@ from gmrdata.values.files import write_bytes
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import invert, rigid
 from gmrdata.write.pickles import python3_pickle
+from gmrdata.write.take import finite_rows
 
 N_BETAS = 10
 
@@ -54,8 +55,7 @@ def placed(
 
 
 def require_finite(motion: Motion, rows: np.ndarray) -> None:
-    values = np.concatenate([motion.rotmats.reshape(len(rows), -1), motion.pelvis_m], axis=1)
-    if bad := rows[~np.isfinite(values).all(axis=1)].tolist():
+    if bad := rows[~finite_rows(motion)].tolist():
         raise BadMotionFile(f"frame {bad[0]} has no motion ({len(bad)} frames in all)")
 
 

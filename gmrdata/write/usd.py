@@ -13,6 +13,7 @@ Between samples, and so across gaps, a program moves things straight from one to
 The bulges that SMPL adds to bent joints are not in it.  Needs usd-core: the extra `export`.
 """
 
+from errno import EIO
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,10 @@ def write_usd(path: Path, take: Take) -> None:
     if take.camera is not None:
         _write_camera(stage, "/World/camera", take.camera)
     with atomic_path(path) as temporary:
-        stage.GetRootLayer().Export(str(temporary))
+        try:
+            stage.GetRootLayer().Export(str(temporary))
+        except Tf.ErrorException:
+            raise OSError(EIO, "can't be written; is the disk full?", str(path)) from None
 
 
 def _write_person(stage: Any, path: str, person: Performer) -> None:

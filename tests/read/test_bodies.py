@@ -6,17 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.read.bodies import body_files, keep_bodies, load_bodies, load_body
+from gmrdata.read.bodies import (
+    ANNY_FILE,
+    body_file,
+    body_files,
+    body_inputs,
+    keep_bodies,
+    keep_body,
+    load_bodies,
+    load_body,
+)
 from gmrdata.read.body_file import save_body
 from gmrdata.read.models import cache_dir
-from gmrdata.values.errors import BadBodyFile, MissingInput
+from gmrdata.values.errors import BadBodyFile, MissingInput, StaleOutput
 from tests.smpl_models import save_smpl
-
-
-@pytest.fixture
-def own_cache(tmp_path, monkeypatch) -> Path:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    return tmp_path / "cache" / "gmrdata"
 
 
 def test_our_own_file_is_known_by_its_content(small_body, tmp_path):
@@ -63,6 +66,30 @@ def test_a_folder_holds_bodies_of_each_gender(small_body, tmp_path):
     assert load_body(str(kept["smpl-male"])).n_shape == 6
     assert [body.name for body in load_bodies(str(tmp_path / "kept"))] == list(kept)
     assert [body.name for body in load_bodies(str(kept["mine"]))] == ["mine"]
+
+
+def test_a_home_folder_by_its_sign_is_the_same_path(small_body, tmp_path, monkeypatch):
+    """Of `--body=~/x.npz`, which no shell spells out, a stage noted no file, and kept the old one
+    when it changed."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    path = tmp_path / "smpl" / "x.npz"
+    save_body(path, replace(small_body, name="first"))
+    assert load_body(str(keep_body("~/smpl/x.npz", tmp_path / "kept"))).name == "first"
+    assert keep_body(str(path), tmp_path / "kept") == tmp_path / "kept" / "body.npz"
+    save_body(path, replace(small_body, name="second"))
+    with pytest.raises(StaleOutput, match="file"):
+        keep_body("~/smpl/x.npz", tmp_path / "kept")
+    assert body_file("~/smpl/x.npz", "second") == body_file("~/smpl", "second") == path
+    assert body_inputs(Path("~/smpl/x.npz")) == {"body": path}
+    assert body_inputs(Path("~/smpl")) == {"body_0": path}
+
+
+@pytest.mark.parametrize("body", [None, "anny", Path("anny")])
+def test_the_default_body_by_any_of_its_names(body, anny):
+    """A path of that name, as `--predictions-body anny` gives, was called no body file."""
+    (found,) = load_bodies(body)
+    assert found.name == load_body(body).name == anny.name and body_inputs(body) == {}
+    assert body is None or body_file(body, "anny") == ANNY_FILE
 
 
 def test_folders_that_leave_it_open_are_refused(small_body, tmp_path):

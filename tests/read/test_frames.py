@@ -47,14 +47,13 @@ def test_the_number_is_the_last_one_in_the_name(number, prefix):
     assert image_number(Path(f"clip/{prefix}{number:05d}.jpg")) == number
 
 
-@given(st.integers(1, 300), st.integers(1, 300), st.sampled_from([".jpg", ".png"]))
-def test_header_sizes_are_what_opencv_decodes(width, height, suffix):
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"0{suffix}"
-        cv2.imwrite(str(path), np.zeros((height, width, 3), np.uint8))
-        assert check_images([path]) == (width, height)
+@given(
+    width=st.integers(1, 300), height=st.integers(1, 300), suffix=st.sampled_from([".jpg", ".png"])
+)
+def test_header_sizes_are_what_opencv_decodes(width, height, suffix, tmp_path_factory):
+    path = tmp_path_factory.getbasetemp() / f"0{suffix}"
+    cv2.imwrite(str(path), np.zeros((height, width, 3), np.uint8))
+    assert check_images([path]) == (width, height)
 
 
 THUMBNAIL = b"\xff\xe1" + (1000).to_bytes(2, "big") + b"\xff\xc0" * 499
@@ -212,18 +211,18 @@ def test_broken_frames_are_named(suffix, damaged, said, tmp_path):
         check_images(paths)
 
 
-@given(st.binary(max_size=200), st.sampled_from([b"\xff\xd8", b"\x89PNG\r\n\x1a\n", b""]))
-def test_random_bytes_never_crash_the_check(content, start):
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "0.jpg"
-        path.write_bytes(start + content)
-        try:
-            width, height = check_images([path])
-        except BadFrames:
-            return
-        assert width > 0 and height > 0
+@given(
+    content=st.binary(max_size=200),
+    start=st.sampled_from([b"\xff\xd8", b"\x89PNG\r\n\x1a\n", b""]),
+)
+def test_random_bytes_never_crash_the_check(content, start, tmp_path_factory):
+    path = tmp_path_factory.getbasetemp() / "0.jpg"
+    path.write_bytes(start + content)
+    try:
+        width, height = check_images([path])
+    except BadFrames:
+        return
+    assert width > 0 and height > 0
 
 
 def test_gray_images_are_read_back_as_written(tmp_path):

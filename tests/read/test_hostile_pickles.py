@@ -29,12 +29,6 @@ def here(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-@pytest.fixture
-def content(walk_arrays, tmp_path) -> dict[str, Any]:
-    write_sequence_file(tmp_path / "good.pkl", walk_arrays)
-    return dict(pickle.loads((tmp_path / "good.pkl").read_bytes(), encoding="latin1"))
-
-
 SYSTEM = Calls(os.system, f"touch {TOUCHED}")
 EVAL = Calls(eval, f"open({TOUCHED!r}, 'w')")
 PLACES: dict[str, Callable[[dict[str, Any], Any], Any]] = {

@@ -2,7 +2,6 @@
 
 import os
 import re
-from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,39 +11,21 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.read.video import VideoConfig, extract_video, video_record
+from gmrdata.read.video import extract_video
 from gmrdata.values.errors import BadFrames, GmrdataError, MissingInput
 from gmrdata.values.frame_set import VideoRecord
-from tests.read.videos import make_video, picture, textured
+from tests.read.videos import extracted, make_video, picture, remuxed, textured
 
 
 def read(video: Path, **config: object) -> tuple[list[np.ndarray], VideoRecord]:
-    """The pictures (H, W, 3) BGR and the record of a video, in a folder beside it."""
-    frames = extract_video(video, video.with_suffix(".d"), VideoConfig.model_validate(config))
-    record = video_record(frames)
-    assert record is not None
-    images = [cv2.imread(str(path), cv2.IMREAD_COLOR) for path in sorted(frames.glob("*.jpg"))]
-    return images, record
-
-
-def raw(codec: str, pixel_format: str, images: list[np.ndarray], path: Path) -> Path:
-    return make_video(path, images, codec, pixel_format)
-
-
-def remuxed(video: Path, out: Path, keep: Callable[[int, Any], bool]) -> Path:
-    """The same stream with some packets alone, by their place and themselves."""
-    with av.open(str(video)) as old, av.open(str(out), "w") as new:
-        stream = new.add_stream_from_template(old.streams.video[0])
-        for place, packet in enumerate(old.demux(video=0)):
-            if packet.dts is not None and keep(place, packet):
-                packet.stream = stream
-                new.mux(packet)
-    return out
+    """The pictures (H, W, 3) BGR and the record of a video."""
+    paths, record = extracted(video, **config)
+    return [cv2.imread(str(path), cv2.IMREAD_COLOR) for path in paths], record
 
 
 def test_a_picture_of_one_pixel(tmp_path):
     ones = [np.full((1, 1, 3), 30 * i, np.uint8) for i in range(3)]
-    images, record = read(raw("ffv1", "bgr0", ones, tmp_path / "a.mkv"))
+    images, record = read(make_video(tmp_path / "a.mkv", ones, "ffv1", "bgr0"))
     assert record.size_px == (1, 1) and [int(im[0, 0, 0]) for im in images] == [0, 30, 60]
 
 
@@ -59,7 +40,7 @@ def test_a_picture_of_one_pixel(tmp_path):
 )
 def test_other_pixel_formats(tmp_path, name, codec, pixel_format):
     given = [cv2.GaussianBlur(textured(i), (0, 0), 3) for i in range(3)]
-    images, record = read(raw(codec, pixel_format, given, tmp_path / name))
+    images, record = read(make_video(tmp_path / name, given, codec, pixel_format))
     assert record.pixel_format == pixel_format and len(images) == 3
     gray = [cv2.cvtColor(im, cv2.COLOR_RGB2GRAY).astype(int) for im in given]
     for seen, true in zip(images, gray, strict=True):
@@ -181,9 +162,8 @@ def test_a_song_with_a_cover_is_no_video(tmp_path):
 
 
 def test_a_moving_gif(tmp_path):
-    images, record = read(
-        raw("gif", "rgb8", [picture(3 * i) for i in range(6)], tmp_path / "a.gif")
-    )
+    pictures = [picture(3 * i) for i in range(6)]
+    images, record = read(make_video(tmp_path / "a.gif", pictures, "gif", "rgb8"))
     assert len(images) == 6 and record.codec == "gif"
 
 

@@ -1,11 +1,8 @@
 """Calibrations that others wrote, and the focal length in a picture's EXIF."""
 
-import json
 import struct
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 
 from gmrdata.cameras.colmap import pycolmap
@@ -14,7 +11,6 @@ from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 
 SIZE_PX = (640, 480)
-PINHOLE = "# Camera list\n1 PINHOLE 640 480 600 605 322 239\n"
 
 
 def text_file(folder: Path, name: str, text: str) -> Path:
@@ -56,44 +52,6 @@ def test_what_colmap_writes_is_read_from_its_folder(tmp_path, model):
     assert from_binary.focal_px == (600, params[1] if model == "PINHOLE" else 600)
     assert from_binary.centre_px == (322, 239)
     assert from_binary.radial == (0 if model == "PINHOLE" else -0.1, 0)
-
-
-def test_opencvs_own_file_is_read_by_its_count_of_pixels(tmp_path):
-    path = tmp_path / "camera.yaml"
-    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
-    storage.write("image_width", 640)
-    storage.write("image_height", 480)
-    storage.write("camera_matrix", np.array([[600.0, 0, 319.5], [0, 605, 239.5], [0, 0, 1]]))
-    storage.write("distortion_coefficients", np.array([[-0.12, 0.0, 0, 0, 0]]))
-    storage.release()
-    found = read_intrinsics(path, SIZE_PX)
-    assert found.focal_px == (600, 605)
-    assert found.centre_px == (320, 240)
-    assert found.radial == (-0.12, 0)
-
-
-def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path):
-    ros = (
-        "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
-        "  data: [600, 0, 319.5, 0, 605, 239.5, 0, 0, 1]\n"
-        "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0, 0, 0, 0, 0]\n"
-    )
-    record3d = {"K": [600.0, 0, 0, 0, 605, 0, 320, 240, 1], "w": 640, "h": 480, "fps": 30}
-    nerf = {"fl_x": 1200, "fl_y": 1210, "cx": 640, "cy": 480, "w": 1280, "h": 960, "k1": 0.0}
-    files = {
-        "ros.yaml": ros,
-        "metadata": json.dumps(record3d),
-        "transforms.json": json.dumps(nerf),
-        "k.txt": "600 0 320\n0 605 240\n0 0 1\n",
-        "zed.conf": "[LEFT_CAM_VGA]\nfx=600\nfy=605\ncx=319.5\ncy=239.5\nk1=0\n",
-        "by_picture.txt": "600 605 320 240\n" * 9,
-        "matrices.txt": "600 0 320 0 605 240 0 0 1\n" * 7,
-        "matrices.json": json.dumps([[[600, 0, 320], [0, 605, 240], [0, 0, 1]]] * 2),
-    }
-    for name, text in files.items():
-        found = read_intrinsics(text_file(tmp_path, name, text), SIZE_PX)
-        assert found.focal_px == (600, 605), name
-        assert found.centre_px == (320, 240), name
 
 
 @pytest.mark.parametrize(

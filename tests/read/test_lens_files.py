@@ -183,8 +183,21 @@ PINHOLES = {
     "open3d.json": json.dumps(
         {"width": 640, "height": 480, "intrinsic_matrix": [600, 0, 0, 0, 605, 0, 320, 240, 1]}
     ),
-    "record3d": json.dumps({"K": [600, 0, 0, 0, 605, 0, 320, 240, 1], "w": 640, "h": 480}),
+    "record3d": json.dumps(
+        {"K": [600, 0, 0, 0, 605, 0, 320, 240, 1], "w": 640, "h": 480, "fps": 30}
+    ),
     "four.txt": "600, 605, 320, 240",
+    "k.txt": "600 0 320\n0 605 240\n0 0 1\n",
+    "ros_block.yaml": "image_width: 640\nimage_height: 480\n"
+    f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: {K_ROW}\n"
+    "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0, 0, 0, 0, 0]\n",
+    "of_twice_the_size.json": json.dumps(
+        {"fl_x": 1200, "fl_y": 1210, "cx": 640, "cy": 480, "w": 1280, "h": 960, "k1": 0.0}
+    ),
+    "zed.conf": "[LEFT_CAM_VGA]\nfx=600\nfy=605\ncx=319.5\ncy=239.5\nk1=0\n",
+    "by_picture.txt": "600 605 320 240\n" * 9,
+    "matrices.txt": "600 0 320 0 605 240 0 0 1\n" * 7,
+    "matrices.json": json.dumps([[[600, 0, 320], [0, 605, 240], [0, 0, 1]]] * 2),
 }
 REFUSED = {
     "gyroflow.json": (
@@ -297,8 +310,8 @@ REFUSED = {
 def test_a_pinhole_is_read_whoever_wrote_it(tmp_path, name):
     (tmp_path / name).write_text((READ | PINHOLES)[name])
     lens = read_intrinsics(tmp_path / name, SIZE_PX)
-    assert lens.focal_px == pytest.approx((600, 605))
-    assert lens.centre_px == pytest.approx((320, 240))
+    assert lens.focal_px == pytest.approx((600, 605), rel=1e-12)
+    assert lens.centre_px == pytest.approx((320, 240), rel=1e-12)
     assert lens.radial == (-0.1 if name in READ else 0.0, 0.0) and lens.size_px == SIZE_PX
 
 
@@ -318,19 +331,24 @@ def test_what_python_saves_is_read_too(tmp_path):
     for name in ("calibration.npz", "wide.p"):
         lens = read_intrinsics(tmp_path / name, SIZE_PX)
         assert (lens.focal_px, lens.centre_px, lens.radial) == ((600, 605), (320, 240), (-0.1, 0))
-    np.save(tmp_path / "k.npy", matrix)
-    assert read_intrinsics(tmp_path / "k.npy", SIZE_PX).focal_px == (600, 605)
-    np.save(tmp_path / "dict.npy", {"mtx": matrix, "dist": terms})  # type: ignore[arg-type]
-    assert read_intrinsics(tmp_path / "dict.npy", SIZE_PX).focal_px == (600, 605)
+    by_picture = {"matrices": np.tile(matrix, (5, 1, 1)), "fours": [[600, 605, 319.5, 239.5]] * 5}
+    of_dict = {"mtx": matrix, "dist": terms}
+    for name, value in ({"k": matrix, "dict": of_dict} | by_picture).items():
+        np.save(tmp_path / f"{name}.npy", value)  # type: ignore[arg-type]
+        assert read_intrinsics(tmp_path / f"{name}.npy", SIZE_PX).focal_px == (600, 605)
     (tmp_path / "session.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     with pytest.raises(BadIntrinsics, match="MATLAB"):
         read_intrinsics(tmp_path / "session.mat", SIZE_PX)
 
 
-@pytest.mark.parametrize("suffix", ["yaml", "xml", "json"])
-def test_each_of_opencvs_formats(tmp_path, suffix):
+@pytest.mark.parametrize(
+    ("suffix", "size_px"), [("yaml", ()), ("yaml", SIZE_PX), ("xml", ()), ("json", ())]
+)
+def test_each_of_opencvs_formats(tmp_path, suffix, size_px):
     path = tmp_path / f"camera.{suffix}"
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, size in zip(("image_width", "image_height"), size_px, strict=False):
+        storage.write(name, size)
     storage.write("camera_matrix", np.array(K))
     storage.write("distortion_coefficients", np.array([[-0.1, 0.0, 0, 0, 0]]))
     storage.release()

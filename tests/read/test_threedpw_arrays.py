@@ -11,16 +11,8 @@ import pytest
 from gmrdata.read import threedpw_files as parse
 from gmrdata.read.threedpw_files import SequenceArrays, read_sequence_file
 from gmrdata.values.errors import BadSequence
-from gmrdata.write.threedpw import write_sequence_file
 
 Content = dict[str, Any]
-
-
-@pytest.fixture
-def content(walk_arrays, tmp_path) -> Content:
-    """The dictionary of a good file."""
-    write_sequence_file(tmp_path / "good.pkl", walk_arrays)
-    return dict(pickle.loads((tmp_path / "good.pkl").read_bytes(), encoding="latin1"))
 
 
 def read(tmp_path: Path, content: object, protocol: int = 2) -> SequenceArrays:

@@ -8,6 +8,7 @@ import pytest
 from gmrdata.read.threedpw import read_sequence
 from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.values.errors import BadFrames, BadSequence, MissingInput
+from gmrdata.write.threedpw import write_sequence
 
 NAME = "courtyard_walk_00"
 
@@ -97,7 +98,7 @@ def with_second(arrays: SequenceArrays, **changes: object) -> SequenceArrays:
     return replace(arrays, people=(arrays.people[0], replace(arrays.people[1], **changes)))  # type: ignore[arg-type]
 
 
-def test_odd_60_hz_arrays_are_problems_and_no_errors(make_dataset, walk_arrays, tmp_path):
+def test_odd_60_hz_arrays_are_problems_and_no_errors(make_dataset, walk_arrays):
     poses, trans = walk_arrays.people[1].poses_60hz_rad, walk_arrays.people[1].trans_60hz_m
     assert poses is not None and trans is not None
     cases = (
@@ -110,8 +111,6 @@ def test_odd_60_hz_arrays_are_problems_and_no_errors(make_dataset, walk_arrays, 
         (replace(walk_arrays, img_frame_ids=np.arange(30)), "doesn't lead from poses_60Hz"),
     )
     root = make_dataset()
-    from gmrdata.write.threedpw import write_sequence
-
     for arrays, said in cases:
         write_sequence(root, "train", arrays)
         problems = read_sequence(root, NAME).problems

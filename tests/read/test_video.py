@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -24,17 +25,9 @@ from gmrdata.read.video import (
     video_record,
 )
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
-from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
-from tests.read.videos import make_video, picture, textured, with_hole
+from gmrdata.values.frame_set import VIDEO_FILE
+from tests.read.videos import extracted, make_video, picture, remuxed, textured, with_hole
 from tests.record_keys import assert_each_key_is_needed
-
-
-def extracted(video: Path, **config: object) -> tuple[list[Path], VideoRecord]:
-    """The images and the record of a video, in a folder beside it."""
-    frames = extract_video(video, video.with_suffix(""), VideoConfig.model_validate(config))
-    record = video_record(frames)
-    assert record is not None
-    return sorted(frames.glob("*.jpg")), record
 
 
 def red_quarter(image: Path) -> tuple[int, int]:
@@ -158,16 +151,11 @@ def test_odd_sizes_and_long_pixels(tmp_path):
     assert red_quarter(images_px[0]) == (0, 0)
 
 
-def with_times_of_decoding(whole: Path, path: Path) -> Path:
-    """The same packets, each shown when it is decoded: as recorders of network cameras write."""
-    with av.open(str(whole)) as source, av.open(str(path), "w") as container:
-        stream = container.add_stream_from_template(source.streams.video[0])
-        packets = [one for one in source.demux(source.streams.video[0]) if one.size]
-        for number, packet in enumerate(packets):
-            packet.pts = packet.dts = 40 * number
-            packet.time_base, packet.stream = Fraction(1, 1000), stream
-            container.mux(packet)
-    return path
+def shown_when_decoded(place: int, packet: Any) -> bool:
+    """As recorders of network cameras write."""
+    packet.pts = packet.dts = 40 * place
+    packet.time_base = Fraction(1, 1000)
+    return True
 
 
 @pytest.mark.parametrize("name", ["a.avi", "a.asf", "a.mkv", "a.mp4", "a.mpg"])
@@ -177,7 +165,7 @@ def test_pictures_keep_their_order_where_packets_have_another(name, tmp_path):
     options = {"bf": "3", "crf": "10", "x264-params": "b-adapt=0"}
     video = make_video(tmp_path / name, shown, options=options)
     if name == "a.mkv":
-        video = with_times_of_decoding(video, tmp_path / "recorded.mkv")
+        video = remuxed(video, tmp_path / "recorded.mkv", shown_when_decoded)
     images, record = extracted(video)
     seen = [cv2.imread(str(image)).mean() for image in images]
     assert seen == pytest.approx([5 * number for number in range(40)], abs=2.5)
@@ -326,19 +314,6 @@ def test_a_file_that_was_cut_off(tmp_path, name):
     assert record.n_expected == 48 and record.n_lost == 48 - record.n_decoded
 
 
-def trimmed(whole: Path, by_ticks: int) -> Path:
-    """The same packets that much earlier, which an edit list trims: `ffmpeg -ss ... -c copy`."""
-    path = whole.with_name("trimmed.mp4")
-    with av.open(str(whole)) as source, av.open(str(path), "w") as container:
-        stream = container.add_stream_from_template(source.streams.video[0])
-        for packet in source.demux(source.streams.video[0]):
-            if packet.pts is not None and packet.dts is not None:
-                packet.pts, packet.dts = packet.pts - by_ticks, packet.dts - by_ticks
-                packet.stream = stream
-                container.mux(packet)
-    return path
-
-
 @pytest.mark.parametrize("n_b_frames", ["0", "2"])
 def test_a_trimmed_file_is_whole(tmp_path, n_b_frames):
     """Its head counts the frames, too, of which its edit list needs none."""
@@ -346,7 +321,13 @@ def test_a_trimmed_file_is_whole(tmp_path, n_b_frames):
     extracted(whole)
     with av.open(str(whole)) as container:
         ticks = round(1 / 25 / container.streams.video[0].time_base)
-    trim = trimmed(whole, 17 * ticks)
+
+    def earlier(_: int, packet: Any) -> bool:
+        """An edit list then trims what comes before 0: `ffmpeg -ss ... -c copy`."""
+        packet.pts, packet.dts = packet.pts - 17 * ticks, packet.dts - 17 * ticks
+        return True
+
+    trim = remuxed(whole, tmp_path / "trimmed.mp4", earlier)
     assert count_images(trim, VideoConfig()) == (31, (160, 120))
     images, record = extracted(trim)
     assert (len(images), record.n_expected, record.n_lost) == (31, 31, 0)
@@ -389,29 +370,20 @@ def test_fewer_than_two_frames_are_refused_and_leave_no_folder(tmp_path, n_frame
     assert not (tmp_path / "frames").exists()
 
 
-def test_what_is_no_video_is_named(tmp_path):
+def test_what_is_no_video_is_named_with_what_to_do(tmp_path):
     with pytest.raises(MissingInput, match=r"no\.mp4"):
         extract_video(tmp_path / "no.mp4", tmp_path / "frames")
     playlist = f"#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n{make_video(tmp_path / 'b.ts')}\n"
+    whole = make_video(tmp_path / "whole.mp4").read_bytes()
+    at_index, at_data = whole.index(b"moov") - 4, whole.index(b"mdat") - 4
+    still_open = whole[:at_data] + bytes(4) + whole[at_data + 4 : at_index]
     contents = {
         "empty.mp4": (b"", "empty file"),
         "text.mp4": (b"not a video at all", "no video"),
         "playlist.mp4": (playlist.encode(), "no video"),
         "concat.mp4": (f"ffconcat version 1.0\nfile {tmp_path}/b.ts\n".encode(), "no video"),
         "image.png": (cv2.imencode(".png", picture(0))[1].tobytes(), "no video"),
-        "head.mp4": (make_video(tmp_path / "c.mp4").read_bytes()[:900], "was cut off before"),
-    }
-    for name, (content, said) in contents.items():
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(BadFrames, match=f"{name}: {said}"):
-            extract_video(tmp_path / name, tmp_path / "frames")
-
-
-def test_what_is_no_whole_video_says_what_to_do(tmp_path):
-    whole = make_video(tmp_path / "whole.mp4").read_bytes()
-    at_index, at_data = whole.index(b"moov") - 4, whole.index(b"mdat") - 4
-    still_open = whole[:at_data] + bytes(4) + whole[at_data + 4 : at_index]
-    contents = {
+        "head.mp4": (whole[:900], "was cut off before"),
         "half.mp4": (whole[: at_index - 99], "was cut off before its index (moov); get the whole"),
         "open.mp4": (still_open, "was cut off before its index (moov); get the whole"),
         "crashed.mp4": (whole[:at_index] + bytes(99), "no video (without an index, moov"),

@@ -1,6 +1,6 @@
 """Small videos of every kind, made with PyAV's own encoders."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,17 @@ from typing import Any
 import av
 import cv2
 import numpy as np
+
+from gmrdata.read.video import VideoConfig, extract_video, video_record
+from gmrdata.values.frame_set import VideoRecord
+
+
+def extracted(video: Path, **config: object) -> tuple[list[Path], VideoRecord]:
+    """The images and the record of a video, in a folder beside it."""
+    frames = extract_video(video, video.with_suffix(""), VideoConfig.model_validate(config))
+    record = video_record(frames)
+    assert record is not None
+    return sorted(frames.glob("*.jpg")), record
 
 
 def picture(number: int, size_px: tuple[int, int] = (64, 48)) -> np.ndarray:
@@ -53,6 +64,18 @@ def make_video(
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     return path
+
+
+def remuxed(video: Path, out: Path, keep: Callable[[int, Any], bool]) -> Path:
+    """The same stream with some packets alone, by their place and themselves; `keep` may change
+    their times."""
+    with av.open(str(video)) as old, av.open(str(out), "w") as new:
+        stream = new.add_stream_from_template(old.streams.video[0])
+        for place, packet in enumerate(old.demux(video=0)):
+            if packet.size and keep(place, packet):
+                packet.stream = stream
+                new.mux(packet)
+    return out
 
 
 def with_hole(path: Path, at: int, n_bytes: int) -> Path:

@@ -74,17 +74,15 @@ class Entry:
             require_radians(found, what, self.path)
         return found
 
-    def shape(self, key: str) -> tuple[int, ...]:
-        """Of the numbers of a key, however they are kept."""
+    def finite(self, key: str) -> np.ndarray:
+        """The numbers of a key, in the shape that they have."""
         if lacking := self.lacking(key):
             raise self.fault(f"{self.name} has {lacking}")
-        return finite_numbers(self.values[key], f"{key} of {self.name}", self.path).shape
+        return finite_numbers(self.values[key], f"{key} of {self.name}", self.path)
 
     def flat(self, key: str, size: int | None) -> np.ndarray:
         """So many numbers, however they are nested; None for any count but 0."""
-        if lacking := self.lacking(key):
-            raise self.fault(f"{self.name} has {lacking}")
-        found = finite_numbers(self.values[key], f"{key} of {self.name}", self.path).ravel()
+        found = self.finite(key).ravel()
         if found.size == 0 or size not in (None, found.size):
             raise self.fault(f"{key} of {self.name} has {found.size} numbers, not {size or 'any'}")
         return found
@@ -107,10 +105,7 @@ class Entry:
 
     def frame_numbers(self, key: str, n_rows: int) -> np.ndarray:
         """(T,) int, rising: the video's frames of the rows."""
-        if lacking := self.lacking(key):
-            raise self.fault(f"{self.name} has {lacking}")
-        what = f"{key} of {self.name}"
-        found = finite_numbers(self.values[key], what, self.path)
+        found, what = self.finite(key), f"{key} of {self.name}"
         if found.shape != (n_rows,):
             raise self.fault(f"{what} is {found.shape} for {n_rows} poses")
         whole = np.array_equal(found, np.round(found)) and np.abs(found).max() < LARGEST_NUMBER

@@ -122,7 +122,8 @@ def _npz(path: Path) -> EstimatedPeople:
         return sam3d.read_sam3d(arrays, path)
     if is_system_npz(arrays) and not arrays.keys() >= AMASS_KEYS:
         return slahmr.read_slahmr(arrays, path)
-    if arrays.keys() >= slahmr.KEYS:  # AMASS's; other names are of files before a camera too
+    # In parts by AMASS's names, since others are of files before a camera too; or by joint.
+    if arrays.keys() >= slahmr.KEYS or arrays.keys() >= AMASS_KEYS:
         arrays = joined_poses(arrays)
     if arrays.keys() >= AMASS_KEYS:
         return _with_amass_keys(arrays, path)

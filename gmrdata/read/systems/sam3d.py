@@ -19,7 +19,7 @@ their places.  The pelvis is put over the hips' middle as in the body that is sh
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
@@ -66,9 +66,9 @@ def read_sam3d(content: Any, path: Path) -> EstimatedPeople:
     pictures = _in_order(content, path)
     rows: dict[str, dict[int, Mapping[str, Any]]] = defaultdict(dict)
     for number, picture in enumerate(pictures):
-        if not isinstance(picture, Mapping | list | tuple):
+        seen = [picture] if isinstance(picture, Mapping) else picture
+        if not isinstance(seen, list | tuple) or not all(isinstance(row, Mapping) for row in seen):
             raise BadMotionFile(f"{path}: picture {number} holds no dicts. Save what it returned")
-        seen = [picture] if isinstance(picture, Mapping) else list(picture)
         for name, row in _named(seen, number, path):
             if number in rows[name]:
                 raise BadMotionFile(
@@ -126,10 +126,10 @@ def are_rows(content: Any) -> bool:
     return isinstance(row, Mapping) and row.keys() >= KEYS
 
 
-def _named(seen: list[Any], number: int, path: Path) -> Iterable[tuple[str, Mapping[str, Any]]]:
+def _named(
+    seen: Sequence[Mapping[str, Any]], number: int, path: Path
+) -> Iterable[tuple[str, Mapping[str, Any]]]:
     for row in seen:
-        if not isinstance(row, Mapping):
-            raise BadMotionFile(f"{path}: picture {number} holds no dicts. Save what it returned")
         key = next((row[key] for key in ("person_id", "track_id") if key in row), None)
         if key is None and len(seen) > 1:
             what = f"picture {number} has {len(seen)} people, and nothing tells who is who"
@@ -157,7 +157,7 @@ _SHAPES: Mapping[str, tuple[int, ...]] = {
 
 def _person(entry: Entry, numbers: list[int] | None = None) -> EstimatedPerson:
     values = {key: entry.values[key] for key in _SHAPES if entry.has(key)}
-    if len(entry.shape("pred_joint_coords")) == len(_SHAPES["pred_joint_coords"]):
+    if entry.finite("pred_joint_coords").ndim == len(_SHAPES["pred_joint_coords"]):
         values = {key: entry.array(key, *_SHAPES[key])[None] for key in values}
     entry = Entry(values, entry.name, entry.path)
     places_m = entry.array("pred_joint_coords", None, N_MHR, 3)

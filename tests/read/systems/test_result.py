@@ -201,6 +201,15 @@ def test_amass_in_parts_is_no_slahmr(tmp_path):
     )
 
 
+def test_poses_by_joint_are_as_those_in_a_row(tmp_path):
+    """Motion capture of (T, J, 3) was read, and a result of that form was refused."""
+    poses, trans = system_files.some_poses(T), np.ones((T, 3))
+    np.savez(tmp_path / "row.npz", poses=poses, trans=trans)
+    np.savez(tmp_path / "joints.npz", poses=poses.reshape(T, 24, 3), trans=trans)
+    one, other = (read_system(tmp_path / f"{name}.npz").people[0] for name in ("row", "joints"))
+    np.testing.assert_array_equal(one.local_rotmats, other.local_rotmats)
+
+
 def test_what_whams_api_returns_is_read_as_its_demos_file(tmp_path):
     pose = system_files.some_poses(T)
     world = np.concatenate([pose[:, :3] + 0.5, pose[:, 3:]], axis=1)

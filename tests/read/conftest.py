@@ -1,0 +1,15 @@
+"""What tests of several readers share."""
+
+import pickle  # noqa: TID251  The tests change what is in a sequence file.
+from typing import Any
+
+import pytest
+
+from gmrdata.write.threedpw import write_sequence_file
+
+
+@pytest.fixture
+def content(walk_arrays, tmp_path) -> dict[str, Any]:
+    """The dictionary of a good sequence file of 3DPW."""
+    write_sequence_file(tmp_path / "good.pkl", walk_arrays)
+    return dict(pickle.loads((tmp_path / "good.pkl").read_bytes(), encoding="latin1"))
