@@ -56,7 +56,7 @@ class WorldPair:
     camera_paths_m: tuple[Places, Places] | None = None
     """The prediction's own camera, and the true one, in the frames that both have [m]."""
     frames: np.ndarray | None = None  # (T,) number of each row's frame in the video, from 0
-    n_video_frames: int = 0
+    video_frames: Rows = (0, 0)  # of the whole clip
 
 
 def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[ProtocolMetric, Samples]:
@@ -76,14 +76,16 @@ def values_together(
 ) -> dict[ProtocolMetric, Samples]:
     """The same of all people of one video, as SLAHMR takes them: each segment is one sample.
 
-    A segment is of the video's frames.  Its people's frames are laid one behind the other, person
-    by person, and aligned jointly, by the first frames of that row where only those are.
+    A segment is of the video's frames, from the first that a clip of it has on.  Its people's
+    frames are laid one behind the other, person by person, and aligned jointly, by the first frames
+    of that row where only those are.
     """
-    n_frames = max(pair.n_video_frames for pair in pairs)
+    first = min(pair.video_frames[0] for pair in pairs)
+    n_frames = max(pair.video_frames[1] for pair in pairs) - first
     found: dict[ProtocolMetric, list[Samples]] = {metric: [] for metric in protocol.metrics}
     whole = protocol.model_copy(update={"people": "apart"})
-    for segment in metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder):
-        pair = _laid_out(pairs, segment)
+    for start, stop in metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder):
+        pair = _laid_out(pairs, (first + start, first + stop))
         if (n_rows := len(pair.true.joints_m)) == 0:
             continue
         if protocol.gaps != "kept":
