@@ -169,6 +169,14 @@ def test_rows_that_would_share_a_folder_are_refused(names, tmp_path):
         load_table(str(path))
 
 
+def test_a_seed_that_a_recipe_names_twice_is_refused(tmp_path):
+    """Its one training counted as two that agreed, with a spread of 0."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(TINY.replace("seeds: [3]", "seeds: [3, 3]"))
+    with pytest.raises(BadRecipe, match=r"mine\.yaml.*\n?.*small.*seeds: a seed counts twice"):
+        load_table(str(path))
+
+
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
