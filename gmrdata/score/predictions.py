@@ -140,10 +140,7 @@ def on_rows(predicted: Clip, true: Clip, wanted: np.ndarray) -> Clip:
 
 
 def file_clip(
-    folder: Path,
-    one: UsableClip,
-    how: Pairing,
-    shared: Callable[[Clip], np.ndarray] | None = None,
+    folder: Path, one: UsableClip, how: Pairing, shared: Callable[[Clip], np.ndarray] | None = None
 ) -> PredictedClip | str:
     """A clip beside `<clip id>.npz` of a folder; the reason where there is no prediction.
 
