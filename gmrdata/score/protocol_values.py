@@ -226,9 +226,12 @@ def _accelerations(
     return errors_m * (fps_hz**2 if metric == "accel_error_m_per_s2" else 1000)
 
 
-def _joints_m(protocol: Protocol, bodies: Sequence[WorldBody | SeenBody]) -> list[Points]:
+def _joints_m(
+    protocol: Protocol, bodies: tuple[WorldBody, WorldBody] | tuple[SeenBody, SeenBody]
+) -> tuple[Points, Points]:
     """The protocol's joints, of the prediction and of the truth [m]."""
-    return [one.joints_m[:, list(protocol.joints)] for one in bodies]
+    predicted_m, true_m = (one.joints_m[:, list(protocol.joints)] for one in bodies)
+    return predicted_m, true_m
 
 
 def _procrustes_errors_mm(protocol: Protocol, pair: WorldPair) -> Samples:
