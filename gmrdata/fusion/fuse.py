@@ -48,11 +48,7 @@ from gmrdata.fusion.record import (
 from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.config import BUNDLED, Which, network_dir
 from gmrdata.gmr.infer import stand
-from gmrdata.gmr.predict import (
-    TrainedGmr,
-    deltas_at_source_rate,
-    load_gmr,
-)
+from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, load_gmr
 from gmrdata.gmr.runs import check_finite
 from gmrdata.motion.resample import valid_runs
 from gmrdata.read.bodies import load_body

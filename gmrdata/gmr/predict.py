@@ -20,13 +20,7 @@ from torch import Tensor, nn
 
 from gmrdata import __version__
 from gmrdata.gmr.augmentation import mean_motion
-from gmrdata.gmr.checkpoint import (
-    REMEDY,
-    read_model,
-    read_network,
-    read_state,
-    trained_checkpoint,
-)
+from gmrdata.gmr.checkpoint import REMEDY, read_model, read_network, read_state, trained_checkpoint
 from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, Which, network_dir
 from gmrdata.gmr.model import Gmr, MeanGmr, given_input
 from gmrdata.gmr.runs import runs_at
@@ -154,9 +148,7 @@ def predict_world_motion(
 
 
 def _predicted(
-    gmr: TrainedGmr,
-    motion: Motion,
-    first: tuple[np.ndarray, np.ndarray] = (np.eye(3), np.zeros(3)),
+    gmr: TrainedGmr, motion: Motion, first: tuple[np.ndarray, np.ndarray] = (np.eye(3), np.zeros(3))
 ) -> tuple[Motion, np.ndarray]:
     """The world motion from a first pose on, and `predict_with_doubt`'s doubt."""
     local = _at_network_rate(gmr, motion)

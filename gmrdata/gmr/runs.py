@@ -92,11 +92,7 @@ def fitting_clips(clips: Iterable[Clip], bodies: Sequence[BodyModel]) -> Iterato
 
 
 def given_body(
-    motion: Motion,
-    bodies: Sequence[BodyModel],
-    error: type[GmrdataError],
-    whose: str,
-    remedy: str,
+    motion: Motion, bodies: Sequence[BodyModel], error: type[GmrdataError], whose: str, remedy: str
 ) -> BodyModel:
     """Which of some bodies a motion is of; an error of a kind where it is of none of them."""
     if (body := body_of(motion, bodies)) is not None:

@@ -194,9 +194,7 @@ def with_flight(supports: Supports) -> Supports:
     )
 
 
-def centre_of_mass_m(
-    places_m: Float[Tensor, "*batch 23 3"],
-) -> Float[Tensor, "*batch 3"]:
+def centre_of_mass_m(places_m: Float[Tensor, "*batch 23 3"]) -> Float[Tensor, "*batch 3"]:
     """Of a body with the pelvis at the origin and joints 1 to 23 there [m]."""
     masses = places_m.new_tensor(MASSES)
     return (places_m * masses[:, None]).sum(-2) / (masses.sum() + PELVIS_MASS)

@@ -135,7 +135,8 @@ def _paper_readings(rows: Sequence[TableRow]) -> list[str]:
     """How the trainings take what the paper leaves open, as their settings say."""
     lines = []
     for part, key, words in _READINGS:
-        used = {_setting(row.settings, part, key) for row in rows if row.settings is not None}
+        parts = [row.settings.get(part) for row in rows if row.settings is not None]
+        used = [one.get(key) for one in parts if isinstance(one, dict)]
         lines += [text for value, text in words.items() if value in used]
     return lines
 
@@ -150,12 +151,6 @@ _READINGS: tuple[tuple[str, str, dict[JsonValue, str]], ...] = (
         False: "Clips of a higher rate are trained on in one phase at the network's rate.",
     }),
 )  # fmt: skip
-
-
-def _setting(settings: JsonValue, part: str, key: str) -> str | bool | None:
-    within = settings.get(part) if isinstance(settings, dict) else None
-    value = within.get(key) if isinstance(within, dict) else None
-    return value if isinstance(value, str | bool) else None
 
 
 def shown_rows(record: TableRecord) -> Table:

@@ -21,22 +21,9 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 
 from gmrdata.gmr.runs import ClipFile, usable_files
 from gmrdata.motion.resample import Between, between_known
-from gmrdata.people.following import (
-    FollowConfig,
-    Networks,
-    Sightings,
-    follow_people,
-    load_tracks,
-)
-from gmrdata.people.landmark_network import (
-    LANDMARKS,
-    Crop,
-    open_landmark_features,
-)
-from gmrdata.people.local_poses import (
-    LocalPosesConfig,
-    local_poses,
-)
+from gmrdata.people.following import FollowConfig, Networks, Sightings, follow_people, load_tracks
+from gmrdata.people.landmark_network import LANDMARKS, Crop, open_landmark_features
+from gmrdata.people.local_poses import LocalPosesConfig, local_poses
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.body_file import read_body
 from gmrdata.read.frames import read_color, read_frames

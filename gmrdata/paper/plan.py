@@ -85,6 +85,12 @@ class Scale(Config):
     joint: Settings = Field(default_factory=dict)
     """Settings of `JointConfig`, for rows of that method."""
 
+    @model_validator(mode="after")
+    def _each_seed_once(self) -> Self:
+        if len(set(self.seeds)) < len(self.seeds):
+            raise ValueError("seeds: a seed counts twice, as if two trainings agreed; give it once")
+        return self
+
 
 class RowAtScale(Config):
     """What is particular to a row at one size."""

@@ -219,7 +219,7 @@ def _pairs(
                 (_seen_body(body, one, camera, regressor), true_seen) if seen else None,
                 clip.camera_paths_m if method == "predicted" else None,
                 frames,
-                clip.n_video_frames,
+                clip.video_frames,
             )
             found[method].append(pair)  # type: ignore[index]  # mypy takes the names for str
     return found

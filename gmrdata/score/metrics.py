@@ -168,19 +168,13 @@ def joint_angle_errors_deg(predicted_rotmats: JointRotmats, true_rotmats: JointR
     return np.asarray(np.rad2deg(angles_rad(residuals)).mean(-1))
 
 
-def acceleration_errors(
-    predicted_m: Points, true_m: Points, runs: Sequence[Rows], trim: int = 0
-) -> Samples:
-    """Mean length of the difference of the joints' accelerations per frame [m/frame^2].
+def accelerations(points_m: Points, runs: Sequence[Rows], trim: int = 0) -> Samples:
+    """Mean length of the accelerations of joints, or of what they are off by [m/frame^2].
 
     `trim` samples at both ends of a run are left out.
     """
-    return _of_runs(predicted_m - true_m, runs, trim)
-
-
-def accelerations(joints_m: Points, runs: Sequence[Rows]) -> Samples:
-    """Mean length of the joints' own accelerations per frame [m/frame^2]."""
-    return _of_runs(joints_m, runs, 0)
+    parts = [np.linalg.norm(_second(points_m[a:b]), axis=-1).mean(-1) for a, b in runs]
+    return pooled([part[trim : len(part) - trim] for part in parts])
 
 
 def acceleration_length_errors(
@@ -205,11 +199,6 @@ def path_error_m(
     """ATE: mean distance of two camera paths after the best alignment of the whole [m]."""
     true_from_predicted = fit_similarity(true_m, predicted_m, scale=scale)
     return float(np.linalg.norm(true_from_predicted.apply(predicted_m) - true_m, axis=-1).mean())
-
-
-def _of_runs(places_m: Points, runs: Sequence[Rows], trim: int) -> Samples:
-    parts = [np.linalg.norm(_second(places_m[a:b]), axis=-1).mean(-1) for a, b in runs]
-    return pooled([part[trim : len(part) - trim] for part in parts])
 
 
 def _second(places_m: Points) -> np.ndarray:

@@ -64,7 +64,8 @@ class PredictedClip:
     dropped_frames: int = 0  # valid frames, at the prediction's rate, without a prediction
     camera_paths_m: tuple[np.ndarray, np.ndarray] | None = None
     """(N, 3) the prediction's own camera and the true one, in the frames that both have [m]."""
-    n_video_frames: int = 0  # frames of the video at the rate of `worlds`
+    video_frames: tuple[int, int] = (0, 0)
+    """The clip's first frame in the video, and one past its last, at the rate of `worlds`."""
     took_true_camera: bool = False
     """Whether it is in the camera's frame, without one, and the truth's took it to the world."""
 
@@ -139,10 +140,7 @@ def on_rows(predicted: Clip, true: Clip, wanted: np.ndarray) -> Clip:
 
 
 def file_clip(
-    folder: Path,
-    one: UsableClip,
-    how: Pairing,
-    shared: Callable[[Clip], np.ndarray] | None = None,
+    folder: Path, one: UsableClip, how: Pairing, shared: Callable[[Clip], np.ndarray] | None = None
 ) -> PredictedClip | str:
     """A clip beside `<clip id>.npz` of a folder; the reason where there is no prediction.
 
@@ -194,7 +192,7 @@ def clip_beside_truth(
         (world,),
         n_missing,
         paths_m,
-        int(numbers[-1]) + 1,
+        (int(numbers[0]), int(numbers[-1]) + 1),
         took_true_camera,
     )
 

@@ -56,7 +56,7 @@ class WorldPair:
     camera_paths_m: tuple[Places, Places] | None = None
     """The prediction's own camera, and the true one, in the frames that both have [m]."""
     frames: np.ndarray | None = None  # (T,) number of each row's frame in the video, from 0
-    n_video_frames: int = 0
+    video_frames: Rows = (0, 0)  # of the whole clip
 
 
 def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[ProtocolMetric, Samples]:
@@ -76,16 +76,19 @@ def values_together(
 ) -> dict[ProtocolMetric, Samples]:
     """The same of all people of one video, as SLAHMR takes them: each segment is one sample.
 
-    A segment is of the video's frames.  Its people's frames are laid one behind the other, person
-    by person, and aligned jointly, by the first frames of that row where only those are.
+    A segment is of the video's frames, from the first that a clip of it has on.  Its people's
+    frames are laid one behind the other, person by person, and aligned jointly, by the first frames
+    of that row where only those are.
     """
-    n_frames = max(pair.n_video_frames for pair in pairs)
+    first = min(pair.video_frames[0] for pair in pairs)
+    n_frames = max(pair.video_frames[1] for pair in pairs) - first
     found: dict[ProtocolMetric, list[Samples]] = {metric: [] for metric in protocol.metrics}
     whole = protocol.model_copy(update={"people": "apart"})
-    for segment in metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder):
-        pair = _laid_out(pairs, segment)
-        if (n_rows := len(pair.true.joints_m)) == 0:
+    for start, stop in metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder):
+        pair = _laid_out(pairs, (first + start, first + stop))
+        if pair is None:
             continue
+        n_rows = len(pair.true.joints_m)
         if protocol.gaps != "kept":
             pair = replace(pair, runs=((0, n_rows),))
         for metric in protocol.metrics:
@@ -219,20 +222,27 @@ def _accelerations(
 ) -> Samples:
     if metric == "accel_mm_per_frame2":
         return 1000 * metrics.accelerations(predicted_m, runs)
-    errors_m = metrics.acceleration_errors(predicted_m, true_m, runs, protocol.accel_trim)
+    errors_m = metrics.accelerations(predicted_m - true_m, runs, protocol.accel_trim)
     return errors_m * (fps_hz**2 if metric == "accel_error_m_per_s2" else 1000)
+
+
+def _joints_m(
+    protocol: Protocol, bodies: tuple[WorldBody, WorldBody] | tuple[SeenBody, SeenBody]
+) -> tuple[Points, Points]:
+    """The protocol's joints, of the prediction and of the truth [m]."""
+    predicted_m, true_m = (one.joints_m[:, list(protocol.joints)] for one in bodies)
+    return predicted_m, true_m
 
 
 def _procrustes_errors_mm(protocol: Protocol, pair: WorldPair) -> Samples:
     """PA-MPJPE, which is the same in the world and in the camera's frame."""
-    joints = list(protocol.joints)
-    predicted_m, true_m = (one.joints_m[:, joints] for one in (pair.predicted, pair.true))
+    predicted_m, true_m = _joints_m(protocol, (pair.predicted, pair.true))
     best = fit_similarities(true_m, predicted_m)
     return metrics.aligned_errors_mm(predicted_m, true_m, best)
 
 
 def _best(protocol: Protocol, seen: tuple[SeenBody, SeenBody]) -> Similarities:
-    predicted_m, true_m = (one.joints_m[:, list(protocol.joints)] for one in seen)
+    predicted_m, true_m = _joints_m(protocol, seen)
     return fit_similarities(true_m, predicted_m)
 
 
@@ -264,22 +274,18 @@ def _vertices_m(protocol: Protocol, one: SeenBody, rows: slice, aligned: bool) -
 def _segments(
     protocol: Protocol, pair: WorldPair, segments: Sequence[Rows], first_frames: int | None
 ) -> list[Samples]:
-    joints = list(protocol.joints)
+    both_m = _joints_m(protocol, (pair.predicted, pair.true))
     return metrics.segment_errors_mm(
-        pair.predicted.joints_m[:, joints],
-        pair.true.joints_m[:, joints],
-        segments,
-        first_frames=first_frames,
-        scale=protocol.scale,
+        *both_m, segments, first_frames=first_frames, scale=protocol.scale
     )
 
 
 def _acceleration_lengths(protocol: Protocol, pair: WorldPair, segment: Rows) -> Samples:
     """Of one segment; with gaps, no acceleration goes over one."""
-    joints, (first, last) = list(protocol.joints), segment
+    first, last = segment
     within = [(max(a, first), min(b, last)) for a, b in pair.runs if a < last and b > first]
-    predicted_m, true_m = (one.joints_m[:, joints] for one in (pair.predicted, pair.true))
-    return 1000 * metrics.acceleration_length_errors(predicted_m, true_m, within)
+    both_m = _joints_m(protocol, (pair.predicted, pair.true))
+    return 1000 * metrics.acceleration_length_errors(*both_m, within)
 
 
 def _jitters(protocol: Protocol, pair: WorldPair) -> list[Samples]:
@@ -295,8 +301,8 @@ def _jitters(protocol: Protocol, pair: WorldPair) -> list[Samples]:
     return [metrics.jitter_10m_per_s3(joints_m, pair.fps_hz, pair.runs)]
 
 
-def _laid_out(pairs: Sequence[WorldPair], segment: Rows) -> WorldPair:
-    """Rows of several people within a segment of the video, person by person."""
+def _laid_out(pairs: Sequence[WorldPair], segment: Rows) -> WorldPair | None:
+    """Rows of several people within a segment of the video, person by person; None without any."""
     predicted, true, runs, n_rows = [], [], [], 0
     for pair in pairs:
         assert pair.frames is not None
@@ -310,18 +316,14 @@ def _laid_out(pairs: Sequence[WorldPair], segment: Rows) -> WorldPair:
         runs += [(n_rows + a, n_rows + b) for a, b in pairwise(edges)]
         n_rows += len(rows)
     if not n_rows:
-        empty = _rows_of(pairs[0].true, np.zeros(0, int))
-        return WorldPair(empty, empty, (), pairs[0].fps_hz)
+        return None
     return WorldPair(_joined(predicted), _joined(true), tuple(runs), pairs[0].fps_hz)
 
 
 def _rows_of(body: WorldBody, rows: np.ndarray) -> WorldBody:
-    return WorldBody(body.root_rotmats[rows], body.joints_m[rows], body.feet_m[rows])
+    return WorldBody(*(values[rows] for values in vars(body).values()))
 
 
 def _joined(bodies: Sequence[WorldBody]) -> WorldBody:
-    return WorldBody(
-        np.concatenate([one.root_rotmats for one in bodies]),
-        np.concatenate([one.joints_m for one in bodies]),
-        np.concatenate([one.feet_m for one in bodies]),
-    )
+    arrays = zip(*(vars(one).values() for one in bodies), strict=True)
+    return WorldBody(*map(np.concatenate, arrays))

@@ -42,13 +42,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.body import BodyModel, body_of, names_of
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import (
-    BadBodyFile,
-    BadManifest,
-    BadMotionFile,
-    BadRecipe,
-    StaleOutput,
-)
+from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe, StaleOutput
 from gmrdata.values.files import STAGE_FILE, sha256_of_file
 
 

@@ -111,10 +111,7 @@ SUBSET_METRICS: dict[str, tuple[str, ...]] = {
     "EMDB 2": get_args(WorldMetric),
 }
 """What papers take of each part of a data set: poses of one, paths of the other."""
-OWN_SUBSET_METRICS: dict[str, tuple[str, ...]] = {
-    "EMDB 1": get_args(ProtocolMetric),
-    "EMDB 2": (),
-}
+OWN_SUBSET_METRICS: dict[str, tuple[str, ...]] = {"EMDB 1": get_args(ProtocolMetric), "EMDB 2": ()}
 """The same of EMDB's own evaluation, whose jitter is of EMDB 1 too (eth-ait/emdb, evaluate.py)."""
 Draws = Callable[[int], np.ndarray]  # how often each of n clips is drawn: n -> (resamples, n)
 

@@ -6,19 +6,17 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.fusion.record import RECORD_FILE, FusionRecord
-from tests.fusion.test_fuse import clip, errors_path, pseudo_gt  # noqa: F401  fixtures
+from tests.fusion.test_fuse import Video, clip, video  # noqa: F401  fixtures
 
 
-def test_fuse_says_what_it_found_and_writes_a_page(
-    pseudo_gt,  # noqa: F811
-    errors_path,  # noqa: F811
-    run_dir,
-    body_path,
-    tmp_path,
-    capsys,
-):
-    words = ["fuse", str(pseudo_gt), "--network", str(run_dir), "--errors", str(errors_path)]
-    words += ["--body", str(body_path), "--out", str(tmp_path / "out"), "--loops", "0.5:2.5"]
+def fuse_words(video: Video) -> list[str]:  # noqa: F811
+    network, errors = map(str, video.network.values())
+    return ["fuse", str(video.pseudo_gt), "--network", network, "--errors", errors]
+
+
+def test_fuse_says_what_it_found_and_writes_a_page(video, body_path, tmp_path, capsys):  # noqa: F811
+    words = [*fuse_words(video), "--body", str(body_path)]
+    words += ["--out", str(tmp_path / "out"), "--loops", "0.5:2.5"]
     main([*words, "--dry-run"])
     said = capsys.readouterr().out
     assert re.search(r"walk +90 +30 +60 +1\.00 +1", said)
@@ -48,18 +46,9 @@ def test_fuse_says_what_it_found_and_writes_a_page(
         (["--network", "nowhere"], "nowhere"),
     ],
 )
-def test_bad_flags_are_said(
-    pseudo_gt,  # noqa: F811
-    errors_path,  # noqa: F811
-    run_dir,
-    tmp_path,
-    capsys,
-    more,
-    said,
-):
-    words = ["fuse", str(pseudo_gt), "--network", str(run_dir), "--errors", str(errors_path)]
+def test_bad_flags_are_said(video, tmp_path, capsys, more, said):  # noqa: F811
     with pytest.raises(SystemExit) as end:
-        main([*words, "--out", str(tmp_path / "out"), *more])
+        main([*fuse_words(video), "--out", str(tmp_path / "out"), *more])
     assert end.value.code == 1
     assert said in capsys.readouterr().err.replace("\n", "")
     assert not (tmp_path / "out").exists()

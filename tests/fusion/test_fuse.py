@@ -2,7 +2,7 @@
 
 import shutil
 import weakref
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -80,29 +80,47 @@ def clip(walk) -> Clip:
     return replace(whole, valid=has_camera, camera=replace(whole.camera, has_camera=has_camera))
 
 
-@pytest.fixture
-def pseudo_gt(tmp_path, clip, small_body) -> Path:
-    folder = tmp_path / "video" / "pseudo_gt"
-    folder.mkdir(parents=True)
-    save_clip(folder / "person_0.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
-    assert clip.camera is not None
-    pseudo_gt_quality(quality_of_path(clip.camera), 1.0).write(folder / "quality.json")
-    return folder
+@dataclass(frozen=True)
+class Video:
+    """The folder of a solved video, and what putting its people together takes."""
+
+    folder: Path
+    body: BodyModel
+    network: dict[str, Path]
+    body_path: Path
+
+    @property
+    def pseudo_gt(self) -> Path:
+        return self.folder / "pseudo_gt"
+
+    def save(self, clip: Clip, number: int = 0, part: str = "pseudo_gt") -> None:
+        """Write a person's clip: in the world, or with the part "bodies" before the camera."""
+        path = self.folder / part / f"person_{number}.npz"
+        save_clip(path, clip, self.body.rest_pelvis_m(clip.motion.shape))
+
+    def write_quality(self, **changes: Any) -> None:
+        path = self.pseudo_gt / "quality.json"
+        PseudoGtQuality.read(path).model_copy(update=changes).write(path)
+
+    def fuse(self, out: str = "out", source: Path | str | None = None, **more: Any) -> Path:
+        given: dict[str, Any] = {**self.network, "body_path": self.body_path}
+        return fuse(source or self.pseudo_gt, self.folder.parent / out, **given | more)
 
 
 @pytest.fixture
-def errors_path(tmp_path) -> Path:
+def video(tmp_path, clip, small_body, run_dir, body_path) -> Video:
     record().write(tmp_path / "delta_errors.json")
-    return tmp_path / "delta_errors.json"
+    network = {"network": run_dir, "errors_path": tmp_path / "delta_errors.json"}
+    made = Video(tmp_path / "video", small_body, network, body_path)
+    made.save(clip)
+    quality = pseudo_gt_quality(quality_of_path(camera_of(clip)), 1.0)
+    quality.write(made.pseudo_gt / "quality.json")
+    return made
 
 
-def test_the_folder_has_whole_clips_with_error_bars(
-    pseudo_gt, clip, run_dir, body_path, errors_path, tmp_path
-):
+def test_the_folder_has_whole_clips_with_error_bars(video, clip):
     config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.5),), loop_sigma_m=5.0)
-    given: dict[str, Any] = {"network": run_dir, "body_path": body_path, "config": config}
-    given["errors_path"] = errors_path
-    made = fuse(pseudo_gt.parent, tmp_path / "out", **given)
+    made = video.fuse(source=video.folder, config=config)
     person = FusionRecord.read(made / RECORD_FILE).people[0]
     assert (person.frames, person.frames_with_camera) == (90, 60)
     assert [(gap.start, gap.stop) for gap in person.gaps] == [(20, 50)]
@@ -119,21 +137,17 @@ def test_the_folder_has_whole_clips_with_error_bars(
     assert place_m[clip.valid].max() < 0.05 < place_m[GAP].max()
     assert person.gaps[0].place_sigma_m <= place_m[GAP].max()
     assert len(result_rows(FusionRecord.read(made / RECORD_FILE))[0]) == len(RESULT_HEADINGS)
-    again = fuse(pseudo_gt.parent, tmp_path / "out", **given)
-    assert again == made
+    assert video.fuse(source=video.folder, config=config) == made
 
 
-def test_people_are_read_one_by_one_and_of_a_made_folder_not_again(
-    pseudo_gt, run_dir, errors_path, body_path, tmp_path, monkeypatch
-):
+def test_people_are_read_one_by_one_and_of_a_made_folder_not_again(video, clip, monkeypatch):
     """A crowd's film held each person's frames at once, before it was known that all is made."""
     from gmrdata.fusion import fuse as stage
 
-    (pseudo_gt / "quality.json").unlink()
+    (video.pseudo_gt / "quality.json").unlink()
     for number in (1, 2):
-        shutil.copy(pseudo_gt / "person_0.npz", pseudo_gt / f"person_{number}.npz")
-    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
-    given |= {"body_path": body_path, "config": FuseConfig(fusion=FusionConfig(feet=False))}
+        video.save(clip, number)
+    config = FuseConfig(fusion=FusionConfig(feet=False))
     met: list[weakref.ref[WorldPerson]] = []
     held = []
 
@@ -143,38 +157,31 @@ def test_people_are_read_one_by_one_and_of_a_made_folder_not_again(
         return fuse_person(person, *others)
 
     monkeypatch.setattr(stage, "fuse_person", noted)
-    made = fuse(pseudo_gt, tmp_path / "out", **given)
+    made = video.fuse(config=config)
     assert held == [1, 1, 1]
     monkeypatch.delattr(stage, "load_clip")
-    assert fuse(pseudo_gt, tmp_path / "out", **given) == made
+    assert video.fuse(config=config) == made
 
 
 def test_people_of_the_built_in_estimator_get_the_packages_network(
-    pseudo_gt, clip, small_body, errors_path, run_dir, body_path, tmp_path, monkeypatch, capsys
+    video, clip, body_path, tmp_path, monkeypatch, capsys
 ):
     """Once it has a record of its errors; and what was made of them goes when they do."""
     from gmrdata.fusion import fuse as stage
 
-    network, folder = tmp_path / "network", pseudo_gt.parent
-    shutil.copytree(run_dir, network)
+    network, folder = tmp_path / "network", video.folder
+    shutil.copytree(video.network["network"], network)
     monkeypatch.setattr(stage, "network_dir", lambda _: network)
     fuse_own_people(folder, body_path)
     assert not (folder / "fused").exists()
-    shutil.copy(errors_path, network / "delta_errors.json")
+    shutil.copy(video.network["errors_path"], network)
     fuse_own_people(folder, body_path)
     assert load_clip(folder / "fused" / "person_0.npz").valid.all()
     assert len(load_sigma(folder / "fused" / "sigma_0.npz")["place_sigma_m"]) == 90
     fuse_own_people(folder, None)
-    assert not (folder / "fused").exists() and pseudo_gt.is_dir()
+    assert not (folder / "fused").exists() and video.pseudo_gt.is_dir()
     fuse_own_people(folder, body_path)
-    short = replace(
-        clip,
-        motion=clip.motion.take(slice(0, 2)),
-        valid=clip.valid[:2],
-        image_numbers=clip.image_numbers[:2],
-        camera=camera_of(clip).at_rows(slice(0, 2)),
-    )
-    save_clip(pseudo_gt / "person_0.npz", short, small_body.rest_pelvis_m(clip.motion.shape))
+    video.save(WorldPerson(clip, clip.valid).take(slice(0, 2)).clip)
     fuse_own_people(folder, body_path, run=Run(redo=True))
     assert "without the network's motions" in " ".join(capsys.readouterr().err.split())
     assert not (folder / "fused").exists()
@@ -185,10 +192,7 @@ def fused_alone(clip: Clip, gmr: TrainedGmr, body: BodyModel, config: FusionConf
     return fuse_person(person, WeighedGmr(gmr, record()), body, config)
 
 
-def test_who_is_not_seen_has_poses_that_are_not_valid(
-    pseudo_gt, clip, run_dir, errors_path, small_body,
-    body_path, tmp_path
-):  # fmt: skip
+def test_who_is_not_seen_has_poses_that_are_not_valid(video, clip):
     """By the clip before the camera where there is one, else as far as the world's tells."""
     valid = clip.valid.copy()
     valid[:5], valid[80:] = False, False
@@ -198,89 +202,58 @@ def test_who_is_not_seen_has_poses_that_are_not_valid(
     assert np.flatnonzero(~seen).tolist() == [*range(5), *range(60, 63), *range(80, 90)]
     nobody = replace(clip, valid=np.zeros(90, dtype=bool))
     assert seen_frames(nobody).all()
-    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
-    save_clip(pseudo_gt / "person_0.npz", late, rest_pelvis_m)
+    video.save(late)
     before = replace(clip, valid=np.arange(90) < 85)
-    (pseudo_gt.parent / "bodies").mkdir()
-    save_clip(pseudo_gt.parent / "bodies" / "person_0.npz", before, rest_pelvis_m)
-    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
-    made = fuse(pseudo_gt, tmp_path / "out", body_path=body_path, **given)
-    fused = load_clip(made / "person_0.npz")
+    video.save(before, part="bodies")
+    fused = load_clip(video.fuse() / "person_0.npz")
     np.testing.assert_array_equal(fused.valid, before.valid)
     assert np.isfinite(fused.motion.pelvis_m).all()
 
 
-def test_frames_in_which_the_body_lies_on_nobody_are_not_seen(
-    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path
-):
+def test_frames_in_which_the_body_lies_on_nobody_are_not_seen(video, clip):
     """They have a pose of their own, which is wrong, and were valid."""
-    off, rest_pelvis_m = (
-        np.isin(np.arange(90), range(40, 70)),
-        small_body.rest_pelvis_m(clip.motion.shape),
-    )
-    save_clip(pseudo_gt / "person_0.npz", replace(clip, valid=clip.valid & ~off), rest_pelvis_m)
-    (pseudo_gt.parent / "bodies").mkdir()
-    before = replace(clip, valid=np.ones(90, dtype=bool))
-    save_clip(pseudo_gt.parent / "bodies" / "person_0.npz", before, rest_pelvis_m)
-    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
+    off = np.isin(np.arange(90), range(40, 70))
+    video.save(replace(clip, valid=clip.valid & ~off))
+    video.save(replace(clip, valid=np.ones(90, dtype=bool)), part="bodies")
     place_m = []
     for rows in ((), tuple(range(40, 70))):
-        quality = PseudoGtQuality.read(pseudo_gt / "quality.json")
-        fits = (PictureFit(90, len(rows), 0.8, 0, 0.8, 0, rows),)
-        quality.model_copy(update={"picture_fits": fits}).write(pseudo_gt / "quality.json")
-        made = fuse(pseudo_gt, tmp_path / f"{len(rows)}", body_path=body_path, **given)
+        video.write_quality(picture_fits=(PictureFit(90, len(rows), 0.8, 0, 0.8, 0, rows),))
+        made = video.fuse(f"{len(rows)}")
         expected = ~np.isin(np.arange(90), rows)
         np.testing.assert_array_equal(load_clip(made / "person_0.npz").valid, expected)
         place_m.append(load_sigma(made / "sigma_0.npz")["place_sigma_m"][60].max())
     assert place_m[1] > max(0.3, 1.2 * place_m[0])
 
 
-def test_who_never_met_a_camera_is_not_shown_beside_who_did(
-    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path
-):
+def test_who_never_met_a_camera_is_not_shown_beside_who_did(video, clip):
     """Such a person stood at the origin of the others' world, wherever it was."""
-    nobody = replace(clip, valid=np.zeros(90, dtype=bool))
-    (pseudo_gt / "quality.json").unlink()
-    save_clip(pseudo_gt / "person_1.npz", nobody, small_body.rest_pelvis_m(clip.motion.shape))
-    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
-    made = fuse(pseudo_gt, tmp_path / "out", body_path=body_path, **given)
+    (video.pseudo_gt / "quality.json").unlink()
+    video.save(replace(clip, valid=np.zeros(90, dtype=bool)), 1)
+    made = video.fuse()
     shown = [load_clip(made / f"person_{number}.npz").valid.any() for number in (0, 1)]
     assert shown == [True, False]
 
 
-def test_who_lost_every_frame_is_not_shown_beside_the_cameras(
-    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path
-):
+def test_who_lost_every_frame_is_not_shown_beside_the_cameras(video, clip):
     """Alone as well: such a person was valid, in a world that is not that of the cameras."""
-    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
     nobody = replace(clip, valid=np.zeros(90, dtype=bool))
-    (pseudo_gt / "quality.json").unlink()
-    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
+    (video.pseudo_gt / "quality.json").unlink()
     shown = []
     for name, one in (("dropped", nobody), ("without", replace(clip, camera=None))):
-        save_clip(pseudo_gt / "person_0.npz", one, rest_pelvis_m)
-        made = fuse(pseudo_gt, tmp_path / name, body_path=body_path, **given)
-        shown.append(load_clip(made / "person_0.npz").valid.any())
+        video.save(one)
+        shown.append(load_clip(video.fuse(name) / "person_0.npz").valid.any())
     assert shown == [False, True]
 
 
-def test_nobody_is_pulled_down_from_a_platform(
-    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path, monkeypatch
-):  # fmt: skip
+def test_nobody_is_pulled_down_from_a_platform(video, clip, monkeypatch):
     """Where the world's record has feet above its floor, z = 0 is not where they stand."""
     sees_truth(monkeypatch, clip.motion)
     pelvis_m = clip.motion.pelvis_m + 0.3 * np.eye(3)[2]
-    raised = replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m))
-    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
-    save_clip(pseudo_gt / "person_0.npz", raised, rest_pelvis_m)
-    quality = PseudoGtQuality.read(pseudo_gt / "quality.json")
-    given: dict[str, Any] = {"network": run_dir, "errors_path": errors_path}
-    given |= {"body_path": body_path, "config": FuseConfig(fusion=OWN_FUSION)}
+    video.save(replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m)))
     off_m = []
     for above_m in (0.1, 0.3):
-        level = LevelEstimate(sigma_deg=1.0, cues=(), soles_above_m=above_m)
-        quality.model_copy(update={"level": level}).write(pseudo_gt / "quality.json")
-        made = fuse(pseudo_gt, tmp_path / f"{above_m}", **given)
+        video.write_quality(level=LevelEstimate(sigma_deg=1.0, cues=(), soles_above_m=above_m))
+        made = video.fuse(f"{above_m}", config=FuseConfig(fusion=OWN_FUSION))
         found_m = load_clip(made / "person_0.npz").motion.pelvis_m
         off_m.append(np.abs(found_m - pelvis_m)[:, 2].max())
     assert off_m[0] > 0.05 and off_m[1] < 0.01
@@ -294,37 +267,30 @@ def sees_truth(monkeypatch: pytest.MonkeyPatch, truth: Motion) -> None:
     monkeypatch.setattr(stage, "deltas_at_source_rate", lambda gmr, motion: DoubtedMotions(*found))
 
 
-def test_one_clip_of_a_pseudo_ground_truth_is_as_in_its_folder(
-    pseudo_gt, clip, run_dir, errors_path, small_body, body_path, tmp_path, monkeypatch
-):  # fmt: skip
+def test_one_clip_of_a_pseudo_ground_truth_is_as_in_its_folder(video, clip, monkeypatch):
     """With the frames in which that person was seen, and the errors of the world, wherever the
     command runs."""
-    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
-    (pseudo_gt.parent / "bodies").mkdir()
     for number, n_seen in enumerate((85, 60)):
-        name, known = f"person_{number}.npz", clip.valid & (np.arange(90) < n_seen)
-        save_clip(pseudo_gt / name, replace(clip, valid=known), rest_pelvis_m)
-        before = replace(clip, valid=np.arange(90) < n_seen)
-        save_clip(pseudo_gt.parent / "bodies" / name, before, rest_pelvis_m)
-    quality, one = PseudoGtQuality.read(pseudo_gt / "quality.json"), {"network": run_dir}
+        seen = np.arange(90) < n_seen
+        video.save(replace(clip, valid=clip.valid & seen), number)
+        video.save(replace(clip, valid=seen), number, "bodies")
+    quality = PseudoGtQuality.read(video.pseudo_gt / "quality.json")
     fields = ("people", "picture_fits", "distance_sigmas")
-    both = {name: 2 * getattr(quality, name) for name in fields} | {"scale_sigma": 0.3}
-    quality.model_copy(update=both).write(pseudo_gt / "quality.json")
-    given: dict[str, Any] = one | {"errors_path": errors_path, "body_path": body_path}
-    monkeypatch.chdir(pseudo_gt)
-    whole = fuse(".", tmp_path / "whole", **given)
-    alone = fuse("person_1.npz", tmp_path / "alone", **given)
+    video.write_quality(scale_sigma=0.3, **{name: 2 * getattr(quality, name) for name in fields})
+    monkeypatch.chdir(video.pseudo_gt)
+    whole = video.fuse("whole", ".")
+    alone = video.fuse("alone", "person_1.npz")
     assert load_clip(alone / "person_0.npz").valid.sum() == 60
     sigmas = load_sigma(whole / "sigma_1.npz"), load_sigma(alone / "sigma_0.npz")
     for key, wanted in sigmas[0].items():
         np.testing.assert_array_equal(sigmas[1][key], wanted)
     assert sigmas[1]["place_sigma_m"].max() > 0.2, "the scale's error"
-    (pseudo_gt / "quality.json").unlink()
-    fuse(".", tmp_path / "of_anybody", **given)
-    assert plan("person_1.npz", network=run_dir, config=FuseConfig(), errors_path=errors_path)
-    quality.write(pseudo_gt / "quality.json")
+    (video.pseudo_gt / "quality.json").unlink()
+    video.fuse("of_anybody", ".")
+    assert plan("person_1.npz", config=FuseConfig(), **video.network)
+    quality.write(video.pseudo_gt / "quality.json")
     with pytest.raises(BadRecord, match="knows no person 1"):
-        fuse(pseudo_gt, tmp_path / "out", **given)
+        video.fuse()
 
 
 def test_the_true_motions_fill_the_gap(clip, small_body, untrained, monkeypatch):
@@ -430,43 +396,33 @@ def test_a_clip_without_cameras_is_the_networks_path(clip, small_body, constant)
     assert place_m[-1] > 0.1
 
 
-def test_what_a_dry_run_says(pseudo_gt, run_dir, errors_path):
+def test_what_a_dry_run_says(video):
     config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
-    rows = plan(pseudo_gt, network=run_dir, config=config, errors_path=errors_path)
+    rows = plan(video.pseudo_gt, config=config, **video.network)
     assert rows == [("walk", "90", "30", "60", "1.00", "1")]
     assert len(rows[0]) == len(HEADINGS)
 
 
-def test_bad_input_is_refused_with_the_remedy(
-    pseudo_gt, clip, run_dir, errors_path, small_body, tmp_path
-):
-    def fuse_here(config: FuseConfig | None = None, source: Path = pseudo_gt, **more: Path) -> None:
-        fuse(source, tmp_path / "out", network=run_dir, config=config, **more)
-
+def test_bad_input_is_refused_with_the_remedy(video, clip, tmp_path):
     with pytest.raises(MissingInput, match="gmrdata delta-errors"):
-        fuse_here()
+        video.fuse(errors_path=None)
     with pytest.raises(MissingInput, match="person_0.npz"):
         person_clips(tmp_path)
-    outside = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=17.8),))
-    with pytest.raises(BadRecipe, match="lasts 2.97 s"):
-        fuse_here(outside, errors_path=errors_path)
-    twice = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=1.01),))
-    with pytest.raises(BadRecipe, match="both are frame 30"):
-        fuse_here(twice, errors_path=errors_path)
-    shutil.copy(pseudo_gt / "person_0.npz", pseudo_gt / "person_1.npz")
+    for other_s, said in ((17.8, "lasts 2.97 s"), (1.01, "both are frame 30")):
+        config = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=other_s),))
+        with pytest.raises(BadRecipe, match=said):
+            video.fuse(config=config)
+    video.save(clip, 1)
     once = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
     for refused in (
-        lambda: fuse_here(once, errors_path=errors_path),
-        lambda: plan(pseudo_gt, network=run_dir, config=once, errors_path=errors_path),
+        lambda: video.fuse(config=once),
+        lambda: plan(video.pseudo_gt, config=once, **video.network),
     ):
         with pytest.raises(BadRecipe, match=r"of one person: give its clip, like .*person_0\.npz"):
             refused()
-    (pseudo_gt / "person_1.npz").unlink()
-    seen = replace(clip, motion=replace(clip.motion, frame="camera"))
-    rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
-    save_clip(tmp_path / "camera.npz", seen, rest_pelvis_m)
+    video.save(replace(clip, motion=replace(clip.motion, frame="camera")), part="seen")
     with pytest.raises(BadMotionFile, match="not in the world"):
-        fuse_here(source=tmp_path / "camera.npz", errors_path=errors_path)
+        video.fuse(source=video.folder / "seen" / "person_0.npz")
     write_npz(tmp_path / "sigma.npz", {"format": "gmrdata-clip/1"})
     with pytest.raises(BadRecord, match="sigma.npz"):
         load_sigma(tmp_path / "sigma.npz")

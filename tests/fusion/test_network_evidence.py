@@ -40,6 +40,7 @@ from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
 from gmrdata.values.files import STAGE_FILE, read_json, write_json
 from gmrdata.values.motion import Motion, deltas
 from tests.clip_manifests import write_clips
+from tests.fusion import test_smoothing as smoothing
 from tests.motions import made_up
 
 FPS_HZ = 20.0
@@ -60,11 +61,7 @@ def walk(
 
 
 def wandering(n: int, sigma: float, time_s: float, rng: np.random.Generator) -> np.ndarray:
-    kept = np.exp(-1 / (FPS_HZ * time_s))
-    states = [sigma * rng.normal(size=6)]
-    for _ in range(n - 1):
-        states.append(kept * states[-1] + np.sqrt(1 - kept**2) * sigma * rng.normal(size=6))
-    return np.array(states)
+    return sigma * smoothing.wandering(n, 6, time_s, rng, FPS_HZ)
 
 
 def record(fast: float = 0.2, slow: float = 0.1) -> DeltaErrors:

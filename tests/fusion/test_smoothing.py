@@ -206,9 +206,11 @@ def sampled(one: ErrorProcess, rng: np.random.Generator) -> np.ndarray:
     return wandering(len(one.sigma), 6, one.time_s, rng) * one.sigma * spread / FPS_HZ
 
 
-def wandering(n: int, d: int, time_s: float | np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def wandering(
+    n: int, d: int, time_s: float | np.ndarray, rng: np.random.Generator, fps_hz: float = FPS_HZ
+) -> np.ndarray:
     """A Gauss-Markov process (n, d) of variance 1."""
-    kept = np.exp(-1 / (FPS_HZ * time_s))
+    kept = np.exp(-1 / (fps_hz * time_s))
     states = [rng.normal(size=d)]
     for _ in range(n - 1):
         states.append(kept * states[-1] + np.sqrt(1 - kept**2) * rng.normal(size=d))

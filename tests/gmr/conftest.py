@@ -1,12 +1,15 @@
 """Small clips to train on."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
+from gmrdata.gmr.loop import fit
+from gmrdata.gmr.model import Gmr
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from tests.motions import walking_clips
@@ -51,6 +54,13 @@ class Training:
     body: BodyModel
     config: TrainConfig
     path: Path
+
+    def fit(
+        self, clips: Sequence[Clip], name: str = "", held_out: Sequence[Clip] = (), **changes: Any
+    ) -> Gmr:
+        """Train in the folder, or one of that name in it, with changes to the configuration."""
+        config = self.config.model_copy(update=changes)
+        return fit(clips, [self.body], self.path / name, config, held_out=held_out)
 
 
 @pytest.fixture

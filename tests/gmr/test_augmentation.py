@@ -9,12 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.augmentation import (
-    mirror_local,
-    mirror_points_m,
-    mirror_rotmats,
-    turned,
-)
+from gmrdata.gmr.augmentation import mirror_local, mirror_points_m, mirror_rotmats, turned
 from gmrdata.gmr.config import ModelConfig, WindowConfig
 from gmrdata.gmr.windows import make_batch, make_training_set
 from gmrdata.values.body import JOINT_NAMES, MIRRORED

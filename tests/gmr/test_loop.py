@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import jaxtyping
 import numpy as np
@@ -51,9 +52,9 @@ def test_it_overfits_one_window(training, kind):
 
 
 def test_held_out_scores_are_logged_and_change_nothing(training):
-    clips, held_out = training.make_clips(2, 1), training.make_clips(2, 2)
-    fit(clips, [training.body], training.path / "a", training.config, held_out=held_out)
-    fit(clips, [training.body], training.path / "b", training.config)
+    clips = training.make_clips(2, 1)
+    training.fit(clips, "a", training.make_clips(2, 2))
+    training.fit(clips, "b")
     scored = [line for line in lines_of(training.path / "a") if "held_out_ome_deg" in line]
     assert [line["step"] for line in scored] == [4, 8, 12]
     a, b = bytes_of(training.path / "a"), bytes_of(training.path / "b")
@@ -64,9 +65,7 @@ def test_held_out_scores_are_logged_and_change_nothing(training):
 def test_the_best_weights_are_those_of_the_lowest_score(training):
     """A step size that is too large, so that the best step is not the last one."""
     clips, held_out = training.make_clips(2, 1), training.make_clips(2, 2)
-    change = {"eval_every": 1, "learning_rate": 0.1, "schedule": "constant"}
-    config = training.config.model_copy(update=change)
-    fit(clips, [training.body], training.path, config, held_out=held_out)
+    training.fit(clips, "", held_out, eval_every=1, learning_rate=0.1, schedule="constant")
     name = "held_out_tme_mm"
     scores = {line["step"]: line[name] for line in lines_of(training.path) if name in line}
     step = min(scores, key=lambda step: (scores[step], step))
@@ -76,9 +75,8 @@ def test_the_best_weights_are_those_of_the_lowest_score(training):
     best = read_best(folder)
     assert best is not None
     assert best.score == BestScore(step=int(step), score=name, value=scores[step])
-    fps_hz = config.windows.fps_hz
-    runs = held_out_runs(held_out, [training.body], fps_hz)
-    found = held_out_scores(read_model(folder, "best"), runs, fps_hz)
+    runs = held_out_runs(held_out, [training.body], 10.0)
+    found = held_out_scores(read_model(folder, "best"), runs, 10.0)
     assert found[name] == scores[step]
     assert load_gmr(training.path, "best").step == step
     assert load_gmr(training.path).step == 12
@@ -94,7 +92,7 @@ def test_held_out_runs_keep_none_of_the_clips(training, monkeypatch):
 
 
 def test_without_held_out_clips_there_are_no_best_weights(training):
-    fit(training.make_clips(1, 1), [training.body], training.path, training.config)
+    training.fit(training.make_clips(1, 1))
     with pytest.raises(BadCheckpoint, match="no best weights"):
         load_gmr(training.path, "best")
 
@@ -102,10 +100,8 @@ def test_without_held_out_clips_there_are_no_best_weights(training):
 def test_bf16_is_close_and_keeps_float32_weights(training):
     losses = {}
     for precision in ("fp32", "bf16"):
-        config = training.config.model_copy(
-            update={"precision": precision, "model": ModelConfig(layers=2, hidden=12)}
-        )
-        fit(training.make_clips(2, 1), [training.body], training.path / precision, config)
+        model = ModelConfig(layers=2, hidden=12)
+        training.fit(training.make_clips(2, 1), precision, precision=precision, model=model)
         losses[precision] = [line["loss"] for line in lines_of(training.path / precision)]
         parameters = load_gmr(training.path / precision).model.parameters()
         assert {p.dtype for p in parameters} == {torch.float32}
@@ -120,16 +116,9 @@ def test_bf16_is_close_and_keeps_float32_weights(training):
 def test_compiling_changes_rounding_alone(training, monkeypatch):
     # The checks of shapes can't be traced.
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
-    config = training.config.model_copy(
-        update={"steps": 4, "model": ModelConfig(layers=2, hidden=12, output="6d")}
-    )
+    model = ModelConfig(layers=2, hidden=12, output="6d")
     for name, compiled in (("plain", False), ("compiled", True)):
-        fit(
-            training.make_clips(2, 1),
-            [training.body],
-            training.path / name,
-            config.model_copy(update={"compile": compiled}),
-        )
+        training.fit(training.make_clips(2, 1), name, steps=4, model=model, compile=compiled)
     plain, found = (lines_of(training.path / name) for name in ("plain", "compiled"))
     assert [line["loss"] for line in found] == pytest.approx(
         [line["loss"] for line in plain], rel=1e-5
@@ -139,17 +128,16 @@ def test_compiling_changes_rounding_alone(training, monkeypatch):
 
 def test_compiling_without_a_compiler_is_said(training, monkeypatch):
     monkeypatch.setenv("CXX", "no-such-compiler")
-    config = training.config.model_copy(update={"compile": True})
     with pytest.raises(StageFailed, match="there is no no-such-compiler"):
-        fit(training.make_clips(1, 1), [training.body], training.path, config)
+        training.fit(training.make_clips(1, 1), compile=True)
 
 
 def files_after_stops(
-    training: Training, config: TrainConfig, stops: tuple[int, ...], patches: pytest.MonkeyPatch
+    training: Training, stops: tuple[int, ...], patches: pytest.MonkeyPatch, **changes: Any
 ) -> dict[str, bytes]:
     """A run's files, which are the same if it is stopped in the middle of any of these steps."""
     clips, held_out = training.make_clips(2, 1), training.make_clips(1, 2)
-    fit(clips, [training.body], training.path / "whole", config, held_out=held_out)
+    training.fit(clips, "whole", held_out, **changes)
     expected = bytes_of(training.path / "whole")
     for stop in stops:
 
@@ -163,12 +151,12 @@ def files_after_stops(
         with patches.context() as patch:
             patch.setattr(loop, "make_batch", stopping)
             with pytest.raises(KeyboardInterrupt):
-                fit(clips, [training.body], run_dir, config, held_out=held_out)
+                training.fit(clips, run_dir.name, held_out, **changes)
         with (run_dir / "metrics.jsonl").open("a") as stream:
             stream.write('{"step": 11, "lo')
         torch.manual_seed(stop)
         torch.rand(stop)
-        fit(clips, [training.body], run_dir, config, held_out=held_out)
+        training.fit(clips, run_dir.name, held_out, **changes)
         assert bytes_of(run_dir) == expected
     return expected
 
@@ -176,15 +164,14 @@ def files_after_stops(
 @pytest.mark.parametrize(("precision", "stops"), [("fp32", (0, 3, 5, 9, 11)), ("bf16", (9,))])
 def test_k_steps_resumed_are_n_steps_bit_for_bit(training, monkeypatch, precision, stops):
     """Before, between and after checkpoints and log lines."""
-    config = training.config.model_copy(update={"precision": precision})
-    files = files_after_stops(training, config, stops, monkeypatch)
+    files = files_after_stops(training, stops, monkeypatch, precision=precision)
     assert "checkpoints/step_00000012/best.safetensors" in files
 
 
 def test_another_seed_gives_other_weights(training):
     clips = training.make_clips(2, 1)
-    fit(clips, [training.body], training.path / "a", training.config)
-    fit(clips, [training.body], training.path / "b", training.config.model_copy(update={"seed": 8}))
+    training.fit(clips, "a")
+    training.fit(clips, "b", seed=8)
     assert bytes_of(training.path / "a") != bytes_of(training.path / "b")
 
 
@@ -193,7 +180,7 @@ def test_global_torch_settings_are_left_alone(training):
     expected = torch.rand(3)
     torch.manual_seed(5)
     threads = torch.get_num_threads()
-    fit(training.make_clips(1, 1), [training.body], training.path, training.config)
+    training.fit(training.make_clips(1, 1))
     assert torch.equal(torch.rand(3), expected)
     assert torch.get_num_threads() == threads
     assert not torch.are_deterministic_algorithms_enabled()
@@ -210,7 +197,7 @@ def test_divergence_keeps_the_last_good_checkpoint(training, monkeypatch):
 
     monkeypatch.setattr(loop, "make_batch", bursting)
     with pytest.raises(TrainingDiverged, match=r"in step 8 the loss is (inf|nan) .*step_00000005"):
-        fit(training.make_clips(2, 1), [training.body], training.path, training.config)
+        training.fit(training.make_clips(2, 1))
     gmr = load_gmr(training.path)
     assert gmr.step == 5
     assert all(torch.isfinite(p).all() for p in gmr.model.parameters())
@@ -218,57 +205,49 @@ def test_divergence_keeps_the_last_good_checkpoint(training, monkeypatch):
 
 
 def test_a_step_size_that_is_far_too_large_diverges_and_says_so(training):
-    config = training.config.model_copy(
-        update={"learning_rate": 1e30, "warmup_steps": 0, "gradient_norm": None}
-    )
+    wild = {"learning_rate": 1e30, "warmup_steps": 0, "gradient_norm": None}
     with pytest.raises(TrainingDiverged, match="checkpoint: none. Lower learning_rate"):
-        fit(training.make_clips(2, 1), [training.body], training.path, config)
+        training.fit(training.make_clips(2, 1), **wild)
 
 
 def test_a_broken_or_foreign_checkpoint_stops_the_run(training):
     clips = training.make_clips(1, 1)
-    fit(clips, [training.body], training.path, training.config)
-    larger = training.config.model_copy(update={"model": ModelConfig(layers=1, hidden=13)})
+    training.fit(clips)
     with pytest.raises(BadCheckpoint, match="of another model"):
-        fit(clips, [training.body], training.path, larger)
+        training.fit(clips, model=ModelConfig(layers=1, hidden=13))
     with pytest.raises(BadCheckpoint, match="more steps than the 6 to train"):
-        fit(clips, [training.body], training.path, training.config.model_copy(update={"steps": 6}))
+        training.fit(clips, steps=6)
     folder = training.path / "checkpoints" / "step_00000012"
     state = json.loads((folder / "state.json").read_text())
     write_json(folder / "state.json", state | {"processes": 2})
     with pytest.raises(BadCheckpoint, match="made by 2 processes"):
-        fit(clips, [training.body], training.path, training.config)
+        training.fit(clips)
     write_json(folder / "state.json", state)
     path = folder / "optimizer.safetensors"
     path.write_bytes(path.read_bytes()[:-5])
     with pytest.raises(BadCheckpoint, match=r"optimizer\.safetensors: truncated"):
-        fit(clips, [training.body], training.path, training.config)
+        training.fit(clips)
 
 
 def test_clips_that_cannot_be_trained_on_are_refused(training):
     with pytest.raises(BadManifest, match="no usable clips"):
-        fit([], [training.body], training.path, training.config)
+        training.fit([])
     clip = training.make_clips(1, 1)[0]
     other = replace(clip, motion=replace(clip.motion, body="giant"))
     with pytest.raises(BadManifest, match="clip gait_1_0: of body giant with 10"):
-        fit([other], [training.body], training.path, training.config)
+        training.fit([other])
     flicker = replace(clip, valid=np.arange(clip.motion.n_frames) % 2 == 0)
     with pytest.raises(BadManifest, match="none of the 1 held-out clips has two valid frames"):
-        fit([clip], [training.body], training.path, training.config, held_out=[flicker])
+        training.fit([clip], held_out=[flicker])
     shaken = replace(clip, motion=replace(clip.motion, frame="camera"))
     with pytest.raises(BadManifest, match="clip gait_1_0: its motion is in the camera's frame"):
-        fit([shaken], [training.body], training.path, training.config)
+        training.fit([shaken])
 
 
 def test_a_missing_gpu_is_said(training, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(StageFailed, match="no GPU here"):
-        fit(
-            training.make_clips(1, 1),
-            [training.body],
-            training.path,
-            training.config.model_copy(update={"device": "cuda"}),
-        )
+        training.fit(training.make_clips(1, 1), device="cuda")
 
 
 def test_learning_rate():

@@ -8,7 +8,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.config import ModelConfig, Representation
+from gmrdata.gmr.config import ModelConfig, MotionSource, Representation
 from gmrdata.gmr.model import (
     REST_JOINTS_M,
     Gmr,
@@ -57,23 +57,32 @@ def test_all_nine_of_table_1(input_, output):
     assert sum(p.numel() for p in model.parameters()) == parameter_count(config)
 
 
-@pytest.mark.parametrize(("layers", "hidden"), [(1, 1), (1, 7), (3, 5), (4, 16)])
-def test_parameter_count(layers, hidden):
-    config = ModelConfig(layers=layers, hidden=hidden)
-    assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
+STANDING: MotionSource = "standing_joint"
 
 
 @pytest.mark.parametrize(
-    ("extra", "inputs"),
-    [(("velocity",), 92 + 69), (("standing",), 92 + 138), (("velocity", "standing"), 92 + 207)],
+    ("size", "settings", "more_inputs", "more"),
+    [
+        ((1, 1), {}, 0, 0),
+        ((1, 7), {}, 0, 0),
+        ((4, 16), {}, 0, 0),
+        # Only the first layer is larger: three gates of both directions look at each number.
+        ((3, 5), {"extra_inputs": ("velocity",)}, 69, 2 * 3 * 5 * 69),
+        ((3, 5), {"extra_inputs": ("standing",)}, 138, 2 * 3 * 5 * 138),
+        ((3, 5), {"extra_inputs": ("velocity", "standing")}, 207, 2 * 3 * 5 * 207),
+        # 24 shares of each of the features, and as many biases, for each part.
+        ((2, 7), {"rotation": STANDING}, 0, 24 * 8),
+        ((2, 7), {"translation": STANDING}, 0, 24 * 8),
+        ((2, 7), {"rotation": STANDING, "translation": STANDING}, 0, 2 * 24 * 8),
+    ],
 )
-def test_parameter_count_with_extra_inputs(extra, inputs):
-    """Only the first layer is larger: three gates of both directions look at each number."""
-    config = ModelConfig(layers=3, hidden=5, extra_inputs=extra)
-    assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
-    assert input_size(config) == inputs
-    plain = parameter_count(ModelConfig(layers=3, hidden=5))
-    assert parameter_count(config) - plain == 2 * 3 * 5 * (inputs - 92)
+def test_parameter_count(size, settings, more_inputs, more):
+    plain = ModelConfig(layers=size[0], hidden=size[1])
+    config = ModelConfig.model_validate(plain.model_dump() | settings)
+    for one in (plain, config):
+        assert sum(p.numel() for p in Gmr(one).parameters()) == parameter_count(one)
+    assert input_size(config) == 92 + more_inputs
+    assert parameter_count(config) - parameter_count(plain) == more
 
 
 def test_the_papers_network():
@@ -225,7 +234,7 @@ def test_a_network_that_looks_at_legs_and_trunk_does_not_see_arms():
 
 NONE = 23
 """Share of no joint at all."""
-BOTH = ModelConfig(layers=1, hidden=4, rotation="standing_joint", translation="standing_joint")
+BOTH = ModelConfig(layers=1, hidden=4, rotation=STANDING, translation=STANDING)
 
 
 def sure_of(turning: int, stepping: int, *, by_look: int | None = None) -> Gmr:
@@ -412,13 +421,3 @@ def test_what_joints_say_is_taken_from_the_input_or_made(standing):
     for one, other in zip(given, made, strict=True):
         torch.testing.assert_close(one, other, atol=1e-5, rtol=1e-5)
     assert sum(p.numel() for p in model.parameters()) == parameter_count(config)
-
-
-@pytest.mark.parametrize("parts", [("rotation",), ("translation",), ("rotation", "translation")])
-def test_parameter_count_with_standing_joints(parts):
-    """24 shares of each of the features, and as many biases, for each part."""
-    standing = dict.fromkeys(parts, "standing_joint")
-    config = ModelConfig.model_validate({"layers": 2, "hidden": 7} | standing)
-    assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
-    plain = parameter_count(ModelConfig(layers=2, hidden=7))
-    assert parameter_count(config) - plain == 24 * 8 * len(parts)

@@ -12,7 +12,6 @@ import torch
 
 from gmrdata.gmr.checkpoint import checkpoint_dir, load_weights
 from gmrdata.gmr.config import ModelConfig, TrainConfig
-from gmrdata.gmr.loop import fit
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.steps import AHEAD, decay_at, prefetched, run_log, start_average
@@ -146,13 +145,8 @@ def test_it_is_the_weighted_sum_of_the_steps():
 
 def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(training):
     clips = training.make_clips(2, 1)
-    used = fit(clips, [training.body], training.path / "a", training.config)
-    fit(
-        clips,
-        [training.body],
-        training.path / "b",
-        training.config.model_copy(update={"average_decay": 0.0}),
-    )
+    used = training.fit(clips, "a")
+    training.fit(clips, "b", average_decay=0.0)
     a, b = checkpoint_dir(training.path / "a", 12), checkpoint_dir(training.path / "b", 12)
     for name in ("model.safetensors", "optimizer.safetensors"):
         assert (a / name).read_bytes() == (b / name).read_bytes()
@@ -165,13 +159,13 @@ def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(train
 
 def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(training, monkeypatch):
     """With every augmentation, extra input and the average: stopped at any step."""
-    files = files_after_stops(training, training.config, (3, 5, 11), monkeypatch)
+    files = files_after_stops(training, (3, 5, 11), monkeypatch)
     assert any("average" in name for name in files)
 
 
 def test_a_checkpoint_that_lost_its_average_is_refused(training):
     clips = training.make_clips(1, 1)
-    fit(clips, [training.body], training.path, training.config)
+    training.fit(clips)
     folder = checkpoint_dir(training.path, 12)
     assert json.loads((folder / "state.json").read_text())["averaged"] is True
     path = folder / "average.safetensors"
@@ -182,5 +176,5 @@ def test_a_checkpoint_that_lost_its_average_is_refused(training):
     with pytest.raises(BadCheckpoint, match=r"average\.safetensors: truncated, missing"):
         load_gmr(training.path)
     with pytest.raises(BadCheckpoint, match=r"average\.safetensors"):
-        fit(clips, [training.body], training.path, training.config.model_copy(update={"steps": 20}))
+        training.fit(clips, steps=20)
     load_weights(folder, Gmr(training.config.model))

@@ -233,16 +233,8 @@ def same(a: Batch, b: Batch) -> bool:
 
 
 def tensors_of(batch: Batch) -> list[torch.Tensor]:
-    motions = batch.motions
-    return [
-        batch.poses,
-        batch.lengths,
-        batch.mask,
-        motions.delta_rotmats,
-        motions.delta_m,
-        batch.local_rotmats,
-        batch.shape,
-    ]
+    values = vars(batch) | vars(batch.motions)
+    return [value for value in values.values() if isinstance(value, torch.Tensor)]
 
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from gmrdata.paper.joint import (
     training_runs,
 )
 from gmrdata.paper.plan import JointConfig
+from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import (
     BadCheckpoint,
@@ -123,24 +125,30 @@ def test_it_learns(walks, small_body, write_set, body_path, tmp_path, capsys):
     assert 1000 * np.linalg.norm(delta_m - true_m, axis=1).mean() < 0.6 * still_mm
 
 
+def told_runs(*clips: Clip) -> TrainingSet:
+    """Runs at 10 fps of clips and of features that tell everything."""
+    return training_runs([(clip, told(clip)) for clip in clips], 10.0)
+
+
+def fitted(runs: TrainingSet, body: BodyModel, run_dir: Path, **changes: Any) -> JointModel:
+    """A network trained in a folder by the small recipe with changes."""
+    run_dir.mkdir(exist_ok=True)
+    return fit_joint(runs, [body], run_dir, SMALL.model_copy(update=changes))
+
+
 def test_the_same_recipe_gives_the_same_network(walks, small_body, tmp_path):
-    runs = training_runs([(clip, told(clip)) for clip in walks[:2]], 10.0)
-    config = SMALL.model_copy(update={"steps": 3})
+    runs = told_runs(*walks[:2])
     for name in ("one", "other"):
-        (tmp_path / name).mkdir()
-        fit_joint(runs, [small_body], tmp_path / name, config)
+        fitted(runs, small_body, tmp_path / name, steps=3)
     assert bytes_of(tmp_path / "one") == bytes_of(tmp_path / "other")
 
 
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(walks, small_body, tmp_path, monkeypatch):
     """Stopped in step 6, it goes on from step 4, with the dropout that it would have had."""
-    runs = training_runs([(clip, told(clip)) for clip in walks[:2]], 10.0)
+    runs = told_runs(*walks[:2])
     model = SMALL.model.model_copy(update={"layers": 2, "dropout": 0.3})
     changes = {"model": model, "steps": 9, "log_every": 1, "checkpoint_every": 4}
-    config = SMALL.model_copy(update=changes)
-    for name in ("whole", "stopped"):
-        (tmp_path / name).mkdir()
-    fit_joint(runs, [small_body], tmp_path / "whole", config)
+    fitted(runs, small_body, tmp_path / "whole", **changes)
 
     def stop_in_step_6(runs: TrainingSet, config: JointConfig, step: int) -> Batch:
         if step == 6:
@@ -149,18 +157,18 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(walks, small_body, tmp_path,
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr("gmrdata.paper.joint.make_joint_batch", stop_in_step_6)
-        fit_joint(runs, [small_body], tmp_path / "stopped", config)
+        fitted(runs, small_body, tmp_path / "stopped", **changes)
     pointer = tmp_path / "stopped" / "checkpoints" / "latest"
     assert pointer.read_text() == "step_00000004\n"
-    fit_joint(runs, [small_body], tmp_path / "stopped", config)
+    fitted(runs, small_body, tmp_path / "stopped", **changes)
     assert bytes_of(tmp_path / "stopped") == bytes_of(tmp_path / "whole")
     steps = [json.loads(line)["step"] for line in (tmp_path / "whole/metrics.jsonl").open()]
     assert steps == list(range(1, 10))
 
 
 def test_what_is_read_is_what_was_written(walks, small_body, tmp_path):
-    runs = training_runs([(walks[0], told(walks[0]))], 10.0)
-    model = fit_joint(runs, [small_body], tmp_path, SMALL.model_copy(update={"steps": 2})).eval()
+    runs = told_runs(walks[0])
+    model = fitted(runs, small_body, tmp_path, steps=2).eval()
     features = torch.from_numpy(split_rows(runs.frames.poses)[0][:40])[None]
     with torch.no_grad():
         one, other = model(features), load_joint(tmp_path)(features)
@@ -242,9 +250,7 @@ def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, body_p
     valid = np.ones(80, bool)
     valid[[21, 25]] = False
     clip = replace(walks[0], valid=valid)
-    runs = training_runs([(walks[1], told(walks[1]))], 10.0)
-    (tmp_path / "run").mkdir()
-    model = fit_joint(runs, [small_body], tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
+    model = fitted(told_runs(walks[1]), small_body, tmp_path / "run", steps=1)
     write_features(tmp_path / "features", [clip])
     manifest = write_set(tmp_path / "set", [clip, walks[1]])
     features, body = tmp_path / "features", {"body_path": body_path}
@@ -288,9 +294,7 @@ def test_features_that_do_not_fit(walks, small_body, write_set, tmp_path):
         load_features(tmp_path, clip)
     with pytest.raises(BadFeatures, match="features have 48 or 7 numbers|features have 7 or 48"):
         training_runs([(clip, good), (walks[1], good[:, :7])], 10.0)
-    runs = training_runs([(clip, good)], 10.0)
-    (tmp_path / "run").mkdir()
-    fit_joint(runs, [small_body], tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
+    fitted(told_runs(clip), small_body, tmp_path / "run", steps=1)
     write_npz(path, {"features": good[:, :7]})
     manifest = write_set(tmp_path / "set", [clip])
     with pytest.raises(BadFeatures, match="7 numbers per frame, but the model takes 48"):
@@ -308,7 +312,6 @@ def test_clips_that_do_not_fit(walks):
 
 
 def test_a_step_size_that_is_far_too_large(walks, small_body, tmp_path):
-    runs = training_runs([(walks[0], told(walks[0]))], 10.0)
     with pytest.raises(TrainingDiverged, match="Lower learning_rate, or set gradient_norm"):
-        fit_joint(runs, [small_body], tmp_path, SMALL.model_copy(update={"learning_rate": 1e30}))
+        fitted(told_runs(walks[0]), small_body, tmp_path, learning_rate=1e30)
     assert latest_checkpoint(tmp_path) is None

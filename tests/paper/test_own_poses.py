@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.manifest.current import Source
-from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
+from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.paper.joint import load_features
 from gmrdata.paper.own_poses import OwnPosesRecord, rows_between, the_person
@@ -21,6 +20,7 @@ from gmrdata.read.openpose import PAIRS
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip, save_clip
+from tests.clip_manifests import a_head, a_walk
 
 N_FRAMES, GAP = 5, 2
 INTRINSICS_PX = np.array([[820.0, 0, 150], [0, 820, 270], [0, 0, 1]])
@@ -57,28 +57,9 @@ def manifest(shared_path, anny, tmp_path_factory) -> Path:
     for clip in clips:
         path = folder / f"{clip.id}.npz"
         save_clip(path, clip, anny.rest_pelvis_m(clip.motion.shape))
-        entries.append(
-            clip_entry(
-                folder,
-                ClipFiles(path, images=None if clip.id == "unfilmed" else folder / "frames"),
-                ClipAbout(
-                    camera_motion="static",
-                    licence="MIT",
-                    source=Source(dataset="test", sequence=clip.id),
-                ),
-            )
-        )
-    return write_manifest(
-        folder / "manifest.yaml",
-        ManifestHead(
-            name="seen",
-            version="1.0.0",
-            description="Clips of a test.",
-            kind="pseudo_gt",
-            licence="MIT",
-        ),
-        entries,
-    )
+        files = ClipFiles(path, images=None if clip.id == "unfilmed" else folder / "frames")
+        entries.append(clip_entry(folder, files, a_walk("static")))
+    return write_manifest(folder / "manifest.yaml", a_head("seen", "pseudo_gt"), entries)
 
 
 @pytest.fixture(scope="module")

@@ -28,6 +28,7 @@ from gmrdata.paper.make import _data, clip_figure, held_out_set, make_table, tra
 from gmrdata.paper.plan import (
     Given,
     JointConfig,
+    TableRecipe,
     joint_config,
     load_table,
     plan_table,
@@ -70,6 +71,19 @@ rows:
   train: {loss: {orientation_loss: angular}}
   paper: {ome_deg: 1.5, tme_mm: 7.0, vme_mm: 9.5}
 """
+
+
+def tiny(folder: Path, old: str = "", new: str = "", more: str = "") -> str:
+    """The path of a recipe of a tiny table, with another text in it or more rows."""
+    path = folder / "tiny.yaml"
+    path.write_text((TINY.replace(old, new) if old else TINY) + more, encoding="utf-8")
+    return str(path)
+
+
+def data_of(recipe: TableRecipe, given: Given) -> TableData:
+    """What a table of one scored clip says of its data."""
+    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
+    return _data(plan_table(recipe, "small", given), overall)
 
 
 def test_every_table_of_the_paper_loads():
@@ -146,11 +160,10 @@ def test_table_9_has_both_latent_sizes():
 
 
 def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text(TINY.replace("orientation_loss:", "orientation_los:"))
+    path = tiny(tmp_path, "orientation_loss:", "orientation_los:")
     with pytest.raises(BadRecipe) as caught:
-        load_table(str(path))
-    assert str(path) in str(caught.value)
+        load_table(path)
+    assert path in str(caught.value)
     assert "row 'Angular' at scale small" in str(caught.value)
     assert "loss.orientation_los: Extra inputs are not permitted" in str(caught.value)
 
@@ -160,13 +173,17 @@ def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path):
 )
 def test_rows_that_would_share_a_folder_are_refused(names, tmp_path):
     """One of the two was never trained, and had the other's figures."""
-    path, text = tmp_path / "mine.yaml", TINY
-    for old, new in zip(("Chordal", "Angular"), names, strict=True):
-        text = text.replace(old, f"'{new}'")
-    path.write_text(text, encoding="utf-8")
+    rows = TINY.partition("rows:")[2]
+    named = rows.replace("Chordal", f"'{names[0]}'").replace("Angular", f"'{names[1]}'")
     said = f"rows: {names[0]!r}, {names[1]!r}: names must differ in letters a-z or digits"
     with pytest.raises(BadRecipe, match=re.escape(said)):
-        load_table(str(path))
+        load_table(tiny(tmp_path, rows, named))
+
+
+def test_a_seed_that_a_recipe_names_twice_is_refused(tmp_path):
+    """Its one training counted as two that agreed, with a spread of 0."""
+    with pytest.raises(BadRecipe, match=r"tiny\.yaml.*\n?.*small.*seeds: a seed counts twice"):
+        load_table(tiny(tmp_path, "seeds: [3]", "seeds: [3, 3]"))
 
 
 @pytest.mark.parametrize(
@@ -194,10 +211,8 @@ def test_rows_that_would_share_a_folder_are_refused(names, tmp_path):
     ],
 )
 def test_a_row_whose_words_would_have_no_effect_is_refused(rows, said, tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text(TINY + rows)
     with pytest.raises(BadRecipe, match=re.escape(f"rows: {said}")):
-        load_table(str(path))
+        load_table(tiny(tmp_path, more=rows))
 
 
 def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path):
@@ -343,20 +358,12 @@ def write_walks(small_body, tmp_path) -> Callable[..., Path]:
 @pytest.mark.slow
 def test_a_table_from_the_command_line_and_again(write_walks, body_path, tmp_path, capsys):
     """Subject 02 is held out; the second call finds everything made."""
-    (tmp_path / "tiny.yaml").write_text(TINY)
+    recipe = tiny(tmp_path)
     motions, out = write_walks("walks", ["01_01", "01_02", "02_01"], 1), tmp_path / "out"
 
     def tables(*more: str) -> str:
-        command = ["tables", str(tmp_path / "tiny.yaml")]
-        command += [
-            "--manifest",
-            str(motions),
-            "--held-out-subjects",
-            "2",
-            "--body",
-            str(body_path),
-        ]
-        command += ["--out", str(out), "--workers", "1", *more]
+        command = ["tables", recipe, "--manifest", str(motions), "--held-out-subjects", "2"]
+        command += ["--body", str(body_path), "--out", str(out), "--workers", "1", *more]
         main(command)
         return capsys.readouterr().out
 
@@ -379,11 +386,8 @@ def test_a_table_from_the_command_line_and_again(write_walks, body_path, tmp_pat
     assert record["data"]["training"] == [{"name": "walks/manifest.yaml", "clips": 2}]
     assert load_gmr(out / "runs" / "angular" / "seed_3").step == 4
     with (out / "table2.csv").open(newline="") as stream:
-        assert [row["row"] for row in csv.DictReader(stream)] == [
-            "Chordal",
-            "Angular",
-            "no motion at all",
-        ]
+        names = [row["row"] for row in csv.DictReader(stream)]
+        assert names == ["Chordal", "Angular", "no motion at all"]
     text = (out / "table2.md").read_text()
     assert "means over motions and vertices, where eqs. 9-14 are sums." in text
     assert "trained on in all their phases" in text
@@ -397,16 +401,16 @@ def test_a_table_says_how_many_clips_a_manifest_gave_where_people_are_balanced(
     write_walks, tmp_path
 ):
     """Its parts were people, more than manifests: the table was lost after all its trainings."""
-    recipe = tmp_path / "tiny.yaml"
-    recipe.write_text(TINY.replace("    train:\n", "    train:\n      data: {balance: 0.5}\n"))
+    recipe = tiny(tmp_path, "    train:\n", "    train:\n      data: {balance: 0.5}\n")
     manifests = (
         write_walks("walks", ["01_01", "01_02", "02_01", "03_01"], 1),
         write_walks("more", ["04_01", "05_01"], 2),
     )
-    plan = plan_table(load_table(str(recipe)), "small", Given(manifests, held_out=(2,)))
-    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
-    found = [(one.name, one.clips) for one in _data(plan, overall).training]
-    assert found == [("walks/manifest.yaml", 3), ("more/manifest.yaml", 2)]
+    data = data_of(load_table(recipe), Given(manifests, held_out=(2,)))
+    assert [(one.name, one.clips) for one in data.training] == [
+        ("walks/manifest.yaml", 3),
+        ("more/manifest.yaml", 2),
+    ]
 
 
 def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):
@@ -423,12 +427,9 @@ def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):
 
 
 def test_scored_clips_that_are_trained_on_are_counted(write_walks, tmp_path, capsys):
-    recipe = tmp_path / "tiny.yaml"
-    recipe.write_text(TINY)
     motions = write_walks("walks", ["01_01", "02_01"], 1)
     given = Given((motions,), scored=write_walks("scored", ["02_01", "03_01"], 2))
-    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
-    data = _data(plan_table(load_table(str(recipe)), "small", given), overall)
+    data = data_of(load_table(tiny(tmp_path)), given)
     assert data.scored.endswith("motions; 1 of these clips are trained on)")
     assert "scored/manifest.yaml; 1 of these clips are trained on" in capsys.readouterr().err
 
@@ -436,8 +437,7 @@ def test_scored_clips_that_are_trained_on_are_counted(write_walks, tmp_path, cap
 def test_a_table_says_nothing_of_whom_a_given_network_was_trained_on(write_walks):
     motions = write_walks("walks", ["01_01", "02_01"], 1)
     given = Given((motions,), motions, network=network_dir("bundled"), held_out=(2,))
-    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
-    data = _data(plan_table(load_table("5"), "small", given), overall)
+    data = data_of(load_table("5"), given)
     assert (data.training, data.left_out, data.held_out_subjects) == ((), {}, ())
     assert data.scored.endswith("motions)")
 
@@ -458,9 +458,7 @@ def test_people_are_held_out_of_the_videos_too(write_walks, body_path, tmp_path)
     train_one("joint/seed_0", config, given, tmp_path / "out", Run())
     inputs = StageRecord.of(tmp_path / "out" / "runs" / "joint" / "seed_0").inputs
     assert inputs.keys() == {"manifest_0", "features_01_01", "body"}
-
-    overall = score_record([clip_score("02_01", metrics(1.0, 2.0, 3.0))]).overall
-    data = _data(plan_table(load_table("10"), "small", given), overall)
+    data = data_of(load_table("10"), given)
     assert [one.name for one in data.training] == ["walks/manifest.yaml", "videos/manifest.yaml"]
     assert [one.clips for one in data.training] == [1, 1]
     assert data.left_out == {"of held-out subject 2": 2}

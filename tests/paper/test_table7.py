@@ -20,9 +20,10 @@ from gmrdata.manifest.current import (
     Quality,
     Source,
 )
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import write_manifest
 from gmrdata.paper.table7 import compare, compare_with_table7, summary, table_rows, write_csv
 from gmrdata.values.errors import BadManifest, MissingInput
+from tests.clip_manifests import a_head
 
 FPS_HZ = 30.0
 ACCEPTED = Quality(verdict="accepted")
@@ -94,17 +95,7 @@ def manifest_path(tmp_path) -> Path:
 
 
 def write_ours(path: Path, clips: list[Clip], kind: str = "pseudo_gt") -> Path:
-    return write_manifest(
-        path,
-        ManifestHead(
-            name=path.stem,
-            version="1.0.0",
-            description="Made in a test.",
-            kind=kind,
-            licence="3DPW's",
-        ),
-        clips,
-    )
+    return write_manifest(path, a_head(path.stem, kind), clips)
 
 
 def test_rows_stand_beside_those_of_the_published_table(manifest_path):

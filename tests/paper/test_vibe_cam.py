@@ -298,12 +298,6 @@ def takes(filmed) -> tuple[Clip, Clip]:
     return replace(on, id="walk_on"), replace(on, id="walk_off", camera=off)
 
 
-def seen_by_its_camera(clip: Clip) -> Clip:
-    """What a perfect pose estimator gives: poses in the camera's frame."""
-    motion = motion_in_camera(clip.motion, camera_of(clip).world_from_cam)
-    return replace(clip, motion=motion)
-
-
 def scores(predicted: Clip, true: Clip, body: BodyModel) -> tuple[float, float, float]:
     """OME [deg], TME [mm] and VME [mm] at 10 fps, all phases."""
     rows = np.arange(true.motion.n_frames)
@@ -311,57 +305,47 @@ def scores(predicted: Clip, true: Clip, body: BodyModel) -> tuple[float, float, 
     return tuple(float(values.mean()) for values in errors)  # type: ignore[return-value]
 
 
-def turn_deg(clip: Clip) -> float:
-    """Mean angle by which the camera turns between frames at 10 fps: what OME must be."""
-    rotmats = camera_of(clip).world_from_cam[:, :3, :3]
-    return float(np.rad2deg(angles_rad(rotmats[2:] @ rotmats[:-2].swapaxes(1, 2))).mean())
+def assert_errs_by_the_cameras_motion(
+    made: Path, takes: tuple[Clip, Clip], body: BodyModel, atol: float
+) -> None:
+    """Predictions are right for the camera at rest; else OME is by how much the camera turns."""
+    on, off = (
+        scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, body) for clip in takes
+    )
+    assert max(off) < atol
+    rotmats = camera_of(takes[0]).world_from_cam[:, :3, :3]
+    turns_deg = np.rad2deg(angles_rad(rotmats[2:] @ rotmats[:-2].swapaxes(1, 2)))
+    assert on[0] == pytest.approx(turns_deg.mean(), rel=1e-6)
+    assert on[1] > 50 and on[2] > 50
 
 
 def test_gmr_sees_the_same_motion_with_the_camera_on_and_off(takes):
     torch.manual_seed(0)
     gmr = TrainedGmr(Gmr(ModelConfig(layers=2, hidden=16)).eval(), 20.0, "untrained", 0)
-    on, off = (seen_by_its_camera(clip) for clip in takes)
-    assert not np.allclose(on.motion.root_rotmats, off.motion.root_rotmats, atol=0.1)
-    np.testing.assert_array_equal(on.motion.local_rotmats, off.motion.local_rotmats)
-    found = [predict_world_motion(gmr, clip.motion) for clip in (on, off)]
+    on, off = map(seen, takes)
+    assert not np.allclose(on.root_rotmats, off.root_rotmats, atol=0.1)
+    np.testing.assert_array_equal(on.local_rotmats, off.local_rotmats)
+    found = [predict_world_motion(gmr, motion) for motion in (on, off)]
     np.testing.assert_array_equal(found[0].root_rotmats, found[1].root_rotmats)
     np.testing.assert_array_equal(found[0].pelvis_m, found[1].pelvis_m)
     # Not because it predicts nothing: another local pose gives another motion.
-    other = replace(on.motion, local_rotmats=on.motion.local_rotmats[::-1])
+    other = replace(on, local_rotmats=on.local_rotmats[::-1])
     assert not np.allclose(predict_world_motion(gmr, other).pelvis_m, found[0].pelvis_m, atol=1e-3)
 
 
 def test_camera_frame_poses_are_right_for_the_camera_at_rest_alone(take, takes):
     made = predict_camera_as_world(take.write_set(take.path / "set", takes), take.path / "out")
-    on, off = (
-        scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, take.body)
-        for clip in takes
-    )
-    assert max(off) < 1e-5
-    assert on[0] == pytest.approx(turn_deg(takes[0]), rel=1e-6)
-    assert on[1] > 50 and on[2] > 50
+    assert_errs_by_the_cameras_motion(made, takes, take.body, atol=1e-5)
 
 
 def test_so_is_vibe_cam(take, takes, body_path):
     """With exact poses and keypoints all that is left of its error is the camera's motion."""
     for clip in takes:
-        posed = seen_by_its_camera(clip)
-        motion = replace(posed.motion, pelvis_m=np.zeros((clip.motion.n_frames, 3)))
-        save_clip(
-            take.path / "poses" / f"{clip.id}.npz",
-            replace(posed, motion=motion),
-            take.body.rest_pelvis_m(motion.shape),
-        )
+        write_poses(take.path / "poses", clip, take.body)
         write_frames(take.path / "keypoints" / clip.id, clip, take.body)
     files = SeenFiles(take.path / "poses", take.path / "keypoints", body_path)
     made = predict_vibe_cam(take.write_set(take.path / "set", takes), files, take.path / "out")
-    on, off = (
-        scores(load_clip(made / "predictions" / f"{clip.id}.npz"), clip, take.body)
-        for clip in takes
-    )
-    assert max(off) < 1e-3
-    assert on[0] == pytest.approx(turn_deg(takes[0]), rel=1e-6)
-    assert on[1] > 50 and on[2] > 50
+    assert_errs_by_the_cameras_motion(made, takes, take.body, atol=1e-3)
 
 
 CLIP = {"fps_hz": 20.0, "n_frames": 40, "n_valid": 36}

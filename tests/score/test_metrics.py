@@ -289,9 +289,9 @@ def test_accelerations_of_a_parabola_and_over_gaps():
     np.testing.assert_allclose(metrics.accelerations(places_m, [(0, 10)]), [1.0] * 8)
     places_m[6:] += 50.0  # a jump between two runs
     runs = [(0, 6), (6, 10)]
-    found = metrics.acceleration_errors(places_m, still, runs)
+    found = metrics.accelerations(places_m, runs)
     np.testing.assert_allclose(found, [1.0] * 6)
-    assert len(metrics.acceleration_errors(places_m, still, runs, trim=1)) == 2
+    assert len(metrics.accelerations(places_m, runs, trim=1)) == 2
     # The length over joints of the differences of lengths, not their mean.
     np.testing.assert_allclose(metrics.acceleration_length_errors(places_m, still, runs), [2.0] * 6)
 

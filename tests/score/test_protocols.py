@@ -232,6 +232,16 @@ def test_files_are_scored_as_released_code_scores_them(case, name, small_body, t
         assert found[metric] == pytest.approx(figure, rel=1e-6), metric  # type: ignore[index]
 
 
+def test_people_of_a_video_are_cut_alike_whatever_its_first_image_is_called(small_body, tmp_path):
+    """Segments began at image 0: of images from 1 on, figures were up to 6 % off."""
+    people = [
+        (replace(true, image_numbers=true.image_numbers + 37), predicted)
+        for true, predicted in made_people(small_body, 2, gaps=True)
+    ]
+    found = our_figures("slahmr", small_body, people, tmp_path)
+    assert found == pytest.approx(FIGURES["2 people, with gaps"]["slahmr"], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("name", "metric"),
     [

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gmrdata.manifest.write import ManifestHead, write_manifest
+from gmrdata.manifest.write import write_manifest
 from gmrdata.pages.scores import scores_page
 from gmrdata.score.compare import CompareConfig, Comparison, compare_records
 from gmrdata.score.protocols import ORIGINAL, PROTOCOLS
@@ -16,6 +16,7 @@ from gmrdata.score.table import score_rows
 from gmrdata.twins.floor_record import Floor, FloorGroup
 from gmrdata.values.errors import BadManifest, BadRecord
 from gmrdata.values.files import read_json_lines, write_json
+from tests.clip_manifests import a_head
 from tests.record_keys import assert_each_key_is_needed
 from tests.score.score_records import clip_score, group_score, metrics, scores
 from tests.score.score_records import scores as score_record
@@ -41,13 +42,8 @@ def test_each_key_of_scores_is_needed(tmp_path):
 
 
 def test_each_key_of_a_networks_scores_is_needed(tmp_path):
-    network = {
-        "kind": "network",
-        "run": "gmr",
-        "step": 3,
-        "which": "best",
-        "network": {"layers": 1},
-    }
+    network = {"kind": "network", "run": "gmr", "step": 3, "which": "best"}
+    network |= {"network": {"layers": 1}}
     found = Scores.model_validate(dict(full()) | {"model": network})
     free = ("skipped", "model.network")
     assert_each_key_is_needed(found, tmp_path / "scores.json", free, named_alone=True)
@@ -177,24 +173,10 @@ def test_the_table_has_the_floor_beside_gmr_and_zero_motion():
     assert headings[-1] == "with no motion at all" and {len(row) for row in rows} == {6}
 
 
-def manifest(folder: Path, kind: str) -> Path:
-    return write_manifest(
-        folder / "manifest.yaml",
-        ManifestHead(
-            name="scored",
-            version="1.0.0",
-            description="Clips to score.",
-            kind=kind,
-            licence="CC0-1.0",
-        ),
-        [],
-    )
-
-
 def test_a_floor_is_for_pseudo_ground_truth_of_its_rate(tmp_path):
     path = tmp_path / "floor.json"
     write_json(path, floor().model_dump(mode="json"))
-    pseudo = manifest(tmp_path / "pseudo", "pseudo_gt")
+    pseudo = write_manifest(tmp_path / "pseudo.yaml", a_head("scored", "pseudo_gt"), [])
     assert read_fitting_floor(path, pseudo, "pseudo_gt", 10.0) == floor()
     with pytest.raises(BadRecord, match="at 10 fps, but the scores are at 30 fps"):
         read_fitting_floor(path, pseudo, "pseudo_gt", 30.0)

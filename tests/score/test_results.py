@@ -27,13 +27,7 @@ from gmrdata.score.score import score as score_predictor
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import (
-    BadManifest,
-    BadMotionFile,
-    BadRecipe,
-    MissingInput,
-    StaleOutput,
-)
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, MissingInput, StaleOutput
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from tests.clip_manifests import a_head, write_clips

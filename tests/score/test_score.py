@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -87,6 +88,17 @@ def write_clips(
 def run_dir(tmp_path) -> Path:
     keep_gmr(tmp_path / "run", 1, *stepped_gmr(ModelConfig(layers=1, hidden=6)))
     return tmp_path / "run"
+
+
+@pytest.fixture
+def score_run(run_dir, body_path, tmp_path) -> Callable[..., Path]:
+    """Score the run on a manifest into a folder of that name; gives the scores.json."""
+
+    def scored(manifest: Path, name: str = "scores", *config: ScoreConfig, **more: Any) -> Path:
+        made = score(run_dir, manifest, tmp_path / name, *config, body_path=body_path, **more)
+        return made.scores[0]
+
+    return scored
 
 
 class Oracle:
@@ -217,10 +229,10 @@ def test_pooled_and_mean_of_clips_differ_as_they_should():
     assert over_time["predicted"]["interval95_mm"] == [[0, 4, 4], [0, 7, 9]]
 
 
-def test_scores_json(clips, small_body, run_dir, body_path, tmp_path):
+def test_scores_json(clips, small_body, score_run, tmp_path):
     rejected = Quality(verdict="rejected", reasons=("too few points",))
     manifest_path = write_clips(tmp_path / "data", small_body, clips, {"clip_1": rejected})
-    path = score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
+    path = score_run(manifest_path)
     assert path == tmp_path / "scores" / "scores.json"
     record = json.loads(path.read_text())
     assert [clip["id"] for clip in record["clips"]] == ["clip_0", "clip_2"]
@@ -230,21 +242,18 @@ def test_scores_json(clips, small_body, run_dir, body_path, tmp_path):
     assert record["fps_hz"] == 10.0
     assert record["model"]["network"] == ModelConfig(layers=1, hidden=6).model_dump(mode="json")
     before = path.read_bytes()
-    assert score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0] == path
-    again = score(run_dir, manifest_path, tmp_path / "again", body_path=body_path).scores[0]
-    assert again.read_bytes() == before
+    assert score_run(manifest_path) == path
+    assert score_run(manifest_path, "again").read_bytes() == before
     config = ScoreConfig(all_phases=True)
     with pytest.raises(StaleOutput, match="all_phases"):
-        score(run_dir, manifest_path, tmp_path / "scores", config, body_path=body_path).scores[0]
-    score(
-        run_dir, manifest_path, tmp_path / "scores", config, body_path=body_path, run=Run(redo=True)
-    )
+        score_run(manifest_path, "scores", config)
+    score_run(manifest_path, "scores", config, run=Run(redo=True))
     record = json.loads(path.read_text())
     assert record["clips"][0]["n_motions"] == 3 * 19
 
 
 def test_a_floor_is_part_of_what_was_asked(
-    clips, small_body, run_dir, body_path, tmp_path, capsys, monkeypatch
+    clips, small_body, run_dir, score_run, body_path, tmp_path, capsys, monkeypatch
 ):
     """Beside scores that are far above it, and again beside the same below it."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips, kind="pseudo_gt")
@@ -255,10 +264,8 @@ def test_a_floor_is_part_of_what_was_asked(
         floor = {"format": "gmrdata-floor/1", "fps_hz": 10.0, "seed": None, "recipe": {}}
         floor |= {"sequences": [], "classes": {}, "overall": group}
         write_json(floor_path, floor)
-        made = score(
-            run_dir, manifest_path, out_dir, body_path=body_path, floor_path=floor_path, **options
-        )
-        return dict(json.loads(made.scores[0].read_text()))
+        path = score_run(manifest_path, floor_path=floor_path, **options)
+        return dict(json.loads(path.read_text()))
 
     above = scored(1e-3)
     assert above["statements"] == []
@@ -279,19 +286,18 @@ def test_a_floor_is_part_of_what_was_asked(
 
 
 def test_the_best_weights_are_scored_when_asked_for(
-    clips, small_body, run_dir, body_path, tmp_path
+    clips, small_body, run_dir, score_run, tmp_path
 ):
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     best = ScoreConfig(which="best")
     with pytest.raises(BadCheckpoint, match="no best weights"):
-        score(run_dir, manifest_path, tmp_path / "none", best, body_path=body_path).scores[0]
+        score_run(manifest_path, "none", best)
     assert not (tmp_path / "none").exists()
     add_best_weights(run_dir)
-    paths = {
-        which: score(run_dir, manifest_path, tmp_path / which, config, body_path=body_path)
+    found = {
+        which: json.loads(score_run(manifest_path, which, config).read_text())
         for which, config in {"latest": ScoreConfig(), "best": best}.items()
     }
-    found = {which: json.loads(made.scores[0].read_text()) for which, made in paths.items()}
     assert [
         (found[w]["model"]["which"], found[w]["model"]["step"]) for w in ("latest", "best")
     ] == [("latest", 2), ("best", 1)]
@@ -322,27 +328,27 @@ def test_the_camera_does_not_matter(clips, small_body, run_dir):
 
 
 def test_clips_of_another_body_or_without_motions_are_refused(
-    clips, small_body, run_dir, body_path, tmp_path
+    clips, small_body, score_run, tmp_path
 ):
     other = replace(clips[0], motion=replace(clips[0].motion, body="giant"))
     manifest_path = write_clips(tmp_path / "giant", small_body, [other])
     with pytest.raises(BadManifest, match="clip clip_0: of body giant"):
-        score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
+        score_run(manifest_path)
     flicker = replace(clips[0], valid=np.arange(60) % 2 == 0)
     manifest_path = write_clips(tmp_path / "flicker", small_body, [flicker])
     said = "no clip can be scored. Clip clip_0: no two valid frames in a row at 10 fps"
     with pytest.raises(BadManifest, match=said):
-        score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path).scores[0]
+        score_run(manifest_path)
     assert not (tmp_path / "scores").exists()
 
 
-def test_clips_are_scored_one_by_one(clips, small_body, run_dir, body_path, tmp_path, monkeypatch):
+def test_clips_are_scored_one_by_one(clips, small_body, score_run, tmp_path, monkeypatch):
     """All of CMU at once were 7 GB."""
     many = [replace(clips[0], id=f"clip_{n}") for n in range(5)]
     manifest_path = write_manifest_of(tmp_path / "data", small_body, many)
     in_memory, _ = counted_clips(monkeypatch)
-    made = score(run_dir, manifest_path, tmp_path / "scores", body_path=body_path)
-    assert len(Scores.read(made.scores[0]).clips) == len(in_memory) == 5
+    scores = Scores.read(score_run(manifest_path))
+    assert len(scores.clips) == len(in_memory) == 5
     assert max(in_memory) <= 2
 
 
@@ -498,12 +504,11 @@ def test_the_verb_says_what_it_needs(
 
 
 def test_clips_that_are_too_short_for_a_protocol_have_no_figure(
-    clips, small_body, run_dir, body_path, tmp_path
+    clips, small_body, score_run, tmp_path
 ):
     """2 s at the network's 10 fps are less than tram's 100 frames; RTE and ERVE there are."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
-    config = ScoreConfig(protocol="tram")
-    path = score(run_dir, manifest_path, tmp_path / "scores", config, body_path=body_path).scores[0]
+    path = score_run(manifest_path, "scores", ScoreConfig(protocol="tram"))
     record = json.loads(path.read_text())
     for row in (record["overall"], *record["clips"]):
         figures = row["protocol"]["predicted"]
