@@ -201,6 +201,11 @@ def test_a_record_with_another_command_is_refused(arguments, tmp_path):
             "b=2",
             ["motions", "a=1/walk.bvh", "--out", "b=2", "--shard", "0/2", "--fps-hz", "30"],
         ),
+        (  # of flags that stand twice the last one counts, as for the shard itself
+            ("render", "--out", "a", "--shard", "1/3", "--out", "out", "--shard", "2/4"),
+            "out",
+            ["render", "--out", "a", "--shard", "1/3", "--out", "out", "--shard", "0/4"],
+        ),
     ],
 )
 def test_the_recorded_command_works_on_nothing(typed, out, merges, tmp_path):
