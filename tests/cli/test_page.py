@@ -8,7 +8,6 @@ import trimesh
 
 from gmrdata.cli.video import leave_files_and_page
 from gmrdata.export.export import write_files
-from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import read_npz
 from gmrdata.world.judge import load_record
@@ -16,7 +15,7 @@ from gmrdata.world.recipe import verdict_of
 from gmrdata.write.amass import write_amass
 from tests.film.set_kills import contents
 from tests.pages.html_pages import Page
-from tests.pages.solved_video import N_ROWS, fuse_video, solved_video
+from tests.pages.solved_video import N_ROWS, camera_verdict, fuse_video, solved_video
 
 
 def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected(
@@ -100,10 +99,7 @@ def test_frames_outside_of_the_folder_are_those_that_are_given_and_no_record_lea
     folder, model = tmp_path / "walk", tmp_path / "walk/files/colmap/sparse/0"
     solved_video(folder, small_body, person=False)
     images = (folder / "frames").rename(tmp_path / "images")
-    verdict = VideoVerdict(
-        images_dir=str(images), fps_hz=10.0, accepted=True, reasons=(),
-        camera=verdict_of("camera", True, (), [""] * N_ROWS), people=(), notes=(),
-    )  # fmt: skip
+    verdict = camera_verdict(images_dir=str(images))
     verdict.write(folder / "verdict.json")
     leave_files_and_page(folder, verdict)
     left = contents(folder)
@@ -114,6 +110,14 @@ def test_frames_outside_of_the_folder_are_those_that_are_given_and_no_record_lea
     assert gmrdata("page", folder, "--images", images).returncode == 0
     assert contents(folder) == left
     assert write_files(folder) == [] and not _colours(model).any()
+    # What an older gmrdata lacks, or a broken record, costs the files and not the page.
+    (folder / "sfm" / "tracks.npz").unlink()
+    assert gmrdata("page", folder, "--images", images).returncode == 0
+    assert "Not writtenall formats: " in (words := Page(folder / "index.html").words)
+    assert "tracks.npz: an older gmrdata kept no tracks" in words.split("Not written")[1]
+    (folder / "verdict.json").write_text("{")
+    assert gmrdata("page", folder, "--images", images).returncode == 0
+    assert "verdict.json: not JSON" in Page(folder / "index.html").words.split("Not written")[1]
 
 
 def _colours(model: Path) -> np.ndarray:

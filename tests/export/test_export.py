@@ -24,6 +24,7 @@ from gmrdata.read.body_file import save_body
 from gmrdata.read.systems.result import read_system
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadRecipe
 from tests.clip_manifests import write_clips
 from tests.pages.solved_video import solved_video
 from tests.solve.test_doubts import video
@@ -131,6 +132,11 @@ def test_flags_that_fit_nothing(
     answer = gmrdata("export", manifest, "--out", tmp_path / "out", *flags)
     assert answer.returncode in (1, 2) and said in answer.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_format_that_there_is_not_is_named(manifest, tmp_path):
+    with pytest.raises(BadRecipe, match=r"no format 'blv'; there are colmap, .*mean 'bvh'\?"):
+        gmrdata.export(manifest, ["tum", "blv"], tmp_path / "out")
 
 
 def test_a_broken_clip_does_not_stop_the_others(manifest, tmp_path, gmrdata):
