@@ -6,7 +6,7 @@ Whoever writes a clip gets plain values and paths, and knows nothing of manifest
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -23,7 +23,13 @@ from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
-from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, MissingInput
+from gmrdata.values.errors import (
+    BadBodyFile,
+    BadFrames,
+    BadManifest,
+    BadMotionFile,
+    MissingInput,
+)
 from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside, visible
 from gmrdata.values.people import FUSED, PSEUDO_GT
 
@@ -86,17 +92,36 @@ class ExportedClip(ClipFiles):
         if self.images_dir is None:
             remedy = "Give their folder, or the folder of the sequences' folders, with --images"
             raise MissingInput(f"clip {self.id} has no images. {remedy}")
-        return self._by_number(self.images_dir, IMAGE_SUFFIXES)
+        return self._in_rows(images_by_number(self.images_dir))
 
     def mask_paths(self) -> list[Path | None]:
         """The mask of each row, 255 = dynamic; empty where there are no masks."""
-        return [] if self.masks_dir is None else self._by_number(self.masks_dir, (".png",))
+        if self.masks_dir is None:
+            return []
+        return self._in_rows(images_by_number(self.masks_dir, (".png",)))
 
-    def _by_number(self, folder: Path, suffixes: Collection[str]) -> list[Path | None]:
-        """The file of each row, by the number in its name."""
-        paths = (path for path in visible(folder.iterdir()) if path.suffix.lower() in suffixes)
-        by_number = {number_in_name(path.name): path for path in paths}
+    def _in_rows(self, by_number: Mapping[int, Path]) -> list[Path | None]:
         return [by_number.get(int(number)) for number in self.clip.image_numbers]
+
+
+def images_by_number(folder: Path, suffixes: Collection[str] = IMAGE_SUFFIXES) -> dict[int, Path]:
+    """The images in a folder by the number in their names, which may have gaps.
+
+    Raises:
+        MissingInput: there is no such folder.
+        BadFrames: two have one number, so that either may be meant.
+    """
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder of images")
+    found: dict[int, Path] = {}
+    for path in sorted(visible(folder.iterdir())):
+        number = number_in_name(path.name)
+        if number is None or path.suffix.lower() not in suffixes:
+            continue
+        if (other := found.setdefault(number, path)) is not path:
+            what = f"two images have the number {number}, {other.name} and {path.name}"
+            raise BadFrames(f"{folder}: {what}. Keep other pictures in another folder")
+    return found
 
 
 @lru_cache(maxsize=8)
@@ -238,7 +263,7 @@ def _is_clip(path: Path) -> bool:
 def _is_manifest(path: Path) -> bool:
     """By its first lines, since a long one takes seconds to read."""
     with path.open("rb") as stream:
-        head = stream.read(HEAD_BYTES).decode("utf-8", "replace")
+        head = stream.read(HEAD_BYTES).decode("utf-8-sig", "replace")
     said = dict(re.findall(r"^(format|kind): *['\"]?([\w/.-]+)", head, re.MULTILINE))
     return said.get("format") in READS and said.get("kind") != "list"
 

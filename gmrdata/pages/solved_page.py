@@ -202,7 +202,7 @@ def _makers(
 
 def _has_paths(found: Solved) -> bool:
     """Where people were judged, that their motions can't be read is said there."""
-    return found.is_solved and (found.camera is not None or found.dataset is not None)
+    return found.is_solved and (found.camera is not None or not found.is_alone)
 
 
 def _lead(found: Solved) -> str:
