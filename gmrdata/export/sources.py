@@ -8,16 +8,16 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from gmrdata.cameras.files import CAMERAS_FILE
 from gmrdata.film.render import EXTRAS_FOLDER
-from gmrdata.manifest.current import READS, FolderRecord, ListManifest, Manifest
+from gmrdata.manifest.current import READS, FolderRecord, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.read import load_entry, read_manifest
+from gmrdata.manifest.read import listed_path, load_entry, read_data_set
 from gmrdata.read.bodies import body_files, load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
@@ -30,7 +30,7 @@ from gmrdata.values.errors import (
     BadMotionFile,
     MissingInput,
 )
-from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside, visible
+from gmrdata.values.files import STAGE_FILE, read_npz, visible
 from gmrdata.values.people import FUSED, PSEUDO_GT
 
 MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
@@ -276,10 +276,7 @@ def _truths_beside(folder: Path) -> dict[str, Path]:
 
 
 def _clips_of_manifest(path: Path) -> Iterator[ClipFiles]:
-    manifest = read_manifest(path)
-    if isinstance(manifest, ListManifest):
-        what = f"{manifest.name} only lists clips and has no files"
-        raise BadManifest(f"{path}: {what}; make them first")
+    manifest = read_data_set(path)
     people = Counter(Path(entry.arrays.path).parent for entry in manifest.clips)
     for entry in manifest.clips:
         yield _entry_files(path, manifest, entry, people[Path(entry.arrays.path).parent])
@@ -288,19 +285,16 @@ def _clips_of_manifest(path: Path) -> Iterator[ClipFiles]:
 def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int) -> ClipFiles:
     """The files of one entry; `n_people` clips lie in its folder."""
 
-    def inside(relative: str) -> Path:
-        try:
-            return resolve_inside(path.parent, relative)
-        except ValueError as error:
-            raise BadManifest(f"{path}: clip {entry.id}: {error}") from None
+    def folder(field: str, record: FolderRecord | None) -> Path | None:
+        return None if record is None else inside(f"{field}.folder", record.folder)
 
-    def folder(record: FolderRecord | None) -> Path | None:
-        return None if record is None else inside(record.folder)
-
-    clip_path, stages = inside(entry.arrays.path), Path(entry.arrays.path).parents[1:2]
+    inside = partial(listed_path, path, entry)
+    clip_path = inside("arrays.path", entry.arrays.path)
+    stages = Path(entry.arrays.path).parents[1:2]
     files = ClipFiles(entry.id, entry.id, clip_path)
     if manifest.kind == "pseudo_gt" and clip_path.parent.name == PSEUDO_GT and stages:
-        inside((stages[0] / SFM).as_posix())  # else what lies beside the clip is no part of the set
+        # What lies beside the clip must be a part of the set.
+        inside("sfm", (stages[0] / SFM).as_posix())
         files = _pseudo_gt_clip(clip_path)
         # One person alone: the folder may be any, so the clip names the sequence.
         of_set = stages[0].parent.name == "sequences"
@@ -309,9 +303,9 @@ def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int
     return replace(
         files,
         listed=(path, entry),
-        images_dir=folder(entry.images) or files.images_dir,
-        masks_dir=folder(entry.masks) or files.masks_dir,
-        extras_paths=tuple(inside(extra.arrays.path) for extra in entry.extras),
+        images_dir=folder("images", entry.images) or files.images_dir,
+        masks_dir=folder("masks", entry.masks) or files.masks_dir,
+        extras_paths=tuple(inside("extras", extra.arrays.path) for extra in entry.extras),
     )
 
 
