@@ -153,7 +153,9 @@ def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, capsys):
     assert not out.exists()
 
 
-def test_one_without_a_valid_frame_is_left_out_and_named(walkers, small_body, tmp_path, gmrdata):
+def test_one_without_a_valid_frame_is_left_out_and_named(
+    walkers, small_body, tmp_path, gmrdata, works
+):
     folder = tmp_path / "walk"
     save_body(folder / "body" / "body.npz", small_body)
     for number, walker in enumerate(walkers):
@@ -165,8 +167,7 @@ def test_one_without_a_valid_frame_is_left_out_and_named(walkers, small_body, tm
     for number in walkers[0].image_numbers:
         frame = np.zeros((camera.height_px, camera.width_px), np.uint8)
         cv2.imwrite(str(folder / "frames" / f"{number:05d}.png"), frame)
-    said = gmrdata("export", folder, "--to", "usd", "rrd", "mp4", "--out", tmp_path)
-    assert said.returncode == 0, said.stderr
+    said = works("export", folder, "--to", "usd", "rrd", "mp4", "--out", tmp_path)
     assert said.stderr.count("clip walk.p0 has no valid frame: left out") == 3
     stage = Usd.Stage.Open(str(tmp_path / "usd/walk.usdc"))
     names = [prim.GetName() for prim in stage.GetDefaultPrim().GetChildren()]
@@ -176,15 +177,14 @@ def test_one_without_a_valid_frame_is_left_out_and_named(walkers, small_body, tm
     assert "left out: has no valid frame" in said.stdout
 
 
-def test_bodies_lie_over_the_frames_as_the_lens_shows_them(small_body, tmp_path, gmrdata):
+def test_bodies_lie_over_the_frames_as_the_lens_shows_them(small_body, tmp_path, gmrdata, works):
     """A pinhole would show them beside the people, away from the middle."""
     folder, shown = tmp_path / "walk", []
     solved_video(folder, small_body)
     quality = load_quality(folder / "sfm")
     for name, lens in (("pinhole", None), ("lens", Distortion(-0.9, 0.0, 0.1))):
         quality.model_copy(update={"lens": lens}).write(folder / "sfm" / QUALITY_FILE)
-        said = gmrdata("export", folder, "--to", "mp4", "--out", tmp_path / name)
-        assert said.returncode == 0, said.stderr
+        said = works("export", folder, "--to", "mp4", "--out", tmp_path / name)
         (video,) = (tmp_path / name / "mp4").iterdir()
         with av.open(str(video)) as container:
             frame = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(int)
@@ -232,11 +232,10 @@ def folder(clip, small_body, tmp_path) -> Path:
     return folder
 
 
-def test_one_clip_in_all_of_these_formats(folder, clip, small_body, gmrdata):
+def test_one_clip_in_all_of_these_formats(folder, clip, small_body, works):
     out, formats = folder.parent / "out", ("amass", "bvh", "glb", "usd", "rrd", "mp4")
     truth = folder.parent / "truth.npz"
-    said = gmrdata("export", folder, "--to", *formats, "--truth", truth, "--out", out)
-    assert said.returncode == 0, said.stderr
+    works("export", folder, "--to", *formats, "--truth", truth, "--out", out)
     runs = ("walk_00000-00003", "walk_00006-00011")
     written = sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
     folders = [f"{to}/walk/{run}.{to}" for to in ("amass", "bvh") for run in runs]
@@ -262,10 +261,9 @@ def test_one_clip_in_all_of_these_formats(folder, clip, small_body, gmrdata):
         assert len(list(container.decode(video=0))) == N_FRAMES
 
 
-def test_the_truth_stands_where_the_result_does(folder, clip, small_body, gmrdata):
+def test_the_truth_stands_where_the_result_does(folder, clip, small_body, works):
     out, truth = folder.parent / "out", folder.parent / "truth.npz"
-    said = gmrdata("export", folder, "--to", "rrd", "--truth", truth, "--out", out)
-    assert said.returncode == 0, said.stderr
+    works("export", folder, "--to", "rrd", "--truth", truth, "--out", out)
     recorded = Recorded(out / "rrd/walk.rrd")
     placed = recorded.transforms("world/truth")[None]
     np.testing.assert_allclose(placed, transforms.invert(TRUE_FROM_WORLD), atol=1e-6)
