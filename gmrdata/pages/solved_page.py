@@ -258,7 +258,6 @@ def _overlay(found: Solved) -> dict[str, object]:
         "size_mb": video.stat().st_size / 1e6,
         "every": max(1, round(footage.fps_hz / rate_hz)),
         "has_masks": any(footage.masks),
-        "is_fused": found.is_fused,
         "without_camera": int((~footage.camera.has_camera).sum()),
         "people": [one.id for one in found.people],
         "marks": found.is_alone and _marks_words(found, footage),
