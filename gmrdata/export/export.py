@@ -128,8 +128,8 @@ def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
     """Refuse formats that are none or don't go together, and settings that none looks at."""
     known = (*FORMATS, "onnx")
     if unknown := next((name for name in formats if name not in known), None):
-        there = f"there are {', '.join(known)}{nearest(unknown, known)}"
-        raise BadRecipe(f"no format {unknown!r}; {there}. Give a list of their names")
+        names = f"give a list of names, of {', '.join(known)}{nearest(unknown, known)}"
+        raise BadRecipe(f"no format {unknown!r}; {names}")
     if "onnx" in formats and set(formats) != {"onnx"}:
         raise BadRecipe(f"{ONNX_ALONE}. Export it alone")
     for flag in OF_CLIPS if "onnx" in formats else ():

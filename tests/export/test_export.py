@@ -135,7 +135,9 @@ def test_flags_that_fit_nothing(
 
 
 def test_a_format_that_there_is_not_is_named(manifest, tmp_path):
-    with pytest.raises(BadRecipe, match=r"no format 'blv'; there are colmap, .*mean 'bvh'\?"):
+    with pytest.raises(
+        BadRecipe, match=r"no format 'blv'; give a list of .*, onnx; did you mean 'bvh'"
+    ):
         gmrdata.export(manifest, ["tum", "blv"], tmp_path / "out")
 
 
