@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import chdir, contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -70,9 +71,8 @@ def _parted(arguments: Sequence[str]) -> list[str]:
 
 
 def _values(typed: Sequence[str]) -> dict[str, str]:
-    """The values of --shard and --out, as far as they are there."""
-    flags = [part for part in typed[:-1] if part in (SHARD_FLAG, OUT_FLAG)]
-    return {flag: typed[typed.index(flag) + 1] for flag in flags}
+    """The values of --shard and --out, as far as they are there; the last one of each counts."""
+    return {flag: value for flag, value in pairwise(typed) if flag in (SHARD_FLAG, OUT_FLAG)}
 
 
 def merge(out: Positional[Path]) -> None:
@@ -108,5 +108,5 @@ def merging(path: Path, record: CommandRecord, out: Path) -> list[str]:
     if not fits or Path(record.folder, values[OUT_FLAG]).resolve() != out.resolve():
         remedy = f"Give the command of the shards again, with --out {out} --shard 0/N"
         raise BadRecord(f"{path}: {' '.join(typed)}: not a command of shards of {out}. {remedy}")
-    at = typed.index(SHARD_FLAG) + 1
+    at = len(typed) - typed[::-1].index(SHARD_FLAG)  # of the value behind the last one
     return [*typed[:at], f"0/{typed[at].partition('/')[2]}", *typed[at + 1 :]]

@@ -32,7 +32,7 @@ from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
 from gmrdata.solve.videos import FILES
 from gmrdata.stage.locks import locked
 from gmrdata.stage.progress import progress_bar, remark
-from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput, StaleOutput
+from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput, StaleOutput, nearest
 from gmrdata.values.files import write_bytes
 from gmrdata.values.people import PSEUDO_GT
 from gmrdata.world.compose import load_background
@@ -106,8 +106,8 @@ def export(
 
     Raises:
         StaleOutput: something is there already, and `redo` is not set; nothing was written.
-        BadRecipe: no format looks at something that was said, onnx is not alone, or two clips
-            would be written to one file.
+        BadRecipe: there is no such format, none looks at something that was said, onnx is not
+            alone, or two clips would be written to one file.
         MissingInput: there is no such source, clip, body, image folder or network.
     """
     source, out = Path(source), Path(out)
@@ -125,7 +125,11 @@ def export(
 
 
 def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
-    """Refuse formats that don't go together, and settings that none of them looks at."""
+    """Refuse formats that are none or don't go together, and settings that none looks at."""
+    known = (*FORMATS, "onnx")
+    if unknown := next((name for name in formats if name not in known), None):
+        names = f"give a list of names, of {', '.join(known)}{nearest(unknown, known)}"
+        raise BadRecipe(f"no format {unknown!r}; {names}")
     if "onnx" in formats and set(formats) != {"onnx"}:
         raise BadRecipe(f"{ONNX_ALONE}. Export it alone")
     for flag in OF_CLIPS if "onnx" in formats else ():
@@ -317,8 +321,8 @@ def write_files(
 
     What they were of another verdict or body is taken away.
     """
-    path, pseudo_gt_dir = out_dir / VERDICT_FILE, out_dir / PSEUDO_GT
-    verdict = VideoVerdict.read(path) if path.is_file() else None
+    verdict_path, pseudo_gt_dir = out_dir / VERDICT_FILE, out_dir / PSEUDO_GT
+    results: list[Exported] = []
     try:
         people = load_record(pseudo_gt_dir).people if pseudo_gt_dir.is_dir() else ()
         clips = list_clips(people_dir := world_people_dir(out_dir)) if people else []
@@ -328,14 +332,13 @@ def write_files(
                 _remove_models(out_dir / FILES / name, PARTS[name])
             else:
                 shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
-        results: list[Exported] = []
         if ids:
             into = TAKEN_ALONG, out_dir / FILES
             results = export(people_dir, *into, clips=ids, body=body, images=images, redo=True)
+        elif verdict_path.is_file() and (verdict := VideoVerdict.read(verdict_path)).accepted:
+            _write_cameras(out_dir, images or out_dir / FRAMES, verdict.fps_hz)
     except (GmrdataError, ValueError) as error:
         return [("all formats", str(error))]
-    if not ids and verdict is not None and verdict.accepted:
-        _write_cameras(out_dir, images or out_dir / FRAMES, verdict.fps_hz)
     return [
         (f"{one.unit.format} of {one.unit.name}", one.left_out) for one in results if one.left_out
     ]

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from gmrdata.read.frames import IMAGE_SUFFIXES, is_turned, number_in_name
+from gmrdata.read.frames import is_turned
 from gmrdata.read.video import video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
 from gmrdata.values.body import SMPL, BodyModel
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadSequence, some
-from gmrdata.values.files import visible
 from gmrdata.values.motion import Motion
 
 if TYPE_CHECKING:
@@ -361,6 +360,7 @@ def _require_each_frame(person: "TrackedPerson", remedy: str) -> None:
 def _tracked(exported: "ExportedClip") -> "TrackedPerson":
     """The person and the frames of the video: by the record beside its images, else counted as
     `gmrdata evaluate` counts them."""
+    from gmrdata.export.sources import images_by_number
     from gmrdata.score.results import frames_of_rows
     from gmrdata.write.systems import TrackedPerson
 
@@ -370,9 +370,9 @@ def _tracked(exported: "ExportedClip") -> "TrackedPerson":
         frame_of = video.frame_of
         frames = np.array([frame_of.get(number, -1) for number in numbers.tolist()])
     else:
-        there = [] if folder is None else visible(folder.iterdir())
-        found = [number_in_name(one.name) for one in there if one.suffix.lower() in IMAGE_SUFFIXES]
-        frames = frames_of_rows(exported.clip, [number for number in found if number is not None])
+        frames = frames_of_rows(
+            exported.clip, [] if folder is None else list(images_by_number(folder))
+        )
     rows = exported.clip.valid & (frames >= 0)
     return TrackedPerson(exported.clip.motion, exported.rest_pelvis_m, rows, frames)
 

@@ -6,25 +6,31 @@ Whoever writes a clip gets plain values and paths, and knows nothing of manifest
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from gmrdata.cameras.files import CAMERAS_FILE
 from gmrdata.film.render import EXTRAS_FOLDER
-from gmrdata.manifest.current import READS, FolderRecord, ListManifest, Manifest
+from gmrdata.manifest.current import READS, FolderRecord, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.read import load_entry, read_manifest
+from gmrdata.manifest.read import listed_path, load_entry, read_data_set
 from gmrdata.read.bodies import body_files, load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
-from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, MissingInput
-from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside, visible
+from gmrdata.values.errors import (
+    BadBodyFile,
+    BadFrames,
+    BadManifest,
+    BadMotionFile,
+    MissingInput,
+)
+from gmrdata.values.files import STAGE_FILE, read_npz, visible
 from gmrdata.values.people import FUSED, PSEUDO_GT
 
 MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
@@ -86,17 +92,36 @@ class ExportedClip(ClipFiles):
         if self.images_dir is None:
             remedy = "Give their folder, or the folder of the sequences' folders, with --images"
             raise MissingInput(f"clip {self.id} has no images. {remedy}")
-        return self._by_number(self.images_dir, IMAGE_SUFFIXES)
+        return self._in_rows(images_by_number(self.images_dir))
 
     def mask_paths(self) -> list[Path | None]:
         """The mask of each row, 255 = dynamic; empty where there are no masks."""
-        return [] if self.masks_dir is None else self._by_number(self.masks_dir, (".png",))
+        if self.masks_dir is None:
+            return []
+        return self._in_rows(images_by_number(self.masks_dir, (".png",)))
 
-    def _by_number(self, folder: Path, suffixes: Collection[str]) -> list[Path | None]:
-        """The file of each row, by the number in its name."""
-        paths = (path for path in visible(folder.iterdir()) if path.suffix.lower() in suffixes)
-        by_number = {number_in_name(path.name): path for path in paths}
+    def _in_rows(self, by_number: Mapping[int, Path]) -> list[Path | None]:
         return [by_number.get(int(number)) for number in self.clip.image_numbers]
+
+
+def images_by_number(folder: Path, suffixes: Collection[str] = IMAGE_SUFFIXES) -> dict[int, Path]:
+    """The images in a folder by the number in their names, which may have gaps.
+
+    Raises:
+        MissingInput: there is no such folder.
+        BadFrames: two have one number, so that either may be meant.
+    """
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder of images")
+    found: dict[int, Path] = {}
+    for path in sorted(visible(folder.iterdir())):
+        number = number_in_name(path.name)
+        if number is None or path.suffix.lower() not in suffixes:
+            continue
+        if (other := found.setdefault(number, path)) is not path:
+            what = f"two images have the number {number}, {other.name} and {path.name}"
+            raise BadFrames(f"{folder}: {what}. Keep other pictures in another folder")
+    return found
 
 
 @lru_cache(maxsize=8)
@@ -238,7 +263,7 @@ def _is_clip(path: Path) -> bool:
 def _is_manifest(path: Path) -> bool:
     """By its first lines, since a long one takes seconds to read."""
     with path.open("rb") as stream:
-        head = stream.read(HEAD_BYTES).decode("utf-8", "replace")
+        head = stream.read(HEAD_BYTES).decode("utf-8-sig", "replace")
     said = dict(re.findall(r"^(format|kind): *['\"]?([\w/.-]+)", head, re.MULTILINE))
     return said.get("format") in READS and said.get("kind") != "list"
 
@@ -251,10 +276,7 @@ def _truths_beside(folder: Path) -> dict[str, Path]:
 
 
 def _clips_of_manifest(path: Path) -> Iterator[ClipFiles]:
-    manifest = read_manifest(path)
-    if isinstance(manifest, ListManifest):
-        what = f"{manifest.name} only lists clips and has no files"
-        raise BadManifest(f"{path}: {what}; make them first")
+    manifest = read_data_set(path)
     people = Counter(Path(entry.arrays.path).parent for entry in manifest.clips)
     for entry in manifest.clips:
         yield _entry_files(path, manifest, entry, people[Path(entry.arrays.path).parent])
@@ -263,19 +285,16 @@ def _clips_of_manifest(path: Path) -> Iterator[ClipFiles]:
 def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int) -> ClipFiles:
     """The files of one entry; `n_people` clips lie in its folder."""
 
-    def inside(relative: str) -> Path:
-        try:
-            return resolve_inside(path.parent, relative)
-        except ValueError as error:
-            raise BadManifest(f"{path}: clip {entry.id}: {error}") from None
+    def folder(field: str, record: FolderRecord | None) -> Path | None:
+        return None if record is None else inside(f"{field}.folder", record.folder)
 
-    def folder(record: FolderRecord | None) -> Path | None:
-        return None if record is None else inside(record.folder)
-
-    clip_path, stages = inside(entry.arrays.path), Path(entry.arrays.path).parents[1:2]
+    inside = partial(listed_path, path, entry)
+    clip_path = inside("arrays.path", entry.arrays.path)
+    stages = Path(entry.arrays.path).parents[1:2]
     files = ClipFiles(entry.id, entry.id, clip_path)
     if manifest.kind == "pseudo_gt" and clip_path.parent.name == PSEUDO_GT and stages:
-        inside((stages[0] / SFM).as_posix())  # else what lies beside the clip is no part of the set
+        # What lies beside the clip must be a part of the set.
+        inside("sfm", (stages[0] / SFM).as_posix())
         files = _pseudo_gt_clip(clip_path)
         # One person alone: the folder may be any, so the clip names the sequence.
         of_set = stages[0].parent.name == "sequences"
@@ -284,9 +303,9 @@ def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int
     return replace(
         files,
         listed=(path, entry),
-        images_dir=folder(entry.images) or files.images_dir,
-        masks_dir=folder(entry.masks) or files.masks_dir,
-        extras_paths=tuple(inside(extra.arrays.path) for extra in entry.extras),
+        images_dir=folder("images", entry.images) or files.images_dir,
+        masks_dir=folder("masks", entry.masks) or files.masks_dir,
+        extras_paths=tuple(inside("extras", extra.arrays.path) for extra in entry.extras),
     )
 
 

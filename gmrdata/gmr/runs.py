@@ -17,7 +17,7 @@ import numpy as np
 from gmrdata.gmr.config import DataConfig
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import ListManifest, Manifest, Source
-from gmrdata.manifest.read import load_entry, read_manifest
+from gmrdata.manifest.read import load_entry, read_data_set, read_manifest
 from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.read.source_motion import CMU_TRIAL
 from gmrdata.stage import recipes
@@ -60,9 +60,7 @@ class LazyClips(Sequence[Clip]):
 def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
     """The clips of a manifest, except those that its quality record rejects; the reason by id for
     those; and the manifest."""
-    manifest = read_manifest(path)
-    if isinstance(manifest, ListManifest):
-        raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")
+    manifest = read_data_set(path)
     files, skipped = [], {}
     for entry in manifest.clips:
         if entry.quality is not None and entry.quality.verdict == "rejected":

@@ -61,25 +61,34 @@ def load_clips(path: str | Path) -> list[Clip]:
     files.
     """
     path = Path(path)
+    return [load_entry(path, entry) for entry in read_data_set(path).clips]
+
+
+def read_data_set(path: Path) -> Manifest:
+    """Read a manifest whose clips have files; BadManifest also for a list of clips alone."""
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
-        raise BadManifest(
-            f"{path}: {manifest.name} only lists clips and has no files; make them first"
-        )
-    return [load_entry(path, entry) for entry in manifest.clips]
+        what = f"{manifest.name} only lists clips and has no files"
+        raise BadManifest(f"{path}: {what}; make them first")
+    return manifest
 
 
 def load_entry(path: Path, entry: ClipEntry) -> Clip:
     """Load one clip of the manifest at `path`; see `load_clips`."""
-    try:
-        file = resolve_inside(path.parent, entry.arrays.path)
-    except ValueError as error:
-        raise BadManifest(f"{path}: clip {entry.id}: arrays.path: {error}") from None
-    clip = load_clip(file)
+    clip = load_clip(listed_path(path, entry, "arrays.path", entry.arrays.path))
     if problems := list(disagreements(entry, clip)):
         said = [f"{path}: clip {entry.id}: {problem}" for problem in problems]
         raise BadManifest(join_problems(path, said))
     return replace(clip, valid=clip.valid & rows_in(entry.kept, entry.n_frames))
+
+
+def listed_path(path: Path, entry: ClipEntry, field: str, relative: str) -> Path:
+    """Where a file or folder lies that a field of an entry of the manifest at `path` names;
+    BadManifest where a link leads out of the manifest's folder."""
+    try:
+        return resolve_inside(path.parent, relative)
+    except ValueError as error:
+        raise BadManifest(f"{path}: clip {entry.id}: {field}: {error}") from None
 
 
 def disagreements(entry: ClipEntry, clip: Clip) -> Iterator[str]:

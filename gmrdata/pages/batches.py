@@ -54,12 +54,12 @@ def _write_index(
 ) -> Path:
     """A table of links for each group, and how many are in it; `about` has the title, the lead and
     links to records."""
-    tables = {name: (table, list(table.rows)) for name, table in groups.items()}
+    counts = [(name, len(table.rows)) for name, table in groups.items()]
     page = render(
         "index",
         **about,
-        counts=[*((name, len(rows)) for name, (_, rows) in tables.items()), ("Frames", n_frames)],
-        groups=[(name, table) for name, (table, rows) in tables.items() if rows],
+        counts=[*counts, ("Frames", n_frames)],
+        groups=[(name, table) for name, table in groups.items() if table.rows],
     )
     return write_page(path, page)
 

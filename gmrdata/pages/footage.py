@@ -175,7 +175,8 @@ def direction_marks(camera: CameraPath) -> Marks:
 def footage_of(found: Solved) -> Footage:
     """What is drawn over the frames; MissingInput where there is nothing to draw or draw over."""
     if found.camera is None:
-        raise MissingInput("no camera was found, so nothing has a place in the frames")
+        why = "no camera was found" if found.is_alone else "no person's motion can be read"
+        raise MissingInput(f"{why}, so nothing has a place in the frames")
     if not any(found.images):
         raise MissingInput("the frames are not here: give their folder with --images")
     people = tuple(

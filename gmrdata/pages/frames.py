@@ -170,7 +170,7 @@ def _clip_tile(
     number = int(clip.pseudo.image_numbers[row])
     if number not in images:
         raise BadFrames(f"{clip.images_dir}: clip {clip.id} has no image of number {number}")
-    drawn = _enlarged(read_image(images[number], cv2.IMREAD_COLOR), cv2.INTER_CUBIC)
+    drawn = _enlarged(frame_files.read_color(images[number]), cv2.INTER_CUBIC)
     person_px = np.array([0.0, 0.0, drawn.shape[1], drawn.shape[0]])
     path, has_camera = clip.pseudo.camera, bool(clip.has_camera[row])
     if path is not None and has_camera:
@@ -196,12 +196,6 @@ def _floor_path_m(clip: ClipReport) -> np.ndarray:
     path_true_m[~clip.has_camera] = np.nan
     path_true_m[:, 2] = 0.0
     return transforms.apply(transforms.invert(clip.true_from_pseudo), path_true_m)
-
-
-def read_image(path: Path, mode: int) -> np.ndarray:
-    return frame_files.decoded(
-        path, mode, "missing, or not an image; make the frames or masks again"
-    )
 
 
 def _enlarged(image: np.ndarray, how: int) -> np.ndarray:

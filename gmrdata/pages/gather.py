@@ -15,10 +15,16 @@ from gmrdata.cameras.files import (
 )
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.cameras.match.tracks import load_tracks
-from gmrdata.export.sources import SFM, ClipFiles, ExportedClip, list_clips, load_exported
+from gmrdata.export.sources import (
+    SFM,
+    ClipFiles,
+    ExportedClip,
+    images_by_number,
+    list_clips,
+    load_exported,
+)
 from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
 from gmrdata.people.folder import find_mask
-from gmrdata.read.frames import list_images, number_in_name
 from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras, with_lens_error
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
@@ -27,7 +33,7 @@ from gmrdata.threedpw.sequence import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_F
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip
-from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput
+from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput, some
 from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
 from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import MAKE_AGAIN
@@ -130,6 +136,7 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
     lens = reader.read(load_intrinsics, folder / INTRINSICS, has_lens)
     config = reader.read(config_of, pseudo_gt_dir, has_people)
     config = config or with_lens_error(PseudoGtConfig(), lens)  # of cameras alone none is kept
+    judged = record is not None and bool(record.people)  # their motions may be lost
     found = Solved(
         name=folder.name,
         folder=folder,
@@ -137,7 +144,7 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
         clips=clips,
         fused=fused,
         reconstruction=solved,
-        camera=_camera_of(clips) if clips or solved is None else _levelled(solved.cameras),
+        camera=_camera_of(clips) if judged or solved is None else _levelled(solved.cameras),
         intrinsics=lens,
         config=config,
         notes=() if said is None else said.notes,
@@ -307,14 +314,14 @@ def _mask(masks_dir: Path, image: Path) -> Path:
 
 def _images(reader: Reader, frames_dir: Path, numbers: np.ndarray) -> tuple[Path | None, ...]:
     """The image of each of T frames; a link out of the folder is none."""
-    found = reader.read(list_images, frames_dir) or []
-    root = frames_dir.resolve()
-    by_number = {
-        number_in_name(path.name): path for path in found if path.resolve().is_relative_to(root)
-    }
-    if len(by_number) < len(found):
-        reader.note(f"{frames_dir}: {len(found) - len(by_number)} images are links out of it")
-    return tuple(by_number.get(int(number)) for number in numbers)
+    found = reader.read(images_by_number, frames_dir) or {}
+    root, wanted = frames_dir.resolve(), numbers.tolist()
+    inside = {n: path for n, path in found.items() if path.resolve().is_relative_to(root)}
+    if len(inside) < len(found):
+        reader.note(f"{frames_dir}: {len(found) - len(inside)} images are links out of it")
+    if found and (lacking := [n for n in wanted if n >= 0 and n not in found]):
+        reader.note(f"{frames_dir}: no image of number {some(lacking)}")
+    return tuple(map(inside.get, wanted))
 
 
 def _people(

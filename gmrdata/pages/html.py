@@ -1,6 +1,6 @@
 """HTML pages that need nothing beside them, from templates that escape every value."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -29,7 +29,7 @@ class Table:
     """A table whose first column names the row."""
 
     headings: Sequence[Cell | str]
-    rows: Iterable[Sequence[Cell | str]]
+    rows: Sequence[Sequence[Cell | str]]
     caption: str
     foot: Sequence[Cell | str] = ()  # a last, quieter row
     sortable: bool = False  # by the column whose heading is clicked

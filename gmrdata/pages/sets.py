@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from gmrdata.film import render as rendering
@@ -19,7 +18,7 @@ from gmrdata.pages import frames
 from gmrdata.pages.html import Cell, Table, render, write_page
 from gmrdata.pages.plots import picture, plot_clip_view
 from gmrdata.read.bodies import keep_body
-from gmrdata.read.frames import list_images
+from gmrdata.read.frames import list_images, read_color, read_gray
 from gmrdata.stage.jobs import Job, raise_failures, try_jobs
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -118,8 +117,8 @@ def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
         images = list_images(inputs["frames"])
         tiles = []
         for image in (images[row] for row in frames.spaced(len(images), SHEET_FRAMES)):
-            mask = frames.read_image(inputs["masks"] / f"{image.stem}.png", cv2.IMREAD_GRAYSCALE)
-            tiles.append(frames.draw_mask_outline(frames.read_image(image, cv2.IMREAD_COLOR), mask))
+            mask = read_gray(inputs["masks"] / f"{image.stem}.png")
+            tiles.append(frames.draw_mask_outline(read_color(image), mask))
         _write_pictures(partial_dir, tiles, SHEET_COLUMNS, load_clip(inputs["clip"]))
 
     return run_stage("sheet", out_dir, Config(), inputs, work, run=ANEW)
@@ -194,8 +193,7 @@ def preview_clip(job: rendering.RenderJob, engine: rendering.PreviewEngine, *, r
             engine=engine,
         )
         rendering.run_blender(preview, partial_dir, lambda _: None, module="blender.preview")
-        pictures = sorted((partial_dir / "frames").glob("*.jpg"))
-        tiles = [frames.read_image(path, cv2.IMREAD_COLOR) for path in pictures]
+        tiles = [read_color(path) for path in sorted((partial_dir / "frames").glob("*.jpg"))]
         _write_pictures(partial_dir, tiles, PREVIEW_COLUMNS, clip)
         shutil.rmtree(partial_dir / "frames")
 

@@ -6,6 +6,7 @@ show.  What `solved.html.j2` takes is made here.
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -36,6 +37,7 @@ from gmrdata.pages.view3d import MOST_BODIES, VIEW_FILE, view_of, write_view
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera_motion import MotionClassConfig
 from gmrdata.values.clip import text_runs
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.files import STAGE_FILE, remove_orphans, write_bytes
@@ -162,12 +164,12 @@ def solved_page(
         links: Other pages.
         failure: Address of the whole message of a failure.
     """
-    makers = _makers(found, left_out, lambda: _view(found, page))
+    makers = list(_makers(found, left_out, lambda: _view(found, page)))
     if strips is not None:
-        makers["frames"] = lambda: strips
-    makers["files"] = lambda: {"stages": _stages(found, page.parent), "failure": failure}
+        makers.append(("frames", lambda: strips))
+    makers.append(("files", lambda: {"stages": _stages(found, page.parent), "failure": failure}))
     sections: list[tuple[str, object, str]] = []
-    for kind, make in makers.items():
+    for kind, make in makers:
         try:
             sections.append((kind, make(), ""))
         except (GmrdataError, OSError) as error:  # what can't be shown must not cost the others
@@ -180,29 +182,36 @@ def solved_page(
 
 def _makers(
     found: Solved, left_out: Sequence[tuple[str, str]], view: Callable[[], object]
-) -> dict[str, Callable[[], object]]:
+) -> Iterator[tuple[str, Callable[[], object]]]:
     """What makes each section that there is something for, in their order."""
     record, cameras, by_video = found.record, found.cameras, found.dataset is None
-    is_judged = record is not None and record.cameras is not None
-    makers: dict[str, tuple[object, Callable[[], object]]] = {
-        "verdict": (True, lambda: _judged_by(found)),
-        "overlay": (by_video, lambda: _overlay(found)),
-        "view3d": (_has_paths(found), view),
-        "paths": (_has_paths(found), lambda: _paths(found)),
-        "fused": (found.is_fused, lambda: _fused(found)),
-        "over_time": (found.reasons, lambda: _over_time(found)),
-        "scale": (is_judged, lambda: _scale_cues(record)),
-        "lens": (found.camera is not None, lambda: _lens(found)),
-        "downloads": (by_video, lambda: _downloads(found, left_out)),
-        "camera_class": (is_judged, lambda: _camera_class(found)),
-        "reconstruction": (cameras is not None, lambda: _reconstruction_rows(cameras)),
-    }
-    return {kind: make for kind, (there, make) in makers.items() if there}
+    yield "verdict", partial(_judged_by, found)
+    if by_video:
+        yield "overlay", partial(_overlay, found)
+    if _has_paths(found):
+        yield "view3d", view
+        yield "paths", partial(_paths, found)
+    if found.fused is not None:
+        from gmrdata.pages.fusion import fused_shown
+
+        yield "fused", partial(fused_shown, found.fused)
+    if found.reasons:
+        yield "over_time", partial(_over_time, found)
+    if record is not None and record.cameras is not None:
+        yield "scale", partial(_scale_cues, record)
+    if found.camera is not None:
+        yield "lens", partial(_lens, found, found.camera)
+    if by_video:
+        yield "downloads", partial(_downloads, found, left_out)
+    if record is not None and record.cameras is not None:
+        yield "camera_class", partial(_camera_class, record, found.config.motion_class)
+    if cameras is not None:
+        yield "reconstruction", partial(_reconstruction_rows, cameras)
 
 
 def _has_paths(found: Solved) -> bool:
     """Where people were judged, that their motions can't be read is said there."""
-    return found.is_solved and (found.camera is not None or found.dataset is not None)
+    return found.is_solved and (found.camera is not None or not found.is_alone)
 
 
 def _lead(found: Solved) -> str:
@@ -249,7 +258,6 @@ def _overlay(found: Solved) -> dict[str, object]:
         "size_mb": video.stat().st_size / 1e6,
         "every": max(1, round(footage.fps_hz / rate_hz)),
         "has_masks": any(footage.masks),
-        "is_fused": found.is_fused,
         "without_camera": int((~footage.camera.has_camera).sum()),
         "people": [one.id for one in found.people],
         "marks": found.is_alone and _marks_words(found, footage),
@@ -323,13 +331,6 @@ def _folder(found: Solved) -> Path:
     return found.folder
 
 
-def _fused(found: Solved) -> dict[str, object]:
-    from gmrdata.pages.fusion import fused_shown
-
-    assert found.fused is not None
-    return fused_shown(found.fused)
-
-
 def _over_time(found: Solved) -> dict[str, object]:
     headings = ("of", "frames", "number", "reason")
     ranges, height_in = list(_ranges(found)), solved_plots.height_in(found)
@@ -378,9 +379,9 @@ def _paths(found: Solved) -> dict[str, object]:
     }
 
 
-def _level_cues(record: PseudoGtQuality | None) -> Table | None:
+def _level_cues(record: PseudoGtQuality) -> Table | None:
     """What says which way is up, and how level the world is."""
-    if record is None or record.level is None:
+    if record.level is None:
         return None
     rows = [
         (
@@ -396,10 +397,8 @@ def _level_cues(record: PseudoGtQuality | None) -> Table | None:
     return Table(headings, rows, "Which way is up, cue by cue.", foot)
 
 
-def _scale_cues(record: PseudoGtQuality | None) -> dict[str, object]:
+def _scale_cues(record: PseudoGtQuality) -> dict[str, object]:
     level = _level_cues(record)
-    if record is None:
-        return {"plot": None, "level": level}
     scale, sigma, cues = record.scale, record.scale_sigma, record.scale_cues
     if scale is None or sigma is None or not cues:
         return {"plot": None, "level": level}
@@ -424,9 +423,9 @@ def _scale_cues(record: PseudoGtQuality | None) -> dict[str, object]:
     }
 
 
-def _camera_class(found: Solved) -> Table:
-    figures = None if found.record is None else found.record.camera_motion_figures
-    rows = [] if figures is None else thresholds.class_rows(figures, found.config.motion_class)
+def _camera_class(record: PseudoGtQuality, config: MotionClassConfig) -> Table:
+    figures = record.camera_motion_figures
+    rows = [] if figures is None else thresholds.class_rows(figures, config)
     caption = Markup(
         "Of the recovered camera in the frames that have one and a body; see "
         "<code>gmrdata.values.camera_motion</code>."
@@ -434,9 +433,7 @@ def _camera_class(found: Solved) -> Table:
     return thresholds.threshold_table(rows, "borders of the classes", caption)
 
 
-def _reconstruction_rows(cameras: CamerasQuality | None) -> list[tuple[str, object]]:
-    if cameras is None:
-        return []
+def _reconstruction_rows(cameras: CamerasQuality) -> list[tuple[str, object]]:
     rows = [
         ("Geometry", GEOMETRY_WORDS[cameras.geometry]),
         ("Mapper", cameras.mapper),
@@ -453,10 +450,9 @@ def _reconstruction_rows(cameras: CamerasQuality | None) -> list[tuple[str, obje
     return [(name, value) for name, value in rows if value is not None]
 
 
-def _lens(found: Solved) -> dict[str, object]:
+def _lens(found: Solved, camera: CameraPath) -> dict[str, object]:
     """The intrinsics, where they came from, and how well they are known."""
-    camera, lens = found.camera, found.intrinsics
-    assert camera is not None
+    lens = found.intrinsics
     focal_px, centre_px = np.diag(camera.intrinsics_px)[:2], camera.intrinsics_px[:2, 2]
     numbers = dict.fromkeys(f"{one:.1f}" for one in focal_px.tolist())
     error = "" if lens is None else f" ± {100 * lens.focal_sigma:.2g} %"

@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from gmrdata.gmr.runs import ClipFile, usable_files
+from gmrdata.manifest.read import listed_path
 from gmrdata.motion.resample import Between, between_known
 from gmrdata.people.following import FollowConfig, Networks, Sightings, follow_people, load_tracks
 from gmrdata.people.landmark_network import LANDMARKS, Crop, open_landmark_features
@@ -35,7 +36,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers, save_clip
 from gmrdata.values.errors import StageFailed
-from gmrdata.values.files import resolve_inside, write_json, write_npz
+from gmrdata.values.files import write_json, write_npz
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import LocalPoses, load_local_poses
@@ -148,7 +149,8 @@ def own_poses(
 
 def _images_dir(file: ClipFile) -> Path:
     assert file.entry.images is not None
-    return resolve_inside(file.manifest_path.parent, file.entry.images.folder)
+    folder = file.entry.images.folder
+    return listed_path(file.manifest_path, file.entry, "images.folder", folder)
 
 
 class _Viewer:

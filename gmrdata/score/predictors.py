@@ -14,6 +14,7 @@ from gmrdata.gmr.config import Which
 from gmrdata.gmr.runs import ClipFile, LazyClips, UsableClip, usable_files
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.listing import read_listing
+from gmrdata.manifest.read import listed_path
 from gmrdata.read.bodies import load_bodies
 from gmrdata.read.frames import number_in_name
 from gmrdata.read.systems import phalp
@@ -43,7 +44,6 @@ from gmrdata.values import limits
 from gmrdata.values.body import BodyModel, body_of
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
-from gmrdata.values.files import resolve_inside
 from gmrdata.values.motion import whole_ratio
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson
 from gmrdata.values.records import Config
@@ -320,7 +320,7 @@ def _image_numbers(entry: ClipEntry, manifest_path: Path) -> list[int]:
     """Numbers of the images that the manifest lists for a clip; none without a listing."""
     if entry.images is None:
         return []
-    listing = resolve_inside(manifest_path.parent, entry.images.listing.path)
+    listing = listed_path(manifest_path, entry, "images.listing", entry.images.listing.path)
     if not listing.is_file():
         return []
     found = (number_in_name(one.path) for one in read_listing(listing))

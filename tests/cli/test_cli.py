@@ -53,10 +53,9 @@ def in_a_process(*arguments: object, **options: object) -> Answer:
 
 
 @pytest.mark.parametrize("verb", list(FUNCTIONS))
-def test_help_of_each_verb_says_what_it_does(verb, gmrdata, monkeypatch):
+def test_help_of_each_verb_says_what_it_does(verb, works, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    answer = gmrdata(*verb.split(), "--help")
-    assert answer.returncode == 0, answer.stderr
+    answer = works(*verb.split(), "--help")
     first_line = (FUNCTIONS[verb].__doc__ or "").splitlines()[0]
     said = " ".join(answer.stdout.split())
     assert " ".join(first_line.split())[:40] in said
@@ -99,7 +98,7 @@ def test_no_argument_is_rewritten(gmrdata, tmp_path):
 
 
 def test_the_home_folder_is_found_where_no_shell_writes_it_out(
-    walks_command, gmrdata, tmp_path, monkeypatch
+    walks_command, gmrdata, works, tmp_path, monkeypatch
 ):
     """In quotes, as the Makefile gives it, and after `=`, where bash leaves it."""
     command = walks_command(1)
@@ -109,7 +108,7 @@ def test_the_home_folder_is_found_where_no_shell_writes_it_out(
     monkeypatch.chdir(here)
     made = gmrdata(*command, "--out=~/walks")
     assert made.stdout.split()[-1] == str(tmp_path / "walks" / "motions.yaml"), made.stderr
-    assert gmrdata("manifest", "check", "~/walks/motions.yaml").returncode == 0
+    works("manifest", "check", "~/walks/motions.yaml")
     assert not list(here.iterdir())
 
 
@@ -311,25 +310,23 @@ def test_sigterm_ends_as_ctrl_c_does():
     assert ended.stderr == "gmrdata: stopped. The same command goes on where it was\n"
 
 
-def test_a_dry_run_of_the_demo_does_nothing(gmrdata, tmp_path):
+def test_a_dry_run_of_the_demo_does_nothing(works, tmp_path):
     out = tmp_path / "demo"
-    answer = gmrdata("demo", "--dry-run", "--out", out)
-    assert answer.returncode == 0, answer.stderr
+    answer = works("demo", "--dry-run", "--out", out)
     assert "render circular" in answer.stdout and "to do" in answer.stdout
     assert not out.exists()
 
 
-def test_a_dry_run_of_the_floor_samples_and_does_nothing(gmrdata, tmp_path, cmu_dir):
+def test_a_dry_run_of_the_floor_samples_and_does_nothing(works, tmp_path, cmu_dir):
     out = tmp_path / "floor"
     asked = ["floor", "--sequences", 2, "--seed", 5, "--motions", cmu_dir, "--out", out]
-    answer = gmrdata(*asked, "--clip-frames", 60, "--dry-run", "--no-probe")
-    assert answer.returncode == 0, answer.stderr
+    answer = works(*asked, "--clip-frames", 60, "--dry-run", "--no-probe")
     assert "2 clips, 120 frames; to do: 2 clips, 120 frames" in answer.stdout
     assert not out.exists()
 
 
 def test_a_folder_without_write_permission_and_a_file_limit_end_without_half_files(
-    gmrdata, tmp_path, cmu_dir
+    works, tmp_path, cmu_dir
 ):
     """A limit on file sizes stands for the full disk: both fail in the middle of a write."""
 
@@ -343,14 +340,12 @@ def test_a_folder_without_write_permission_and_a_file_limit_end_without_half_fil
     written = [path for path in out.rglob("*") if path.is_file()]
     assert not [path for path in written if ".partial" not in str(path) and path.suffix == ".npz"]
     assert not (out / "motions.yaml").exists()
-    again = gmrdata("motions", trial, "--out", out)
-    assert again.returncode == 0, again.stderr
-    assert gmrdata("manifest", "check", out / "motions.yaml").returncode == 0
+    works("motions", trial, "--out", out)
+    works("manifest", "check", out / "motions.yaml")
 
 
-def test_motions_are_listed(gmrdata, cmu_dir):
-    answer = gmrdata("motions", cmu_dir / "amc" / "02_03.amc", cmu_dir / "bvh" / "08_02.bvh")
-    assert answer.returncode == 0, answer.stderr
+def test_motions_are_listed(works, cmu_dir):
+    answer = works("motions", cmu_dir / "amc" / "02_03.amc", cmu_dir / "bvh" / "08_02.bvh")
     assert "02_03.amc" in answer.stdout and "08_02.bvh" in answer.stdout
 
 
@@ -359,15 +354,14 @@ NEEDED = {"threedpw": "--threedpw", "masks": "--frames", "gmr": "--manifest", "t
 
 
 @pytest.mark.parametrize("name", recipe_names())
-def test_each_recipe_runs_or_names_the_flag_that_it_lacks(name, gmrdata, tmp_path):
+def test_each_recipe_runs_or_names_the_flag_that_it_lacks(name, gmrdata, works, tmp_path):
     kind = recipe_kind(find_recipe(name))
     out = tmp_path / "out"
     if kind in NEEDED:
         fails_cleanly(gmrdata("run", name, "--out", out), NEEDED[kind])
     else:
         fails_without_motions = name in ("synthetic", "synthetic_more", "twins")
-        answer = gmrdata("run", name, "--out", out, "--dry-run")
-        assert answer.returncode == 0, answer.stderr
+        answer = works("run", name, "--out", out, "--dry-run")
         assert ("no motion file" in answer.stdout) == fails_without_motions
         if fails_without_motions:
             fails_cleanly(gmrdata("run", name, "--out", out), "--motions")
@@ -425,9 +419,8 @@ def empty_cache(tmp_path, monkeypatch) -> Path:
     return tmp_path / "cache/gmrdata"
 
 
-def test_it_finds_what_the_tests_run_with(gmrdata, empty_cache, monkeypatch):
-    said = gmrdata("doctor", "--json")
-    assert said.returncode == 0, said.stderr
+def test_it_finds_what_the_tests_run_with(gmrdata, works, empty_cache, monkeypatch):
+    said = works("doctor", "--json")
     found = json.loads(said.stdout)
     assert found["good"]
     parts = {part["name"]: part for part in found["parts"]}
@@ -440,8 +433,7 @@ def test_it_finds_what_the_tests_run_with(gmrdata, empty_cache, monkeypatch):
     assert f"free in {empty_cache}" in parts["cache"]["found"]
     # The same as a table, with its remedies.
     monkeypatch.setattr(doctor, "find_parts", lambda: [doctor.Part(**p) for p in parts.values()])
-    table = gmrdata("doctor")
-    assert table.returncode == 0
+    table = works("doctor")
     said = " ".join(table.stdout.split())  # a note may take several lines
     assert "gmrdata fetch models" in said and "All that" in said
 
@@ -492,13 +484,15 @@ def test_blender_that_does_not_start_is_said_with_its_remedy(monkeypatch):
     assert gone.state == "missing" and gone.required and "/no/python: no such program" in gone.note
 
 
-def test_blender_setup_says_what_it_made_or_why_that_does_not_start(gmrdata, tmp_path, monkeypatch):
+def test_blender_setup_says_what_it_made_or_why_that_does_not_start(
+    gmrdata, works, tmp_path, monkeypatch
+):
     asked = Mock(return_value=tmp_path)
     monkeypatch.setattr(doctor.environment, "set_up", asked)
     part = doctor.Part("blender", "Blender", "there", "5.0.1", "python 3.11.7 in /there")
     monkeypatch.setattr(doctor, "blender_part", lambda: part)
-    said = gmrdata("blender", "setup", "--python", "3.13", "--redo")
-    assert said.returncode == 0 and said.stdout == "Blender 5.0.1: python 3.11.7 in /there\n"
+    said = works("blender", "setup", "--python", "3.13", "--redo")
+    assert said.stdout == "Blender 5.0.1: python 3.11.7 in /there\n"
     asked.assert_called_once_with("3.13", redo=True)
     part = part._replace(
         state="broken", found="libSM.so.6: no such file", note="render. apt-get it"

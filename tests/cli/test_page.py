@@ -8,7 +8,6 @@ import trimesh
 
 from gmrdata.cli.video import leave_files_and_page
 from gmrdata.export.export import write_files
-from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import read_npz
 from gmrdata.world.judge import load_record
@@ -16,11 +15,11 @@ from gmrdata.world.recipe import verdict_of
 from gmrdata.write.amass import write_amass
 from tests.film.set_kills import contents
 from tests.pages.html_pages import Page
-from tests.pages.solved_video import N_ROWS, fuse_video, solved_video
+from tests.pages.solved_video import N_ROWS, camera_verdict, fuse_video, solved_video
 
 
 def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected(
-    small_body, gmrdata, tmp_path
+    small_body, works, tmp_path
 ):
     folder = tmp_path / "out" / "sequences" / "walk"
     solved_video(folder, small_body)
@@ -28,8 +27,7 @@ def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_reject
     kept = folder / "files" / "notes.txt"
     kept.parent.mkdir()
     kept.write_text("mine")
-    said = gmrdata("page", folder, "--images", tmp_path)
-    assert said.returncode == 0, said.stderr
+    said = works("page", folder, "--images", tmp_path)
     assert said.stdout.strip() == str((folder / "index.html").resolve())
     page = Page(folder / "index.html")
     assert all(file.is_file() for file in page.files) and page.tags.count("video") == 1
@@ -47,7 +45,7 @@ def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_reject
     rejected = verdict_of("walk", False, ("it floats",), [""] * N_ROWS)
     record = record.model_copy(update={"people": (rejected,)})
     record.write(folder / "pseudo_gt" / "quality.json")
-    assert gmrdata("page", folder, "--images", images).returncode == 0
+    works("page", folder, "--images", images)
     words = Page(folder / "index.html").words
     assert "it floats" in words and "files are written of what is accepted" in words
     assert [path.name for path in kept.parent.iterdir()] == [kept.name]
@@ -93,17 +91,14 @@ def test_what_others_made_beside_a_colmap_model_stays(small_body, tmp_path):
 
 
 def test_frames_outside_of_the_folder_are_those_that_are_given_and_no_record_leads_there(
-    small_body, gmrdata, tmp_path
+    small_body, gmrdata, works, tmp_path
 ):
     """The page of a folder of images, written again without them, lost its overlay and the colours
     of COLMAP's points; cameras alone had these from wherever a record said."""
     folder, model = tmp_path / "walk", tmp_path / "walk/files/colmap/sparse/0"
     solved_video(folder, small_body, person=False)
     images = (folder / "frames").rename(tmp_path / "images")
-    verdict = VideoVerdict(
-        images_dir=str(images), fps_hz=10.0, accepted=True, reasons=(),
-        camera=verdict_of("camera", True, (), [""] * N_ROWS), people=(), notes=(),
-    )  # fmt: skip
+    verdict = camera_verdict(images_dir=str(images))
     verdict.write(folder / "verdict.json")
     leave_files_and_page(folder, verdict)
     left = contents(folder)
@@ -111,9 +106,17 @@ def test_frames_outside_of_the_folder_are_those_that_are_given_and_no_record_lea
     said = gmrdata("page", folder)
     assert said.returncode == 1 and f"with --images {images}" in " ".join(said.stderr.split())
     assert contents(folder) == left
-    assert gmrdata("page", folder, "--images", images).returncode == 0
+    works("page", folder, "--images", images)
     assert contents(folder) == left
     assert write_files(folder) == [] and not _colours(model).any()
+    # What an older gmrdata lacks, or a broken record, costs the files and not the page.
+    (folder / "sfm" / "tracks.npz").unlink()
+    works("page", folder, "--images", images)
+    assert "Not writtenall formats: " in (words := Page(folder / "index.html").words)
+    assert "tracks.npz: an older gmrdata kept no tracks" in words.split("Not written")[1]
+    (folder / "verdict.json").write_text("{")
+    works("page", folder, "--images", images)
+    assert "verdict.json: not JSON" in Page(folder / "index.html").words.split("Not written")[1]
 
 
 def _colours(model: Path) -> np.ndarray:

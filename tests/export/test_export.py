@@ -24,6 +24,7 @@ from gmrdata.read.body_file import save_body
 from gmrdata.read.systems.result import read_system
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadRecipe
 from tests.clip_manifests import write_clips
 from tests.pages.solved_video import solved_video
 from tests.solve.test_doubts import video
@@ -77,15 +78,15 @@ def test_the_way_of_the_person(manifest, tmp_path, gmrdata):
         assert np.abs(np.array(read.poses_se3) - expected).max() < 1e-9
 
 
-def test_nothing_is_overwritten_unless_told_so(manifest, tmp_path, gmrdata):
+def test_nothing_is_overwritten_unless_told_so(manifest, tmp_path, gmrdata, works):
     out = tmp_path / "out"
     arguments = ("export", manifest, "--to", "tum", "--clips", "holed", "--out", out)
-    assert gmrdata(*arguments).returncode == 0
+    works(*arguments)
     (out / "tum/holed.txt").write_text("mine")
     said = gmrdata(*arguments)
     assert said.returncode == 1 and "already there. Pass --redo" in said.stderr
     assert (out / "tum/holed.txt").read_text() == "mine"
-    assert gmrdata(*arguments, "--redo").returncode == 0
+    works(*arguments, "--redo")
     assert (out / "tum/holed.txt").read_text() != "mine"
     assert [path.name for path in (out / "tum").iterdir()] == ["holed.txt"]
 
@@ -107,9 +108,9 @@ def test_who_writes_a_file_that_another_writes_waits(tmp_path):
     assert path.read_text() == "second" and list(tmp_path.iterdir()) == [path]
 
 
-def test_a_dry_run_lists_and_writes_nothing(manifest, tmp_path, gmrdata):
-    said = gmrdata("export", manifest, "--to", "tum", "--out", tmp_path / "out", "--dry-run")
-    assert said.returncode == 0 and not (tmp_path / "out").exists()
+def test_a_dry_run_lists_and_writes_nothing(manifest, tmp_path, works):
+    said = works("export", manifest, "--to", "tum", "--out", tmp_path / "out", "--dry-run")
+    assert not (tmp_path / "out").exists()
     assert "to write" in said.stdout and "left out: has no camera" in said.stdout
 
 
@@ -131,6 +132,13 @@ def test_flags_that_fit_nothing(
     answer = gmrdata("export", manifest, "--out", tmp_path / "out", *flags)
     assert answer.returncode in (1, 2) and said in answer.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_format_that_there_is_not_is_named(manifest, tmp_path):
+    with pytest.raises(
+        BadRecipe, match=r"no format 'blv'; give a list of .*, onnx; did you mean 'bvh'"
+    ):
+        gmrdata.export(manifest, ["tum", "blv"], tmp_path / "out")
 
 
 def test_a_broken_clip_does_not_stop_the_others(manifest, tmp_path, gmrdata):
@@ -161,7 +169,9 @@ def test_a_broken_file_or_a_missing_body_does_not_stop_the_other_clips_of_a_fold
     assert all("cut.npz: not a readable" in left_out[f"{one} cut"] for one in ("amass", "bvh"))
 
 
-def test_images_of_one_sequence_are_not_taken_for_those_of_another(manifest, tmp_path, gmrdata):
+def test_images_of_one_sequence_are_not_taken_for_those_of_another(
+    manifest, tmp_path, gmrdata, works
+):
     (tmp_path / "images/holed").mkdir(parents=True)
     (tmp_path / "images/holed/00000.png").touch()
     arguments = ("export", manifest, "--to", "colmap", "--out", tmp_path, "--images")
@@ -171,16 +181,18 @@ def test_images_of_one_sequence_are_not_taken_for_those_of_another(manifest, tmp
     said = gmrdata(*arguments, tmp_path / "images/holed", "--redo")
     assert "holed/holed: no such folder of images" in said.stderr
     alone = ("--clips", "holed", "--redo")
-    assert gmrdata(*arguments, tmp_path / "images/holed", *alone).returncode == 0
+    works(*arguments, tmp_path / "images/holed", *alone)
 
 
-def test_a_rendered_clip_becomes_a_model_without_points(walkers, small_body, tmp_path, gmrdata):
+def test_a_rendered_clip_becomes_a_model_without_points(
+    walkers, small_body, tmp_path, gmrdata, works
+):
     clip = walkers[0]
     save_clip(tmp_path / "in/clip.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
     (tmp_path / "in/frames").mkdir()
     for number in range(20):
         (tmp_path / f"in/frames/{number:05d}.png").touch()
-    assert gmrdata("export", tmp_path / "in", "--to", "colmap", "--out", tmp_path).returncode == 0
+    works("export", tmp_path / "in", "--to", "colmap", "--out", tmp_path)
     for model in models(tmp_path / "colmap/walk.p0"):
         names = sorted(image.name for image in model.images.values())
         assert names == [f"{number:05d}.png" for number in range(20)]
@@ -191,7 +203,7 @@ def test_a_rendered_clip_becomes_a_model_without_points(walkers, small_body, tmp
     assert not list((tmp_path / "without").rglob("*.*"))
 
 
-def test_images_that_exif_turns_are_named_and_give_no_colours(small_body, tmp_path, gmrdata):
+def test_images_that_exif_turns_are_named_and_give_no_colours(small_body, tmp_path, works):
     """COLMAP takes their pixels as they are stored, so that points had the colours of others."""
     solved_video(tmp_path / "walk", small_body)
     coloured = []
@@ -199,8 +211,8 @@ def test_images_that_exif_turns_are_named_and_give_no_colours(small_body, tmp_pa
         for path in (tmp_path / "walk/frames").iterdir() if turned else ():
             save_turned(path)
         out = tmp_path / str(turned)
-        said = gmrdata("export", tmp_path / "walk", "--to", "colmap", "--out", out)
-        assert said.returncode == 0 and ("turned by EXIF" in said.stderr) == turned
+        said = works("export", tmp_path / "walk", "--to", "colmap", "--out", out)
+        assert ("turned by EXIF" in said.stderr) == turned
         (model, _) = models(out / "colmap/walk")
         coloured.append(any((point.color > 0).any() for point in model.points3D.values()))
     assert coloured == [True, False]
@@ -340,9 +352,7 @@ def test_all_observations_none_and_an_older_folder(made_set, filmed_set, solved,
 
 
 @pytest.mark.slow
-def test_a_model_without_a_metric_scale_keeps_its_own_world(
-    made_set, small_body, tmp_path, gmrdata
-):
+def test_a_model_without_a_metric_scale_keeps_its_own_world(made_set, small_body, tmp_path, works):
     source = tmp_path / "arc_00"
     shutil.copytree(made_set / "sequences/arc_00/sfm", source / "sfm")
     clip = load_clip(made_set / "sequences/arc_00/pseudo_gt/person_0.npz")
@@ -352,8 +362,8 @@ def test_a_model_without_a_metric_scale_keeps_its_own_world(
     still = replace(clip, camera=replace(camera, world_from_cam=world_from_cam))
     path = source / "pseudo_gt/person_0.npz"
     save_clip(path, still, small_body.rest_pelvis_m(clip.motion.shape))
-    said = gmrdata("export", source, "--to", "colmap", "--out", tmp_path)
-    assert said.returncode == 0 and "its scale is not known" in said.stderr
+    said = works("export", source, "--to", "colmap", "--out", tmp_path)
+    assert "its scale is not known" in said.stderr
     stage = load_quality(source / "sfm")
     for model in models(tmp_path / "colmap" / "arc_00.p0"):
         error_px = model.compute_mean_reprojection_error()

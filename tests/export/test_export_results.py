@@ -2,6 +2,7 @@
 
 import json
 import pickle  # noqa: TID251  The oracle: what others open the files with.
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,6 @@ import trimesh
 from pxr import Usd, UsdGeom
 
 from gmrdata.cameras.files import QUALITY_FILE, Distortion, load_quality
-from gmrdata.cli import main
 from gmrdata.gmr.predict import load_gmr, predict_deltas
 from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
 from gmrdata.read.body_file import save_body
@@ -29,13 +29,16 @@ from tests.write.rerun_files import Recorded
 from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX, make_take
 
 
-def export(*arguments: object) -> int:
-    """Exit code of the verb."""
-    try:
-        main(["export", *map(str, arguments)])
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
+@pytest.fixture
+def refusal(gmrdata) -> Callable[..., str]:
+    """Runs the verb, which has to fail; gives what it says."""
+
+    def run(*arguments: object) -> str:
+        answer = gmrdata("export", *arguments)
+        assert answer.returncode == 1
+        return " ".join(answer.stderr.split())
+
+    return run
 
 
 @pytest.fixture
@@ -55,12 +58,11 @@ def manifest(walkers, small_body, tmp_path) -> Path:
     return write_clips(folder, body, clips, camera_motions=["circular"] * 3)
 
 
-def test_files_where_others_look_for_them(manifest, tmp_path, capsys):
+def test_files_where_others_look_for_them(manifest, tmp_path, refusal):
     out, name = tmp_path / "out", "P1_14_outdoor_climb"
     about = EmdbAbout(emdb1=True, emdb2=False, reasons=[""] * 30)
     about.write(manifest.parent / ABOUT_FILE)
-    assert export(manifest, "--to", "emdb", "wham", "gvhmr", "3dpw", "gem-x", "--out", out) == 1
-    said = capsys.readouterr().err
+    said = refusal(manifest, "--to", "emdb", "wham", "gvhmr", "3dpw", "gem-x", "--out", out)
     files = sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
     assert files == [
         f"3dpw/sequenceFiles/test/{name}.pkl",
@@ -89,71 +91,68 @@ def test_files_where_others_look_for_them(manifest, tmp_path, capsys):
         assert line in said
 
 
-def test_3dpw_of_another_body_is_said(walkers, small_body, tmp_path, capsys):
+def test_3dpw_of_another_body_is_said(walkers, small_body, tmp_path, works):
     """Twins come back by it, but other loaders put the shape and the path on SMPL's body."""
     woman = replace(walkers[0], motion=replace(walkers[0].motion, gender="female"))
     manifest = write_clips(tmp_path / "in", small_body, [woman], camera_motions=["circular"])
     save_body(tmp_path / "in" / "body" / "body.npz", small_body)
-    assert export(manifest, "--to", "3dpw", "--out", tmp_path / "out") == 0
-    said = " ".join(capsys.readouterr().err.split())
+    answer = works("export", manifest, "--to", "3dpw", "--out", tmp_path / "out")
+    said = " ".join(answer.stderr.split())
     assert "of the body small, and all but gmrdata take them for SMPL's" in said
 
 
-def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_path, capsys):
+def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_path, refusal):
     body = replace(small_body, name="smpl-neutral")
     motion = replace(walkers[0].motion, body=body.name, fps_hz=30.0)
     clips = [replace(walkers[0], id=name, motion=motion) for name in ("P0_walk", "walk")]
     save_body(tmp_path / "in" / "body" / "body.npz", body)
     manifest = write_clips(tmp_path / "in", body, clips, camera_motions=["circular"] * 2)
-    assert export(manifest, "--to", "emdb", "--out", tmp_path / "out") == 1
-    said = capsys.readouterr().err.replace("\n", " ")
+    said = refusal(manifest, "--to", "emdb", "--out", tmp_path / "out")
     assert "P0_walk and walk would be this. Write one" in said and not (tmp_path / "out").exists()
-    assert export(manifest, "--to", "3dpw", "--out", tmp_path / "out") == 1
-    assert "the body is neutral, and 3DPW has female and male" in capsys.readouterr().err
+    said = refusal(manifest, "--to", "3dpw", "--out", tmp_path / "out")
+    assert "the body is neutral, and 3DPW has female and male" in said
 
 
 def test_two_clips_that_would_be_one_file_on_some_disks_are_refused(
-    walkers, small_body, tmp_path, capsys
+    walkers, small_body, tmp_path, refusal
 ):
     clips = [replace(walkers[0], id=name) for name in ("walk", "Walk")]
     save_body(tmp_path / "in" / "body" / "body.npz", small_body)
     manifest = write_clips(tmp_path / "in", small_body, clips)
-    assert export(manifest, "--to", "bvh", "--out", tmp_path / "out") == 1
-    said = capsys.readouterr().err.replace("\n", " ")
+    said = refusal(manifest, "--to", "bvh", "--out", tmp_path / "out")
     assert "Walk and walk would be this. Write one" in said and not (tmp_path / "out").exists()
 
 
-def test_a_network(run_dir, walk, tmp_path, capsys):
+def test_a_network(run_dir, walk, tmp_path, works, refusal):
     out = tmp_path / "out"
-    path = out / "onnx" / "run.onnx"
-    assert export(run_dir, "--to", "onnx", "--out", out, "--dry-run") == 0 and not out.exists()
-    assert export(run_dir, "--to", "onnx", "--out", out) == 0
+    path, command = out / "onnx" / "run.onnx", (run_dir, "--to", "onnx", "--out", out)
+    works("export", *command, "--dry-run")
+    assert not out.exists()
+    works("export", *command)
     local_rotmats = walk(10.0, 12).local_rotmats
     session = onnxruntime.InferenceSession(path)
     found = session.run(None, {"local_rotmats": local_rotmats[None].astype(np.float32)})
     for one, wanted in zip(found, predict_deltas(load_gmr(run_dir), local_rotmats), strict=True):
         assert np.abs(one[0] - wanted).max() < 1e-5
-    assert export(run_dir, "--to", "onnx", "--out", out) == 1
-    assert "already there. Pass --redo" in capsys.readouterr().err
-    assert export(run_dir, "--to", "onnx", "--out", out, "--redo") == 0
+    assert "already there. Pass --redo" in refusal(*command)
+    works("export", *command, "--redo")
 
 
-def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, capsys):
+def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, refusal):
     out = tmp_path / "out"
-    assert export(run_dir, "--to", "onnx", "tum", "--out", out) == 1
-    assert "Export it alone" in capsys.readouterr().err
-    assert export(manifest.parent, "--to", "onnx", "--out", out) == 1
-    assert "no trained model there" in capsys.readouterr().err
-    assert export(run_dir, "--to", "onnx", "--which", "best", "--out", out) == 1
-    assert "no best weights" in capsys.readouterr().err
+    assert "Export it alone" in refusal(run_dir, "--to", "onnx", "tum", "--out", out)
+    assert "no trained model there" in refusal(manifest.parent, "--to", "onnx", "--out", out)
+    best = ("--to", "onnx", "--which", "best", "--out", out)
+    assert "no best weights" in refusal(run_dir, *best)
     (state_path,) = run_dir.glob("checkpoints/step_*/state.json")
     state_path.write_text(json.dumps({"format": "gmrdata-joint/2", "step": 1, "body": "anny"}))
-    assert export(run_dir, "--to", "onnx", "--out", out) == 1
-    assert "gmrdata-joint/2" in capsys.readouterr().err
+    assert "gmrdata-joint/2" in refusal(run_dir, "--to", "onnx", "--out", out)
     assert not out.exists()
 
 
-def test_one_without_a_valid_frame_is_left_out_and_named(walkers, small_body, tmp_path, gmrdata):
+def test_one_without_a_valid_frame_is_left_out_and_named(
+    walkers, small_body, tmp_path, gmrdata, works
+):
     folder = tmp_path / "walk"
     save_body(folder / "body" / "body.npz", small_body)
     for number, walker in enumerate(walkers):
@@ -165,8 +164,7 @@ def test_one_without_a_valid_frame_is_left_out_and_named(walkers, small_body, tm
     for number in walkers[0].image_numbers:
         frame = np.zeros((camera.height_px, camera.width_px), np.uint8)
         cv2.imwrite(str(folder / "frames" / f"{number:05d}.png"), frame)
-    said = gmrdata("export", folder, "--to", "usd", "rrd", "mp4", "--out", tmp_path)
-    assert said.returncode == 0, said.stderr
+    said = works("export", folder, "--to", "usd", "rrd", "mp4", "--out", tmp_path)
     assert said.stderr.count("clip walk.p0 has no valid frame: left out") == 3
     stage = Usd.Stage.Open(str(tmp_path / "usd/walk.usdc"))
     names = [prim.GetName() for prim in stage.GetDefaultPrim().GetChildren()]
@@ -176,15 +174,14 @@ def test_one_without_a_valid_frame_is_left_out_and_named(walkers, small_body, tm
     assert "left out: has no valid frame" in said.stdout
 
 
-def test_bodies_lie_over_the_frames_as_the_lens_shows_them(small_body, tmp_path, gmrdata):
+def test_bodies_lie_over_the_frames_as_the_lens_shows_them(small_body, tmp_path, gmrdata, works):
     """A pinhole would show them beside the people, away from the middle."""
     folder, shown = tmp_path / "walk", []
     solved_video(folder, small_body)
     quality = load_quality(folder / "sfm")
     for name, lens in (("pinhole", None), ("lens", Distortion(-0.9, 0.0, 0.1))):
         quality.model_copy(update={"lens": lens}).write(folder / "sfm" / QUALITY_FILE)
-        said = gmrdata("export", folder, "--to", "mp4", "--out", tmp_path / name)
-        assert said.returncode == 0, said.stderr
+        said = works("export", folder, "--to", "mp4", "--out", tmp_path / name)
         (video,) = (tmp_path / name / "mp4").iterdir()
         with av.open(str(video)) as container:
             frame = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(int)
@@ -232,11 +229,10 @@ def folder(clip, small_body, tmp_path) -> Path:
     return folder
 
 
-def test_one_clip_in_all_of_these_formats(folder, clip, small_body, gmrdata):
+def test_one_clip_in_all_of_these_formats(folder, clip, small_body, works):
     out, formats = folder.parent / "out", ("amass", "bvh", "glb", "usd", "rrd", "mp4")
     truth = folder.parent / "truth.npz"
-    said = gmrdata("export", folder, "--to", *formats, "--truth", truth, "--out", out)
-    assert said.returncode == 0, said.stderr
+    works("export", folder, "--to", *formats, "--truth", truth, "--out", out)
     runs = ("walk_00000-00003", "walk_00006-00011")
     written = sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
     folders = [f"{to}/walk/{run}.{to}" for to in ("amass", "bvh") for run in runs]
@@ -262,10 +258,9 @@ def test_one_clip_in_all_of_these_formats(folder, clip, small_body, gmrdata):
         assert len(list(container.decode(video=0))) == N_FRAMES
 
 
-def test_the_truth_stands_where_the_result_does(folder, clip, small_body, gmrdata):
+def test_the_truth_stands_where_the_result_does(folder, clip, small_body, works):
     out, truth = folder.parent / "out", folder.parent / "truth.npz"
-    said = gmrdata("export", folder, "--to", "rrd", "--truth", truth, "--out", out)
-    assert said.returncode == 0, said.stderr
+    works("export", folder, "--to", "rrd", "--truth", truth, "--out", out)
     recorded = Recorded(out / "rrd/walk.rrd")
     placed = recorded.transforms("world/truth")[None]
     np.testing.assert_allclose(placed, transforms.invert(TRUE_FROM_WORLD), atol=1e-6)

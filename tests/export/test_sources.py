@@ -12,7 +12,13 @@ from gmrdata.export.sources import ExportedClip, list_clips, load_exported
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, MissingInput
+from gmrdata.values.errors import (
+    BadBodyFile,
+    BadFrames,
+    BadManifest,
+    BadMotionFile,
+    MissingInput,
+)
 from tests.clip_manifests import write_clips
 
 
@@ -64,6 +70,9 @@ def test_a_rendered_clip_has_its_images_masks_and_company(clip, walkers, small_b
         assert [extra.id for extra in exported.extras] == ["walk.p1"]
         paths = exported.image_paths()
         assert paths[3] == tmp_path / "frames/00003.png" and set(paths) == {None, paths[3]}
+    (tmp_path / "frames/00003_depth.png").touch()  # either was taken, as the disk lists them
+    with pytest.raises(BadFrames, match=r"number 3, 00003\.png and 00003_depth\.png. Keep other"):
+        exported.image_paths()
 
 
 def test_people_of_one_sequence_share_it(walkers, small_body, tmp_path):

@@ -12,12 +12,13 @@ from gmrdata.cameras.match.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.film.programmes import Circular, Panning
 from gmrdata.fusion.fuse import fuse
 from gmrdata.read.body_file import save_body
+from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.people import PersonFiles
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
-from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.recipe import PseudoGtConfig, verdict_of
 from tests.fusion.test_network_evidence import record
 from tests.pages.conftest import paint_clip
 from tests.world.test_compose import as_input, reconstruction, true_clip
@@ -59,6 +60,16 @@ def solved_video(
         make_pseudo_gt(WorldEvidence(folder / "sfm", people), folder / "pseudo_gt", config)
     (folder / "in.npz").unlink()
     return true
+
+
+def camera_verdict(*reasons: str, images_dir: str = "frames") -> VideoVerdict:
+    """On cameras alone, accepted, by images at 10 Hz; `reasons` are why the first frames are
+    dropped."""
+    camera = verdict_of("camera", True, (), [*reasons, *(N_ROWS - len(reasons)) * [""]])
+    return VideoVerdict(
+        images_dir=images_dir, fps_hz=10.0, accepted=True, reasons=(), camera=camera,
+        people=(), notes=(),
+    )  # fmt: skip
 
 
 def fuse_video(folder: Path, run_dir: Path) -> Path:

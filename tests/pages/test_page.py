@@ -188,7 +188,7 @@ def test_a_missing_image_is_named_and_nothing_is_written(report, tmp_path):
     with pytest.raises(BadFrames, match="no image of number 11"):
         write_report(tmp_path / "report.html", replace(report, clips=(clip,)))
     (clip.images_dir / "00011.jpg").write_bytes(b"not a picture")
-    with pytest.raises(BadFrames, match=r"00011\.jpg: missing, or not an image"):
+    with pytest.raises(BadFrames, match=r"00011\.jpg: missing or cannot be decoded"):
         write_report(tmp_path / "report.html", replace(report, clips=(clip,)))
     assert [path.name for path in tmp_path.iterdir()] == ["frames"]
 

@@ -8,9 +8,9 @@ import pytest
 from gmrdata.cameras.files import Agreement, CamerasQuality, WeakestStep
 from gmrdata.pages.solved import Solved
 from gmrdata.pages.thresholds import Row, camera_rows, verdict_rows
-from gmrdata.values.clip import camera_of
+from gmrdata.values.clip import Clip, camera_of
 from gmrdata.world.judge import SolvedCameras, quality_of
-from gmrdata.world.recipe import CueEstimate, PseudoGtConfig, verdict_of
+from gmrdata.world.recipe import CueEstimate, PseudoGtConfig, Verdict, verdict_of
 from gmrdata.world.scale import ScaleEstimate, fuse
 from tests.reconstructions import good_quality
 from tests.world.test_verdict import GOOD, circling, clip_of, judged
@@ -29,8 +29,10 @@ def solved(quality: CamerasQuality, scale: ScaleEstimate) -> SolvedCameras:
     return SolvedCameras(path, "full", np.zeros((0, 3)), quality, rows, scale)
 
 
-def scale_rows(found: Solved) -> list[Row]:
-    rows = verdict_rows(found)
+def scale_rows(clip: Clip, verdict: Verdict, scale: ScaleEstimate) -> list[Row]:
+    """The figures of the scale on the page of a clip with good cameras."""
+    record = quality_of([clip], [verdict], solved(GOOD, scale), PseudoGtConfig())
+    rows = verdict_rows(replace(NOTHING, record=record, clips={0: clip}))
     return [row for row in rows if "scale" in row.name or "two cues" in row.name]
 
 
@@ -41,8 +43,12 @@ def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters, limit):
     clip = clip_of(circling())
     vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),)), matters=matters)
     verdict = judged(clip, scale=vague)
+<<<<<<< HEAD
     record = quality_of([clip], [verdict], solved(GOOD, vague), PseudoGtConfig(), [None])
     sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
+=======
+    sigma, _ = scale_rows(clip, verdict, vague)
+>>>>>>> h_pages
     assert (sigma.value, sigma.threshold) == ("10", limit)
     assert sigma.met == verdict.accepted == (not matters)
 
@@ -55,8 +61,12 @@ def test_a_scale_that_no_camera_has_is_missed(scale, matters):
     estimate = replace(estimate, scale=scale, matters=matters)
     verdict = judged(clip, scale=estimate)
     assert not verdict.accepted
+<<<<<<< HEAD
     record = quality_of([clip], [verdict], solved(GOOD, estimate), PseudoGtConfig(), [None])
     first, sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
+=======
+    first, sigma, _ = scale_rows(clip, verdict, estimate)
+>>>>>>> h_pages
     assert (first.value, first.threshold, first.met) == (f"{scale:g} ± 0.02", "> 0", False)
     assert sigma.value == ("1" if scale else "inf")
 
@@ -67,8 +77,7 @@ def test_nothing_is_asked_of_cues_where_no_scale_enters():
     no_scale = ScaleEstimate(None, None, fuse(APART).cues, matters=False)
     record = quality_of([still], [verdict], solved(GOOD, no_scale), PseudoGtConfig(), [None])
     assert record.scale_disagreement is not None and record.scale_disagreement > 5
-    found = replace(NOTHING, record=record, clips={0: still})
-    assert [row.met for row in scale_rows(found)] == [None, None]
+    assert [row.met for row in scale_rows(still, verdict, no_scale)] == [None, None]
 
 
 def test_a_second_solution_stands_beside_its_thresholds():

@@ -25,7 +25,7 @@ from gmrdata.world.bodies import NOT_SEEN
 from gmrdata.world.judge import load_record
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig, verdict_of
 from tests.pages.html_pages import Page
-from tests.pages.solved_video import N_ROWS, OFF_PX, fuse_video, solved_video
+from tests.pages.solved_video import N_ROWS, OFF_PX, camera_verdict, fuse_video, solved_video
 
 HOSTILE = "<img src=x onerror='alert(1)'> \"#?%20&amp; caf\udce9"
 
@@ -116,11 +116,7 @@ def test_the_overlay_follows_the_bodies_and_the_verdict(copied, tmp_path):
     shutil.rmtree(copied / "pseudo_gt")  # cameras alone, of which verdict.json says what is kept
     kept = []
     for reason in ("", "too fast"):
-        camera = verdict_of("camera", True, (), [reason, *(N_ROWS - 1) * [""]])
-        VideoVerdict(
-            images_dir="frames", fps_hz=10.0, accepted=True, reasons=(), camera=camera,
-            people=(), notes=(),
-        ).write(copied / VERDICT_FILE)  # fmt: skip
+        camera_verdict(reason).write(copied / VERDICT_FILE)
         make_video_page(copied)
         kept.append(overlay.read_bytes())
     assert kept[0] != kept[1]
@@ -223,11 +219,7 @@ def test_a_person_of_another_system_who_left_does_not_follow_the_camera(copied):
 def test_cameras_alone_of_images_are_shown_at_their_rate(small_body, tmp_path):
     folder = tmp_path / "walk"
     solved_video(folder, small_body, person=False)
-    camera = verdict_of("camera", True, (), [""] * N_ROWS)
-    VideoVerdict(
-        images_dir="frames", fps_hz=10.0, accepted=True, reasons=(), camera=camera,
-        people=(), notes=(),
-    ).write(folder / VERDICT_FILE)  # fmt: skip
+    camera_verdict().write(folder / VERDICT_FILE)
     np.testing.assert_allclose(np.diff(gather_video(folder).times_s), 0.1)
 
 
@@ -346,6 +338,15 @@ def test_what_is_missing_is_named_and_costs_its_part_alone(copied, tmp_path):
         make_video_page(tmp_path)
 
 
+def test_where_nobody_s_motion_can_be_read_the_verdict_is_said_still(copied):
+    """The cameras' own path stood for the people's, in other units, and there was no page."""
+    (copied / "pseudo_gt" / "person_0.npz").unlink()
+    page = drawn(copied)
+    assert "Person 0: accepted" in page.words and "The world motions can’t be read" in page.words
+    assert "no person's motion can be read, so nothing has a place in the frames" in page.words
+    assert "person_0.npz" in page.words.split("Can’t be read")[-1]
+
+
 def test_without_the_body_the_path_is_not_drawn_and_it_is_said(copied):
     shutil.rmtree(copied / "body")
     page = Page(make_video_page(copied))
@@ -359,8 +360,11 @@ def test_links_out_of_the_folder_are_not_followed(copied, tmp_path):
     (copied / "frames" / "00110.jpg").symlink_to(secret)
     (copied / "files" / "bvh").mkdir(parents=True)
     (copied / "files" / "bvh" / "a.bvh").symlink_to(secret)
+    (copied / "frames" / "00105.jpg").unlink()  # which cost the overlay, as if none was there
     page = Page(make_video_page(copied))
-    assert "1 images are links out of it" in page.words.split("Can’t be read")[1]
+    said = page.words.split("Can’t be read")[1]
+    assert "1 images are links out of it" in said and "frames: no image of number 105" in said
+    assert page.tags.count("video") == 1
     assert not [file for file in page.files if file.name in ("a.bvh", "secret.jpg")]
 
 

@@ -1,5 +1,6 @@
 """What the built-in estimator sees of real pictures, in the files that the baselines read."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,15 +12,16 @@ from gmrdata.cli import main
 from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.paper.joint import load_features
-from gmrdata.paper.own_poses import OwnPosesRecord, rows_between, the_person
+from gmrdata.paper.own_poses import OwnPosesRecord, own_poses, rows_between, the_person
 from gmrdata.paper.placement import PlacementConfig, clip_keypoints, place_person
 from gmrdata.paper.vibe_cam import load_poses
-from gmrdata.people.following import Sightings
+from gmrdata.people.following import Networks, Sightings
 from gmrdata.people.landmark_network import FEATURE_SHAPES
 from gmrdata.read.openpose import PAIRS
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.errors import BadManifest
 from tests.clip_manifests import a_head, a_walk
 
 N_FRAMES, GAP = 5, 2
@@ -78,6 +80,16 @@ def test_the_record_says_who_was_seen_and_what_was_left_out(made):
         "elsewhere": "its person is not seen",
         "unfilmed": "it has no images",
     }
+
+
+def test_images_behind_a_link_out_of_the_set_are_refused(manifest, tmp_path):
+    """It was a traceback."""
+    moved = shutil.copytree(manifest.parent, tmp_path / "set")
+    (moved / "frames").rename(tmp_path / "frames")
+    (moved / "frames").symlink_to(tmp_path / "frames")
+    networks = Networks(manifest, manifest)  # which are not read
+    with pytest.raises(BadManifest, match=r"clip elsewhere: images\.folder: path .frames. is or"):
+        own_poses(moved / "manifest.yaml", tmp_path / "out", networks=networks)
 
 
 def test_every_baseline_reads_its_file(made, manifest, anny):
