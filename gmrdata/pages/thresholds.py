@@ -80,7 +80,21 @@ def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) ->
         _focal_row(
             "the background", factor, sigma, config.max_focal_deviation, config.focal_sigmas
         ),
+        *_travel_rows(cameras, config),
     ]
+
+
+def _travel_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -> list[Row]:
+    """Of a camera that is said to stay in its place; none where no path was set aside for that."""
+    if cameras is None or cameras.travel_set_aside is None:
+        return []
+    name = "way of the path that was set aside, of the background’s distance [%]"
+    row = _row(name, cameras.travel_set_aside, config.max_travel_set_aside, unit=100)
+    most_px = config.max_turn_wide_median_px
+    if cameras.evidence.rotation_only_wide_median_px <= most_px:
+        said = f"{row.threshold}, or a turn ≤ {most_px:g} px off in the worst pairs"
+        row = row._replace(threshold=said, met=True)
+    return [row]
 
 
 def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[Row]:

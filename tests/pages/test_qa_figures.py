@@ -12,7 +12,7 @@ from gmrdata.values.clip import Clip, camera_of
 from gmrdata.world.judge import SolvedCameras, quality_of
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig, Verdict, verdict_of
 from gmrdata.world.scale import ScaleEstimate, fuse
-from tests.reconstructions import good_quality
+from tests.reconstructions import EVIDENCE, good_quality
 from tests.world.test_verdict import GOOD, circling, clip_of, judged
 
 NOTHING = Solved(name="a")
@@ -31,7 +31,7 @@ def solved(quality: CamerasQuality, scale: ScaleEstimate) -> SolvedCameras:
 
 def scale_rows(clip: Clip, verdict: Verdict, scale: ScaleEstimate) -> list[Row]:
     """The figures of the scale on the page of a clip with good cameras."""
-    record = quality_of([clip], [verdict], solved(GOOD, scale), PseudoGtConfig())
+    record = quality_of([clip], [verdict], solved(GOOD, scale), PseudoGtConfig(), [None])
     rows = verdict_rows(replace(NOTHING, record=record, clips={0: clip}))
     return [row for row in rows if "scale" in row.name or "two cues" in row.name]
 
@@ -43,12 +43,7 @@ def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters, limit):
     clip = clip_of(circling())
     vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),)), matters=matters)
     verdict = judged(clip, scale=vague)
-<<<<<<< HEAD
-    record = quality_of([clip], [verdict], solved(GOOD, vague), PseudoGtConfig(), [None])
-    sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
-=======
     sigma, _ = scale_rows(clip, verdict, vague)
->>>>>>> h_pages
     assert (sigma.value, sigma.threshold) == ("10", limit)
     assert sigma.met == verdict.accepted == (not matters)
 
@@ -61,12 +56,7 @@ def test_a_scale_that_no_camera_has_is_missed(scale, matters):
     estimate = replace(estimate, scale=scale, matters=matters)
     verdict = judged(clip, scale=estimate)
     assert not verdict.accepted
-<<<<<<< HEAD
-    record = quality_of([clip], [verdict], solved(GOOD, estimate), PseudoGtConfig(), [None])
-    first, sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
-=======
     first, sigma, _ = scale_rows(clip, verdict, estimate)
->>>>>>> h_pages
     assert (first.value, first.threshold, first.met) == (f"{scale:g} ± 0.02", "> 0", False)
     assert sigma.value == ("1" if scale else "inf")
 
@@ -87,6 +77,22 @@ def test_a_second_solution_stands_beside_its_thresholds():
     assert (share.value, share.threshold, share.met) == ("75.0", "≥ 50", True)
     assert (turn.value, turn.threshold, turn.met) == ("0.31", "≤ 1", True)
     assert (place.value, place.threshold, place.met) == ("5.2", "≤ 3", False)
+
+
+@pytest.mark.parametrize(
+    ("travel", "wide_px", "threshold", "met"),
+    [
+        (0.042, 4.9, "≤ 2.5", False),
+        (0.02, 4.9, "≤ 2.5", True),
+        (0.09, 1.2, "≤ 2.5, or a turn ≤ 1.5 px off in the worst pairs", True),
+    ],
+)
+def test_a_path_that_was_set_aside_stands_beside_its_thresholds(travel, wide_px, threshold, met):
+    evidence = replace(EVIDENCE, rotation_only_wide_median_px=wide_px)
+    cameras = good_quality(90, travel_set_aside=travel, evidence=evidence)
+    row = camera_rows(cameras, PseudoGtConfig().verdict)[-1]
+    assert "set aside" in row.name and (row.threshold, row.met) == (threshold, met)
+    assert row.value == f"{100 * travel:.2g}"
 
 
 def test_the_weakest_step_stands_beside_its_thresholds():

@@ -116,7 +116,7 @@ def test_a_good_sequence_is_accepted_whole(clip):
         (
             {"travel_set_aside": 0.042},
             "travels by about 4.2% of the background's distance, more than 2.5%, and no path of it "
-            "holds: a turn in its place leaves 9.0 px in the worst pairs, more than 1.5",
+            "holds: a turn leaves 9.0 px in the worst pairs, more than 1.5",
         ),
         (
             {"focal_factor": 0.95, "focal_sigma": 0.015},

@@ -66,9 +66,8 @@ def _travel_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> It
     if off_px > config.max_turn_wide_median_px:
         yield (
             f"the camera travels by about {travel:.1%} of the background's distance, more than "
-            f"{config.max_travel_set_aside:.1%}, and no path of it holds: a turn in its place "
-            f"leaves {off_px:.1f} px in the worst pairs, more than "
-            f"{config.max_turn_wide_median_px:g}; travel further, or stay in place"
+            f"{config.max_travel_set_aside:.1%}, and no path of it holds: a turn leaves "
+            f"{off_px:.1f} px in the worst pairs, more than {config.max_turn_wide_median_px:g}"
         )
 
 
