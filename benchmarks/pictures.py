@@ -17,6 +17,7 @@ from gmrdata.pages import frames, plots
 from gmrdata.pages.footage import footage_of, footage_picture
 from gmrdata.pages.gather import gather_video
 from gmrdata.pages.solved_plots import plot_paths
+from gmrdata.read.frames import read_color, read_gray
 from gmrdata.twins.floor_record import Floor
 from gmrdata.values.clip import load_clip
 
@@ -56,8 +57,8 @@ def synthetic_set(out: Path) -> None:
     for clip in sorted((out / "render").iterdir()):
         images = sorted((clip / "frames").glob("*.jpg"))
         for path in (images[row] for row in frames.spaced(len(images), 3)):
-            image = frames.read_image(path, cv2.IMREAD_COLOR)
-            mask = frames.read_image(clip / "masks" / f"{path.stem}.png", cv2.IMREAD_GRAYSCALE)
+            image = read_color(path)
+            mask = read_gray(clip / "masks" / f"{path.stem}.png")
             tiles.append(frames.draw_mask_outline(doubled(image), doubled(mask)))
     save("synthetic", frames.tile_sheet(tiles, columns=3))
 
@@ -72,7 +73,7 @@ def twins(out: Path) -> None:
     for one in floor.sequences:
         images = sorted((out / "twins/3DPW/imageFiles" / one.id).glob("*.jpg"))
         shown = (images[row] for row in frames.spaced(len(images), 3))
-        tiles += [frames.read_image(image, cv2.IMREAD_COLOR) for image in shown]
+        tiles += [read_color(image) for image in shown]
     sheet = frames.narrowed(frames.tile_sheet(tiles, columns=6), 800)
     save("floor", beside(sheet, plotted(lambda plot: plot_floor(plot, floor), 6.5, 3.4)))
 
@@ -102,7 +103,7 @@ def solved_video(demo: Path, out: Path) -> None:
 
 def scored_set(demo: Path, out: Path) -> None:
     gmrdata(["evaluate", "bundled", str(demo / "synthetic.yaml"), "--out", str(out)])
-    save("scored", frames.read_image(out / "over_time.png", cv2.IMREAD_COLOR))
+    save("scored", read_color(out / "over_time.png"))
 
 
 def main() -> None:
@@ -113,7 +114,7 @@ def main() -> None:
     demo = given.demo or given.out / "demo"
     if given.demo is None:
         gmrdata(["demo", "--out", str(demo)])
-    save("overview", frames.read_image(demo / "overview.png", cv2.IMREAD_COLOR))
+    save("overview", read_color(demo / "overview.png"))
     synthetic_set(given.out / "set")
     twins(given.out)
     scored_set(demo, given.out / "scores")
