@@ -23,13 +23,7 @@ from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
-from gmrdata.values.errors import (
-    BadBodyFile,
-    BadFrames,
-    BadManifest,
-    BadMotionFile,
-    MissingInput,
-)
+from gmrdata.values.errors import BadBodyFile, BadFrames, BadManifest, BadMotionFile, MissingInput
 from gmrdata.values.files import STAGE_FILE, read_npz, visible
 from gmrdata.values.people import FUSED, PSEUDO_GT
 

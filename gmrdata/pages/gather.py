@@ -7,12 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from gmrdata.cameras.files import (
-    SfmCameras,
-    load_cameras,
-    load_points,
-    load_quality,
-)
+from gmrdata.cameras.files import SfmCameras, load_cameras, load_points, load_quality
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.cameras.match.tracks import load_tracks
 from gmrdata.export.sources import (

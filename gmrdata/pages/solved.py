@@ -13,11 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmrdata.cameras.files import (
-    CamerasQuality,
-    Distortion,
-    SfmCameras,
-)
+from gmrdata.cameras.files import CamerasQuality, Distortion, SfmCameras
 from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.match.tracks import Tracks, errors_px
 from gmrdata.export.sources import ExportedClip
