@@ -18,7 +18,6 @@ with the first take.  Needs rerun-sdk: the extra `view`.
 """
 
 from collections.abc import Mapping, Sequence
-from errno import EIO
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +73,8 @@ def write_recording(
         try:
             _log_takes(recording, takes, shown_from_world or {}, images, masks)
         finally:
-            _end(recording, path)
+            recording.flush()
+            recording.disconnect()
 
 
 def _check_frames(
@@ -102,15 +102,6 @@ def _start(temporary: Path) -> Any:
     recording = rerun.RecordingStream(APPLICATION)
     recording.save(str(temporary))
     return recording
-
-
-def _end(recording: Any, path: Path) -> None:
-    try:
-        recording.flush()
-    except RuntimeError as error:
-        raise OSError(EIO, f"can't be written ({error}); is the disk full?", str(path)) from None
-    finally:
-        recording.disconnect()
 
 
 def _log_takes(

@@ -9,7 +9,6 @@ import pytest
 
 from gmrdata.write.cameras import ColmapPoints, write_colmap
 from gmrdata.write.glb import write_glb
-from gmrdata.write.recording import write_recording
 from gmrdata.write.take import Take
 from gmrdata.write.usd import write_usd
 from tests.write.takes import N_FRAMES
@@ -43,7 +42,6 @@ def glb(path: Path, take: Take) -> None:
     ("name", "write"),
     [
         ("a.usdc", write_usd),
-        ("a.rrd", lambda path, take: write_recording(path, [take])),
         ("a.glb", glb),
         ("model", colmap),
     ],
