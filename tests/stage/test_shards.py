@@ -58,8 +58,8 @@ def batch(
 
 def child(root: Path, *arguments: object) -> subprocess.Popen[str]:
     code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from pathlib import Path\nfrom test_shards import OthersLeft, batch\n"
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parents[2])!r})\n"
+        "from pathlib import Path\nfrom tests.stage.test_shards import OthersLeft, batch\n"
         "if __name__ == '__main__':\n"
         f"    try:\n        batch(Path({str(root)!r}), *{arguments!r})\n        print('whole')\n"
         "    except OthersLeft:\n        print('others left')\n"

@@ -174,7 +174,8 @@ def test_rows_of_good_and_odd_sequences(mixed_root):
     assert n_bad == 4
 
 
-def test_a_good_folder_ends_with_0(make_dataset, gmrdata):
+def test_a_good_folder_ends_with_0(make_dataset, gmrdata, monkeypatch):
+    monkeypatch.setattr(answers, "width", 240)
     answer = gmrdata("threedpw", "list", "--threedpw", make_dataset())
     assert answer.returncode == 0, answer.stderr
     assert "90.0 %, 100.0 %" in answer.stdout
