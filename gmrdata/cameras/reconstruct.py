@@ -23,9 +23,9 @@ from gmrdata.cameras.map.mapping import (
     map_frames,
     place_between,
     refine_mapped,
+    travel_share,
 )
 from gmrdata.cameras.map.models import weakest_step
-from gmrdata.cameras.map.refinement import background_distance
 from gmrdata.cameras.map.rotation_only import (
     RotationOnly,
     refine_turning,
@@ -345,10 +345,3 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     if not confirmed and focal.sigma > config.choice.vague_focal:
         return True
     return abs(focal.factor - 1.0) > 3 * focal.sigma
-
-
-def travel_share(mapped: Solution) -> float:
-    """How far a model's cameras are apart, as a share of the background's distance."""
-    centres = mapped.world_from_cam[mapped.has_camera, :3, 3]
-    extent = float(np.linalg.norm(np.ptp(centres, axis=0)))
-    return extent / background_distance(centres, mapped.points)

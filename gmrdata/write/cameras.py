@@ -110,8 +110,11 @@ def _require_whole(folder: Path, model: Any) -> None:
     for path in sorted(folder.iterdir()):
         whole = path.stat().st_size == n_bytes.get(path.name, path.stat().st_size)
         if path.name in n_lines:
-            lines = [one for one in path.read_bytes().split(b"\n") if not one.startswith(b"#")]
-            whole = len(lines) == n_lines[path.name] + 1 and not lines[-1]
+            count, line = 0, b""
+            with path.open("rb") as lines:
+                for line in lines:
+                    count += not line.startswith(b"#")
+            whole = count == n_lines[path.name] and line.endswith(b"\n")
         if not whole:
             raise OSError(EIO, "cut off; is the disk full?", str(path))
 

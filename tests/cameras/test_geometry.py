@@ -13,11 +13,12 @@ from gmrdata.cameras.files import Agreement, Mapper
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map import mapping
 from gmrdata.cameras.map.focal import FreedFocal
+from gmrdata.cameras.map.mapping import travel_share
 from gmrdata.cameras.map.rotation_only import RotationOnly
 from gmrdata.cameras.map.solution import Solution
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.reconstruct import is_bent, travel_share
+from gmrdata.cameras.reconstruct import is_bent
 from gmrdata.values import transforms
 from tests.cameras.drawn_models import turning_by
 

@@ -2,6 +2,7 @@
 
 import resource
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,15 @@ from gmrdata.write.usd import write_usd
 from tests.write.takes import N_FRAMES
 
 
-@pytest.fixture
+@contextmanager
 def small_files() -> Iterator[None]:
     """No file may be longer than some thousand bytes."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def colmap(path: Path, take: Take) -> None:
@@ -37,7 +40,6 @@ def glb(path: Path, take: Take) -> None:
     write_glb(path, take.people[0].motion, take.people[0].body)
 
 
-@pytest.mark.usefixtures("small_files")
 @pytest.mark.parametrize(
     ("name", "write"),
     [
@@ -48,7 +50,7 @@ def glb(path: Path, take: Take) -> None:
 )
 def test_what_does_not_fit_is_an_error(name, write, take, tmp_path):
     """COLMAP's own writer ended as if all was well, and left a model that was cut off."""
-    with pytest.raises(OSError) as caught:
+    with small_files(), pytest.raises(OSError) as caught:
         write(tmp_path / name, take)
     assert caught.value.strerror
     assert not (tmp_path / name).is_file()

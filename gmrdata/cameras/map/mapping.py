@@ -24,6 +24,7 @@ from gmrdata.cameras.map.focal import freed_focal, with_lens
 from gmrdata.cameras.map.models import Part, parts_among, place_frames
 from gmrdata.cameras.map.refinement import (
     adjust,
+    background_distance,
     forget_astray,
     is_short,
     joined_core,
@@ -79,6 +80,14 @@ def hardly_travels(mapped: Solution, share: float) -> bool:
     The global mapper's are not to be trusted then.
     """
     return is_short(mapped.world_from_cam[mapped.has_camera, :3, 3], mapped.points, share)
+
+
+def travel_share(mapped: Solution) -> float:
+    """How far a model's cameras are apart, as a share of the distance to what they see: the
+    diagonal of the box round them."""
+    centres = mapped.world_from_cam[mapped.has_camera, :3, 3]
+    extent = float(np.linalg.norm(np.ptp(centres, axis=0)))
+    return extent / background_distance(centres, mapped.points)
 
 
 def explains(mapped: Solution, n_matched: np.ndarray, config: SfmConfig) -> bool:
