@@ -17,7 +17,11 @@ Timelines are `frame`, the clip's row, and `time` from the first row on.  Frames
 with the first take.  Needs rerun-sdk: the extra `view`.
 """
 
-from collections.abc import Mapping, Sequence
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +46,7 @@ APPLICATION = "gmrdata"
 COLOURS = ((141, 171, 212), (236, 150, 90), (120, 190, 120), (190, 130, 200))
 """Of the takes, in their order."""
 POSED_AT_ONCE = 32
+COPIED_AT_ONCE = 1 << 20  # bytes
 MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 
 
@@ -62,19 +67,16 @@ def write_recording(
             its origin when left out.
         images: The frame's .jpg or .png of each row, T of them; None for none.
         masks: The mask of each row, 255 where something moves; None for none.
+
+    OSError where the file can't be written whole, as on a full disk; then there is none.
     """
     if not takes or len({take.name for take in takes}) < len(takes):
         raise BadMotionFile("a recording needs takes, each with a name of its own")
     for take in takes:
         check_take(take)
     _check_frames(takes, images, masks)
-    with atomic_path(path) as temporary:
-        recording = _start(temporary)
-        try:
-            _log_takes(recording, takes, shown_from_world or {}, images, masks)
-        finally:
-            recording.flush()
-            recording.disconnect()
+    with _recording(path) as recording:
+        _log_takes(recording, takes, shown_from_world or {}, images, masks)
 
 
 def _check_frames(
@@ -93,15 +95,46 @@ def _check_frames(
         raise BadFrames(f"{files[0].parent}: images of {sizes}")
 
 
-def _start(temporary: Path) -> Any:
+@contextmanager
+def _recording(path: Path) -> Iterator[Any]:
+    """A stream of rerun's that is written to `path` when the block ends well.
+
+    Rerun writes into a pipe, from which we fill the file: on a full disk its own end waits for
+    ever, and its streams in memory can't be put together from pieces.
+    """
     try:
         import rerun
     except ImportError as error:
         what = "pip install rerun-sdk"
         raise MissingExtra(f"recordings need rerun-sdk ({error}): {what}") from None
-    recording = rerun.RecordingStream(APPLICATION)
-    recording.save(str(temporary))
-    return recording
+    with atomic_path(path) as temporary, ThreadPoolExecutor(1) as thread:
+        source, end = os.pipe()
+        copied = thread.submit(_copy, source, temporary)
+        try:
+            recording = rerun.RecordingStream(APPLICATION)
+            recording.save(f"/dev/fd/{end}")  # opens an end of its own
+        finally:
+            os.close(end)
+        try:
+            yield recording
+        finally:
+            recording.flush()
+            recording.disconnect()
+        if failed := copied.result():
+            raise OSError(failed.errno, failed.strerror, str(path))
+
+
+def _copy(source: int, path: Path) -> OSError | None:
+    """Write what comes out of a pipe; what kept it from that, after the pipe has ended."""
+    with open(source, "rb", buffering=0) as pipe:
+        try:
+            with path.open("wb") as stream:
+                shutil.copyfileobj(pipe, stream, COPIED_AT_ONCE)
+        except OSError as error:
+            while pipe.read(COPIED_AT_ONCE):  # else rerun would wait
+                pass
+            return error
+    return None
 
 
 def _log_takes(

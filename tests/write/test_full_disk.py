@@ -1,8 +1,12 @@
 """Files that can't be written whole, as on a full disk: an error names each, and none passes."""
 
+import pickle  # noqa: TID251  A take goes to another process.
 import resource
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,3 +58,21 @@ def test_what_does_not_fit_is_an_error(name, write, take, tmp_path):
         write(tmp_path / name, take)
     assert caught.value.strerror
     assert not (tmp_path / name).is_file()
+
+
+def test_a_recording_that_does_not_fit_is_an_error(take, tmp_path):
+    """Rerun's own end waited without end, or ended as if all was well.  It is longer than a pipe
+    holds, and is written in another process, whose waiting would have an end."""
+    code = """
+import pickle, sys
+from pathlib import Path
+from gmrdata.write.recording import write_recording
+from tests.write.test_full_disk import small_files
+with small_files():
+    write_recording(Path(sys.argv[1]), [pickle.load(sys.stdin.buffer)])
+"""
+    long = replace(take, points_m=np.random.default_rng(0).normal(size=(200_000, 3)))
+    command = [sys.executable, "-c", code, str(tmp_path / "a.rrd")]
+    done = subprocess.run(command, input=pickle.dumps(long), capture_output=True, timeout=60)
+    assert b"OSError: [Errno 27] File too large" in done.stderr
+    assert not list(tmp_path.iterdir())
