@@ -1,5 +1,6 @@
 """`gmrdata.export`: which files are to be written, and each as a whole or not at all."""
 
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -49,8 +50,8 @@ USED_BY = {
 """Settings that say nothing to most formats: what they are when left out, and whom they are for."""
 OF_CLIPS = ("clips", "body", "images", "truth")  # nothing to a network
 ONNX_ALONE = "onnx is of a training run, the other formats of clips"
-PARTS = {"colmap": (BINARY_FOLDER, TEXT_FOLDER)}
-"""What alone is replaced in the folder of a format in which other programs write theirs too."""
+FOLDERS = ("colmap", "bvh", "amass")
+"""Formats of a folder, in which others keep files of theirs too."""
 
 
 class Unit(NamedTuple):
@@ -257,7 +258,7 @@ def _write(
     try:
         for lacking in not_held(unit.format, people):
             remark(f"{unit.name}: {lacking}")
-        with _whole(unit.path, PARTS.get(unit.format, ("",))) as partial:
+        with _whole(unit) as partial:
             format.write(people, partial, options)
     except GmrdataError as error:
         return str(error).replace(_partial(unit.path).name, unit.path.name)
@@ -280,21 +281,35 @@ def _export_network(
 
 
 @contextmanager
-def _whole(path: Path, parts: Sequence[str] = ("",)) -> Iterator[Path]:
-    """A sibling of `path` to write a file or folder to, which replaces it when the block ends: all
-    of it, or its `parts` alone.  Another process that writes the same waits."""
-    partial = _partial(path)
+def _whole(unit: Unit) -> Iterator[Path]:
+    """A sibling of the unit's path to write a file or folder to, which replaces it when the block
+    ends: all of it, or what of a folder is ours.  Another process that writes the same waits."""
+    path, partial = unit.path, _partial(unit.path)
     with locked(path):
         _remove(partial)
         try:
             yield partial
-            for part in parts:
-                _remove(path / part)
-                if (partial / part).exists():
-                    (path / part).parent.mkdir(parents=True, exist_ok=True)
-                    (partial / part).rename(path / part)
+            if unit.format not in FOLDERS:
+                _remove(path)
+                partial.rename(path)
+                return
+            for old in _own_parts(path, unit.name):
+                _remove(old)
+            for new in _own_parts(partial, unit.name):
+                placed = path / new.relative_to(partial)
+                placed.parent.mkdir(parents=True, exist_ok=True)
+                new.rename(placed)
         finally:
             _remove(partial)
+
+
+def _own_parts(folder: Path, name: str) -> list[Path]:
+    """What is written in the folder of a unit: forms of a COLMAP model, and files that bear the
+    unit's name and their frames."""
+    run = re.compile(re.escape(name) + r"_\d{5,}-\d{5,}\.(bvh|npz)")
+    forms = [folder / form for form in (BINARY_FOLDER, TEXT_FOLDER)]
+    runs = (file for file in folder.glob("*") if run.fullmatch(file.name))
+    return [*filter(Path.is_dir, forms), *runs]
 
 
 def _partial(path: Path) -> Path:
@@ -319,7 +334,7 @@ def write_files(
     """Files for other programs of the people who were accepted, by `fused/` where it is there, or
     of cameras alone; gives what could not be written, and why.
 
-    What they were of another verdict or body is taken away.
+    What they were of another verdict or body is taken away, but not what others put beside them.
     """
     verdict_path, pseudo_gt_dir = out_dir / VERDICT_FILE, out_dir / PSEUDO_GT
     results: list[Exported] = []
@@ -327,11 +342,7 @@ def write_files(
         people = load_record(pseudo_gt_dir).people if pseudo_gt_dir.is_dir() else ()
         clips = list_clips(people_dir := world_people_dir(out_dir)) if people else []
         ids = [files.id for files, one in zip(clips, people, strict=True) if one.accepted]
-        for name in TAKEN_ALONG:
-            if name in PARTS:
-                _remove_models(out_dir / FILES / name, PARTS[name])
-            else:
-                shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
+        _remove_written(out_dir / FILES, {name for one in clips for name in (one.id, one.sequence)})
         if ids:
             into = TAKEN_ALONG, out_dir / FILES
             results = export(people_dir, *into, clips=ids, body=body, images=images, redo=True)
@@ -344,14 +355,20 @@ def write_files(
     ]
 
 
-def _remove_models(folder: Path, parts: Sequence[str]) -> None:
-    """Remove COLMAP's models, that of cameras alone or those of sequences, but not what COLMAP and
-    others made beside them, like `dense`."""
-    alone = (folder / BINARY_FOLDER).is_dir()
-    for model in [folder] if alone else [*folder.glob("*/")]:
-        for part in parts:
-            _remove(model / part)
-        for left in (model / BINARY_FOLDER).parent, model, folder:
+def _remove_written(files: Path, names: set[str]) -> None:
+    """Remove what was written of cameras alone, of people and sequences of these names, and of
+    others whose folders tell: by files of their name, or by a model in both forms."""
+    written = {files / "colmap": _own_parts(files / "colmap", "")}
+    for folder in (folder for format in FOLDERS for folder in (files / format).glob("*/")):
+        own = _own_parts(folder, folder.name)
+        if folder.name in names or len(own) > 1 or (own and own[0].is_file()):
+            written[folder] = own
+            names = names | {folder.name}
+    alone = [files / "tum" / f"{name}.txt" for name in {"camera", *names}]
+    alone += [files / "glb" / f"{name}.glb" for name in names]
+    for path in [*alone, *(part for own in written.values() for part in own)]:
+        _remove(path)
+        for left in (folder for folder in path.parents if files in folder.parents):
             with suppress(OSError):  # not empty, or gone
                 left.rmdir()
 

@@ -90,6 +90,34 @@ def test_what_others_made_beside_a_colmap_model_stays(small_body, tmp_path):
     assert list(contents(folder / "files")) == ["colmap/walk/dense/fused.ply"]
 
 
+def test_what_others_put_beside_the_files_stays_and_what_a_page_wrote_does_not(
+    small_body, works, tmp_path
+):
+    """The folders of formats were cleared whole.  An earlier solution had a second person."""
+    folder = tmp_path / "out" / "sequences" / "walk"
+    solved_video(folder, small_body)
+    files = folder / "files"
+    mine = ("bvh/walk/walk_00000-00029_edited.bvh", "bvh/best/walk_00000-00029.bvh", "glb/mine.glb",
+            "amass/notes.txt", "tum/best.txt", "colmap/mine/sparse/0/cameras.bin")  # fmt: skip
+    stale = ("bvh/second/second_00000-00008.bvh", "glb/second.glb", "bvh/walk/walk_00000-00003.bvh",
+             "tum/camera.txt", "colmap/old/sparse/0/cameras.bin", "colmap/old/text/cameras.txt",
+             "tum/old.txt")  # fmt: skip
+    for name in mine + stale:
+        (files / name).parent.mkdir(parents=True, exist_ok=True)
+        (files / name).write_text("as it was")
+    assert write_files(folder) == []
+    left = contents(files)
+    assert left.keys() >= {*mine, "glb/walk.glb", "tum/walk.txt"} and not left.keys() & {*stale}
+    export = ("export", folder, "--to", "bvh", "glb", "--out", files)
+    works(*export, "--redo")
+    assert contents(files).keys() == left.keys()
+    record = load_record(folder / "pseudo_gt")
+    rejected = verdict_of("walk", False, ("it floats",), [""] * N_ROWS)
+    record.model_copy(update={"people": (rejected,)}).write(folder / "pseudo_gt" / "quality.json")
+    assert write_files(folder) == []
+    assert contents(files).keys() == {*mine}
+
+
 def test_frames_outside_of_the_folder_are_those_that_are_given_and_no_record_leads_there(
     small_body, gmrdata, works, tmp_path
 ):

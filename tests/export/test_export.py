@@ -17,7 +17,7 @@ from evo.tools import file_interface
 import gmrdata
 from gmrdata.cameras.files import load_quality
 from gmrdata.cli.export import SAID
-from gmrdata.export.export import _sequences, _whole
+from gmrdata.export.export import Unit, _sequences, _whole
 from gmrdata.export.formats import FORMATS, FormatName
 from gmrdata.export.sources import ClipFiles
 from gmrdata.read.body_file import save_body
@@ -93,13 +93,14 @@ def test_nothing_is_overwritten_unless_told_so(manifest, tmp_path, gmrdata, work
 
 def test_who_writes_a_file_that_another_writes_waits(tmp_path):
     path = tmp_path / "walk.glb"
+    unit = Unit("glb", "walk", path, ())
 
     def again() -> None:
-        with _whole(path) as partial:
+        with _whole(unit) as partial:
             partial.write_text("second")
 
     second = threading.Thread(target=again)
-    with _whole(path) as partial:
+    with _whole(unit) as partial:
         partial.write_text("first")
         second.start()
         second.join(0.5)
