@@ -70,7 +70,9 @@ def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
     paths = SetPaths(out_dir.resolve())
     if not paths.verdicts.is_file():
         return
-    chosen, reasons = choose(root, recipe.sequences)
+    verdicts, (found, reasons) = Verdicts.read(paths.verdicts).sequences, choose(root, ())
+    names = {verdict.sequence for verdict in verdicts}
+    chosen = [files for files in found if files.name in names]
     for files in chosen:
         failure = paths.failures_dir / f"{files.name}.txt"
         if failure.is_file():
@@ -79,7 +81,7 @@ def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
     stamp, folders = paths.pages_dir / ".shown", [files.image_dir for files in chosen]
     if stamp.is_file() and stamp.read_text() == _shown(said, folders, paths):
         return
-    write_pages(Verdicts.read(paths.verdicts).sequences, chosen, reasons, recipe, paths)
+    write_pages(verdicts, chosen, reasons, recipe, paths)
     write_text(stamp, _shown(said, folders, paths))
 
 

@@ -24,7 +24,7 @@ from gmrdata.stage.jobs import Job, in_threads, raise_failures, try_jobs
 from gmrdata.stage.progress import console, remark, track
 from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import NotMade
+from gmrdata.stage.store import AGAIN, NotMade
 from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
@@ -35,7 +35,7 @@ from gmrdata.values.errors import (
     BadSequence,
     GmrdataError,
     MissingInput,
-    some,
+    StaleOutput,
 )
 from gmrdata.values.files import remove_orphans
 from gmrdata.values.records import PART, Figure, Record
@@ -114,11 +114,15 @@ def regenerate_set(
     A sequence that can't be read or masked leaves its reason in `failed/<name>.txt`, and the others
     go on; a complete manifest of an earlier run stays then.  One without a reconstruction is listed
     as rejected.  A run that was stopped goes on.  Where nothing is left to make, no worker starts.
+    Where the recipe names sequences and a manifest of this version is there, those that it was
+    asked for stay in it; BadManifest where they were made with other settings.
+
     StageFailed where some sequences failed, NothingMade where all did, NoWorkers where no worker
     began.
     """
     recipe, chosen, refused = _checked(recipe, root)
     paths = SetPaths(out_dir.resolve())
+    whole, others, missing = _besides(recipe, root, paths)
     for folder in (paths.root, paths.failures_dir):
         remove_orphans(folder)
     body_paths = _keep_bodies(recipe, paths, run)
@@ -126,7 +130,7 @@ def regenerate_set(
     common = {"root": paths.root, "recipe": recipe, "body_paths": body_paths, "run": run}
     jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
     reasons = refused | _regenerate(jobs, recipe, chosen, paths, run)
-    _list(recipe, chosen, reasons, paths, run)
+    _list(whole, [*chosen, *others], missing | reasons, paths, run)
     if not reasons and _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
@@ -186,14 +190,14 @@ def plan(
     recipe, chosen, refused = _checked(recipe, root)
     # Not with `redo`, for which folders are removed that nothing takes the place of.
     paths, look = SetPaths(out_dir.resolve()), Run(anew=run.redo, only_look=True)
+    _besides(recipe, root, paths)
 
     def row(files: SequenceFiles) -> tuple[str, ...]:
         folder = paths.sequence_dir(files.name)
         missing = [stage for stage in STAGES if not (folder / stage).is_dir()]
         said = "done"
         try:
-            body_paths = _keep_bodies(recipe, paths, look)
-            regenerate_one(files, paths.root, recipe, body_paths, look)
+            _require_made(files, recipe, paths, look)
         except NotMade:
             said = f"to do: {', '.join(missing) or 'again'}"
         except (GmrdataError, OSError) as error:
@@ -201,6 +205,54 @@ def plan(
         return files.name, files.split, said
 
     return [*in_threads(row, chosen), *((repr(n), "-", why) for n, why in refused.items())]
+
+
+def _require_made(files: SequenceFiles, recipe: ThreedpwRecipe, paths: SetPaths, look: Run) -> None:
+    """NotMade, or an error, where a sequence is not as the recipe makes it."""
+    body_paths = _keep_bodies(recipe, paths, look)
+    regenerate_one(files, paths.root, recipe, body_paths, look)
+
+
+def _besides(
+    recipe: ThreedpwRecipe, root: Path, paths: SetPaths
+) -> tuple[ThreedpwRecipe, list[SequenceFiles], dict[str, str]]:
+    """What a manifest of this version that is there was asked for besides the sequences that are
+    named now: the recipe of all, the others, and why some of those can't be listed."""
+    there = _manifest_of(recipe, paths) if recipe.sequences else None
+    if there is None:
+        return recipe, [], {}
+    asked: tuple[str, ...] = tuple(there.created_by.recipe.get("sequences", ()))
+    names = tuple(dict.fromkeys((*asked, *recipe.sequences))) if asked else ()
+    found, refused = choose(root.absolute(), names)
+    missing = {name: why for name, why in refused.items() if name not in recipe.sequences}
+    others = [files for files in found if files.name not in recipe.sequences]
+    listed = {clip.source.sequence or clip.id for clip in there.clips}
+    for files in others:
+        try:
+            _require_made(files, recipe, paths, Run(only_look=True))
+        except (NotMade, StaleOutput) as error:
+            if files.name in listed:
+                what = f"lists {files.name} besides, which is not as these settings make it"
+                remedy = "Name no sequences, to make all with --redo, or pass another --out"
+                said = str(error).removesuffix(f". {AGAIN}")
+                raise BadManifest(f"{paths.manifest}: {what} ({said}). {remedy}") from None
+            missing[files.name] = "not made with these settings"
+        except (GmrdataError, OSError) as error:
+            missing[files.name] = str(error)
+    return recipe.model_copy(update={"sequences": names}), others, missing
+
+
+def _manifest_of(recipe: ThreedpwRecipe, paths: SetPaths) -> Manifest | None:
+    """The manifest of this name and version that is there, complete or not."""
+    if not paths.manifest.is_file():
+        return None
+    try:
+        there = read_manifest(paths.manifest)
+    except BadManifest:  # who writes says so
+        return None
+    version = there.version.partition("incomplete")[0].rstrip("-.")
+    is_same = (there.name, version) == (recipe.name, recipe.version)
+    return there if is_same and isinstance(there, Manifest) else None
 
 
 def _keep_bodies(recipe: ThreedpwRecipe, paths: SetPaths, run: Run) -> tuple[Path, ...]:
@@ -249,27 +301,8 @@ def _list(
     verdicts += [_failed(name, splits.get(name, ""), why) for name, why in reasons.items()]
     verdicts.sort(key=lambda verdict: verdict.sequence)
     if done:  # the manifest first, which may be refused
-        _require_none_unlisted(recipe, paths, run)
         _write_manifest(recipe, done, reasons, paths, run)
     Verdicts(sequences=tuple(verdicts)).write(paths.verdicts)
-
-
-def _require_none_unlisted(recipe: ThreedpwRecipe, paths: SetPaths, run: Run) -> None:
-    """Refuse to list a few sequences in place of more, in the same version: nothing would say that
-    the others are gone."""
-    if not recipe.sequences or run.redo or not paths.manifest.is_file():
-        return
-    try:
-        there = read_manifest(paths.manifest)
-    except BadManifest:  # who writes says so
-        return
-    version = there.version.partition("incomplete")[0].rstrip("-.")
-    if not isinstance(there, Manifest) or version != recipe.version:
-        return
-    listed = {clip.source.sequence or clip.id for clip in there.clips}
-    if others := sorted(listed - set(recipe.sequences)):
-        remedy = "name no sequences, to list all; or pass --redo, or another --out"
-        raise BadManifest(f"{paths.manifest}: lists {some(others)} besides; {remedy}")
 
 
 def _write_manifest(

@@ -11,6 +11,7 @@ import pytest
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.write import manifest_text
 from gmrdata.pages.batches import write_set_pages
 from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.stage import workers
@@ -22,6 +23,7 @@ from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput, StageFailed
 from gmrdata.values.files import read_json
+from tests.film.set_kills import contents
 
 pytestmark = pytest.mark.slow
 
@@ -151,18 +153,51 @@ def test_bad_sequences_do_not_stop_the_others(copied_set, tmp_path):
     assert stage.stat().st_mtime_ns == before
 
 
-def test_one_sequence_alone_does_not_take_the_place_of_all(made_set, filmed_set, tmp_path):
-    """Of a set in which another one had failed it became the complete manifest, in silence."""
+@pytest.mark.parametrize("redo", [False, True])
+def test_one_sequence_again_does_not_take_the_place_of_all(
+    made_set, filmed_set, tmp_path, capsys, redo
+):
+    """The manifest then listed that one alone, in silence; its page was the only one with frames.
+    It is complete again when the last that had failed is made."""
     out_dir = Path(shutil.copytree(made_set, tmp_path / "out"))
-    manifest, verdicts = out_dir / "pseudo_gt.yaml", out_dir / "verdicts.json"
-    manifest.write_text(manifest.read_text().replace("1.0.0", "1.0.0-incomplete", 1))
-    before = manifest.read_bytes(), verdicts.read_bytes()
+    names = ("pseudo_gt.yaml", "verdicts.json", "index.html", "qa/arc_00.html")
+    manifest, before = out_dir / names[0], [(out_dir / name).read_bytes() for name in names]
     alone = filmed_set.recipe(sequences=["pan_00"])
-    with pytest.raises(BadManifest, match=r"pseudo_gt\.yaml: lists arc_00 besides; name no"):
+    manifest.write_text(manifest.read_text().replace("1.0.0", "1.0.0-incomplete", 1))
+    regenerate_set(alone, filmed_set.root, out_dir, run=Run(redo=redo))
+    write_set_pages(alone, filmed_set.root, out_dir)
+    assert [(out_dir / name).read_bytes() for name in names] == before
+    regenerate_set(alone, filmed_set.root, out_dir, run=Run(redo=redo))
+    assert "nothing changed" in capsys.readouterr().err
+
+
+def test_one_sequence_again_is_of_the_settings_of_all(made_set, filmed_set, tmp_path):
+    """Or it is refused, before anything is made."""
+    out_dir = Path(shutil.copytree(made_set, tmp_path / "out"))
+    sequence = filmed_set.recipe().sequence
+    sfm = sequence.sfm.model_copy(update={"seed": 5})
+    alone = filmed_set.recipe(sequences=["pan_00"])
+    other = alone.model_copy(update={"sequence": sequence.model_copy(update={"sfm": sfm})})
+    left = contents(out_dir)
+    said = r"lists arc_00 besides.*values of config\.sfm\.seed\)\. Name no sequences"
+    for job in (plan, regenerate_set):
+        with pytest.raises(BadManifest, match=said):
+            job(other, filmed_set.root, out_dir, run=Run(redo=True))
+    assert contents(out_dir) == left
+    # What is gone and was listed is not forgotten either; what had failed is.
+    shutil.rmtree(out_dir / "sequences" / "arc_00" / "pseudo_gt")
+    with pytest.raises(BadManifest, match="lists arc_00 besides"):
         regenerate_set(alone, filmed_set.root, out_dir)
-    assert (manifest.read_bytes(), verdicts.read_bytes()) == before
-    regenerate_set(alone, filmed_set.root, out_dir, run=Run(redo=True))
-    assert [clip.id for clip in read_manifest(manifest).clips] == ["pan_00.p0"]
+    entries = read_manifest(out_dir / "pseudo_gt.yaml")
+    (out_dir / "pseudo_gt.yaml").write_text(
+        manifest_text(entries.model_copy(update={"clips": entries.clips[2:]}))
+    )
+    regenerate_set(other, filmed_set.root, out_dir, run=Run(redo=True))
+    manifest = read_manifest(out_dir / "pseudo_gt.yaml")
+    assert [clip.id for clip in manifest.clips] == ["pan_00.p0"]
+    assert manifest.version == "1.0.0-incomplete"
+    (arc, _) = read_json(out_dir / "verdicts.json")["sequences"]
+    assert arc["reasons"] == ["not made with these settings"]
 
 
 def paint_grey(image_dir: Path) -> None:
