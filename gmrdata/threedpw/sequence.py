@@ -36,6 +36,7 @@ DATASET_CAMERA_FILE = "dataset_camera.npz"
 class PeopleConfig(Config):
     """What decides the clips of a sequence: parts of `ThreedpwRecipe`."""
 
+    version: int = 2  # of the files; 1 had a text in `doubts.json` for each frame
     name: str
     split: str
     valid_rule: ValidRule

@@ -2,10 +2,20 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveFloat, StringConstraints, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    NonNegativeInt,
+    PlainSerializer,
+    PositiveFloat,
+    StrictInt,
+    StringConstraints,
+    TypeAdapter,
+    model_validator,
+)
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.recipe import CamerasVerdictConfig
@@ -149,12 +159,31 @@ def _frames(name: str, ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndar
     return inside
 
 
+_RUNS = TypeAdapter(list[tuple[StrictInt, StrictInt, str]])
+
+
+def _texts(value: Any) -> Any:
+    """T texts, of which a file has a list of runs; ValueError unless each begins where the one
+    before it stops."""
+    if not isinstance(value, list):
+        return value
+    runs, stops = _RUNS.validate_python(value), [0]
+    for start, stop, _ in runs:
+        if not start == stops[-1] < stop <= limits.MOST_FRAMES:
+            raise ValueError(f"frames {start} to {stop} don't follow on {stops[-1]}")
+        stops.append(stop)
+    return tuple(texts_of(runs, stops[-1]))
+
+
 class Doubts(Record):
     """`doubts.json`: why the data set does not vouch for frames, or for the whole sequence."""
 
-    format: Literal["gmrdata-doubts/1"] = "gmrdata-doubts/1"
-    frames: tuple[tuple[str, ...], ...]
-    """For each person T texts: why a frame must not be used; empty where it may."""
+    format: Literal["gmrdata-doubts/2"] = "gmrdata-doubts/2"
+    frames: tuple[
+        Annotated[tuple[str, ...], BeforeValidator(_texts), PlainSerializer(text_runs)], ...
+    ]
+    """For each person T texts: why a frame must not be used; empty where it may.  The file has
+    them as runs: start, one past the last frame, text."""
     sequence: tuple[str, ...]
     """Why the sequence can't be used at all; none where it can."""
 

@@ -287,6 +287,20 @@ def test_each_array_of_the_dataset_camera_is_needed_and_named(tmp_path, key):
         load_dataset_camera(file)
 
 
+def test_doubts_of_a_long_video_are_short(tmp_path):
+    """The file had a text for each frame and person: 97 MB of a film of 20 minutes."""
+    odd = tuple("" if row % 50 else "shown late" for row in range(36_000))
+    doubts = Doubts(frames=(36_000 * ("a" * 1000,), odd), sequence=())
+    path = tmp_path / "doubts.json"
+    doubts.write(path)
+    assert Doubts.read(path) == doubts and path.stat().st_size < 200_000
+    written, first = json.loads(path.read_text()), [0, 3, "a"]
+    for runs in ([first, [4, 5, ""]], [[0, 0, "a"]], [[0, 10**9, "a"]], [["0", 3, "a"]], ["a"]):
+        path.write_text(json.dumps(written | {"frames": [runs]}))
+        with pytest.raises(BadRecord, match=r"`frames\.0.*` is wrong: .*--redo"):
+            Doubts.read(path)
+
+
 def test_doubts_and_cameras_of_other_frames_are_refused(small_body, tmp_path):
     sfm_dir, people = sfm_of(tmp_path, small_body, lambda said: said)
     DOUBTS.write(tmp_path / "doubts.json")
