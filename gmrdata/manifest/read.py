@@ -24,6 +24,7 @@ from gmrdata.values.errors import BadManifest
 from gmrdata.values.files import resolve_inside, taken_for, write_json
 
 ADAPTER: TypeAdapter[Manifest | ListManifest] = TypeAdapter(AnyManifest)
+KINDS = ("synthetic", "pseudo_gt", "motions", "list")
 MAX_PROBLEMS = 50
 
 
@@ -33,7 +34,7 @@ def read_manifest(path: str | Path) -> Manifest | ListManifest:
     yaml_text.require_size(path, yaml_text.MAX_BYTES)
     found = yaml_text.load_lines(path)
     data, lines = yaml_text.load(path) if found is None else found[:2]
-    _refuse_other_formats(path, data)
+    _refuse_others(path, data)
     text: str | bytes = _as_json(path, data)
     if found is not None:
         text = yaml_text.as_json(str(text), found[2])
@@ -117,7 +118,7 @@ def join_problems(path: Path, problems: list[str]) -> str:
     return f"{path}: {len(problems)} problems\n" + "\n".join(shown)
 
 
-def _refuse_other_formats(path: Path, data: Any) -> None:
+def _refuse_others(path: Path, data: Any) -> None:
     reads = f"gmrdata {__version__} reads {' and '.join(READS)}"
     if not isinstance(data, dict) or "format" not in data:
         what = f"not a manifest, it has no top key 'format'{taken_for(path)}"
@@ -125,6 +126,9 @@ def _refuse_other_formats(path: Path, data: Any) -> None:
     if data["format"] not in READS:
         remedy = "install the gmrdata that wrote it, or correct the key"
         raise BadManifest(f"{path}: format is {data['format']!r}, but {reads}; {remedy}")
+    if (kind := data.get("kind")) not in KINDS:
+        what = f"kind is {kind!r}" if "kind" in data else "has no top key 'kind'"
+        raise BadManifest(f"{path}: {what}; write what it lists: {', '.join(KINDS)}")
 
 
 def _as_json(path: Path, data: Any) -> str:
@@ -138,8 +142,7 @@ def _as_json(path: Path, data: Any) -> str:
 
 def _plain(location: tuple[str | int, ...]) -> tuple[str | int, ...]:
     """A field's path without the union tag that pydantic puts in front."""
-    has_tag = location[:1] and location[0] in ("synthetic", "pseudo_gt", "motions", "list")
-    return location[1:] if has_tag else location
+    return location[1:] if location[:1] and location[0] in KINDS else location
 
 
 def _line(location: tuple[str | int, ...], lines: dict[yaml_text.FieldPath, int]) -> int:

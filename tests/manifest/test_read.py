@@ -132,7 +132,8 @@ NO_FORMAT = [
         (HEAD + "clips: []\n---\nformat: gmrdata/1\n", "not plain YAML"),
         (HEAD.encode() + b"clips: [\xff]\n", "not UTF-8"),
         (HEAD + "clips: 5\n", ":9: clips: Input should be a valid"),
-        (HEAD.replace("synthetic", "real") + "clips: []\n", "'real' found using 'kind'"),
+        (HEAD.replace("synthetic", "real") + "clips: []\n", "m.yaml: kind is 'real'; write what"),
+        (HEAD.replace("kind: synthetic", "clips: []"), "m.yaml: has no top key 'kind'; write what"),
     ],
 )
 def test_hostile_yaml(tmp_path, text, said):
