@@ -201,7 +201,9 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     training = [folder / one for one in recipe.training] or list(inputs.manifest)
     if not training:
         raise MissingInput(f"{path}: this recipe needs --manifest")
-    body = flags.body_path(inputs.body) if recipe.body is None else folder / recipe.body
+    body = flags.body_path(str(recipe.body or inputs.body))
+    if recipe.body and body:
+        body = folder / body.expanduser()
     run_dir = train(training, out / "run", recipe.train, body_path=body, run=run)
     for name, manifest in scored.items():
         made = score(run_dir, manifest, out / "scores" / name, body_path=body, run=run)

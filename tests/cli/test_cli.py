@@ -289,6 +289,20 @@ def test_what_a_recipe_names_is_not_given_again(named, flag, gmrdata, tmp_path, 
     fails_cleanly(answer, f"mine.yaml: names its `{key}`", f"Leave {flag} out")
 
 
+@pytest.mark.parametrize(
+    ("body", "said"), [("anny", "b.yaml: not a manifest"), ("~/mine.npz", "home/mine.npz: no such")]
+)
+def test_a_recipe_names_a_body_as_a_flag_does(body, said, gmrdata, tmp_path, monkeypatch):
+    """Both were sought as files below the recipe's folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    recipe = tmp_path / "recipes" / "mine.yaml"
+    recipe.parent.mkdir()
+    recipe.write_text(f"recipe: gmr\nbody: {body}\ntraining: [b.yaml]\n")
+    recipe.with_name("b.yaml").touch()
+    fails_cleanly(gmrdata("run", recipe, "--out", "o"), said)
+
+
 TERMINATED = """
 import os, signal, time
 from gmrdata import cli
