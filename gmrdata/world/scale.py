@@ -186,6 +186,9 @@ def estimate_scale(
     matters = _matters(path, sigma, fps_hz, config)
     # The path is shorter than its error bar, or not much longer, and both are small.
     vague = not matters and sigma > config.vague_share * scale
+    if scale <= 0 and not vague:
+        what = f"feet would stand still at {scale:.2g} ± {sigma:.2g} m a unit"
+        raise NoReconstruction(f"scale: {what}, so they don't tell it")
     return replace(NO_SCALE, cues=estimate.cues) if vague else replace(estimate, matters=matters)
 
 

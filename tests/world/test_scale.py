@@ -15,6 +15,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, invert, rigid
+from gmrdata.world import scale
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.planted_feet import (
     SOLE_POINTS,
@@ -203,6 +204,18 @@ def test_feet_that_never_rest_give_no_scale(small_body):
     flying = replace(motion, pelvis_m=rng.normal(0, 3.0, motion.pelvis_m.shape))
     with pytest.raises(NoReconstruction, match="planted feet found"):
         scale_of(small_body, flying, path, config=ScaleConfig(min_stances=4))
+
+
+def test_a_scale_below_zero_is_none(small_body, monkeypatch):
+    """A cyclist's feet asked for -0.016 ± 0.2: the path was mirrored, and the page failed."""
+    cue = CueEstimate("planted_feet", -0.016, 0.2, 2, 0.004, None)
+    monkeypatch.setattr(scale, "planted_feet_scale", lambda *_: cue)
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
+    with pytest.raises(NoReconstruction, match=r"stand still at -0.016 ± 0.2 m a unit"):
+        scale_of(small_body, motion, path)
+    little = replace(path, world_from_cam=path.world_from_cam.copy())
+    little.world_from_cam[:, :3, 3] *= 1e-3
+    assert scale_of(small_body, motion, path, little).scale is None
 
 
 def test_cues_are_weighted_by_their_variances():
