@@ -59,8 +59,7 @@ MOST_COST: dict[CameraMotion, float] = {"full": np.inf, "rotation_only": 2.0}
 """Above which it is not so: half of the matches are 2.5 px off then, at 4 to 5 for who walks."""
 STILL_PX = 1.0  # median motion of the background in the worst tenth of the pairs, of a still camera
 LENS_SIGMAS = 2.5  # by how many standard errors k1 must differ from 0 to be taken out
-SAME_COST, SAME_K1 = 0.01, 0.03
-"""As a share, and of k1: models that fit alike, with as much distortion, say what is left open."""
+SAME_COST = 0.01  # as a share, of models that fit alike
 TURN_INLIER_PX = 3.0
 TRACKS_PER_FRAME = 200  # by which the global mapper places a frame; a lens asks for more
 FEWEST_FRAMES = 4  # of a model
@@ -270,37 +269,51 @@ def _spread(fits: Sequence[_Fit]) -> float:
     return float(max(abs(np.log(fit.focal / fits[0].focal)) for fit in fits))
 
 
+class _LensFit(NamedTuple):
+    """A lens with its standard errors."""
+
+    log_focal: float  # of the focal length over the longer side
+    sigma: float  # its standard error
+    k1: float
+    k1_sigma: float
+
+
 def _answer(
     motion: CameraMotion,
     tried: Sequence[StartTried],
     fits: Sequence[_Fit],
-    errors: Callable[[bool], tuple[float, float, float, float] | None],
+    lens_of: Callable[[_Fit], _LensFit | None],
     config: SelfCalibrationConfig,
 ) -> SelfCalibration:
-    """The best fit with its standard errors, with distortion where the frames ask for it.
+    """The best fit's lens.  Where others end elsewhere and hardly fit worse, its error has the
+    difference of their lenses.
 
-    `errors` gives log of the focal length over the longer side, its standard error, k1 and its
-    standard error, with k1 free or not; None where the frames leave them open.
+    `lens_of` gives a fit's lens with its standard errors; None where the frames leave it open.
     """
     ends = sum(_spread([fits[0], fit]) < ONE_FOCAL for fit in fits)
     if ends < min(FROM_STARTS, len(config.starts)):
         return nothing_found("from each start another focal length is found", tried)
-    both, alone = errors(True), errors(False)
-    if both is None or alone is None:
+    if (best := lens_of(fits[0])) is None:
         return nothing_found("the frames leave the focal length open", tried)
-    log_focal, sigma, k1, k1_sigma = both
-    if abs(k1) < LENS_SIGMAS * k1_sigma:
-        # Distortion that is not seen may be there all the same, and the other stands in for it.
-        apart = alone[0] - log_focal
-        log_focal, sigma, k1 = alone[0], float(np.hypot(alone[1], apart)), 0.0
-    most = (1 + SAME_COST) * fits[0].cost
-    alike = [f for f in fits if f.cost < most and abs(f.k1 - fits[0].k1) < SAME_K1]
-    sigma = float(np.hypot(sigma, _spread([fits[0], *alike])))
+    near = [fit for fit in fits if fit.cost < CLEARLY_WORSE * fits[0].cost]
+    elsewhere = [lens_of(fit) for fit in near if _spread([fits[0], fit]) >= ONE_FOCAL]
+    apart = [abs(other.log_focal - best.log_focal) for other in elsewhere if other is not None]
+    sigma = float(np.hypot(best.sigma, max(apart, default=0.0)))
     reason = ""
     if sigma > config.max_sigma:
         reason = f"the frames hold the focal length only to {100 * sigma:.0f} %"
-    focal = float(np.exp(log_focal))
-    return SelfCalibration(motion, focal, sigma, k1, k1_sigma, tuple(tried), reason)
+    focal = float(np.exp(best.log_focal))
+    return SelfCalibration(motion, focal, sigma, best.k1, best.k1_sigma, tuple(tried), reason)
+
+
+def _seen(bent_lens: _LensFit, straight: _LensFit) -> _LensFit:
+    """The lens with distortion if it is seen, else the one without; distortion that is not seen may
+    be there all the same, and the focal length stands in for it."""
+    if abs(bent_lens.k1) >= LENS_SIGMAS * bent_lens.k1_sigma:
+        return bent_lens
+    apart = straight.log_focal - bent_lens.log_focal
+    sigma = float(np.hypot(straight.sigma, apart))
+    return _LensFit(straight.log_focal, sigma, 0.0, bent_lens.k1_sigma)
 
 
 def by_turning(
@@ -329,16 +342,22 @@ def by_turning(
 
     warped = warp_error(turning, longer_px, best.focal * longer_px)
 
-    def errors(radial: bool) -> tuple[float, float, float, float] | None:
-        fit = _turned(matches, given_px, config, radial=radial)
+    def lens_of(start: _Fit, radial: bool) -> _LensFit | None:
+        from_px = Lens.centred(start.focal * longer_px, keys.size_px).matrix_px
+        fit = _turned(matches, from_px, config, radial=radial)
         if fit is None:
             return None
         sigma, k1_sigma = NOT_INDEPENDENT * np.sqrt(np.diag(fit.covariance))
         focal_sigma = float(np.linalg.norm([sigma, SYSTEMATIC_FOCAL, warped]))
-        log_focal = float(np.log(best.focal)) + fit.log_factor
-        return log_focal, focal_sigma, fit.radial_k1, float(np.hypot(k1_sigma, SYSTEMATIC_K1))
+        log_focal = float(np.log(start.focal)) + fit.log_factor
+        k1_sigma = float(np.hypot(k1_sigma, SYSTEMATIC_K1))
+        return _LensFit(log_focal, focal_sigma, fit.radial_k1, k1_sigma)
 
-    return _answer("rotation_only", tried, fits, errors, config), evidence.verdict
+    def seen(start: _Fit) -> _LensFit | None:
+        both, alone = lens_of(start, radial=True), lens_of(start, radial=False)
+        return None if both is None or alone is None else _seen(both, alone)
+
+    return _answer("rotation_only", tried, fits, seen, config), evidence.verdict
 
 
 def _turned(
@@ -367,13 +386,12 @@ def by_mapping(
     tried, fits = _tried("full", config, fit_from)
     if not fits or fits[0].frames < FEWEST_FRAMES:
         return nothing_found("no model of the background could be built", tried)
-    thin = _thinned(fits[0].model)
-    rolled = [with_rolled_lines(thin, axis, readout) for axis in AXES]
 
-    def errors(radial: bool) -> tuple[float, float, float, float] | None:
-        return _lens_errors(thin, rolled, longer_px, radial=radial)
+    def lens_of(fit: _Fit) -> _LensFit | None:
+        thin = _thinned(fit.model)
+        return _lens_of(thin, [with_rolled_lines(thin, axis, readout) for axis in AXES], longer_px)
 
-    return _answer("full", tried, fits, errors, config)
+    return _answer("full", tried, fits, lens_of, config)
 
 
 def _mapped(
@@ -453,66 +471,102 @@ def _thinned(model: Any) -> Any:
     return thin
 
 
-def _lens_errors(
-    thin: Any, rolled: Sequence[Any], longer_px: int, *, radial: bool
-) -> tuple[float, float, float, float] | None:
-    """Log of the focal length over the longer side, its standard error, k1 and its own; `rolled`
-    are the same models as rolling shutters would have them."""
-    whole = _adjusted(thin, sorted(thin.reg_image_ids()), radial)
+def _lens_of(thin: Any, rolled: Sequence[Any], longer_px: int) -> _LensFit | None:
+    """The lens of a model; `rolled` are the same as rolling shutters would have them.
+
+    Many lenses bend the picture outwards in the middle and inwards at its edge.  One term can't,
+    and along a short way another focal length makes up for it: phones' came out at 0.84 to 0.95 of
+    the right one.  So a second term is tried, and of both what is surer is taken.
+    """
+    straight, one, two = (_lens_errors(thin, rolled, longer_px, terms) for terms in (0, 1, 2))
+    if straight is None or one is None:
+        return None
+    if two is not None:
+        apart = abs(two.log_focal - one.log_focal)
+        at_two = _adjusted(thin, "radial", terms=1, focal_px=longer_px * np.exp(two.log_focal))
+        one = one._replace(sigma=float(np.hypot(one.sigma, apart)))
+        if two.sigma < one.sigma and at_two is not None:
+            k1 = float(at_two.lens[1])
+            k1_sigma = float(np.hypot(one.k1_sigma, k1 - one.k1))
+            one = _LensFit(two.log_focal, two.sigma, k1, k1_sigma)
+    return _seen(one, straight)
+
+
+def _lens_errors(thin: Any, rolled: Sequence[Any], longer_px: int, terms: int) -> _LensFit | None:
+    """The lens of a model with none, one or two terms of distortion."""
+    free: FreeIntrinsic = "both" if terms else "focal"
+    whole = _adjusted(thin, free, terms)
     if whole is None:
         return None
-    lens, covariance = whole
-    spread = np.hypot(_spread_of_parts(thin, lens, radial), _moved_by_lines(rolled, lens, radial))
-    sigma, k1_sigma = np.sqrt(FREED_NOT_INDEPENDENT**2 * np.diag(covariance) + spread**2)
-    return (
-        float(lens[0] - np.log(longer_px)),
+    parts = [_adjusted(part, free, terms) for part in _parts(thin)]
+    moved = [_adjusted(one, free, terms) for one in rolled]
+    by_covariance = FREED_NOT_INDEPENDENT * np.sqrt(np.diag(whole.covariance))
+    by_chance = np.maximum(by_covariance, _jackknifed(whole, parts))
+    sigma, k1_sigma = np.hypot(by_chance, _moved(whole, moved))
+    return _LensFit(
+        float(whole.lens[0] - np.log(longer_px)),
         float(np.hypot(sigma, SYSTEMATIC_FOCAL)),
-        float(lens[1]),
+        float(whole.lens[1]),
         float(np.hypot(k1_sigma, SYSTEMATIC_K1)),
     )
 
 
-def _spread_of_parts(thin: Any, lens: np.ndarray, radial: bool) -> np.ndarray:
-    """(2,) standard errors by leaving out a stretch of frames after the other (the jackknife)."""
-    images = sorted(thin.reg_image_ids())
-    if len(images) < 2 * PARTS:
-        return np.zeros(2)
-    found = []
-    for left_out in np.array_split(np.array(images), PARTS):
-        rest = [image for image in images if image not in left_out]
-        part = _adjusted(thin, rest, radial)
-        if part is not None:
-            found.append(part[0])
-    if len(found) < 2:
-        return np.zeros(2)
-    apart = np.array(found) - lens
-    return np.sqrt((len(found) - 1) / len(found) * (apart**2).sum(axis=0))
+def _parts(thin: Any) -> list[Any]:
+    """A model without a stretch of its frames, one after the other; none of a short one.
+
+    Frames that are left out keep a camera, but see nothing: what they saw would hold the lens.
+    """
+    images, parts = sorted(thin.reg_image_ids()), []
+    for left_out in np.array_split(np.array(images), PARTS) if len(images) >= 2 * PARTS else ():
+        part = pycolmap.Reconstruction(thin)
+        for image in map(int, left_out):
+            for feature, spot in enumerate(part.image(image).points2D):
+                if spot.has_point3D():
+                    part.delete_observation(image, feature)
+        parts.append(part)
+    return parts
 
 
-def _moved_by_lines(rolled: Sequence[Any], lens: np.ndarray, radial: bool) -> np.ndarray:
-    """(2,) how far a usual rolling shutter moves the lens, along the axis that it moves it more."""
-    adjusted = [_adjusted(one, sorted(one.reg_image_ids()), radial) for one in rolled]
-    apart = [np.abs(one[0] - lens) for one in adjusted if one is not None]
+class _Adjusted(NamedTuple):
+    """A model's lens."""
+
+    lens: np.ndarray  # (2,) log of the focal length [px], and k1
+    covariance: np.ndarray  # (2, 2)
+
+
+def _jackknifed(whole: _Adjusted, parts: Sequence[_Adjusted | None]) -> np.ndarray:
+    """(2,) standard errors by what is found without a stretch of frames (the jackknife)."""
+    apart = np.array([part.lens - whole.lens for part in parts if part is not None])
+    n = len(apart)
+    return np.sqrt((n - 1) / n * (apart**2).sum(axis=0)) if n > 1 else np.zeros(2)
+
+
+def _moved(whole: _Adjusted, others: Sequence[_Adjusted | None]) -> np.ndarray:
+    """(2,) how far the lens is moved at most."""
+    apart = [np.abs(one.lens - whole.lens) for one in others if one is not None]
     return np.max([np.zeros(2), *apart], axis=0)
 
 
-def _adjusted(thin: Any, images: list[int], radial: bool) -> tuple[np.ndarray, np.ndarray] | None:
-    """Log of the focal length and k1 (2,) of some of a model's frames, and their covariance."""
+def _adjusted(
+    thin: Any, free: FreeIntrinsic, terms: int, focal_px: float | None = None
+) -> _Adjusted | None:
+    """A model's lens, adjusted with up to two terms of distortion, from another focal length if one
+    is given."""
     model = pycolmap.Reconstruction(thin)
     (camera,) = model.cameras.values()
-    if not radial:
-        camera.params = [*camera.params[:3], 0.0]
-    for point in sorted(model.point3D_ids()):
-        track = model.point3D(point).track.elements
-        here = sum(element.image_id in images for element in track)
-        if here < min(3, len(track)):
-            model.delete_point3D(point)
-    free: FreeIntrinsic = "both" if radial else "focal"
+    own_px, cx, cy, k1 = camera.params
+    if terms == 2:
+        camera.model = pycolmap.CameraModelId.RADIAL
+    bends = {0: [0.0], 1: [k1], 2: [k1, 0.0]}[terms]
+    camera.params = [own_px if focal_px is None else focal_px, cx, cy, *bends]
+    images = [i for i in sorted(model.reg_image_ids()) if model.image(i).num_points3D]
     adjusted = adjust_lens(model, images, free)
     if adjusted is None or not np.isfinite(adjusted.covariance).all():
         return None
-    n_free, covariance = len(adjusted.covariance), np.zeros((2, 2))
-    covariance[:n_free, :n_free] = adjusted.covariance
+    if free == "radial":
+        return _Adjusted(np.array([np.log(camera.params[0]), camera.params[3]]), np.zeros((2, 2)))
+    n_free, covariance = min(2, len(adjusted.covariance)), np.zeros((2, 2))
+    covariance[:n_free, :n_free] = adjusted.covariance[:n_free, :n_free]
     per_px = np.array([1.0 / camera.params[0], 1.0])
     lens = np.array([np.log(camera.params[0]), camera.params[3]])
-    return lens, covariance * np.outer(per_px, per_px)
+    return _Adjusted(lens, covariance * np.outer(per_px, per_px))
