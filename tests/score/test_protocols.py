@@ -15,6 +15,8 @@ from gmrdata.score.protocol_values import SeenBody, WorldBody, WorldPair, protoc
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.table import METRIC_WORDS
 from gmrdata.values.body import JOINT, JOINT_NAMES
+from gmrdata.values.clip import camera_of
+from gmrdata.values.errors import BadMotionFile
 from tests.score.made_people import made_people, made_regressor, our_figures
 
 STILL = np.eye(3)
@@ -240,6 +242,22 @@ def test_people_of_a_video_are_cut_alike_whatever_its_first_image_is_called(smal
     ]
     found = our_figures("slahmr", small_body, people, tmp_path)
     assert found == pytest.approx(FIGURES["2 people, with gaps"]["slahmr"], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["slahmr", "vibe"])
+def test_predictions_of_two_rates_are_not_taken_together(name, small_body, tmp_path):
+    """One person's frame k lay beside frame k of another at half its rate."""
+    one, (true, predicted) = made_people(small_body, 2, gaps=False)
+    rows = slice(0, None, 2)
+    halved = replace(
+        predicted,
+        motion=predicted.motion.take(rows, 15.0),
+        valid=predicted.valid[rows],
+        image_numbers=predicted.image_numbers[rows],
+        camera=camera_of(predicted).at_rows(rows),
+    )
+    with pytest.raises(BadMotionFile, match="person_0 at 30 fps and clip person_1 at 15 fps"):
+        our_figures(name, small_body, [one, (true, halved)], tmp_path)
 
 
 @pytest.mark.parametrize(
