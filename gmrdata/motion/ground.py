@@ -13,7 +13,7 @@ import numpy as np
 
 from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, BodyModel, gender_of
 from gmrdata.values.motion import Motion
-from gmrdata.values.motion_metrics import chunks
+from gmrdata.values.motion_metrics import chunks, speeds_m_per_s
 from gmrdata.values.skinning import (
     motion_joints_m,
     motion_vertices_m,
@@ -80,7 +80,7 @@ def put_on_floor(body: BodyModel, motion: Motion) -> tuple[Motion, float]:
     on_foot = _on_foot(body, motion, soles_m)
     # The lowest point of the lower foot in each frame in which it stands still.
     rows, lowest = np.arange(len(soles_m)), soles_m[:, :, 2].argmin(axis=1)
-    speeds = np.linalg.norm(np.gradient(soles_m, axis=0)[rows, lowest], axis=1) * motion.fps_hz
+    speeds = speeds_m_per_s(soles_m, motion.fps_hz)[rows, lowest]
     standing_m = soles_m[rows, lowest][on_foot & (speeds < PLANTED_M_PER_S)]
     level_from_world = _level_rotation(standing_m)
     heights_m = (standing_m @ level_from_world.T)[:, 2]
@@ -298,9 +298,8 @@ def _planted_pitch_deg(
     for side in SIDES:
         ankle, foot, joint = (JOINT[f"{side}_{p}"] for p in ("ankle", "foot", part))
         if ankle in positions_m and foot in positions_m:
-            paths_m = np.stack([positions_m[ankle], positions_m[foot]])
-            speeds = np.linalg.norm(np.gradient(paths_m, axis=1), axis=-1) * fps_hz
-            still = (speeds < PLANTED_M_PER_S).all(axis=0)
+            paths_m = np.stack([positions_m[ankle], positions_m[foot]], axis=1)
+            still = (speeds_m_per_s(paths_m, fps_hz) < PLANTED_M_PER_S).all(axis=1)
             toes_up = (rotations[joint][still] @ flat[side][:, 2])[:, 1]
             pitches.append(np.rad2deg(np.arcsin(np.clip(toes_up, -1.0, 1.0))))
     found = np.concatenate([[], *pitches])
