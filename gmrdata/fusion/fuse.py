@@ -295,18 +295,11 @@ class WorldPerson:
 
     def take(self, rows: slice) -> "WorldPerson":
         """The same of some frames, which hold all loops."""
-        clip, first = self.clip, rows.start
-        cut = replace(
-            clip,
-            motion=clip.motion.take(rows),
-            valid=clip.valid[rows],
-            image_numbers=clip.image_numbers[rows],
-            camera=None if clip.camera is None else clip.camera.at_rows(rows),
-        )
+        first = rows.start
         loops = tuple(
             SamePlace(one.row - first, one.other_row - first, one.sigma_m) for one in self.loops
         )
-        return replace(self, clip=cut, seen=self.seen[rows], loops=loops)
+        return replace(self, clip=self.clip.take(rows), seen=self.seen[rows], loops=loops)
 
 
 @dataclass(frozen=True, eq=False)

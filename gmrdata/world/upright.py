@@ -56,7 +56,7 @@ def standing_feet_up(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.nd
     )
     ankles, toes = ([JOINT[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
     speeds = speeds_m_per_s(joints_m[:, ankles + toes], motion.fps_hz)
-    still = (speeds < PLANTED_M_PER_S).reshape(-1, 2, len(SIDES)).all(axis=1)
+    still = np.all((speeds < PLANTED_M_PER_S).reshape(-1, 2, len(SIDES)), axis=1)
     return world_from_joint[:, ankles] @ _UP_IN_REST, still
 
 
