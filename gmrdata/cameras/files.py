@@ -217,7 +217,7 @@ class CamerasQuality(records.Record):
 
     def lens_of(self, lens: Lens) -> Lens:
         """The lens with the distortion that was taken out of the image points."""
-        if self.lens is None:
+        if self.lens is None or not self.lens.explains:  # nothing was found beside what is known
             return lens
         found = Origin("self_calibrated", self.radial_k1_sigma)
         return replace(lens, radial=(self.lens.k1, self.lens.k2), radial_from=found)

@@ -55,6 +55,9 @@ from gmrdata.values.errors import BadRecipe, NoReconstruction
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import Config
 
+IMAGES_FACT = "images_dir"
+"""Fact of the stage's record: the folder of images; a video's lie beside the cameras."""
+
 
 class _SfmRecipe(Config):
     """What the stage's record holds: the recipe, and the intrinsics that it was given."""
@@ -90,13 +93,14 @@ def reconstruct(
     rows = tuple(tuple(row) for row in lens.matrix_px.tolist())
     recipe = _SfmRecipe(sfm=config, intrinsics_px=rows, radial_k1=lens.radial[0])
 
-    def work(partial: Path) -> None:
+    def work(partial: Path) -> dict[str, str]:
         given = Frames(list(frames.paths), masks_dir, lens.matrix_px, lens.size_px)
         try:
             _leave_cameras(partial, given, lens, config)
         except NoReconstruction as error:
             # The reduced frames are gone when somebody reads this.
             raise error.of(frames.folder) from None
+        return {} if frames.video_path else {IMAGES_FACT: str(frames.folder.absolute())}
 
     inputs = {"images": frames.folder} | ({} if masks_dir is None else {"masks": masks_dir})
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)

@@ -388,15 +388,20 @@ def page(
 
 
 def _refuse_frames_elsewhere(folder: Path) -> None:
-    """MissingInput where a video's record names frames that lie elsewhere: it may be of others, so
-    it is not followed, and without frames the page would lose its overlay, and points their
-    colours."""
-    from gmrdata.solve.request import FRAMES
+    """MissingInput where a record names frames that lie elsewhere: it may be of others, so it is
+    not followed, and without frames the page would lose its overlay, and points their colours."""
+    from gmrdata.cameras.reconstruct import IMAGES_FACT
+    from gmrdata.solve.request import FRAMES, SFM
     from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
+    from gmrdata.stage.store import StageRecord
 
     elsewhere = None
     with suppress(GmrdataError, OSError):  # the page says what can't be read
-        images_dir = folder.absolute() / VideoVerdict.read(folder / VERDICT_FILE).images_dir
+        if (folder / VERDICT_FILE).exists():
+            named = VideoVerdict.read(folder / VERDICT_FILE).images_dir
+        else:  # of one given person, whose frames the cameras' record names
+            named = str(StageRecord.of(folder / SFM).facts.get(IMAGES_FACT, FRAMES))
+        images_dir = folder.absolute() / named
         if images_dir != folder.absolute() / FRAMES and images_dir.is_dir():
             elsewhere = images_dir
     if elsewhere is not None:

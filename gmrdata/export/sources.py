@@ -23,7 +23,14 @@ from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
-from gmrdata.values.errors import BadBodyFile, BadFrames, BadManifest, BadMotionFile, MissingInput
+from gmrdata.values.errors import (
+    BadBodyFile,
+    BadFrames,
+    BadManifest,
+    BadMotionFile,
+    MissingInput,
+    some,
+)
 from gmrdata.values.files import STAGE_FILE, read_npz, visible
 from gmrdata.values.people import FUSED, PSEUDO_GT
 
@@ -89,10 +96,16 @@ class ExportedClip(ClipFiles):
         return self._in_rows(images_by_number(self.images_dir))
 
     def mask_paths(self) -> list[Path | None]:
-        """The mask of each row, 255 = dynamic; empty where there are no masks."""
+        """The mask of each row, 255 = dynamic; empty where there are no masks.  BadFrames for masks
+        of no image, as where they are numbered otherwise: their numbers fit the wrong images."""
         if self.masks_dir is None:
             return []
-        return self._in_rows(images_by_number(self.masks_dir, (".png",)))
+        masks = images_by_number(self.masks_dir, (".png",))
+        images = masks if self.images_dir is None else images_by_number(self.images_dir)
+        if alone := sorted(masks.keys() - images.keys()):
+            what = f"no image in {self.images_dir} for the masks of number {some(alone)}"
+            raise BadFrames(f"{self.masks_dir}: {what}. Number masks as their images are")
+        return self._in_rows(masks)
 
     def _in_rows(self, by_number: Mapping[int, Path]) -> list[Path | None]:
         return [by_number.get(int(number)) for number in self.clip.image_numbers]

@@ -6,7 +6,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +41,6 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import (
     CHARACTER_FILE,
     Clip,
-    camera_of,
     load_character,
     load_clip,
     save_clip,
@@ -313,11 +312,10 @@ def dry_run(
 def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) -> Probe:
     """Render two frames from the middle of a clip to a folder and measure them."""
     rows = np.arange(clip.motion.n_frames)[clip.motion.n_frames // 2 :][:PROBE_FRAMES]
-    motion, camera = clip.motion.take(rows), camera_of(clip).at_rows(rows)
-    piece = Clip(clip.id, motion, clip.valid[rows], np.arange(len(rows)), camera)
+    piece = replace(clip.take(rows), image_numbers=np.arange(len(rows)))
     files = (folder / "slice.npz", body_path, folder / "render")
     told_s: list[float] = []
-    save_clip(files[0], piece, read_body(body_path).rest_pelvis_m(motion.shape))
+    save_clip(files[0], piece, read_body(body_path).rest_pelvis_m(piece.motion.shape))
     before_cpu_s, start_s = _children_cpu_s(), time.monotonic()
     made = render_clip(*files, config, on_frame=lambda _: told_s.append(time.monotonic()))
     wall_s, cpu_s = time.monotonic() - start_s, _children_cpu_s() - before_cpu_s

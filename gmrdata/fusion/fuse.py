@@ -150,14 +150,15 @@ def person_clips(source: Path) -> list[Path]:
     if source.is_file():
         return [source]
     folder = source / PSEUDO_GT if (source / PSEUDO_GT).is_dir() else source
-    paths: list[Path] = []
-    while (path := folder / person_file(len(paths))).is_file():
-        paths.append(path)
-    if not paths:
-        raise MissingInput(
-            f"{source}: no {person_file(0)} there. Give a pseudo ground truth, a folder of `gmrdata"
-            " video` that was given people, or a clip"
-        )
+    numbers = {person_number(path) for path in folder.glob("person_*.npz")} - {None}
+    paths = [folder / person_file(number) for number in range(max(1, len(numbers)))]
+    for path in paths:
+        if not path.is_file():
+            others = f" beside {len(numbers)} others" if numbers else ""
+            raise MissingInput(
+                f"{source}: no {path.name} there{others}. Give a pseudo ground truth, a folder of"
+                " `gmrdata video` that was given people, or a clip"
+            )
     return paths
 
 
@@ -294,18 +295,11 @@ class WorldPerson:
 
     def take(self, rows: slice) -> "WorldPerson":
         """The same of some frames, which hold all loops."""
-        clip, first = self.clip, rows.start
-        cut = replace(
-            clip,
-            motion=clip.motion.take(rows),
-            valid=clip.valid[rows],
-            image_numbers=clip.image_numbers[rows],
-            camera=None if clip.camera is None else clip.camera.at_rows(rows),
-        )
+        first = rows.start
         loops = tuple(
             SamePlace(one.row - first, one.other_row - first, one.sigma_m) for one in self.loops
         )
-        return replace(self, clip=cut, seen=self.seen[rows], loops=loops)
+        return replace(self, clip=self.clip.take(rows), seen=self.seen[rows], loops=loops)
 
 
 @dataclass(frozen=True, eq=False)

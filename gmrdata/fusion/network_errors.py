@@ -33,7 +33,7 @@ from gmrdata.stage.progress import track
 from gmrdata.stage.store import StageRecord
 from gmrdata.values import limits
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, BadRecord
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.records import Config
@@ -95,14 +95,20 @@ def measure_delta_errors(
 
     Networks of one recipe with other people held out say how the recipe does on anybody; one that
     was trained on all of them has no error of its own that could be measured.  Errors are those of
-    `held_out_motions`, and BadMotionFile where there are too few of them.
+    `held_out_motions`, BadMotionFile where there are too few of them, and BadRecipe for networks of
+    several frame rates, whose errors grow otherwise.
     """
+    networks = [load_gmr(run_dir, config.which) for run_dir in run_dirs]
+    rates = {gmr.fps_hz: gmr.name for gmr in networks}
+    if len(rates) > 1:
+        said = " and ".join(f"{name} is of {fps_hz:g} fps" for fps_hz, name in rates.items())
+        raise BadRecipe(f"--network: {said}. Measure networks of one frame rate together")
     found = [
         one
         for run_dir in run_dirs
         for one in held_out_motions(run_dir, manifest_paths, config, people=people)
     ]
-    return delta_errors([load_gmr(run_dir, config.which) for run_dir in run_dirs], found, config)
+    return delta_errors(networks, found, config)
 
 
 def held_out_motions(

@@ -11,9 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmrdata.values.body import JOINT, PARENTS, BodyModel, gender_of
+from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, BodyModel, gender_of
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import motion_joints_m, posed_joints_m, with_ancestors
+from gmrdata.values.motion_metrics import chunks, speeds_m_per_s
+from gmrdata.values.skinning import (
+    motion_joints_m,
+    motion_vertices_m,
+    posed_joints_m,
+    with_ancestors,
+)
 from gmrdata.values.transforms import rotmats_from_quaternions, smallest_rotation
 
 SIDES = ("left", "right")
@@ -26,6 +32,8 @@ SMALLEST_SPLAY_DEG = 8.0
 LARGEST_SPLAY_MISMATCH_DEG = 4.0
 
 FOOT_JOINTS = tuple(JOINT[f"{side}_{part}"] for side in SIDES for part in ("ankle", "foot"))
+OTHER_JOINTS = tuple(joint for joint in range(N_JOINTS) if joint not in FOOT_JOINTS)
+JOINT_RADIUS_M = 0.04  # of what is about a hand, a knee or a head
 SOLE_STRIPS = 4
 """Strips from back to front in which the lowest vertices of a foot part are looked for."""
 LEVEL_M = 0.015  # standing soles are on a level if they are this near to it
@@ -63,16 +71,22 @@ def levelled(body: BodyModel, motion: Motion, ground: bool) -> Motion:
 
 
 def put_on_floor(body: BodyModel, motion: Motion) -> tuple[Motion, float]:
-    """Level the floor that a world motion shows and move it to z = 0; and the tilt it had [deg]."""
+    """Level the floor that a world motion shows and move it to z = 0; and the tilt it had [deg].
+
+    Where no foot stands, the floor is under the lowest points: soles of a runner, and hands, knees
+    or back of a person whom these carry.
+    """
     soles_m = sole_points_m(body, motion)
+    on_foot = _on_foot(body, motion, soles_m)
     # The lowest point of the lower foot in each frame in which it stands still.
     rows, lowest = np.arange(len(soles_m)), soles_m[:, :, 2].argmin(axis=1)
-    speeds = np.linalg.norm(np.gradient(soles_m, axis=0)[rows, lowest], axis=1) * motion.fps_hz
-    standing_m = soles_m[rows, lowest][speeds < PLANTED_M_PER_S]
+    speeds = speeds_m_per_s(soles_m, motion.fps_hz)[rows, lowest]
+    standing_m = soles_m[rows, lowest][on_foot & (speeds < PLANTED_M_PER_S)]
     level_from_world = _level_rotation(standing_m)
     heights_m = (standing_m @ level_from_world.T)[:, 2]
     if not len(heights_m):
         heights_m = soles_m[:, :, 2].min(axis=1)
+        heights_m[~on_foot] = _lowest_vertices_m(body, motion.take(~on_foot))
     pelvis_m = motion.pelvis_m @ level_from_world.T
     pelvis_m[:, 2] -= floor_height_m(heights_m)
     tilt_deg = float(np.rad2deg(np.arccos(np.clip(level_from_world[2, 2], -1.0, 1.0))))
@@ -87,10 +101,26 @@ def on_ground(body: BodyModel, motion: Motion) -> Motion:
     """
     floored, _ = put_on_floor(body, motion)
     off_m = np.abs(floored.pelvis_m - motion.pelvis_m)[:, 2].max()
-    lowest = motion_joints_m(body, motion)[..., 2].argmin(axis=1)
-    if off_m <= OFF_FLOOR_M or np.isin(lowest, FOOT_JOINTS).mean() < 0.5:
+    if off_m <= OFF_FLOOR_M or _on_foot(body, motion, sole_points_m(body, motion)).mean() < 0.5:
         return motion
     return replace(floored, source=f"{motion.source}, put on the floor")
+
+
+def lowest_others_m(joints_m: np.ndarray) -> np.ndarray:
+    """(T,) height of the lowest point about joints (T, 24, 3) that are none of a foot [m]."""
+    return np.asarray(joints_m[:, OTHER_JOINTS, 2].min(axis=1) - JOINT_RADIUS_M)
+
+
+def _on_foot(body: BodyModel, motion: Motion, soles_m: np.ndarray) -> np.ndarray:
+    """(T,) bool: frames in which a sole is lowest of all, so that hands or knees carry nobody."""
+    return soles_m[:, :, 2].min(axis=1) < lowest_others_m(motion_joints_m(body, motion))
+
+
+def _lowest_vertices_m(body: BodyModel, motion: Motion) -> np.ndarray:
+    """(T,) height of the lowest point of the skin [m]."""
+    rows = chunks(motion.n_frames, len(body.template_m))
+    lowest = [motion_vertices_m(body, motion, part)[..., 2].min(axis=1) for part in rows]
+    return np.concatenate([np.zeros(0), *lowest])
 
 
 def floor_height_m(heights_m: np.ndarray) -> float:
@@ -268,9 +298,8 @@ def _planted_pitch_deg(
     for side in SIDES:
         ankle, foot, joint = (JOINT[f"{side}_{p}"] for p in ("ankle", "foot", part))
         if ankle in positions_m and foot in positions_m:
-            paths_m = np.stack([positions_m[ankle], positions_m[foot]])
-            speeds = np.linalg.norm(np.gradient(paths_m, axis=1), axis=-1) * fps_hz
-            still = (speeds < PLANTED_M_PER_S).all(axis=0)
+            paths_m = np.stack([positions_m[ankle], positions_m[foot]], axis=1)
+            still = (speeds_m_per_s(paths_m, fps_hz) < PLANTED_M_PER_S).all(axis=1)
             toes_up = (rotations[joint][still] @ flat[side][:, 2])[:, 1]
             pitches.append(np.rad2deg(np.arcsin(np.clip(toes_up, -1.0, 1.0))))
     found = np.concatenate([[], *pitches])

@@ -17,6 +17,7 @@ from gmrdata.read.source_motion import UpAxis, axis_of
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, without_root
+from gmrdata.values.motion_metrics import speeds_m_per_s
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import angles_deg, smallest_rotation
 
@@ -72,7 +73,7 @@ class Person:
 
     def speeds(self, points_m: np.ndarray) -> np.ndarray:
         """(T, ...) of points (T, ..., 3) [m/s]."""
-        return np.linalg.norm(np.gradient(points_m, axis=0), axis=-1) * self.fps_hz
+        return speeds_m_per_s(points_m, self.fps_hz)
 
     def middle_m(self, part: str) -> np.ndarray:
         return np.asarray(self.joints_m[:, _MIDDLES[part]].mean(axis=1))

@@ -67,10 +67,14 @@ def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:
     if frames.video is None or not masks_dir.is_dir():
         return
     every, last = frames.video.every, max(frames.video.frame_of)
+    stems = [path.name.split(".")[0] for path in masks_dir.glob("*.png")]
+    numbers = {int(stem) for stem in stems if stem.isdecimal()}
+    if 0 not in numbers and 1 in numbers and frames.numbers[0] > 1:
+        what = "masks are numbered from 1; number them from 0, as images are"
+        raise BadFrames(f"{masks_dir}: {what}, or keep those of the images")
     if every == 1 and frames.n_frames is None:  # a part: masks of the whole video fit its images
         return
-    stems = [path.name.split(".")[0] for path in masks_dir.glob("*.png")]
-    if any(stem.isdecimal() and int(stem) > last for stem in stems):
+    if numbers and max(numbers) > last:
         they_are = "of every frame"
         remedy = f"keep those of frames 0, {every}, {2 * every}, ..., under the images' names"
         if every == 1:

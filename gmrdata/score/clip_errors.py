@@ -23,7 +23,7 @@ from gmrdata.score.protocol_values import (
 from gmrdata.score.records import Protocol
 from gmrdata.values import motion_metrics
 from gmrdata.values.body import PARENTS, BodyModel, sole_vertices, with_vertices
-from gmrdata.values.errors import BadRecipe
+from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.skinning import global_rotmats, motion_joints_m, motion_vertices_m
 
@@ -120,7 +120,7 @@ def across_clips(
     """Clips with the figures that a protocol takes of several together; others are as they were.
 
     `videos` says by a clip's id which video it is of.  Figures of several people of a video are in
-    its first clip.
+    its first clip.  BadMotionFile where predictions that are taken together differ in frame rate.
     """
     if protocol is None or not scored:
         return list(scored)
@@ -128,6 +128,7 @@ def across_clips(
         return _of_videos(scored, protocol, videos)
     if protocol.gaps != "joined_over_clips":
         return list(scored)
+    _require_one_rate(scored)
     found = [dict(one.protocol) for one in scored]
     for method in METHODS:
         tables = accelerations_over_clips(protocol, [one.pairs[method] for one in scored])
@@ -150,6 +151,7 @@ def _of_videos(
     nothing = {metric: np.zeros(0) for metric in protocol.metrics}
     found = []
     for clips in by_video.values():
+        _require_one_rate(clips)
         values = {
             method: values_together(protocol, [pair for one in clips for pair in one.pairs[method]])
             for method in METHODS
@@ -159,6 +161,16 @@ def _of_videos(
             found.append(replace(one, protocol=values if one is clips[0] else empty, pairs={}))
     by_id = {one.clip_id: one for one in found}
     return [by_id[one.clip_id] for one in scored]
+
+
+def _require_one_rate(scored: Sequence[ClipErrors]) -> None:
+    """Frame k of one would be laid beside frame k of another, which is of another time."""
+    rates = {one.protocol_fps_hz: one.clip_id for one in scored}
+    if len(rates) > 1:
+        said = " and ".join(f"clip {id} at {fps_hz:g} fps" for fps_hz, id in rates.items())
+        raise BadMotionFile(
+            f"predictions of {said}, which --original takes together. Give them at one frame rate"
+        )
 
 
 def _run_errors(

@@ -241,9 +241,8 @@ def _at_its_rate(path: Path, predicted: Clip, true: Clip) -> Clip:
             f"{predicted.motion.fps_hz:g} fps. Give one row for each row of the clip"
         )
     rows, valid = every_row(true.valid, step)
-    motion = true.motion.take(slice(0, None, step), true.motion.fps_hz / step)
-    camera = None if true.camera is None else true.camera.at_rows(rows)
-    return replace(true, motion=motion, valid=valid, image_numbers=rows, camera=camera)
+    taken = true.take(rows, true.motion.fps_hz / step)
+    return replace(taken, valid=valid, image_numbers=rows)
 
 
 def _in_world(path: Path, predicted: Clip, true: Clip) -> Clip:
@@ -275,9 +274,7 @@ def _camera_paths(predicted: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray] 
 
 
 def _first_rows(clip: Clip, name: str, valid: np.ndarray) -> Clip:
-    n = len(valid)
-    camera = None if clip.camera is None else clip.camera.at_rows(slice(0, n))
-    return Clip(name, clip.motion.take(slice(0, n)), valid, clip.image_numbers[:n], camera)
+    return replace(clip.take(slice(len(valid))), id=name, valid=valid)
 
 
 def _frame_numbers(clip: Clip, fps_hz: float) -> np.ndarray:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,6 +56,16 @@ class Clip:
     valid: np.ndarray  # (T,) bool: frames whose motion can be used
     image_numbers: np.ndarray  # (T,) int: number in the file name of each row's image; -1 for none
     camera: CameraPath | None  # None for a training motion
+
+    def take(self, rows: slice | np.ndarray, fps_hz: float | None = None) -> Self:
+        """Some frames, as they are; `fps_hz` is the rate that they then have [Hz], if another."""
+        return replace(
+            self,
+            motion=self.motion.take(rows, fps_hz),
+            valid=self.valid[rows],
+            image_numbers=self.image_numbers[rows],
+            camera=None if self.camera is None else self.camera.at_rows(rows),
+        )
 
 
 def camera_of(clip: Clip) -> CameraPath:

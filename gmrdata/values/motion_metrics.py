@@ -144,6 +144,13 @@ def _posed_m(body: BodyModel, shape: np.ndarray, local_rotmats: np.ndarray) -> n
         return np.asarray(posed_vertices(body, betas, poses).numpy())
 
 
+def speeds_m_per_s(points_m: np.ndarray, fps_hz: float) -> np.ndarray:
+    """(T, ...) of points (T, ..., 3) over time [m/s]; 0 in a single frame, which shows none."""
+    if len(points_m) < 2:
+        return np.zeros(points_m.shape[:-1])
+    return np.linalg.norm(np.gradient(points_m, axis=0), axis=-1) * fps_hz
+
+
 def chunks(n_rows: int, n_vertices: int, copies: int = 1) -> Iterator[slice]:
     """Rows whose vertices, with so many copies of them, take `CHUNK_BYTES` at the most."""
     length = max(1, CHUNK_BYTES // (n_vertices * 24 * copies))

@@ -18,8 +18,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from gmrdata.motion.ground import LOW_PERCENTILE, sole_points_m
-from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
+from gmrdata.motion.ground import LOW_PERCENTILE, lowest_others_m, sole_points_m
+from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import smallest_rotation
@@ -45,9 +45,6 @@ RISING_M_PER_S = 0.4
 UNHELD_SHARE = 0.3
 """A network that lets a person neither stand nor fall for more of the time knows no heights: 0.63
 in jumping jacks, at most 0.2 in nearly all of 312 of CMU's motions."""
-JOINT_RADIUS_M = 0.04  # of what is about a hand, a knee or a head
-_FEET = [JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
-_OTHERS = [joint for joint in range(N_JOINTS) if joint not in _FEET]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +85,7 @@ def on_one_floor(body: BodyModel, motion: Motion) -> Motion | None:
 
 def _seen(body: BodyModel, motion: Motion) -> _Seen:
     joints_m, soles_m = motion_joints_m(body, motion), sole_points_m(body, motion)
-    lowest_m = np.minimum(
-        soles_m[:, :, 2].min(axis=1), joints_m[:, _OTHERS, 2].min(axis=1) - JOINT_RADIUS_M
-    )
+    lowest_m = np.minimum(soles_m[:, :, 2].min(axis=1), lowest_others_m(joints_m))
     mass_m = joints_m[:, :, 2] @ MASSES
     apart = max(1, round(motion.fps_hz / RATE_HZ))
     found = flights((mass_m - lowest_m)[::apart], mass_m[::apart], motion.fps_hz / apart)

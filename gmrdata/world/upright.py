@@ -12,6 +12,7 @@ import numpy as np
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, SIDES
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.motion import Motion
+from gmrdata.values.motion_metrics import speeds_m_per_s
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.world.level import BALANCE_SIGMA_RAD, balance
 
@@ -54,8 +55,8 @@ def standing_feet_up(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.nd
         body.rest_joints_m(motion.shape), motion.rotmats, motion.pelvis_m
     )
     ankles, toes = ([JOINT[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
-    speeds = np.linalg.norm(np.gradient(joints_m[:, ankles + toes], axis=0), axis=-1)
-    still = (speeds * motion.fps_hz < PLANTED_M_PER_S).reshape(-1, 2, len(SIDES)).all(axis=1)
+    speeds = speeds_m_per_s(joints_m[:, ankles + toes], motion.fps_hz)
+    still = np.all((speeds < PLANTED_M_PER_S).reshape(-1, 2, len(SIDES)), axis=1)
     return world_from_joint[:, ankles] @ _UP_IN_REST, still
 
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras import frames as module
-from gmrdata.cameras.files import load_cameras, load_points, load_quality
+from gmrdata.cameras.files import Distortion, load_cameras, load_points, load_quality
 from gmrdata.cameras.frames import Frames, linked, reduced
 from gmrdata.cameras.match.tracks import errors_px, load_tracks
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import list_images, read_frames, read_gray
-from gmrdata.values.camera import Lens, straightened
+from gmrdata.values.camera import GIVEN, Lens, straightened
 from gmrdata.values.errors import BadFrames, NoReconstruction
 from tests.filming import tracked_error_px, turn_errors_deg, write_pictures
 from tests.read.test_frames import with_exif
@@ -262,6 +262,11 @@ def test_cameras_of_a_known_lens_are_right(bent_arc, tmp_path):
     assert filmed.centre_errors_m(cameras.path.centres_world_m).max() < 0.02
     assert quality.lens is not None
     assert quality.lens.k1 == pytest.approx(RADIAL_K1, abs=0.02)
+    # A distortion that was given is not one that was found, as it was called; what is more, is.
+    as_given = quality.model_copy(update={"lens": Distortion(RADIAL_K1, 0.0, 0.0)})
+    assert as_given.lens_of(lens) == lens and lens.radial_from == GIVEN
+    more = quality.model_copy(update={"lens": Distortion(RADIAL_K1 + 0.01, 0.0, 0.2)})
+    assert more.lens_of(lens).radial_from.source == "self_calibrated"
     # What the tracks show lies in the bent frames, where the record's lens puts the points.
     tracks, points = load_tracks(made).of_adjusted(), load_points(made)
     path = cameras.path.world_from_cam

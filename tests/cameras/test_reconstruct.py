@@ -13,8 +13,9 @@ from gmrdata.cameras.check.verdict import camera_reasons
 from gmrdata.cameras.files import Evidence, load_cameras, load_quality
 from gmrdata.cameras.match.tracks import load_tracks
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
-from gmrdata.cameras.reconstruct import _why_unsolved, reconstruct
+from gmrdata.cameras.reconstruct import IMAGES_FACT, _why_unsolved, reconstruct
 from gmrdata.read.frames import list_images, read_frames
+from gmrdata.stage.store import StageRecord
 from gmrdata.stage.workers import own_cores
 from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction
@@ -133,6 +134,7 @@ def test_the_same_seed_gives_the_same_bytes(kind, pan, dolly, tmp_path):
         assert (first / name).read_bytes() == (second / name).read_bytes(), name
     names = "cameras.npz", "points.npz", "quality.json", "stage.json", "tracks.npz"
     assert sorted(path.name for path in second.iterdir()) == list(names)
+    assert StageRecord.of(second).facts == {IMAGES_FACT: str(filmed.images_dir)}
 
 
 def test_masks_keep_the_walking_person_out(dolly, tmp_path):

@@ -6,10 +6,13 @@ import numpy as np
 import pycolmap
 import trimesh
 
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import IMAGES_FACT
 from gmrdata.cli.video import leave_files_and_page
 from gmrdata.export.export import write_files
+from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import load_clip
-from gmrdata.values.files import read_npz
+from gmrdata.values.files import STAGE_FILE, read_npz
 from gmrdata.world.judge import load_record
 from gmrdata.world.recipe import verdict_of
 from gmrdata.write.amass import write_amass
@@ -145,6 +148,18 @@ def test_frames_outside_of_the_folder_are_those_that_are_given_and_no_record_lea
     (folder / "verdict.json").write_text("{")
     works("page", folder, "--images", images)
     assert "verdict.json: not JSON" in Page(folder / "index.html").words.split("Not written")[1]
+
+
+def test_the_record_of_cameras_names_the_frames_of_a_sequence(small_body, gmrdata, tmp_path):
+    """`gmrdata sfm` left no word of where its frames lay: its page, written again, lost them."""
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body)
+    images = (folder / "frames").rename(tmp_path / "images")
+    facts = {IMAGES_FACT: str(images)}
+    made = run_stage("sfm", tmp_path / "made", SfmConfig(), {}, lambda _: facts)
+    (made / STAGE_FILE).rename(folder / "sfm" / STAGE_FILE)
+    said = gmrdata("page", folder)
+    assert said.returncode == 1 and f"with --images {images}" in " ".join(said.stderr.split())
 
 
 def _colours(model: Path) -> np.ndarray:

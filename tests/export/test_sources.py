@@ -70,6 +70,11 @@ def test_a_rendered_clip_has_its_images_masks_and_company(clip, walkers, small_b
         assert [extra.id for extra in exported.extras] == ["walk.p1"]
         paths = exported.image_paths()
         assert paths[3] == tmp_path / "frames/00003.png" and set(paths) == {None, paths[3]}
+    (tmp_path / "masks/00003.png").touch()
+    assert only(tmp_path).mask_paths()[3] == tmp_path / "masks/00003.png"
+    (tmp_path / "masks/00004.png").touch()  # numbered from 1, each lay on the image before
+    with pytest.raises(BadFrames, match="no image in .*frames for the masks of number 4. Number"):
+        only(tmp_path).mask_paths()
     (tmp_path / "frames/00003_depth.png").touch()  # either was taken, as the disk lists them
     with pytest.raises(BadFrames, match=r"number 3, 00003\.png and 00003_depth\.png. Keep other"):
         exported.image_paths()

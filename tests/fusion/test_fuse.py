@@ -41,6 +41,7 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingIn
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.values.people import person_file
 from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.level import LevelEstimate
 from gmrdata.world.picture_fit import PictureFit
@@ -406,7 +407,11 @@ def test_what_a_dry_run_says(video):
 def test_bad_input_is_refused_with_the_remedy(video, clip, tmp_path):
     with pytest.raises(MissingInput, match="gmrdata delta-errors"):
         video.fuse(errors_path=None)
-    with pytest.raises(MissingInput, match="person_0.npz"):
+    with pytest.raises(MissingInput, match=r"person_0\.npz there\. Give"):
+        person_clips(tmp_path)
+    for number in (0, 2, 3):  # people after a gap were left out without a word
+        (tmp_path / person_file(number)).touch()
+    with pytest.raises(MissingInput, match=r"no person_1\.npz there beside 3 others"):
         person_clips(tmp_path)
     for other_s, said in ((17.8, "lasts 2.97 s"), (1.01, "both are frame 30")):
         config = FuseConfig(loops=(Loop(time_s=1.0, other_time_s=other_s),))

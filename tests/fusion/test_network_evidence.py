@@ -19,6 +19,7 @@ from gmrdata.fusion.network_errors import (
     error_rows,
     fit_errors,
     held_out_motions,
+    measure_delta_errors,
 )
 from gmrdata.fusion.network_evidence import (
     SPEEDS_M_PER_S,
@@ -36,7 +37,7 @@ from gmrdata.gmr.train import train
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, BadRecord
 from gmrdata.values.files import STAGE_FILE, read_json, write_json
 from gmrdata.values.motion import Motion, deltas
 from tests.clip_manifests import write_clips
@@ -264,6 +265,22 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     assert len(held_out_motions(run_dir, [manifest])) == 2
     said = held_out_motions(other, [manifest], people=("2",))
     assert [(one.clip, one.person) for one in said] == [("02_01", "CMU/02"), ("02_02", "CMU/02")]
+
+
+def test_networks_of_two_frame_rates_are_not_measured_as_one(
+    cmu_clips, small_body, small_config, tmp_path
+):
+    """The record named the rate of the first, and the errors were of both."""
+    manifest = write_clips(tmp_path / "cmu", small_body, cmu_clips)
+    save_body(tmp_path / "body.npz", small_body)
+    runs = []
+    for fps_hz in (10.0, 5.0):
+        windows = small_config.windows.model_copy(update={"fps_hz": fps_hz})
+        config = small_config.model_copy(update={"windows": windows, "steps": 1})
+        into = tmp_path / f"at_{fps_hz:g}"
+        runs.append(train([manifest], into, config, body_path=tmp_path / "body.npz"))
+    with pytest.raises(BadRecipe, match=r"at_10 is of 10 fps and at_5 is of 5 fps\. Measure"):
+        measure_delta_errors(runs, [manifest], people=("02",))
 
 
 def test_noise_is_put_on_what_the_network_sees_alone(cmu_clips, untrained):

@@ -62,6 +62,45 @@ def test_other_floors_keep_their_form(small_body, rise):
     np.testing.assert_allclose(floored.pelvis_m[:, 2], expected_m, atol=5e-3)
 
 
+def _on_hands(body: BodyModel, n_frames: int) -> np.ndarray:
+    """Rotations (T, 24, 3, 3) of a stiff body upside down, arms up along the trunk."""
+    rotmats = np.tile(np.eye(3), (n_frames, 24, 1, 1))
+    rotmats[:, 0] = Rotation.from_euler("x", 180, degrees=True).as_matrix() @ WORLD_FROM_REST
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        raised = Rotation.from_euler("z", sign * 85, degrees=True).as_matrix()
+        rotmats[:, JOINT[f"{side}_shoulder"]] = raised
+    return rotmats
+
+
+def _sitting(body: BodyModel, n_frames: int) -> np.ndarray:
+    """The same of one who sits on the floor with the legs up in the air."""
+    rotmats = np.tile(np.eye(3), (n_frames, 24, 1, 1))
+    rotmats[:, 0] = WORLD_FROM_REST
+    for side in ("left", "right"):
+        rotmats[:, JOINT[f"{side}_hip"]] = Rotation.from_euler("x", -2.0).as_matrix()
+    return rotmats
+
+
+@pytest.mark.parametrize("pose", [_on_hands, _sitting])
+def test_who_is_not_on_foot_is_not_sunk_into_the_floor(small_body, pose):
+    """Feet that were still in the air stood on the floor, and all else was below it."""
+    rotmats, pelvis_m = pose(small_body, 60), np.tile([0.3, 0.0, 4.0], (60, 1))
+    floored, tilt_deg = put_on_floor(small_body, _world(small_body, rotmats, pelvis_m))
+    lowest_m = motion_vertices_m(small_body, floored)[..., 2].min(axis=1)
+    np.testing.assert_allclose(lowest_m, 0.0, atol=1e-5)
+    assert tilt_deg == 0.0
+
+
+def test_feet_in_the_air_are_on_no_floor(small_body):
+    """Who stood for a third of a second, and on the hands for six, is on the first's floor."""
+    rotmats, pelvis_m = _steps(small_body, 1)
+    still_m = np.tile(pelvis_m[-1] + [0.0, 0.0, 0.3], (360, 1))
+    both = np.concatenate([rotmats, _on_hands(small_body, 360)])
+    motion = _world(small_body, both, np.concatenate([pelvis_m, still_m]))
+    floored, _ = put_on_floor(small_body, motion)
+    np.testing.assert_allclose(floored.pelvis_m[:20, 2], pelvis_m[:, 2], atol=3e-3)
+
+
 @pytest.mark.parametrize(
     ("share_low", "low_m", "floor_m"),
     [

@@ -58,7 +58,7 @@ def our_figures(
             folder,
             UsableClip(true, "linear"),
             Pairing(
-                FPS_HZ, protocol_fps_hz=protocol.fps_hz, smoothing_frames=protocol.smoothing_frames
+                10.0, protocol_fps_hz=protocol.fps_hz, smoothing_frames=protocol.smoothing_frames
             ),
         )
         assert isinstance(found, PredictedClip)

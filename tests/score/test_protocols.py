@@ -15,6 +15,7 @@ from gmrdata.score.protocol_values import SeenBody, WorldBody, WorldPair, protoc
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.table import METRIC_WORDS
 from gmrdata.values.body import JOINT, JOINT_NAMES
+from gmrdata.values.errors import BadMotionFile
 from tests.score.made_people import made_people, made_regressor, our_figures
 
 STILL = np.eye(3)
@@ -240,6 +241,15 @@ def test_people_of_a_video_are_cut_alike_whatever_its_first_image_is_called(smal
     ]
     found = our_figures("slahmr", small_body, people, tmp_path)
     assert found == pytest.approx(FIGURES["2 people, with gaps"]["slahmr"], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["slahmr", "vibe"])
+def test_predictions_of_two_rates_are_not_taken_together(name, small_body, tmp_path):
+    """One person's frame k lay beside frame k of another at half its rate."""
+    one, (true, predicted) = made_people(small_body, 2, gaps=False)
+    halved = predicted.take(slice(0, None, 2), 15.0)
+    with pytest.raises(BadMotionFile, match="person_0 at 30 fps and clip person_1 at 15 fps"):
+        our_figures(name, small_body, [one, (true, halved)], tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile
@@ -155,6 +155,19 @@ def test_only_people_with_betas_of_smpls_neutral_body_have_their_own_size(seen, 
     size = "people have the size of the mean smpl-neutral body, not their own"
     carry = "scale and places carry that error, 7 % (give a height with --height-m)"
     assert record.notes == (f"{size}: {carry}",)
+
+
+def test_a_size_that_changes_over_time_is_said(seen, neutral, tmp_path):
+    """Of two people who are taken for one, the mean size was taken without a word."""
+    people = system_files.wham_people([seen, seen])
+    grows = neutral.joint_shape_dirs_m[:, 1, 0] / np.ptp(neutral.joints_template_m[:, 1])
+    per_beta = grows[JOINT["head"]] - grows[[JOINT["left_foot"], JOINT["right_foot"]]].min()
+    for person, share in zip(people.values(), (0.02, 0.08), strict=True):
+        person["betas"][:, 0] += share / per_beta * (-1.0) ** np.arange(N_FRAMES)
+    path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
+    lens = Lens.of_matrix(seen.intrinsics_px, SIZE_PX)
+    record = made_of(path, Filmed(video(np.arange(N_FRAMES)), lens), neutral)
+    assert [note[:43] for note in record.notes] == ["person_1: sizes in the file vary by 8%, as "]
 
 
 def test_a_height_that_is_told_moves_who_has_it(seen, neutral, tmp_path):

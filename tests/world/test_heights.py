@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gmrdata.gmr.infer import stand
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.ground import sole_points_m
 from gmrdata.values.body import BodyModel
@@ -53,6 +54,14 @@ def lowest_m(body: BodyModel, motion: Motion) -> np.ndarray:
 
 def raised(motion: Motion, heights_m: np.ndarray) -> Motion:
     return replace(motion, pelvis_m=motion.pelvis_m + heights_m[:, None] * [0.0, 0.0, 1.0])
+
+
+def test_one_frame_stands_still(walk, small_body):
+    """NumPy's error was the answer: a gradient takes two."""
+    one = walk.take(slice(40, 41))
+    for found in (on_one_floor(small_body, held_upright(small_body, one)), stand(one, small_body)):
+        assert found is not None
+        assert lowest_m(small_body, found) == pytest.approx([0.0], abs=0.01)
 
 
 def test_a_walk_stays_as_it_is(walk, small_body):
