@@ -53,7 +53,7 @@ from gmrdata.values.records import PART, Config, Figure
 CameraMotion = Literal["full", "rotation_only"]
 ENOUGH, ONE_FOCAL = 3, 0.01  # starts at least, and how near to each other two end, as a share
 CLEARLY_WORSE = 1.1  # a cost over the best
-FROM_STARTS = 2  # starts that must end at the focal length that is taken
+FROM_STARTS = 2  # starts that end at the focal length that is taken, or the others are held to it
 HOPELESS = 2  # starts after which none is tried if nothing came of any
 MOST_COST: dict[CameraMotion, float] = {"full": np.inf, "rotation_only": 2.0}
 """Above which it is not so: half of the matches are 2.5 px off then, at 4 to 5 for who walks."""
@@ -286,16 +286,17 @@ def _answer(
     config: SelfCalibrationConfig,
 ) -> SelfCalibration:
     """The best fit's lens.  Where others end elsewhere and hardly fit worse, its error has the
-    difference of their lenses.
+    difference of their lenses; that of all others, where only one start leads to it.
 
     `lens_of` gives a fit's lens with its standard errors; None where the frames leave it open.
     """
     ends = sum(_spread([fits[0], fit]) < ONE_FOCAL for fit in fits)
-    if ends < min(FROM_STARTS, len(config.starts)):
+    is_alone = ends < min(FROM_STARTS, len(config.starts))
+    if is_alone and len(fits) < ENOUGH:
         return nothing_found("from each start another focal length is found", tried)
     if (best := lens_of(fits[0])) is None:
         return nothing_found("the frames leave the focal length open", tried)
-    near = [fit for fit in fits if fit.cost < CLEARLY_WORSE * fits[0].cost]
+    near = [fit for fit in fits if is_alone or fit.cost < CLEARLY_WORSE * fits[0].cost]
     elsewhere = [lens_of(fit) for fit in near if _spread([fits[0], fit]) >= ONE_FOCAL]
     apart = [abs(other.log_focal - best.log_focal) for other in elsewhere if other is not None]
     sigma = float(np.hypot(best.sigma, max(apart, default=0.0)))

@@ -493,6 +493,21 @@ def test_what_only_one_start_leads_to_is_not_taken():
     assert again.focal == pytest.approx(0.551) and "only to 9 %" in again.reason
 
 
+def test_what_only_one_start_leads_to_is_held_to_all_the_others():
+    """Who runs through a café: 0.811 of the longer side explains most, four end at 0.795."""
+
+    def lens_of(fit: _Fit) -> _LensFit:
+        return _LensFit(np.log(fit.focal), 0.03, 0.0, 0.01)
+
+    ends = ((0.811, 1.5), (0.795, 1.8), (0.796, 1.8))
+    best, *others = (_Fit(focal, 0.0, cost, 20, None) for focal, cost in ends)
+    found = _answer("full", [], [best, *others], lens_of, CONFIG)
+    assert found.observable
+    assert found.focal_sigma == pytest.approx(np.hypot(0.03, np.log(0.811 / 0.795)))
+    far = others[1]._replace(focal=0.5)
+    assert not _answer("full", [], [best, others[0], far], lens_of, CONFIG).observable
+
+
 def test_another_start_that_fits_nearly_as_well_is_in_the_error():
     """Ten frames of a dance: 1.06 from two starts, 0.70 from three, and only 1.5 % worse."""
 
