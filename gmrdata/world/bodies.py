@@ -15,7 +15,7 @@ from gmrdata.read.systems.entries import AGAIN
 from gmrdata.read.systems.result import read_system
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.body import NEUTRAL, BodyModel, gender_of
+from gmrdata.values.body import NEUTRAL, BodyModel, gender_of, shape_on
 from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile
@@ -289,13 +289,11 @@ def _size_notes(found: EstimatedPeople, body: BodyModel, config: BodiesConfig) -
 
 
 def _size_spread(person: EstimatedPerson, body: BodyModel) -> float:
-    """Standard deviation of the size that frames say, as a share; 0 where they say none.  Of one
-    person, coefficients that vary by 0.1 to 0.5 from frame to frame make 2 % at most."""
+    """Standard deviation of the size that frames say, as a share; 0 where they say none."""
     if person.betas is None or not person.has_betas_of(body.name):
         return 0.0
-    n_shape = min(person.betas.shape[1], body.n_shape)
-    along_m = person.betas[:, :n_shape] @ body.joint_shape_dirs_m[:, 1, :n_shape].T
-    sizes_m = np.ptp(body.joints_template_m[:, 1] + along_m, axis=1)
+    each_m = (body.rest_joints_m(shape_on(body, betas))[:, 1] for betas in person.betas)
+    sizes_m = np.array([np.ptp(up_m) for up_m in each_m])
     return float(sizes_m.std() / sizes_m.mean())
 
 

@@ -123,7 +123,7 @@ class ScaleEstimate:
                 row[1 + cue.person] = -1.0
             weight = (cue.scale / cue.sigma) ** 2
             precision += weight * np.outer(row, row)
-            pull += weight * row * np.log(cue.scale / self.scale) if self.scale > 0 else 0.0
+            pull += weight * row * np.log(cue.scale / self.scale)
         covariance = np.linalg.inv(precision)
         logs = (covariance @ pull)[1:]
         return tuple(

@@ -290,15 +290,19 @@ def _answer(
 
     `lens_of` gives a fit's lens with its standard errors; None where the frames leave it open.
     """
-    ends = sum(_spread([fits[0], fit]) < ONE_FOCAL for fit in fits)
-    is_alone = ends < min(FROM_STARTS, len(config.starts))
+    alike = sum(_spread([fits[0], fit]) < ONE_FOCAL for fit in fits)
+    is_alone = alike < min(FROM_STARTS, len(config.starts))
     if is_alone and len(fits) < ENOUGH:
         return nothing_found("from each start another focal length is found", tried)
     if (best := lens_of(fits[0])) is None:
         return nothing_found("the frames leave the focal length open", tried)
-    near = [fit for fit in fits if is_alone or fit.cost < CLEARLY_WORSE * fits[0].cost]
-    elsewhere = [lens_of(fit) for fit in near if _spread([fits[0], fit]) >= ONE_FOCAL]
-    apart = [abs(other.log_focal - best.log_focal) for other in elsewhere if other is not None]
+    ends = [fits[0]]  # of those that end alike the best stands for all: a lens takes seconds
+    for fit in fits:
+        is_near = is_alone or fit.cost < CLEARLY_WORSE * fits[0].cost
+        if is_near and all(_spread([end, fit]) >= ONE_FOCAL for end in ends):
+            ends.append(fit)
+    others = [other for other in map(lens_of, ends[1:]) if other is not None]
+    apart = [abs(other.log_focal - best.log_focal) for other in others]
     sigma = float(np.hypot(best.sigma, max(apart, default=0.0)))
     reason = ""
     if sigma > config.max_sigma:
@@ -484,7 +488,7 @@ def _lens_of(thin: Any, rolled: Sequence[Any], longer_px: int) -> _LensFit | Non
         return None
     if two is not None:
         apart = abs(two.log_focal - one.log_focal)
-        at_two = _adjusted(thin, "radial", terms=1, focal_px=longer_px * np.exp(two.log_focal))
+        at_two = _adjusted(thin, 1, longer_px * np.exp(two.log_focal))
         one = one._replace(sigma=float(np.hypot(one.sigma, apart)))
         if two.sigma < one.sigma and at_two is not None:
             k1 = float(at_two.lens[1])
@@ -495,12 +499,11 @@ def _lens_of(thin: Any, rolled: Sequence[Any], longer_px: int) -> _LensFit | Non
 
 def _lens_errors(thin: Any, rolled: Sequence[Any], longer_px: int, terms: int) -> _LensFit | None:
     """The lens of a model with none, one or two terms of distortion."""
-    free: FreeIntrinsic = "both" if terms else "focal"
-    whole = _adjusted(thin, free, terms)
+    whole = _adjusted(thin, terms)
     if whole is None:
         return None
-    parts = [_adjusted(part, free, terms) for part in _parts(thin)]
-    moved = [_adjusted(one, free, terms) for one in rolled]
+    parts = [_adjusted(part, terms) for part in _parts(thin)]
+    moved = [_adjusted(one, terms) for one in rolled]
     by_covariance = FREED_NOT_INDEPENDENT * np.sqrt(np.diag(whole.covariance))
     by_chance = np.maximum(by_covariance, _jackknifed(whole, parts))
     sigma, k1_sigma = np.hypot(by_chance, _moved(whole, moved))
@@ -548,11 +551,9 @@ def _moved(whole: _Adjusted, others: Sequence[_Adjusted | None]) -> np.ndarray:
     return np.max([np.zeros(2), *apart], axis=0)
 
 
-def _adjusted(
-    thin: Any, free: FreeIntrinsic, terms: int, focal_px: float | None = None
-) -> _Adjusted | None:
-    """A model's lens, adjusted with up to two terms of distortion, from another focal length if one
-    is given."""
+def _adjusted(thin: Any, terms: int, focal_px: float | None = None) -> _Adjusted | None:
+    """A model's lens, adjusted with up to two terms of distortion; at a focal length if one is
+    given."""
     model = pycolmap.Reconstruction(thin)
     (camera,) = model.cameras.values()
     own_px, cx, cy, k1 = camera.params
@@ -561,13 +562,13 @@ def _adjusted(
     bends = {0: [0.0], 1: [k1], 2: [k1, 0.0]}[terms]
     camera.params = [own_px if focal_px is None else focal_px, cx, cy, *bends]
     images = [i for i in sorted(model.reg_image_ids()) if model.image(i).num_points3D]
+    is_free = np.array([focal_px is None, terms > 0])
+    free: FreeIntrinsic = "radial" if not is_free[0] else "both" if is_free[1] else "focal"
     adjusted = adjust_lens(model, images, free)
     if adjusted is None or not np.isfinite(adjusted.covariance).all():
         return None
-    if free == "radial":
-        return _Adjusted(np.array([np.log(camera.params[0]), camera.params[3]]), np.zeros((2, 2)))
-    n_free, covariance = min(2, len(adjusted.covariance)), np.zeros((2, 2))
-    covariance[:n_free, :n_free] = adjusted.covariance[:n_free, :n_free]
+    n_free, covariance = int(is_free.sum()), np.zeros((2, 2))
+    covariance[np.ix_(is_free, is_free)] = adjusted.covariance[:n_free, :n_free]
     per_px = np.array([1.0 / camera.params[0], 1.0])
     lens = np.array([np.log(camera.params[0]), camera.params[3]])
     return _Adjusted(lens, covariance * np.outer(per_px, per_px))
