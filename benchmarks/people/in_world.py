@@ -21,6 +21,9 @@ from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.level import level_from_world
 
 FORWARD = np.array([1.0, 0.0, 0.0])
+TREADMILL_M = 0.24
+"""How high the man's floor is above that of the room, where z = 0 is if a woman behind him is in
+the world, too: by her feet in two calibrated views, as the landmark network sees them."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,9 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
     joints_m, found_m = _hips_m(clip, body)
     world_from_cam = camera_of(clip).world_from_cam
     before_m = apply(invert(world_from_cam), found_m[:, None])[:, 0]
+    true_m = apply(view.level_from_cam, hips_m)
+    if quality.level is not None and quality.level.remark is not None:
+        true_m = true_m + np.array([0.0, 0.0, TREADMILL_M])
     whole = [(0, len(joints_m))]
     wa_mm = segment_errors_mm(joints_m, truth_m, whole, first_frames=None, scale=True)[0]
     sigmas = load_sigma(solved_dir / FUSED / sigma_file(number))
@@ -66,7 +72,7 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
         scale_off=None,
         floor_m=None,
         **_level(world_from_cam[:1, :3, :3] @ view.up, quality, number),
-        **_places(found_m, apply(view.level_from_cam, hips_m), before_m - hips_m, sigmas),
+        **_places(found_m, true_m, before_m - hips_m, sigmas),
     )
 
 

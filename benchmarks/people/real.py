@@ -18,7 +18,7 @@ from gmrdata.people.local_poses import seen_landmarks
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.frames import read_frames
 from gmrdata.read.models import POSE_LANDMARKS
-from gmrdata.solve.request import FOLLOWED, FRAMES, OWN_POSES, SolveConfig
+from gmrdata.solve.request import FOLLOWED, FRAMES, LINES, OWN_POSES, SolveConfig
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_bytes
@@ -110,7 +110,7 @@ def solved(
     models = data_dir / "models"
     masks = PersonSource(model=models / "yolox_nano.onnx", landmarks=models / POSE_LANDMARKS.name)
     config = SolveConfig(masks=MasksConfig(sources=(masks,)))
-    for made in (BODIES, PSEUDO_GT, FUSED, *([OWN_POSES] if height_m is None else [])):
+    for made in (LINES, BODIES, PSEUDO_GT, FUSED, *([OWN_POSES] if height_m is None else [])):
         shutil.rmtree(out_dir / made, ignore_errors=True)
     if name == DANCE:
         source, lens = _dance_frames(data_dir, out_dir), None

@@ -155,6 +155,9 @@ class WorldErrors:
     scale_share: float = 0.0  # of the cameras' path, as a share
     distance_share: float = 0.0  # of the person's distance from the camera: size and lens
     level_deg: float = 0.0  # of the angle between z and up, both axes together
+    floor_at_m: tuple[float, float] | None = None
+    """x and y of those who say where z = 0 is, where the person may stand on something else; None
+    of who stands on it."""
 
 
 EXACT = WorldErrors()
@@ -168,7 +171,8 @@ def error_bars(
 
     Those of the graph, and what no mean over frames lowers.  A world of a wrong scale is wrong by
     that share of the person's distance from the middle of its path, and of the height over the
-    floor; before the camera, of the distance from it.
+    floor; before the camera, of the distance from it.  On steps and platforms, the height over
+    who stands low has the error of the level in between, and that of how far down one is seen.
     """
     blocks_m2 = poses.place_covariance_m2
     turn_rad2 = np.diagonal(poses.turn_covariance_rad2, axis1=1, axis2=2)
@@ -185,6 +189,11 @@ def error_bars(
     blocks_m2 = blocks_m2 + config.lasting_place_m**2 * np.eye(3)
     whole_m2 = np.diagonal(blocks_m2, axis1=1, axis2=2) + (errors.scale_share * apart_m) ** 2
     whole_m2[:, 2] += (tilt_rad * across_m) ** 2
+    if errors.floor_at_m is not None:
+        apart_m = middle_m[:2] - errors.floor_at_m
+        above_m = clip.camera.centres_world_m[:, 2] - poses.pelvis_m[:, 2]
+        whole_m2[:, 2] += tilt_rad**2 * apart_m @ apart_m
+        whole_m2[:, 2] += (errors.distance_share * np.nan_to_num(above_m)) ** 2
     lasting_rad2 = np.deg2rad(config.slow_turn_deg) ** 2 + tilt_rad**2
     return {
         "place_sigma_m": np.sqrt(whole_m2),

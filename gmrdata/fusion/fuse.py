@@ -250,10 +250,13 @@ def world_errors(quality: PseudoGtQuality | None, number: int = 0) -> WorldError
     if quality is None:
         return EXACT
     away = quality.distance_sigmas[number]
-    level_deg = 0.0 if quality.level is None else quality.level.sigma_deg
+    level = quality.level
+    level_deg = 0.0 if level is None else level.sigma_deg
+    floor_at_m = None if level is None or level.remark is None else level.floor_at_m
     if not quality.scale or quality.scale_sigma is None:
-        return WorldErrors(away, away, level_deg)
-    return WorldErrors(abs(quality.scale_sigma / quality.scale), away, level_deg)
+        return WorldErrors(away, away, level_deg, floor_at_m)
+    share = abs(quality.scale_sigma / quality.scale)
+    return WorldErrors(share, away, level_deg, floor_at_m)
 
 
 def _on_floors(config: FusionConfig, quality: PseudoGtQuality | None) -> FusionConfig:

@@ -173,7 +173,7 @@ def _up_of(motion: Motion, body: BodyModel) -> tuple[np.ndarray, LevelEstimate] 
     ground = [] if plane is None else [plane]
     if feet_up is not None:
         ground.append(UpCue("feet", feet_up, np.eye(3) / FEET_SIGMA_RAD**2))
-    return up_of(balance, ground)
+    return up_of([balance], ground)
 
 
 RECORD_FILE = "infer.json"

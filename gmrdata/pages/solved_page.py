@@ -59,11 +59,18 @@ RECORDS = {
     "bodies": ("bodies.json",),
     "intrinsics": ("intrinsics.json",),
     "sfm": ("quality.json",),
+    "lines": (),
     PSEUDO_GT: ("quality.json",),
     FUSED: ("fusion.json",),
 }
 """What the stages leave for people to read, beside their records."""
-OF_THREEDPW = ("people", "masks", "sfm", PSEUDO_GT)  # those that each of its sequences goes through
+OF_THREEDPW = (
+    "people",
+    "masks",
+    "sfm",
+    "lines",
+    PSEUDO_GT,
+)  # those that each of its sequences goes through
 
 
 class Download(NamedTuple):

@@ -21,9 +21,10 @@ from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.size import heights_of
+from gmrdata.world.vertical_lines import LinesConfig
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
-FOLLOWED, AGAIN, OWN_POSES, BODY = "followed", "again", "own_poses", "body"
+FOLLOWED, AGAIN, OWN_POSES, BODY, LINES = "followed", "again", "own_poses", "body", "lines"
 """The folders of a sequence but for those of people."""
 
 QUICK_SFM = SfmConfig(max_image_size_px=960, max_features=1200, max_orientations=1)
@@ -38,6 +39,7 @@ class SequenceConfig(Config):
     """Masks of what moves; the body's silhouette unless other sources are named, None for a
     sequence in which nothing moves."""
     sfm: SfmConfig = SfmConfig()
+    lines: LinesConfig = LinesConfig()
     pseudo_gt: PseudoGtConfig = PseudoGtConfig()
 
 

@@ -34,6 +34,7 @@ from gmrdata.solve.request import (
     FOLLOWED,
     FRAMES,
     INTRINSICS,
+    LINES,
     MASKS,
     OWN_POSES,
     SFM,
@@ -64,6 +65,7 @@ from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig, save_gravity
+from gmrdata.world.vertical_lines import find_lines
 
 GRAVITY_FILE = "gravity.npz"
 NOBODY_SEEN = "The built-in estimator sees nobody: these are cameras alone"
@@ -107,7 +109,9 @@ def solve(
         solved = _cameras_again(solved)
         solved = _people(solved)
         solved = _world(solved)
-    made: dict[str, object] = {SFM: solved.sfm_dir, PSEUDO_GT: solved.world_dir}
+    made: dict[str, object] = {
+        SFM: solved.sfm_dir, LINES: solved.bodies, PSEUDO_GT: solved.world_dir
+    }  # fmt: skip
     if not isinstance(request.people, GivenPeople):  # whose own files may lie there
         made[BODIES] = solved.bodies
     left = [out_dir / name for name, result in made.items() if not result]
@@ -121,7 +125,7 @@ def _body(request: SolveRequest, out_dir: Path, run: Run) -> Path | None:
     neutral one, whose shapes theirs are."""
     if request.people is None:
         what = "holds people, and now cameras alone are asked for"
-        _drop([out_dir / name for name in (FUSED, PSEUDO_GT, BODIES)], run, what)
+        _drop([out_dir / name for name in (FUSED, PSEUDO_GT, LINES, BODIES)], run, what)
     if not isinstance(request.people, EstimatedPeople):
         return None
     return keep_body(chosen_body(request.people.body), out_dir / BODY, run=run)
@@ -215,17 +219,12 @@ def _lens(solved: Solved) -> Solved:
 
 
 def _cameras(solved: Solved) -> Solved:
-    people, lens = solved.request.people, solved.lens
-    if isinstance(people, GivenPeople):
-        given = camera_of(load_clip(people.files[0].clip_path)).lens
-    else:
-        assert lens is not None
-        given = lens.lens
+    lens = solved.lens
     try:
         sfm_dir = reconstruct(
             solved.frames,
             solved.masks_dir,
-            given,
+            _known_lens(solved),
             solved.out_dir / SFM,
             solved.config.sfm,
             run=solved.run,
@@ -284,10 +283,19 @@ def _people(solved: Solved) -> Solved:
     return replace(solved, bodies=bodies, remarks=(*remarks, *own))
 
 
+def _known_lens(solved: Solved) -> Lens:
+    """What is known of the lens before cameras are; bodies that are given have theirs."""
+    people = solved.request.people
+    if isinstance(people, GivenPeople):
+        return camera_of(load_clip(people.files[0].clip_path)).lens
+    assert solved.lens is not None
+    return solved.lens.lens
+
+
 def _lens_of_frames(solved: Solved) -> Lens:
     """The lens with the distortion that was taken out of the image points."""
-    assert solved.sfm_dir is not None and solved.lens is not None
-    return load_quality(solved.sfm_dir).lens_of(solved.lens.lens)
+    assert solved.sfm_dir is not None
+    return load_quality(solved.sfm_dir).lens_of(_known_lens(solved))
 
 
 def _own_poses(solved: Solved, filmed: Filmed) -> Path | None:
@@ -336,6 +344,7 @@ def _world(solved: Solved) -> Solved:
         dataset_camera_path=given.dataset_camera_path,
         doubts_path=given.doubts_path or _doubts_of(solved),
         gravity_path=solved.gravity_path,
+        lines_dir=_lines(solved),
         seen=_masks_of_people(solved),
         focal_sigma=0.0 if lens is None else lens.focal_sigma,
         size_sigmas=_size_sigmas(solved),
@@ -347,6 +356,19 @@ def _world(solved: Solved) -> Solved:
     except NoReconstruction as error:
         return replace(solved, unsolved=error)
     return replace(solved, world_dir=made)
+
+
+def _lines(solved: Solved) -> Path:
+    """Straight lines of the background."""
+    assert solved.sfm_dir is not None
+    return find_lines(
+        Filmed(solved.frames, _lens_of_frames(solved)),
+        solved.masks_dir,
+        solved.sfm_dir,
+        solved.out_dir / LINES,
+        solved.config.lines,
+        run=solved.run,
+    )
 
 
 def _doubts_of(solved: Solved) -> Path | None:

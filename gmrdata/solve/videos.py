@@ -28,6 +28,7 @@ from gmrdata.solve.request import (
     FOLLOWED,
     FRAMES,
     INTRINSICS,
+    LINES,
     MASKS,
     OWN_POSES,
     SEEN,
@@ -59,7 +60,7 @@ SOLVING = "solving videos"
 FILES, PAGE, OVERLAY = "files", "index.html", "overlay"
 PARTS = (
     FRAMES, FOLLOWED, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES,
-    BODIES, PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
+    LINES, BODIES, PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
 )  # fmt: skip
 """What a video's folder may hold."""
 OwnPoses = Literal["no", "seen", "asked"]

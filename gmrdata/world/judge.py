@@ -40,6 +40,7 @@ from gmrdata.world.recipe import (
     verdict_of,
 )
 from gmrdata.world.scale import NO_SCALE, ScaleEstimate
+from gmrdata.world.vertical_lines import Lines
 
 
 class PseudoGtQuality(Record):
@@ -196,6 +197,7 @@ class SolvedCameras:
     dataset_camera: np.ndarray | None = None
     """(T, 4, 4) metric world_from_cam of the data set; NaN where unknown."""
     up_cam: np.ndarray | None = None  # (T, 3) what a phone felt, in the camera's axes; or NaN
+    lines: Lines | None = None  # of the background
     level: LevelEstimate | None = None  # None before it is known
     distance_sigmas: tuple[float, ...] = ()  # by person, as a share; none for exact ones
 

@@ -9,7 +9,7 @@ stays as steep as it is (a mixture of two normal distributions, of which the lik
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic.dataclasses import dataclass as part
@@ -22,7 +22,7 @@ from gmrdata.values.records import PART, Config, Figure
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
-CueName = Literal["bodies", "gravity", "contacts", "feet", "ground", "picture"]
+CueName = Literal["bodies", "gravity", "lines", "contacts", "feet", "ground", "picture"]
 BALANCE_SIGMA_RAD = np.deg2rad(4.0)
 """Of the direction in which a person's mass is above its feet, along each of two axes: mostly how a
 system sees the body (docs/figures.md).  Where a trunk is upright tells much less."""
@@ -106,19 +106,28 @@ class LevelEstimate(Config):
     cues: tuple[LevelCue, ...]
     soles_above_m: Figure | None
     """How high above z = 0 the highest tenth of standing soles stand; null where none stands."""
+    floor_at_m: tuple[Figure, Figure] | None
+    """x and y of the middle of the soles that say where z = 0 is; null where nobody noted it."""
 
-    def with_soles(self, heights_m: np.ndarray) -> "LevelEstimate":
-        """The same of a world with standing soles (N,) that high above the floor."""
+    def with_soles(
+        self, heights_m: np.ndarray, on_floor_m: np.ndarray | None = None
+    ) -> "LevelEstimate":
+        """The same of a world with standing soles (N,) that high above the floor, and with soles
+        (M, 3) that say where it is."""
         high = 100.0 - LOW_PERCENTILE
         above_m = float(np.percentile(heights_m, high)) if len(heights_m) else None
-        return LevelEstimate(sigma_deg=self.sigma_deg, cues=self.cues, soles_above_m=above_m)
+        at_m = None if on_floor_m is None else tuple(np.median(on_floor_m, axis=0)[:2].tolist())
+        return self._with(soles_above_m=above_m, floor_at_m=at_m)
 
     def beside_picture(self, apart_deg: float) -> "LevelEstimate":
         """The same of a world of which the picture's up is that far off: who knows which is up."""
         sigma_deg = _angle_deg(UNSURE_RAD**2 * np.eye(2))
         said = LevelCue(name="picture", apart_deg=apart_deg, sigma_deg=sigma_deg, used=False)
-        cues = (*self.cues, said)
-        return LevelEstimate(sigma_deg=sigma_deg, cues=cues, soles_above_m=self.soles_above_m)
+        return self._with(sigma_deg=sigma_deg, cues=(*self.cues, said))
+
+    def _with(self, **figures: Any) -> "LevelEstimate":
+        """The same with other figures, rounded as all are."""
+        return LevelEstimate(**dict(self) | figures)
 
     @property
     def tipped(self) -> str | None:
@@ -296,12 +305,11 @@ def gravity_cue(world_from_cam: np.ndarray, up_cam: np.ndarray) -> UpCue | None:
     return UpCue("gravity", up, np.eye(3) / (GRAVITY_SIGMA_RAD**2 + spread_rad2))
 
 
-def up_of(
-    bodies: UpCue, ground: Sequence[UpCue], gravity: UpCue | None = None
-) -> tuple[np.ndarray, LevelEstimate]:
-    """Up (3,), of bodies, of what a phone felt and of cues of the ground, and how sure that is."""
-    steady = [bodies] if gravity is None else [gravity, bodies]
-    base = steady[0].up
+def up_of(steady: Sequence[UpCue], ground: Sequence[UpCue]) -> tuple[np.ndarray, LevelEstimate]:
+    """Up (3,), of cues that tell it anywhere, as bodies, lines and what a phone felt, and of cues
+    of the ground, and how sure that is."""
+    # The second of three, since along its own direction a cue may tell nothing.
+    base = max(steady, key=lambda cue: float(np.linalg.eigvalsh(cue.precision)[1])).up
     tilts, precisions = zip(*(cue.near(base) for cue in (*steady, *ground)), strict=True)
     pulls = [p @ t for p, t in zip(precisions, tilts, strict=True)]
     n, none = len(steady), np.zeros((2, 2))
@@ -321,7 +329,8 @@ def up_of(
         )
         for number, (cue, p) in enumerate(zip((*steady, *ground), precisions, strict=True))
     )
-    return up, LevelEstimate(sigma_deg=_angle_deg(covariance), cues=cues, soles_above_m=None)
+    sigma_deg = _angle_deg(covariance)
+    return up, LevelEstimate(sigma_deg=sigma_deg, cues=cues, soles_above_m=None, floor_at_m=None)
 
 
 def _may_be_level(of_ground: np.ndarray, pull: np.ndarray, own: np.ndarray) -> bool:

@@ -12,6 +12,7 @@ from gmrdata.cameras.frames import cuts_in_words
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
+from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, clip_on_body, load_clip, rows_of_numbers, save_clip
@@ -54,6 +55,7 @@ from gmrdata.world.recipe import (
 )
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, with_focal_error
 from gmrdata.world.size import of_size
+from gmrdata.world.vertical_lines import line_cue, load_lines
 
 LEAST_GROWTH = 1e-3  # change of size, as a share, that is worth another body
 GROUND_HEIGHT_SIGMA_M = 0.01  # of the plane of reconstructed points
@@ -73,6 +75,8 @@ class WorldEvidence:
     """A `Doubts` record: why the data set itself does not vouch for frames."""
     gravity_path: Path | None = None
     """By `save_gravity`: what the camera's own sensors felt as up."""
+    lines_dir: Path | None = None
+    """By `find_lines`: straight lines of the background."""
     seen: PeopleMasks | None = None
     """Masks of the people that were made without the bodies, which must lie on them; None where
     there are none, and nothing is said of it."""
@@ -87,6 +91,7 @@ class WorldEvidence:
         optional = {
             "dataset_camera": self.dataset_camera_path,
             "gravity": self.gravity_path,
+            "lines": self.lines_dir,
             "doubts": self.doubts_path,
             "people_masks": None if self.seen is None else self.seen.masks_dir,
             "followed": None if self.seen is None else self.seen.followed_dir,
@@ -190,6 +195,7 @@ def _solved_cameras(evidence: WorldEvidence, clips: Sequence[Clip]) -> SolvedCam
         rows=rows,
         dataset_camera=of_frames(load_dataset_camera, evidence.dataset_camera_path, "cameras"),
         up_cam=of_frames(load_gravity, evidence.gravity_path, "directions"),
+        lines=None if evidence.lines_dir is None else load_lines(evidence.lines_dir),
     )
 
 
@@ -342,16 +348,20 @@ def _level(
         unsure = replace(upright, precision=np.eye(3) / UNSURE_RAD**2) if tipped else upright
         felt = _felt(metric, unsure)
         upright = upright if felt is None else unsure
-    up, level = up_of(upright, [cue for cue in cues if cue is not None], felt)
+    steady = [felt, upright]
+    # Beside who lies, lines of the floor would tell up as well as vertical ones.
+    if metric.lines is not None and not (tipped and felt is None):
+        steady.append(line_cue(metric.lines, felt or upright))
+    up, level = up_of(*([one for one in of if one is not None] for of in (steady, cues)))
     if tipped and felt is None:
         level = level.beside_picture(float(np.rad2deg(apart_rad)))
-    floor_m = _floor_m(soles_on_floor_m(feet_m, np.concatenate(of_all_m), up), up, plane, config)
+    lowest_m = soles_on_floor_m(feet_m, np.concatenate(of_all_m), up)
+    floor_m = _floor_m(lowest_m, up, plane, config)
     first = np.any(usable, axis=0).argmax()
     pelvis_m = next(motion.pelvis_m[0] for _, motion, _ in known)
-    return (
-        level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2]),
-        level.with_soles(feet_m @ up - floor_m),
-    )
+    levelled = level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2])
+    on_floor_m = transforms.apply(levelled, lowest_m)
+    return levelled, level.with_soles(feet_m @ up - floor_m, on_floor_m)
 
 
 def _felt(metric: SolvedCameras, upright: UpCue) -> UpCue | None:

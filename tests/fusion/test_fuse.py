@@ -253,11 +253,32 @@ def test_nobody_is_pulled_down_from_a_platform(video, clip, monkeypatch):
     video.save(replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m)))
     off_m = []
     for above_m in (0.1, 0.3):
-        video.write_quality(level=LevelEstimate(sigma_deg=1.0, cues=(), soles_above_m=above_m))
+        video.write_quality(level=levelled(1.0, above_m))
         made = video.fuse(f"{above_m}", config=FuseConfig(fusion=OWN_FUSION))
         found_m = load_clip(made / "person_0.npz").motion.pelvis_m
         off_m.append(np.abs(found_m - pelvis_m)[:, 2].max())
     assert off_m[0] > 0.05 and off_m[1] < 0.01
+
+
+def levelled(
+    sigma_deg: float, above_m: float, floor_at_m: tuple[float, float] | None = None
+) -> LevelEstimate:
+    """How level a world is whose people stand so far above its floor."""
+    figures = {"sigma_deg": sigma_deg, "soles_above_m": above_m, "floor_at_m": floor_at_m}
+    return LevelEstimate(cues=(), **figures)
+
+
+@pytest.mark.parametrize(("above_m", "grows"), [(0.1, False), (0.3, True)])
+def test_heights_over_who_stands_lower_and_far_away_err_by_the_level(video, above_m, grows):
+    """A man on a treadmill, and a woman on the floor 4 m behind him, who says where that is."""
+    sigmas_m = []
+    for name, at_m in (("near", None), ("far", (0.9, 1.2))):
+        video.write_quality(level=levelled(3.0, above_m, at_m))
+        made = video.fuse(name, config=FuseConfig(fusion=OWN_FUSION))
+        sigmas_m.append(load_sigma(made / "sigma_0.npz")["place_sigma_m"])
+    more_m2 = (sigmas_m[1] ** 2 - sigmas_m[0] ** 2)[:, 2]
+    np.testing.assert_allclose(sigmas_m[0][:, :2], sigmas_m[1][:, :2])
+    assert (more_m2.min() > np.deg2rad(3.0) ** 2 / 2 * 2.0**2) if grows else not more_m2.any()
 
 
 def sees_truth(monkeypatch: pytest.MonkeyPatch, truth: Motion) -> None:

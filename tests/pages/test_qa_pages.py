@@ -43,7 +43,7 @@ def test_the_index_leads_to_every_page_and_they_to_the_records(made_set):
         page = Page(path)
         assert all(file.is_file() for file in page.files)
         stages = {file.parent.name for file in page.files if file.name == "stage.json"}
-        assert stages == {"people", "masks", "sfm", "pseudo_gt"}
+        assert stages == {"people", "masks", "sfm", "lines", "pseudo_gt"}
         assert page.files[0] == made_set / "index.html"
         assert page.tags.count("img") == 6 and page.tags.count("svg") == (4 if "arc" in name else 3)
         assert "can’t be" not in page.words

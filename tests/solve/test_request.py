@@ -197,6 +197,7 @@ def test_clips_are_let_go_of_before_their_world_is_made(small_body, tmp_path, mo
         raise NoReconstruction("none is made here")
 
     monkeypatch.setattr(solving, "load_clip", load)
+    monkeypatch.setattr(solving, "_lines", lambda solved: solved.out_dir)
     monkeypatch.setattr(solving, "make_pseudo_gt", make)
     people = GivenPeople((PersonFiles(path, tmp_path / "body.npz"),))
     frames, config = frame_set(np.arange(n), (64, 48), 30.0), SolveConfig(masks=None)

@@ -58,9 +58,9 @@ def test_without_ground_up_is_where_a_persons_mass_is_above_its_feet(small_body,
     motion = standing_still(small_body, 240)
     if kind != "stand":
         motion = make_gait(kind, 8.0, 30.0, small_body, np.random.default_rng(0))
-    up, level = up_of(body_cue([small_body], [motion]), [])
+    up, level = up_of([body_cue([small_body], [motion])], [])
     assert angles_deg(up, UP) < 2 * level.sigma_deg  # the rest pose stands on its heels
-    leant, _ = up_of(body_cue([small_body], [turned(motion, 7.0)]), [])
+    leant, _ = up_of([body_cue([small_body], [turned(motion, 7.0)])], [])
     assert np.allclose(leant, _turn(7.0) @ up)
     assert 5.6 < level.sigma_deg < 7.5
     assert [(one.name, one.used) for one in level.cues] == [("bodies", True)]
@@ -75,7 +75,7 @@ def standing_still(body: BodyModel, n: int) -> Motion:
 
 def test_who_sits_tells_up_by_the_trunk(small_body):
     sitting = posed(small_body, trunk=0, hip=-100, knee=130, ankle=0)
-    up, level = up_of(body_cue([small_body], [sitting]), [])
+    up, level = up_of([body_cue([small_body], [sitting])], [])
     assert angles_deg(up, UP) < 10.0 and level.sigma_deg == pytest.approx(12 * np.sqrt(2), rel=1e-2)
 
 
@@ -95,7 +95,7 @@ def test_who_is_seen_now_and_then_stood_between(small_body):
     motion = make_gait("walk", 8.0, 30.0, small_body, np.random.default_rng(0))
     frames = np.arange(0, motion.n_frames, 6)
     cue = body_cue([small_body], [motion.take(frames)], [frames])
-    up, level = up_of(cue, [])
+    up, level = up_of([cue], [])
     assert angles_deg(up, UP) < 3.0 and 9.0 < level.sigma_deg < 11.0
 
 
@@ -123,7 +123,7 @@ def test_who_sits_high_or_with_straight_legs_tells_up_by_the_trunk_too(anny, nam
     """Their mass is as far from the feet as of one who crouches, and was taken for up: it is 25 to
     80 degrees off, and 5.7 were told."""
     trunk_deg, *legs = SITTING[name]
-    up, level = up_of(body_cue([anny], [posed(anny, trunk_deg, *legs)]), [])
+    up, level = up_of([body_cue([anny], [posed(anny, trunk_deg, *legs)])], [])
     assert angles_deg(up, leaning(trunk_deg)) < 0.5
     assert level.sigma_deg == pytest.approx(12 * np.sqrt(2), rel=1e-2)
 
@@ -131,14 +131,14 @@ def test_who_sits_high_or_with_straight_legs_tells_up_by_the_trunk_too(anny, nam
 @pytest.mark.parametrize("pose", [(0, 0, 0, 0), (40, -90, 80, -30), (30, -75, 70, -25)])
 def test_who_stands_or_crouches_tells_up_by_the_mass_over_the_soles(anny, pose):
     """Whose trunk may lean by 40 degrees."""
-    up, level = up_of(body_cue([anny], [posed(anny, *pose)]), [])
+    up, level = up_of([body_cue([anny], [posed(anny, *pose)])], [])
     assert angles_deg(up, UP) < 5.7
     assert level.sigma_deg == pytest.approx(4 * np.sqrt(2), rel=1e-2)
 
 
 def test_two_people_tell_more_than_one_and_share_what_their_system_errs(small_body):
     motion = standing_still(small_body, 300)
-    one, two = (up_of(body_cue([small_body] * n, [motion] * n), [])[1] for n in (1, 2))
+    one, two = (up_of([body_cue([small_body] * n, [motion] * n)], [])[1] for n in (1, 2))
     assert two.sigma_deg == pytest.approx(np.sqrt(0.75) * one.sigma_deg, rel=1e-3)
 
 
@@ -149,7 +149,7 @@ def contact_of(soles_m: np.ndarray, stances: int, up: np.ndarray, sigma_m: float
 
 
 def test_soles_all_round_correct_leaning_bodies():
-    up, level = up_of(bodies_that_lean(6.0), [contact_of(square_m(), 60, leaning(6.0), 0.02)])
+    up, level = up_of([bodies_that_lean(6.0)], [contact_of(square_m(), 60, leaning(6.0), 0.02)])
     assert angles_deg(up, UP) < 0.3 and level.sigma_deg < 0.5
 
 
@@ -171,25 +171,25 @@ def on_one_spot(body: BodyModel, degrees: float) -> tuple[np.ndarray, UpCue]:
 def test_soles_on_one_spot_lean_as_the_body_does(anny):
     """A minute of exercises said its level to 1.5 degrees, and was 5 off as the body."""
     soles_m, bodies = on_one_spot(anny, -5.0)
-    up, level = up_of(bodies, [contact_cue([soles_m], 100, bodies.up, 0.02)])
+    up, level = up_of([bodies], [contact_cue([soles_m], 100, bodies.up, 0.02)])
     assert level.sigma_deg >= 4.0 and 3.0 < angles_deg(up, UP) < 2 * level.sigma_deg
     # Along a way of 4 m they tell well, and across it as on the spot.
     way_m = np.linspace(-2, 2, len(soles_m))[:, None] * [0.6, 0.8, 0.0]
-    _, level = up_of(bodies, [contact_cue([soles_m + way_m], 100, bodies.up, 0.02)])
+    _, level = up_of([bodies], [contact_cue([soles_m + way_m], 100, bodies.up, 0.02)])
     assert level.sigma_deg == pytest.approx(4 / np.sqrt(2), rel=0.02)
 
 
 def test_soles_along_a_line_correct_the_tilt_along_it_only():
     line_m = np.column_stack([np.zeros(30), np.linspace(0, 4, 30), np.zeros(30)])
     for soles_m, left_deg in ((line_m, 0.0), (line_m[:, [1, 0, 2]], 6.0)):
-        up, _ = up_of(bodies_that_lean(6.0), [contact_of(soles_m, 30, leaning(6.0), 0.02)])
+        up, _ = up_of([bodies_that_lean(6.0)], [contact_of(soles_m, 30, leaning(6.0), 0.02)])
         assert angles_deg(up, leaning(left_deg)) < 0.2
 
 
 def test_people_of_other_sizes_on_planes_of_their_own_tilt_nothing():
     """A woman behind a man seemed to stand on another floor: the world tilted by 2 degrees."""
     one_m, behind_m = square_m(), square_m() + np.array([0.0, 4.0, 0.2])
-    up, _ = up_of(bodies_that_lean(0.0), [contact_cue([one_m, behind_m], 60, UP, 0.02)])
+    up, _ = up_of([bodies_that_lean(0.0)], [contact_cue([one_m, behind_m], 60, UP, 0.02)])
     assert angles_deg(up, UP) < 0.1
 
 
@@ -220,7 +220,7 @@ def on_steps_m(*heights_m: float) -> np.ndarray:
 )
 def test_no_sole_that_stands_is_far_below_the_floor(heights_m, floor_m):
     soles_m = on_steps_m(*heights_m)
-    level = up_of(BODIES, [])[1]
+    level = up_of([BODIES], [])[1]
     for up, unit in ((UP, soles_m), (-UP, -soles_m)):
         found_m = float(np.median(soles_on_floor_m(unit, unit[:, None], up) @ up))
         assert found_m == pytest.approx(floor_m, abs=0.02)
@@ -245,7 +245,7 @@ def test_where_no_foot_stands_the_floor_is_where_soles_come_lowest():
 def test_a_ground_that_is_steep_stays_as_it_is(slope_deg, level):
     """What bodies may lean by is taken for level; a slope and stairs are not made so."""
     ground = ground_cue(leaning(slope_deg), square_m(400) @ _turn(slope_deg).T, 0.01)
-    up, found = up_of(BODIES, [ground])
+    up, found = up_of([BODIES], [ground])
     assert angles_deg(up, leaning(slope_deg) if level else UP) < 0.5
     assert found.cues[1].used == level
     assert found.sigma_deg == pytest.approx(0.98 if level else 4 * np.sqrt(2), rel=0.05)
@@ -288,7 +288,7 @@ def felt(up: np.ndarray, sigma_deg: float = 0.0, n: int = 40) -> UpCue:
 def test_gravity_levels_leaning_bodies_also_on_a_slope():
     slope = ground_cue(leaning(18), square_m(400) @ _turn(18).T, 0.01)
     for ground in ([], [slope]):
-        up, level = up_of(bodies_that_lean(6.0), ground, felt(UP))
+        up, level = up_of([felt(UP), bodies_that_lean(6.0)], ground)
         assert angles_deg(up, UP) < 0.1 and level.sigma_deg == pytest.approx(0.70, abs=0.02)
         assert [(one.name, one.used) for one in level.cues][:2] == [
             ("gravity", True), ("bodies", True),
@@ -298,7 +298,7 @@ def test_gravity_levels_leaning_bodies_also_on_a_slope():
 
 def test_gravity_and_a_level_ground_share_what_they_err_by():
     ground = ground_cue(leaning(1.0), square_m(400) @ _turn(1.0).T, 0.01)
-    up, level = up_of(BODIES, [ground], felt(UP))
+    up, level = up_of([felt(UP), BODIES], [ground])
     assert 0.2 < angles_deg(up, UP) < 0.5 and level.cues[2].used
     assert level.sigma_deg < 0.6
 

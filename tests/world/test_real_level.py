@@ -36,7 +36,7 @@ def seen(name: str, numbers: dict[str, np.ndarray], body: BodyModel) -> Motion:
 def test_masses_above_feet_tell_up_where_trunks_lean(name, trunk_deg, most_deg, numbers, anny):
     motion, true = seen(name, numbers, anny), numbers[f"{name}_up"]
     assert angles_deg(motion.root_rotmats[:, :, 1].mean(axis=0), true) > trunk_deg
-    up, level = up_of(body_cue([anny], [motion]), [])
+    up, level = up_of([body_cue([anny], [motion])], [])
     assert angles_deg(up, true) < min(most_deg, 2 * level.sigma_deg)
 
 
@@ -47,6 +47,6 @@ def test_the_dancers_floor_levels_the_world(numbers, anny):
     bodies = body_cue([anny], [motion])
     plane = ground_plane(numbers["dancer_points_m"], feet_m, bodies.up, 1.0, config)
     assert plane is not None
-    up, level = up_of(bodies, [ground_cue(plane.normal, plane.points, plane.rms)])
+    up, level = up_of([bodies], [ground_cue(plane.normal, plane.points, plane.rms)])
     assert angles_deg(up, numbers["dancer_up"]) < 1.5
     assert level.sigma_deg < 1.5 and all(cue.used for cue in level.cues)

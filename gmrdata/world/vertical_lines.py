@@ -1,0 +1,255 @@
+"""Stage: straight lines of the background.  Most of the steep ones, as edges of walls, doors,
+shelves and poles, are vertical, so where they meet (the vertical vanishing point) tells up.
+
+Lines are found by LSD (von Gioi et al. 2010), in OpenCV.  Which way is up is a posterior over
+directions about that of bodies: each line is vertical, or one of any others (a mixture).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmrdata.cameras.files import load_cameras
+from gmrdata.cameras.frames import Frames
+from gmrdata.stage.jobs import in_threads
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
+from gmrdata.values.camera import Lens, straightened
+from gmrdata.values.clip import rows_of_numbers
+from gmrdata.values.files import write_npz
+from gmrdata.values.frame_set import Filmed
+from gmrdata.values.records import ArrayShapes, Config, read_arrays
+from gmrdata.world.level import UpCue, across
+
+LINES_FILE = "lines.npz"
+_FORMAT = "gmrdata-lines/1"
+_SHAPES: ArrayShapes = {
+    "ends": ("f", ("N", 2, 2)), "ends_sigma": ("f", ()), "rotmats": ("f", ("N", 3, 3)),
+    "radial": ("f", (2,)), "lens_sigmas": ("f", (2,)),
+}  # fmt: skip
+
+SLANT_SIGMA_RAD = np.deg2rad(0.7)  # of a vertical line from up
+VERTICAL_SHARE = 0.3  # of the lines
+TOLD_SHARE = 0.5
+"""Of what a line would tell if it was built and seen on its own: a door has two sides."""
+SAME_LINE_RAD = np.deg2rad(1.0)  # a line seen again, and the other edge of a pole
+MOST_LINES = 400  # the longest
+LINES_SIGMA_RAD = np.deg2rad(1.0)
+"""Of all lines of a place together, along each axis: poles and planks lean alike."""
+REACH_SIGMAS, MOST_REACH_RAD = 3.0, np.deg2rad(30.0)  # from the other cue's up
+STEP_RAD = np.deg2rad(0.5)
+LEAST_SIGMA_RAD = np.deg2rad(15.0)  # of a tilt of which lines tell nothing
+ASSUMED_K1_SIGMA = 0.1  # of a lens whose distortion nobody knows
+NODES = ((0.0, 2 / 3), (-(3**0.5), 1 / 6), (3**0.5, 1 / 6))
+"""Of a normal distribution, in standard errors, and their weights (Gauss-Hermite)."""
+BORDER_PX, BAR_SPREAD = 8, 3.0  # about the picture; grey levels of a column in a bar (sd)
+PARTS = 5  # of the lines, each of which is left out once (a jackknife)
+CERTAIN = ((0.0, 1.0),)
+LEAST_FOCAL = 0.5  # over the given one
+
+
+class LinesConfig(Config):
+    """Which lines are found."""
+
+    frames: int = 16
+    """In so many pictures with a camera, evenly over the sequence."""
+    longest_px: int = 1280
+    """Larger pictures are made smaller."""
+    shortest_share: float = 0.03
+    """Length of a line, as a share of the picture's diagonal."""
+    end_px: float = 1.5
+    """Standard error of a line's end across it, in the picture that is looked at [px]."""
+
+
+class _LinesRecipe(Config):
+    """What the stage's record holds: the recipe, and the lens with its errors."""
+
+    lines: LinesConfig
+    lens: Lens
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Straight lines of the background, in pictures of a reconstruction."""
+
+    ends: np.ndarray  # (N, 2, 2) as the lens shows them, in focal lengths from its middle
+    ends_sigma: float  # standard error of an end across its line
+    rotmats: np.ndarray  # (N, 3, 3) world_from_cam of each one's picture
+    radial: tuple[float, float]  # k1 and k2 of the lens
+    lens_sigmas: tuple[float, float]  # errors of its focal length, as a share of it, and of k1
+
+
+def find_lines(
+    filmed: Filmed,
+    masks_dir: Path | None,
+    sfm_dir: Path,
+    out_dir: Path,
+    config: LinesConfig,
+    *,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Make `out_dir` with `lines.npz`: lines outside of masks, in pictures that have a camera.
+
+    Raises:
+        BadFrames: a frame or a mask is missing, or is no image of the frames' size.
+        BadRecord: the cameras are of another version.
+    """
+    frames, lens = filmed
+
+    def work(partial: Path) -> None:
+        cameras = load_cameras(sfm_dir)
+        known = np.flatnonzero(cameras.path.has_camera)
+        some = np.linspace(0, len(known) - 1, min(len(known), config.frames)).round().astype(int)
+        rows = rows_of_numbers(frames.numbers, cameras.image_numbers[known[some]])
+        given = Frames(list(frames.paths), masks_dir, lens.matrix_px, frames.size_px).some(rows)
+        rotmats = cameras.path.world_from_cam[known[some], :3, :3]
+        shrink = min(1.0, config.longest_px / max(frames.size_px))
+        found = in_threads(lambda image: _ends_px(given, image, shrink, config), given.images)
+        ends_px = np.concatenate([np.zeros((0, 2, 2)), *found])
+        arrays: dict[str, ArrayLike] = {
+            "format": _FORMAT,
+            "ends": (ends_px - lens.centre_px) / lens.focal_px,
+            "ends_sigma": np.array(config.end_px / shrink / min(lens.focal_px)),
+            "rotmats": np.repeat(rotmats, list(map(len, found)), axis=0),
+            "radial": np.array(lens.radial, dtype=np.float64),
+            "lens_sigmas": np.array(_lens_sigmas(lens), dtype=np.float64),
+        }
+        write_npz(partial / LINES_FILE, arrays)
+
+    inputs = {"images": frames.folder, "sfm": sfm_dir}
+    inputs |= {} if masks_dir is None else {"masks": masks_dir}
+    recipe = _LinesRecipe(lines=config, lens=lens)
+    return run_stage("lines", out_dir, recipe, inputs, work, run=run)
+
+
+def load_lines(lines_dir: Path) -> Lines:
+    """Read them; BadRecord for those of another version, BadMotionFile for a broken file."""
+    arrays = read_arrays(lines_dir / LINES_FILE, _FORMAT, _SHAPES)
+    radial, sigmas = (tuple(arrays[key].tolist()) for key in ("radial", "lens_sigmas"))
+    ends_sigma = float(arrays["ends_sigma"])
+    return Lines(arrays["ends"], ends_sigma, arrays["rotmats"], radial, sigmas)
+
+
+def _lens_sigmas(lens: Lens) -> tuple[float, float]:
+    assumed = lens.radial_from.source == "prior" and not lens.radial_from.sigma
+    k1_sigma = ASSUMED_K1_SIGMA if assumed else lens.radial_from.sigma or 0.0
+    return lens.focal_from.sigma or 0.0, k1_sigma
+
+
+def _ends_px(frames: Frames, image: Path, shrink: float, config: LinesConfig) -> np.ndarray:
+    """Ends (N, 2, 2) of a picture's lines that are not masked."""
+    import cv2
+
+    gray, background = frames.read(image, shrink)
+    found = cv2.createLineSegmentDetector().detect(gray)[0]
+    # It counts from the middle of the first pixel.
+    ends = np.zeros((0, 2, 2)) if found is None else found.reshape(-1, 2, 2).astype(float) + 0.5
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    ends = ends[lengths > config.shortest_share * np.hypot(*gray.shape)]
+    ends = ends[~_on_border(ends, gray)]
+    shares = np.linspace(0, 1, 9)[:, None, None]
+    along = ends[:, 0] + shares * (ends[:, 1] - ends[:, 0])
+    x, y = np.moveaxis(np.clip(along.astype(int), 0, np.array(gray.shape)[::-1] - 1), -1, 0)
+    return np.asarray(ends[background[y, x].mean(axis=0) > 0.7] / shrink)
+
+
+def _on_border(ends: np.ndarray, gray: np.ndarray) -> np.ndarray:
+    """(N,) bool: lines (N, 2, 2) along a side of a picture (h, w), or of bars about it: these are
+    no lines of the place."""
+    shown = (np.flatnonzero(gray.std(axis=axis) > BAR_SPREAD) for axis in (0, 1))
+    low, high = np.array([(at[0], at[-1] + 1) if len(at) else (0, 0) for at in shown]).T
+    along = np.all((ends < low + BORDER_PX) | (ends > high - BORDER_PX), axis=1)
+    return np.asarray(np.any(along, axis=1))
+
+
+def line_cue(lines: Lines, about: UpCue) -> UpCue | None:
+    """What lines tell of up near what another cue says; None where they tell nothing.
+
+    The lens may be off by its errors, of which lines tell too: vertical ones are straight, and meet
+    in one point.
+    """
+    normals, angles_rad = _planes(lines)
+    kept = _apart(normals, angles_rad)
+    if not len(kept):
+        return None
+    lines = replace(lines, ends=lines.ends[kept], rotmats=lines.rotmats[kept])
+    axes = across(about.up)
+    own = axes @ about.precision @ axes.T
+    tilts = _tilts(own)
+    ups = about.up + np.tan(tilts) @ axes
+    ups /= np.linalg.norm(ups, axis=1, keepdims=True)
+    asked = -0.5 * np.einsum("nk,kl,nl->n", tilts, own, tilts)
+    sigmas = np.hypot(SLANT_SIGMA_RAD, lines.ends_sigma / angles_rad[kept])
+    # All lines, and all but each fifth of them: what hangs on one or two is none of a place.
+    parts = 1.0 - (np.arange(len(kept))[:, None] % PARTS == np.arange(-1, PARTS))
+    chances = []
+    for one, weight in _as_lens_errs(lines):
+        off = ups @ _planes(one)[0].T / sigmas
+        vertical = np.sqrt(2 / np.pi) / sigmas * np.exp(-0.5 * off**2)
+        told = TOLD_SHARE * np.log1p(VERTICAL_SHARE * (vertical - 1)) @ parts
+        # There may be none that stand, as in a forest.
+        chances.append(np.log(weight) + np.logaddexp(0.0, told) + asked[:, None])
+    weights = np.exp(np.array(chances) - np.max(chances, axis=(0, 1))).sum(axis=0)
+    mean, *others = (weights / weights.sum(axis=0)).T @ tilts
+    apart = tilts - mean
+    spread = apart.T @ (apart * weights[:, :1]) / weights[:, 0].sum() + STEP_RAD**2 / 12 * np.eye(2)
+    moved = np.array(others) - np.mean(others, axis=0)
+    return _without(about, own, mean, spread + (PARTS - 1) / PARTS * moved.T @ moved)
+
+
+def _tilts(precision: np.ndarray) -> np.ndarray:
+    """A grid of tilts (M, 2) as far as a cue of that precision (2, 2) may be off."""
+    reach_rad = min(MOST_REACH_RAD, REACH_SIGMAS * float(np.trace(precision) / 2) ** -0.5)
+    most = int(np.ceil(reach_rad / STEP_RAD))
+    steps = STEP_RAD * np.arange(-most, most + 1)
+    return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+
+
+def _without(about: UpCue, own: np.ndarray, mean: np.ndarray, spread: np.ndarray) -> UpCue | None:
+    """What lines alone tell, of a posterior's mean tilt (2,) and covariance (2, 2) to which another
+    cue gave its own precision (2, 2)."""
+    whole = np.linalg.inv(spread)
+    told, along = np.linalg.eigh(whole - own)
+    tells = told > LEAST_SIGMA_RAD**-2
+    if not tells.any():
+        return None
+    told = np.where(tells, told, 1.0)
+    tilt = along @ np.where(tells, along.T @ (whole @ mean) / told, 0.0)
+    sure = np.where(tells, 1 / (1 / told + LINES_SIGMA_RAD**2), 0.0)
+    axes = across(about.up)
+    up = about.up + tilt @ axes
+    return UpCue("lines", up / np.linalg.norm(up), axes.T @ (along * sure) @ along.T @ axes)
+
+
+def _planes(lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (N, 3) in the world of the planes through the camera and each line, and the
+    angles (N,) that lines span [rad]."""
+    rays = straightened(lines.ends, *lines.radial)
+    rays = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    normals = np.cross(rays[:, 0], rays[:, 1])
+    sines = np.clip(np.linalg.norm(normals, axis=1), 1e-9, 1.0)
+    return np.einsum("nij,nj->ni", lines.rotmats, normals / sines[:, None]), np.arcsin(sines)
+
+
+def _apart(normals: np.ndarray, angles_rad: np.ndarray) -> np.ndarray:
+    """Rows of the longest lines of which no two are in one plane."""
+    kept: list[int] = []
+    for row in np.argsort(-angles_rad, kind="stable").tolist():
+        alike = np.abs(normals[kept] @ normals[row]).max(initial=0.0)
+        if alike < np.cos(SAME_LINE_RAD) and len(kept) < MOST_LINES:
+            kept.append(row)
+    return np.array(kept, dtype=np.int64)
+
+
+def _as_lens_errs(lines: Lines) -> Iterator[tuple[Lines, float]]:
+    """The lines as lenses show them that are off by the lens's errors, and how likely those are."""
+    focal_sigma, k1_sigma = lines.lens_sigmas
+    for focal, focal_weight in NODES if focal_sigma else CERTAIN:
+        for k1, k1_weight in NODES if k1_sigma else CERTAIN:
+            radial = lines.radial[0] + k1 * k1_sigma, lines.radial[1]
+            ends = lines.ends / max(LEAST_FOCAL, 1 + focal * focal_sigma)
+            yield replace(lines, ends=ends, radial=radial), focal_weight * k1_weight
