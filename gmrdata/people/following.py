@@ -66,6 +66,10 @@ SIGHTINGS_FORMAT = "gmrdata-sightings/1"
 MOST_NAMED = 3  # people in one line; of a crowd the record has the rest
 CLOSER, TOUCHING = 0.85, 0.05
 """Side of a crop that shows less of other people, and overlap of boxes from which they may mix."""
+WIDE = 0.9
+"""Width of a box over its height, from which somebody may lie or bend down: 0.3 to 0.7 of people
+who stand or stride, also with arms stretched out, 1.2 and more of who sits on a floor or lies."""
+TURNS_DEG = (0.0, -45.0, 45.0, -90.0, 90.0)  # of crops in which such a one is looked for
 HUES, SATURATIONS = 8, 4
 """Bins of the colours by which a person is known again."""
 
@@ -343,18 +347,48 @@ class _Follower:
         for box_px in self.detections[row].boxes_px:
             if self._is_met(box_px, row):
                 continue
-            crop = crop_around(box_px)
-            person = self.look(image, crop)
-            if person.score >= self.config.min_score:
-                # Seen in the crop that landmarks give: the network knows such.
-                crop = person.next_crop
-                person = self.look(image, crop)
+            person, crop = self._first_look(image, box_px)
             newcomer = self._note(person, crop, self.n_pieces, image, row)
             if newcomer:
                 here += newcomer
                 self.n_pieces += 1
                 earlier += self._go_back(newcomer, row)
         return here + earlier
+
+    def _first_look(self, image: np.ndarray, box_px: np.ndarray) -> tuple[Person, Crop]:
+        """The person in a detector's box, and the crop in which it was seen.
+
+        Who lies or bends down is wider than tall, and in an upright crop the network, which knows
+        upright people, makes up another pose and is sure of it.  So such a one is looked at in
+        turned crops, too: where the pose is right, landmarks reach as far as the outline does.
+        """
+        upright = crop_around(box_px)
+        width_px, height_px = box_px[2:] - box_px[:2]
+        if width_px < WIDE * height_px:
+            return self._settled(image, upright, 1)
+        found = [
+            self._settled(image, replace(upright, turn_rad=turn_rad), 2)
+            for turn_rad in np.deg2rad(TURNS_DEG)
+        ]
+        return max(found, key=lambda one: self._reach(one[0]))
+
+    def _settled(self, image: np.ndarray, crop: Crop, times: int) -> tuple[Person, Crop]:
+        """The person in a crop, seen so often in the one that landmarks give: the network knows
+        such."""
+        person = self.look(image, crop)
+        for _ in range(times):
+            if person.score < self.config.min_score:
+                break
+            crop = person.next_crop
+            person = self.look(image, crop)
+        return person, crop
+
+    def _reach(self, person: Person) -> float:
+        """How far a person's landmarks reach as the outline does, from 0 to 1; less for nobody."""
+        if person.score < self.config.min_score:
+            return person.score - 1.0
+        ends_px = np.concatenate([person.image_px.min(axis=0), person.image_px.max(axis=0)])
+        return float(box_iou(ends_px[None], person.box_px[None])[0, 0])
 
     def _go_on(self, people: list[Seen], image: np.ndarray, row: int) -> list[Seen]:
         """The same people in another frame; two who have become one are one."""

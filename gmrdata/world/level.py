@@ -27,6 +27,9 @@ BALANCE_SIGMA_RAD = np.deg2rad(4.0)
 """Of the direction in which a person's mass is above its feet, along each of two axes: mostly how a
 system sees the body (docs/figures.md).  Where a trunk is upright tells much less."""
 TRUNK_SIGMA_RAD = np.deg2rad(12.0)
+BENT_RAD, BENT_SIGMA_RAD = np.deg2rad(45.0), np.deg2rad(20.0)
+"""A trunk so far from that direction is bent; of people who are so most of the time, since hands on
+the floor may carry them."""
 SHARED = 0.5  # share of that variance which people of one system have in common
 BODY_TIME_S = 2.0  # over which a person keeps leaning the same way
 STANDS = 0.75  # a mass that is lower over the feet, as a share of that at rest, sits or lies
@@ -186,11 +189,14 @@ def _upright_of(
 ) -> tuple[np.ndarray, float]:
     """A person's mean direction (3,), and its variance along each axis [rad2]."""
     above_m, weights = balance(body, motion, frames)
+    joints_m = motion_joints_m(body, motion)
+    trunk_m = joints_m[:, JOINT["neck"]] - joints_m[:, 0]
+    bent = _cosines(trunk_m, above_m) < np.cos(BENT_RAD)
     sigma_rad = BALANCE_SIGMA_RAD
     if weights.sum() < FEWEST_S * motion.fps_hz:
-        joints_m = motion_joints_m(body, motion)
-        above_m, weights = joints_m[:, JOINT["neck"]] - joints_m[:, 0], np.ones(len(joints_m))
-        sigma_rad = TRUNK_SIGMA_RAD
+        above_m, weights, sigma_rad = trunk_m, np.ones(len(joints_m)), TRUNK_SIGMA_RAD
+    elif weights @ bent > weights.sum() / 2:
+        sigma_rad = BENT_SIGMA_RAD
     up = weights @ above_m
     up /= np.linalg.norm(up)
     directions = above_m / np.linalg.norm(above_m, axis=1, keepdims=True)

@@ -39,7 +39,9 @@ SAME_LINE_RAD = np.deg2rad(1.0)  # a line seen again, and the other edge of a po
 MOST_LINES = 400  # the longest
 LINES_SIGMA_RAD = np.deg2rad(1.0)
 """Of all lines of a place together, along each axis: poles and planks lean alike."""
-REACH_SIGMAS, MOST_REACH_RAD = 3.0, np.deg2rad(30.0)  # from the other cue's up
+REACH_SIGMAS, MOST_SIGMA_RAD = 3.0, np.deg2rad(10.0)
+"""How far lines may be from the other cue's up, in its standard errors, and the largest of these,
+along each axis: with less to go by, lines of a ceiling are as good."""
 STEP_RAD = np.deg2rad(0.5)
 LEAST_SIGMA_RAD = np.deg2rad(15.0)  # of a tilt of which lines tell nothing
 ASSUMED_K1_SIGMA = 0.1  # of a lens whose distortion nobody knows
@@ -171,18 +173,17 @@ def line_cue(lines: Lines, about: UpCue) -> UpCue | None:
     The lens may be off by its errors, of which lines tell too: vertical ones are straight, and meet
     in one point.
     """
-    normals, angles_rad = _planes(lines)
-    kept = _apart(normals, angles_rad)
-    if not len(kept):
-        return None
-    lines = replace(lines, ends=lines.ends[kept], rotmats=lines.rotmats[kept])
     axes = across(about.up)
     own = axes @ about.precision @ axes.T
+    kept = _apart(*_planes(lines))
+    if not len(kept) or np.linalg.eigvalsh(own)[0] < MOST_SIGMA_RAD**-2:
+        return None
+    lines = replace(lines, ends=lines.ends[kept], rotmats=lines.rotmats[kept])
     tilts = _tilts(own)
     ups = about.up + np.tan(tilts) @ axes
     ups /= np.linalg.norm(ups, axis=1, keepdims=True)
     asked = -0.5 * np.einsum("nk,kl,nl->n", tilts, own, tilts)
-    sigmas = np.hypot(SLANT_SIGMA_RAD, lines.ends_sigma / angles_rad[kept])
+    sigmas = np.hypot(SLANT_SIGMA_RAD, lines.ends_sigma / _planes(lines)[1])
     # All lines, and all but each fifth of them: what hangs on one or two is none of a place.
     parts = 1.0 - (np.arange(len(kept))[:, None] % PARTS == np.arange(-1, PARTS))
     chances = []
@@ -202,7 +203,7 @@ def line_cue(lines: Lines, about: UpCue) -> UpCue | None:
 
 def _tilts(precision: np.ndarray) -> np.ndarray:
     """A grid of tilts (M, 2) as far as a cue of that precision (2, 2) may be off."""
-    reach_rad = min(MOST_REACH_RAD, REACH_SIGMAS * float(np.trace(precision) / 2) ** -0.5)
+    reach_rad = REACH_SIGMAS * float(np.trace(precision) / 2) ** -0.5
     most = int(np.ceil(reach_rad / STEP_RAD))
     steps = STEP_RAD * np.arange(-most, most + 1)
     return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)

@@ -26,7 +26,14 @@ from gmrdata.people.following import (
     load_tracks,
     outline_path,
 )
-from gmrdata.people.landmark_network import LANDMARKS, LIMBS, Crop, Person
+from gmrdata.people.landmark_network import (
+    LANDMARKS,
+    LIMBS,
+    Crop,
+    Person,
+    crop_around,
+    open_landmark_network,
+)
 from gmrdata.people.linking import (
     LinkConfig,
     Piece,
@@ -168,6 +175,47 @@ def test_who_is_another_in_a_closer_look_beside_somebody_is_not_seen(
     follower.detections.append(detections_from_json([{"box_px": box, "class": 0, "score": 0.9}]))
     image = read_color(follower.frames.paths[0])
     assert bool(follower._note(look(image, crop), crop, 0, image, 0)) is seen
+
+
+@pytest.mark.parametrize("quarters", [1, 3])
+def test_who_lies_is_looked_at_from_the_side(
+    followed_dir, frames_dir, networks, tmp_path, quarters
+):
+    """The picture on its side: upright crops give limbs of somebody else, and are sure of them."""
+    track = load_tracks(followed_dir)[0]
+    image = np.rot90(read_color(list_images(frames_dir)[0]), quarters).copy()
+    height_px, width_px = image.shape[:2]
+    seen_px = np.concatenate([track.image_px[0], track.boxes_px[0].reshape(2, 2)])
+    x, y = seen_px.T
+    turned = (y, height_px - x) if quarters == 1 else (width_px - y, x)
+    turned_px = np.stack(turned, axis=1)
+    box_px = np.concatenate([turned_px[-2:].min(axis=0), turned_px[-2:].max(axis=0)])
+    look = open_landmark_network(networks.landmarks)
+    follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
+    size_px = np.ptp(track.image_px[0, :, 1])
+
+    def off(person: Person) -> float:
+        apart_px = np.linalg.norm(person.image_px - turned_px[:-2], axis=1)
+        return float(apart_px[list(LIMBS)].mean() / size_px)
+
+    person, crop = follower._first_look(image, box_px)
+    assert off(person) < 0.05 and person.score > 0.5
+    assert abs(np.rad2deg(crop.turn_rad) - (90 - 180 * (quarters == 1))) < 25
+    upright, _ = follower._settled(image, crop_around(box_px), 1)
+    assert off(upright) > 0.15
+
+
+def test_who_stands_is_looked_at_once_more_alone(followed_dir, frames_dir, networks, tmp_path):
+    image, looked = read_color(list_images(frames_dir)[0]), []
+    network = open_landmark_network(networks.landmarks)
+
+    def look(image: np.ndarray, crop: Crop) -> Person:
+        looked.append(crop.turn_rad)
+        return network(image, crop)
+
+    follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
+    follower._first_look(image, load_tracks(followed_dir)[0].boxes_px[0])
+    assert len(looked) == 2 and looked[0] == 0.0
 
 
 def test_a_video_without_people_leaves_a_record_without_people(networks, grey_dir, tmp_path):

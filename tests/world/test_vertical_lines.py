@@ -214,3 +214,10 @@ def test_the_stage_is_made_once_and_says_what_is_missing(tmp_path):
     np.savez(tmp_path / "lines" / LINES_FILE, format="gmrdata-lines/0")
     with pytest.raises(BadRecord, match=r"lines.npz: `format` is 'gmrdata-lines/0'"):
         load_lines(tmp_path / "lines")
+
+
+def test_beside_who_is_bent_down_lines_tell_nothing():
+    """A studio's ceiling has as many lines as its walls: 61 degrees off, and sure to 3."""
+    lines = seen_lines(place(30, 30), 10.0)
+    precision = np.eye(3) / np.deg2rad(20.0) ** 2
+    assert line_cue(lines, UpCue("bodies", off_by(10.0).up, precision)) is None
