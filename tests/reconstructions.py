@@ -82,6 +82,7 @@ def lens(source: Source, sigma: float, objections: tuple[str, ...] = ()) -> Intr
     """A focal length of 1088 px for 1280x720, from there and of that doubt."""
     return Intrinsics(
         source=source, width_px=1280, height_px=720, focal_px=1088.0, focal_y_px=1088.0,
-        focal_sigma=sigma, centre_px=(640.0, 360.0), radial_k1=0.0, radial_k1_sigma=None,
+        focal_sigma=sigma, centre_px=(640.0, 360.0),
+        radial_k1=0.0, radial_k1_sigma=None, radial_k2=0.0,
         focal_observable=source != "prior", asked=None, starts=(), objections=objections, notes=(),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from gmrdata.cameras.check.verdict import agreement_reasons
 from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
 from gmrdata.cameras.frames import linked
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
-from gmrdata.cameras.reconstruct import known_radial_k1, reconstruct
+from gmrdata.cameras.reconstruct import known_radial, reconstruct
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import read_frames
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -121,7 +121,7 @@ def _solved(
         names = {f"{n}.png": find_mask(masks_dir, one) for n, one in chosen.items()}
         masks = linked(folder / "masks", names)
     seeded = config.reseeded(way.seed)
-    lens = replace(first.lens, radial=(known_radial_k1(sfm_dir), 0.0))
+    lens = replace(first.lens, radial=known_radial(sfm_dir))
     try:
         solved = reconstruct(read_frames(given), masks, lens, folder / "sfm", seeded)
     except NoReconstruction as error:

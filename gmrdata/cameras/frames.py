@@ -80,7 +80,9 @@ class Frames:
         return gray, cv2.dilate((masked > 0).astype(np.uint8), around) == 0
 
 
-def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0.0) -> Frames:
+def reduced(
+    frames: Frames, longest_px: int, out_dir: Path, radial: tuple[float, float] = (0.0, 0.0)
+) -> Frames:
     """The frames if none is longer than that; else smaller grey ones and masks, in `out_dir`.
 
     Those that EXIF turns are written too, since COLMAP reads them as they are stored, and those of
@@ -92,7 +94,7 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
 
     share = min(1.0, longest_px / max(frames.size_px))
     stem_of = _stems(frames)
-    if share == 1 and not radial_k1 and not any(map(is_turned, frames.images)):
+    if share == 1 and not any(radial) and not any(map(is_turned, frames.images)):
         return _renamed(frames, stem_of, out_dir)
     width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
     size_px = width_px, height_px
@@ -103,7 +105,7 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0
     # Pixel (0, 0) is an outer corner, so pixels scale as lengths do.
     scaling = np.diag([width_px / frames.size_px[0], height_px / frames.size_px[1], 1.0])
     intrinsics_px = scaling @ frames.intrinsics_px
-    seen_at = _seen_at(intrinsics_px, size_px, radial_k1) if radial_k1 else None
+    seen_at = _seen_at(intrinsics_px, size_px, radial) if any(radial) else None
 
     def reduce_one(image: Path) -> Path:
         # As PNG it would take 40 times as long to write, and 14 times to read.
@@ -176,13 +178,13 @@ def _reduced_mask(
 
 
 def _seen_at(
-    intrinsics_px: np.ndarray, size_px: tuple[int, int], radial_k1: float
+    intrinsics_px: np.ndarray, size_px: tuple[int, int], radial: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where a lens shows each pixel of a pinhole's picture, x and y (h, w), as cv2.remap counts."""
     x, y = np.meshgrid(*(np.arange(side_px) + 0.5 for side_px in size_px))
     focal_px, centre_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
     flat = (np.stack([x, y], axis=-1) - centre_px) / focal_px
-    seen_px = (bent(flat, radial_k1) * focal_px + centre_px - 0.5).astype(np.float32)
+    seen_px = (bent(flat, *radial) * focal_px + centre_px - 0.5).astype(np.float32)
     return np.ascontiguousarray(seen_px[..., 0]), np.ascontiguousarray(seen_px[..., 1])
 
 

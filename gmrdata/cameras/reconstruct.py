@@ -67,6 +67,12 @@ class _SfmRecipe(Config):
     radial_k1: float
 
 
+class _TwoTermRecipe(_SfmRecipe):
+    """The same of a lens with two terms of distortion."""
+
+    radial_k2: float
+
+
 def reconstruct(
     frames: FrameSet,
     masks_dir: Path | None,
@@ -81,8 +87,8 @@ def reconstruct(
     Args:
         masks_dir: Masks (255 = dynamic), one per frame; None to use whole frames.  Inside a mask
             only points count that other frames show outside of theirs.
-        lens: Kept fixed.  Where it has distortion, by one term, cameras are sought in frames as a
-            pinhole would show them.
+        lens: Kept fixed.  Where it has distortion, cameras are sought in frames as a pinhole would
+            show them.
         out_dir: Folder to make: `cameras.npz`, `points.npz`, `tracks.npz`, `quality.json`.
 
     Raises:
@@ -91,7 +97,10 @@ def reconstruct(
     """
     _require_usable(lens, frames)
     rows = tuple(tuple(row) for row in lens.matrix_px.tolist())
-    recipe = _SfmRecipe(sfm=config, intrinsics_px=rows, radial_k1=lens.radial[0])
+    k1, k2 = lens.radial
+    recipe = _SfmRecipe(sfm=config, intrinsics_px=rows, radial_k1=k1)
+    if k2:
+        recipe = _TwoTermRecipe(**dict(recipe), radial_k2=k2)
 
     def work(partial: Path) -> dict[str, str]:
         given = Frames(list(frames.paths), masks_dir, lens.matrix_px, lens.size_px)
@@ -111,8 +120,7 @@ def _leave_cameras(folder: Path, given: Frames, lens: Lens, config: SfmConfig) -
     # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
     work_dir = folder / "colmap"
     work_dir.mkdir()
-    k1 = lens.radial[0]
-    frames = reduced(given, config.max_image_size_px, work_dir / "reduced", k1)
+    frames = reduced(given, config.max_image_size_px, work_dir / "reduced", lens.radial)
     solution, quality = solve(frames, work_dir, config)
     shutil.rmtree(work_dir)
     cameras = solution.world_from_cam
@@ -122,24 +130,27 @@ def _leave_cameras(folder: Path, given: Frames, lens: Lens, config: SfmConfig) -
     files.save_cameras(folder / files.CAMERAS_FILE, found)
     files.save_points(folder / files.POINTS_FILE, solution.points, solution.track_lengths)
     tracks = _tracks_in(solution.tracks, given, frames)
-    if k1:
+    if not lens.is_pinhole:
         tracks = replace(tracks, image_px=lens.seen_px(tracks.image_px))
-        quality = quality.model_copy(update={"lens": _whole_distortion(k1, quality.lens)})
+        quality = quality.model_copy(update={"lens": _whole_distortion(lens.radial, quality.lens)})
     save_tracks(folder / TRACKS_FILE, tracks)
     quality.write(folder / files.QUALITY_FILE)
 
 
-def known_radial_k1(sfm_dir: Path) -> float:
-    """The distortion that a reconstruction was given; 0 where an older version made it."""
-    return float(str(StageRecord.of(sfm_dir).config.get("radial_k1", 0.0)))
+def known_radial(sfm_dir: Path) -> tuple[float, float]:
+    """The distortion that a reconstruction was given; none where an older version made it."""
+    said = StageRecord.of(sfm_dir).config
+    return float(str(said.get("radial_k1", 0.0))), float(str(said.get("radial_k2", 0.0)))
 
 
-def _whole_distortion(radial_k1: float, left: files.Distortion | None) -> files.Distortion:
+def _whole_distortion(
+    radial: tuple[float, float], left: files.Distortion | None
+) -> files.Distortion:
     """The known distortion, and what was found beside it, as one: to the fifth power of r."""
+    k1, k2 = radial
     if left is None:
-        return files.Distortion(radial_k1, 0.0, 0.0)
-    k2 = left.k2 + 3 * radial_k1 * left.k1
-    return files.Distortion(radial_k1 + left.k1, k2, left.explains)
+        return files.Distortion(k1, k2, 0.0)
+    return files.Distortion(k1 + left.k1, k2 + left.k2 + 3 * k1 * left.k1, left.explains)
 
 
 def _tracks_in(tracks: Tracks | None, given: Frames, worked_on: Frames) -> Tracks:
@@ -155,9 +166,9 @@ def _tracks_in(tracks: Tracks | None, given: Frames, worked_on: Frames) -> Track
 def _require_usable(lens: Lens, frames: FrameSet) -> None:
     if not np.isfinite(lens.matrix_px).all() or min(lens.focal_px) <= 0:
         raise BadRecipe(f"intrinsics {lens.matrix_px.tolist()}: no lens has these [px]")
-    if lens.size_px != frames.size_px or lens.radial[1]:
-        what = f"a lens of {lens.size_px} px with distortion {lens.radial}"
-        raise BadRecipe(f"{frames.folder}: {what}; give that of these frames, with one term")
+    if lens.size_px != frames.size_px:
+        what = f"a lens of {lens.size_px} px"
+        raise BadRecipe(f"{frames.folder}: {what}; give that of these frames")
 
 
 def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, CamerasQuality]:

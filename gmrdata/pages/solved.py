@@ -149,8 +149,8 @@ class Solved:
         """The distortion of the frames; None for hardly any."""
         if self.cameras is not None and self.cameras.lens is not None:
             return self.cameras.lens
-        k1 = 0.0 if self.intrinsics is None else self.intrinsics.radial_k1
-        return Distortion(k1, 0.0, 0.0) if k1 else None
+        lens = None if self.intrinsics is None else self.intrinsics.lens
+        return None if lens is None or lens.is_pinhole else Distortion(*lens.radial, 0.0)
 
     @property
     def is_solved(self) -> bool:

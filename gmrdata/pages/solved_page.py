@@ -472,7 +472,8 @@ def _lens(found: Solved, camera: CameraPath) -> dict[str, object]:
     ]
     if lens is not None and (lens.radial_k1 or lens.radial_k1_sigma is not None):
         spread = "" if lens.radial_k1_sigma is None else f" ± {lens.radial_k1_sigma:.2g}"
-        rows.append(("Radial distortion k1", f"{lens.radial_k1:.4g}{spread}"))
+        second = f", k2 {lens.radial_k2:.4g}" if lens.radial_k2 else ""
+        rows.append(("Radial distortion k1", f"{lens.radial_k1:.4g}{spread}{second}"))
     if found.cameras is not None:
         rows += found.cameras.lens_in_words
         lens = None if lens is None else beside_cameras(lens, found.cameras)

@@ -83,6 +83,13 @@ class Lens:
         away_px = np.maximum(self.centre_px, np.subtract(self.size_px, self.centre_px))
         return float(np.linalg.norm(away_px / self.focal_px))
 
+    @property
+    def folds(self) -> bool:
+        """Whether the picture's corners are further out than its distortion shows anything."""
+        k1, k2 = self.radial
+        edge, _ = _turning_points(k1, k2)
+        return bool(np.isfinite(edge) and self.corner_radius > edge + k1 * edge**3 + k2 * edge**5)
+
     def at_size(self, size_px: tuple[int, int]) -> "Lens":
         """The same lens for the picture at another size; pixels scale as lengths do."""
         right, down = np.divide(size_px, self.size_px).tolist()

@@ -14,7 +14,7 @@ from gmrdata.cameras.files import Distortion, load_cameras, load_points, load_qu
 from gmrdata.cameras.frames import Frames, linked, reduced
 from gmrdata.cameras.match.tracks import errors_px, load_tracks
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.cameras.reconstruct import known_radial, reconstruct
 from gmrdata.read.frames import list_images, read_frames, read_gray
 from gmrdata.values.camera import GIVEN, Lens, straightened
 from gmrdata.values.errors import BadFrames, NoReconstruction
@@ -222,7 +222,7 @@ def enlarge(folder: Path, out_dir: Path, interpolation: int) -> None:
         cv2.imwrite(str(out_dir / f"{image.stem}.png"), twice)
 
 
-RADIAL_K1 = -0.15
+RADIAL = (-0.2, 0.25)  # Human3.6M's cameras have these
 CUT_PX = (8, 5)  # from either side of a frame, beyond which the bent one would show nothing
 
 
@@ -235,7 +235,7 @@ def bend(source: Path, target: Path, intrinsics_px: np.ndarray, how: int) -> Non
         high, wide = picture.shape
         x, y = np.meshgrid(np.arange(wide) + 0.5, np.arange(high) + 0.5)
         flat = (np.stack([x, y], axis=-1) - centre_px) / focal_px
-        at = (straightened(flat, RADIAL_K1) * focal_px + centre_px - 0.5).astype(np.float32)
+        at = (straightened(flat, *RADIAL) * focal_px + centre_px - 0.5).astype(np.float32)
         seen = cv2.remap(picture, at, None, how, borderMode=cv2.BORDER_REPLICATE)
         left, top = CUT_PX
         cv2.imwrite(str(target / path.name), seen[top : high - top, left : wide - left])
@@ -249,7 +249,7 @@ def bent_arc(film, tmp_path_factory) -> Any:
     intrinsics_px = filmed.intrinsics_px.copy()
     intrinsics_px[:2, 2] -= CUT_PX
     frames = read_frames(folder / "frames")
-    return frames, Lens.of_matrix(intrinsics_px, frames.size_px, (RADIAL_K1, 0.0)), filmed
+    return frames, Lens.of_matrix(intrinsics_px, frames.size_px, RADIAL), filmed
 
 
 def test_cameras_of_a_known_lens_are_right(bent_arc, tmp_path):
@@ -261,11 +261,13 @@ def test_cameras_of_a_known_lens_are_right(bent_arc, tmp_path):
     assert turn_errors_deg(cameras.path.world_from_cam, filmed.world_from_cam).max() < 0.3
     assert filmed.centre_errors_m(cameras.path.centres_world_m).max() < 0.02
     assert quality.lens is not None
-    assert quality.lens.k1 == pytest.approx(RADIAL_K1, abs=0.02)
+    assert quality.lens.k1 == pytest.approx(RADIAL[0], abs=0.02)
+    assert quality.lens.k2 == pytest.approx(RADIAL[1], abs=0.1)
+    assert known_radial(made) == RADIAL
     # A distortion that was given is not one that was found, as it was called; what is more, is.
-    as_given = quality.model_copy(update={"lens": Distortion(RADIAL_K1, 0.0, 0.0)})
+    as_given = quality.model_copy(update={"lens": Distortion(*RADIAL, 0.0)})
     assert as_given.lens_of(lens) == lens and lens.radial_from == GIVEN
-    more = quality.model_copy(update={"lens": Distortion(RADIAL_K1 + 0.01, 0.0, 0.2)})
+    more = quality.model_copy(update={"lens": Distortion(RADIAL[0] + 0.01, RADIAL[1], 0.2)})
     assert more.lens_of(lens).radial_from.source == "self_calibrated"
     # What the tracks show lies in the bent frames, where the record's lens puts the points.
     tracks, points = load_tracks(made).of_adjusted(), load_points(made)
@@ -282,14 +284,14 @@ def test_a_frame_is_straightened_and_what_was_not_seen_is_masked(tmp_path):
     write_pictures(tmp_path / "masks", [np.zeros_like(picture)])
     intrinsics_px = np.array([[150.0, 0, 100], [0, 150, 60], [0, 0, 1]])
     given = Frames(images, tmp_path / "masks", intrinsics_px, (200, 120))
-    for k1 in (-0.15, 0.2):
-        straight = reduced(given, 400, tmp_path / f"straight{k1}", k1)
+    for radial in ((-0.15, 0.0), (0.2, 0.0), (0.0, 0.3)):
+        straight = reduced(given, 400, tmp_path / f"straight{radial}", radial)
         assert straight.size_px == given.size_px
         seen = (np.array([41.5, 21.5]) - [100, 60]) / 150
-        expected_px = straightened(seen, k1) * 150 + [100, 60]
+        expected_px = straightened(seen, *radial) * 150 + [100, 60]
         gray = read_gray(straight.images[0]).astype(float)
         rows, columns = np.indices(gray.shape) + 0.5
         found_px = [(gray * columns).sum() / gray.sum(), (gray * rows).sum() / gray.sum()]
         assert found_px == pytest.approx(expected_px.tolist(), abs=0.1)
         covered = straight.mask(straight.images[0]) > 0
-        assert covered[0, 0] == (k1 > 0) and not covered[60, 100]
+        assert covered[0, 0] == (sum(radial) > 0) and not covered[60, 100]

@@ -296,7 +296,6 @@ def test_what_is_no_calibration_matrix_is_refused(matrix):
         (Lens((500.0, -500.0), (160.0, 90.0), (320, 180)), "no lens has these"),
         (Lens((np.nan, 500.0), (160.0, 90.0), (320, 180)), "no lens has these"),
         (Lens((500.0, 500.0), (80.0, 60.0), (160, 120)), "give that of these frames"),
-        (Lens((500.0, 500.0), (160.0, 90.0), (320, 180), (0.1, 0.1)), "with one term"),
     ],
 )
 def test_what_is_no_lens_of_the_frames_is_refused(lens, said, dolly, tmp_path):

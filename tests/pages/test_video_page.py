@@ -261,7 +261,8 @@ def guessed(focal_sigma: float) -> Intrinsics:
     """A lens that nobody measured."""
     return Intrinsics(
         source="prior", width_px=640, height_px=360, focal_px=554.3, focal_y_px=554.3,
-        focal_sigma=focal_sigma, centre_px=(320.0, 180.0), radial_k1=-0.1, radial_k1_sigma=0.02,
+        focal_sigma=focal_sigma, centre_px=(320.0, 180.0),
+        radial_k1=-0.1, radial_k1_sigma=0.02, radial_k2=0.0,
         focal_observable=False, asked=None, starts=(),
         objections=("the <b>lens</b> is not of these frames",), notes=("a guess",),
     )  # fmt: skip

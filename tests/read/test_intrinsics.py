@@ -3,6 +3,7 @@
 import struct
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gmrdata.cameras.colmap import pycolmap
@@ -77,7 +78,12 @@ def test_what_colmap_writes_is_read_from_its_folder(tmp_path, model):
         ("1 PINHOLE 640 480 600 320 240", "3 parameters"),
         ("1 PINHOLE 640 640 600 600 320 320", "for a picture of 640x640 px"),
         ("1 PINHOLE 640 480 600 600 320 240\n2 PINHOLE 640 480 9 9 320 240", "2 cameras"),
-        ("1 RADIAL 640 480 600 320 240 0.1 0.3", "beyond k1"),
+        ("1 OPENCV 640 480 600 600 320 240 0.1 0 0.003 0.003", "beyond k1 and k2"),
+        (
+            "camera_matrix: [[600, 0, 320], [0, 600, 240], [0, 0, 1]]\n"
+            "dist_coeffs: [[0, 0, 0, 0, 2.0]]\nimage_size: [640, 480]",
+            "beyond k1 and k2",
+        ),
         ('{"w": 640, "h": 480}', "can't be read"),
         ("[1, 2", "can't be read"),
         ("%YAML:1.0\n---\ncamera_matrix: 3\n", "can't be read"),
@@ -88,6 +94,30 @@ def test_what_is_no_calibration_of_these_frames_is_refused(tmp_path, text, said)
     with pytest.raises(BadIntrinsics, match=r"cameras\.txt.*; ") as error:
         read_intrinsics(path, SIZE_PX)
     assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("terms", "radial"),
+    [
+        ((-0.2, 0.25, 0.0, 0.0, 0.0), (-0.2, 0.25)),
+        ((-0.2, 0.005, 0.0, 0.0, 0.0), (-0.2, 0.0)),  # moves the corner by 0.4 px
+        ((-0.207, 0.248, -0.0014, -0.001, 0.0), (-0.207, 0.248)),
+        ((0.1, -0.2, 0.0, 0.0, 0.05), None),
+    ],
+)
+def test_a_usual_calibration_has_two_terms(tmp_path, terms, radial):
+    """As OpenCV and Human3.6M give it; a third is said by two."""
+    matrix = "camera_matrix: {rows: 3, cols: 3, data: [600, 0, 320, 0, 600, 240, 0, 0, 1]}\n"
+    bend = f"distortion_coefficients: {{rows: 1, cols: 5, data: {list(terms)}}}\n"
+    text = f"image_width: 640\nimage_height: 480\n{matrix}{bend}"
+    lens = read_intrinsics(text_file(tmp_path, "lens.yaml", text), SIZE_PX)
+    assert radial is None or lens.radial == pytest.approx(radial, abs=1e-9)
+    r = np.linspace(0, lens.corner_radius, 30)
+    wanted_px, found_px = (
+        600 * (k1 * r**3 + k2 * r**5 + k3 * r**7)
+        for k1, k2, k3 in ((*terms[:2], terms[4]), (*lens.radial, 0.0))
+    )
+    assert np.abs(found_px - wanted_px).max() < 1.0
 
 
 def test_a_cut_off_file_and_none_are_refused(tmp_path):

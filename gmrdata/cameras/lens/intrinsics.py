@@ -92,7 +92,7 @@ class AskedLens:
 class Intrinsics(Record):
     """`intrinsics.json`: a pinhole with square or oblong pixels, and one term of distortion."""
 
-    format: Literal["gmrdata-intrinsics/1"] = "gmrdata-intrinsics/1"
+    format: Literal["gmrdata-intrinsics/2"] = "gmrdata-intrinsics/2"
     source: Source
     width_px: PositiveInt
     height_px: PositiveInt
@@ -108,6 +108,8 @@ class Intrinsics(Record):
     """A point at r, in units of the focal length, is seen at r + k1 r^3; 0 for none."""
     radial_k1_sigma: float | None
     """Its standard error; null where it was not measured."""
+    radial_k2: float
+    """And to + k2 r^5; only of a lens that was given."""
     focal_observable: bool | None
     """Whether the frames hold the focal length; null where they were not asked."""
     asked: AskedLens | None
@@ -121,12 +123,13 @@ class Intrinsics(Record):
     @property
     def lens(self) -> Lens:
         centre = ASSUMED if self.source != "given" else GIVEN
-        radial = Origin(self.source if self.radial_k1 else centre.source, self.radial_k1_sigma)
+        bends = self.radial_k1 or self.radial_k2
+        radial = Origin(self.source if bends else centre.source, self.radial_k1_sigma)
         return Lens(
             focal_px=(self.focal_px, self.focal_y_px),
             centre_px=self.centre_px,
             size_px=(self.width_px, self.height_px),
-            radial=(self.radial_k1, 0.0),
+            radial=(self.radial_k1, self.radial_k2),
             focal_from=Origin(self.source, self.focal_sigma),
             centre_from=centre,
             radial_from=radial,
@@ -280,7 +283,7 @@ def _lens_of_file(path: Path, size_px: tuple[int, int]) -> Lens:
     require_shape(path, own, size_px)
     # As uncertain as it was found: by a camera's note to 5 %, in a short turn to 8 %.
     focal_from = Origin("given", max(GIVEN_SIGMA, record.focal_sigma))
-    radial_from = Origin("given", record.radial_k1_sigma) if own.radial[0] else ASSUMED
+    radial_from = ASSUMED if own.is_pinhole else Origin("given", record.radial_k1_sigma)
     return replace(own.at_size(size_px), focal_from=focal_from, radial_from=radial_from)
 
 
@@ -300,15 +303,9 @@ def _require_possible(lens: Lens, words: str) -> None:
     if lens.corner_radius > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
         what = f"{words} No camera sees that of {size_px[0]}x{size_px[1]} px"
         raise BadIntrinsics(f"{what}; the focal length is in pixels of these frames")
-    if _folds(lens):
+    if lens.folds:
         what = f"{words} Its distortion of {lens.radial[0]:g} folds the corners of the picture"
         raise BadIntrinsics(f"{what}; calibrate again, or undistort the frames")
-
-
-def _folds(lens: Lens) -> bool:
-    """Whether the corners of the picture are further out than its distortion shows anything."""
-    k1 = lens.radial[0]
-    return bool(k1 < 0 and lens.corner_radius > 2 / 3 / np.sqrt(-3 * k1))
 
 
 def _decided(
@@ -320,7 +317,7 @@ def _decided(
     """The record of the lens that is taken."""
     asked = None if found is None else _asked(found, size_px)
     taken, words = _taken(known, asked, found, size_px)
-    notes, objections = [words], [FOLDED] if _folds(taken) else []
+    notes, objections = [words], [FOLDED] if taken.folds else []
     sigma = taken.focal_from.sigma or 0.0
     other_bend = "" if known is None or found is None else _other_bend(known[0], found, config)
     if other_bend:
@@ -351,6 +348,7 @@ def _decided(
         centre_px=taken.centre_px,
         radial_k1=taken.radial[0],
         radial_k1_sigma=taken.radial_from.sigma,
+        radial_k2=taken.radial[1],
         focal_observable=None if found is None else asked is not None,
         asked=asked,
         starts=() if found is None else found.starts,
@@ -370,7 +368,8 @@ def _other_bend(known: Lens, found: SelfCalibration, config: IntrinsicsConfig) -
     # k1 goes with the square of the focal length.
     own_sigma = float(np.hypot(found.radial_k1_sigma, 2 * asked_k1 * found.focal_sigma))
     sigma = float(np.hypot(own_sigma, known.radial_from.sigma or 0.0))
-    apart = abs(given_k1 - asked_k1)
+    # A second term is as well said by a first that lies between it and none.
+    apart = max(0.0, abs(given_k1 - asked_k1) - abs(known.radial[1]) * known.corner_radius**2)
     # At the corner a point moves by k1 r^2 of its distance from the middle.
     if apart <= max(config.object_sigmas * sigma, config.object_share / known.corner_radius**2):
         return ""
