@@ -12,7 +12,7 @@ the pieces.
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import chain, pairwise
@@ -24,6 +24,7 @@ from pydantic import Field, PositiveInt
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.people.landmark_network import (
+    LANDMARKS,
     LIMBS,
     N_LANDMARKS,
     Crop,
@@ -66,6 +67,12 @@ SIGHTINGS_FORMAT = "gmrdata-sightings/1"
 MOST_NAMED = 3  # people in one line; of a crowd the record has the rest
 CLOSER, TOUCHING = 0.85, 0.05
 """Side of a crop that shows less of other people, and overlap of boxes from which they may mix."""
+ENDS = {
+    f"{side} {part}": LANDMARKS.index(f"{side}_{joint}")
+    for part, joint in (("hand", "wrist"), ("foot", "ankle"))
+    for side in ("left", "right")
+}
+CUT_OFF = 0.2  # share of frames in which a hand or a foot is out of the picture, that is said
 WIDE = 0.9
 """Width of a box over its height, from which somebody may lie or bend down: 0.3 to 0.7 of people
 who stand or stride, also with arms stretched out, 1.2 and more of who sits on a floor or lies."""
@@ -284,6 +291,22 @@ def follow_people(
 
     inputs = {**networks._asdict(), "images": frames.folder}
     return run_stage("followed", out_dir, recipe, inputs, Resumable(work), run=run)
+
+
+def cut_off(people: Sequence[Sightings], size_px: tuple[int, int]) -> Iterator[str]:
+    """Which hands and feet are out of pictures of that (width, height): a line for each person of
+    whom that is so in more than `CUT_OFF` of the frames."""
+    for number, person in enumerate(people):
+        ends_px = person.image_px[:, list(ENDS.values())]
+        outside = np.any((ends_px < 0) | (ends_px > size_px), axis=-1)
+        said = [
+            f"{name} in {count}"
+            for name, count in zip(ENDS, outside.sum(axis=0).tolist(), strict=True)
+            if count > CUT_OFF * len(person)
+        ]
+        if said:
+            where = f"of {len(person)} frames, where their pose is a guess"
+            yield f"person {number} is cut off by the picture: {', '.join(said)} {where}"
 
 
 def load_tracks(followed_dir: Path) -> list[Sightings]:

@@ -16,7 +16,7 @@ from gmrdata.cameras.lens.intrinsics import beside_cameras, find_intrinsics, loa
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.people import sources as mask_sources
 from gmrdata.people.facing import rate_remarks
-from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord
+from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord, cut_off, load_tracks
 from gmrdata.people.local_poses import POSES_FOLDER, local_poses
 from gmrdata.people.sources import (
     OF_PICTURES,
@@ -278,7 +278,8 @@ def _people(solved: Solved) -> Solved:
         followed = FollowedRecord.read(solved.followed_dir / FOLLOWED_FILE)
         video = solved.frames.video
         of_rate = rate_remarks(solved.frames.rate_hz, video.every if video is not None else 1)
-        remarks = (*remarks, *followed.doubts(), *of_rate)
+        outside = cut_off(load_tracks(solved.followed_dir), followed.size_px)
+        remarks = (*remarks, *followed.doubts(), *of_rate, *outside)
     own = (f"{name}: {doubt}" for name, doubt in _own_doubts(solved).items())
     return replace(solved, bodies=bodies, remarks=(*remarks, *own))
 

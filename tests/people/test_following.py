@@ -1,6 +1,7 @@
 """People of real frames, detected, followed and linked: who is seen, where, how often."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -22,6 +23,7 @@ from gmrdata.people.following import (
     _FollowedAt,
     _Follower,
     _known_people,
+    cut_off,
     follow_people,
     load_tracks,
     outline_path,
@@ -406,6 +408,25 @@ def test_who_is_seen_together_or_in_other_colours_is_surely_two():
     assert unsure_pairs([piece(0, 20, 0.0), piece(19, 20, 400.0)], LINKS) == []
     assert unsure_pairs([piece(0, 20, 0.0), piece(30, 20, 60.0, BLUE)], LINKS) == []
     assert unsure_pairs([piece(0, 20, 0.0), piece(300, 20, 60.0)], LINKS) == [(0, 1)]
+
+
+def test_whose_hands_are_out_of_the_picture_is_said():
+    """Their elbows and wrists were off by 160 to 350 mm, and nobody said so."""
+    piece_of = piece(0, 10, 100.0)
+    person = sightings_of(piece_of)
+    at = {name: n for n, name in enumerate(LANDMARKS)}
+    image_px = np.full((10, 33, 2), 50.0)
+    image_px[:4, at["left_wrist"]] = (-5.0, 50.0)
+    image_px[:2, at["right_ankle"]] = (50.0, 481.0)
+    image_px[4:7, at["left_ankle"]] = (50.0, 481.0)
+    people = [
+        replace(person, image_px=np.full_like(image_px, 50.0)),
+        replace(person, image_px=image_px),
+    ]
+    assert list(cut_off(people, (640, 480))) == [
+        "person 1 is cut off by the picture: left hand in 4, left foot in 3 of 10 frames, "
+        "where their pose is a guess"
+    ]
 
 
 def test_a_crowd_who_may_all_be_one_is_said_in_a_line_each():
