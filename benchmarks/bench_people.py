@@ -15,6 +15,7 @@ from people.before_camera import ViewRow, shirt_row, view_row
 from people.in_world import WorldRow, beside_row, dancer_row, man_row
 from people.low_clips import make_low_clips
 from people.real import DANCE, VIEWS, dance_of, on_the_man, solved, tracks_of, view_of
+from people.single_frames import frame_row, single_frames
 from people.verdicts import MOST_PA_MM as WRONG_PA_MM
 from people.verdicts import judged, known_man, known_rendered, made_people
 from poses.world import solve
@@ -96,7 +97,7 @@ def test_the_man_beside_somebody(
 ) -> None:
     """The same man in pose2sim's `Demo_MultiPerson`, where a woman is rendered before him."""
     videos: Path | None = request.config.getoption("--clips")
-    if record.small or videos is None:
+    if record.small or videos is None or not (videos / "cam01.mp4").is_file():
         pytest.skip("--clips FOLDER has its cam01.mp4 to cam04.mp4")
     rows = []
     for name in VIEWS:
@@ -114,6 +115,21 @@ def test_the_man_beside_somebody(
             at_most("worst level_deg", max(row.level_deg for row in rows), MOST_VIEW_LEVEL_DEG),
         ]
     )
+
+
+def test_single_pictures(
+    request: pytest.FixtureRequest, record: Record, shared_data: Path, anny: BodyModel
+) -> None:
+    """People whom nothing was chosen by, in hard poses; no bar."""
+    folder: Path | None = request.config.getoption("--clips")
+    if record.small or folder is None or not (folder / "h36m").is_dir():
+        pytest.skip("--clips FOLDER is `tests/data` of open-mmlab/mmpose")
+    rows = [
+        frame_row(one, WORK_DIR / "single" / one.name, shared_data / "models", anny)
+        for one in single_frames(folder)
+    ]
+    show("Single pictures", [asdict(row) for row in rows])
+    record.add(single_pictures=[asdict(row) for row in rows])
 
 
 def test_the_dancer(record: Record, shared_data: Path, anny: BodyModel) -> None:
