@@ -36,8 +36,10 @@ def test_people_of_a_real_video_stand_on_the_ground(shared_path, tmp_path):
     for person in verdict.people:
         motion = load_clip(out / "pseudo_gt" / f"{person.id}.npz").motion
         known = np.isfinite(motion.pelvis_m[:, 0])
-        # Whoever stands has the pelvis a leg above the floor, and is upright.
-        assert known.any() and (np.abs(motion.pelvis_m[known, 2] - 0.9) < 0.25).all()
+        # Whoever stands has the pelvis a leg above the floor, and is upright: by the focal length
+        # that the pavement's and the houses' vanishing points ask for.  By 1.5 times it one stands
+        # 0.3 m higher than the other.
+        assert known.any() and (np.abs(motion.pelvis_m[known, 2] - 0.9) < 0.15).all()
         up = motion.root_rotmats[known][:, 2, 1]
         assert (up > 0.85).all()
 
@@ -63,7 +65,7 @@ def solved(
     models = shared_path("models")
     command = ["video", images_dir, "--out", out, "--fps-hz", "15"]
     command += [] if poses is None else ["--poses", poses]
-    command += ["--detector", models / "yolox_nano.onnx", "--focal", "500", "--no-check-lens"]
+    command += ["--detector", models / "yolox_nano.onnx", "--focal", "325", "--no-check-lens"]
     command += ["--landmark-network", models / "pose_landmark_heavy.tflite", "--no-page"]
     main(list(map(str, command)))
     return VideoVerdict.read(out / "verdict.json")
