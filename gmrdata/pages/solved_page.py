@@ -64,13 +64,8 @@ RECORDS = {
     FUSED: ("fusion.json",),
 }
 """What the stages leave for people to read, beside their records."""
-OF_THREEDPW = (
-    "people",
-    "masks",
-    "sfm",
-    "lines",
-    PSEUDO_GT,
-)  # those that each of its sequences goes through
+OF_THREEDPW = "people", "masks", "sfm", "lines", PSEUDO_GT
+"""Those that each of its sequences goes through."""
 
 
 class Download(NamedTuple):
@@ -470,7 +465,7 @@ def _lens(found: Solved, camera: CameraPath) -> dict[str, object]:
         ("Picture", f"{camera.width_px}×{camera.height_px} px"),
         ("Where it comes from", GIVEN_AS_IT_IS if lens is None else SOURCES[lens.source]),
     ]
-    if lens is not None and (lens.radial_k1 or lens.radial_k1_sigma is not None):
+    if lens is not None and (not lens.lens.is_pinhole or lens.radial_k1_sigma is not None):
         spread = "" if lens.radial_k1_sigma is None else f" ± {lens.radial_k1_sigma:.2g}"
         second = f", k2 {lens.radial_k2:.4g}" if lens.radial_k2 else ""
         rows.append(("Radial distortion k1", f"{lens.radial_k1:.4g}{spread}{second}"))

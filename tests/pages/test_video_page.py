@@ -293,6 +293,12 @@ def test_the_lens_comes_with_its_source_and_its_error(copied):
     assert "intrinsics: intrinsics.json" in page.words
 
 
+def test_a_lens_that_bends_by_its_second_term_alone_is_shown(copied):
+    bent = {"source": "given", "radial_k1": 0.0, "radial_k1_sigma": None, "radial_k2": 0.25}
+    guessed(0.01).model_copy(update=bent).write(copied / "intrinsics" / "intrinsics.json")
+    assert "Radial distortion k10, k2 0.25" in drawn(copied).words
+
+
 def test_cameras_alone(small_body, tmp_path):
     solved_video(tmp_path / "walk", small_body, person=False, lost=[5, 6, 7])
     page = drawn(tmp_path / "walk")
