@@ -92,13 +92,19 @@ def _posed(seen: SeenLandmarks, numbers: np.ndarray, body: BodyModel) -> tuple[L
     return poses_of(seen.take(sure), numbers[sure], body, LocalPosesConfig()), doubt
 
 
+def _clips(request: pytest.FixtureRequest, record: Record, inside: str, what: str) -> Path:
+    """The folder that `--clips` names; skips where it is not the one that has that inside."""
+    folder: Path | None = request.config.getoption("--clips")
+    if record.small or folder is None or not (folder / inside).exists():
+        pytest.skip(f"--clips FOLDER {what}")
+    return folder
+
+
 def test_the_man_beside_somebody(
     request: pytest.FixtureRequest, record: Record, shared_data: Path, anny: BodyModel
 ) -> None:
     """The same man in pose2sim's `Demo_MultiPerson`, where a woman is rendered before him."""
-    videos: Path | None = request.config.getoption("--clips")
-    if record.small or videos is None or not (videos / "cam01.mp4").is_file():
-        pytest.skip("--clips FOLDER has its cam01.mp4 to cam04.mp4")
+    videos = _clips(request, record, "cam01.mp4", "has its cam01.mp4 to cam04.mp4")
     rows = []
     for name in VIEWS:
         view = view_of(shared_data / "real", name, beside=True)
@@ -121,9 +127,7 @@ def test_single_pictures(
     request: pytest.FixtureRequest, record: Record, shared_data: Path, anny: BodyModel
 ) -> None:
     """People whom nothing was chosen by, in hard poses; no bar."""
-    folder: Path | None = request.config.getoption("--clips")
-    if record.small or folder is None or not (folder / "h36m").is_dir():
-        pytest.skip("--clips FOLDER is `tests/data` of open-mmlab/mmpose")
+    folder = _clips(request, record, "h36m", "is `tests/data` of open-mmlab/mmpose")
     rows = [
         frame_row(one, WORK_DIR / "single" / one.name, shared_data / "models", anny)
         for one in single_frames(folder)

@@ -6,6 +6,7 @@ once and kept in the output folder, so that poses and worlds can be measured aga
 
 import shutil
 import tarfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,9 +108,7 @@ def solved(
     People's world is made anew, and their poses unless it is for another height.  `beside_dir` has
     the views of `Demo_MultiPerson`.
     """
-    models = data_dir / "models"
-    masks = PersonSource(model=models / "yolox_nano.onnx", landmarks=models / POSE_LANDMARKS.name)
-    config = SolveConfig(masks=MasksConfig(sources=(masks,)))
+    config = own_people(data_dir / "models")
     for made in (LINES, BODIES, PSEUDO_GT, FUSED, *([OWN_POSES] if height_m is None else [])):
         shutil.rmtree(out_dir / made, ignore_errors=True)
     if name == DANCE:
@@ -125,17 +124,28 @@ def solved(
     return out_dir
 
 
+def own_people(models_dir: Path) -> SolveConfig:
+    """The recipe by networks in a folder."""
+    detector, landmarks = models_dir / "yolox_nano.onnx", models_dir / POSE_LANDMARKS.name
+    masks = PersonSource(model=detector, landmarks=landmarks)
+    return SolveConfig(masks=MasksConfig(sources=(masks,)))
+
+
+def write_lens(path: Path, size_px: tuple[int, int], numbers: Iterable[float]) -> Path:
+    """A lens as COLMAP writes it: focal lengths, principal point, k1, k2, p1 and p2."""
+    text = " ".join(f"{number:.12g}" for number in numbers)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, f"1 OPENCV {size_px[0]} {size_px[1]} {text}\n".encode())
+    return path
+
+
 def _calibration(data_dir: Path, view: View, out_dir: Path) -> Path:
-    """A view's lens as COLMAP writes it."""
+    """A view's lens."""
     with np.load(data_dir / "real" / "pose2sim" / "reference3d.npz") as file:
         matrix_px, bent = file["K"][VIEWS.index(view.name)], file["D"][VIEWS.index(view.name)]
-    width_px, height_px = view.lens.size_px
     numbers = [matrix_px[0, 0], matrix_px[1, 1], *matrix_px[:2, 2], *bent.ravel()[:4]]
-    text = " ".join(f"{number:.12g}" for number in numbers)
     path = out_dir.with_name(f"{out_dir.name}_lens") / "cameras.txt"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(path, f"1 OPENCV {width_px} {height_px} {text}\n".encode())
-    return path
+    return write_lens(path, view.lens.size_px, numbers)
 
 
 def _dance_frames(data_dir: Path, out_dir: Path) -> Path:

@@ -12,21 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from people.real import TWELVE
+from people.real import TWELVE, own_people, write_lens
 from poses.score import aligned_mm
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
-from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.frames import read_color
-from gmrdata.read.models import POSE_LANDMARKS
 from gmrdata.read.safe_pickle import load_plain
-from gmrdata.solve.request import SolveConfig
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import camera_of, load_clip
-from gmrdata.values.files import write_bytes
 from gmrdata.values.people import BODIES, PSEUDO_GT, person_file
 from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.transforms import angles_deg
 from gmrdata.world.judge import load_record
 
 COPIES, FPS_HZ = 12, 30.0
@@ -70,13 +67,15 @@ def single_frames(folder: Path) -> Iterator[SingleFrame]:
             subject, number = name.split("/")[0], name.split("/")[1].split(".")[1]
             camera = cameras[subject, number]
             true_m = joints[TWELVE_H36M, :3]
-            yield SingleFrame(f"h36m_{subject}", h36m / name, camera, camera["R"][2], true_m)
+            yield SingleFrame(
+                f"h36m_{subject}", h36m / name, camera, np.ravel(camera["R"][2]), true_m
+            )
     for part in ("train", "test"):
         cameras = load_plain(hp / f"cameras_{part}.pkl")
         with np.load(hp / f"test_3dhp_{part}.npz") as file:
             for name, joints in zip(file["imgname"], file["S"], strict=True):
                 camera = cameras["_".join(name.split("_")[:-1])]
-                up = camera["R"][1] if "R" in camera else None
+                up = np.ravel(camera["R"][1]) if "R" in camera else None
                 subject = f"3dhp_{name.split('_')[0]}"
                 yield SingleFrame(subject, hp / name, camera, up, joints[TWELVE_3DHP, :3])
 
@@ -88,9 +87,6 @@ def frame_row(one: SingleFrame, out_dir: Path, models_dir: Path, body: BodyModel
     frames.mkdir(parents=True)
     for number in range(COPIES):
         shutil.copyfile(one.image, frames / f"{number:05d}{one.image.suffix}")
-    masks = PersonSource(
-        model=models_dir / "yolox_nano.onnx", landmarks=models_dir / POSE_LANDMARKS.name
-    )
     solved = out_dir / "solved"
     solve_video(
         frames,
@@ -98,7 +94,7 @@ def frame_row(one: SingleFrame, out_dir: Path, models_dir: Path, body: BodyModel
         poses="own",
         lens=GivenIntrinsics(file=_calibration(one, out_dir / "cameras.txt")),
         fps_hz=FPS_HZ,
-        config=SolveConfig(masks=MasksConfig(sources=(masks,))),
+        config=own_people(models_dir),
     )
     if not (solved / PSEUDO_GT).is_dir():
         return FrameRow(one.name, None)
@@ -119,9 +115,8 @@ def frame_row(one: SingleFrame, out_dir: Path, models_dir: Path, body: BodyModel
     off_m = (found_m - found_hips_m) - (one.true_m - hips_m)
     level_deg = None
     if one.up is not None:
-        world_from_cam = camera_of(load_clip(solved / PSEUDO_GT / person_file(number)))
-        up = world_from_cam.world_from_cam[0, :3, :3] @ np.ravel(one.up)
-        level_deg = float(np.rad2deg(np.arccos(np.clip(up[2] / np.linalg.norm(up), -1, 1))))
+        camera = camera_of(load_clip(solved / PSEUDO_GT / person_file(number)))
+        level_deg = float(angles_deg(camera.world_from_cam[0, :3, :3] @ one.up, np.eye(3)[2]))
     return FrameRow(
         one.name,
         quality.people[number].accepted,
@@ -134,10 +129,7 @@ def frame_row(one: SingleFrame, out_dir: Path, models_dir: Path, body: BodyModel
 
 
 def _calibration(one: SingleFrame, path: Path) -> Path:
-    """As COLMAP writes it."""
     height_px, width_px = read_color(one.image).shape[:2]
     parts = [np.ravel(one.camera[key]) for key in ("f", "c")]
     parts += [np.ravel(one.camera.get(key, (0.0, 0.0)))[:2] for key in ("k", "p")]
-    numbers = " ".join(f"{number:.12g}" for number in np.concatenate(parts))
-    write_bytes(path, f"1 OPENCV {width_px} {height_px} {numbers}\n".encode())
-    return path
+    return write_lens(path, (width_px, height_px), np.concatenate(parts))

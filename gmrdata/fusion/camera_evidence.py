@@ -190,10 +190,10 @@ def error_bars(
     whole_m2 = np.diagonal(blocks_m2, axis1=1, axis2=2) + (errors.scale_share * apart_m) ** 2
     whole_m2[:, 2] += (tilt_rad * across_m) ** 2
     if errors.floor_at_m is not None:
-        apart_m = middle_m[:2] - errors.floor_at_m
-        above_m = clip.camera.centres_world_m[:, 2] - poses.pelvis_m[:, 2]
-        whole_m2[:, 2] += tilt_rad**2 * apart_m @ apart_m
-        whole_m2[:, 2] += (errors.distance_share * np.nan_to_num(above_m)) ** 2
+        from_floor_m = np.linalg.norm(middle_m[:2] - errors.floor_at_m)
+        camera_above_m = clip.camera.centres_world_m[:, 2] - poses.pelvis_m[:, 2]
+        whole_m2[:, 2] += (tilt_rad * from_floor_m) ** 2
+        whole_m2[:, 2] += (errors.distance_share * np.nan_to_num(camera_above_m)) ** 2
     lasting_rad2 = np.deg2rad(config.slow_turn_deg) ** 2 + tilt_rad**2
     return {
         "place_sigma_m": np.sqrt(whole_m2),

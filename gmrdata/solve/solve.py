@@ -83,7 +83,7 @@ person all the same, and error bars say how large its world may be."""
 def solve(
     request: SolveRequest, out_dir: Path, config: SolveConfig, run: Run = DEFAULT_RUN
 ) -> Solved:
-    """Make `frames` of a video, `masks`, `intrinsics` and `sfm`; of people `bodies` and
+    """Make `frames` of a video, `masks`, `intrinsics` and `sfm`; of people `bodies`, `lines` and
     `pseudo_gt`, and `fused` of those of the built-in estimator.
 
     Frames without a camera path, and people without a world, are no error: `unsolved` says why.

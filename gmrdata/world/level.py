@@ -1,10 +1,11 @@
 """Which way is up, and how high the ground is, from all that tells, each by its own error.
 
 People keep their mass above their feet.  The ground that was reconstructed about a person's feet,
-and the soles that stand on it, are one plane, which is level nearly everywhere.  So bodies, and a
-phone's own gravity where there is one, say whether that plane may be level: if it may, it tells up
-far better than bodies do; if not, as on a slope, a ramp or stairs, up is theirs and the ground
-stays as steep as it is (a mixture of two normal distributions, of which the likelier one is taken).
+and the soles that stand on it, are one plane, which is level nearly everywhere.  So bodies,
+vertical lines of the background, and a phone's own gravity where there is one, say whether that
+plane may be level: if it may, it tells up far better than bodies do; if not, as on a slope, a ramp
+or stairs, up is theirs and the ground stays as steep as it is (a mixture of two normal
+distributions, of which the likelier one is taken).
 """
 
 from collections.abc import Sequence

@@ -317,7 +317,8 @@ def _level(
     config: ScaleConfig,
 ) -> tuple[np.ndarray, LevelEstimate]:
     """level_from_world (4, 4) of a metric world, from everybody's bodies, planted feet, the ground
-    about them in reconstructed points, and what the camera felt; and how level that is."""
+    about them in reconstructed points, lines of the background, and what the camera felt; and how
+    level that is."""
     world_from_cam, points_m = metric.path.world_from_cam, metric.points
     motions = [motion_in_world(clip.motion, world_from_cam) for clip in camera_clips]
     planted_m, of_all_m, stances = [], [], 0
@@ -342,18 +343,9 @@ def _level(
     cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]
     apart_rad = from_picture_rad(world_from_cam[metric.path.has_camera], upright.up)
     tipped = apart_rad > UNSURE_RAD
-    felt = None
-    if metric.up_cam is not None:
-        # Who lies says nothing of up beside a phone that feels it.
-        unsure = replace(upright, precision=np.eye(3) / UNSURE_RAD**2) if tipped else upright
-        felt = _felt(metric, unsure)
-        upright = upright if felt is None else unsure
-    steady = [felt, upright]
-    # Beside who lies, lines of the floor would tell up as well as vertical ones.
-    if metric.lines is not None and not (tipped and felt is None):
-        steady.append(line_cue(metric.lines, felt or upright))
-    up, level = up_of(*([one for one in of if one is not None] for of in (steady, cues)))
-    if tipped and felt is None:
+    steady = _steady_cues(metric, upright, tipped)
+    up, level = up_of(steady, [cue for cue in cues if cue is not None])
+    if tipped and steady[0].name != "gravity":
         level = level.beside_picture(float(np.rad2deg(apart_rad)))
     lowest_m = soles_on_floor_m(feet_m, np.concatenate(of_all_m), up)
     floor_m = _floor_m(lowest_m, up, plane, config)
@@ -362,6 +354,21 @@ def _level(
     levelled = level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2])
     on_floor_m = transforms.apply(levelled, lowest_m)
     return levelled, level.with_soles(feet_m @ up - floor_m, on_floor_m)
+
+
+def _steady_cues(metric: SolvedCameras, upright: UpCue, tipped: bool) -> list[UpCue]:
+    """What tells up on any ground: what the camera felt, bodies, and lines of the background."""
+    felt = None
+    if metric.up_cam is not None:
+        # Who lies says nothing of up beside a phone that feels it.
+        unsure = replace(upright, precision=np.eye(3) / UNSURE_RAD**2) if tipped else upright
+        felt = _felt(metric, unsure)
+        upright = upright if felt is None else unsure
+    steady = [upright] if felt is None else [felt, upright]
+    # Beside who lies, lines of the floor would tell up as well as vertical ones.
+    may_lie = tipped and felt is None
+    by_lines = None if metric.lines is None or may_lie else line_cue(metric.lines, steady[0])
+    return steady if by_lines is None else [*steady, by_lines]
 
 
 def _felt(metric: SolvedCameras, upright: UpCue) -> UpCue | None:

@@ -48,6 +48,7 @@ ASSUMED_K1_SIGMA = 0.1  # of a lens whose distortion nobody knows
 NODES = ((0.0, 2 / 3), (-(3**0.5), 1 / 6), (3**0.5, 1 / 6))
 """Of a normal distribution, in standard errors, and their weights (Gauss-Hermite)."""
 BORDER_PX, BAR_SPREAD = 8, 3.0  # about the picture; grey levels of a column in a bar (sd)
+FREE_SHARE = 0.7  # of a line, that is not masked
 PARTS = 5  # of the lines, each of which is left out once (a jackknife)
 CERTAIN = ((0.0, 1.0),)
 LEAST_FOCAL = 0.5  # over the given one
@@ -155,7 +156,7 @@ def _ends_px(frames: Frames, image: Path, shrink: float, config: LinesConfig) ->
     shares = np.linspace(0, 1, 9)[:, None, None]
     along = ends[:, 0] + shares * (ends[:, 1] - ends[:, 0])
     x, y = np.moveaxis(np.clip(along.astype(int), 0, np.array(gray.shape)[::-1] - 1), -1, 0)
-    return np.asarray(ends[background[y, x].mean(axis=0) > 0.7] / shrink)
+    return np.asarray(ends[background[y, x].mean(axis=0) > FREE_SHARE] / shrink)
 
 
 def _on_border(ends: np.ndarray, gray: np.ndarray) -> np.ndarray:
@@ -175,7 +176,8 @@ def line_cue(lines: Lines, about: UpCue) -> UpCue | None:
     """
     axes = across(about.up)
     own = axes @ about.precision @ axes.T
-    kept = _apart(*_planes(lines))
+    normals, angles_rad = _planes(lines)
+    kept = _apart(normals, angles_rad)
     if not len(kept) or np.linalg.eigvalsh(own)[0] < MOST_SIGMA_RAD**-2:
         return None
     lines = replace(lines, ends=lines.ends[kept], rotmats=lines.rotmats[kept])
@@ -183,7 +185,7 @@ def line_cue(lines: Lines, about: UpCue) -> UpCue | None:
     ups = about.up + np.tan(tilts) @ axes
     ups /= np.linalg.norm(ups, axis=1, keepdims=True)
     asked = -0.5 * np.einsum("nk,kl,nl->n", tilts, own, tilts)
-    sigmas = np.hypot(SLANT_SIGMA_RAD, lines.ends_sigma / _planes(lines)[1])
+    sigmas = np.hypot(SLANT_SIGMA_RAD, lines.ends_sigma / angles_rad[kept])
     # All lines, and all but each fifth of them: what hangs on one or two is none of a place.
     parts = 1.0 - (np.arange(len(kept))[:, None] % PARTS == np.arange(-1, PARTS))
     chances = []
@@ -241,8 +243,10 @@ def _apart(normals: np.ndarray, angles_rad: np.ndarray) -> np.ndarray:
     kept: list[int] = []
     for row in np.argsort(-angles_rad, kind="stable").tolist():
         alike = np.abs(normals[kept] @ normals[row]).max(initial=0.0)
-        if alike < np.cos(SAME_LINE_RAD) and len(kept) < MOST_LINES:
+        if alike < np.cos(SAME_LINE_RAD):
             kept.append(row)
+        if len(kept) == MOST_LINES:
+            break
     return np.array(kept, dtype=np.int64)
 
 

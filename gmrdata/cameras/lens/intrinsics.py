@@ -90,7 +90,7 @@ class AskedLens:
 
 
 class Intrinsics(Record):
-    """`intrinsics.json`: a pinhole with square or oblong pixels, and one term of distortion."""
+    """`intrinsics.json`: a pinhole, square or oblong pixels, and up to two terms of distortion."""
 
     format: Literal["gmrdata-intrinsics/2"] = "gmrdata-intrinsics/2"
     source: Source
@@ -368,7 +368,7 @@ def _other_bend(known: Lens, found: SelfCalibration, config: IntrinsicsConfig) -
     # k1 goes with the square of the focal length.
     own_sigma = float(np.hypot(found.radial_k1_sigma, 2 * asked_k1 * found.focal_sigma))
     sigma = float(np.hypot(own_sigma, known.radial_from.sigma or 0.0))
-    # A second term is as well said by a first that lies between it and none.
+    # Frames that know of no k2 say it by their k1, by as much as it moves the corner at most.
     apart = max(0.0, abs(given_k1 - asked_k1) - abs(known.radial[1]) * known.corner_radius**2)
     # At the corner a point moves by k1 r^2 of its distance from the middle.
     if apart <= max(config.object_sigmas * sigma, config.object_share / known.corner_radius**2):
