@@ -84,5 +84,6 @@ def lens(source: Source, sigma: float, objections: tuple[str, ...] = ()) -> Intr
         source=source, width_px=1280, height_px=720, focal_px=1088.0, focal_y_px=1088.0,
         focal_sigma=sigma, centre_px=(640.0, 360.0),
         radial_k1=0.0, radial_k1_sigma=None, radial_k2=0.0,
-        focal_observable=source != "prior", asked=None, starts=(), objections=objections, notes=(),
+        focal_observable=source != "prior", asked=None, asked_by_lines=None, starts=(),
+        objections=objections, notes=(),
     )  # fmt: skip

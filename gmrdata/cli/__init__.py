@@ -19,11 +19,10 @@ from typing import Any, get_args
 
 import tyro
 
-import gmrdata.cli.blender_environment as _blender
 from gmrdata import __version__
 from gmrdata.cli.answers import answer, as_loud, explain, fail
 from gmrdata.cli.baselines import baseline
-from gmrdata.cli.doctor import doctor
+from gmrdata.cli.doctor import blender, doctor
 from gmrdata.cli.export import export
 from gmrdata.cli.fusion import delta_errors, fuse
 from gmrdata.cli.gmr import compare, evaluate, infer, train
@@ -94,7 +93,7 @@ def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:
 
 
 _VERBS: tuple[Callable[..., None], ...] = (
-    demo, doctor, _blender.blender, fetch, motions, render, masks, sfm, video, page, manifest,
+    demo, doctor, blender, fetch, motions, render, masks, sfm, video, page, manifest,
     threedpw, floor, train, infer, delta_errors, fuse, evaluate, compare, export, baseline, tables,
     merge, report, run,
 )  # fmt: skip

@@ -1,4 +1,5 @@
-"""The verb that says what is installed here, and what each missing part would enable."""
+"""The verbs that say what is installed here and what each missing part would enable, and that make
+Blender's environment."""
 
 import os
 import platform
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from pydantic import TypeAdapter
+from tyro.conf import Positional
 
 from gmrdata import __version__
 from gmrdata.cli.answers import answer, answer_json, fail, print_table
@@ -200,6 +202,27 @@ def _loaded(process: subprocess.Popen[str], names: Sequence[str]) -> Loaded:
 
 def _unloadable(loaded: Loaded) -> list[tuple[str, str]]:
     return [(name, why) for name in LOADED if (why := loaded[0].get(name))]
+
+
+def blender(
+    job: Positional[Literal["setup"]], python: str | None = None, redo: bool = False
+) -> None:
+    """Make the environment that Blender runs in, 1.1 GB: bpy and what gmrdata's side of it imports.
+
+    It is .venv-blender of a checkout, else $XDG_DATA_HOME/gmrdata/blender (~/.local/share).
+    GMRDATA_BLENDER_PYTHON names another one's Python.
+
+    Args:
+        job: setup.
+        python: Python 3.11 or 3.13 to make it with.  By uv, where that is installed, it may be a
+            version, which uv fetches.  When left out: of these the first that is found.
+        redo: Make it again.
+    """
+    place = environment.set_up(python, redo=redo)
+    part = blender_part()
+    if part.state != "there":
+        fail(f"{place}: Blender does not start: {part.found}. It is needed for {part.note}")
+    answer(f"Blender {part.found}: {part.note}")
 
 
 def blender_part() -> Part:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Self
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, Intrinsics, IntrinsicsConfig
+from gmrdata.cameras.lens.vanishing_points import LinesConfig
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.people.local_poses import LocalPosesConfig
 from gmrdata.people.sources import MasksConfig, PersonSource, SilhouetteSource
@@ -21,7 +22,6 @@ from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.size import heights_of
-from gmrdata.world.vertical_lines import LinesConfig
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
 FOLLOWED, AGAIN, OWN_POSES, BODY, LINES = "followed", "again", "own_poses", "body", "lines"

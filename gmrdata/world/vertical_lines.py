@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from gmrdata.cameras.files import load_cameras
 from gmrdata.cameras.frames import Frames
-from gmrdata.stage.jobs import in_threads
+from gmrdata.cameras.lens.vanishing_points import LinesConfig, apart, straight_lines
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import Lens, straightened
@@ -35,7 +35,6 @@ SLANT_SIGMA_RAD = np.deg2rad(0.7)  # of a vertical line from up
 VERTICAL_SHARE = 0.2  # of the lines: 0.12 to 0.28 in five rooms
 TOLD_SHARE = 0.5
 """Of what a line would tell if it was built and seen on its own: a door has two sides."""
-SAME_LINE_RAD = np.deg2rad(1.0)  # a line seen again, and the other edge of a pole
 MOST_LINES = 400  # the longest
 LINES_SIGMA_RAD = np.deg2rad(1.0)
 """Of all lines of a place together, along each axis: poles and planks lean alike."""
@@ -47,24 +46,9 @@ LEAST_SIGMA_RAD = np.deg2rad(15.0)  # of a tilt of which lines tell nothing
 ASSUMED_K1_SIGMA = 0.1  # of a lens whose distortion nobody knows
 NODES = ((0.0, 2 / 3), (-(3**0.5), 1 / 6), (3**0.5, 1 / 6))
 """Of a normal distribution, in standard errors, and their weights (Gauss-Hermite)."""
-BORDER_PX, BAR_SPREAD = 8, 3.0  # about the picture; grey levels of a column in a bar (sd)
-FREE_SHARE = 0.7  # of a line, that is not masked
 PARTS = 5  # of the lines, each of which is left out once (a jackknife)
 CERTAIN = ((0.0, 1.0),)
 LEAST_FOCAL = 0.5  # over the given one
-
-
-class LinesConfig(Config):
-    """Which lines are found."""
-
-    frames: int = 16
-    """In so many pictures with a camera, evenly over the sequence."""
-    longest_px: int = 1280
-    """Larger pictures are made smaller."""
-    shortest_share: float = 0.03
-    """Length of a line, as a share of the picture's diagonal."""
-    end_px: float = 1.5
-    """Standard error of a line's end across it, in the picture that is looked at [px]."""
 
 
 class _LinesRecipe(Config):
@@ -109,13 +93,12 @@ def find_lines(
         rows = rows_of_numbers(frames.numbers, cameras.image_numbers[known[some]])
         given = Frames(list(frames.paths), masks_dir, lens.matrix_px, frames.size_px).some(rows)
         rotmats = cameras.path.world_from_cam[known[some], :3, :3]
-        shrink = min(1.0, config.longest_px / max(frames.size_px))
-        found = in_threads(lambda image: _ends_px(given, image, shrink, config), given.images)
+        found, end_px = straight_lines(given, config)
         ends_px = np.concatenate([np.zeros((0, 2, 2)), *found])
         arrays: dict[str, ArrayLike] = {
             "format": _FORMAT,
             "ends": (ends_px - lens.centre_px) / lens.focal_px,
-            "ends_sigma": np.array(config.end_px / shrink / min(lens.focal_px)),
+            "ends_sigma": np.array(end_px / min(lens.focal_px)),
             "rotmats": np.repeat(rotmats, list(map(len, found)), axis=0),
             "radial": np.array(lens.radial, dtype=np.float64),
             "lens_sigmas": np.array(_lens_sigmas(lens), dtype=np.float64),
@@ -140,32 +123,6 @@ def _lens_sigmas(lens: Lens) -> tuple[float, float]:
     assumed = lens.radial_from.source == "prior" and not lens.radial_from.sigma
     k1_sigma = ASSUMED_K1_SIGMA if assumed else lens.radial_from.sigma or 0.0
     return lens.focal_from.sigma or 0.0, k1_sigma
-
-
-def _ends_px(frames: Frames, image: Path, shrink: float, config: LinesConfig) -> np.ndarray:
-    """Ends (N, 2, 2) of a picture's lines that are not masked."""
-    import cv2
-
-    gray, background = frames.read(image, shrink)
-    found = cv2.createLineSegmentDetector().detect(gray)[0]
-    # It counts from the middle of the first pixel.
-    ends = np.zeros((0, 2, 2)) if found is None else found.reshape(-1, 2, 2).astype(float) + 0.5
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    ends = ends[lengths > config.shortest_share * np.hypot(*gray.shape)]
-    ends = ends[~_on_border(ends, gray)]
-    shares = np.linspace(0, 1, 9)[:, None, None]
-    along = ends[:, 0] + shares * (ends[:, 1] - ends[:, 0])
-    x, y = np.moveaxis(np.clip(along.astype(int), 0, np.array(gray.shape)[::-1] - 1), -1, 0)
-    return np.asarray(ends[background[y, x].mean(axis=0) > FREE_SHARE] / shrink)
-
-
-def _on_border(ends: np.ndarray, gray: np.ndarray) -> np.ndarray:
-    """(N,) bool: lines (N, 2, 2) along a side of a picture (h, w), or of bars about it: these are
-    no lines of the place."""
-    shown = (np.flatnonzero(gray.std(axis=axis) > BAR_SPREAD) for axis in (0, 1))
-    low, high = np.array([(at[0], at[-1] + 1) if len(at) else (0, 0) for at in shown]).T
-    along = np.all((ends < low + BORDER_PX) | (ends > high - BORDER_PX), axis=1)
-    return np.asarray(np.any(along, axis=1))
 
 
 def line_cue(lines: Lines, about: UpCue) -> UpCue | None:
@@ -240,14 +197,8 @@ def _planes(lines: Lines) -> tuple[np.ndarray, np.ndarray]:
 
 def _apart(normals: np.ndarray, angles_rad: np.ndarray) -> np.ndarray:
     """Rows of the longest lines of which no two are in one plane."""
-    kept: list[int] = []
-    for row in np.argsort(-angles_rad, kind="stable").tolist():
-        alike = np.abs(normals[kept] @ normals[row]).max(initial=0.0)
-        if alike < np.cos(SAME_LINE_RAD):
-            kept.append(row)
-        if len(kept) == MOST_LINES:
-            break
-    return np.array(kept, dtype=np.int64)
+    longest = np.argsort(-angles_rad, kind="stable")
+    return np.asarray(longest[apart(normals[longest])[:MOST_LINES]])
 
 
 def _as_lens_errs(lines: Lines) -> Iterator[tuple[Lines, float]]:

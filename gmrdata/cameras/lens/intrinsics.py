@@ -4,7 +4,7 @@ import shutil
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
@@ -19,6 +19,12 @@ from gmrdata.cameras.lens.self_calibration import (
     SelfCalibrationConfig,
     StartTried,
     self_calibrate,
+)
+from gmrdata.cameras.lens.vanishing_points import (
+    USUAL_FOCAL,
+    USUAL_SIGMA,
+    LinesConfig,
+    focal_of_lines,
 )
 from gmrdata.read.intrinsics import (
     GIVEN_SIGMA,
@@ -36,9 +42,6 @@ from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import PART, Config, Figure, Record
 
 INTRINSICS_FILE = "intrinsics.json"
-USUAL_FOCAL, USUAL_SIGMA = 0.85, 0.3
-"""Focal length over the longer side, and the standard error of its logarithm, of cameras that
-nothing is known of: phones have 0.65 to 0.95, 3DPW's 1.02, a car's 0.58, long lenses 2 and more."""
 RIGHT_SIGMAS = 2.0  # standard errors within which cameras find a focal length right
 LARGEST_CORNER = 3.0  # from the principal point, in focal lengths: 143 degrees across
 
@@ -64,6 +67,8 @@ class IntrinsicsConfig(Config):
     """Where the lens may come from, and how it is sought."""
 
     self_calibration: SelfCalibrationConfig = SelfCalibrationConfig()
+    lines: LinesConfig = LinesConfig(frames=6)
+    """Which straight lines are asked where the camera's motion does not show the focal length."""
     look_in_frames: bool = True
     """Seek the lens in the frames, which also checks one that is given or noted; if not, one that
     is neither is guessed."""
@@ -87,6 +92,15 @@ class AskedLens:
     radial_k1_sigma: Figure
     motion: Literal["full", "rotation_only"]
     """What the camera does, by which it was found."""
+
+
+@part(frozen=True, config=PART)
+class AskedByLines:
+    """The focal length that straight lines of the place ask for, whatever is taken."""
+
+    focal_px: Figure
+    focal_sigma: Figure
+    """As a share of it."""
 
 
 class Intrinsics(Record):
@@ -114,6 +128,8 @@ class Intrinsics(Record):
     """Whether the frames hold the focal length; null where they were not asked."""
     asked: AskedLens | None
     """What the frames ask for; null where they say nothing, or were not asked."""
+    asked_by_lines: AskedByLines | None
+    """What straight lines ask for; null where they tell nothing, or the camera's motion does."""
     starts: tuple[StartTried, ...]
     objections: tuple[str, ...]
     """Why the lens that was taken can't be trusted; a verdict must say them."""
@@ -186,8 +202,8 @@ def find_intrinsics(
 ) -> Path:
     """Find the lens of a sequence: given, else noted by the camera, else shown by the frames.
 
-    What is given or noted is held against what the frames ask for; where they say nothing and
-    nobody else does, a usual focal length is taken with a wide error.
+    What is given or noted is held against what the frames ask for, by the camera's motion, else by
+    straight lines of the place.  Where nobody says it, it is guessed by these and by what is usual.
 
     Args:
         frames: All frames; the file of a video that they are of may name the lens.
@@ -201,7 +217,8 @@ def find_intrinsics(
     """
 
     def work(partial: Path) -> None:
-        known, asked = _known(given, frames), None
+        known = _known(given, frames)
+        found, lines = None, None
         if config.look_in_frames:
             work_dir = partial / "colmap"
             work_dir.mkdir()
@@ -210,9 +227,12 @@ def find_intrinsics(
             guess_px = Lens.centred(start_px, frames.size_px).matrix_px
             sought = Frames(list(frames.paths), masks_dir, guess_px, frames.size_px)
             of_number = READOUT_S * frames.known_or_usual_hz * np.median(np.diff(frames.numbers))
-            asked = self_calibrate(sought, work_dir, config.self_calibration, float(of_number))
+            found = self_calibrate(sought, work_dir, config.self_calibration, float(of_number))
             shutil.rmtree(work_dir)
-        _decided(known, asked, frames.size_px, config).write(partial / INTRINSICS_FILE)
+            if not found.observable:
+                lines = _asked_by_lines(sought, known, config.lines)
+        shown = _Shown(found, lines)
+        _decided(known, shown, frames.size_px, config).write(partial / INTRINSICS_FILE)
 
     free_rate = config.look_in_frames and frames.video is None and np.isfinite(frames.rate_hz)
     recipe = _IntrinsicsRecipe(
@@ -225,6 +245,23 @@ def find_intrinsics(
     inputs |= {"file": None if given is None else given.file, "video": frames.video_path}
     there = {role: path for role, path in inputs.items() if path is not None}
     return run_stage("intrinsics", out_dir, recipe, there, work, run=run)
+
+
+class _Shown(NamedTuple):
+    """What the frames show of the lens."""
+
+    found: SelfCalibration | None
+    """By the camera's motion; None where they were not asked."""
+    lines: AskedByLines | None
+
+
+def _asked_by_lines(
+    frames: Frames, known: tuple[Lens, str] | None, config: LinesConfig
+) -> AskedByLines | None:
+    asked = focal_of_lines(frames, None if known is None else known[0], config)
+    if asked is None:
+        return None
+    return AskedByLines(asked.focal * max(frames.size_px), asked.focal_sigma)
 
 
 def _known(given: GivenIntrinsics | None, frames: FrameSet) -> tuple[Lens, str] | None:
@@ -310,25 +347,29 @@ def _require_possible(lens: Lens, words: str) -> None:
 
 def _decided(
     known: tuple[Lens, str] | None,
-    found: SelfCalibration | None,
+    shown: _Shown,
     size_px: tuple[int, int],
     config: IntrinsicsConfig,
 ) -> Intrinsics:
     """The record of the lens that is taken."""
+    found, lines = shown
     asked = None if found is None else _asked(found, size_px)
-    taken, words = _taken(known, asked, found, size_px)
+    taken, words = _taken(known, asked, shown, size_px)
     notes, objections = [words], [FOLDED] if taken.folds else []
     sigma = taken.focal_from.sigma or 0.0
     other_bend = "" if known is None or found is None else _other_bend(known[0], found, config)
     if other_bend:
         objections.append(other_bend)
-    if known is not None and asked is not None:
+    if known is not None and (says := asked or lines) is not None:
         one = known[0]
-        apart = float(np.log(asked.focal_px / one.focal_px[0]))
-        both_sigma = float(np.hypot(asked.focal_sigma, one.focal_from.sigma or 0.0))
-        words = _compared(one, asked)
+        apart, both_sigma = _apart(one, says)
+        words = _compared(one, says)
         if abs(apart) <= max(config.doubt_sigmas * both_sigma, config.object_share):
             notes.append(f"{words}, which agrees." if not other_bend else f"{words}.")
+            if one.focal_from.source == "metadata" and asked is None:
+                taken = _together(one, says)
+                sigma = taken.focal_from.sigma or 0.0
+                notes.append(f"Together they make {taken.focal_px[0]:.0f} px.")
         elif one.focal_from.source == "given" and abs(apart) <= config.object_sigmas * both_sigma:
             notes.append(f"{words}: the two disagree, but not by enough to object.")
         elif one.focal_from.source == "given":
@@ -337,7 +378,7 @@ def _decided(
             notes.append(f"{words}: the two disagree.")
             sigma = float(np.hypot(sigma, apart))
     if found is not None and asked is None:
-        notes.append(f"The frames do not show the focal length: {found.reason}.")
+        notes.append(f"The camera's motion does not show the focal length: {found.reason}.")
     return Intrinsics(
         source=taken.focal_from.source,
         width_px=size_px[0],
@@ -351,10 +392,26 @@ def _decided(
         radial_k2=taken.radial[1],
         focal_observable=None if found is None else asked is not None,
         asked=asked,
+        asked_by_lines=lines,
         starts=() if found is None else found.starts,
         objections=tuple(objections),
         notes=tuple(notes),
     )
+
+
+def _together(noted: Lens, lines: AskedLens | AskedByLines) -> Lens:
+    """The noted lens, drawn to what lines ask for: means of logarithms, by variance."""
+    weights = np.array([noted.focal_from.sigma or 0.0, lines.focal_sigma]) ** -2
+    logs = np.log([noted.focal_px[0], lines.focal_px])
+    focal_px = float(np.exp(np.average(logs, weights=weights)))
+    return Lens.centred(focal_px, noted.size_px, Origin("metadata", float(weights.sum() ** -0.5)))
+
+
+def _apart(known: Lens, asked: AskedLens | AskedByLines) -> tuple[float, float]:
+    """How far what is asked for lies from a known focal length, and the standard error of both
+    together, as shares."""
+    apart = float(np.log(asked.focal_px / known.focal_px[0]))
+    return apart, float(np.hypot(asked.focal_sigma, known.focal_from.sigma or 0.0))
 
 
 def _other_bend(known: Lens, found: SelfCalibration, config: IntrinsicsConfig) -> str:
@@ -380,14 +437,14 @@ def _other_bend(known: Lens, found: SelfCalibration, config: IntrinsicsConfig) -
 def _taken(
     known: tuple[Lens, str] | None,
     asked: AskedLens | None,
-    found: SelfCalibration | None,
+    shown: _Shown,
     size_px: tuple[int, int],
 ) -> tuple[Lens, str]:
     """What is given; else what is firmer, the camera's own note or the frames; else a guess."""
     if known is not None and not _is_firmer(asked, known[0]):
         return known
     if asked is None:
-        return _guess(found, size_px)
+        return _guess(shown, size_px)
     lens = Lens.centred(asked.focal_px, size_px, Origin("self_calibrated", asked.focal_sigma))
     k1_from = Origin("self_calibrated", asked.radial_k1_sigma)
     lens = replace(lens, radial=(asked.radial_k1, 0.0), radial_from=k1_from)
@@ -395,10 +452,15 @@ def _taken(
     return lens, f"The lens was found in the frames, as {how}: {_lens_in_words(asked)}."
 
 
-def _guess(found: SelfCalibration | None, size_px: tuple[int, int]) -> tuple[Lens, str]:
-    """A usual lens, drawn to the little that the frames show: means of logarithms, by variance."""
+def _guess(shown: _Shown, size_px: tuple[int, int]) -> tuple[Lens, str]:
+    """A usual lens, drawn to what lines ask for, or to the little that the camera's motion shows:
+    means of logarithms, by variance."""
+    found, lines = shown
     log_focal, sigma, why = np.log(USUAL_FOCAL), USUAL_SIGMA, NOTHING_SHOWS
-    if found is not None and found.focal is not None and found.focal_sigma < USUAL_SIGMA:
+    if lines is not None:
+        # They know already what is usual.
+        log_focal, sigma, why = np.log(lines.focal_px / max(size_px)), lines.focal_sigma, LINES_SHOW
+    elif found is not None and found.focal is not None and found.focal_sigma < USUAL_SIGMA:
         weights = np.array([USUAL_SIGMA, found.focal_sigma]) ** -2
         log_focal = np.average([log_focal, np.log(found.focal)], weights=weights)
         sigma, why = float(weights.sum() ** -0.5), LITTLE_SHOWS
@@ -426,15 +488,18 @@ def _asked(found: SelfCalibration, size_px: tuple[int, int]) -> AskedLens | None
     )
 
 
-def _compared(known: Lens, asked: AskedLens) -> str:
+def _compared(known: Lens, asked: AskedLens | AskedByLines) -> str:
     is_given = known.focal_from.source == "given"
     whose = "the given one" if is_given else "what the camera notes"
     factor = asked.focal_px / known.focal_px[0]
-    return f"The frames ask for {_lens_in_words(asked)}, {factor:.3f} times {whose}"
+    who = "The frames ask" if isinstance(asked, AskedLens) else "Straight lines ask"
+    return f"{who} for {_lens_in_words(asked)}, {factor:.3f} times {whose}"
 
 
-def _lens_in_words(asked: AskedLens) -> str:
+def _lens_in_words(asked: AskedLens | AskedByLines) -> str:
     focal = f"a focal length of {asked.focal_px:.0f} px ± {100 * asked.focal_sigma:.1f} %"
+    if isinstance(asked, AskedByLines):
+        return focal
     if asked.radial_k1 == 0:
         return f"{focal}, without distortion"
     return f"{focal}, and a distortion k1 of {asked.radial_k1:.3f} ± {asked.radial_k1_sigma:.3f}"
@@ -446,6 +511,10 @@ FOLDED = (
     "does: give --intrinsics, or undistort the frames."
 )
 NOTHING_SHOWS = "Nothing shows the focal length: a usual one was taken."
+LINES_SHOW = (
+    "Where straight lines of the place meet tells the focal length, if they run along three "
+    "directions at right angles."
+)
 LITTLE_SHOWS = "A usual focal length was taken together with the little that the frames show of it."
 GUESSED = (
     "It is {focal_px:.0f} px, and may be off by {sigma:.0f} %. The distance from the camera, the "

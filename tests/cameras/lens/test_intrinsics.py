@@ -182,7 +182,7 @@ def test_then_the_frames_and_then_a_guess_that_says_so(tmp_path, shown):
 
 def test_even_frames_show_no_lens_and_the_note_names_no_folder_that_is_gone(tmp_path):
     lens = made(tmp_path, config=IntrinsicsConfig())
-    assert lens.notes[1].startswith("The frames do not show the focal length: 0 features per")
+    assert lens.notes[1].startswith("The camera's motion does not show the focal length: 0 f")
 
 
 def test_a_guess_takes_the_little_that_the_frames_show(tmp_path, shown):
