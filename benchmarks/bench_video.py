@@ -2,8 +2,9 @@
 
 `make bench-video` runs this file alone; `--small` tries every part on the first clips.  Twelve
 clips are rendered once and kept in out/bench/video_clips.  `--clips FOLDER` holds real clips with
-known cameras (real/layout.py), `--videos FOLDER` real videos (video/real.py); what is not there is
-named and left out.  Prints tables and writes out/bench/video.json.
+known cameras (real/layout.py) and lines of pictures of known lenses (video/lines.py), `--videos
+FOLDER` real videos (video/real.py); what is not there is named and left out.  Prints tables and
+writes out/bench/video.json.
 """
 
 import shutil
@@ -33,6 +34,13 @@ from video.focal import (
     focal_row,
     rendered_lens,
     wrong_focal_row,
+)
+from video.lines import (
+    LEAST_LINES_IN_1_SIGMA,
+    LEAST_LINES_IN_2_SIGMA,
+    LEAST_TOLD,
+    MOST_LINES_ERROR_PERCENT,
+    lines_rows,
 )
 from video.real import CLIPS, missing, real_figures, real_rows
 from video.speed import MOST_BYTES, MOST_S, seconds_10s_720p
@@ -108,6 +116,24 @@ def test_wrong_focal_lengths(record: Record, lenses: dict[str, KnownLens]) -> No
             at_most("of which pass", certified, 0),
         ]
     )
+
+
+def test_focal_length_by_lines(record: Record, request: pytest.FixtureRequest) -> None:
+    folder = request.config.getoption("--clips") or OUT_DIR / "clips"
+    rows = dict(lines_rows(folder, small=record.small))
+    show("Straight lines", [{"set": name} | asdict(row) for name, row in rows.items()])
+    record.add(focal_by_lines={name: asdict(row) for name, row in rows.items()})
+    record.hold([at_least("sets of lines", len(rows), 2)])
+    for name, row in rows.items():
+        error = row.error_percent_median
+        record.hold(
+            [
+                at_least(f"{name}: share that tells", row.told, LEAST_TOLD),
+                at_most(f"{name}: focal error, median [%]", error, MOST_LINES_ERROR_PERCENT),
+                at_least(f"{name}: share within 1 sigma", row.in_1_sigma, LEAST_LINES_IN_1_SIGMA),
+                at_least(f"{name}: within 2 sigma", row.in_2_sigma, LEAST_LINES_IN_2_SIGMA),
+            ]
+        )
 
 
 def test_bodies_of_other_systems(record: Record, clips: list[Path]) -> None:

@@ -92,7 +92,7 @@ SOURCES = {
     "given": "given",
     "metadata": "the camera’s own note in the file",
     "self_calibrated": "found in the frames",
-    "prior": "a guess by what is usual: nothing says",
+    "prior": "a guess: neither the file nor the camera’s motion tells",
 }
 CLIP_USE = (
     "the world motion and the camera as gmrdata keeps them: AMASS's keys, a row for each frame"

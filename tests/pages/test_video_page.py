@@ -263,7 +263,7 @@ def guessed(focal_sigma: float) -> Intrinsics:
         source="prior", width_px=640, height_px=360, focal_px=554.3, focal_y_px=554.3,
         focal_sigma=focal_sigma, centre_px=(320.0, 180.0),
         radial_k1=-0.1, radial_k1_sigma=0.02, radial_k2=0.0,
-        focal_observable=False, asked=None, starts=(),
+        focal_observable=False, asked=None, asked_by_lines=None, starts=(),
         objections=("the <b>lens</b> is not of these frames",), notes=("a guess",),
     )  # fmt: skip
 
@@ -287,7 +287,10 @@ def test_cameras_alone_are_beside_the_thresholds_that_their_lens_allows(small_bo
 def test_the_lens_comes_with_its_source_and_its_error(copied):
     guessed(0.3).write(copied / "intrinsics" / "intrinsics.json")
     page = drawn(copied)
-    assert "Focal length554.3 px ± 30 %" in page.words and "a guess by what is usual" in page.words
+    assert (
+        "Focal length554.3 px ± 30 %" in page.words
+        and "a guess: neither the file nor" in page.words
+    )
     assert "Radial distortion k1-0.1 ± 0.02" in page.words
     assert "the <b>lens</b> is not of these frames" in page.words and "b" not in page.tags
     assert "intrinsics: intrinsics.json" in page.words

@@ -169,7 +169,8 @@ def beside_cameras(lens: Intrinsics, quality: CamerasQuality) -> Intrinsics:
     Cameras of the whole that hold it more firmly, and find the given one right, then count.  Of a
     shorter video both see the same frames, and cameras lean on the lens that they were given.
     """
-    asked, factor, sigma = lens.asked, quality.focal_factor, quality.focal_sigma
+    asked = lens.asked or lens.asked_by_lines
+    factor, sigma = quality.focal_factor, quality.focal_sigma
     if quality.frames <= ENOUGH_FRAMES or asked is None or factor is None or sigma is None:
         return lens
     withdrawn = tuple(one for one in lens.objections if one.endswith(NOT_THEIRS))

@@ -1,5 +1,6 @@
 """The focal length by straight lines: of rooms that are known, of real pictures, and of none."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.lens.intrinsics import (
+    GivenIntrinsics,
+    Intrinsics,
+    IntrinsicsConfig,
+    find_intrinsics,
+    load_intrinsics,
+)
 from gmrdata.cameras.lens.vanishing_points import (
     LOG_FOCALS,
     PARTS,
@@ -16,6 +24,7 @@ from gmrdata.cameras.lens.vanishing_points import (
     focal_of_lines,
     log_evidence,
 )
+from gmrdata.read.frames import read_frames
 from gmrdata.values.camera import Lens, straightened
 
 REAL_LINES = Path(__file__).parents[2] / "world" / "real_lines.npz"
@@ -128,3 +137,67 @@ def test_lines_of_a_lens_that_bends_are_made_straight_first(pavement):
     assert other == pytest.approx(plain)
     bends = Lens((485.0, 485.0), (480.0, 270.0), size_px, radial=(-0.2, 0.0))
     assert focal_of_lines(pavement, bends, config) != pytest.approx(plain)
+
+
+@pytest.fixture
+def at_rest(shared_path, tmp_path) -> Callable[..., Intrinsics]:
+    """The lens of four frames of the pavement, whose camera hardly moves; they may note one."""
+    images = sorted(shared_path("video/static_people").glob("*.jpg"))[40:51:3]
+
+    def find(*, focal_px: float | None = None, film_mm: int | None = None) -> Intrinsics:
+        from PIL import Image
+
+        (folder := tmp_path / "frames").mkdir()
+        for number, path in enumerate(images):
+            image = Image.open(path)
+            exif = image.getexif()
+            exif.get_ifd(0x8769).update({} if film_mm is None else {0xA405: film_mm})
+            image.save(folder / f"{number:05d}.jpg", exif=exif, quality=95)
+        given = None if focal_px is None else GivenIntrinsics(focal_px=focal_px)
+        config = IntrinsicsConfig(lines=LinesConfig(frames=2))
+        frames = read_frames(folder)
+        return load_intrinsics(find_intrinsics(frames, None, tmp_path / "out", config, given=given))
+
+    return find
+
+
+def test_the_guess_of_a_camera_at_rest_is_that_of_lines(at_rest):
+    lens = at_rest()
+    assert lens.source == "prior" and lens.is_guess and lens.focal_observable is False
+    assert lens.asked_by_lines is not None and lens.objections == ()
+    assert lens.focal_px == pytest.approx(lens.asked_by_lines.focal_px)
+    assert lens.focal_sigma == lens.asked_by_lines.focal_sigma < 0.12
+    assert lens.focal_px == pytest.approx(960 * PAVEMENT_FOCAL, rel=0.1)
+    assert lens.notes[0].startswith("Where straight lines of the place meet tells the focal length")
+
+
+@pytest.mark.parametrize(("focal_px", "is_right"), [(490.0, True), (750.0, False)])
+def test_a_given_focal_length_of_a_camera_at_rest_is_held_against_lines(
+    at_rest, focal_px, is_right
+):
+    """Nothing else would notice: a person is put as many times too far away."""
+    lens = at_rest(focal_px=focal_px)
+    assert lens.focal_px == focal_px and lens.source == "given"
+    if is_right:
+        assert not lens.objections and "the given one, which agrees" in lens.notes[1]
+    else:
+        (objection,) = lens.objections
+        assert objection.startswith("Straight lines ask for a focal length of 4")
+        assert objection.endswith("the lens that is given is not that of these frames.")
+
+
+@pytest.mark.parametrize(("film_mm", "noted_px"), [(19, 483.7), (28, 712.8)])
+def test_a_cameras_note_is_averaged_with_lines_or_doubted(at_rest, film_mm, noted_px):
+    lens = at_rest(film_mm=film_mm)
+    assert lens.source == "metadata" and lens.asked_by_lines is not None
+    lines_px, lines_sigma = lens.asked_by_lines.focal_px, lens.asked_by_lines.focal_sigma
+    if film_mm == 19:
+        weights = np.array([0.05, lines_sigma]) ** -2
+        logs = np.log([noted_px, lines_px])
+        assert lens.focal_px == pytest.approx(np.exp(np.average(logs, weights=weights)), rel=1e-3)
+        assert lens.focal_sigma == pytest.approx(weights.sum() ** -0.5)
+        assert lens.notes[2] == f"Together they make {lens.focal_px:.0f} px."
+    else:
+        assert lens.focal_px == pytest.approx(noted_px, rel=1e-3)
+        assert lens.focal_sigma == pytest.approx(np.hypot(0.05, np.log(lines_px / lens.focal_px)))
+        assert "the two disagree" in lens.notes[1]
