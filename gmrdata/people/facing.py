@@ -28,8 +28,8 @@ BETWEEN_LEAPS_S = 0.5
 AGAINST = -0.35  # cosine between where a body's left is before and after, of more than 110 degrees
 MIRROR_GAIN = 0.92
 """What is left of the errors by the mirrored body, over what the seen one leaves, from which it is
-believed.  Of right views: 1.17 to 1.5, and 0.98 to 1.02 of who stands still with straight limbs;
-a man who was mirrored was at 0.855 and accepted at a limit of 0.85."""
+believed.  Of right views: 1.2 to 3.4, and 1.01 to 1.06 of who stands still with straight limbs; of
+mirrored ones the inverse."""
 COMPARED_HZ, COMPARED_FRAMES = 8.0, 64
 """Of the frames by which a whole track is compared with its mirror image."""
 
@@ -87,14 +87,12 @@ def _like_most(left: np.ndarray, runs: list[tuple[int, int]]) -> np.ndarray:
 
 
 def mirrored(seen: SeenLandmarks) -> SeenLandmarks:
-    """The same picture of a person who looks the other way."""
+    """The same picture of a person who looks the other way, under a camera as high above."""
     swap = list(MIRRORED_LANDMARKS)
-    return SeenLandmarks(
-        seen.times_s,
-        seen.rays[:, swap],
-        seen.world_m[:, swap] * [1.0, 1.0, -1.0],
-        seen.visibility[:, swap],
-    )
+    world_m = seen.world_m[:, swap]
+    sloping_m = (world_m[..., :2] @ seen.slopes[..., None])[..., 0]
+    world_m[..., 2] = 2 * sloping_m - world_m[..., 2]
+    return SeenLandmarks(seen.times_s, seen.rays[:, swap], world_m, seen.visibility[:, swap])
 
 
 def looks_reversed(seen: SeenLandmarks, rest_joints_m: np.ndarray, config: FitConfig) -> bool:

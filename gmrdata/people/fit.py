@@ -39,8 +39,8 @@ class FitConfig(Config):
     depth_m: float = Field(default=0.15, gt=0)
     """Distances beside that of the hips, by the network [m]; 0.12 on real people, for long."""
     depth_share: float = Field(default=0.8, gt=0, le=1)
-    """What is believed of them: errors make depths larger than they are, and a body that is as deep
-    stands too near."""
+    """What is believed of them beside the slope of the whole body: errors make depths larger than
+    they are, and a body that is as deep stands too near."""
     acceleration: float = Field(default=12.0, gt=0)
     """Of landmarks about the hips [m/s2]."""
     pelvis_acceleration: float = Field(default=8.0, gt=0)
@@ -73,6 +73,8 @@ stands with bent knees stood on straighter legs, and so 4 cm below the floor."""
 _WEIGHTS = np.array([_REST_WEIGHTS.get(name, 0.15) for name in JOINT_NAMES])
 SAME_TIME = 4.0  # landmarks of a frame err together: so many of them tell as much as one
 OUTLIER = 9.0  # the most that a landmark costs
+SLOPES_S = 1.0  # over which a body slopes alike
+SLOPE_NOISE = 0.6  # of a body that does not slope: a share of slopes like it is believed
 HINGE_SIDE, HINGE_BACK = 2.0, 40.0
 """Weights of a knee that turns aside, and of a knee or elbow that bends the wrong way."""
 WINDOW, OVERLAP = 600, 60  # frames at a time, which is half a gigabyte
@@ -120,6 +122,22 @@ _BONES = {
     )
 }  # fmt: skip
 """By joint: landmarks between which its bone lies, and the joint at its end."""
+
+
+def _believed_m(seen: SeenLandmarks, share: float) -> np.ndarray:
+    """How much further away than the hips landmarks are (T, 33), as far as the network is believed.
+
+    A body that is seen from above slopes as a whole, away from the camera toward the feet, and
+    goes on to.  So the mean slope over some time is believed; a share of what is left is.
+    """
+    slopes = seen.slopes
+    apart = (seen.times_s[:, None] - seen.times_s) / SLOPES_S
+    near = np.exp(-0.5 * apart**2)
+    lasting = near @ slopes / near.sum(axis=1, keepdims=True)
+    steep2 = (lasting**2).sum(axis=1, keepdims=True)
+    lasting *= steep2 / (steep2 + SLOPE_NOISE**2)
+    sloping_m = (seen.world_m[..., :2] @ lasting[..., None])[..., 0]
+    return np.asarray(sloping_m + share * (seen.world_m[..., 2] - sloping_m))
 
 
 def first_rotmats(seen: SeenLandmarks, rest_joints_m: np.ndarray) -> np.ndarray:
@@ -184,7 +202,7 @@ class _Problem:
         self.config, self.seen, self.rest_m = config, seen, rest_joints_m
         self.offsets_m = offsets_of(rest_joints_m)
         self.per_ray = 1 / (seen.sizes * config.image)
-        self.depth_m = config.depth_share * seen.world_m[..., 2]
+        self.depth_m = _believed_m(seen, config.depth_share)
         self.weights = seen.weights / SAME_TIME
         self.rest_weights = _WEIGHTS / config.rest**2
         self.over_time = _second_differences(seen.times_s)

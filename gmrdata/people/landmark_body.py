@@ -43,6 +43,7 @@ SIZED_BY = tuple(
 """Landmarks by whose spread a person's size in the picture is taken."""
 LEAST_DEPTH = 0.1  # of a ray's end, along the axis of the person's camera: 84 degrees off it
 LEAST_SIZE = 1e-3  # a person of 2 px or so
+LEAST_SPREAD_M2 = 1e-3  # of landmarks that lie on one line of sight
 
 
 def _hung(name: str) -> tuple[str, str]:
@@ -101,6 +102,14 @@ class SeenLandmarks:
     def weights(self) -> np.ndarray:
         """(T, 33) how much each counts: little where it is hidden."""
         return self.visibility.clip(0.05, 1.0)
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """(T, 2) how much further away the body is per metre to the right and down, as a whole."""
+        flat_m, depth_m = self.world_m[..., :2], self.world_m[..., 2:]
+        weighted = (flat_m * self.weights[..., None]).swapaxes(1, 2)
+        spread = weighted @ flat_m + LEAST_SPREAD_M2 * np.eye(2)
+        return np.asarray(np.linalg.solve(spread, weighted @ depth_m)[..., 0])
 
     @property
     def cam_from_ray(self) -> np.ndarray:

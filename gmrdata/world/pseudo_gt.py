@@ -33,7 +33,9 @@ from gmrdata.world.level import (
     gravity_cue,
     ground_cue,
     level_from_world,
+    seen_steeply,
     soles_on_floor_m,
+    steep_size_sigma,
     up_of,
 )
 from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
@@ -131,7 +133,7 @@ def make_pseudo_gt(
         fits = _fits(evidence, clips, bodies, config)
         told_by = telling_rows(clips, doubts, fits, config.verdict)
         try:
-            sizes = evidence.size_sigmas or len(clips) * (0.0,)
+            sizes = _size_sigmas(evidence, clips, bodies)
             people = list(map(CameraPerson, clips, bodies, sizes, told_by))
             world = compose_clips(people, cameras, config)
         except NoReconstruction as error:
@@ -156,6 +158,19 @@ def make_pseudo_gt(
             size_sigmas=evidence.size_sigmas,
         )
     return run_stage("pseudo_gt", out_dir, recipe, evidence.files, work, run=run)
+
+
+def _size_sigmas(
+    evidence: WorldEvidence, clips: Sequence[Clip], bodies: Sequence[BodyModel]
+) -> tuple[float, ...]:
+    """Errors of people's sizes, as shares, with those of a view from above; 0 of known ones."""
+    if not evidence.size_sigmas:
+        return len(clips) * (0.0,)
+    steep = [
+        steep_size_sigma(body, clip.motion.take(clip.valid)) if clip.valid.any() else 0.0
+        for clip, body in zip(clips, bodies, strict=True)
+    ]
+    return tuple(np.hypot(evidence.size_sigmas, steep).tolist())
 
 
 def config_of(pseudo_gt_dir: Path) -> PseudoGtConfig:
@@ -276,7 +291,11 @@ def compose_clips(
     points_m = scale * cameras.points if scale > 0 else np.zeros((0, 3))
     solved = replace(cameras, path=replace(path, world_from_cam=filled), points=points_m)
     bodies = [one.body for one in people]
-    level_from_metric, level = _level(camera_clips, solved, told_by, bodies, config.scale)
+    # Of people whose size is known the poses are, too.
+    estimated = any(one.size_sigma for one in people)
+    level_from_metric, level = _level(
+        camera_clips, solved, told_by, bodies, config.scale, estimated=estimated
+    )
     levelled = level_from_metric @ filled
     camera = _blanked(replace(path, world_from_cam=levelled))
     clips = [
@@ -315,10 +334,12 @@ def _level(
     usable: Sequence[np.ndarray],
     bodies: Sequence[BodyModel],
     config: ScaleConfig,
+    *,
+    estimated: bool,
 ) -> tuple[np.ndarray, LevelEstimate]:
     """level_from_world (4, 4) of a metric world, from everybody's bodies, planted feet, the ground
     about them in reconstructed points, lines of the background, and what the camera felt; and how
-    level that is."""
+    level that is.  Poses that are estimated err with the view."""
     world_from_cam, points_m = metric.path.world_from_cam, metric.points
     motions = [motion_in_world(clip.motion, world_from_cam) for clip in camera_clips]
     planted_m, of_all_m, stances = [], [], 0
@@ -338,6 +359,12 @@ def _level(
         if rows.any()
     ]
     upright = body_cue(*zip(*known, strict=True))
+    if estimated:
+        pelvises_m = [
+            np.where(rows[:, None], motion.pelvis_m, np.nan)
+            for motion, rows in zip(motions, usable, strict=True)
+        ]
+        upright = seen_steeply(upright, pelvises_m, world_from_cam[:, :3, 3])
     plane = ground_plane(points_m, feet_m, upright.up, 1.0, config) if len(feet_m) else None
     cues = [contact_cue(planted_m, stances, upright.up, config.stance_sigma_m)]
     cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]

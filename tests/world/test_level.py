@@ -21,7 +21,9 @@ from gmrdata.world.level import (
     gravity_cue,
     ground_cue,
     level_from_world,
+    seen_steeply,
     soles_on_floor_m,
+    steep_size_sigma,
     up_of,
 )
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
@@ -140,6 +142,40 @@ def test_two_people_tell_more_than_one_and_share_what_their_system_errs(small_bo
     motion = standing_still(small_body, 300)
     one, two = (up_of([body_cue([small_body] * n, [motion] * n)], [])[1] for n in (1, 2))
     assert two.sigma_deg == pytest.approx(np.sqrt(0.75) * one.sigma_deg, rel=1e-3)
+
+
+def along_deg(cue: UpCue, axis: np.ndarray) -> float:
+    """Standard error of a cue's tilt along an axis."""
+    return float(np.rad2deg(np.sqrt(axis @ np.linalg.inv(cue.precision) @ axis)))
+
+
+@pytest.mark.parametrize(
+    ("camera_m", "toward_deg"),
+    [((0.0, -4.0, 1.0), 4.0), ((0.0, -4.0, 5.0), 15.2), ((0.0, -4.0, -3.0), 15.2)],
+)
+def test_up_of_who_is_seen_steeply_is_unsure_toward_the_camera(camera_m, toward_deg):
+    """Networks see people more upright than they are, as of Panoptic's high cameras."""
+    pelvis_m = np.tile([0.0, 0.0, 1.0], (20, 1))
+    pelvis_m[3] = np.nan
+    steep = seen_steeply(BODIES, [pelvis_m], np.tile(camera_m, (20, 1)))
+    assert np.array_equal(steep.up, BODIES.up)
+    assert along_deg(steep, np.eye(3)[1]) == pytest.approx(toward_deg, abs=0.1)
+    assert along_deg(steep, np.eye(3)[0]) == pytest.approx(4.0)
+    # From all around, one view's error is the other's opposite.
+    angles = np.linspace(0, 2 * np.pi, 20, endpoint=False)
+    around_m = np.column_stack([4 * np.cos(angles), 4 * np.sin(angles), np.full(20, 5.0)])
+    standing_m = np.tile([0.0, 0.0, 1.0], (20, 1))
+    assert along_deg(seen_steeply(BODIES, [standing_m], around_m), np.eye(3)[1]) < 4.1
+
+
+@pytest.mark.parametrize(("above_deg", "sigma"), [(0, 0.0), (15, 0.017), (50, 0.179)])
+def test_who_is_seen_steeply_is_at_an_unsure_distance(small_body, above_deg, sigma):
+    rotmats = np.tile(np.eye(3), (5, 24, 1, 1))
+    rotmats[:, 0] = _turn(180 - above_deg)
+    pelvis_m = np.tile([0.0, 0.0, 4.0], (5, 1))
+    motion = motion_of(small_body, np.zeros(small_body.n_shape), rotmats, pelvis_m, 30.0, "rest")
+    # The neck of this body is a little behind the pelvis.
+    assert steep_size_sigma(small_body, motion) == pytest.approx(sigma, abs=0.03)
 
 
 def contact_of(soles_m: np.ndarray, stances: int, up: np.ndarray, sigma_m: float) -> UpCue:
