@@ -19,10 +19,10 @@ from typing import Any, get_args
 
 import tyro
 
+import gmrdata.cli.doctor as _doctor
 from gmrdata import __version__
 from gmrdata.cli.answers import answer, as_loud, explain, fail
 from gmrdata.cli.baselines import baseline
-from gmrdata.cli.doctor import blender, doctor
 from gmrdata.cli.export import export
 from gmrdata.cli.fusion import delta_errors, fuse
 from gmrdata.cli.gmr import compare, evaluate, infer, train
@@ -93,9 +93,9 @@ def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:
 
 
 _VERBS: tuple[Callable[..., None], ...] = (
-    demo, doctor, blender, fetch, motions, render, masks, sfm, video, page, manifest,
-    threedpw, floor, train, infer, delta_errors, fuse, evaluate, compare, export, baseline, tables,
-    merge, report, run,
+    demo, _doctor.doctor, _doctor.blender, fetch, motions, render, masks, sfm, video, page,
+    manifest, threedpw, floor, train, infer, delta_errors, fuse, evaluate, compare, export,
+    baseline, tables, merge, report, run,
 )  # fmt: skip
 OUTPUTS = ("out", "redo", "run", "demo_out")
 """Arguments of verbs that name no file to read."""
