@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from people.before_camera import ViewRow, shirt_row, view_row
+from people.dome import dome_rows
 from people.in_world import WorldRow, beside_row, dancer_row, man_row
 from people.low_clips import make_low_clips
 from people.real import DANCE, VIEWS, dance_of, on_the_man, solved, tracks_of, view_of
@@ -134,6 +135,43 @@ def test_single_pictures(
     ]
     show("Single pictures", [asdict(row) for row in rows])
     record.add(single_pictures=[asdict(row) for row in rows])
+
+
+def test_people_under_high_cameras(
+    request: pytest.FixtureRequest, record: Record, shared_data: Path, anny: BodyModel
+) -> None:
+    """Errors of people who are seen from 7 to 53 degrees above must be as large as is said."""
+    where = "is `tests/data/panoptic_body3d/demo` of open-mmlab/mmpose at bb2b14d"
+    folder = _clips(request, record, "camera_parameters.json", where)
+    models_dir, out_dir = shared_data / "models", (WORK_DIR / "dome").resolve()
+    rows = list(dome_rows(folder.resolve(), out_dir, models_dir, anny, small=record.small))
+    show("Under the dome", [asdict(row) for row in rows])
+    kept = [row for row in rows if row.accepted]
+    level_sigmas = np.array([row.level_deg / row.said_deg for row in rows])
+    placed = [row for row in kept if row.distance_ratio is not None]
+    away = np.array([(row.distance_ratio or 1.0) - 1 for row in placed])
+    away_sigmas = np.abs(away) / [row.said_share for row in placed]
+    pa_mm = [row.pa_mm for row in kept if row.pa_mm is not None]
+    figures = {
+        "people": len(rows),
+        "accepted": len(kept),
+        "pa_mm": float(np.mean(pa_mm)),
+        "worst_pa_mm": max(pa_mm),
+        "distance_median": 1 + float(np.median(away)),
+        "distance_in_1_sigma": float((away_sigmas <= 1).mean()),
+        "distance_in_2_sigma": float((away_sigmas <= 2).mean()),
+        "level_in_sigma_rms": float(np.sqrt((level_sigmas**2).mean())),
+    }
+    show("All", [figures])
+    record.add(dome=figures | {"rows": [asdict(row) for row in rows]})
+    record.hold(
+        [
+            at_most("pa_mm", figures["pa_mm"], MOST_PA_MM),
+            at_most("pa_mm of a kept person", figures["worst_pa_mm"], WRONG_PA_MM),
+            at_least("distance within two sigma", figures["distance_in_2_sigma"], 0.9),
+            at_most("level, in sigma (RMS)", figures["level_in_sigma_rms"], 1.2),
+        ]
+    )
 
 
 def test_the_dancer(record: Record, shared_data: Path, anny: BodyModel) -> None:
