@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike
 
 from gmrdata.cameras.files import load_cameras
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.lens.vanishing_points import LinesConfig, apart, straight_lines
+from gmrdata.cameras.lens.vanishing_points import (
+    PARTS,
+    SLANT_RAD,
+    TOLD_SHARE,
+    LinesConfig,
+    apart,
+    straight_lines,
+)
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import Lens, straightened
@@ -31,10 +38,7 @@ _SHAPES: ArrayShapes = {
     "radial": ("f", (2,)), "lens_sigmas": ("f", (2,)),
 }  # fmt: skip
 
-SLANT_SIGMA_RAD = np.deg2rad(0.7)  # of a vertical line from up
 VERTICAL_SHARE = 0.2  # of the lines: 0.12 to 0.28 in five rooms
-TOLD_SHARE = 0.5
-"""Of what a line would tell if it was built and seen on its own: a door has two sides."""
 MOST_LINES = 400  # the longest
 LINES_SIGMA_RAD = np.deg2rad(1.0)
 """Of all lines of a place together, along each axis: poles and planks lean alike."""
@@ -46,7 +50,6 @@ LEAST_SIGMA_RAD = np.deg2rad(15.0)  # of a tilt of which lines tell nothing
 ASSUMED_K1_SIGMA = 0.1  # of a lens whose distortion nobody knows
 NODES = ((0.0, 2 / 3), (-(3**0.5), 1 / 6), (3**0.5, 1 / 6))
 """Of a normal distribution, in standard errors, and their weights (Gauss-Hermite)."""
-PARTS = 5  # of the lines, each of which is left out once (a jackknife)
 CERTAIN = ((0.0, 1.0),)
 LEAST_FOCAL = 0.5  # over the given one
 
@@ -142,7 +145,7 @@ def line_cue(lines: Lines, about: UpCue) -> UpCue | None:
     ups = about.up + np.tan(tilts) @ axes
     ups /= np.linalg.norm(ups, axis=1, keepdims=True)
     asked = -0.5 * np.einsum("nk,kl,nl->n", tilts, own, tilts)
-    sigmas = np.hypot(SLANT_SIGMA_RAD, lines.ends_sigma / angles_rad[kept])
+    sigmas = np.hypot(SLANT_RAD, lines.ends_sigma / angles_rad[kept])
     # All lines, and all but each fifth of them: what hangs on one or two is none of a place.
     parts = 1.0 - (np.arange(len(kept))[:, None] % PARTS == np.arange(-1, PARTS))
     chances = []
@@ -154,8 +157,9 @@ def line_cue(lines: Lines, about: UpCue) -> UpCue | None:
         chances.append(np.log(weight) + np.logaddexp(0.0, told) + asked[:, None])
     weights = np.exp(np.array(chances) - np.max(chances, axis=(0, 1))).sum(axis=0)
     mean, *others = (weights / weights.sum(axis=0)).T @ tilts
-    apart = tilts - mean
-    spread = apart.T @ (apart * weights[:, :1]) / weights[:, 0].sum() + STEP_RAD**2 / 12 * np.eye(2)
+    from_mean = tilts - mean
+    spread = from_mean.T @ (from_mean * weights[:, :1]) / weights[:, 0].sum()
+    spread += STEP_RAD**2 / 12 * np.eye(2)
     moved = np.array(others) - np.mean(others, axis=0)
     return _without(about, own, mean, spread + (PARTS - 1) / PARTS * moved.T @ moved)
 

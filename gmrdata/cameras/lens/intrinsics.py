@@ -401,11 +401,17 @@ def _decided(
 
 
 def _together(noted: Lens, lines: AskedLens | AskedByLines) -> Lens:
-    """The noted lens, drawn to what lines ask for: means of logarithms, by variance."""
-    weights = np.array([noted.focal_from.sigma or 0.0, lines.focal_sigma]) ** -2
-    logs = np.log([noted.focal_px[0], lines.focal_px])
-    focal_px = float(np.exp(np.average(logs, weights=weights)))
-    return Lens.centred(focal_px, noted.size_px, Origin("metadata", float(weights.sum() ** -0.5)))
+    """The noted lens, drawn to what lines ask for."""
+    sigmas = noted.focal_from.sigma or 0.0, lines.focal_sigma
+    focal_px, sigma = _averaged((noted.focal_px[0], lines.focal_px), sigmas)
+    return Lens.centred(focal_px, noted.size_px, Origin("metadata", sigma))
+
+
+def _averaged(focals: tuple[float, ...], sigmas: tuple[float, ...]) -> tuple[float, float]:
+    """The mean of focal lengths' logarithms, by variance, and its standard error, as a share."""
+    weights = np.array(sigmas) ** -2
+    log_focal = np.average(np.log(focals), weights=weights)
+    return float(np.exp(log_focal)), float(weights.sum() ** -0.5)
 
 
 def _apart(known: Lens, asked: AskedLens | AskedByLines) -> tuple[float, float]:
@@ -454,18 +460,17 @@ def _taken(
 
 
 def _guess(shown: _Shown, size_px: tuple[int, int]) -> tuple[Lens, str]:
-    """A usual lens, drawn to what lines ask for, or to the little that the camera's motion shows:
-    means of logarithms, by variance."""
+    """A usual lens, drawn to what lines ask for, or to the little that the camera's motion
+    shows."""
     found, lines = shown
-    log_focal, sigma, why = np.log(USUAL_FOCAL), USUAL_SIGMA, NOTHING_SHOWS
+    focal, sigma, why = USUAL_FOCAL, USUAL_SIGMA, NOTHING_SHOWS
     if lines is not None:
         # They know already what is usual.
-        log_focal, sigma, why = np.log(lines.focal_px / max(size_px)), lines.focal_sigma, LINES_SHOW
+        focal, sigma, why = lines.focal_px / max(size_px), lines.focal_sigma, LINES_SHOW
     elif found is not None and found.focal is not None and found.focal_sigma < USUAL_SIGMA:
-        weights = np.array([USUAL_SIGMA, found.focal_sigma]) ** -2
-        log_focal = np.average([log_focal, np.log(found.focal)], weights=weights)
-        sigma, why = float(weights.sum() ** -0.5), LITTLE_SHOWS
-    focal_px = float(np.exp(log_focal)) * max(size_px)
+        focal, sigma = _averaged((focal, found.focal), (sigma, found.focal_sigma))
+        why = LITTLE_SHOWS
+    focal_px = focal * max(size_px)
     words = f"{why} {GUESSED.format(focal_px=focal_px, sigma=100 * sigma)}"
     return Lens.centred(focal_px, size_px, Origin("prior", sigma)), words
 
