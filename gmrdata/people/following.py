@@ -23,6 +23,7 @@ import numpy as np
 from pydantic import Field, PositiveInt
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.people.landmark_body import legs_hidden
 from gmrdata.people.landmark_network import (
     LANDMARKS,
     LIMBS,
@@ -72,7 +73,7 @@ ENDS = {
     for part, joint in (("hand", "wrist"), ("foot", "ankle"))
     for side in ("left", "right")
 }
-CUT_OFF = 0.2  # share of frames in which a hand or a foot is out of the picture, that is said
+CUT_OFF = 0.2  # share of frames in which limbs are out of the picture or hidden, that is said
 WIDE = 0.9
 """Width of a box over its height, from which somebody may lie or bend down: 0.3 to 0.7 of people
 who stand or stride, also with arms stretched out, 1.2 and more of who sits on a floor or lies."""
@@ -294,8 +295,8 @@ def follow_people(
 
 
 def cut_off(people: Sequence[Sightings], size_px: tuple[int, int]) -> Iterator[str]:
-    """Which hands and feet are out of pictures of that (width, height): a line for each person of
-    whom that is so in more than `CUT_OFF` of the frames."""
+    """Which hands and feet are out of pictures of that (width, height), and else whose legs are
+    hidden: a line for each person of whom that is so in more than `CUT_OFF` of the frames."""
     for number, person in enumerate(people):
         ends_px = person.image_px[:, list(ENDS.values())]
         outside = np.any((ends_px < 0) | (ends_px > size_px), axis=-1)
@@ -304,9 +305,12 @@ def cut_off(people: Sequence[Sightings], size_px: tuple[int, int]) -> Iterator[s
             for name, count in zip(ENDS, outside.sum(axis=0).tolist(), strict=True)
             if count > CUT_OFF * len(person)
         ]
+        hidden = int(np.count_nonzero(legs_hidden(person.visibility)))
+        where = f"of {len(person)} frames, where their pose is a guess"
         if said:
-            where = f"of {len(person)} frames, where their pose is a guess"
             yield f"person {number} is cut off by the picture: {', '.join(said)} {where}"
+        elif hidden > CUT_OFF * len(person):
+            yield f"the legs of person {number} are hidden in {hidden} {where}"
 
 
 def load_tracks(followed_dir: Path) -> list[Sightings]:

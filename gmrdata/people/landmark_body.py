@@ -41,6 +41,8 @@ SIZED_BY = tuple(
     for part in ("shoulder", "hip", "knee", "ankle")
 )
 """Landmarks by whose spread a person's size in the picture is taken."""
+KNEES = tuple(LANDMARKS.index(f"{side}_knee") for side in ("left", "right"))
+VISIBLE = 0.5  # from which a landmark counts as seen
 LEAST_DEPTH = 0.1  # of a ray's end, along the axis of the person's camera: 84 degrees off it
 LEAST_SIZE = 1e-3  # a person of 2 px or so
 LEAST_SPREAD_M2 = 1e-3  # of landmarks that lie on one line of sight
@@ -81,6 +83,12 @@ def landmark_offsets_m() -> Float[np.ndarray, "33 3"]:
     they grow with the legs."""
     offsets_m = LandmarkBodyRecord.read(BODY_FILE).offsets_m
     return np.array([offsets_m[name] for name in LANDMARKS])
+
+
+def legs_hidden(visibility: np.ndarray) -> np.ndarray:
+    """(T,) bool: both knees are hidden, or out of the picture, so that the network guesses what is
+    below the hips; from visibilities (T, 33)."""
+    return np.asarray((visibility[:, KNEES] <= VISIBLE).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

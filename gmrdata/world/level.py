@@ -173,16 +173,18 @@ def body_cue(
     bodies: Sequence[BodyModel],
     motions: Sequence[Motion],
     frames: Sequence[np.ndarray | None] | None = None,
+    legs_seen: Sequence[np.ndarray | None] | None = None,
 ) -> UpCue:
     """Where people's masses are above their feet, on average over time; of a person who never
-    stands, along the trunk.  `frames` are as `balance` has them, by person.
+    stands, along the trunk.  By person, `frames` are as `balance` has them, and `legs_seen` (T,)
+    says whether the legs were: what a network guesses of hidden ones goes on as the trunk does.
 
     Who keeps standing has the mass over the feet, also in a crouch, on one leg or on a walk: what
     it is off by in a moment averages out.  How a system sees people does not, only in part over
     them.
     """
-    frames = frames or [None] * len(motions)
-    ups, variances = zip(*map(_upright_of, bodies, motions, frames), strict=True)
+    frames, legs_seen = (given or [None] * len(motions) for given in (frames, legs_seen))
+    ups, variances = zip(*map(_upright_of, bodies, motions, frames, legs_seen), strict=True)
     weights = 1 / np.array(variances)
     shares = weights / weights.sum()
     up = shares @ np.array(ups)
@@ -221,10 +223,15 @@ def steep_size_sigma(body: BodyModel, motion: Motion) -> float:
 
 
 def _upright_of(
-    body: BodyModel, motion: Motion, frames: np.ndarray | None
+    body: BodyModel,
+    motion: Motion,
+    frames: np.ndarray | None,
+    legs_seen: np.ndarray | None,
 ) -> tuple[np.ndarray, float]:
     """A person's mean direction (3,), and its variance along each axis [rad2]."""
     above_m, weights = balance(body, motion, frames)
+    if legs_seen is not None:
+        weights = weights * legs_seen
     joints_m = motion_joints_m(body, motion)
     trunk_m = joints_m[:, JOINT["neck"]] - joints_m[:, 0]
     bent = _cosines(trunk_m, above_m) < np.cos(BENT_RAD)

@@ -18,8 +18,13 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.files import Distortion, bent_points
 from gmrdata.people.following import load_tracks
-from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
-from gmrdata.people.landmark_network import LANDMARKS, LIMBS, TRUNK
+from gmrdata.people.landmark_body import (
+    VISIBLE,
+    SeenLandmarks,
+    landmarks_about,
+    legs_hidden,
+)
+from gmrdata.people.landmark_network import LIMBS, TRUNK
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.values.body import JOINT, BodyModel
@@ -38,10 +43,9 @@ LAGS = np.arange(-30, 31)
 """Steps by which a body may be late."""
 LAG_S = 1 / 30
 """Least time of such a step, so that they reach over a second at any rate [s]."""
-KNEES = tuple(LANDMARKS.index(f"{side}_knee") for side in ("left", "right"))
 LEGS = [JOINT[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot")
         for side in ("left", "right")]  # fmt: skip
-VISIBLE, FEWEST_LIMBS = 0.5, 4.0  # landmarks that count, and how many a comparison needs
+FEWEST_LIMBS = 4.0  # landmarks that count, by how well they are seen, which a comparison needs
 SAME_TRUNK = 1.0  # distance of trunks, in the person's size, up to which they are of one
 NEAREST_M = 0.1
 MARGIN = 0.25  # of a body's box, around it, in which a mask counts: others may stand beside
@@ -88,11 +92,7 @@ def picture_fits(
     on nobody where their overlap is less than `off_overlap` and no landmarks vouch for it, or its
     limbs are off by more than `off_limbs`."""
     masks = _Masks(people, camera_of(clips[0]))
-    tracks = [] if people.followed_dir is None else load_tracks(people.followed_dir)
-    landmarks = [
-        SeenLandmarks(one.image_numbers, masks.lens.rays(one.image_px), one.world_m, one.visibility)
-        for one in tracks
-    ]
+    landmarks = masks.landmarks()
     limbs = [_limbs(clip, body, landmarks) for clip, body in zip(clips, bodies, strict=True)]
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
@@ -130,6 +130,14 @@ def picture_fits(
     return fits
 
 
+def hidden_legs(
+    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks
+) -> list[np.ndarray]:
+    """By person (T,) bool: somebody's landmarks are there whose legs are hidden."""
+    landmarks = _Masks(people, camera_of(clips[0])).landmarks()
+    return [_limbs(clip, body, landmarks)[1] for clip, body in zip(clips, bodies, strict=True)]
+
+
 def _evenly(rows: np.ndarray) -> set[int]:
     """At most `MOST_FRAMES` of a person's rows: who is seen for a moment is compared as well."""
     some = np.linspace(0, len(rows) - 1, min(len(rows), MOST_FRAMES)).round().astype(int)
@@ -159,7 +167,7 @@ def _limbs(
         off = (shown * apart)[:, LIMBS].sum(1) / np.maximum(shown[:, LIMBS].sum(1), FEWEST_LIMBS)
         nearer = here & ~(off >= nearest[at])
         nearest[at[nearer]] = off[nearer]
-        hidden[at[nearer]] = ~shown[nearer][:, KNEES].any(axis=1)
+        hidden[at[nearer]] = legs_hidden(seen.visibility[nearer])
     return nearest, hidden
 
 
@@ -251,6 +259,16 @@ class _Masks:
     @cached_property
     def _paths(self) -> dict[int, Path]:
         return {image_number(path): path for path in sorted(self._people.masks_dir.glob("*.png"))}
+
+    def landmarks(self) -> list[SeenLandmarks]:
+        """Everybody's, with the numbers of their images for times; none without them."""
+        if self._people.followed_dir is None:
+            return []
+        tracks, rays = load_tracks(self._people.followed_dir), self.lens.rays
+        return [
+            SeenLandmarks(one.image_numbers, rays(one.image_px), one.world_m, one.visibility)
+            for one in tracks
+        ]
 
     @property
     def small_px(self) -> tuple[int, int]:

@@ -38,7 +38,7 @@ from gmrdata.world.level import (
     steep_size_sigma,
     up_of,
 )
-from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
+from gmrdata.world.picture_fit import PeopleMasks, PictureFit, hidden_legs, picture_fits
 from gmrdata.world.planted_feet import (
     SOLE_POINTS,
     GroundPlane,
@@ -134,7 +134,8 @@ def make_pseudo_gt(
         told_by = telling_rows(clips, doubts, fits, config.verdict)
         try:
             sizes = _size_sigmas(evidence, clips, bodies)
-            people = list(map(CameraPerson, clips, bodies, sizes, told_by))
+            legs = _legs_seen(evidence, clips, bodies)
+            people = list(map(CameraPerson, clips, bodies, sizes, told_by, legs))
             world = compose_clips(people, cameras, config)
         except NoReconstruction as error:
             numbers = files.load_cameras(evidence.sfm_dir).image_numbers
@@ -226,6 +227,15 @@ def _fits(
     return picture_fits(clips, bodies, evidence.seen, config.verdict)
 
 
+def _legs_seen(
+    evidence: WorldEvidence, clips: Sequence[Clip], bodies: Sequence[BodyModel]
+) -> list[np.ndarray]:
+    """By person (T,) bool: nothing says that the legs are hidden."""
+    if evidence.seen is None:
+        return [np.ones_like(clip.valid) for clip in clips]
+    return [~hidden for hidden in hidden_legs(clips, bodies, evidence.seen)]
+
+
 def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:
     if path is None:
         return Doubts(frames=n_people * (n_frames * ("",),), sequence=())
@@ -243,6 +253,7 @@ class CameraPerson:
     body: BodyModel
     size_sigma: float  # standard error of the body's size, as a share
     told_by: np.ndarray  # (T,) bool: frames by which the body tells the world's scale and level
+    legs_seen: np.ndarray  # (T,) bool: what the legs do is no guess
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,12 +301,7 @@ def compose_clips(
     filled = fill_gaps(metric, path.has_camera, np.arange(path.n_frames))
     points_m = scale * cameras.points if scale > 0 else np.zeros((0, 3))
     solved = replace(cameras, path=replace(path, world_from_cam=filled), points=points_m)
-    bodies = [one.body for one in people]
-    # Of people whose size is known the poses are, too.
-    estimated = any(one.size_sigma for one in people)
-    level_from_metric, level = _level(
-        camera_clips, solved, told_by, bodies, config.scale, estimated=estimated
-    )
+    level_from_metric, level = _level(camera_clips, people, solved, told_by, config.scale)
     levelled = level_from_metric @ filled
     camera = _blanked(replace(path, world_from_cam=levelled))
     clips = [
@@ -330,20 +336,20 @@ def _blanked(path: CameraPath) -> CameraPath:
 
 def _level(
     camera_clips: Sequence[Clip],
+    people: Sequence[CameraPerson],
     metric: SolvedCameras,
     usable: Sequence[np.ndarray],
-    bodies: Sequence[BodyModel],
     config: ScaleConfig,
-    *,
-    estimated: bool,
 ) -> tuple[np.ndarray, LevelEstimate]:
     """level_from_world (4, 4) of a metric world, from everybody's bodies, planted feet, the ground
     about them in reconstructed points, lines of the background, and what the camera felt; and how
-    level that is.  Poses that are estimated err with the view."""
+    level that is.  Feet that nobody saw tell where the ground is only where all are so."""
     world_from_cam, points_m = metric.path.world_from_cam, metric.points
     motions = [motion_in_world(clip.motion, world_from_cam) for clip in camera_clips]
+    bodies, legs = [one.body for one in people], [one.legs_seen for one in people]
+    shown = [rows & seen for rows, seen in zip(usable, legs, strict=True)]
     planted_m, of_all_m, stances = [], [], 0
-    for motion, rows, body in zip(motions, usable, bodies, strict=True):
+    for motion, rows, body in zip(motions, shown if np.any(shown) else usable, bodies, strict=True):
         apart = frames_apart(motion.fps_hz)
         at = slice(int(rows.argmax()), None, apart)  # from the first known row, to meet any
         soles_m = foot_points_m(body, motion)[at, :, SOLE_POINTS]
@@ -354,12 +360,13 @@ def _level(
         stances += count_stances(still)
     feet_m = np.concatenate(planted_m)
     known = [
-        (body, motion.take(rows), np.flatnonzero(rows))
-        for body, motion, rows in zip(bodies, motions, usable, strict=True)
+        (body, motion.take(rows), np.flatnonzero(rows), seen[rows])
+        for body, motion, rows, seen in zip(bodies, motions, usable, legs, strict=True)
         if rows.any()
     ]
     upright = body_cue(*zip(*known, strict=True))
-    if estimated:
+    # Of people whose size is known the poses are, too, and don't err with the view.
+    if any(one.size_sigma for one in people):
         pelvises_m = [
             np.where(rows[:, None], motion.pelvis_m, np.nan)
             for motion, rows in zip(motions, usable, strict=True)
@@ -377,7 +384,7 @@ def _level(
     lowest_m = soles_on_floor_m(feet_m, np.concatenate(of_all_m), up)
     floor_m = _floor_m(lowest_m, up, plane, config)
     first = np.any(usable, axis=0).argmax()
-    pelvis_m = next(motion.pelvis_m[0] for _, motion, _ in known)
+    pelvis_m = known[0][1].pelvis_m[0]
     levelled = level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2])
     on_floor_m = transforms.apply(levelled, lowest_m)
     return levelled, level.with_soles(feet_m @ up - floor_m, on_floor_m)

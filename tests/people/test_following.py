@@ -423,10 +423,15 @@ def test_whose_hands_are_out_of_the_picture_is_said():
         replace(person, image_px=np.full_like(image_px, 50.0)),
         replace(person, image_px=image_px),
     ]
-    assert list(cut_off(people, (640, 480))) == [
+    cut = (
         "person 1 is cut off by the picture: left hand in 4, left foot in 3 of 10 frames, "
         "where their pose is a guess"
-    ]
+    )
+    # Here nothing is visible: the legs of the one whose feet are in the picture are hidden.
+    hidden = "the legs of person 0 are hidden in 10 of 10 frames, where their pose is a guess"
+    assert list(cut_off(people, (640, 480))) == [hidden, cut]
+    seen = [replace(one, visibility=np.ones_like(one.visibility)) for one in people]
+    assert list(cut_off(seen, (640, 480))) == [cut]
 
 
 def test_a_crowd_who_may_all_be_one_is_said_in_a_line_each():

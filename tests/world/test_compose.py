@@ -235,7 +235,11 @@ def test_slow_motion_shows_the_same_world(small_body, tmp_path):
 
 
 def before_a_still_camera(
-    body: BodyModel, pelvis_m: np.ndarray, known: np.ndarray, fps_hz: float
+    body: BodyModel,
+    pelvis_m: np.ndarray,
+    known: np.ndarray,
+    fps_hz: float,
+    legs_seen: np.ndarray | None = None,
 ) -> ComposedWorld:
     """A person who stands with the pelvis there (T, 3), upright in the picture, in known rows."""
     n, half_turn = len(pelvis_m), np.tile(np.diag([1.0, -1.0, -1.0]), (len(pelvis_m), 1, 1))
@@ -246,7 +250,9 @@ def before_a_still_camera(
     quality = quality_of_path(path, geometry="static")
     cameras = SolvedCameras(path, "static", np.zeros((0, 3)), quality, np.arange(n))
     clip = Clip("stands", motion, known, np.arange(n), None)
-    return compose_clips([CameraPerson(clip, body, 0.07, known)], cameras, PseudoGtConfig())
+    legs_seen = np.ones_like(known) if legs_seen is None else legs_seen
+    person = CameraPerson(clip, body, 0.07, known, legs_seen)
+    return compose_clips([person], cameras, PseudoGtConfig())
 
 
 STANDS_M = 1.195 - 0.223  # height of the small body's pelvis over its soles
@@ -272,6 +278,17 @@ def test_poses_between_the_frames_that_are_watched_for_feet_tell_the_floor(small
     known[first::24] = True
     world = before_a_still_camera(small_body, np.tile([0.0, 0.0, 4.0], (240, 1)), known, 120.0)
     assert world.clips[0].motion.pelvis_m[:, 2] == pytest.approx(STANDS_M, abs=0.02)
+
+
+@pytest.mark.parametrize("seen", [20, 0])
+def test_feet_that_nobody_saw_say_where_the_floor_is_only_where_none_was_seen(small_body, seen):
+    """Of somebody who walks behind a desk, most of the time, and seems lower there."""
+    known, legs_seen = np.ones(100, dtype=bool), np.arange(100) < seen
+    pelvis_m = np.tile([0.0, 0.0, 4.0], (100, 1))
+    pelvis_m[20:, 1] += 0.5
+    world = before_a_still_camera(small_body, pelvis_m, known, 25.0, legs_seen)
+    heights_m = world.clips[0].motion.pelvis_m[:, 2]
+    assert heights_m[0] == pytest.approx(STANDS_M + 0.5 * (not seen), abs=0.02)
 
 
 def on_its_side(clip: Clip) -> Clip:
