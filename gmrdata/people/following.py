@@ -78,6 +78,10 @@ WIDE = 0.9
 """Width of a box over its height, from which somebody may lie or bend down: 0.3 to 0.7 of people
 who stand or stride, also with arms stretched out, 1.2 and more of who sits on a floor or lies."""
 TURNS_DEG = (0.0, -45.0, 45.0, -90.0, 90.0)  # of crops in which such a one is looked for
+HARDLY_REACHES, HEAD_DOWN_REACHES, BETTER_REACH = 0.5, 0.6, 0.1
+"""How little landmarks reach as the outline does, of 0 to 1, where somebody may be head down; how
+far they do then, and by how much more.  Of 179 upright people in 60 pictures nobody is so, of 109
+in the same pictures upside down 51."""
 HUES, SATURATIONS = 8, 4
 """Bins of the colours by which a person is known again."""
 
@@ -392,12 +396,24 @@ class _Follower:
         upright = crop_around(box_px)
         width_px, height_px = box_px[2:] - box_px[:2]
         if width_px < WIDE * height_px:
-            return self._settled(image, upright, 1)
+            return self._head_up_or_down(image, upright)
         found = [
             self._settled(image, replace(upright, turn_rad=turn_rad), 2)
             for turn_rad in np.deg2rad(TURNS_DEG)
         ]
         return max(found, key=lambda one: self._reach(one[0]))
+
+    def _head_up_or_down(self, image: np.ndarray, upright: Crop) -> tuple[Person, Crop]:
+        """The person in a crop: head down, as in the picture of a camera that is mounted so, only
+        where the upright look shows hardly anything and the other one clearly more."""
+        person, crop = self._settled(image, upright, 1)
+        if (reach := self._reach(person)) >= HARDLY_REACHES:
+            return person, crop
+        other, turned = self._settled(image, replace(upright, turn_rad=np.pi), 1)
+        clearly = self._reach(other) > max(HEAD_DOWN_REACHES, reach + BETTER_REACH)
+        if clearly and other.visibility.mean() > person.visibility.mean():
+            return other, turned
+        return person, crop
 
     def _settled(self, image: np.ndarray, crop: Crop, times: int) -> tuple[Person, Crop]:
         """The person in a crop, seen so often in the one that landmarks give: the network knows

@@ -179,18 +179,19 @@ def test_who_is_another_in_a_closer_look_beside_somebody_is_not_seen(
     assert bool(follower._note(look(image, crop), crop, 0, image, 0)) is seen
 
 
-@pytest.mark.parametrize("quarters", [1, 3])
-def test_who_lies_is_looked_at_from_the_side(
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_who_lies_or_is_head_down_is_looked_at_in_turned_crops(
     followed_dir, frames_dir, networks, tmp_path, quarters
 ):
-    """The picture on its side: upright crops give limbs of somebody else, and are sure of them."""
+    """The picture on its side, or of a camera that hangs: upright crops give limbs of somebody
+    else, and are sure of them."""
     track = load_tracks(followed_dir)[0]
     image = np.rot90(read_color(list_images(frames_dir)[0]), quarters).copy()
     height_px, width_px = image.shape[:2]
     seen_px = np.concatenate([track.image_px[0], track.boxes_px[0].reshape(2, 2)])
     x, y = seen_px.T
-    turned = (y, height_px - x) if quarters == 1 else (width_px - y, x)
-    turned_px = np.stack(turned, axis=1)
+    turned = {1: (y, height_px - x), 2: (width_px - x, height_px - y), 3: (width_px - y, x)}
+    turned_px = np.stack(turned[quarters], axis=1)
     box_px = np.concatenate([turned_px[-2:].min(axis=0), turned_px[-2:].max(axis=0)])
     look = open_landmark_network(networks.landmarks)
     follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
@@ -202,7 +203,8 @@ def test_who_lies_is_looked_at_from_the_side(
 
     person, crop = follower._first_look(image, box_px)
     assert off(person) < 0.05 and person.score > 0.5
-    assert abs(np.rad2deg(crop.turn_rad) - (90 - 180 * (quarters == 1))) < 25
+    off_deg = np.rad2deg(crop.turn_rad) - {1: -90, 2: 180, 3: 90}[quarters]
+    assert abs((off_deg + 180) % 360 - 180) < 25
     upright, _ = follower._settled(image, crop_around(box_px), 1)
     assert off(upright) > 0.15
 
