@@ -479,7 +479,8 @@ def solve_sequence(
         what = "nobody is given. Give a person's clip and body; solve_video needs none"
         raise MissingInput(f"{frames}: {what}")
     given = GivenPeople(people, dataset_camera_path, doubts_path, left_out)
-    stages = SolveConfig(masks=config.masks, sfm=config.sfm, pseudo_gt=config.pseudo_gt)
+    asked = {stage: getattr(config, stage) for stage in SequenceConfig.model_fields}
+    stages = SolveConfig(**asked)
     solved = solve(SolveRequest(Path(frames), given, part=video), Path(out_dir), stages, run)
     if solved.unsolved is not None:
         raise solved.unsolved

@@ -10,6 +10,7 @@ import pytest
 
 from gmrdata import SequenceConfig, solve_sequence, solve_video
 from gmrdata.cameras.files import Distortion
+from gmrdata.cameras.lens.vanishing_points import LinesConfig
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.sources import FolderSource, MasksConfig
 from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_dir
@@ -120,6 +121,19 @@ def test_a_sequence_without_people_is_refused(tmp_path):
     with pytest.raises(MissingInput, match="frames: nobody is given"):
         solve_sequence(frames, (), tmp_path / "out", config)
     assert not (tmp_path / "out").exists()
+
+
+def test_the_whole_recipe_of_a_sequence_counts(tmp_path, monkeypatch):
+    """Its lines were left out without a word, and found as usual."""
+    asked = SequenceConfig(masks=None, lines=LinesConfig(frames=3))
+
+    def solve(request, out_dir, config, run):
+        assert {key: getattr(config, key) for key in SequenceConfig.model_fields} == dict(asked)
+        raise NoReconstruction("none is made here")
+
+    monkeypatch.setattr(solving, "solve", solve)
+    with pytest.raises(NoReconstruction, match="none is made here"):
+        solve_sequence(tmp_path, (PersonFiles(tmp_path, tmp_path),), tmp_path / "out", asked)
 
 
 def test_a_source_that_is_not_there_is_said_first(tmp_path):

@@ -13,9 +13,11 @@ of a roof do, tells nothing: lines tell by how their slope changes from place to
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from gmrdata.cameras.frames import Frames
 from gmrdata.stage.jobs import in_threads
+from gmrdata.values import limits
 from gmrdata.values.camera import Lens, straightened
 from gmrdata.values.records import Config
 
@@ -50,13 +52,13 @@ lie within one standard error, and none beyond three."""
 class LinesConfig(Config):
     """Which lines are found."""
 
-    frames: int = 16
+    frames: int = Field(default=16, ge=1, le=limits.MOST_FRAMES)
     """In so many pictures, evenly over the sequence."""
-    longest_px: int = 1280
+    longest_px: int = Field(default=1280, ge=64, le=limits.LARGEST_SIDE_PX)
     """Larger pictures are made smaller."""
-    shortest_share: float = 0.03
+    shortest_share: float = Field(default=0.03, gt=0, lt=1)
     """Length of a line, as a share of the picture's diagonal."""
-    end_px: float = 1.5
+    end_px: float = Field(default=1.5, gt=0)
     """Standard error of a line's end across it, in the picture that is looked at [px]."""
 
 
