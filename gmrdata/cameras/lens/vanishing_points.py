@@ -18,7 +18,7 @@ from pydantic import Field
 from gmrdata.cameras.frames import Frames
 from gmrdata.stage.jobs import in_threads
 from gmrdata.values import limits
-from gmrdata.values.camera import Lens, straightened
+from gmrdata.values.camera import Lens
 from gmrdata.values.records import Config
 
 BORDER_PX, BAR_SPREAD = 8, 3.0  # about the picture; grey levels of a column in a bar (sd)
@@ -122,8 +122,7 @@ def focal_of_lines(frames: Frames, lens: Lens | None, config: LinesConfig) -> Fo
     found, end_px = straight_lines(frames.some(rows), config)
 
     def evidence(ends_px: np.ndarray) -> np.ndarray:
-        ends = straightened((ends_px - lens.centre_px) / lens.focal_px, *lens.radial)
-        return log_evidence(ends * lens.focal_px[0] / longest_px, end_px / longest_px)
+        return log_evidence(lens.rays(ends_px) * lens.focal_px[0] / longest_px, end_px / longest_px)
 
     # Pictures of a video show the same place, so their evidence is not added up.
     return focal_by(np.mean(in_threads(evidence, found), axis=0))

@@ -160,7 +160,7 @@ def _chain(
     matches: Matches, second_from_first: np.ndarray, inliers: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """World rotations along the tree of the pairs with most inliers, from the best linked frame."""
-    # Where every camera goes far from one frame to the next, no turn may fit two matches of any pair.
+    # Where the camera goes far from frame to frame, no turn may fit two matches of any pair.
     n, strong = len(matches.keypoints_px), inliers >= min(2, inliers.max())
     first, second = np.array([(pair.first, pair.second) for pair in matches.pairs]).T
     weights = 1.0 / np.maximum(inliers[strong], 1)
@@ -369,8 +369,8 @@ def _zoomed(
         bent = np.linalg.inv(intrinsics_px) @ found @ intrinsics_px @ before
         sizes = np.linalg.norm(bent, axis=1)
         then = np.diag([sizes[:2].mean() / sizes[2]] * 2 + [1.0])
-        u, _, vt = np.linalg.svd(np.linalg.inv(then) @ bent)
-        expected_px, _ = _turned(first_px, u @ vt, intrinsics_px @ before, intrinsics_px @ then)
+        turn, _ = transforms.nearest_rotations(np.linalg.inv(then) @ bent)
+        expected_px, _ = _turned(first_px, turn, intrinsics_px @ before, intrinsics_px @ then)
         off_px = np.linalg.norm(expected_px - second_px, axis=1)
         return float(np.log(then[0, 0])) - log_before, off_px
 
