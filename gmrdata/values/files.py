@@ -252,9 +252,9 @@ def npz_format(path: Path) -> str | None:
     if path.suffix != ".npz" or not path.is_file():
         return None
     try:
-        check_archive(path, Budget.of(path))
+        check_archive(path, budget := Budget.of(path))
         with np.load(path, allow_pickle=False) as arrays:
-            return str(arrays["format"]) if "format" in arrays else None
+            return str(_plain_array(arrays, "format", budget)) if "format" in arrays else None
     except _NPZ_ERRORS:
         return None
 
