@@ -35,8 +35,14 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip, save_clip
-from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction, StaleOutput
-from gmrdata.values.people import POSES_FILE, LocalPosesRecord, PersonFiles
+from gmrdata.values.errors import (
+    BadRecipe,
+    BadRecord,
+    MissingInput,
+    NoReconstruction,
+    StaleOutput,
+)
+from gmrdata.values.people import POSES_FILE, LocalPoses, LocalPosesRecord, PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from tests.frame_sets import frame_set, grey_images
@@ -190,6 +196,16 @@ def test_poses_of_the_built_in_estimator_that_are_given_have_its_errors_and_doub
         found.append((_own_poses_dir(solved), _own_doubts(solved)))
     own = poses_dir, {"person_1": "it looks away"}
     assert found == [own, own, (None, {})]
+
+
+@pytest.mark.parametrize("numbers", [[2, 1, 0], [0, 0, 1], [-1, 0, 1]])
+def test_poses_in_no_order_of_frames_are_refused(numbers, tmp_path):
+    """Each was taken for the person in another frame."""
+    turns = np.tile(np.eye(3), (3, 24, 1, 1))
+    poses = LocalPoses(np.array(numbers), turns[:, 1:], turns[:, 0], np.ones((3, 3)))
+    poses.write(tmp_path / "person_0.npz")
+    with pytest.raises(BadRecord, match=r"person_0\.npz: its frame_numbers do not rise from 0"):
+        LocalPoses.read(tmp_path / "person_0.npz")
 
 
 def test_clips_are_let_go_of_before_their_world_is_made(small_body, tmp_path, monkeypatch):
