@@ -84,8 +84,9 @@ def lay_out(kind: str, shared_data: Path, n_frames: int) -> tuple[Path, np.ndarr
     rows = [*range(DANCE_FRAMES), *reversed(range(DANCE_FRAMES))]
     chosen = list(islice(cycle(rows), n_frames))
     shutil.rmtree(folder, ignore_errors=True)
-    named = {f"{number:05d}.jpg": source / f"{row}.jpg" for number, row in enumerate(chosen)}
-    return linked(folder, named), np.array(poses)[chosen, 4:], FOCAL_PX / (2 if half else 1)
+    named = {f"{number:05d}": source / f"{row}.jpg" for number, row in enumerate(chosen)}
+    images, _ = linked(named, None, folder)
+    return images[0].parent, np.array(poses)[chosen, 4:], FOCAL_PX / (2 if half else 1)
 
 
 def write_film(path: Path, pictures: Path, laps: int) -> Path:

@@ -15,7 +15,6 @@ from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
 from gmrdata.cameras.frames import linked
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import known_radial, reconstruct
-from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import read_frames
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -115,15 +114,12 @@ def _solved(
     images = frames.paths
     rows = way.rows(len(images))
     chosen = {f"{number:05d}": images[row] for number, row in enumerate(rows)}
-    given = linked(folder / "frames", {f"{n}{one.suffix}": one for n, one in chosen.items()})
-    masks = None
-    if masks_dir is not None:
-        names = {f"{n}.png": find_mask(masks_dir, one) for n, one in chosen.items()}
-        masks = linked(folder / "masks", names)
+    given, masks = linked(chosen, masks_dir, folder)
     seeded = config.reseeded(way.seed)
     lens = replace(first.lens, radial=known_radial(sfm_dir))
     try:
-        solved = reconstruct(read_frames(given), masks, lens, folder / "sfm", seeded)
+        again = read_frames(given[0].parent)
+        solved = reconstruct(again, masks, lens, folder / "sfm", seeded)
     except NoReconstruction as error:
         return SolvedAgain(way.name, None, None, error.why)
     found, other = load_cameras(solved), np.full_like(first.world_from_cam, np.nan)

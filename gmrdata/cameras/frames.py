@@ -16,7 +16,7 @@ import numpy as np
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import gray_bytes, image_bytes, image_number, is_turned, read_gray
 from gmrdata.stage.jobs import in_threads
-from gmrdata.values.camera import bent
+from gmrdata.values.camera import Lens
 from gmrdata.values.limits import MOST_DIGITS
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
@@ -98,14 +98,12 @@ def reduced(
         return _renamed(frames, stem_of, out_dir)
     width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
     size_px = width_px, height_px
+    lens = Lens.of_matrix(frames.intrinsics_px, frames.size_px, radial).at_size(size_px)
     masks_dir = None if frames.masks_dir is None else out_dir / "masks"
     (out_dir / "frames").mkdir(parents=True)
     if masks_dir is not None:
         masks_dir.mkdir()
-    # Pixel (0, 0) is an outer corner, so pixels scale as lengths do.
-    scaling = np.diag([width_px / frames.size_px[0], height_px / frames.size_px[1], 1.0])
-    intrinsics_px = scaling @ frames.intrinsics_px
-    seen_at = _seen_at(intrinsics_px, size_px, radial) if any(radial) else None
+    seen_at = None if lens.is_pinhole else _seen_at(lens)
 
     def reduce_one(image: Path) -> Path:
         # As PNG it would take 40 times as long to write, and 14 times to read.
@@ -121,7 +119,7 @@ def reduced(
         return path
 
     images = in_threads(reduce_one, frames.images)
-    return Frames(images, masks_dir, intrinsics_px, size_px)
+    return Frames(images, masks_dir, lens.matrix_px, size_px)
 
 
 def _stems(frames: Frames) -> dict[Path, str]:
@@ -139,26 +137,28 @@ def _renamed(frames: Frames, stem_of: Mapping[Path, str], out_dir: Path) -> Fram
     """The frames, linked under other names where they have such."""
     if all(stem == image.stem for image, stem in stem_of.items()):
         return frames
-    named = {f"{stem}{image.suffix}": image for image, stem in stem_of.items()}
-    folder, masks_dir = linked(out_dir / "frames", named), None
-    if frames.masks_dir is not None:
-        masks = {f"{stem}.png": find_mask(frames.masks_dir, i) for i, stem in stem_of.items()}
-        masks_dir = linked(out_dir / "masks", masks)
-    return Frames(
-        [folder / name for name in named], masks_dir, frames.intrinsics_px, frames.size_px
-    )
+    images = {stem: image for image, stem in stem_of.items()}
+    return Frames(*linked(images, frames.masks_dir, out_dir), frames.intrinsics_px, frames.size_px)
 
 
-def linked(folder: Path, files: Mapping[str, Path]) -> Path:
-    """A folder of files under new names, without copying them where the disk allows it."""
-    folder.mkdir(parents=True)
-    for name, path in files.items():
+def linked(
+    images: Mapping[str, Path], masks_dir: Path | None, out_dir: Path
+) -> tuple[list[Path], Path | None]:
+    """Images by new names without suffix, in a folder of `out_dir`, and a folder of their masks;
+    without copying them where the disk allows it."""
+    files = {out_dir / "frames" / f"{stem}{image.suffix}": image for stem, image in images.items()}
+    named, masks = list(files), None
+    if masks_dir is not None:
+        masks = out_dir / "masks"
+        files |= {masks / f"{stem}.png": find_mask(masks_dir, i) for stem, i in images.items()}
+    for path, file in files.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
         try:
             # Of a symbolic link Linux would link the link itself, which may lead nowhere from here.
-            os.link(path.resolve(), folder / name)
+            os.link(file.resolve(), path)
         except OSError:
-            shutil.copyfile(path, folder / name)
-    return folder
+            shutil.copyfile(file, path)
+    return named, masks
 
 
 def _reduced_mask(
@@ -177,14 +177,10 @@ def _reduced_mask(
     return 255 * (straight > 0).astype(np.uint8)
 
 
-def _seen_at(
-    intrinsics_px: np.ndarray, size_px: tuple[int, int], radial: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
+def _seen_at(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
     """Where a lens shows each pixel of a pinhole's picture, x and y (h, w), as cv2.remap counts."""
-    x, y = np.meshgrid(*(np.arange(side_px) + 0.5 for side_px in size_px))
-    focal_px, centre_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
-    flat = (np.stack([x, y], axis=-1) - centre_px) / focal_px
-    seen_px = (bent(flat, *radial) * focal_px + centre_px - 0.5).astype(np.float32)
+    pinhole_px = np.meshgrid(*(np.arange(side_px) + 0.5 for side_px in lens.size_px))
+    seen_px = (lens.seen_px(np.stack(pinhole_px, axis=-1)) - 0.5).astype(np.float32)
     return np.ascontiguousarray(seen_px[..., 0]), np.ascontiguousarray(seen_px[..., 1])
 
 

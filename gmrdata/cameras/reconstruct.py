@@ -157,8 +157,7 @@ def _tracks_in(tracks: Tracks | None, given: Frames, worked_on: Frames) -> Track
     """Tracks in the pixels of the given frames; without observations where there are none."""
     names = tuple(image.name for image in given.images)
     if tracks is None:
-        nothing, n_frames = np.zeros(0, dtype=np.int64), len(names)
-        return Tracks(nothing, nothing, np.zeros((0, 2)), np.zeros(n_frames, dtype=bool), names)
+        return tracks_of({}, (), np.zeros(len(names), dtype=bool), names)
     larger = np.divide(given.size_px, worked_on.size_px)
     return replace(tracks, image_px=tracks.image_px * larger, image_names=names)
 

@@ -78,14 +78,7 @@ def read_reconstruction(reader: Reader, sfm_dir: Path) -> Reconstruction | None:
     tracks = None if points is None else reader.read(load_tracks, sfm_dir)
     # Files that were mixed together must not make a plot.
     quality_fits = quality is None or quality.frames == n_frames
-    tracks_fit = (
-        tracks is None
-        or points is None
-        or (
-            len(tracks.adjusted) == n_frames > tracks.rows.max(initial=-1)
-            and tracks.points.max(initial=-1) < len(points)
-        )
-    )
+    tracks_fit = tracks is None or points is None or tracks.fits(n_frames, len(points))
     if not (quality_fits and tracks_fit):
         reader.note(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
     return Reconstruction(

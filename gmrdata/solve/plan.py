@@ -11,7 +11,6 @@ from gmrdata.read.video_files import NamedVideo, find_videos
 from gmrdata.solve.request import (
     DEFAULT_CONFIG,
     SEEN,
-    EstimatedPeople,
     SolveConfig,
     SolveRequest,
     paths_of,
@@ -68,13 +67,12 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     of reading them."""
     request.check()
     people = request.people
-    own = isinstance(people, EstimatedPeople) and people.are_own
     asked = {
         "frames": True,
         "masks": config.masks is not None,
         "intrinsics": config.intrinsics.look_in_frames,
         "sfm": True,
-        "own poses": own,
+        "own poses": request.has_own_people,
         "bodies": people is not None,
         "page": True,
     }

@@ -105,11 +105,6 @@ class EstimatedPeople:
     body: str = "anny"  # as `keep_body` takes it
     asked: bool = True  # whether the video is rejected where none of them can be used
 
-    @property
-    def are_own(self) -> bool:
-        """Whether the built-in estimator looks for them."""
-        return self.results_path is None
-
 
 @dataclass(frozen=True)
 class SolveRequest:
@@ -136,6 +131,16 @@ class SolveRequest:
             require_rate(self.source, self.fps_hz, has_times=has_times(self.source))
         if isinstance(self.people, EstimatedPeople) and self.people.results_path is not None:
             read_system(self.people.results_path, "camera")
+
+    @property
+    def given(self) -> GivenPeople:
+        """People whose bodies are given; nobody where others are asked for."""
+        return self.people if isinstance(self.people, GivenPeople) else GivenPeople(())
+
+    @property
+    def has_own_people(self) -> bool:
+        """Whether the built-in estimator looks for people."""
+        return isinstance(self.people, EstimatedPeople) and self.people.results_path is None
 
     def of(self, video: NamedVideo, body: str) -> "SolveRequest":
         """The same of another video, by a system's results where it has some."""

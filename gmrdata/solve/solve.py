@@ -147,10 +147,10 @@ def _drop(folders: Sequence[Path], run: Run, what: str) -> None:
 
 
 def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
-    given = request.people if isinstance(request.people, GivenPeople) else None
-    left_out = () if given is None else given.left_out
-    frames = as_frames(request.source, out_dir / FRAMES, request.part, left_out=left_out, run=run)
-    return frames.with_rate(request.fps_hz) if given is None else frames
+    left_out, into = request.given.left_out, out_dir / FRAMES
+    frames = as_frames(request.source, into, request.part, left_out=left_out, run=run)
+    is_given = isinstance(request.people, GivenPeople)
+    return frames if is_given else frames.with_rate(request.fps_hz)
 
 
 def _require_apart(frames: Path, out_dir: Path) -> None:
@@ -171,9 +171,8 @@ def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | N
 def _followed(solved: Solved) -> Solved:
     """People detected and followed once: their masks and the built-in estimator's poses are made
     of it."""
-    people, config = solved.request.people, solved.config
+    config, own = solved.config, solved.request.has_own_people
     sources = () if config.masks is None else config.masks.sources
-    own = isinstance(people, EstimatedPeople) and people.are_own
     if not own and not any(isinstance(source, PersonSource) for source in sources):
         return solved
     into = solved.out_dir / FOLLOWED
@@ -182,18 +181,17 @@ def _followed(solved: Solved) -> Solved:
 
 
 def _masks(solved: Solved) -> Solved:
-    config, people = solved.config.masks, solved.request.people
+    config = solved.config.masks
     if config is None:
         by_source = sources_dir(solved.out_dir / MASKS).glob(f"*/{STAGE_FILE}")
         left = [solved.out_dir / MASKS, *sorted(path.parent for path in by_source)]
         _drop(left, solved.run, "holds masks, and now none are asked for")
         return solved
-    given = people if isinstance(people, GivenPeople) else GivenPeople(())
     masks_dir = mask_sources.make_masks(
         solved.frames,
         solved.out_dir / MASKS,
         config,
-        people=given.files,
+        people=solved.request.given.files,
         followed_dir=solved.followed_dir,
         run=solved.run,
     )
@@ -259,7 +257,8 @@ def _people(solved: Solved) -> Solved:
     if people is None:
         return solved
     filmed = Filmed(solved.frames, _lens_of_frames(solved))
-    poses_path = _own_poses(solved, filmed) if people.are_own else people.results_path
+    own = solved.request.has_own_people
+    poses_path = _own_poses(solved, filmed) if own else people.results_path
     if poses_path is None:
         return replace(solved, remarks=(NOBODY_SEEN,))
     assert solved.body_path is not None
@@ -274,14 +273,14 @@ def _people(solved: Solved) -> Solved:
         return replace(solved, remarks=(str(error),))
     record = BodiesRecord.read(bodies_dir / BODIES_FILE)
     remarks = (*record.notes, *record.left_out)
-    if people.are_own and solved.followed_dir is not None:
+    if own and solved.followed_dir is not None:
         followed = FollowedRecord.read(solved.followed_dir / FOLLOWED_FILE)
         video = solved.frames.video
         of_rate = rate_remarks(solved.frames.rate_hz, video.every if video is not None else 1)
         outside = cut_off(load_tracks(solved.followed_dir), followed.size_px)
         remarks = (*remarks, *followed.doubts(), *of_rate, *outside)
-    own = (f"{name}: {doubt}" for name, doubt in _own_doubts(solved).items())
-    return replace(solved, bodies=bodies, remarks=(*remarks, *own))
+    doubts = (f"{name}: {doubt}" for name, doubt in _own_doubts(solved).items())
+    return replace(solved, bodies=bodies, remarks=(*remarks, *doubts))
 
 
 def _known_lens(solved: Solved) -> Lens:
@@ -337,8 +336,7 @@ def _world(solved: Solved) -> Solved:
     if not solved.bodies:
         return solved
     assert solved.sfm_dir is not None
-    people, lens, config = solved.request.people, solved.lens, solved.config
-    given = people if isinstance(people, GivenPeople) else GivenPeople(())
+    given, lens, config = solved.request.given, solved.lens, solved.config
     evidence = WorldEvidence(
         sfm_dir=solved.sfm_dir,
         people=solved.bodies,
@@ -438,12 +436,11 @@ def people_masks(
 
 def _fusion(solved: Solved) -> None:
     """People of the built-in estimator once more, with the network of the package."""
-    people = solved.request.people
-    if isinstance(people, EstimatedPeople):
+    if isinstance(solved.request.people, EstimatedPeople):
         # Not for cameras alone, which need no network: torch takes two seconds to import.
         from gmrdata.fusion.fuse import fuse_own_people
 
-        body_path = solved.body_path if people.are_own else None
+        body_path = solved.body_path if solved.request.has_own_people else None
         fuse_own_people(solved.out_dir, body_path, run=solved.run)
 
 
@@ -479,7 +476,8 @@ def solve_sequence(
         what = "nobody is given. Give a person's clip and body; solve_video needs none"
         raise MissingInput(f"{frames}: {what}")
     given = GivenPeople(people, dataset_camera_path, doubts_path, left_out)
-    stages = SolveConfig(masks=config.masks, sfm=config.sfm, pseudo_gt=config.pseudo_gt)
+    asked = {stage: getattr(config, stage) for stage in SequenceConfig.model_fields}
+    stages = SolveConfig(**asked)
     solved = solve(SolveRequest(Path(frames), given, part=video), Path(out_dir), stages, run)
     if solved.unsolved is not None:
         raise solved.unsolved

@@ -130,7 +130,9 @@ class Batch:
     after: After | None = None
     leaves: tuple[str, ...] = ()  # what `after` leaves in each video's folder
     files: Mapping[str, Path] = field(default_factory=dict)
-    """What all videos read besides, by role: networks, a calibration."""
+    """What all videos read besides, by role: a calibration."""
+    networks: Mapping[bool, Mapping[str, Path]] = field(default_factory=dict)
+    """The masks' networks by role, of videos without people and of those with them."""
     body_files: Mapping[str, Path] = field(default_factory=dict)
     """The body's, for videos with people."""
     own_files: Mapping[str, Path] = field(default_factory=dict)
@@ -144,20 +146,22 @@ class Batch:
         return video_dir(self.out_dir, video.name)
 
     def inputs(self, video: NamedVideo) -> dict[str, Path]:
-        people, found = self.of(video).people, {"video": video.path, **self.files}
+        people = self.of(video).people
+        found = {"video": video.path, **self.files, **self.networks.get(people is not None, {})}
         if isinstance(people, EstimatedPeople):
-            found |= self.own_files if people.results_path is None else {}
-            found |= {} if people.results_path is None else {"poses": people.results_path}
+            results_path = people.results_path
+            found |= self.own_files if results_path is None else {"poses": results_path}
             found |= self.body_files
         return found
 
     def recipe(self, video: NamedVideo) -> "_EntryRecipe":
-        request, config = self.of(video), self.config
+        request = self.of(video)
+        config = self.config if request.people else self.config.for_cameras_alone
         masks = None if config.masks is None else without_files(config.masks)
         people, lens = request.people, request.lens
         estimated = people if isinstance(people, EstimatedPeople) else None
         own: OwnPoses = "no"
-        if estimated is not None and estimated.are_own:
+        if estimated is not None and request.has_own_people:
             own = "asked" if estimated.asked else "seen"
         return _EntryRecipe(
             solve=config.model_copy(update={"masks": masks}),
@@ -330,19 +334,19 @@ def solve_batch(videos: Sequence[NamedVideo], batch: Batch, run: Run) -> Path:
 def _with_files(videos: Sequence[NamedVideo], batch: Batch) -> Batch:
     """With all files that the videos have in common, found once, by absolute paths: a worker of
     another machine may run in another folder."""
-    request = batch.request
-    if not any(batch.of(video).people for video in videos):
-        batch = replace(batch, config=batch.config.for_cameras_alone)
-    config, files = batch.config, dict[str, Path]()
+    request, config, files = batch.request, batch.config, dict[str, Path]()
+    wanted = {batch.of(video).people is not None for video in videos}
     if config.masks is not None:
         masks = with_absolute_files(config.masks)
-        config, files = config.model_copy(update={"masks": masks}), network_files(masks)
+        config = config.model_copy(update={"masks": masks})
+        by = {people: masks if people else masks.for_cameras_alone for people in wanted}
+        batch = replace(batch, networks={people: network_files(of) for people, of in by.items()})
     if request.lens is not None and request.lens.file is not None:
         path = request.lens.file.absolute()
-        files |= {"intrinsics": path}
+        files = {"intrinsics": path}
         request = replace(request, lens=request.lens.model_copy(update={"file": path}))
     batch = replace(batch, config=config, files=files, request=request)
-    if not any(batch.of(video).people for video in videos):
+    if True not in wanted:
         return batch
     if isinstance(request.people, EstimatedPeople):
         batch = replace(batch, own_files=config.networks)

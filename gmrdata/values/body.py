@@ -80,6 +80,11 @@ class BodyModel:
         """Number of shape coefficients S."""
         return int(self.shape_dirs_m.shape[2])
 
+    def require_shape(self, found: tuple[int, ...]) -> None:
+        """ValueError for coefficients of another number or form than (S,)."""
+        if found != (self.n_shape,):
+            raise ValueError(f"body {self.name} has {self.n_shape} shape coefficients, got {found}")
+
     def rest_joints_m(self, shape: np.ndarray) -> Float[np.ndarray, "24 3"]:
         """Rest joints of one shape (S,), rest frame [m]."""
         shape = np.asarray(shape, dtype=np.float64)

@@ -74,7 +74,8 @@ def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file
         kept = file.name in (STAGE_FILE, RECIPE_FILE) or is_hidden(file.relative_to(path))
         if kept or not file.is_file():
             continue
-        digest.update(f"{file.relative_to(path).as_posix()}\0{hash_file(file)}\n".encode())
+        line = f"{file.relative_to(path).as_posix()}\0{hash_file(file)}\n"
+        digest.update(line.encode(errors="surrogateescape"))  # a name's bytes may be no UTF-8
     return digest.hexdigest()
 
 
@@ -251,8 +252,9 @@ def npz_format(path: Path) -> str | None:
     if path.suffix != ".npz" or not path.is_file():
         return None
     try:
+        check_archive(path, budget := Budget.of(path))
         with np.load(path, allow_pickle=False) as arrays:
-            return str(arrays["format"]) if "format" in arrays else None
+            return str(_plain_array(arrays, "format", budget)) if "format" in arrays else None
     except _NPZ_ERRORS:
         return None
 

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
+from pydantic import PositiveFloat, PositiveInt, model_validator
 
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadRecipe
@@ -36,14 +37,20 @@ class VideoRecord(Record):
     """Those of them that could be decoded."""
     is_part: bool
     """It was read to a time before its end, so frames after those are not counted."""
-    every: int
+    every: PositiveInt
     """An image's number is its frame's divided by this."""
-    rate_hz: float
+    rate_hz: PositiveFloat
     """Images per second: the container's rate where all times are on its grid, else a fit."""
     numbers: tuple[int, ...]
     """By image: the frame's number among the decoded ones, from 0."""
     times_s: tuple[float, ...]
     """By image: its time, counted from the first frame's [s]."""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if (n := len(self.numbers)) != len(self.times_s):
+            raise ValueError(f"{n} numbers, but {len(self.times_s)} times_s")
+        return self
 
     @property
     def n_lost(self) -> int:

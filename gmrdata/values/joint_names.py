@@ -240,7 +240,7 @@ def _load_map(map_path: Path) -> Mapping[str, str]:
         raise BadMotionFile(
             f"{map_path}: larger than {MOST_JOINT_MAP_BYTES} bytes; no joint map is"
         )
-    text = map_path.read_text(encoding="utf-8", errors="replace")
+    text = map_path.read_text(encoding="utf-8-sig", errors="replace")
     try:
         loaded = parse_json(text) if map_path.suffix == ".json" else parse(text)[0]
     except (ValueError, RecursionError) as error:

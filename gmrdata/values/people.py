@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from gmrdata.values.body import N_LOCAL, NEUTRAL
 from gmrdata.values.camera import Lens
+from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import write_npz
-from gmrdata.values.records import ArrayShapes, Record, check_shapes, read_arrays
+from gmrdata.values.records import MAKE_AGAIN, ArrayShapes, Record, check_shapes, read_arrays
 
 BODIES, PSEUDO_GT, FUSED = "bodies", "pseudo_gt", "fused"
 """Folders of a sequence's people: before the camera, in the world by the cameras, and there with a
@@ -169,7 +170,10 @@ class LocalPoses:
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read one person's poses; BadRecord names what is wrong with the file."""
-        return cls(**read_arrays(path, POSES_FORMAT, _SHAPES))
+        found = cls(**read_arrays(path, POSES_FORMAT, _SHAPES))
+        if (np.diff(found.frame_numbers.astype(np.int64), prepend=-1) <= 0).any():
+            raise BadRecord(f"{path}: its frame_numbers do not rise from 0 on; {MAKE_AGAIN}")
+        return found
 
 
 class LocalPosesRecord(Record):
@@ -180,8 +184,8 @@ class LocalPosesRecord(Record):
     images: PositiveInt
     frames: PositiveInt
     """Of the video, up to the last image."""
-    size_px: tuple[int, int]
-    focal_px: tuple[float, float]
+    size_px: tuple[PositiveInt, PositiveInt]
+    focal_px: tuple[PositiveFloat, PositiveFloat]
     """Of the lens that the places are seen by."""
     centre_px: tuple[float, float]
     radial: tuple[float, float]

@@ -90,7 +90,7 @@ Figure = Annotated[float, AfterValidator(figure)]  # rounded to six significant 
 
 
 def read_arrays(path: Path, tag: str, shapes: ArrayShapes) -> dict[str, np.ndarray]:
-    """The arrays of an .npz record: `format` is checked and left out, each of `keys` is there."""
+    """The arrays of an .npz record: `format` is checked and left out, exactly `shapes` is there."""
     arrays = read_npz(path)
     require_tag(path, arrays.pop("format", None), tag)
     check_shapes(path, arrays, shapes)

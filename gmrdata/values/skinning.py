@@ -71,7 +71,7 @@ def posed_joints_m(
 
 def motion_joints_m(body: BodyModel, motion: Motion) -> Float[np.ndarray, "frames 24 3"]:
     """Joints of a motion [m], in the motion's frame."""
-    _check_shape(body, motion)
+    body.require_shape(motion.shape.shape)
     joints_m, _ = posed_joints_m(body.rest_joints_m(motion.shape), motion.rotmats, motion.pelvis_m)
     return joints_m
 
@@ -80,7 +80,7 @@ def motion_vertices_m(
     body: BodyModel, motion: Motion, rows: np.ndarray | slice | None = None
 ) -> Float[np.ndarray, "n vertices 3"]:
     """Vertices of a motion, or of some of its rows, float32 [m], in the motion's frame."""
-    _check_shape(body, motion)
+    body.require_shape(motion.shape.shape)
     rest_joints_m = body.rest_joints_m(motion.shape)
     numbers = np.arange(motion.n_frames)[slice(None) if rows is None else rows]
     # Of these rows alone: else few at a time of a long motion would take as long as all, each time.
@@ -114,9 +114,3 @@ def _bent(body: BodyModel, template_m: np.ndarray, motion: Motion, rows: np.ndar
     directions = body.pose_dirs_m.reshape(-1, bends.shape[1])
     bent_m = template_m + (bends @ directions.T).reshape(len(rows), -1, 3)
     return np.asarray(bent_m, dtype=np.float32)
-
-
-def _check_shape(body: BodyModel, motion: Motion) -> None:
-    if motion.shape.shape != (body.n_shape,):
-        what = f"body {body.name} has {body.n_shape} shape coefficients"
-        raise ValueError(f"{what}, got {motion.shape.shape}")

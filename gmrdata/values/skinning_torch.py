@@ -43,7 +43,10 @@ def joint_transforms(
     body: BodyModel, shape: Tensor, local_rotmats: Tensor
 ) -> Float[Tensor, "*batch 24 3 4"]:
     """root_from_rest: where joints take points bound to them [m], both seen from the pelvis."""
-    _check_sizes(body, shape, local_rotmats)
+    body.require_shape(tuple(shape.shape[-1:]))
+    if local_rotmats.shape[-3:] != (N_LOCAL, 3, 3):
+        what = f"a pose is (..., {N_LOCAL}, 3, 3) rotations"
+        raise ValueError(f"{what}, got {tuple(local_rotmats.shape)}")
     rest_joints_m = _rest_joints(_tensors(body, local_rotmats), shape.to(local_rotmats))
     joints_m, root_from_joint = forward_kinematics(rest_joints_m, local_rotmats)
     rest_from_pelvis_m = rest_joints_m - rest_joints_m[..., :1, :]
@@ -108,12 +111,3 @@ def _tensors(body: BodyModel, like: Tensor) -> Tensors:
         }
         made[key] |= {name: made[key][name].flatten(0, 1) for name in _FLAT if name in made[key]}
     return made[key]
-
-
-def _check_sizes(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> None:
-    if shape.shape[-1:] != (body.n_shape,):
-        what = f"body {body.name} has {body.n_shape} shape coefficients"
-        raise ValueError(f"{what}, got {tuple(shape.shape)}")
-    if local_rotmats.shape[-3:] != (N_LOCAL, 3, 3):
-        what = f"a pose is (..., {N_LOCAL}, 3, 3) rotations"
-        raise ValueError(f"{what}, got {tuple(local_rotmats.shape)}")

@@ -195,7 +195,7 @@ def fit_similarity(
     mean_a, mean_b = points_a_m.mean(0), points_b_m.mean(0)
     centred_a, centred_b = points_a_m - mean_a, points_b_m - mean_b
     covariance = centred_a.T @ centred_b / len(points_a_m)
-    rotmat, singular = _nearest_rotation(covariance)
+    rotmat, singular = nearest_rotations(covariance)
     factor = float(singular.sum() / centred_b.var(0).sum()) if scale else 1.0
     return Similarity(factor, rotmat, mean_a - factor * rotmat @ mean_b)
 
@@ -220,7 +220,7 @@ def fit_similarities(
     mean_a, mean_b = points_a_m.mean(1), points_b_m.mean(1)
     centred_a, centred_b = points_a_m - mean_a[:, None], points_b_m - mean_b[:, None]
     covariances = np.swapaxes(centred_a, 1, 2) @ centred_b / points_a_m.shape[1]
-    rotmats, singular = _nearest_rotation(covariances)
+    rotmats, singular = nearest_rotations(covariances)
     scales = singular.sum(1) / centred_b.var(1).sum(1)
     translations_m = mean_a - scales[:, None] * (rotmats @ mean_b[..., None])[..., 0]
     return Similarities(scales, rotmats, translations_m)
@@ -250,7 +250,7 @@ def turns_to_rays(rays: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3 3"
 
 def mean_rotation(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3 3"]:
     """Chordal mean (Hartley et al. 2013, section 5.3)."""
-    return _nearest_rotation(rotmats.sum(0))[0]
+    return nearest_rotations(rotmats.sum(0))[0]
 
 
 def turns_about_mean_rad(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, " n"]:
@@ -261,7 +261,7 @@ def turns_about_mean_rad(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarra
     return np.asarray((rotations.mean().inv() * rotations).magnitude())
 
 
-def _nearest_rotation(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def nearest_rotations(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The rotations nearest to matrices (..., 3, 3), and their signed singular values (..., 3)."""
     u, singular, vt = np.linalg.svd(matrix)
     signs = np.ones_like(singular)

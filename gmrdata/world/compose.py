@@ -82,9 +82,7 @@ def load_background(sfm_dir: Path, clip: Clip | None) -> Background:
 def load_background_tracks(sfm_dir: Path, background: Background) -> Tracks:
     """Its tracks; MissingInput where an older version kept none, BadRecord for those of another."""
     tracks = load_tracks(sfm_dir)
-    n_frames, n_points = background.camera.n_frames, len(background.points_m)
-    rows_fit = len(tracks.adjusted) == n_frames > tracks.rows.max(initial=0)
-    if not (rows_fit and tracks.points.max(initial=-1) < n_points):
+    if not tracks.fits(background.camera.n_frames, len(background.points_m)):
         raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
     return tracks
 

@@ -1,6 +1,7 @@
 """The files of a reconstruction: each key is needed, and older versions are refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from gmrdata.cameras.files import (
     save_cameras,
     save_points,
 )
+from gmrdata.cameras.match.tracks import Tracks
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecord
 from tests.reconstructions import good_quality
@@ -128,3 +130,11 @@ def test_arrays_that_do_not_fit_are_named(tmp_path):
     np.savez(tmp_path / CAMERAS_FILE, **(arrays | {"geometry": "bent"}))
     with pytest.raises(BadRecord, match="unknown geometry 'bent'"):
         load_cameras(tmp_path)
+
+
+@pytest.mark.parametrize(("row", "point"), [(2, 0), (-1, 0), (0, 3), (0, -1)])
+def test_tracks_fit_frames_and_points_that_are_there(row, point):
+    """Numbers below 0 stood for the last ones."""
+    good = Tracks(np.zeros(1, int), np.zeros(1, int), np.zeros((1, 2)), np.ones(2, bool), ("", ""))
+    assert good.fits(2, 3) and not good.fits(3, 3)
+    assert not replace(good, rows=np.array([row]), points=np.array([point])).fits(2, 3)

@@ -155,9 +155,10 @@ def test_frames_that_are_relative_links_are_linked_to_what_they_point_to(tmp_pat
         (tmp_path / name).mkdir()
     cv2.imwrite(str(tmp_path / "kept" / "a.png"), np.full((30, 40), 19, np.uint8))
     (link := tmp_path / "frames" / "1.png").symlink_to(Path("..", "kept", "a.png"))
-    folder = linked(tmp_path / "work" / "linked" / "frames", {"000000001.png": link})
-    assert (read_gray(folder / "000000001.png") == 19).all()
-    assert (folder / "000000001.png").samefile(tmp_path / "kept" / "a.png")
+    (image,), _ = linked({"000000001": link}, None, tmp_path / "work" / "linked")
+    assert image == tmp_path / "work" / "linked" / "frames" / "000000001.png"
+    assert (read_gray(image) == 19).all()
+    assert image.samefile(tmp_path / "kept" / "a.png")
 
 
 def test_turned_frames_are_written_upright_for_colmap(tmp_path):

@@ -26,7 +26,8 @@ from gmrdata.solve.verdict import (
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, Source
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import NoReconstruction
+from gmrdata.values.errors import BadRecord, NoReconstruction
+from gmrdata.values.files import write_json
 from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.transforms import rigid
 from gmrdata.world.recipe import Doubts, Dropped, PseudoGtConfig, ScaleConfig, VerdictConfig
@@ -58,6 +59,22 @@ def walk(body: BodyModel, n: int = 10, fps_hz: float = 10.0) -> Clip:
     motion = make_gait("circle", n / fps_hz, fps_hz, body, np.random.default_rng(2))
     n = motion.n_frames
     return Clip("walk", motion, np.ones(n, dtype=bool), np.arange(n), None)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("every", 0, "`every` is wrong"),
+        ("rate_hz", 0.0, "`rate_hz` is wrong"),
+        ("times_s", [0.0, 0.1], "3 numbers, but 2 times_s"),
+    ],
+)
+def test_a_record_of_a_video_that_cannot_be_is_refused(key, value, said, tmp_path):
+    """No rate was believed, and the others ended in tracebacks."""
+    path = tmp_path / "video.json"
+    write_json(path, video([0.0, 0.1, 0.2]).model_dump(mode="json") | {key: value})
+    with pytest.raises(BadRecord, match=rf"video\.json: .*{said}"):
+        VideoRecord.read(path)
 
 
 def test_even_times_of_the_bodys_rate_are_no_doubt(anny):

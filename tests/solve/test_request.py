@@ -10,6 +10,7 @@ import pytest
 
 from gmrdata import SequenceConfig, solve_sequence, solve_video
 from gmrdata.cameras.files import Distortion
+from gmrdata.cameras.lens.vanishing_points import LinesConfig
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.sources import FolderSource, MasksConfig
 from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_dir
@@ -34,8 +35,14 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip, save_clip
-from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction, StaleOutput
-from gmrdata.values.people import POSES_FILE, LocalPosesRecord, PersonFiles
+from gmrdata.values.errors import (
+    BadRecipe,
+    BadRecord,
+    MissingInput,
+    NoReconstruction,
+    StaleOutput,
+)
+from gmrdata.values.people import POSES_FILE, LocalPoses, LocalPosesRecord, PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from tests.frame_sets import frame_set, grey_images
@@ -122,6 +129,19 @@ def test_a_sequence_without_people_is_refused(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_the_whole_recipe_of_a_sequence_counts(tmp_path, monkeypatch):
+    """Its lines were left out without a word, and found as usual."""
+    asked = SequenceConfig(masks=None, lines=LinesConfig(frames=3))
+
+    def solve(request, out_dir, config, run):
+        assert {key: getattr(config, key) for key in SequenceConfig.model_fields} == dict(asked)
+        raise NoReconstruction("none is made here")
+
+    monkeypatch.setattr(solving, "solve", solve)
+    with pytest.raises(NoReconstruction, match="none is made here"):
+        solve_sequence(tmp_path, (PersonFiles(tmp_path, tmp_path),), tmp_path / "out", asked)
+
+
 def test_a_source_that_is_not_there_is_said_first(tmp_path):
     with pytest.raises(MissingInput, match=r"gone.mp4: no such video, or folder of images"):
         solve_video(tmp_path / "gone.mp4", tmp_path / "out", poses="none")
@@ -176,6 +196,16 @@ def test_poses_of_the_built_in_estimator_that_are_given_have_its_errors_and_doub
         found.append((_own_poses_dir(solved), _own_doubts(solved)))
     own = poses_dir, {"person_1": "it looks away"}
     assert found == [own, own, (None, {})]
+
+
+@pytest.mark.parametrize("numbers", [[2, 1, 0], [0, 0, 1], [-1, 0, 1]])
+def test_poses_in_no_order_of_frames_are_refused(numbers, tmp_path):
+    """Each was taken for the person in another frame."""
+    turns = np.tile(np.eye(3), (3, 24, 1, 1))
+    poses = LocalPoses(np.array(numbers), turns[:, 1:], turns[:, 0], np.ones((3, 3)))
+    poses.write(tmp_path / "person_0.npz")
+    with pytest.raises(BadRecord, match=r"person_0\.npz: its frame_numbers do not rise from 0"):
+        LocalPoses.read(tmp_path / "person_0.npz")
 
 
 def test_clips_are_let_go_of_before_their_world_is_made(small_body, tmp_path, monkeypatch):

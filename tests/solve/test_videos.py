@@ -1,5 +1,6 @@
 """A batch of folders of images, some of which have times."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -76,5 +77,19 @@ def test_a_worker_in_another_folder_finds_the_networks(tmp_path, monkeypatch):
     found = _with_files([video], batch)
     own = [tmp_path / name for name in names]
     assert [*found.config.networks.values()] == [*found.own_files.values()] == own
-    assert [*found.files.values()] == own
+    assert [*found.networks[True].values()] == own
+    assert {*own, video.path} < {*found.inputs(video).values()}
     assert found.recipe(video) == batch.recipe(video)
+
+
+def test_a_video_of_cameras_alone_is_the_same_beside_one_with_people(tmp_path):
+    """It was refused as of another recipe, as soon as another video of the batch got poses."""
+    (network := tmp_path / "net.onnx").touch()
+    source = PersonSource(model=network, landmarks=network)
+    config = SolveConfig(masks=MasksConfig(sources=(source,)))
+    alone, other = (NamedVideo(name, tmp_path / f"{name}.mp4") for name in ("alone", "other"))
+    posed = replace(other, poses_path=tmp_path / "other.pkl")
+    batch = Batch(tmp_path / "out", SolveRequest(Path()), config)
+    first, then = (_with_files([alone, one], batch) for one in (other, posed))
+    assert first.recipe(alone) == then.recipe(alone) != then.recipe(posed)
+    assert first.inputs(alone) == then.inputs(alone)

@@ -1,12 +1,13 @@
 """No path that a file names may lead out of its folder."""
 
+import os
 from pathlib import PurePosixPath
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.values.files import resolve_inside, safe_relative
+from gmrdata.values.files import resolve_inside, safe_relative, sha256_of_path
 
 
 @given(text=st.text(st.sampled_from("ab./\\:~\n \0é"), max_size=10))
@@ -63,3 +64,10 @@ def test_root_that_is_itself_a_link(tmp_path):
     (tmp_path / "real" / "x").write_text("x")
     (tmp_path / "root").symlink_to(tmp_path / "real")
     assert resolve_inside(tmp_path / "root", "x") == (tmp_path / "real" / "x").resolve()
+
+
+def test_a_folder_has_a_hash_where_the_bytes_of_a_name_are_no_utf_8(tmp_path):
+    """Such a name beside the frames, as zip files of Windows unpack them, ended in a traceback."""
+    before = sha256_of_path(tmp_path)
+    (tmp_path / os.fsdecode(b"\xfcbung.txt")).write_bytes(b"")
+    assert sha256_of_path(tmp_path) != before

@@ -1,5 +1,6 @@
 """YAML: what it means, and what it may not do."""
 
+import json
 import time
 from contextlib import suppress
 
@@ -10,8 +11,9 @@ from hypothesis import strategies as st
 
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.stage.recipes import load_recipe
+from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, BadRecipe
-from gmrdata.values.joint_names import find_joints
+from gmrdata.values.joint_names import REQUIRED, find_joints
 from gmrdata.values.plain_yaml import NotPlain, parse
 
 VALUES = {
@@ -82,6 +84,16 @@ def test_a_joint_map_of_over_a_mebibyte_is_none(tmp_path):
     path.write_text("Hips: pelvis\n" + "#" * (1 << 20))
     with pytest.raises(BadMotionFile, match="larger than 1048576 bytes; no joint map is"):
         find_joints(("Hips",), (-1,), path, path)
+
+
+@pytest.mark.parametrize("name", ["names.yaml", "names.json"])
+def test_a_joint_map_may_begin_with_a_byte_order_mark(name, tmp_path):
+    """As editors of Windows save it; that of JSON was refused."""
+    names = [f"bone {n}" for n in range(len(REQUIRED))]
+    text = json.dumps(dict(zip(names, REQUIRED, strict=True)))
+    (path := tmp_path / name).write_text(text, encoding="utf-8-sig")
+    found = find_joints(names, [-1] * len(names), path, path)
+    assert found == {JOINT[joint]: n for n, joint in enumerate(REQUIRED)}
 
 
 plain = st.recursive(

@@ -7,8 +7,9 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
+from gmrdata.values import limits
 from gmrdata.values.errors import BadRecord, MissingInput
-from gmrdata.values.files import read_json, write_json, write_npz
+from gmrdata.values.files import npz_format, read_json, write_json, write_npz
 from gmrdata.values.records import ArrayShapes, Record, read_arrays
 
 ROWS: ArrayShapes = {"rows": ("i", ("N",))}
@@ -106,3 +107,12 @@ def test_arrays_that_are_not_the_record(tmp_path, arrays, said):
     write_npz(tmp_path / "a.npz", arrays)
     with pytest.raises(BadRecord, match=said):
         read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ROWS)
+
+
+def test_what_an_archive_says_of_itself_fills_no_memory(tmp_path, monkeypatch):
+    """A `format` of 3 MB, zipped, was unpacked to 3 GB before anything was known of the file."""
+    for n in (1, 1 << 20):
+        write_npz(tmp_path / f"{n}.npz", {"format": np.full(n, "a")}, compressed=True)
+    monkeypatch.setattr(limits, "FREE_BYTES", 1000)
+    assert npz_format(tmp_path / "1.npz") == "['a']"
+    assert npz_format(tmp_path / f"{1 << 20}.npz") is None

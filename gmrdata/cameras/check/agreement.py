@@ -7,16 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.files import Agreement
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map.mapping import hardly_travels, map_again, map_otherwise
+from gmrdata.cameras.map.models import aligned
 from gmrdata.cameras.map.refinement import background_distance
 from gmrdata.cameras.map.rotation_only import RotationOnly, solve_rotation_only
 from gmrdata.cameras.map.solution import Solution
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.recipe import SecondConfig, SfmConfig
+from gmrdata.values import transforms
 
 FEWEST_CAMERAS = 4  # with fewer common ones two paths always agree
 
@@ -24,23 +25,17 @@ FEWEST_CAMERAS = 4  # with fewer common ones two paths always agree
 def agreement(first: np.ndarray, second: np.ndarray, least_extent: float) -> Agreement | None:
     """How two paths (T, 4, 4), NaN where unknown, differ after the best similarity between them.
 
-    Their worlds are turned into each other by the cameras' orientations, since places along a line
-    leave a turn open.  Places are compared with the first path's extent, the diagonal of its box,
-    which counts as `least_extent` at least: a camera that hardly leaves its place need not have a
-    path.  None where they have fewer than four cameras in common.
+    Places are compared with the first path's extent, the diagonal of its box, which counts as
+    `least_extent` at least: a camera that hardly leaves its place need not have a path.  None where
+    they have fewer than four cameras in common.
     """
     both = np.isfinite(first[:, 0, 0]) & np.isfinite(second[:, 0, 0])
     if both.sum() < FEWEST_CAMERAS:
         return None
     ours, theirs = first[both], second[both]
-    turns = Rotation.from_matrix(ours[:, :3, :3] @ np.swapaxes(theirs[:, :3, :3], 1, 2))
-    first_from_second = turns.mean()
-    turn_deg = np.rad2deg((first_from_second.inv() * turns).magnitude())
-    way = ours[:, :3, 3] - ours[:, :3, 3].mean(axis=0)
-    other = first_from_second.apply(theirs[:, :3, 3] - theirs[:, :3, 3].mean(axis=0))
-    power = float((other**2).sum())
-    # Not with a mirror: a path that runs the other way is another one.
-    scale = max(0.0, float((way * other).sum()) / power) if power > 0 else 0.0
+    turns = ours[:, :3, :3] @ np.swapaxes(theirs[:, :3, :3], 1, 2)
+    turn_deg = np.rad2deg(transforms.turns_about_mean_rad(turns))
+    _, scale, way, other = aligned(ours, theirs)
     apart = np.sqrt(((way - scale * other) ** 2).sum(axis=1).mean())
     extent = max(float(np.linalg.norm(np.ptp(way, axis=0))), least_extent)
     return Agreement(

@@ -13,10 +13,12 @@ of a roof do, tells nothing: lines tell by how their slope changes from place to
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from gmrdata.cameras.frames import Frames
 from gmrdata.stage.jobs import in_threads
-from gmrdata.values.camera import Lens, straightened
+from gmrdata.values import limits
+from gmrdata.values.camera import Lens
 from gmrdata.values.records import Config
 
 BORDER_PX, BAR_SPREAD = 8, 3.0  # about the picture; grey levels of a column in a bar (sd)
@@ -50,13 +52,13 @@ lie within one standard error, and none beyond three."""
 class LinesConfig(Config):
     """Which lines are found."""
 
-    frames: int = 16
+    frames: int = Field(default=16, ge=1, le=limits.MOST_FRAMES)
     """In so many pictures, evenly over the sequence."""
-    longest_px: int = 1280
+    longest_px: int = Field(default=1280, ge=64, le=limits.LARGEST_SIDE_PX)
     """Larger pictures are made smaller."""
-    shortest_share: float = 0.03
+    shortest_share: float = Field(default=0.03, gt=0, lt=1)
     """Length of a line, as a share of the picture's diagonal."""
-    end_px: float = 1.5
+    end_px: float = Field(default=1.5, gt=0)
     """Standard error of a line's end across it, in the picture that is looked at [px]."""
 
 
@@ -120,8 +122,7 @@ def focal_of_lines(frames: Frames, lens: Lens | None, config: LinesConfig) -> Fo
     found, end_px = straight_lines(frames.some(rows), config)
 
     def evidence(ends_px: np.ndarray) -> np.ndarray:
-        ends = straightened((ends_px - lens.centre_px) / lens.focal_px, *lens.radial)
-        return log_evidence(ends * lens.focal_px[0] / longest_px, end_px / longest_px)
+        return log_evidence(lens.rays(ends_px) * lens.focal_px[0] / longest_px, end_px / longest_px)
 
     # Pictures of a video show the same place, so their evidence is not added up.
     return focal_by(np.mean(in_threads(evidence, found), axis=0))

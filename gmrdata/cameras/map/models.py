@@ -205,18 +205,25 @@ def _by_cameras(whole: Any, model: Any, shared: list[int]) -> list[Any]:
     """The similarity that the shared cameras' turns and places ask for; none where these are one
     place."""
     ours, theirs = (np.array([camera_of(of.image(i)) for i in shared]) for of in (whole, model))
-    turns = Rotation.from_matrix(ours[:, :3, :3] @ np.swapaxes(theirs[:, :3, :3], 1, 2))
-    rotation, middle, other = (
-        turns.mean(),
-        ours[:, :3, 3].mean(axis=0),
-        theirs[:, :3, 3].mean(axis=0),
-    )
-    way, same = ours[:, :3, 3] - middle, rotation.apply(theirs[:, :3, 3] - other)
-    if not (power := float((same**2).sum())) > 0 or not (scale := float((way * same).sum())) > 0:
+    rotation, scale, _, _ = aligned(ours, theirs)
+    if not scale:
         return []
-    scale /= power
+    middle, other = (of[:, :3, 3].mean(axis=0) for of in (ours, theirs))
     turn = pycolmap.Rotation3d(rotation.as_matrix())
     return [pycolmap.Sim3d(scale, turn, middle - scale * rotation.apply(other))]
+
+
+def aligned(ours: np.ndarray, theirs: np.ndarray) -> tuple[Rotation, float, np.ndarray, np.ndarray]:
+    """The best similarity between two worlds of the same cameras (T, 4, 4): the turn, by their
+    orientations, since places along a line leave a turn open; the scale, 0 where no place tells it
+    or the paths run against each other, as with a mirror; and both paths (T, 3) from their middles,
+    turned alike."""
+    turn = Rotation.from_matrix(ours[:, :3, :3] @ np.swapaxes(theirs[:, :3, :3], 1, 2)).mean()
+    way = ours[:, :3, 3] - ours[:, :3, 3].mean(axis=0)
+    other = turn.apply(theirs[:, :3, 3] - theirs[:, :3, 3].mean(axis=0))
+    power = float((other**2).sum())
+    scale = max(0.0, float((way * other).sum()) / power) if power > 0 else 0.0
+    return turn, scale, way, other
 
 
 def _owners(model: Any, images: Iterable[int]) -> dict[tuple[int, int], int]:

@@ -273,7 +273,7 @@ def see_again(model: Any, matches: Matches, frames: Frames, config: MasksConfig)
 
     A feature shows a point that must appear there and looked like it when it was seen last.
     """
-    if not matches.descriptors:
+    if matches.descriptors is None:
         return 0
     ids = sorted(model.point3D_ids())
     number = {point_id: n for n, point_id in enumerate(ids)}

@@ -160,11 +160,14 @@ def _chain(
     matches: Matches, second_from_first: np.ndarray, inliers: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """World rotations along the tree of the pairs with most inliers, from the best linked frame."""
-    n, strong = len(matches.keypoints_px), inliers >= 2
+    # Where the camera goes far from frame to frame, no turn may fit two matches of any pair.
+    n, strong = len(matches.keypoints_px), inliers >= min(2, inliers.max())
     first, second = np.array([(pair.first, pair.second) for pair in matches.pairs]).T
-    graph = coo_array((1.0 / inliers[strong], (first[strong], second[strong])), shape=(n, n))
+    weights = 1.0 / np.maximum(inliers[strong], 1)
+    graph = coo_array((weights, (first[strong], second[strong])), shape=(n, n))
     tree = minimum_spanning_tree(graph.tocsr())
     strength = np.bincount(np.concatenate([first, second]), np.tile(inliers, 2), minlength=n)
+    strength[np.setdiff1d(np.arange(n), [first[strong], second[strong]])] = -1
     order, predecessor = breadth_first_order(tree, int(strength.argmax()), directed=False)
     b_from_a = {}
     for a, b, rotation in zip(first, second, second_from_first, strict=True):
@@ -366,8 +369,8 @@ def _zoomed(
         bent = np.linalg.inv(intrinsics_px) @ found @ intrinsics_px @ before
         sizes = np.linalg.norm(bent, axis=1)
         then = np.diag([sizes[:2].mean() / sizes[2]] * 2 + [1.0])
-        u, _, vt = np.linalg.svd(np.linalg.inv(then) @ bent)
-        expected_px, _ = _turned(first_px, u @ vt, intrinsics_px @ before, intrinsics_px @ then)
+        turn, _ = transforms.nearest_rotations(np.linalg.inv(then) @ bent)
+        expected_px, _ = _turned(first_px, turn, intrinsics_px @ before, intrinsics_px @ then)
         off_px = np.linalg.norm(expected_px - second_px, axis=1)
         return float(np.log(then[0, 0])) - log_before, off_px
 

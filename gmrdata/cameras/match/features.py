@@ -13,10 +13,10 @@ Each has a database of its own too: `FeatureExtractor.extract` holds Python's lo
 threads wait for each other, and `extract_features` does not.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -39,32 +39,29 @@ NO_FEATURES: _Table = np.zeros((0, 6), np.float32), np.zeros((0, 128), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
-class Features:
-    """What the database doesn't keep: of each of T frames, in order of the frames."""
-
-    n_free: list[int] = field(default_factory=list)
-    """How many features are outside the mask."""
-    descriptors: Mapping[int, np.ndarray] = field(default_factory=dict)
-    """(N, 128) uint8 of all features, by row; none where nothing is masked."""
-
-
-@dataclass(frozen=True, eq=False)
-class StoredDescriptors(Mapping[int, np.ndarray]):
+class StoredDescriptors:
     """Descriptors (N, 128) uint8 by row, in one file: those of ten minutes fill a gigabyte."""
 
     path: Path
-    starts: np.ndarray  # (T + 1,) int: how many there are before each row, and in all
+    spans: np.ndarray  # (T, 2) int: where those of each row begin and end
 
     def __getitem__(self, row: int) -> np.ndarray:
-        start, stop = self.starts[row : row + 2].tolist()
+        start, stop = self.spans[row].tolist()
         table = np.fromfile(self.path, np.uint8, 128 * (stop - start), offset=128 * start)
         return table.reshape(-1, 128)
 
-    def __iter__(self) -> Iterator[int]:
-        return iter(range(len(self)))
+    def some(self, rows: np.ndarray) -> "StoredDescriptors":
+        """Those of some rows (N,), by their new numbers."""
+        return replace(self, spans=self.spans[rows])
 
-    def __len__(self) -> int:
-        return len(self.starts) - 1
+
+class Features(NamedTuple):
+    """What the database doesn't keep: of each of T frames, in order of the frames."""
+
+    n_free: list[int]
+    """How many features are outside the mask."""
+    descriptors: StoredDescriptors | None
+    """Of all features; None where nothing is masked."""
 
 
 class _Found(NamedTuple):
@@ -120,9 +117,9 @@ def find_features(
     Where the intrinsics are but a guess (not `calibrated`), the camera is COLMAP's own guess.
     A frame that can't be decoded has no features, and no image in the database.
     """
-    id_of_name, path = _import_images(frames, database_path, calibrated), _stored(database_path)
+    id_of_name = _import_images(frames, database_path, calibrated)
     sift, n_free, counts = pycolmap.FeatureExtractorType.SIFT, list[int](), list[int]()
-    masked = frames.masks_dir is not None
+    masked, path = frames.masks_dir is not None, database_path.with_suffix(".descriptors")
     with (
         closing(pycolmap.Database.open(database_path)) as database,
         path.open("wb") if masked else nullcontext() as stored,
@@ -136,12 +133,9 @@ def find_features(
                 database.write_descriptors(image_id, pycolmap.FeatureDescriptors(sift, free))
                 if stored is not None:
                     stored.write(one.descriptors.tobytes())
-    return Features(n_free, StoredDescriptors(path, np.cumsum([0, *counts])) if masked else {})
-
-
-def _stored(database_path: Path) -> Path:
-    """Where the descriptors of all features lie beside a database."""
-    return database_path.with_suffix(".descriptors")
+    ends = np.cumsum(counts)
+    spans = np.stack([ends - counts, ends], axis=1)
+    return Features(n_free, StoredDescriptors(path, spans) if masked else None)
 
 
 def pinhole_params(intrinsics_px: np.ndarray) -> list[float]:
@@ -168,20 +162,17 @@ def _find(frames: Frames, work_dir: Path, config: SfmConfig, image: Path) -> int
     mask = None if frames.masks_dir is None else frames.mask(image)
     if _is_large(frames, config):
         firm, with_weak = _of_opencv(frames, image, config)
-        _keep(_kept(work_dir, image, weak=True), _unmasked_first(with_weak, mask))
+        weak = _unmasked_first(with_weak, mask)
+        np.savez(_kept(work_dir, image, weak=True), **weak._asdict())
     else:
         firm = _of_colmap(image, frames.size_px, work_dir, config)
     found = _unmasked_first(firm, mask)
-    _keep(_kept(work_dir, image, weak=False), found)
+    np.savez(_kept(work_dir, image, weak=False), **found._asdict())
     return found.n_free
 
 
 def _is_large(frames: Frames, config: SfmConfig) -> bool:
     return bool(np.prod(frames.size_px) >= config.features.large_pixels)
-
-
-def _keep(path: Path, found: _Found) -> None:
-    np.savez(path, **found._asdict())
 
 
 def _kept(work_dir: Path, image: Path, *, weak: bool) -> Path:

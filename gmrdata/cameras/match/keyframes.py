@@ -20,6 +20,7 @@ from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.stage.jobs import made_ahead
+from gmrdata.values import transforms
 
 WINDOW_PX = 21
 LEVELS = 3
@@ -277,7 +278,4 @@ def relative_rotation(
 
 def _kabsch(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Rotations (H, 3, 3) that best map directions a (H, N, 3) to b."""
-    u, _, vt = np.linalg.svd(np.einsum("hni,hnj->hij", b, a))
-    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    u[:, :, 2] *= sign[:, None]
-    return u @ vt
+    return transforms.nearest_rotations(np.einsum("hni,hnj->hij", b, a))[0]

@@ -1,6 +1,5 @@
 """Verified matches between frames, and the features of each, those inside its mask last."""
 
-from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.match.features import FeatureFinder, find_features
+from gmrdata.cameras.match.features import FeatureFinder, StoredDescriptors, find_features
 from gmrdata.cameras.match.retrieval import alike_before
 from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.values.camera import straightened
@@ -35,23 +34,6 @@ class PairMatches:
 
 
 @dataclass(frozen=True, eq=False)
-class _OfRows(Mapping[int, np.ndarray]):
-    """What some rows have, by their new numbers; read when it is asked for."""
-
-    of: Mapping[int, np.ndarray]
-    rows: list[int]
-
-    def __getitem__(self, row: int) -> np.ndarray:
-        return self.of[self.rows[row]]
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(range(len(self)))
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-
-@dataclass(frozen=True, eq=False)
 class Matches:
     """All that is known of a sequence before a geometry is chosen."""
 
@@ -61,8 +43,8 @@ class Matches:
     n_free: list[int] = field(default_factory=list)
     """How many of each frame's image points are outside its mask: only they are matched with each
     other."""
-    descriptors: Mapping[int, np.ndarray] = field(default_factory=dict)
-    """By row (N, 128) uint8 of the same image points; none where nothing is masked."""
+    descriptors: StoredDescriptors | None = None
+    """Of the same image points; None where nothing is masked."""
 
     @property
     def n_of_pair(self) -> dict[tuple[int, int], int]:
@@ -85,7 +67,7 @@ class Matches:
                 if pair.first in new and pair.second in new
             ],
             [self.n_free[row] for row in new] if self.n_free else [],
-            _OfRows(self.descriptors, list(new)) if self.descriptors else {},
+            self.descriptors and self.descriptors.some(rows),
         )
 
     def without(self, lens: Distortion | None, intrinsics_px: np.ndarray) -> "Matches":
@@ -131,7 +113,7 @@ def match_frames(
     match_features(database_path, config)
     sort_pairs(database_path)
     matches = read_matches(database_path, frames.images)
-    matches = replace(matches, n_free=found.n_free, descriptors=found.descriptors)
+    matches = replace(matches, **found._asdict())
     _require_usable(matches, frames)
     return matches
 
@@ -265,10 +247,10 @@ def match_behind_masks(
 
     What a person hides at one time shows at another.
     """
-    if not matches.descriptors or not _hardly_match(matches, config.masks):
+    if matches.descriptors is None or not _hardly_match(matches, config.masks):
         return matches
     database_path = work_dir / DATABASE_FILE
-    _give_descriptors(matches, frames, database_path)
+    _give_descriptors(matches.descriptors, frames, database_path)
     match_features(database_path, config, verified=False)
     _forget_hidden(matches, frames, database_path)
     verifier = pycolmap.GeometricVerifierOptions()
@@ -288,7 +270,7 @@ def _hardly_match(matches: Matches, config: MasksConfig) -> bool:
     return bool(np.mean(hardly) >= config.often)
 
 
-def _give_descriptors(matches: Matches, frames: Frames, database_path: Path) -> None:
+def _give_descriptors(tables: StoredDescriptors, frames: Frames, database_path: Path) -> None:
     """Let a database have the descriptors of all features, and no matches."""
     row_of_name, sift = frames.row_of_name, pycolmap.FeatureExtractorType.SIFT
     with closing(pycolmap.Database.open(database_path)) as database:
@@ -296,7 +278,7 @@ def _give_descriptors(matches: Matches, frames: Frames, database_path: Path) -> 
         database.clear_two_view_geometries()
         database.clear_descriptors()
         for image in database.read_all_images():
-            table = matches.descriptors[row_of_name[image.name]]
+            table = tables[row_of_name[image.name]]
             if len(table):
                 descriptors = pycolmap.FeatureDescriptors(sift, table)
                 database.write_descriptors(image.image_id, descriptors)

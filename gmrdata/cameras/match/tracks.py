@@ -47,6 +47,12 @@ class Tracks:
         seen = {"rows": self.rows, "points": self.points, "image_px": self.image_px}
         return replace(self, **{name: values[keep] for name, values in seen.items()})
 
+    def fits(self, n_frames: int, n_points: int) -> bool:
+        """Whether they may be of a reconstruction of so many frames and points."""
+        of = (self.rows, n_frames), (self.points, n_points)
+        inside = all(not len(at) or 0 <= at.min() <= at.max() < n for at, n in of)
+        return inside and len(self.adjusted) == n_frames
+
 
 def tracks_of(
     seen: Mapping[int, np.ndarray],

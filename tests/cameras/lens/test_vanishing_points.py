@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.frames import Frames
@@ -97,6 +98,13 @@ def test_lines_that_lie_alike_tell_nothing():
 def test_a_few_lines_tell_nothing(n):
     logs = log_evidence(seen_lines(0.85)[:n], END_SIGMA)
     assert logs.shape == (len(LOG_FOCALS), 1 + PARTS) and not logs.any()
+
+
+def test_a_recipe_of_no_lines_is_refused():
+    """Lines of no picture ended in a traceback."""
+    for said in ({"frames": 0}, {"longest_px": 0}, {"shortest_share": -1.0}, {"end_px": 0.0}):
+        with pytest.raises(ValidationError, match=next(iter(said))):
+            LinesConfig(**said)
 
 
 @pytest.mark.parametrize("place", ["cam02", "cam04"])

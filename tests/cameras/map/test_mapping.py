@@ -149,8 +149,8 @@ def test_a_camera_that_comes_back_and_goes_on_is_one_path(film, tmp_path):
     filmed = film("dolly", 14)
     order = [*range(9), *range(7, -1, -1), *range(1, 14)]
     source = [filmed.frames.images[row] for row in order]
-    linked(tmp_path / "frames", {f"{n:05d}.jpg": path for n, path in enumerate(source)})
-    frames = replace(filmed.frames, images=list_images(tmp_path / "frames"), masks_dir=None)
+    images, _ = linked({f"{n:05d}": path for n, path in enumerate(source)}, None, tmp_path)
+    frames = replace(filmed.frames, images=images, masks_dir=None)
     config = in_parts(6, 3, near_overlap=2)
     matches = match_frames(frames, tmp_path, config)
     mapped = without_seen_again(matches, config.mapping)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.map import rotation_only
-from gmrdata.cameras.map.rotation_only import solve_rotation_only, zooms
+from gmrdata.cameras.map.rotation_only import solve_rotation_only, weigh, zooms
 from gmrdata.cameras.match.keyframes import relative_rotation, unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
@@ -129,6 +129,19 @@ def test_noise_and_wrong_matches_are_averaged_out():
     right = solution.residuals_px[solution.residuals_px < 5]
     assert np.median(right) == pytest.approx(0.83, abs=0.1)
     assert (solution.pair_medians_px < 1.5).all()
+
+
+def test_where_no_turn_fits_two_matches_it_explains_nothing():
+    """A camera that goes far ahead between three frames of few matches ended in a traceback."""
+    rng = np.random.default_rng(0)
+    points, config = rng.uniform((-1.5, -1, 1), (1.5, 1, 3), (15, 3)), SfmConfig()
+    steps = (points - [0, 0, 0.45 * i] for i in range(3))
+    keypoints = [((seen / seen[:, 2:]) @ INTRINSICS_PX.T)[:, :2] for seen in steps]
+    table = np.stack([np.arange(15)] * 2, axis=1)
+    pairs = [PairMatches(*rows, table, "CALIBRATED") for rows in ((0, 1), (0, 2), (1, 2))]
+    matches = Matches(keypoints, pairs, [15] * 3)
+    solution = solve_rotation_only(matches, INTRINSICS_PX, 0.1, np.random.default_rng(0))
+    assert weigh(solution, matches, config).verdict == "full"
 
 
 def test_frames_without_matches_have_no_camera():

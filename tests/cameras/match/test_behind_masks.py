@@ -142,7 +142,7 @@ def test_without_masks_nothing_is_sought(walking, tmp_path):
     _, frames, _, _ = walking
     whole = replace(frames.some(np.arange(3)), masks_dir=None)
     matches = match_frames(whole, tmp_path, SMALL)
-    assert matches.descriptors == {}
+    assert matches.descriptors is None
     assert matches.n_free == [len(points_px) for points_px in matches.keypoints_px]
     assert see_again(None, matches, whole, SMALL.masks) == 0
 
