@@ -111,7 +111,11 @@ def image_of(name: str, picture: np.ndarray) -> Any:
 
 def picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
     """A matt surface with a picture."""
-    material, tree = _empty_material(name)
+    material = bpy.data.materials.new(name)
+    tree = material.node_tree
+    tree.nodes.clear()
+    # The emission stands for the sky's light; the surfaces must not be sampled as lamps.
+    material.cycles.emission_sampling = "NONE"
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image = image_of(name, picture)
     texture.interpolation = "Linear"
@@ -170,14 +174,6 @@ def mark_as_moving(tree: Any) -> None:
     mark = tree.nodes.new("ShaderNodeOutputAOV")
     mark.aov_name = MOVING_PASS
     mark.inputs["Value"].default_value = 1.0
-
-
-def _empty_material(name: str) -> tuple[Any, Any]:
-    material = bpy.data.materials.new(name)
-    material.node_tree.nodes.clear()
-    # The emission stands for the sky's light; the surfaces must not be sampled as lamps.
-    material.cycles.emission_sampling = "NONE"
-    return material, material.node_tree
 
 
 def _shade(tree: Any, colour: Any, light: Light) -> None:

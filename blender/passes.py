@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender.engine import new_compositor, traced, write_to_file
+from blender.engine import kept, new_compositor, traced, write_to_file
 from blender.objects import CUT_OUT
 from blender.people.actors import Actor
 from gmrdata.film.render import RenderConfig
@@ -128,19 +128,18 @@ def render_surface(scene: Any, tree: Any, work_dir: Path, config: RenderConfig) 
     Raises:
         RenderFailed: Blender wrote a pass not at all, or in another size.
     """
-    cycles, pictures = scene.cycles, scene.compositing_node_group
-    samples, kind, blur = cycles.samples, cycles.pixel_filter_type, scene.render.use_motion_blur
-    cycles.samples, cycles.pixel_filter_type = 1, "BLACKMAN_HARRIS"
-    cycles.filter_width = NARROWEST_FILTER_PX
-    scene.render.use_motion_blur = False  # the passes are of one moment
-    scene.compositing_node_group = tree
-    try:
-        with traced(scene):
-            bpy.ops.render.render(write_still=False)
-    finally:
-        cycles.samples, cycles.pixel_filter_type = samples, kind
-        scene.render.use_motion_blur = blur
-        scene.compositing_node_group = pictures
+    cycles = scene.cycles
+    with (
+        kept(cycles, "samples", "pixel_filter_type", "filter_width"),
+        kept(scene.render, "use_motion_blur"),
+        kept(scene, "compositing_node_group"),
+        traced(scene),
+    ):
+        cycles.samples, cycles.pixel_filter_type = 1, "BLACKMAN_HARRIS"
+        cycles.filter_width = NARROWEST_FILTER_PX
+        scene.render.use_motion_blur = False  # the passes are of one moment
+        scene.compositing_node_group = tree
+        bpy.ops.render.render(write_still=False)
     size_px = scene.render.resolution_x, scene.render.resolution_y
     depth_m = _take(work_dir, "depth", size_px)[..., 0].astype(np.float64)
     depth_m[depth_m > scene.camera.data.clip_end * 1.01] = np.inf
