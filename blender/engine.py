@@ -104,14 +104,22 @@ def set_up_cycles(scene: Any, config: RenderConfig) -> None:
 
 
 @contextmanager
-def traced(scene: Any) -> Iterator[None]:
-    """Let Cycles render what is rendered in the block, whatever makes the pictures."""
-    engine = scene.render.engine
-    scene.render.engine = ENGINES["cycles"]
+def kept(owner: Any, *names: str) -> Iterator[None]:
+    """Let some settings be after the block as they are before it."""
+    settings = {name: getattr(owner, name) for name in names}
     try:
         yield
     finally:
-        scene.render.engine = engine
+        for name, value in settings.items():
+            setattr(owner, name, value)
+
+
+@contextmanager
+def traced(scene: Any) -> Iterator[None]:
+    """Let Cycles render what is rendered in the block, whatever makes the pictures."""
+    with kept(scene.render, "engine"):
+        scene.render.engine = ENGINES["cycles"]
+        yield
 
 
 def use_gpus() -> str:

@@ -111,7 +111,11 @@ def image_of(name: str, picture: np.ndarray) -> Any:
 
 def picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
     """A matt surface with a picture."""
-    material, tree = _empty_material(name)
+    material = bpy.data.materials.new(name)
+    tree = material.node_tree
+    tree.nodes.clear()
+    # The emission stands for the sky's light; the surfaces must not be sampled as lamps.
+    material.cycles.emission_sampling = "NONE"
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image = image_of(name, picture)
     texture.interpolation = "Linear"
@@ -122,7 +126,7 @@ def picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
 def moving_picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
     """A matt surface with a picture, marked as moving."""
     material = picture_material(name, picture, light)
-    mark_as_moving(material.node_tree)
+    mark(material.node_tree, MOVING_PASS, 1.0)
     return material
 
 
@@ -138,7 +142,7 @@ def repaint(material: Any, colour: Any, light: Light, alpha: Any = None) -> None
     material.cycles.emission_sampling = "NONE"
     tree = material.node_tree
     _shade(tree, colour, light)
-    mark_as_moving(tree)
+    mark(tree, MOVING_PASS, 1.0)
     if alpha is not None:
         _cut_out(tree, alpha)
 
@@ -165,19 +169,12 @@ def _cut_out(tree: Any, alpha: Any) -> None:
             links.new(there.outputs[0], node.inputs["Value"])
 
 
-def mark_as_moving(tree: Any) -> None:
-    """Let a material's pixels count as something that moves."""
-    mark = tree.nodes.new("ShaderNodeOutputAOV")
-    mark.aov_name = MOVING_PASS
-    mark.inputs["Value"].default_value = 1.0
-
-
-def _empty_material(name: str) -> tuple[Any, Any]:
-    material = bpy.data.materials.new(name)
-    material.node_tree.nodes.clear()
-    # The emission stands for the sky's light; the surfaces must not be sampled as lamps.
-    material.cycles.emission_sampling = "NONE"
-    return material, material.node_tree
+def mark(tree: Any, pass_name: str, value: float = 0.0) -> Any:
+    """Let a material's pixels have a value in a pass; gives the node."""
+    node = tree.nodes.new("ShaderNodeOutputAOV")
+    node.aov_name = pass_name
+    node.inputs["Value"].default_value = value
+    return node
 
 
 def _shade(tree: Any, colour: Any, light: Light) -> None:

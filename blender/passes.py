@@ -14,8 +14,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender.engine import new_compositor, traced, write_to_file
-from blender.objects import CUT_OUT
+from blender.engine import kept, new_compositor, traced, write_to_file
+from blender.objects import CUT_OUT, mark
 from blender.people.actors import Actor
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.render_outputs import write_depth, write_flow, write_instances, write_normals
@@ -28,9 +28,13 @@ STEP = "step"
 INSTANCE = "instance"
 """Name of the pass that numbers what moves: 1 for the first actor, 0 for all that stands still."""
 NARROWEST_FILTER_PX = 0.01
-_FILES = {"depth": "FLOAT", "normals": "VECTOR", STEP: "RGBA", INSTANCE: "FLOAT"}
-"""Base name and socket type of what Blender writes."""
-_SOCKETS = {"depth": "Depth", "normals": "Normal", STEP: STEP, INSTANCE: INSTANCE}
+_PASSES = {
+    "depth": ("Depth", "FLOAT"),
+    "normals": ("Normal", "VECTOR"),
+    STEP: (STEP, "RGBA"),
+    INSTANCE: (INSTANCE, "FLOAT"),
+}
+"""Socket of what Blender writes, and its type, by the base name of the file."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +79,17 @@ def add_surface_output(
             for material in actor.mesh.materials:  # no two actors share one
                 _mark_instance(material.node_tree, number)
     tree, layers = new_compositor("surface")
-    wanted = {"depth": True, "normals": config.normals, STEP: config.flow}
-    wanted[INSTANCE] = config.instances
-    for name in (name for name, is_wanted in wanted.items() if is_wanted):
-        socket = layers.outputs[_SOCKETS[name]]
-        write_to_file(tree, socket, _FILES[name], work_dir / name, ("OPEN_EXR", "RGB", "32"))
+    for name in _wanted(config):
+        socket, kind = _PASSES[name]
+        form = ("OPEN_EXR", "RGB", "32")
+        write_to_file(tree, layers.outputs[socket], kind, work_dir / name, form)
     return tree
+
+
+def _wanted(config: RenderConfig) -> list[str]:
+    """Base names of the files that Blender writes; each of the passes needs the depth."""
+    asked = {"normals": config.normals, STEP: config.flow, INSTANCE: config.instances}
+    return ["depth", *(name for name, is_asked in asked.items() if is_asked)]
 
 
 def set_step(actor: Actor, row: int) -> None:
@@ -128,31 +137,25 @@ def render_surface(scene: Any, tree: Any, work_dir: Path, config: RenderConfig) 
     Raises:
         RenderFailed: Blender wrote a pass not at all, or in another size.
     """
-    cycles, pictures = scene.cycles, scene.compositing_node_group
-    samples, kind, blur = cycles.samples, cycles.pixel_filter_type, scene.render.use_motion_blur
-    cycles.samples, cycles.pixel_filter_type = 1, "BLACKMAN_HARRIS"
-    cycles.filter_width = NARROWEST_FILTER_PX
-    scene.render.use_motion_blur = False  # the passes are of one moment
-    scene.compositing_node_group = tree
-    try:
-        with traced(scene):
-            bpy.ops.render.render(write_still=False)
-    finally:
-        cycles.samples, cycles.pixel_filter_type = samples, kind
-        scene.render.use_motion_blur = blur
-        scene.compositing_node_group = pictures
+    cycles = scene.cycles
+    with (
+        kept(cycles, "samples", "pixel_filter_type", "filter_width"),
+        kept(scene.render, "use_motion_blur"),
+        kept(scene, "compositing_node_group"),
+        traced(scene),
+    ):
+        cycles.samples, cycles.pixel_filter_type = 1, "BLACKMAN_HARRIS"
+        cycles.filter_width = NARROWEST_FILTER_PX
+        scene.render.use_motion_blur = False  # the passes are of one moment
+        scene.compositing_node_group = tree
+        bpy.ops.render.render(write_still=False)
     size_px = scene.render.resolution_x, scene.render.resolution_y
-    depth_m = _take(work_dir, "depth", size_px)[..., 0].astype(np.float64)
+    found = {name: _take(work_dir, name, size_px) for name in _wanted(config)}
+    depth_m = found["depth"][..., 0].astype(np.float64)
     depth_m[depth_m > scene.camera.data.clip_end * 1.01] = np.inf
     nothing = np.zeros((*depth_m.shape, 3))
-    return Surface(
-        depth_m,
-        _take(work_dir, "normals", size_px) if config.normals else nothing,
-        _take(work_dir, STEP, size_px) if config.flow else nothing,
-        np.rint(
-            _take(work_dir, INSTANCE, size_px)[..., 0] if config.instances else nothing[..., 0]
-        ),
-    )
+    normals, step_m, instances = (found.get(name, nothing) for name in ("normals", STEP, INSTANCE))
+    return Surface(depth_m, normals, step_m, np.rint(instances[..., 0]))
 
 
 def normals_in_camera(surface: Surface, world_from_cam: np.ndarray) -> np.ndarray:
@@ -189,8 +192,6 @@ def _mark_step(tree: Any) -> None:
     """Let a material hand the attribute to the pass."""
     attribute = tree.nodes.new("ShaderNodeAttribute")
     attribute.attribute_name = STEP
-    mark = tree.nodes.new("ShaderNodeOutputAOV")
-    mark.aov_name = STEP
     step = attribute.outputs["Vector"]
     if CUT_OUT in tree.nodes:
         there = tree.nodes.new("ShaderNodeVectorMath")
@@ -198,20 +199,18 @@ def _mark_step(tree: Any) -> None:
         tree.links.new(step, there.inputs[0])
         tree.links.new(tree.nodes[CUT_OUT].outputs[0], there.inputs["Scale"])
         step = there.outputs["Vector"]
-    tree.links.new(step, mark.inputs["Color"])
+    tree.links.new(step, mark(tree, STEP).inputs["Color"])
 
 
 def _mark_instance(tree: Any, number: int) -> None:
     """Let a material hand its actor's number to the pass, and 0 where it has a hole."""
-    mark = tree.nodes.new("ShaderNodeOutputAOV")
-    mark.aov_name = INSTANCE
-    mark.inputs["Value"].default_value = number
+    marked = mark(tree, INSTANCE, number)
     if CUT_OUT in tree.nodes:
         there = tree.nodes.new("ShaderNodeMath")
         there.operation = "MULTIPLY"
         there.inputs[1].default_value = number
         tree.links.new(tree.nodes[CUT_OUT].outputs[0], there.inputs[0])
-        tree.links.new(there.outputs[0], mark.inputs["Value"])
+        tree.links.new(there.outputs[0], marked.inputs["Value"])
 
 
 def _take(work_dir: Path, name: str, size_px: tuple[int, int]) -> np.ndarray:

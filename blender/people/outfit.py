@@ -11,21 +11,13 @@ Patterns of cloth, as functions of the place on the cloth.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import cv2
 import numpy as np
 
 Kind = Literal["plain", "stripes", "pinstripes", "checks", "dots", "blotches", "two_tone"]
-KINDS: tuple[Kind, ...] = (
-    "plain",
-    "stripes",
-    "pinstripes",
-    "checks",
-    "dots",
-    "blotches",
-    "two_tone",
-)
+KINDS: tuple[Kind, ...] = get_args(Kind)
 
 BLOCK = 1 << 15
 """Places whose waves are summed at a time: fresh memory for all at once costs far more."""
@@ -238,7 +230,7 @@ def _head(
     hair = np.array(HAIRS[int(rng.integers(darkest))]) * rng.uniform(0.85, 1.15)
     grey = np.clip((age - 0.80) / 0.12 + rng.normal(0, 0.3), 0, 1)
     hair = np.clip(hair + grey * (np.array(GREY_HAIR) - hair), 0, 1)
-    kinds: tuple[Hair, ...] = ("short", "cropped", "long", "tied", "bald", "cap")
+    kinds: tuple[Hair, ...] = get_args(Hair)
     shares = (0.2, 0.0, 0.45, 0.27, 0.0, 0.08) if is_woman else (0.45, 0.22, 0.05, 0.02, 0.12, 0.14)
     kind = kinds[int(rng.choice(len(kinds), p=shares))]
     beard = rng.random() < 0.35

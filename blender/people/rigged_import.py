@@ -14,6 +14,7 @@ import addon_utils
 import bpy
 import numpy as np
 
+from blender.engine import kept
 from blender.light import Light
 from blender.objects import repaint
 from gmrdata.film.character import linked_files
@@ -26,7 +27,7 @@ _KINDS = ("objects", "actions")
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A character in the scene, at rest, until `removed_afterwards` ends."""
+    """A character in the scene, at rest, until `imported` ends."""
 
     path: Path
     """Its file."""
@@ -70,20 +71,15 @@ def imported(path: Path) -> Iterator[Imported]:
     """
     scene = bpy.context.scene
     before = {kind: {item.name for item in getattr(bpy.data, kind)} for kind in _KINDS}
-    settings = {name: getattr(scene, name) for name in _SCENE_SETTINGS}
-    render_settings = {name: getattr(scene.render, name) for name in _RENDER_SETTINGS}
     try:
-        _open(path)
-        new = [thing for thing in bpy.data.objects if thing.name not in before["objects"]]
-        armature, meshes = _skeleton_and_meshes(new, path)
-        _put_at_rest(armature, meshes, new)
-        _check_armature(armature, path)
-        yield Imported(path, armature, meshes)
+        with kept(scene, *_SCENE_SETTINGS), kept(scene.render, *_RENDER_SETTINGS):
+            _open(path)
+            new = [thing for thing in bpy.data.objects if thing.name not in before["objects"]]
+            armature, meshes = _skeleton_and_meshes(new, path)
+            _put_at_rest(armature, meshes, new)
+            _check_armature(armature, path)
+            yield Imported(path, armature, meshes)
     finally:
-        for name, value in settings.items():
-            setattr(scene, name, value)
-        for name, value in render_settings.items():
-            setattr(scene.render, name, value)
         _remove_new(before)
 
 

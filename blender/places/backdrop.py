@@ -66,7 +66,7 @@ def _load(config: BackdropConfig) -> Any:
             f"{path}: Blender {bpy.app.version_string} can't read it ({said}); "
             "give a .blend file that this Blender or an older one saved"
         ) from None
-    library = next(each for each in bpy.data.libraries if Path(each.filepath).name == path.name)
+    library = next(each for each in bpy.data.libraries if _is_of(each, path))
     version = tuple(library.version)
     if version[:2] > bpy.app.version[:2]:
         raise BadBackdrop(
@@ -74,6 +74,11 @@ def _load(config: BackdropConfig) -> Any:
             f"{bpy.app.version_string}; save it with an older one"
         )
     return wanted.scenes[0]
+
+
+def _is_of(library: Any, path: Path) -> bool:
+    """Whether a library is a file's own; one that it links may have the same name elsewhere."""
+    return Path(library.filepath).resolve() == path.resolve()
 
 
 def _choose(config: BackdropConfig, names: list[str]) -> str:
@@ -95,7 +100,7 @@ def _require_all_inside(path: Path) -> None:
         for image in bpy.data.images
         if image.source in ("FILE", "SEQUENCE", "MOVIE", "TILED") and not len(image.packed_files)
     ]
-    outside += [each.name for each in bpy.data.libraries if Path(each.filepath).name != path.name]
+    outside += [each.name for each in bpy.data.libraries if not _is_of(each, path)]
     outside += [*_other_files(), *_reading_nodes()]
     if outside:
         raise BadBackdrop(

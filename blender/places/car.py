@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A car: the things it is made of, and where their vertices are as it drives."""
 
+from functools import partial
+
 import numpy as np
 
-from blender.places.layout import Thing, direction
+from blender.places.layout import Thing, part_of
 from blender.textures.road import car_body, car_roof, car_windows, random_paint, tyre
 from gmrdata.film.walkers import WHEEL_RADIUS_M, Drive
 
-CAR_M = np.array([4.1, 1.75, 0.62])
+CAR_M = (4.1, 1.75, 0.62)
 """Length, width and height of the body's lower part [m]."""
 
 
@@ -20,34 +22,22 @@ def car_things(place: np.ndarray, yaw_rad: float, rng: np.random.Generator) -> l
         rng: Chooses its paint, its length of cabin and its dirt.
     """
     paint = random_paint(rng)
-    ahead, aside = direction(yaw_rad), direction(yaw_rad + np.pi / 2)
-    width_m = CAR_M[1] - 0.1
-
-    def box(solid: str, x_m: float, low_m: float, size_m: np.ndarray, picture: np.ndarray) -> Thing:
-        centre_m = np.array([*(place + ahead * x_m), low_m + size_m[2] / 2])
-        return Thing(solid, centre_m, size_m, yaw_rad, picture, None)  # type: ignore[arg-type]
-
-    long_m = float(rng.uniform(2.0, 2.7))
+    long_m, width_m = float(rng.uniform(2.0, 2.7)), CAR_M[1] - 0.1
+    roof_m = (long_m * 0.69, width_m * 0.86, 0.05)
+    rim_m = (CAR_M[0] * 0.98, CAR_M[1] * 0.94, CAR_M[2] * 0.05)
+    at = partial(part_of, place, yaw_rad)
     parts = [
-        box("box", 0.0, 0.26, CAR_M, car_body(paint, rng)),
-        box("taper", -0.25, 0.88, np.array([long_m, width_m, 0.54]), car_windows(paint, rng)),
-        box(
-            "box",
-            -0.25,
-            1.40,
-            np.array([long_m * 0.69, width_m * 0.86, 0.05]),
-            car_roof(paint, rng),
-        ),
-        box("box", 0.0, 0.87, CAR_M * [0.98, 0.94, 0.05], car_roof(paint, rng)),
+        at((0.0, 0.0, 0.26), CAR_M, car_body(paint, rng)),
+        at((-0.25, 0.0, 0.88), (long_m, width_m, 0.54), car_windows(paint, rng), "taper"),
+        at((-0.25, 0.0, 1.40), roof_m, car_roof(paint, rng)),
+        at((0.0, 0.0, 0.87), rim_m, car_roof(paint, rng)),
     ]
-    rubber = tyre(rng)
-    wide_m = 2 * WHEEL_RADIUS_M
-    for x_m in (-1.25, 1.25):
-        for y_m in (-0.8, 0.8):
-            spot = place + ahead * x_m + aside * y_m
-            size_m = np.array([wide_m, 0.22, wide_m])
-            centre_m = np.array([*spot, WHEEL_RADIUS_M])
-            parts.append(Thing("wheel", centre_m, size_m, yaw_rad, rubber, None))
+    rubber, wide_m = tyre(rng), 2 * WHEEL_RADIUS_M
+    parts += [
+        at((x_m, y_m, 0.0), (wide_m, 0.22, wide_m), rubber, "wheel")
+        for x_m in (-1.25, 1.25)
+        for y_m in (-0.8, 0.8)
+    ]
     return parts
 
 

@@ -24,11 +24,14 @@ SIGHT_CLEARANCE_M = 0.5
 PERSON_M = 2.0
 
 
+Solid = Literal["box", "taper", "cylinder", "wheel", "blob"]
+
+
 @dataclass(frozen=True, eq=False)
 class Thing:
     """A solid with one picture on it."""
 
-    solid: Literal["box", "taper", "cylinder", "wheel", "blob"]
+    solid: Solid
     centre_m: np.ndarray
     """(3,) centre, world [m]."""
     size_m: np.ndarray
@@ -122,6 +125,22 @@ def upright(
     return Thing(solid, centre_m, np.array(size_m), yaw_rad, picture, picture_m)
 
 
+def part_of(
+    place: np.ndarray,
+    yaw_rad: float,
+    offset_m: tuple[float, float, float],
+    size_m: tuple[float, float, float],
+    picture: np.ndarray,
+    solid: Solid = "box",
+) -> Thing:
+    """A part of something at a place (2,), turned by a yaw; the middle of the part's foot is offset
+    along the whole's own x, y, and z."""
+    ahead, aside = direction(yaw_rad), direction(yaw_rad + np.pi / 2)
+    middle = place + ahead * offset_m[0] + aside * offset_m[1]
+    centre_m = np.array([*middle, offset_m[2] + size_m[2] / 2])
+    return Thing(solid, centre_m, np.array(size_m), yaw_rad, picture, None)
+
+
 @dataclass(frozen=True, eq=False)
 class Side:
     """One of the four sides of a rectangle."""
@@ -201,20 +220,18 @@ class Mesh:
 
 def mesh_of(thing: Thing, rng: np.random.Generator) -> Mesh:
     """The mesh of a thing, in the world."""
-    if thing.solid == "box":
-        unit, faces, uv, smooth = (*_box(thing.size_m, thing.picture_m), False)
-    elif thing.solid == "taper":
-        unit, faces, uv, smooth = (*_box(thing.size_m, thing.picture_m), False)
-        unit = np.where(unit[:, 2:] > 0, unit * TAPER, unit)
-    elif thing.solid == "cylinder":
-        unit, faces, uv, smooth = (*_cylinder(32), False)
-    elif thing.solid == "wheel":
-        unit, faces, uv, smooth = (*_cylinder(32), False)
-        unit = unit[:, [0, 2, 1]] * [1, 1, -1]  # the axis from z to y, still right-handed
+    if thing.solid in ("box", "taper"):
+        unit, faces, uv = _box(thing.size_m, thing.picture_m)
+        if thing.solid == "taper":
+            unit = np.where(unit[:, 2:] > 0, unit * TAPER, unit)
+    elif thing.solid in ("cylinder", "wheel"):
+        unit, faces, uv = _cylinder(32)
+        if thing.solid == "wheel":
+            unit = unit[:, [0, 2, 1]] * [1, 1, -1]  # the axis from z to y, still right-handed
     else:
-        unit, faces, uv, smooth = (*_blob(28, 18, rng), True)
+        unit, faces, uv = _blob(28, 18, rng)
     placed_m = unit * thing.size_m @ about_z(thing.yaw_rad).T + thing.centre_m
-    return Mesh(placed_m, faces, uv, smooth)
+    return Mesh(placed_m, faces, uv, smooth=thing.solid == "blob")
 
 
 def ground_mesh(centre_m: np.ndarray, side_m: float) -> Mesh:

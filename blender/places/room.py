@@ -9,9 +9,9 @@ import numpy as np
 from blender.places.layout import (
     Thing,
     Yard,
-    direction,
     four_sides,
     is_free,
+    part_of,
     surroundings,
     upright,
     yard_of,
@@ -28,30 +28,18 @@ def shelf(place: np.ndarray, width_m: float, yaw_rad: float, rng: np.random.Gene
     return upright("box", place, (width_m, 0.34, height_m), yaw_rad, picture)
 
 
-def _box(
-    place: np.ndarray,
-    yaw_rad: float,
-    offset_m: tuple[float, float, float],
-    size_m: tuple[float, float, float],
-    picture: np.ndarray,
-) -> Thing:
-    """A box whose foot's middle is offset along the furniture's own x, y, and z."""
-    ahead, aside = direction(yaw_rad), direction(yaw_rad + np.pi / 2)
-    middle = place + ahead * offset_m[0] + aside * offset_m[1]
-    centre_m = np.array([*middle, offset_m[2] + size_m[2] / 2])
-    return Thing("box", centre_m, np.array(size_m), yaw_rad, picture, None)
-
-
 def table(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> list[Thing]:
     """A table on four legs with a few books on it."""
     yaw_rad, side_m, height_m = float(rng.uniform(0, np.pi)), 1.3 * radius_m, 0.72
     wood = board(px(side_m), px(side_m), rng)
-    parts = [_box(place, yaw_rad, (0, 0, height_m), (side_m, side_m, 0.05), wood)]
+    parts = [part_of(place, yaw_rad, (0, 0, height_m), (side_m, side_m, 0.05), wood)]
     foot_m = side_m / 2 - 0.06
     for x_m, y_m in ((-foot_m, -foot_m), (foot_m, -foot_m), (foot_m, foot_m), (-foot_m, foot_m)):
-        parts.append(_box(place, yaw_rad, (x_m, y_m, 0.0), (0.07, 0.07, height_m), wood))
+        parts.append(part_of(place, yaw_rad, (x_m, y_m, 0.0), (0.07, 0.07, height_m), wood))
     pile = books(120, 80, rng)
-    parts.append(_box(place, yaw_rad + 0.5, (0.05, 0.0, height_m + 0.05), (0.3, 0.22, 0.18), pile))
+    parts.append(
+        part_of(place, yaw_rad + 0.5, (0.05, 0.0, height_m + 0.05), (0.3, 0.22, 0.18), pile)
+    )
     return parts
 
 
@@ -59,15 +47,11 @@ def armchair(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> li
     """An upholstered chair: seat, back and two arms."""
     yaw_rad, side_m = float(rng.uniform(-np.pi, np.pi)), 1.3 * radius_m
     stuff = cloth(px(side_m), px(0.6), rng)
+    aside_m, arm_m = 0.43 * side_m, (0.9 * side_m, 0.15 * side_m, 0.58)
     return [
-        _box(place, yaw_rad, (0, 0, 0.05), (side_m, 0.98 * side_m, 0.38), stuff),
-        _box(place, yaw_rad, (-0.42 * side_m, 0, 0.05), (0.16 * side_m, side_m, 0.9), stuff),
-        _box(
-            place, yaw_rad, (0.02, -0.43 * side_m, 0.05), (0.9 * side_m, 0.15 * side_m, 0.58), stuff
-        ),
-        _box(
-            place, yaw_rad, (0.02, 0.43 * side_m, 0.05), (0.9 * side_m, 0.15 * side_m, 0.58), stuff
-        ),
+        part_of(place, yaw_rad, (0, 0, 0.05), (side_m, 0.98 * side_m, 0.38), stuff),
+        part_of(place, yaw_rad, (-0.42 * side_m, 0, 0.05), (0.16 * side_m, side_m, 0.9), stuff),
+        *(part_of(place, yaw_rad, (0.02, y_m, 0.05), arm_m, stuff) for y_m in (-aside_m, aside_m)),
     ]
 
 
@@ -76,8 +60,8 @@ def cabinet(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> lis
     yaw_rad, side_m, height_m = float(rng.uniform(0, np.pi)), 1.3 * radius_m, 0.8
     inside, wood = books(px(side_m), px(height_m), rng), board(px(side_m), px(side_m), rng)
     return [
-        _box(place, yaw_rad, (0, 0, 0), (side_m, 0.6 * side_m, height_m), inside),
-        _box(place, yaw_rad, (0, 0, height_m), (1.04 * side_m, 0.66 * side_m, 0.04), wood),
+        part_of(place, yaw_rad, (0, 0, 0), (side_m, 0.6 * side_m, height_m), inside),
+        part_of(place, yaw_rad, (0, 0, height_m), (1.04 * side_m, 0.66 * side_m, 0.04), wood),
     ]
 
 

@@ -299,7 +299,7 @@ def _part(times: np.ndarray, sigma: np.ndarray) -> ErrorPart:
 
 
 def _table(sigma: np.ndarray) -> tuple[tuple[float, float, float], ...]:
-    return tuple((float(left), float(up), float(front)) for left, up, front in sigma)
+    return tuple((left, up, front) for left, up, front in sigma.tolist())
 
 
 def _variances(clips: Sequence[SeenBesideTruth]) -> tuple[np.ndarray, np.ndarray]:

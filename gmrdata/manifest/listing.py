@@ -110,10 +110,10 @@ def relative_to_root(root: Path, path: Path) -> str:
     """`path` relative to `root`, with forward slashes; an error where a link leads out of it."""
     try:
         relative = path.absolute().relative_to(root.absolute()).as_posix()
-        resolve_inside(root, relative)
+        _listable(root, relative)
     except ValueError as error:
         raise BadManifest(
-            f"{path}: can't be listed by a manifest in {root} ({error}); "
+            f"{disk.as_text(path)}: can't be listed by a manifest in {root} ({error}); "
             "write the manifest to a folder above its files"
         ) from None
     return relative
@@ -121,7 +121,14 @@ def relative_to_root(root: Path, path: Path) -> str:
 
 def _hashed(folder: Path, name: str) -> ListedFile:
     try:
-        file = resolve_inside(folder, name)
+        file = _listable(folder, name)
     except ValueError as error:
         raise BadManifest(f"{folder}: {error}") from None
     return ListedFile(name, file.stat().st_size, sha256_of_file(file))
+
+
+def _listable(root: Path, relative: str) -> Path:
+    """As `resolve_inside`; ValueError also for a name whose bytes no text can hold."""
+    if (text := disk.as_text(relative)) != relative:
+        raise ValueError(f"the bytes of {text} are no UTF-8; rename it")
+    return resolve_inside(root, relative)

@@ -6,6 +6,7 @@ takes minutes then, and more memory than a laptop has.
 """
 
 import json
+import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -95,7 +96,12 @@ class ClipLines(Sequence[Any]):
     def __getitem__(self, at: Any) -> Any:
         """BadManifest where it is no JSON, or a key stands twice in it."""
         try:
-            return json.loads(self.texts[at], object_pairs_hook=_once, parse_constant=_refuse)
+            return json.loads(
+                self.texts[at],
+                object_pairs_hook=_once,
+                parse_float=_finite,
+                parse_constant=_refuse,
+            )
         except (ValueError, RecursionError) as error:
             where = f"{self.path}:{self.first_line + at}"
             raise BadManifest(f"{where}: not a line of plain JSON: {error}") from None
@@ -139,6 +145,13 @@ def _once(pairs: list[tuple[str, Any]]) -> PlainData:
         twice = next(key for key in keys if keys.count(key) > 1)
         raise ValueError(f"key {twice!r} stands twice; remove one")
     return found
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if math.isinf(number):  # 1e999
+        _refuse(text)
+    return number
 
 
 def _refuse(text: str) -> None:

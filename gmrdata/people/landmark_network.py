@@ -23,6 +23,7 @@ import numpy as np
 
 from gmrdata.read.models import REMEDY, require_model
 from gmrdata.values.errors import BadDetector
+from gmrdata.values.transforms import about_z
 
 CROP_PX = 256
 LANDMARKS = (
@@ -210,13 +211,6 @@ def _person(outputs: dict[str, np.ndarray], crop: Crop, size_px: tuple[int, ...]
             turn_rad=float(np.arctan2(up_px[0], -up_px[1])),
         ),
         image_px=seen_px[:N_LANDMARKS],
-        world_m=_turned(outputs["world"].reshape(39, 3)[:N_LANDMARKS], crop.turn_rad),
+        world_m=outputs["world"].reshape(39, 3)[:N_LANDMARKS] @ about_z(crop.turn_rad).T,
         visibility=1 / (1 + np.exp(-landmarks[:N_LANDMARKS, 3])),
     )
-
-
-def _turned(points_m: np.ndarray, turn_rad: float) -> np.ndarray:
-    """Points (N, 3) of a crop that is turned, in the picture's axes."""
-    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
-    image_from_crop = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(points_m @ image_from_crop.T, dtype=np.float64)

@@ -238,7 +238,7 @@ def _short(error: Exception) -> str:
 def check_sizes(path: Path) -> None:
     """Before OpenCV makes arrays of them: BadDetector for weights that aren't in the file in the
     number that it says, and for a node whose output has more numbers than any network's that we
-    run."""
+    run.  Also for a branch that hangs on no input, over which OpenCV 5.0 ends the process."""
     from onnx import ModelProto
 
     model = ModelProto.FromString(path.read_bytes())
@@ -247,6 +247,9 @@ def check_sizes(path: Path) -> None:
         if min(tensor.dims, default=0) < 0 or said > held:
             fault = f"its weights {tensor.name!r} should be {said} numbers, and {held} are there"
             raise BadDetector(f"{path}: {fault}; fetch or export the model again")
+    for name in _fixed_branches(model.graph, set()):
+        fault = f"its branch {name!r} hangs on no input"
+        raise BadDetector(f"{path}: {fault}; export the model without branches")
     for name, shape in _inferred(path, model):
         if (count := prod(shape)) > MOST_NETWORK_NUMBERS:
             fault = f"{name!r} would have {count} numbers, and {MOST_NETWORK_NUMBERS} are the most"
@@ -258,7 +261,31 @@ def _tensors(graph: Any) -> Iterator[Any]:
     yield from graph.initializer
     for node in graph.node:
         for attribute in node.attribute:
-            yield from (attribute.t, *attribute.tensors) if attribute.HasField("t") else ()
+            yield from attribute.tensors
+            yield from (attribute.t,) if attribute.HasField("t") else ()
+        for inner in _graphs(node):
+            yield from _tensors(inner)
+
+
+def _graphs(node: Any) -> Iterator[Any]:
+    """The graphs that a node runs: branches, the body of a loop."""
+    for attribute in node.attribute:
+        yield from attribute.graphs
+        yield from (attribute.g,) if attribute.HasField("g") else ()
+
+
+def _fixed_branches(graph: Any, outside: set[str]) -> Iterator[str]:
+    """Outputs of the branches in a graph whose condition hangs on none of its inputs, nor on what
+    hangs on them `outside` of it."""
+    weights = {tensor.name for tensor in graph.initializer}
+    varying = outside | {value.name for value in graph.input} - weights
+    for node in graph.node:
+        if node.op_type == "If" and not varying.intersection(node.input):
+            yield ", ".join(node.output)
+        for inner in _graphs(node):
+            yield from _fixed_branches(inner, varying)
+        if varying.intersection(node.input):
+            varying.update(node.output)
 
 
 def _numbers_held(tensor: Any) -> int:

@@ -165,7 +165,7 @@ def _look_first(jobs: Sequence[Job]) -> Results:
 def _kept_reasons(jobs: Sequence[Job], results: Results, failures_dir: Path) -> dict[str, str]:
     """Why jobs failed that were run before and are not made."""
     paths = {job.id: failures_dir / f"{job.id}.txt" for job in jobs if job.id not in results}
-    return {id: path.read_text() for id, path in paths.items() if path.is_file()}
+    return {id: path.read_text("utf-8") for id, path in paths.items() if path.is_file()}
 
 
 def _require_whole(description: str, jobs: Sequence[Job], outcome: Outcome, shard: Shard) -> None:
@@ -282,7 +282,8 @@ def _reason(error: BaseException, where: TracebackType | None) -> str:
     from dask.distributed import KilledWorker
 
     if isinstance(error, GmrdataError | OSError):
-        return as_text("\n".join([str(error), *getattr(error, "__notes__", ())]))
+        said = str(error) or type(error).__name__  # a TimeoutError has no words
+        return as_text("\n".join([said, *getattr(error, "__notes__", ())]))
     if isinstance(error, KilledWorker):
         what = "its worker process was killed again and again, as the system does when memory runs"
         return f"{what} out. Run again to go on, with fewer workers"

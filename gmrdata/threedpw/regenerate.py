@@ -20,7 +20,7 @@ from gmrdata.read.threedpw_files import (
     require_one_split,
     splits_of,
 )
-from gmrdata.stage.jobs import Job, in_threads, raise_failures, try_jobs
+from gmrdata.stage.jobs import Job, in_threads, raise_failures, record_failures, try_jobs
 from gmrdata.stage.progress import console, remark, track
 from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -129,12 +129,21 @@ def regenerate_set(
     before = _listing(paths)
     common = {"root": paths.root, "recipe": recipe, "body_paths": body_paths, "run": run}
     jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
+    # What is no name of a sequence is none of a file either.
+    named = {name: why for name, why in refused.items() if _as_shown(name) == name}
+    record_failures(paths.failures_dir, named, ())
     reasons = refused | _regenerate(jobs, recipe, chosen, paths, run)
     _list(whole, [*chosen, *others], missing | reasons, paths, run)
     if not reasons and _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
-    raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
+    failed = {_as_shown(name): why for name, why in reasons.items()}
+    raise_failures("sequences", failed, len(chosen) + len(refused), paths.failures_dir)
     return paths.manifest
+
+
+def _as_shown(name: str) -> str:
+    """A sequence's name; quoted where it could hold anything, even escape codes for terminals."""
+    return name if SEQUENCE_NAME.fullmatch(name) else repr(name)
 
 
 def _checked(
@@ -204,7 +213,7 @@ def plan(
             said = str(error)
         return files.name, files.split, said
 
-    return [*in_threads(row, chosen), *((repr(n), "-", why) for n, why in refused.items())]
+    return [*in_threads(row, chosen), *((_as_shown(n), "-", why) for n, why in refused.items())]
 
 
 def _require_made(files: SequenceFiles, recipe: ThreedpwRecipe, paths: SetPaths, look: Run) -> None:
@@ -223,22 +232,25 @@ def _besides(
         return recipe, [], {}
     asked: tuple[str, ...] = tuple(there.created_by.recipe.get("sequences", ()))
     names = tuple(dict.fromkeys((*asked, *recipe.sequences))) if asked else ()
-    found, refused = choose(root.absolute(), names)
+    known = {files.name for files in find_sequences(root)}
+    found, refused = choose(root.absolute(), [name for name in names if name in known])
     missing = {name: why for name, why in refused.items() if name not in recipe.sequences}
     others = [files for files in found if files.name not in recipe.sequences]
-    listed = {clip.source.sequence or clip.id for clip in there.clips}
+    unmade = {name: f"it is not in {root} any more" for name in names if name not in known}
+    missing |= unmade
     for files in others:
         try:
             _require_made(files, recipe, paths, Run(only_look=True))
         except (NotMade, StaleOutput) as error:
-            if files.name in listed:
-                what = f"lists {files.name} besides, which is not as these settings make it"
-                remedy = "Name no sequences, to make all with --redo, or pass another --out"
-                said = str(error).removesuffix(f". {AGAIN}")
-                raise BadManifest(f"{paths.manifest}: {what} ({said}). {remedy}") from None
+            unmade[files.name] = str(error).removesuffix(f". {AGAIN}")
             missing[files.name] = "not made with these settings"
         except (GmrdataError, OSError) as error:
             missing[files.name] = str(error)
+    for name in (clip.source.sequence or clip.id for clip in there.clips):
+        if name in unmade:
+            what = f"lists {name} besides, which is not as these settings make it"
+            remedy = "Name no sequences, to make all with --redo, or pass another --out"
+            raise BadManifest(f"{paths.manifest}: {what} ({unmade[name]}). {remedy}")
     return recipe.model_copy(update={"sequences": names}), others, missing
 
 
@@ -376,9 +388,7 @@ def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
             require_one_split(files.name, splits[files.name])
             rows.append(_row(files, known))
         except (GmrdataError, OSError) as error:
-            # Not the name as it is: it could hold anything, even escape codes for the terminal.
-            name = files.name if SEQUENCE_NAME.fullmatch(files.name) else repr(files.name)
-            rows.append((name, files.split, "-", "-", "-", "-", str(error)))
+            rows.append((_as_shown(files.name), files.split, "-", "-", "-", "-", str(error)))
             n_bad += 1
     return rows, n_bad
 

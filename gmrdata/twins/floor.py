@@ -104,7 +104,7 @@ def _what_failed(make: Callable[[], Path]) -> StageFailed | None:
 def measure(
     twins: TwinTruth, regenerated_dir: Path, recipe: ThreedpwRecipe, *, seed: int | None = None
 ) -> Floor:
-    """Figures of each sequence that `regenerate_set` gave a verdict, of each class, and of all."""
+    """Figures of each twin that `regenerate_set` gave a verdict, of each class, and of all."""
     paths = SetPaths(regenerated_dir.resolve())
     bodies = [read_body(paths.body_dir(n) / BODY_FILE) for n in range(len(recipe.bodies))]
     # An earlier run's manifest may still hold those that failed now.
@@ -113,6 +113,8 @@ def measure(
     sequences = []
     for verdict in track(Verdicts.read(paths.verdicts).sequences, "measuring"):
         name = verdict.sequence
+        if name not in twins.classes:  # of an earlier run, and gone since
+            continue
         truth = twins.people(name)
         recovered = RecoveredSequence(
             id=name,

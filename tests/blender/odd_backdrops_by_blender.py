@@ -79,12 +79,18 @@ def volume() -> None:
     add("Fog", fog)
 
 
-def linked_library() -> None:
-    bpy.data.libraries.write(str(FOLDER / "library.blend"), {add("Chair", mesh())})
+def linked_library(name: str = "library.blend") -> None:
+    library = FOLDER / "libraries" / name
+    library.parent.mkdir(exist_ok=True)
+    bpy.data.libraries.write(str(library), {add("Chair", mesh())})
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    with bpy.data.libraries.load(str(FOLDER / "library.blend"), link=True) as (_, wanted):
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
         wanted.objects = ["Chair"]
     bpy.context.scene.collection.objects.link(wanted.objects[0])
+
+
+def library_of_the_same_name() -> None:
+    linked_library("library_of_the_same_name.blend")
 
 
 def light_profile() -> None:
@@ -106,5 +112,5 @@ def said(make: Callable[[], None]) -> str:
 
 
 CASES = (plain, small_generated_picture, generated_picture, picture_beside, device_as_picture,
-         font, volume, linked_library, light_profile)  # fmt: skip
+         font, volume, linked_library, library_of_the_same_name, light_profile)  # fmt: skip
 sys.stdout.write(f"\nANSWER {json.dumps({make.__name__: said(make) for make in CASES})}\n")

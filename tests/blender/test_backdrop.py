@@ -150,6 +150,8 @@ def test_what_a_file_would_take_from_elsewhere_is_refused_by_name(tmp_path):
         "font": "DejaVu Sans Book",
         "volume": "fog",
         "linked_library": "library.blend",
+        # It was taken for the file itself, and its changes were in no hash.
+        "library_of_the_same_name": "library_of_the_same_name.blend.001",
         "light_profile": "profile",
     }
     assert found.keys() == parts.keys()

@@ -86,6 +86,8 @@ def test_a_line_is_yaml_too(clip):
         (r'"n_frames": 2', '"n_frames": 3', r":10: clips\[0\] \(clip c0\): kept and dropped"),
         (r'"fps_hz"', '"rate_hz"', r":10: clips\[0\] \(clip c0\)\.fps_hz: Field required"),
         (r'"fps_hz": 30.0', '"fps_hz": NaN', ":10: not a line of plain JSON: holds NaN"),
+        # It was read as infinite, with which `check` ended in a traceback where a recipe has it.
+        (r'"cpu": 1.0e-05', '"cpu": 1e999', ":10: not a line of plain JSON: holds 1e999; leave"),
         (r'"fps_hz": 30.0', '"fps_hz": "30.0"', ":10: .*fps_hz: Input should be a valid number"),
         (r'"body": "anny"', '"id": "d"', ":10: not a line of plain JSON: key 'id' stands twice"),
         (r"\}\}\n- ", "}}\n  ", ":11: a clip must be one line, as on the lines before"),

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import subprocess
 from dataclasses import fields, replace
 from pathlib import Path
@@ -202,6 +203,19 @@ def test_id_that_would_write_elsewhere(data_set, walk_clip):
 def test_file_outside_the_manifests_folder(data_set):
     with pytest.raises(BadManifest, match="write the manifest to a folder above"):
         clip_entry(data_set / "frames", ClipFiles(data_set / "clips" / "walk.npz"), a_walk())
+
+
+@pytest.mark.parametrize("listed", ["masks", "video"])
+def test_a_name_that_is_no_utf8(data_set, listed):
+    """It ended with a traceback, of a folder once all was hashed."""
+    folder = data_set / "masks" if listed == "masks" else data_set
+    path = folder / os.fsdecode(b"donn\xe9e.png")
+    path.write_bytes(b"x")
+    files = ClipFiles(data_set / "clips" / "walk.npz", masks=folder)
+    if listed == "video":
+        files = ClipFiles(data_set / "clips" / "walk.npz", video=path)
+    with pytest.raises(BadManifest, match=r"the bytes of .*donn.*xe9e.png are no UTF-8; rename"):
+        clip_entry(data_set, files, a_walk())
 
 
 @pytest.mark.parametrize("folder", ["empty", "absent"])

@@ -305,6 +305,20 @@ def network(side_px: int = 64, count: int = 1, dims: tuple[int, ...] = (1,)) -> 
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
 
 
+def branching(dims: tuple[int, ...]) -> ModelProto:
+    """One with a branch that is always taken, which adds weights that say the sizes `dims`."""
+    image = helper.make_tensor_value_info("x", FLOAT, (1, 3, 64, 64))
+    sums = [helper.make_tensor_value_info(name, FLOAT, (1, 3, 64, 64)) for name in ("o", "out")]
+    weights = TensorProto(name="w", data_type=FLOAT, dims=dims, raw_data=bytes(4))
+    branch = helper.make_graph(
+        [helper.make_node("Add", ["x", "w"], ["o"])], "b", [], sums[:1], [weights]
+    )
+    node = helper.make_node("If", ["yes"], ["out"], then_branch=branch, else_branch=branch)
+    yes = helper.make_tensor("yes", TensorProto.BOOL, (1,), [True])
+    graph = helper.make_graph([node], "g", [image], sums[1:], [yes])
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
+
+
 @pytest.mark.parametrize(
     ("hostile", "said"),
     [
@@ -312,6 +326,9 @@ def network(side_px: int = 64, count: int = 1, dims: tuple[int, ...] = (1,)) -> 
         (network(count=10**11), "'zeros' would have 100000000000 numbers"),
         (network(dims=(10**6, 10**6)), "'w' should be 1000000000000 numbers, and 1 are there"),
         (network(dims=(-1, -1)), "'w' should be"),
+        (branching((10**6, 10**6)), "'w' should be 1000000000000 numbers, and 1 are there"),
+        # OpenCV took the whole process along.
+        (branching((1,)), "its branch 'out' hangs on no input; export the model without"),
     ],
 )
 def test_absurd_sizes_are_refused(hostile, said, model):

@@ -22,6 +22,7 @@ from gmrdata.stage.jobs import (
     count_files,
     in_threads,
     made_ahead,
+    raise_failures,
     run_jobs,
     try_here,
     try_jobs,
@@ -147,6 +148,17 @@ def test_a_name_that_is_no_utf8_is_in_the_reason(call, tmp_path):
     outcome = try_here("reading", jobs, tmp_path / "failed")
     assert list(outcome.results) == ["good"] and r"donn\xe9es/7.jpg" in outcome.reasons["bad"]
     assert (tmp_path / "failed" / "bad.txt").read_text() == outcome.reasons["bad"]
+
+
+def fail_without_words() -> None:
+    raise TimeoutError
+
+
+def test_an_error_without_words_is_named_by_its_kind(tmp_path):
+    """It ended the whole batch with a traceback once all was done."""
+    with pytest.raises(StageFailed, match="1 of 1 failed.*\n  silent: TimeoutError"):
+        outcome = try_here("reading", [Job("silent", fail_without_words)], tmp_path / "failed")
+        raise_failures("reading", outcome.reasons, 1, tmp_path / "failed")
 
 
 def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path):

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -21,7 +22,13 @@ from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import plan, regenerate_set
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput, StageFailed
+from gmrdata.values.errors import (
+    BadManifest,
+    BadRecipe,
+    MissingInput,
+    NothingMade,
+    StageFailed,
+)
 from gmrdata.values.files import read_json
 from tests.film.set_kills import contents
 
@@ -296,6 +303,44 @@ def test_workers_get_absolute_paths(filmed_set, monkeypatch):
     assert files.root == filmed_set.root
     masks, onnx = found.sequence.masks.sources
     assert (masks.path, onnx.model) == (filmed_set.root.parent / "masks", None)
+
+
+def test_a_sequence_that_is_refused_has_its_reason_in_a_file_too(tmp_path):
+    """The message named that folder; and a name with escape codes went to the terminal as it is."""
+    for path in ("train/a_00", "test/a_00", "test/[red]\x1b[2J", f"test/{'x' * 251}"):
+        pickle_path = tmp_path / "3DPW" / "sequenceFiles" / f"{path}.pkl"
+        pickle_path.parent.mkdir(parents=True, exist_ok=True)
+        pickle_path.write_bytes(b"")
+    recipe, out_dir = ThreedpwRecipe(recipe="threedpw"), tmp_path / "out"
+    with pytest.raises(NothingMade, match="3 of 3 failed") as caught:
+        regenerate_set(recipe, tmp_path / "3DPW", out_dir)
+    assert "\x1b" not in str(caught.value)
+    (path,) = (out_dir / "failed").iterdir()
+    assert path.name == "a_00.txt" and path.read_text().startswith("a_00: is in train and test")
+    shown = [row[0] for row in plan(recipe, tmp_path / "3DPW", out_dir)]
+    assert shown[:2] == ["a_00", r"'[red]\x1b[2J'"]
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_a_sequence_of_the_manifest_that_is_gone_is_named(tmp_path, monkeypatch, listed):
+    """All that was said is that there is no such sequence, of which nobody had asked."""
+    train, sequences = tmp_path / "sequenceFiles" / "train", ("arc_00", "pan_00")
+    train.mkdir(parents=True)
+    (train / "pan_00.pkl").write_bytes(b"")
+    clip = SimpleNamespace(id="arc_00.p0", source=SimpleNamespace(sequence="arc_00"))
+    there = SimpleNamespace(
+        created_by=SimpleNamespace(recipe={"sequences": sequences}), clips=[clip] * listed
+    )
+    monkeypatch.setattr(regenerate, "_manifest_of", lambda *_: there)
+    recipe = ThreedpwRecipe(recipe="threedpw", sequences=("pan_00",))
+    paths = SetPaths(tmp_path / "out")
+    if listed:
+        with pytest.raises(BadManifest, match=r"lists arc_00 besides.*it is not in .* any more"):
+            regenerate._besides(recipe, tmp_path, paths)
+    else:
+        whole, others, missing = regenerate._besides(recipe, tmp_path, paths)
+        assert (whole.sequences, others) == (sequences, [])
+        assert missing == {"arc_00": f"it is not in {tmp_path} any more"}
 
 
 def test_a_sequence_that_is_not_there_is_an_error(filmed_set, tmp_path):
