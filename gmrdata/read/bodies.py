@@ -82,6 +82,8 @@ def _without_fingers(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.
     """SMPL+H's arrays on the 24-joint tree; fingers are straight against the first index joint."""
     weights, pose_dirs_m, tree = (arrays[k] for k in ("weights", "posedirs", "kintree_table"))
     n_vertices = len(weights)
+    if weights.ndim != 2:
+        raise BadBodyFile(f"{path}: weights has {weights.ndim} dimensions; get the file again")
     if pose_dirs_m.shape != (n_vertices, 3, 9 * (SMPLH_JOINTS - 1)):
         raise BadBodyFile(f"{path}: posedirs is {pose_dirs_m.shape}; get the file again")
     if tree.shape != (2, SMPLH_JOINTS):
