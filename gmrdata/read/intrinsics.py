@@ -15,6 +15,7 @@ import numpy as np
 
 from gmrdata.read.frames import read_exif
 from gmrdata.read.lens_files import OtherModel, parse_lens
+from gmrdata.read.safe_pickle import BROKEN
 from gmrdata.values.camera import ASSUMED, Lens, Origin
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 
@@ -57,15 +58,7 @@ def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Lens:
     except OtherModel as error:
         remedy = "undistort the frames to a pinhole, and give that one's"
         raise BadIntrinsics(f"{path}: can't be read as intrinsics ({error}); {remedy}") from None
-    except (
-        ValueError,
-        KeyError,
-        TypeError,
-        IndexError,
-        struct.error,
-        ArithmeticError,
-        RecursionError,
-    ) as error:
+    except (*BROKEN, ArithmeticError) as error:
         formats = "COLMAP's cameras.txt or .bin, OpenCV's or ROS's YAML, or 3x3 numbers"
         said = error.args[0] if isinstance(error, KeyError) and error.args else error
         what = f"can't be read as intrinsics ({said})"

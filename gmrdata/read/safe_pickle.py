@@ -93,6 +93,7 @@ BROKEN = (
     OverflowError, MemoryError, RecursionError, AssertionError, struct.error, zlib.error,
     lzma.LZMAError, OSError, SyntaxError, TokenError,
 )  # fmt: skip
+"""What parsers and what looks through their values raise for a file that is another's, or cut."""
 
 
 def load_plain(path: Path, without: frozenset[str] = frozenset()) -> Any:
