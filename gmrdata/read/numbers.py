@@ -228,8 +228,11 @@ def kind_of(value: Any) -> str:
 def finite_numbers(value: Any, what: str, path: Path) -> np.ndarray:
     """An array of a motion file as finite float64."""
     try:
+        values = np.asarray(value)
+        if values.dtype.kind in "cmM":  # numpy would take what is real of complex ones, and dates
+            raise TypeError
         with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
-            values = np.asarray(value, dtype=np.float64)
+            values = values.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError):
         raise BadMotionFile(f"{path}: {what} does not hold numbers; get the file again") from None
     wrong = np.argwhere(~(np.abs(values) <= LARGEST_IN_TEXT))
