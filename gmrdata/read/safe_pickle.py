@@ -21,6 +21,7 @@ import lzma
 import pickle  # noqa: TID251  Only its interpreter is used, with every import and call taken out.
 import reprlib
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,7 +34,7 @@ from typing import IO, Any, ClassVar
 import numpy as np
 
 from gmrdata.read import pickle_records
-from gmrdata.values.errors import BrokenPickle, MissingInput, UnsafePickle
+from gmrdata.values.errors import BrokenPickle, GmrdataError, MissingInput, UnsafePickle
 from gmrdata.values.limits import LZMA_BYTES, Budget, OverBudget
 
 _CHUNK_BYTES = 1 << 20
@@ -90,8 +91,9 @@ def _lzma_chunks(data: bytes) -> Iterator[bytes]:
 
 BROKEN = (
     pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
-    OverflowError, MemoryError, RecursionError, AssertionError, struct.error, zlib.error,
-    lzma.LZMAError, OSError, SyntaxError, TokenError,
+    OverflowError, MemoryError, AssertionError, struct.error, zlib.error,
+    lzma.LZMAError, OSError, SyntaxError, TokenError, zipfile.BadZipFile,
+    RuntimeError,  # an encrypted or strangely compressed member of an archive
 )  # fmt: skip
 """What parsers and what looks through their values raise for a file that is another's, or cut."""
 
@@ -107,7 +109,7 @@ def load_plain(path: Path, without: frozenset[str] = frozenset()) -> Any:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     budget = Budget.of(path)
-    with _explained(path, "a pickle"):
+    with explained(path, "a pickle"):
         stream = io.BytesIO(_unpacked(path.read_bytes(), budget))
         return pickle_records.plain(Interpreter(stream, budget, without).load(), budget)
 
@@ -120,7 +122,7 @@ def load_object_npy(path: Path) -> Any:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     stream, budget = io.BytesIO(path.read_bytes()), Budget.of(path)
-    with _explained(path, "a .npy of an object"):
+    with explained(path, "a .npy of an object"):
         read_header = (
             np.lib.format.read_array_header_1_0
             if np.lib.format.read_magic(stream)[0] == 1
@@ -134,7 +136,7 @@ def load_object_npy(path: Path) -> Any:
 
 
 @contextmanager
-def _explained(path: Path, kind: str) -> Iterator[None]:
+def explained(path: Path, kind: str, broken: type[GmrdataError] = BrokenPickle) -> Iterator[None]:
     """Let what a broken or unsafe file raises name the file and the remedy."""
     try:
         yield
@@ -142,10 +144,10 @@ def _explained(path: Path, kind: str) -> Iterator[None]:
         remedy = "Do not trust this file; get it from its maker"
         raise UnsafePickle(f"{path}: {error}. {remedy}") from None
     except OverBudget as error:
-        raise BrokenPickle(f"{path}: {error}; {error.remedy}") from None
+        raise broken(f"{path}: {error}; {error.remedy}") from None
     except BROKEN as error:
         what = f"truncated or not {kind} ({type(error).__name__}: {error})"
-        raise BrokenPickle(f"{path}: {what}; get it again") from None
+        raise broken(f"{path}: {what[:300]}; get it again") from None
 
 
 _short = reprlib.Repr()

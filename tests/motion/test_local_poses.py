@@ -394,7 +394,7 @@ def test_gvhmr_of_another_layout(tmp_path, small_body):
         ("a", r"body_pose of person_0 is \(4, 69\), not \(T, 63\)"),
         ("b", "holds no poses in a known form .it has: weights"),
         ("c", "holds no dict"),
-        ("d", r"truncated, or not a file of torch\.save"),
+        ("d", r"truncated or not a file of torch\.save"),
     ):
         with pytest.raises(BadMotionFile, match=rf"{name}\.pt: {said}"):
             read_local_poses(tmp_path / f"{name}.pt", 30.0, body=small_body)
