@@ -8,11 +8,11 @@ are pointed then, slide with the body, or hands carry.
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from gmrdata.motion.ground import soles_of_feet_m
+from gmrdata.motion.resample import valid_runs
 from gmrdata.read.source_motion import UpAxis, axis_of
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadMotionFile
@@ -175,8 +175,7 @@ def _level(points_m: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 def _sway_m(places_m: np.ndarray, rows: np.ndarray) -> float:
     """The widest range of places (T, 3) over three or more rows in a row that count."""
-    edges = np.flatnonzero(np.diff(rows, prepend=False, append=False))
-    runs = [places_m[a:b] for a, b in pairwise(edges) if b - a >= 3 and rows[a]]
+    runs = [places_m[start:stop] for start, stop in valid_runs(rows) if stop - start >= 3]
     return max((float(np.linalg.norm(np.ptp(run, axis=0))) for run in runs), default=0.0)
 
 

@@ -215,6 +215,8 @@ def opened(path: Path) -> "InputContainer":
 
 
 def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
+    import cv2
+
     with opened(path) as container:
         stream = _video_stream(path, container)
         reading = _Reading()
@@ -223,7 +225,8 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
 
         def write(picture: tuple[int, np.ndarray]) -> tuple[int, np.ndarray]:
             number, image = picture
-            _write_image(out_dir / f"{number // config.every:05d}.jpg", image, config.jpeg_quality)
+            quality = [cv2.IMWRITE_JPEG_QUALITY, config.jpeg_quality]
+            write_image(out_dir / f"{number // config.every:05d}.jpg", image, quality)
             return picture
 
         decoded = _pictures(path, container, stream, config, reading)
@@ -525,12 +528,6 @@ def _display_matrix(frame: "av.VideoFrame") -> np.ndarray | None:
     unit = given / max(np.abs(given).max(), 1e-9)
     near = np.abs(unit - unit.round()).max() < 0.01
     return unit.round().astype(int) if near else np.ones((2, 2), dtype=int)
-
-
-def _write_image(path: Path, image: np.ndarray, quality: int) -> None:
-    import cv2
-
-    write_image(path, image, [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def _require_in_budget(path: Path, n_frames: int, size_px: tuple[int, int]) -> None:
