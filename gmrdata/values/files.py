@@ -38,6 +38,13 @@ def visible(paths: Iterable[Path]) -> Iterator[Path]:
             yield path
 
 
+def files_inside(folder: Path, paths: Iterable[Path]) -> list[Path]:
+    """Those of a folder's paths that are files, sorted; links that lead out of it are left out."""
+    root = folder.resolve()
+    # A link to itself is no file, and can't be followed.
+    return sorted(path for path in paths if path.is_file() and path.resolve().is_relative_to(root))
+
+
 def is_hidden(relative: PurePath) -> bool:
     """Whether a path in a folder has a part that begins with a dot, as what desktops leave has,
     and what tools like git keep."""
