@@ -34,7 +34,8 @@ from typing import IO, Any, ClassVar
 import numpy as np
 
 from gmrdata.read import pickle_records
-from gmrdata.values.errors import BrokenPickle, GmrdataError, MissingInput, UnsafePickle
+from gmrdata.values.errors import BrokenPickle, GmrdataError, UnsafePickle
+from gmrdata.values.files import require_file
 from gmrdata.values.limits import LZMA_BYTES, Budget, OverBudget
 
 _CHUNK_BYTES = 1 << 20
@@ -106,8 +107,7 @@ def load_plain(path: Path, without: frozenset[str] = frozenset()) -> Any:
     chumpy's arrays and torch's tensors as numpy's.  Anything else is an UnsafePickle that names it.
     Keys of dicts in `without` are left out: their arrays are neither made nor counted.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     budget = Budget.of(path)
     with explained(path, "a pickle"):
         stream = io.BytesIO(_unpacked(path.read_bytes(), budget))
@@ -119,8 +119,7 @@ def load_object_npy(path: Path) -> Any:
 
     Gives what `load_plain` does, and raises what it does.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     stream, budget = io.BytesIO(path.read_bytes()), Budget.of(path)
     with explained(path, "a .npy of an object"):
         read_header = (

@@ -16,8 +16,8 @@ import numpy as np
 
 from gmrdata.read import pickle_records
 from gmrdata.read.safe_pickle import Import, Interpreter, explained
-from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.files import check_archive
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.files import check_archive, require_file
 from gmrdata.values.limits import Budget
 
 PROGRAM = "data.pkl"
@@ -29,8 +29,7 @@ def load_tensors(path: Path) -> Mapping[str, Any]:
     BadMotionFile where it is broken, too large, of torch's form from before 1.6 or no dict;
     UnsafePickle where it holds more than tensors and plain data.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     budget = Budget.of(path)
     with explained(path, "a file of torch.save", BadMotionFile):
         check_archive(path, budget)

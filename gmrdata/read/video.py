@@ -20,7 +20,8 @@ from gmrdata.stage.jobs import made_ahead
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from gmrdata.values.errors import BadFrames, BadRecipe
+from gmrdata.values.files import require_file
 from gmrdata.values.frame_set import VIDEO_FILE, FrameSet, VideoRecord
 from gmrdata.values.limits import (
     HIGHEST_FPS_HZ,
@@ -93,8 +94,7 @@ def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]
     own word, or by its packets where it has none: nothing is decoded.  Errors as there."""
     import av
 
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     with _explained(path), opened(path) as container:
         stream = _video_stream(path, container)
         codec = stream.codec_context
@@ -147,8 +147,7 @@ def extract_video(
         BadFrames: no video, or one with frames that are lost, damaged, too many or too large, of
             more than one size, or at impossible times.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     config = config or VideoConfig()
 
     def work(partial_dir: Path) -> None:
