@@ -345,12 +345,12 @@ for _opcode, _method in _REPLACED.items():
 
 
 class _StorageInterpreter(Interpreter):
-    """Reads what a storage's own file says of it: the type of its numbers, and how many."""
+    """Reads what a storage's own file says of it: its imported name, and how many numbers."""
 
     def persistent_load(self, pid: Any) -> Any:
         match pid:
             case ("storage", Import(name), str(), str(), int() as n, *_):
-                return np.dtype(pickle_records.STORAGE_DTYPES[name]), n
+                return name, n
         return super().persistent_load(pid)
 
 
@@ -369,10 +369,10 @@ def _storage(data: bytes, budget: Budget) -> np.ndarray:
     known = (magic, protocol) == (_TORCH_MAGIC, _TORCH_PROTOCOL) and isinstance(machine, dict)
     if not known or machine.get("little_endian") is not True:
         raise ValueError("a tensor is not in the form that torch writes")
-    dtype, n_numbers = _StorageInterpreter(stream, budget).load()
+    name, n_numbers = _StorageInterpreter(stream, budget).load()
     Interpreter(stream, budget).load()
     (n_said,) = struct.unpack("<q", stream.read(8))
-    raw = stream.read()
-    if n_said != n_numbers or len(raw) != n_numbers * dtype.itemsize:
+    found = pickle_records.storage_of(name, stream.read())
+    if not n_said == n_numbers == len(found):
         raise ValueError(f"a tensor of {n_numbers} numbers lacks its bytes")
-    return np.frombuffer(raw, dtype)
+    return found
