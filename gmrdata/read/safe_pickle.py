@@ -333,15 +333,12 @@ _REPLACED: dict[bytes, Callable[[Interpreter], None]] = {
     pickle.ADDITEMS: Interpreter._add_items,
     pickle.FROZENSET: Interpreter._frozenset,
     pickle.PUT: Interpreter._remember,
-    pickle.UNICODE: partial(Interpreter._text, opcode=pickle.UNICODE),
-    pickle.BINUNICODE: partial(Interpreter._text, opcode=pickle.BINUNICODE),
-    pickle.SHORT_BINUNICODE: partial(Interpreter._text, opcode=pickle.SHORT_BINUNICODE),
-    pickle.BINUNICODE8: partial(Interpreter._text, opcode=pickle.BINUNICODE8),
     pickle.NEXT_BUFFER: Interpreter._out_of_band,
     pickle.READONLY_BUFFER: Interpreter._out_of_band,
 }
-for _opcode, _method in _REPLACED.items():
-    Interpreter.dispatch[_opcode[0]] = _method
+_TEXTS = (pickle.UNICODE, pickle.BINUNICODE, pickle.SHORT_BINUNICODE, pickle.BINUNICODE8)
+_REPLACED |= {opcode: partial(Interpreter._text, opcode=opcode) for opcode in _TEXTS}
+Interpreter.dispatch |= {opcode[0]: method for opcode, method in _REPLACED.items()}
 
 
 class _StorageInterpreter(Interpreter):
