@@ -328,8 +328,8 @@ def _png_exif(content: bytes) -> bytes:
 
 def _is_whole(header: "ImageFile", content: bytes) -> bool:
     """Whether a PNG or JPEG has its end, behind which phones put a film or notes of their own."""
+    # From behind, where it mostly is.
     if content.startswith(PNG_SIGNATURE):
-        return b"IEND" in content
+        return content.rfind(b"IEND") >= 0
     # A small picture in the head has an end too; the header was read up to the first pixels.
-    at = header.fp.tell() if header.fp else 0
-    return b"\xff\xd9" in content[at:]
+    return content.rfind(b"\xff\xd9", header.fp.tell() if header.fp else 0) >= 0
