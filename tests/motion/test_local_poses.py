@@ -308,6 +308,10 @@ BAD_PEOPLE: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: {1: vibe_person(3, [5, 4, 6])},
         "frame_ids of person_1 are not rising frame numbers",
     ),
+    "frame numbers before the video": (
+        lambda: {1: vibe_person(3, [-1, 0, 1])},
+        "frame_ids of person_1 are not rising frame numbers",
+    ),
     "broken frame numbers": (
         lambda: {1: vibe_person(3) | {"frame_ids": np.array([0.0, 0.5, 2.0])}},
         "are not rising frame numbers",
