@@ -38,7 +38,7 @@ class FileReading:
     motion: Motion
     upright: bool  # False for one who lies or leans in most frames
     remarks: tuple[str, ...]  # what may be wrong: one who lies, or walks faster than people do
-    rate_from: str  # where its frame rate is from: "header", "file", "CMU's index" or "given"
+    rate_from: str  # where its frame rate is from, as in `ReadingRecord`
     residual: Residual | None  # of a BVH or AMC; other files hold poses of this tree
     valid: np.ndarray  # (T,) bool: False where a clip of gmrdata's own says so
 
