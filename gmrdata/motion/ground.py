@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, BodyModel, gender_of
 from gmrdata.values.motion import Motion
@@ -21,7 +20,7 @@ from gmrdata.values.skinning import (
     posed_joints_m,
     with_ancestors,
 )
-from gmrdata.values.transforms import smallest_rotation
+from gmrdata.values.transforms import rotmats_from_quaternions, smallest_rotation
 
 SIDES = ("left", "right")
 PLANTED_M_PER_S = 0.2  # a foot counts as standing while its ankle and its toe joint are slower
@@ -236,7 +235,7 @@ def foot_corrections(
     corrections, pitch_deg = {}, {}
     for part in ("ankle", "foot"):
         pitch_deg[part] = _planted_pitch_deg(part, flat, rotations, positions_m, fps_hz)
-        level = Rotation.from_euler("x", np.deg2rad(pitch_deg[part])).as_matrix()
+        level = _turn(0, np.deg2rad(pitch_deg[part]))
         for side in SIDES:
             corrections[JOINT[f"{side}_{part}"]] = flat[side] @ level @ unturned[side]
     return corrections, pitch_deg["ankle"]
@@ -249,7 +248,14 @@ def _foot_bone(rest_joints_m: np.ndarray, side: str) -> np.ndarray:
 
 def _heading(bone: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) about y that takes z to a bone's horizontal direction."""
-    return np.asarray(Rotation.from_euler("y", np.arctan2(bone[0], bone[2])).as_matrix())
+    return _turn(1, np.arctan2(bone[0], bone[2]))
+
+
+def _turn(axis: int, angle_rad: float) -> np.ndarray:
+    """The rotation (3, 3) about a coordinate axis."""
+    quaternion = np.zeros(4)
+    quaternion[[0, 1 + axis]] = np.cos(angle_rad / 2), np.sin(angle_rad / 2)
+    return rotmats_from_quaternions(quaternion)
 
 
 def _flat_frame(
