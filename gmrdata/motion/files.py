@@ -20,7 +20,7 @@ from gmrdata.read.source_motion import CMU_TRIAL, ReadConfig, RestPose, SourceMo
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
-from gmrdata.values.files import is_hidden, read_npz, require_text, visible
+from gmrdata.values.files import files_inside, is_hidden, read_npz, require_text, visible
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_metrics import angles_rad
@@ -38,7 +38,7 @@ class FileReading:
     motion: Motion
     upright: bool  # False for one who lies or leans in most frames
     remarks: tuple[str, ...]  # what may be wrong: one who lies, or walks faster than people do
-    rate_from: str  # where its frame rate is from: "header", "file", "CMU's index" or "given"
+    rate_from: str  # where its frame rate is from, as in `ReadingRecord`
     residual: Residual | None  # of a BVH or AMC; other files hold poses of this tree
     valid: np.ndarray  # (T,) bool: False where a clip of gmrdata's own says so
 
@@ -223,10 +223,9 @@ def find_motions(folder: Path) -> list[Path]:
         raise MissingInput(f"{folder}: no such folder")
     paths = (path for path in visible(folder.rglob("*")) if path.suffix.lower() in SUFFIXES)
     shown = (path for path in paths if not is_hidden(path.relative_to(folder)))
-    inside = (path for path in shown if path.resolve().is_relative_to(folder.resolve()))
-    found = [path for path in inside if path.is_file() and _is_motion(path)]
+    found = [path for path in files_inside(folder, shown) if _is_motion(path)]
     as_amc = {_trial(file) for file in found if file.suffix.lower() == ".amc"}
-    return sorted(f for f in found if f.suffix.lower() != ".bvh" or _trial(f) not in as_amc)
+    return [f for f in found if f.suffix.lower() != ".bvh" or _trial(f) not in as_amc]
 
 
 def _check_options(

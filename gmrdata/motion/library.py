@@ -167,7 +167,7 @@ class ReadingRecord(Record):
 
     format: Literal["gmrdata-reading/1"] = "gmrdata-reading/1"
     rate_from: str
-    """Where the frame rate is from: "header", "file", "CMU's index" or "given"."""
+    """Where the frame rate is from: "header", "file", "CMU's index", "CMU's skeleton", "given"."""
     residual_deg: dict[str, float]
     """Mean and worst angles between the file's own lines and the body's (`Residual.figures`); empty
     for a file that holds poses of this tree."""

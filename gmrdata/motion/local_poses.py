@@ -14,6 +14,8 @@ or in a world.
 | `results.pkl` | PromptHMR | `pose` of each person |
 | a folder with `camera.npy` and `hps/`; `.npz` | TRAM | `pred_rotmat` of each track, `frame` |
 | `*_world_results.npz` with `track_info.json` | SLAHMR | `pose_body` of each person |
+| `.npz`, a pickle | SAM 3D Body | `pred_global_rots` of each person |
+| a pickle of AMASS's keys | MoSh, AIST++ | local rotations |
 | a folder with `local_poses.json` | the built-in estimator | local rotations of each person |
 | `.npz` | AMASS (SMPL, SMPL+H, SMPL-X), gmrdata's clips | local rotations |
 | `.bvh`, `.amc` | motion capture | retargeted to the SMPL tree |

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gmrdata.motion.rest_pose import some_rows, zero_pose_m
+from gmrdata.motion.rest_pose import pair, some_rows, zero_pose_m
 from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, leg_length_m
 from gmrdata.values.joint_names import line_to
@@ -19,7 +19,7 @@ LONGEST_BONE = 0.6
 """Of the leg, from the pelvis to a joint of the trunk; a Reference joint is far, or moves."""
 NO_TURN = "the root's frame is that of the bone it holds, so the file lacks the turn of"
 """Begins the note on a foot, hand or head that may be off by as much as it turns."""
-_LIMBS = [JOINT[f"{side}_{part}"] for part in ("hip", "shoulder") for side in ("left", "right")]
+_LIMBS = [*pair("hip"), *pair("shoulder")]
 
 
 def on_pelvis(

@@ -54,26 +54,29 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
 
 def check_feet(rest_m: np.ndarray, name: str) -> None:
     """See that the feet of a zero pose (24, 3), z to the front of its left and up, point there."""
-    toes, ankles = (
-        rest_m[[JOINT[f"{side}_{part}"] for side in ("left", "right")]]
-        for part in ("foot", "ankle")
-    )
-    feet_m = toes - ankles
+    feet_m = rest_m[pair("foot")] - rest_m[pair("ankle")]
     if (feet_m[:, 2] < -BACKWARDS * np.linalg.norm(feet_m, axis=1)).all():
         what = "the feet point backwards: left and right are exchanged, as in a left-handed file"
         remedy = "Export it with right-handed axes, or exchange left and right with --joint-map"
         raise BadMotionFile(f"{name}: {what}. {remedy}")
 
 
+def pair(part: str) -> list[int]:
+    """The left and the right joint of that name."""
+    return [JOINT[f"left_{part}"], JOINT[f"right_{part}"]]
+
+
 def middles(joints_m: np.ndarray, *parts: str) -> list[np.ndarray]:
     """Middles (..., 3) between left and right of some joints (..., 24, 3)."""
-    pairs = [[JOINT[f"left_{part}"], JOINT[f"right_{part}"]] for part in parts]
-    return [joints_m[..., pair, :].mean(axis=-2) for pair in pairs]
+    return [joints_m[..., pair(part), :].mean(axis=-2) for part in parts]
 
 
 def stands(rest_m: np.ndarray) -> bool:
     """Whether joints (24, 3) are those of a person who stands along the coordinate axes."""
-    (hip_m, shoulder_m, ankle_m), left = middles(rest_m, "hip", "shoulder", "ankle"), _left(rest_m)
+    (hip_m, shoulder_m, ankle_m), left = (
+        middles(rest_m, "hip", "shoulder", "ankle"),
+        to_left(rest_m),
+    )
     up, up_tilt_deg = nearest_axis(shoulder_m - hip_m)
     aside, left_tilt_deg = nearest_axis(left)
     tilt_deg = max(up_tilt_deg, left_tilt_deg, float(angles_deg(hip_m - ankle_m, up)))
@@ -85,11 +88,11 @@ def source_from_rest_axes(rest_joints_m: np.ndarray) -> np.ndarray:
     A body's rest axes are x left, y up, z front.  A file's up is y or z, and its front may be any
     axis; the zero pose of a person who stands shows which."""
     hip_m, shoulder_m = middles(rest_joints_m, "hip", "shoulder")
-    up, left = nearest_axis(shoulder_m - hip_m)[0], nearest_axis(_left(rest_joints_m))[0]
+    up, left = nearest_axis(shoulder_m - hip_m)[0], nearest_axis(to_left(rest_joints_m))[0]
     return np.stack([left, up, np.cross(left, up)], axis=1)
 
 
-def _left(joints_m: np.ndarray) -> np.ndarray:
+def to_left(joints_m: np.ndarray) -> np.ndarray:
     """(..., 3) from the right hip to the left one of poses (..., 24, 3)."""
     return np.asarray(joints_m[..., JOINT["left_hip"], :] - joints_m[..., JOINT["right_hip"], :])
 
@@ -281,7 +284,7 @@ def _hips_off_deg(source: SourceMotion, joints: Mapping[int, int], rest_m: np.nd
     """How far the hips are turned beside the pelvis's joint from where the zero pose has them."""
     frames, places_m = source.posed(some_rows(source.n_frames))
     turned = frames[:, joints[JOINT["pelvis"]]]
-    return float(angles_deg(_left(joints_of(places_m, joints)), turned @ _left(rest_m)).mean())
+    return float(angles_deg(to_left(joints_of(places_m, joints)), turned @ to_left(rest_m)).mean())
 
 
 def zero_pose_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
@@ -317,7 +320,7 @@ def source_joints_m(
 
 def _frame(joints_m: np.ndarray, up: np.ndarray | None) -> np.ndarray:
     """Axes (3, 3) of a pose (24, 3): left by the hips, up given or by the trunk, and front."""
-    left = _left(joints_m)
+    left = to_left(joints_m)
     hips_m, shoulders_m = middles(joints_m, "hip", "shoulder")
     front = np.cross(left, shoulders_m - hips_m if up is None else up)
     upright = np.cross(front, left) if up is None else up

@@ -70,7 +70,7 @@ from gmrdata.values.skinning import (
 )
 from gmrdata.values.transforms import angles_deg, between, smallest_rotation
 
-_HIPS = (JOINT["left_hip"], JOINT["right_hip"])
+_HIPS = tuple(rest_pose.pair("hip"))
 
 
 @dataclass(frozen=True)
@@ -340,7 +340,7 @@ def _lines(joints_m: np.ndarray) -> dict[str, np.ndarray]:
 def _toe_tips_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
     """(2, 3) left and right toe tip from the toe joint, in the source's axes; NaN if unknown."""
     tips_m = np.full((2, 3), np.nan)
-    for row, joint in enumerate((JOINT["left_foot"], JOINT["right_foot"])):
+    for row, joint in enumerate(rest_pose.pair("foot")):
         if joint in joints:
             toe = joints[joint]
             children = [child for child, parent in enumerate(source.parents) if parent == toe]

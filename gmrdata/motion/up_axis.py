@@ -8,11 +8,12 @@ are pointed then, slide with the body, or hands carry.
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from gmrdata.motion.ground import soles_of_feet_m
+from gmrdata.motion.resample import valid_runs
+from gmrdata.motion.rest_pose import middles, pair, to_left
 from gmrdata.read.source_motion import UpAxis, axis_of
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadMotionFile
@@ -48,9 +49,8 @@ LARGEST_TILT_DEG = 20.0  # of trunk over feet, on average: at most 11 in CMU's m
 SLIDES_M_PER_S, SLIDES_OVER = 0.4, 2.0
 """Of the lower sole, and over the pelvis's: CMU's highest are 0.65 in a run at 3.3 m/s and 0.3."""
 LARGEST_RISE_M = 0.5  # along the axis; a swimmer goes further
-_MIDDLES = {part: [JOINT[f"{side}_{part}"] for side in ("left", "right")]
-            for part in ("hip", "ankle", "shoulder", "wrist")}  # fmt: skip
-_HANDS = [JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("wrist", "hand")]
+_HANDS = [*pair("wrist"), *pair("hand")]
+_UP = np.eye(3)[2]  # of a z-up world
 LIES = (
     "the person lies or leans throughout. If that is wrong, say with --up which axis of the file "
     "is up: y, z, x, -y, -z or -x"
@@ -75,8 +75,9 @@ class Person:
         """(T, ...) of points (T, ..., 3) [m/s]."""
         return speeds_m_per_s(points_m, self.fps_hz)
 
-    def middle_m(self, part: str) -> np.ndarray:
-        return np.asarray(self.joints_m[:, _MIDDLES[part]].mean(axis=1))
+    def slowest(self) -> np.ndarray:
+        """(T, 2) speed of the slowest point of the left and of the right sole [m/s]."""
+        return np.stack([self.speeds(one).min(axis=1) for one in self.soles_m], axis=1)
 
 
 @dataclass(frozen=True)
@@ -116,11 +117,11 @@ def standing_along(person: Person, up: np.ndarray) -> Standing:
     """What a person does along an axis (3,)."""
     joints_m = person.joints_m
     heights_m, soles_m = joints_m @ up, person.soles_m
-    lowest_m, shoulders_m = heights_m.min(axis=1), person.middle_m("shoulder")
-    trunk_m = shoulders_m - person.middle_m("hip")
-    body_m = joints_m[:, JOINT["neck"]] - person.middle_m("ankle")
-    hands_m = heights_m[:, _MIDDLES["wrist"]].min(axis=1) - shoulders_m @ up
-    stands = (_cosines(trunk_m, up) > TRUNK_UP) & (_cosines(body_m, up) > BODY_UP)
+    lowest_m = heights_m.min(axis=1)
+    hip_m, shoulders_m, ankle_m = middles(joints_m, "hip", "shoulder", "ankle")
+    hands_m = heights_m[:, pair("wrist")].min(axis=1) - shoulders_m @ up
+    stands = _cosines(shoulders_m - hip_m, up) > TRUNK_UP
+    stands &= _cosines(joints_m[:, JOINT["neck"]] - ankle_m, up) > BODY_UP
     stands &= hands_m < HANDS_UP_M
     sole_m = np.stack([(points_m @ up).min(axis=1) for points_m in soles_m], axis=1)
     tilts_m = [
@@ -132,16 +133,14 @@ def standing_along(person: Person, up: np.ndarray) -> Standing:
     speeds = [person.speeds(points_m) for points_m in soles_m]
     planted = flat & np.stack([speed.max(axis=1) < STILL_M_PER_S for speed in speeds], axis=1)
     pelvis_m = joints_m[:, JOINT["pelvis"]]
-    sways_m = [
-        _sway_m(_level(shoulders_m - points_m.mean(axis=1), up), rows)
-        for points_m, rows in zip(soles_m, planted.T, strict=True)
-    ]
+    feet = [(one.mean(axis=1), rows) for one, rows in zip(soles_m, planted.T, strict=True)]
+    sways_m = [_sway_m(_level(shoulders_m - foot_m, up), rows) for foot_m, rows in feet]
     carried_m = [
-        _sway_m(_level(pelvis_m, up), rows) - _sway_m(_level(points_m.mean(axis=1), up), rows)
-        for points_m, rows in zip(soles_m, planted.T, strict=True)
+        _sway_m(_level(pelvis_m, up), rows) - _sway_m(_level(foot_m, up), rows)
+        for foot_m, rows in feet
     ]
     going = person.speeds(_level(pelvis_m, up))
-    hips_m = _level(np.subtract(*joints_m[:, _MIDDLES["hip"]].swapaxes(0, 1)), up)
+    hips_m = _level(to_left(joints_m), up)
     turning = person.speeds(hips_m / np.maximum(np.linalg.norm(hips_m, axis=1), 1e-9)[:, None])
     walks = stands & (going > GOING_M_PER_S) & (turning < ROLLS_RAD_PER_M * going)
     stops = np.stack([speed.min(axis=1) for speed in speeds], axis=1)
@@ -175,8 +174,7 @@ def _level(points_m: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 def _sway_m(places_m: np.ndarray, rows: np.ndarray) -> float:
     """The widest range of places (T, 3) over three or more rows in a row that count."""
-    edges = np.flatnonzero(np.diff(rows, prepend=False, append=False))
-    runs = [places_m[a:b] for a, b in pairwise(edges) if b - a >= 3 and rows[a]]
+    runs = [places_m[start:stop] for start, stop in valid_runs(rows) if stop - start >= 3]
     return max((float(np.linalg.norm(np.ptp(run, axis=0))) for run in runs), default=0.0)
 
 
@@ -201,47 +199,41 @@ def is_upright(person: Person) -> bool:
 
 def shows_z_up(person: Person) -> bool:
     """Whether what the feet do shows that z is up."""
-    return standing_along(person, np.eye(3)[2]).is_evident
+    return standing_along(person, _UP).is_evident
 
 
 def _holds_trunk_up(person: Person) -> bool:
-    trunk_m = np.median(person.middle_m("shoulder") - person.middle_m("hip"), axis=0)
+    hip_m, shoulder_m = middles(person.joints_m, "hip", "shoulder")
+    trunk_m = np.median(shoulder_m - hip_m, axis=0)
     return bool(trunk_m[2] >= UPRIGHT * np.linalg.norm(trunk_m))
 
 
 def walking_m_per_s(person: Person) -> float:
     """The speed of somebody who walks, with a foot always down, in a z-up world; else 0 [m/s]."""
-    going = person.speeds(_level(person.joints_m[:, JOINT["pelvis"]], np.eye(3)[2]))
+    going = person.speeds(_level(person.joints_m[:, JOINT["pelvis"]], _UP))
     rows = going > GOING_M_PER_S
-    stops = np.min([person.speeds(points_m).min(axis=1) for points_m in person.soles_m], axis=0)
-    if rows.mean() < MOSTLY or (stops < STOPS * going)[rows].mean() < ALWAYS:
+    stops = person.slowest().min(axis=1) < STOPS * going
+    if rows.mean() < MOSTLY or stops[rows].mean() < ALWAYS:
         return 0.0
     return float(np.median(going[rows]))
 
 
 def tilt_over_feet_deg(person: Person) -> float:
     """How far the way from standing feet to the middle of the trunk is off z, on average."""
-    speeds = np.stack([person.speeds(one).min(axis=1) for one in person.soles_m], axis=1)
-    carried = np.exp(-speeds / STILL_M_PER_S)
+    carried = np.exp(-person.slowest() / STILL_M_PER_S)
     feet_m = np.stack([one.mean(axis=1) for one in person.soles_m], axis=1)
     weights = carried / carried.sum(axis=1, keepdims=True)
     trunk_m = person.joints_m[:, [JOINT["pelvis"], JOINT["neck"]]].mean(axis=1)
     over_m = trunk_m - np.einsum("tf,tfk->tk", weights, feet_m)
-    return float(angles_deg(carried.max(axis=1) @ over_m, np.eye(3)[2]))
+    return float(angles_deg(carried.max(axis=1) @ over_m, _UP))
 
 
 def sliding_m_per_s(person: Person) -> float:
     """The speed of the lower sole of somebody who walks in place; else 0 [m/s]."""
-    up = np.eye(3)[2]
-    speeds, lows_m = (
-        np.stack(of_feet, axis=1)
-        for of_feet in zip(
-            *((person.speeds(one).min(axis=1), (one @ up).min(axis=1)) for one in person.soles_m),
-            strict=True,
-        )
-    )
-    low = float(np.median(speeds[np.arange(len(speeds)), lows_m.argmin(axis=1)]))
-    pelvis_m = _level(person.joints_m[:, JOINT["pelvis"]], up)
+    lows_m = np.stack([one[..., 2].min(axis=1) for one in person.soles_m], axis=1)
+    lower = lows_m.argmin(axis=1)[:, None]
+    low = float(np.median(np.take_along_axis(person.slowest(), lower, axis=1)))
+    pelvis_m = _level(person.joints_m[:, JOINT["pelvis"]], _UP)
     going = float(np.median(person.speeds(pelvis_m)))
     return low if low > max(SLIDES_M_PER_S, SLIDES_OVER * going) else 0.0
 

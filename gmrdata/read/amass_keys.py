@@ -36,7 +36,9 @@ def joined_poses(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     if not {"root", "body"} <= parts.keys() or parts.get("path", np.empty((0, 3))).ndim != 2:
         return arrays
     n = max([1, *parts["root"].shape[:1]])
-    parts = {part: array.reshape(n, -1) for part, array in parts.items() if not array.size % n}
+    # Of one frame a part may be a row; a part by another order of axes is none.
+    by_frame = {part: array for part, array in parts.items() if n in (1, *array.shape[:1])}
+    parts = {part: array.reshape(n, -1) for part, array in by_frame.items()}
     body = parts.get("body", np.empty((n, 0)))
     hands = [parts.get(f"{side} hand", np.empty((n, 0))) for side in ("left", "right")]
     hands_rad = parts.get("hands", np.concatenate(hands, axis=1))

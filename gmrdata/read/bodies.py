@@ -12,7 +12,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import HANDS, N_JOINTS, PARENTS, BodyModel, of_equal_size
 from gmrdata.values.errors import BadBodyFile, BrokenPickle, MissingInput
-from gmrdata.values.files import npz_format, visible
+from gmrdata.values.files import files_inside, npz_format, visible
 from gmrdata.values.records import Config
 
 N_SHAPE = 16
@@ -82,6 +82,8 @@ def _without_fingers(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.
     """SMPL+H's arrays on the 24-joint tree; fingers are straight against the first index joint."""
     weights, pose_dirs_m, tree = (arrays[k] for k in ("weights", "posedirs", "kintree_table"))
     n_vertices = len(weights)
+    if weights.ndim != 2:
+        raise BadBodyFile(f"{path}: weights has {weights.ndim} dimensions; get the file again")
     if pose_dirs_m.shape != (n_vertices, 3, 9 * (SMPLH_JOINTS - 1)):
         raise BadBodyFile(f"{path}: posedirs is {pose_dirs_m.shape}; get the file again")
     if tree.shape != (2, SMPLH_JOINTS):
@@ -175,10 +177,9 @@ _IN_FOLDER = ("*", "*/*", "*/*/*")
 def body_files(folder: Path) -> list[Path]:
     """The bodies' files in a folder and the two levels below: all that is gmrdata's own body, or
     says a gender in its name or its folder's.  Links that lead out of the folder are left out."""
-    found = {path for pattern in _IN_FOLDER for path in visible(folder.glob(pattern))}
-    inside = (path for path in found if path.resolve().is_relative_to(folder.resolve()))
-    files = (path for path in inside if path.suffix in (".npz", ".pkl") and path.is_file())
-    return sorted(path for path in files if _found_gender(path) or npz_format(path) == BODY_FORMAT)
+    paths = (path for pattern in _IN_FOLDER for path in visible(folder.glob(pattern)))
+    files = files_inside(folder, (path for path in paths if path.suffix in (".npz", ".pkl")))
+    return [path for path in files if _found_gender(path) or npz_format(path) == BODY_FORMAT]
 
 
 def load_bodies(body: Path | str | None) -> tuple[BodyModel, ...]:

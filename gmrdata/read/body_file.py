@@ -1,5 +1,6 @@
 """gmrdata's own file of a body, a compact .npz of float32 arrays; and a body's picture."""
 
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -50,51 +51,56 @@ def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
         raise BadBodyFile(str(error)) from None
 
 
-_DIMENSIONS = {
-    "template_m": 2, "shape_dirs_m": 3, "joints_template_m": 2, "joint_shape_dirs_m": 3,
-    "skin_weights": 2, "faces": 2, "pose_dirs_m": 3, "adult_shapes": 2, "adult_phenotypes": 2,
-}  # fmt: skip
+_NAME = re.compile(r"\w[\w .+-]{0,99}")
+"""What a body may be called: a folder's name, in which a stage keeps it."""
+_SHAPES: dict[str, tuple[str | int, ...]] = {
+    "template_m": ("vertices", 3),
+    "shape_dirs_m": ("vertices", 3, "coefficients"),
+    "joints_template_m": (N_JOINTS, 3),
+    "joint_shape_dirs_m": (N_JOINTS, 3, "coefficients"),
+    "skin_weights": ("vertices", N_JOINTS),
+    "faces": ("faces", 3),
+    "pose_dirs_m": ("vertices", 3, 9 * N_LOCAL),
+    "adult_shapes": ("adults", "coefficients"),
+    "adult_phenotypes": ("adults", len(PHENOTYPES)),
+}
+"""Of a body's arrays; a size that has a name is the same in all of them."""
 
 
 def check_body(path: Path, body: BodyModel) -> None:
-    """Refuse a body whose arrays do not fit together."""
-    _check_dimensions(path, body)
-    n_vertices, n_shape = len(body.template_m), body.shape_dirs_m.shape[-1]
-    n_adults = 0 if body.adult_shapes is None else len(body.adult_shapes)
-    expected = {
-        "template_m": (n_vertices, 3),
-        "shape_dirs_m": (n_vertices, 3, n_shape),
-        "joints_template_m": (N_JOINTS, 3),
-        "joint_shape_dirs_m": (N_JOINTS, 3, n_shape),
-        "skin_weights": (n_vertices, N_JOINTS),
-        "faces": (len(body.faces), 3),
-        "pose_dirs_m": (n_vertices, 3, 9 * N_LOCAL),
-        "adult_shapes": (n_adults, n_shape),
-        "adult_phenotypes": (n_adults, len(PHENOTYPES)),
-    }
-    for name, shape in expected.items():
-        array = getattr(body, name)
-        if array is None:
-            continue
-        if array.shape != shape:
-            raise BadBodyFile(f"{path}: {name} has the shape {array.shape}, expected {shape}")
-        if not np.isfinite(array).all():
-            raise BadBodyFile(f"{path}: {name} holds values that are not finite")
+    """Refuse a body whose arrays do not fit together, or whose name could be no folder's."""
+    if not isinstance(body.name, str) or not _NAME.fullmatch(body.name):
+        raise BadBodyFile(f"{path}: name is {body.name!r:.40}, which can't be a folder's")
+    if not isinstance(body.licence, str):
+        raise BadBodyFile(f"{path}: licence is an array, not a text")
+    sizes: dict[str, int] = {}
+    for name in _SHAPES:
+        if getattr(body, name) is not None:
+            _check_array(path, name, getattr(body, name), sizes)
     if (body.adult_shapes is None) != (body.adult_phenotypes is None):
         raise BadBodyFile(f"{path}: adult_shapes and adult_phenotypes belong together")
-    if len(body.faces) == 0 or body.faces.min() < 0 or body.faces.max() >= n_vertices:
-        raise BadBodyFile(f"{path}: faces must name vertices 0 to {n_vertices - 1}")
+    last, are_rows = sizes["vertices"] - 1, body.faces.dtype.kind in "iu" and len(body.faces) > 0
+    if not are_rows or body.faces.min() < 0 or body.faces.max() > last:
+        raise BadBodyFile(f"{path}: faces must name vertices 0 to {last}")
     if np.abs(body.skin_weights.sum(axis=1) - 1).max() > 1e-4 or body.skin_weights.min() < -1e-4:
         raise BadBodyFile(f"{path}: skin_weights of each vertex must be shares that sum to 1")
 
 
-def _check_dimensions(path: Path, body: BodyModel) -> None:
-    for name, n_dims in _DIMENSIONS.items():
-        value = getattr(body, name)
-        if isinstance(value, str):
-            raise BadBodyFile(f"{path}: {name} is a text, not an array of numbers")
-        if value is not None and value.ndim != n_dims:
-            raise BadBodyFile(f"{path}: {name} has {value.ndim} dimensions, expected {n_dims}")
+def _check_array(path: Path, name: str, array: np.ndarray | str, sizes: dict[str, int]) -> None:
+    """Refuse an array of another shape, and note those sizes that are known by now."""
+    wanted = _SHAPES[name]
+    if isinstance(array, str):
+        raise BadBodyFile(f"{path}: {name} is a text, not an array of numbers")
+    if array.ndim != len(wanted):
+        raise BadBodyFile(f"{path}: {name} has {array.ndim} dimensions, expected {len(wanted)}")
+    shape = tuple(
+        sizes.setdefault(size, found) if isinstance(size, str) else size
+        for size, found in zip(wanted, array.shape, strict=True)
+    )
+    if array.shape != shape:
+        raise BadBodyFile(f"{path}: {name} has the shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        raise BadBodyFile(f"{path}: {name} holds values that are not finite")
 
 
 def _in_memory(path: Path, name: str, array: np.ndarray | None) -> Any:
@@ -141,7 +147,8 @@ def _uv_of_npz(path: Path, faces: np.ndarray) -> np.ndarray:
     if missing:
         raise BadBodyFile(f"{path}: has no {missing}; give an .obj with texture coordinates")
     vt, ft = np.asarray(arrays["vt"]), np.asarray(arrays["ft"])
-    if ft.shape != faces.shape or vt.ndim != 2 or vt.shape[1] != 2 or ft.dtype.kind not in "iu":
+    fits = ft.shape == faces.shape and vt.shape[1:] == (2,)
+    if not fits or ft.dtype.kind not in "iu" or vt.dtype.kind not in "fiu":
         what = f"vt {vt.shape} and ft {ft.shape}, but the body has {len(faces)} faces"
         raise BadBodyFile(f"{path}: {what}; give the coordinates of this very body")
     return _look_up(path, vt, ft)

@@ -64,9 +64,7 @@ def read_hierarchy(lines: list[str], path: Path) -> Hierarchy:
 
 
 def _read_statement(tree: Hierarchy, statement: str, path: Path, line_number: int) -> None:
-    keyword, _, rest = statement.partition(" ")
-    keyword, _, tabbed = keyword.partition("\t")
-    rest = f"{tabbed} {rest}".strip()
+    keyword, rest = [*statement.split(maxsplit=1), ""][:2]
     here = tree.open_blocks[-1] if tree.open_blocks else None
     if tree.brace_due != (keyword == "{"):
         raise bad_line(path, line_number, "'{' and joints do not alternate; broken hierarchy")

@@ -12,7 +12,7 @@ import numpy as np
 from gmrdata.read import numbers
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.values.errors import MissingInput
-from gmrdata.values.files import visible
+from gmrdata.values.files import files_inside, visible
 
 FPS_HZ = 30.0  # rate of the images and all arrays [Hz]
 LARGEST_FILE_BYTES = 1 << 29  # EMDB's own files have some ten million bytes
@@ -21,8 +21,7 @@ GENDERS = ("female", "male", "neutral")
 
 def find_sequences(root: Path) -> list[Path]:
     """The `*_data.pkl` of each sequence, sorted; links that lead out of the folder are left out."""
-    files = sorted(path for path in visible(root.glob("P*/*/*_data.pkl")) if path.is_file())
-    found = [path for path in files if path.resolve().is_relative_to(root.resolve())]
+    found = files_inside(root, visible(root.glob("P*/*/*_data.pkl")))
     if not found:
         remedy = "Name the folder that holds EMDB's P0 to P9"
         raise MissingInput(f"{root}: no P*/<sequence>/*_data.pkl. {remedy}")

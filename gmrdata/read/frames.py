@@ -242,8 +242,8 @@ def _image_size(path: Path) -> tuple[int, int]:
     if not path.is_file():
         raise BadFrames(f"{path}: no such image")
     content = path.read_bytes()
-    header = _header(content) if _is_whole(content) else None
-    if header is None:
+    header = _header(content)
+    if header is None or not _is_whole(header, content):
         fault = "truncated or not an image" if content else "empty file (0 bytes)"
         raise BadFrames(f"{path}: {fault}; extract or copy this frame again")
     _require_small(path, header.size)
@@ -326,8 +326,10 @@ def _png_exif(content: bytes) -> bytes:
     return b""
 
 
-def _is_whole(content: bytes) -> bool:
-    """Whether a PNG or JPEG has its end."""
+def _is_whole(header: "ImageFile", content: bytes) -> bool:
+    """Whether a PNG or JPEG has its end, behind which phones put a film or notes of their own."""
+    # From behind, where it mostly is.
     if content.startswith(PNG_SIGNATURE):
-        return b"IEND" in content[-64:]
-    return b"\xff\xd9" in content[-1024:]
+        return content.rfind(b"IEND") >= 0
+    # A small picture in the head has an end too; the header was read up to the first pixels.
+    return content.rfind(b"\xff\xd9", header.fp.tell() if header.fp else 0) >= 0

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read.safe_pickle import BROKEN
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 from gmrdata.values.files import parse_json
 from gmrdata.values.frame_set import FrameSet
@@ -41,7 +42,7 @@ def read_gravity(path: Path, frames: FrameSet) -> np.ndarray:
     try:
         text = path.read_bytes().decode("utf-8-sig")
         ups = dict(_record3d(parse_json(text)) if text.lstrip()[:1] == "{" else _rows(text))
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except (*BROKEN, csv.Error) as error:
         raise BadIntrinsics(f"{path}: no gravity can be read ({error}); give {TAKEN}") from None
     nowhere = np.full(3, np.nan)
     found = np.array([ups.get(int(number), nowhere) for number in frames.frame_numbers])

@@ -15,6 +15,7 @@ import numpy as np
 
 from gmrdata.read.frames import read_exif
 from gmrdata.read.lens_files import OtherModel, parse_lens
+from gmrdata.read.safe_pickle import BROKEN
 from gmrdata.values.camera import ASSUMED, Lens, Origin
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 
@@ -57,15 +58,7 @@ def read_intrinsics(path: Path, size_px: tuple[int, int]) -> Lens:
     except OtherModel as error:
         remedy = "undistort the frames to a pinhole, and give that one's"
         raise BadIntrinsics(f"{path}: can't be read as intrinsics ({error}); {remedy}") from None
-    except (
-        ValueError,
-        KeyError,
-        TypeError,
-        IndexError,
-        struct.error,
-        ArithmeticError,
-        RecursionError,
-    ) as error:
+    except (*BROKEN, ArithmeticError) as error:
         formats = "COLMAP's cameras.txt or .bin, OpenCV's or ROS's YAML, or 3x3 numbers"
         said = error.args[0] if isinstance(error, KeyError) and error.args else error
         what = f"can't be read as intrinsics ({said})"
@@ -144,7 +137,7 @@ def exif_lens(image: Path, size_px: tuple[int, int]) -> Lens | None:
     # A ratio over 0 is NaN, which is no more than 0 either.
     values = {tag: float(value) for tag, value in said.items() if isinstance(value, Real)}
     if (film_mm := values.get(0xA405, 0.0)) > 0:
-        return _noted(film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px)), size_px, EXIF_SIGMA)
+        return _noted(_of_film_px(film_mm, size_px), size_px, EXIF_SIGMA)
     focal_mm, per_unit = values.get(0x920A, 0.0), values.get(0xA20E, 0.0)
     unit_mm = {2.0: 25.4, 3.0: 10.0, 4.0: 1.0}.get(values.get(0xA210, 2.0), 0.0)
     # A picture that a program set upright is longer down than across.
@@ -162,7 +155,12 @@ def _noted(focal_px: float, size_px: tuple[int, int], sigma: float) -> Lens | No
     return Lens.centred(focal_px, size_px, Origin("metadata", sigma))
 
 
-FILM_KEYS = ("com.apple.quicktime.camera.focal_length.35mm_equivalent",)
+def _of_film_px(film_mm: float, size_px: tuple[int, int]) -> float:
+    """A focal length on 35 mm film, in pixels of a picture of this size."""
+    return film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px))
+
+
+FILM_KEY = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 
 
 def video_lens(video: Path, size_px: tuple[int, int]) -> Lens | None:
@@ -175,9 +173,6 @@ def video_lens(video: Path, size_px: tuple[int, int]) -> Lens | None:
     with suppress(av.FFmpegError, OSError), opened(video) as file:
         for metadata in (file.metadata, *(stream.metadata for stream in file.streams)):
             said |= dict(metadata)
-    for key in FILM_KEYS:
-        with suppress(ValueError):
-            film_mm = float(said.get(key, ""))
-            focal_px = film_mm / FILM_DIAGONAL_MM * float(np.hypot(*size_px))
-            return _noted(focal_px, size_px, VIDEO_SIGMA)
+    with suppress(ValueError):
+        return _noted(_of_film_px(float(said.get(FILM_KEY, "")), size_px), size_px, VIDEO_SIGMA)
     return None

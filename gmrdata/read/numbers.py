@@ -11,7 +11,8 @@ import numpy as np
 from pydantic_core import from_json
 
 from gmrdata.values.body import N_JOINTS
-from gmrdata.values.errors import BadMotionFile, BadSequence, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadSequence
+from gmrdata.values.files import require_file
 from gmrdata.values.limits import BYTES_PER_LINE, FREE_LINES, MOST_TEXT_BYTES
 from gmrdata.values.transforms import rotmats_from_rotvecs
 
@@ -26,8 +27,7 @@ RIGID_TOLERANCE = 1e-3  # largest entry of R^T R - 1 of a rotation as files roun
 
 def read_text(path: Path) -> str:
     """A motion file as text with plain line ends, of no more lines than its size has use for."""
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     if path.stat().st_size > MOST_TEXT_BYTES:
         raise BadMotionFile(f"{path}: larger than {MOST_TEXT_BYTES} bytes; cut it into parts")
     try:
@@ -151,8 +151,7 @@ def checked(path: Path, remedy: str) -> Iterator[None]:
 
 def check_file(path: Path, most_bytes: int, dataset: str) -> None:
     """Refuse a data set's file that is not there, or far larger than any of them."""
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     size_bytes = path.stat().st_size
     if size_bytes > most_bytes:
         raise BadSequence(f"{path}: has {size_bytes} bytes, which no sequence of {dataset} has")
@@ -228,8 +227,11 @@ def kind_of(value: Any) -> str:
 def finite_numbers(value: Any, what: str, path: Path) -> np.ndarray:
     """An array of a motion file as finite float64."""
     try:
+        values = np.asarray(value)
+        if values.dtype.kind in "cmM":  # numpy would take what is real of complex ones, and dates
+            raise TypeError
         with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
-            values = np.asarray(value, dtype=np.float64)
+            values = values.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError):
         raise BadMotionFile(f"{path}: {what} does not hold numbers; get the file again") from None
     wrong = np.argwhere(~(np.abs(values) <= LARGEST_IN_TEXT))

@@ -21,6 +21,7 @@ import lzma
 import pickle  # noqa: TID251  Only its interpreter is used, with every import and call taken out.
 import reprlib
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,7 +34,8 @@ from typing import IO, Any, ClassVar
 import numpy as np
 
 from gmrdata.read import pickle_records
-from gmrdata.values.errors import BrokenPickle, MissingInput, UnsafePickle
+from gmrdata.values.errors import BrokenPickle, GmrdataError, UnsafePickle
+from gmrdata.values.files import require_file
 from gmrdata.values.limits import LZMA_BYTES, Budget, OverBudget
 
 _CHUNK_BYTES = 1 << 20
@@ -90,9 +92,11 @@ def _lzma_chunks(data: bytes) -> Iterator[bytes]:
 
 BROKEN = (
     pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
-    OverflowError, MemoryError, RecursionError, AssertionError, struct.error, zlib.error,
-    lzma.LZMAError, OSError, SyntaxError, TokenError,
+    OverflowError, MemoryError, AssertionError, struct.error, zlib.error,
+    lzma.LZMAError, OSError, SyntaxError, TokenError, zipfile.BadZipFile,
+    RuntimeError,  # an encrypted or strangely compressed member of an archive
 )  # fmt: skip
+"""What parsers and what looks through their values raise for a file that is another's, or cut."""
 
 
 def load_plain(path: Path, without: frozenset[str] = frozenset()) -> Any:
@@ -103,10 +107,9 @@ def load_plain(path: Path, without: frozenset[str] = frozenset()) -> Any:
     chumpy's arrays and torch's tensors as numpy's.  Anything else is an UnsafePickle that names it.
     Keys of dicts in `without` are left out: their arrays are neither made nor counted.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     budget = Budget.of(path)
-    with _explained(path, "a pickle"):
+    with explained(path, "a pickle"):
         stream = io.BytesIO(_unpacked(path.read_bytes(), budget))
         return pickle_records.plain(Interpreter(stream, budget, without).load(), budget)
 
@@ -116,10 +119,9 @@ def load_object_npy(path: Path) -> Any:
 
     Gives what `load_plain` does, and raises what it does.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     stream, budget = io.BytesIO(path.read_bytes()), Budget.of(path)
-    with _explained(path, "a .npy of an object"):
+    with explained(path, "a .npy of an object"):
         read_header = (
             np.lib.format.read_array_header_1_0
             if np.lib.format.read_magic(stream)[0] == 1
@@ -133,7 +135,7 @@ def load_object_npy(path: Path) -> Any:
 
 
 @contextmanager
-def _explained(path: Path, kind: str) -> Iterator[None]:
+def explained(path: Path, kind: str, broken: type[GmrdataError] = BrokenPickle) -> Iterator[None]:
     """Let what a broken or unsafe file raises name the file and the remedy."""
     try:
         yield
@@ -141,10 +143,10 @@ def _explained(path: Path, kind: str) -> Iterator[None]:
         remedy = "Do not trust this file; get it from its maker"
         raise UnsafePickle(f"{path}: {error}. {remedy}") from None
     except OverBudget as error:
-        raise BrokenPickle(f"{path}: {error}; {error.remedy}") from None
+        raise broken(f"{path}: {error}; {error.remedy}") from None
     except BROKEN as error:
         what = f"truncated or not {kind} ({type(error).__name__}: {error})"
-        raise BrokenPickle(f"{path}: {what}; get it again") from None
+        raise broken(f"{path}: {what[:300]}; get it again") from None
 
 
 _short = reprlib.Repr()
@@ -331,24 +333,21 @@ _REPLACED: dict[bytes, Callable[[Interpreter], None]] = {
     pickle.ADDITEMS: Interpreter._add_items,
     pickle.FROZENSET: Interpreter._frozenset,
     pickle.PUT: Interpreter._remember,
-    pickle.UNICODE: partial(Interpreter._text, opcode=pickle.UNICODE),
-    pickle.BINUNICODE: partial(Interpreter._text, opcode=pickle.BINUNICODE),
-    pickle.SHORT_BINUNICODE: partial(Interpreter._text, opcode=pickle.SHORT_BINUNICODE),
-    pickle.BINUNICODE8: partial(Interpreter._text, opcode=pickle.BINUNICODE8),
     pickle.NEXT_BUFFER: Interpreter._out_of_band,
     pickle.READONLY_BUFFER: Interpreter._out_of_band,
 }
-for _opcode, _method in _REPLACED.items():
-    Interpreter.dispatch[_opcode[0]] = _method
+_TEXTS = (pickle.UNICODE, pickle.BINUNICODE, pickle.SHORT_BINUNICODE, pickle.BINUNICODE8)
+_REPLACED |= {opcode: partial(Interpreter._text, opcode=opcode) for opcode in _TEXTS}
+Interpreter.dispatch |= {opcode[0]: method for opcode, method in _REPLACED.items()}
 
 
 class _StorageInterpreter(Interpreter):
-    """Reads what a storage's own file says of it: the type of its numbers, and how many."""
+    """Reads what a storage's own file says of it: its imported name, and how many numbers."""
 
     def persistent_load(self, pid: Any) -> Any:
         match pid:
             case ("storage", Import(name), str(), str(), int() as n, *_):
-                return np.dtype(pickle_records.STORAGE_DTYPES[name]), n
+                return name, n
         return super().persistent_load(pid)
 
 
@@ -367,10 +366,10 @@ def _storage(data: bytes, budget: Budget) -> np.ndarray:
     known = (magic, protocol) == (_TORCH_MAGIC, _TORCH_PROTOCOL) and isinstance(machine, dict)
     if not known or machine.get("little_endian") is not True:
         raise ValueError("a tensor is not in the form that torch writes")
-    dtype, n_numbers = _StorageInterpreter(stream, budget).load()
+    name, n_numbers = _StorageInterpreter(stream, budget).load()
     Interpreter(stream, budget).load()
     (n_said,) = struct.unpack("<q", stream.read(8))
-    raw = stream.read()
-    if n_said != n_numbers or len(raw) != n_numbers * dtype.itemsize:
+    found = pickle_records.storage_of(name, stream.read())
+    if not n_said == n_numbers == len(found):
         raise ValueError(f"a tensor of {n_numbers} numbers lacks its bytes")
-    return np.frombuffer(raw, dtype)
+    return found

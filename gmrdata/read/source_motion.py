@@ -80,7 +80,7 @@ class SourceMotion:
     translations_m: np.ndarray
     """(T, J, 3) joint position in its parent's frame [m]; of the root: in the file's world."""
     fps_hz: float
-    rate_from: str  # "header", "CMU's index" or "given"
+    rate_from: str  # "header", "CMU's index", "CMU's skeleton" or "given"
     notes: tuple[str, ...]  # what the reader decided (unit, rate, dropped frame), for the record
     first_row: int = 0  # of the file's rows, the one that is frame 0 here
     added_pose: np.ndarray | None = None

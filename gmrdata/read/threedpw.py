@@ -51,7 +51,7 @@ class SequenceImages:
     """The images of N rows."""
 
     paths: tuple[Path, ...]  # (N,) `image_{row:05d}.jpg`, there or not
-    width_px: int  # of the images as stored, as is `height_px` [px]
+    width_px: int  # of the images, upright, as is `height_px` [px]
     height_px: int
     faults: tuple[str, ...]  # (N,) why a row's image can't be used; empty where it can
     spare: tuple[int, ...]  # numbers of images in the folder that no row belongs to

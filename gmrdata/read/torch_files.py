@@ -7,8 +7,7 @@ quantized or nested tensor, or one of no device, is a call that is not admitted.
 """
 
 import zipfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from gmrdata.read import pickle_records
-from gmrdata.read.safe_pickle import BROKEN, Import, Interpreter
-from gmrdata.values.errors import BadMotionFile, MissingInput, UnsafePickle
-from gmrdata.values.files import check_archive
-from gmrdata.values.limits import Budget, OverBudget
+from gmrdata.read.safe_pickle import Import, Interpreter, explained
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.files import check_archive, require_file
+from gmrdata.values.limits import Budget
 
 PROGRAM = "data.pkl"
 
@@ -30,10 +29,9 @@ def load_tensors(path: Path) -> Mapping[str, Any]:
     BadMotionFile where it is broken, too large, of torch's form from before 1.6 or no dict;
     UnsafePickle where it holds more than tensors and plain data.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     budget = Budget.of(path)
-    with _explained(path):
+    with explained(path, "a file of torch.save", BadMotionFile):
         check_archive(path, budget)
         with zipfile.ZipFile(path) as archive:
             found = _Reader(archive, _folder_in(archive), budget).load()
@@ -72,19 +70,3 @@ def _folder_in(archive: zipfile.ZipFile) -> str:
     if order in names and archive.read(order) != b"little":
         raise ValueError("its numbers have the byte order of another machine")
     return folder
-
-
-@contextmanager
-def _explained(path: Path) -> Iterator[None]:
-    """Let what a broken or unsafe file raises name the file and the remedy."""
-    try:
-        yield
-    except UnsafePickle as error:
-        what = f"wants something that is not tensors ({error})"
-        remedy = "Do not trust this file; get it from its maker"
-        raise UnsafePickle(f"{path}: {what}. {remedy}") from None
-    except OverBudget as error:
-        raise BadMotionFile(f"{path}: {error}; {error.remedy}") from None
-    except (*BROKEN, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        what = f"truncated, or not a file of torch.save ({type(error).__name__}: {error})"
-        raise BadMotionFile(f"{path}: {what[:300]}; get it again") from None

@@ -20,7 +20,8 @@ from gmrdata.stage.jobs import made_ahead
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from gmrdata.values.errors import BadFrames, BadRecipe
+from gmrdata.values.files import require_file
 from gmrdata.values.frame_set import VIDEO_FILE, FrameSet, VideoRecord
 from gmrdata.values.limits import (
     HIGHEST_FPS_HZ,
@@ -93,8 +94,7 @@ def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]
     own word, or by its packets where it has none: nothing is decoded.  Errors as there."""
     import av
 
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     with _explained(path), opened(path) as container:
         stream = _video_stream(path, container)
         codec = stream.codec_context
@@ -147,8 +147,7 @@ def extract_video(
         BadFrames: no video, or one with frames that are lost, damaged, too many or too large, of
             more than one size, or at impossible times.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     config = config or VideoConfig()
 
     def work(partial_dir: Path) -> None:
@@ -215,6 +214,8 @@ def opened(path: Path) -> "InputContainer":
 
 
 def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
+    import cv2
+
     with opened(path) as container:
         stream = _video_stream(path, container)
         reading = _Reading()
@@ -223,7 +224,8 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
 
         def write(picture: tuple[int, np.ndarray]) -> tuple[int, np.ndarray]:
             number, image = picture
-            _write_image(out_dir / f"{number // config.every:05d}.jpg", image, config.jpeg_quality)
+            quality = [cv2.IMWRITE_JPEG_QUALITY, config.jpeg_quality]
+            write_image(out_dir / f"{number // config.every:05d}.jpg", image, quality)
             return picture
 
         decoded = _pictures(path, container, stream, config, reading)
@@ -525,12 +527,6 @@ def _display_matrix(frame: "av.VideoFrame") -> np.ndarray | None:
     unit = given / max(np.abs(given).max(), 1e-9)
     near = np.abs(unit - unit.round()).max() < 0.01
     return unit.round().astype(int) if near else np.ones((2, 2), dtype=int)
-
-
-def _write_image(path: Path, image: np.ndarray, quality: int) -> None:
-    import cv2
-
-    write_image(path, image, [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def _require_in_budget(path: Path, n_frames: int, size_px: tuple[int, int]) -> None:

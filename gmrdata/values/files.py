@@ -38,6 +38,13 @@ def visible(paths: Iterable[Path]) -> Iterator[Path]:
             yield path
 
 
+def files_inside(folder: Path, paths: Iterable[Path]) -> list[Path]:
+    """Those of a folder's paths that are files, sorted; links that lead out of it are left out."""
+    root = folder.resolve()
+    # A link to itself is no file, and can't be followed.
+    return sorted(path for path in paths if path.is_file() and path.resolve().is_relative_to(root))
+
+
 def is_hidden(relative: PurePath) -> bool:
     """Whether a path in a folder has a part that begins with a dot, as what desktops leave has,
     and what tools like git keep."""
@@ -55,10 +62,15 @@ def require_text(path: Path, error: type[GmrdataError]) -> None:
         raise error(f"{as_text(path)}: the bytes of its name are no UTF-8. Rename it")
 
 
-def sha256_of_file(path: Path) -> str:
-    """Hex SHA-256 of a file's bytes."""
+def require_file(path: Path) -> None:
+    """MissingInput where there is no such file."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
+
+
+def sha256_of_file(path: Path) -> str:
+    """Hex SHA-256 of a file's bytes."""
+    require_file(path)
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
@@ -176,8 +188,7 @@ _LONE_HALF = re.compile(r"(?<!\\)(?<!\\ud[89ab][0-9a-f]{2})\\udc([89a-f][0-9a-f]
 
 def read_json(path: Path) -> Any:
     """Read a JSON file; BadRecord if it isn't JSON."""
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     try:
         return parse_json(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
@@ -197,8 +208,7 @@ def parse_json(text: str) -> Any:
 
 def read_json_lines(path: Path) -> list[dict[str, Any]]:
     """The objects of a file with one in each line; BadRecord names the line that is none."""
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     rows: list[dict[str, Any]] = []
     try:
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -220,8 +230,7 @@ def read_npz(
     With `plain_alone` Python's objects are left out, unless there is nothing else: AMASS's SMPL-X
     files have the markers' vertices so, beside the motion.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     budget = budget or Budget.of(path)
     try:
         check_archive(path, budget)

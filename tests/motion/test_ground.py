@@ -1,5 +1,8 @@
 """Floors and feet: tilted floors are levelled, flat feet are flat, soles are on z = 0."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -237,3 +240,9 @@ def test_cmus_tilted_laboratory_floor(cmu_dir, small_body):
 def test_smallest_rotation_of_a_level_floor_is_nothing():
     up = np.array([0.0, 0.0, 1.0])
     np.testing.assert_array_equal(smallest_rotation(up, up), np.eye(3))
+
+
+def test_blenders_process_which_has_no_scipy_can_load_what_it_needs_of_motions():
+    names = "gmrdata.motion.ground, gmrdata.motion.rest_pose, gmrdata.motion.resample"
+    code = f"import sys; sys.modules['scipy'] = None; import {names}"
+    subprocess.run([sys.executable, "-c", code], check=True)

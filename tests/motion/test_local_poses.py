@@ -308,6 +308,10 @@ BAD_PEOPLE: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: {1: vibe_person(3, [5, 4, 6])},
         "frame_ids of person_1 are not rising frame numbers",
     ),
+    "frame numbers before the video": (
+        lambda: {1: vibe_person(3, [-1, 0, 1])},
+        "frame_ids of person_1 are not rising frame numbers",
+    ),
     "broken frame numbers": (
         lambda: {1: vibe_person(3) | {"frame_ids": np.array([0.0, 0.5, 2.0])}},
         "are not rising frame numbers",
@@ -394,7 +398,7 @@ def test_gvhmr_of_another_layout(tmp_path, small_body):
         ("a", r"body_pose of person_0 is \(4, 69\), not \(T, 63\)"),
         ("b", "holds no poses in a known form .it has: weights"),
         ("c", "holds no dict"),
-        ("d", r"truncated, or not a file of torch\.save"),
+        ("d", r"truncated or not a file of torch\.save"),
     ):
         with pytest.raises(BadMotionFile, match=rf"{name}\.pt: {said}"):
             read_local_poses(tmp_path / f"{name}.pt", 30.0, body=small_body)

@@ -305,6 +305,27 @@ def test_poses_in_parts(tmp_path, small_body, form):
     np.testing.assert_array_equal(read[0].pelvis_m, read[1].pelvis_m)
 
 
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [("pose_body", r"poses are \(6, 3\)"), ("trans", r"trans is \(3, 6\) for 6 frames")],
+)
+def test_a_part_with_its_axes_exchanged_is_refused(tmp_path, small_body, key, said):
+    """Its numbers were taken in the wrong order, without a word."""
+    rng = np.random.default_rng(0)
+    parts = {"root_orient": 3, "pose_body": 63, "trans": 3}
+    arrays = {name: rng.normal(scale=0.3, size=(6, n)) for name, n in parts.items()}
+    np.savez(tmp_path / "a.npz", mocap_framerate=30.0, **arrays | {key: arrays[key].T})
+    with pytest.raises(BadMotionFile, match=said):
+        read_motion(tmp_path / "a.npz", small_body)
+
+
+def test_complex_numbers_are_no_poses(tmp_path, small_body):
+    poses, trans = np.full((6, 72), 0.1 + 1j), np.zeros((6, 3))
+    np.savez(tmp_path / "a.npz", poses=poses, trans=trans, mocap_framerate=30.0)
+    with pytest.raises(BadMotionFile, match="poses does not hold numbers"):
+        read_motion(tmp_path / "a.npz", small_body)
+
+
 @pytest.mark.parametrize("gender", ["b'female'", 'b"FEMALE"', "f", " Female ", b"female"])
 def test_genders(tmp_path, small_body, gender):
     arrays = {"poses": np.zeros((6, 72)), "trans": np.zeros((6, 3)), "mocap_framerate": 30.0}

@@ -41,6 +41,7 @@ def test_find_motions_stays_in_the_folder(tmp_path):
     (folder / "folder_link").symlink_to(outside.parent)
     (folder / "loop").symlink_to(folder)
     (folder / "dangling.bvh").symlink_to(folder / "nothing.bvh")
+    (folder / "itself.bvh").symlink_to(folder / "itself.bvh")
     (folder / "folder.bvh").mkdir()
     os.mkfifo(folder / "pipe.bvh")
     assert find_motions(folder) == [inside]

@@ -51,6 +51,7 @@ def test_a_folder_holds_bodies_of_each_gender(small_body, tmp_path):
     np.savez(folder / "smpl_mean_params.npz", pose=np.zeros(144))
     save_smpl(tmp_path / "outside" / "SMPL_FEMALE.npz", small_body, "female")
     (folder / "SMPL_FEMALE.npz").symlink_to(tmp_path / "outside" / "SMPL_FEMALE.npz")
+    (folder / "SMPL_MALE.npz").symlink_to(folder / "SMPL_MALE.npz")
     names = [str(path.relative_to(folder)) for path in body_files(folder)]
     assert names == ["SMPL_NEUTRAL.npz", "male/model.npz", "own/deep/x.npz"]
     bodies = load_bodies(str(folder))

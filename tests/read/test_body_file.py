@@ -73,6 +73,25 @@ def test_pickled_objects_and_missing_files_are_refused(tmp_path):
         read_body(tmp_path / "none.npz")
 
 
+@pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "..", "", ".hidden", np.array(3.0)])
+def test_a_name_that_is_no_folders_is_refused(small_body, tmp_path, name):
+    """`keep_bodies` wrote to such a folder, wherever it was."""
+    save_body(tmp_path / "body.npz", small_body)
+    arrays = dict(np.load(tmp_path / "body.npz"))
+    np.savez(tmp_path / "body.npz", **arrays | {"name": np.array(name)})
+    with pytest.raises(BadBodyFile, match=r"body\.npz: name is .*, which can't be a folder's"):
+        read_body(tmp_path / "body.npz")
+
+
+def test_what_is_no_text_and_no_row_of_vertices_is_refused(small_body):
+    for change, said in (
+        ({"licence": np.array(3.0)}, "licence is an array"),
+        ({"faces": small_body.faces.astype(float)}, "faces must name vertices"),
+    ):
+        with pytest.raises(BadBodyFile, match=rf"here\.npz: {said}"):
+            check_body(Path("here.npz"), dataclasses.replace(small_body, **change))
+
+
 def test_arrays_that_do_not_fit_are_named(small_body):
     infinite = small_body.template_m.copy()
     infinite[7, 1] = np.inf

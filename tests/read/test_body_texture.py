@@ -60,6 +60,9 @@ def test_a_wrong_npz_is_refused(tmp_path):
     np.savez(tmp_path / "few.npz", vt=VT, ft=FT[:1])
     with pytest.raises(BadBodyFile, match="but the body has 2 faces"):
         read_uv(tmp_path / "few.npz", FACES)
+    np.savez(tmp_path / "words.npz", vt=VT.astype(str), ft=FT)
+    with pytest.raises(BadBodyFile, match=r"words\.npz"):
+        read_uv(tmp_path / "words.npz", FACES)
     (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04")
     with pytest.raises(BadBodyFile):
         read_uv(tmp_path / "cut.npz", FACES)

@@ -211,6 +211,21 @@ def test_broken_frames_are_named(suffix, damaged, said, tmp_path):
         check_images(paths)
 
 
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_a_frame_may_have_a_film_behind_it_and_a_small_picture_in_its_head(suffix, tmp_path):
+    """As phones write them; such frames were called truncated."""
+    (path,) = put(tmp_path, f"0{suffix}")
+    small, whole = path.read_bytes(), path.read_bytes()
+    if suffix == ".jpg":  # in its EXIF
+        part = b"Exif\0\0" + small
+        whole = whole[:2] + b"\xff\xe1" + struct.pack(">H", len(part) + 2) + part + whole[2:]
+    path.write_bytes(whole + b"\0\0\0\x18ftyp" + bytes(9999))
+    assert check_images([path]) == (40, 30)
+    path.write_bytes(whole[:-100])
+    with pytest.raises(BadFrames, match=NO_IMAGE):
+        check_images([path])
+
+
 @given(
     content=st.binary(max_size=200),
     start=st.sampled_from([b"\xff\xd8", b"\x89PNG\r\n\x1a\n", b""]),

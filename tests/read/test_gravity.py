@@ -105,6 +105,9 @@ def test_a_phone_feels_the_floor_that_its_lidar_measured(shared_path, tmp_path):
         ('{"initPose": [0, 0, 0, 0, 0, 0, 0], "poses": [[0, 0, 0, 1, 0, 0, 0]]}', "zero norm"),
         ('{"initPose": [0, 0, 0, 1, 0, 0, 0], "poses": []}', "seven numbers"),
         ('{"initPose"', "delimiter"),
+        ('{"a":' * 100_000, "recursion"),
+        ('{"initPose": [0, 0, 0, 1, 0, 0, 0], "poses": [[1' + "0" * 400 + "]]}", "too large"),
+        (f"frame,x,y,z\n{'1' * 200_000},0,1,0\n", "field larger"),
     ],
 )
 def test_what_is_no_gravity_is_refused(text, said, tmp_path):

@@ -336,6 +336,12 @@ def test_what_python_saves_is_read_too(tmp_path):
     for name, value in ({"k": matrix, "dict": of_dict} | by_picture).items():
         np.save(tmp_path / f"{name}.npy", value)  # type: ignore[arg-type]
         assert read_intrinsics(tmp_path / f"{name}.npy", SIZE_PX).focal_px == (600, 605)
+    plain = (tmp_path / "k.npy").read_bytes()
+    for wrong in (b"(3, 3, }", b"(9999999999999,), }"):  # a header that doesn't end, and 71 TiB
+        header = plain.replace(b"(3, 3), }".ljust(20), wrong.ljust(20))
+        (tmp_path / "k.npy").write_bytes(header)
+        with pytest.raises(BadIntrinsics, match=r"k\.npy: can't be read as intrinsics"):
+            read_intrinsics(tmp_path / "k.npy", SIZE_PX)
     (tmp_path / "session.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     with pytest.raises(BadIntrinsics, match="MATLAB"):
         read_intrinsics(tmp_path / "session.mat", SIZE_PX)

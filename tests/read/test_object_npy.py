@@ -46,6 +46,9 @@ def test_tensors_of_any_step_and_type_are_arrays(tmp_path):
             expected = np.asarray(value)
             assert found[key].dtype == expected.dtype
             np.testing.assert_array_equal(found[key], expected)
+    np.save(path, {"bfloat16": whole.bfloat16()})  # type: ignore[arg-type]
+    found = load_object_npy(path)["bfloat16"]  # numpy has no such type
+    np.testing.assert_array_equal(found, np.asarray(whole.bfloat16().float()))
     np.save(path, {"sparse": whole.to_sparse()})  # type: ignore[arg-type]
     with pytest.raises(UnsafePickle, match="_rebuild_sparse_tensor"):
         load_object_npy(path)

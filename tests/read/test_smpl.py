@@ -202,6 +202,14 @@ def test_smplh_is_the_same_body_with_hands_of_one_piece(official, tmp_path):
         ({"weights": None}, "lacks weights"),
         ({"weights": np.full((N_VERTICES, 55), 1 / 55)}, "SMPL-X"),
         ({"weights": np.full((N_VERTICES, 52), 1 / 52)}, "do not fit together"),
+        (
+            {
+                "weights": np.full(52, 1 / 52),
+                "J_regressor": np.zeros((52, N_VERTICES)),
+                "posedirs": np.zeros((52, 3, 459)),
+            },
+            "weights has 1 dimensions",
+        ),
         ({"f": np.zeros((5, 4), dtype=np.uint32)}, "faces has the shape"),
         ({"f": np.full((5, 3), N_VERTICES, dtype=np.uint32)}, "faces must name vertices"),
         ({"posedirs": np.zeros((N_VERTICES, 3, 9))}, "pose_dirs_m has the shape"),

@@ -104,12 +104,12 @@ class Entry:
         return np.asarray(flat.reshape(rotmats.shape))
 
     def frame_numbers(self, key: str, n_rows: int) -> np.ndarray:
-        """(T,) int, rising: the video's frames of the rows."""
+        """(T,) int, rising from 0 or more: the video's frames of the rows."""
         found, what = self.finite(key), f"{key} of {self.name}"
         if found.shape != (n_rows,):
             raise self.fault(f"{what} is {found.shape} for {n_rows} poses")
-        whole = np.array_equal(found, np.round(found)) and np.abs(found).max() < LARGEST_NUMBER
-        if not whole or (np.diff(found) <= 0).any():
+        is_whole = np.array_equal(found, np.round(found))
+        if not is_whole or found.min() < 0 or (np.diff(found) <= 0).any():
             raise self.fault(f"{what} are not rising frame numbers")
         return found.astype(np.int64)
 

@@ -232,7 +232,7 @@ def _mean_betas(entry: Entry, n_rows: int) -> np.ndarray | None:
     """(T, S) one shape for all rows, the mean over time."""
     if not entry.has("betas"):
         return None
-    by_row = np.ndim(entry.values["betas"]) == 2
+    by_row = entry.finite("betas").ndim == 2
     betas = entry.array("betas", None, None).mean(axis=0) if by_row else entry.array("betas", None)
     return np.tile(betas, (n_rows, 1))
 

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from gmrdata.read.safe_pickle import BROKEN
 from gmrdata.read.systems.entries import (
     AGAIN,
     LARGEST_NUMBER,
@@ -45,11 +46,6 @@ TRACK_INFO = "track_info.json"
 CONFIG = ".hydra/config.yaml"
 FRAME_RATE_HZ = 30.0  # of video_to_frames in slahmr/preproc, where the config says none
 KEYS = frozenset({"root_orient", "pose_body", "trans"})
-_NOT_INFO = (
-    ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError,
-    OSError,
-)  # fmt: skip
-"""What a JSON file of another form raises when it is looked through."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,7 @@ def _rate_hz(path: Path) -> float | None:
         rate_hz = float(data["frame_opts"].get("fps", FRAME_RATE_HZ))
         if not 0.0 < rate_hz < math.inf:
             raise ValueError(f"fps is {rate_hz:g}")
-    except _NOT_INFO as error:
+    except BROKEN as error:
         fault = f"{type(error).__name__}: {str(error)[:200]}"
         raise BadMotionFile(f"{path}: not SLAHMR's config ({fault}). {AGAIN}") from None
     return rate_hz
@@ -126,7 +122,7 @@ def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:
         ]
         if not all(len(track.seen) >= row_stop for track in tracks):
             raise ValueError("a vis_mask is shorter than its interval")
-    except _NOT_INFO as error:
+    except BROKEN as error:
         fault = f"{type(error).__name__}: {str(error)[:200]}"
         raise BadMotionFile(f"{path}: not SLAHMR's {TRACK_INFO} ({fault}). {AGAIN}") from None
     return tracks, (start, row_start), row_stop - row_start

@@ -545,3 +545,6 @@ def test_pickled_motions_of_mosh_and_aist_are_read(tmp_path):
     path.write_bytes(joblib_bytes(aist | {"smpl_scaling": np.zeros(1)}))
     with pytest.raises(BadMotionFile, match="smpl_scaling is 0"):
         read_system(path)
+    path.write_bytes(joblib_bytes(mosh | {"betas": [[1.0, 2.0], [3.0]]}))
+    with pytest.raises(BadMotionFile, match="betas of the motion does not hold numbers"):
+        read_system(path)
