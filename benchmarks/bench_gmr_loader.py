@@ -6,7 +6,6 @@ waits for the next batch; the same without the thread that makes batches ahead; 
 the process took.  Writes out/bench/gmr_loader.json.
 """
 
-import json
 import resource
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -22,6 +21,7 @@ from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.steps import prefetched
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch
 from gmrdata.stage.progress import console, track
+from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
 PACK = PackRecord(input="quaternion", fps_hz=10.0)
@@ -106,7 +106,6 @@ def test_the_loop_does_not_wait(tmp_path: Path, request: pytest.FixtureRequest) 
         "peak_memory_mb": round(peak_bytes / 1e6),
     }
     console.print(record)
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    OUT.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(OUT, record)
     if not small:
         assert ahead < MOST_WAITING

@@ -12,7 +12,6 @@ import secrets
 import shutil
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +27,9 @@ from soak.works import Work, contents_of
 from gmrdata.manifest.read import read_manifest
 from gmrdata.stage.progress import answers
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import camera_of, save_clip
-from gmrdata.world.compose import motion_in_camera
+from gmrdata.values.clip import camera_of
 from gmrdata.write.video import write_video_of
+from tests.world.test_compose import as_input, person_files
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/soak.json")
@@ -84,22 +83,9 @@ def seen_in_video(filmed_set: Any, body: BodyModel, root: Path) -> list[str]:
     """Arguments of `gmrdata sfm` for a video of a sequence, and its person as the camera saw it."""
     images = sorted((filmed_set.root / "imageFiles" / "pan_00").iterdir())
     write_video_of(images, root / "pan.mp4", 30.0)
-    true = filmed_set.truth["pan_00"][0]
-    camera = camera_of(true)
-    unknown = replace(
-        camera,
-        world_from_cam=np.full_like(camera.world_from_cam, np.nan),
-        has_camera=np.zeros_like(camera.has_camera),
-    )
-    motion = motion_in_camera(true.motion, camera.world_from_cam)
-    save_clip(
-        root / "seen.npz",
-        replace(true, motion=motion, camera=unknown),
-        body.rest_pelvis_m(motion.shape),
-    )
-    given = {"frames": root / "pan.mp4", "camera-body": root / "seen.npz"}
-    given["body"] = filmed_set.body_path
-    return [word for name, path in given.items() for word in (f"--{name}", str(path))]
+    seen = person_files(root, as_input(filmed_set.truth["pan_00"][0]), body)
+    people = ("--camera-body", seen.clip_path, "--body", seen.body_path)
+    return [str(word) for word in (root / "pan.mp4", *people)]
 
 
 def test_soak(request: pytest.FixtureRequest, works: list[Work], tmp_path: Path) -> None:

@@ -1,8 +1,6 @@
 """What the measurements of the pose graph share: twins, their pseudo ground truth, and a network
 that was trained on none of their people, with its errors."""
 
-import os
-import platform
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -11,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gmr.cmu_data import import_motions
-from record import Record
+from record import Record, machine
 from sfm.ours import Regenerated, regenerate
 from sfm.score import true_clips
 from sfm.twins import Twins, make_twins
@@ -181,12 +179,9 @@ class FusionSession:
         return self.errors[own]
 
     def _settings(self) -> dict[str, Any]:
-        return {
+        return machine() | {
             "scale": "small" if self.small else "full",
             "twins": "given" if self.twins_given else "rendered by the recipe",
             "pseudo_gt": "given" if self.pseudo_gt_given else "by the recipe threedpw",
             "network": StageRecord.of(self.run_dir).config,
-            "cores": len(os.sched_getaffinity(0)),
-            "load_at_the_end": round(os.getloadavg()[0], 1),
-            "python": platform.python_version(),
         }

@@ -1,7 +1,6 @@
 """What the measurements on CMU motions share: the data, the chosen recipe's run, and the record."""
 
 import os
-import platform
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any
 from gmr.cmu_ablation import changed
 from gmr.cmu_data import HELD_OUT, Motions, holding_out, import_motions, scored_motions
 from gmr.cmu_runs import Trained, trained, trained_for
-from record import Record
+from record import Record, machine
 
 from gmrdata.gmr.config import LossConfig, TrainConfig
 from gmrdata.gmr.train import GmrRecipe
@@ -97,11 +96,8 @@ class CmuSession:
         return trained_for(self.ours.minutes, name, self.motions, config, self.work_dir)
 
     def _settings(self) -> dict[str, Any]:
-        return {
+        return machine() | {
             "scale": "small" if self.small else "full",
             "recipe": self.recipe.model_dump(mode="json"),
-            "cores": len(os.sched_getaffinity(0)),
-            "load_at_the_end": round(os.getloadavg()[0], 1),
-            "python": platform.python_version(),
             "torch": metadata.version("torch"),
         }

@@ -1,7 +1,5 @@
 """What the measurements of the COLMAP stage share: twins, our run on them, and the record."""
 
-import os
-import platform
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from record import Record
+from record import Record, machine
 from sfm.ours import Regenerated, regenerate
 from sfm.twins import Twins, make_twins
 
@@ -81,12 +79,9 @@ class Session:
         return regenerate(root, self.work_dir / name, workers=workers)
 
     def _settings(self) -> dict[str, Any]:
-        return {
+        return machine() | {
             "scale": "small" if self.small else "full",
             "twins": "given" if self.twins_given is not None else "rendered by the recipe",
-            "cores": len(os.sched_getaffinity(0)),
-            "load_at_the_end": round(os.getloadavg()[0], 1),
             "threads": "images, features: one per core; all else: ours one, plain one per core",
-            "python": platform.python_version(),
             "pycolmap": metadata.version("pycolmap"),
         }
