@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 from render.feet import sole_gaps_m
 
 import gmrdata.gmr.infer
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.bench
 WALKS_S = {"08_02": 1.4, "08_04": 4.1, "08_05": 2.5, "35_01": 3.0, "16_19": 3.0, "17_03": 3.0}
 """Seconds that the recipes film, by trial."""
 MOST_CM = 2.0
-OUT = Path("out/bench/feet.json")
+OUT = OUT_DIR / "feet.json"
 
 
 def test_walkers_stand_on_the_ground(cmu_dir: Path, anny: BodyModel) -> None:

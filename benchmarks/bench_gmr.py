@@ -12,7 +12,6 @@ one process, with the recipe's one thread; seconds are of that process and depen
 """
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -28,13 +27,13 @@ from gmr.steps import (
     workload,
 )
 from gmr.timing import paired
-from record import Record, at_most, bar_of, machine
+from record import OUT_DIR, Record, at_most, bar_of, machine
 from render.tables import show
 
 from gmrdata.values.body import BodyModel, vertex_rows, with_vertices
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/gmr.json")
+OUT = OUT_DIR / "gmr.json"
 SMPL_VERTICES = 6890
 BARS = {
     "step_ratio_direct": (">=", 5.0),

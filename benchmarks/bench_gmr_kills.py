@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
@@ -32,7 +33,7 @@ from tests.gmr.test_train import PROGRAM
 from tests.motions import walking_clips
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/gmr_kills.json")
+OUT = OUT_DIR / "gmr_kills.json"
 N_KILLS = 5
 START_S = 6.0
 """A process needs about this long until it trains."""

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from record import OUT_DIR
 
 from gmrdata.gmr.config import ModelConfig, WindowConfig
 from gmrdata.gmr.flat_runs import PackRecord, TrainingRun, in_files
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.bench
 PACK = PackRecord(input="quaternion", fps_hz=10.0)
 N_FRAMES, RUN_FRAMES, BATCH, STEPS = 1_400_000, 500, 32, 10
 MOST_WAITING = 0.05
-OUT = Path("out/bench/gmr_loader.json")
+OUT = OUT_DIR / "gmr_loader.json"
 Batches = Callable[[Callable[[int], Batch], Iterable[int]], Iterator[tuple[int, Batch]]]
 
 

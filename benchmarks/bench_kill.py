@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.stage.progress import console
 from gmrdata.values.files import write_json
@@ -21,7 +22,7 @@ MANIFESTS = ("training.yaml", "synthetic.yaml", "pseudo_gt.yaml")
 N_KILLS = 5
 START_S = 6.0
 """A run that goes on needs this long to find what is done."""
-OUT = Path("out/bench/kill.json")
+OUT = OUT_DIR / "kill.json"
 
 
 def start(out: Path) -> subprocess.Popen[bytes]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.stage.progress import console
@@ -27,7 +28,7 @@ from tests.film.set_kills import (
 
 pytestmark = pytest.mark.bench
 N_KILLS = 10
-OUT = Path("out/bench/kill_set.json")
+OUT = OUT_DIR / "kill_set.json"
 
 
 def test_ten_kills_change_nothing(tmp_path: Path, anny: object) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.motion.files import read_motion
 from gmrdata.read.bodies import load_body
@@ -17,7 +18,7 @@ from gmrdata.stage.progress import console, track
 from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/motions.json")
+OUT = OUT_DIR / "motions.json"
 
 
 def numpy_seconds(path: Path) -> float:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from record import Record, bar_of, machine
+from record import OUT_DIR, Record, bar_of, machine
 from render.clips import FPS_HZ
 from render.exactness import measure_exactness
 from render.feet import measure_feet
@@ -28,7 +28,7 @@ from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/render.json")
+OUT = OUT_DIR / "render.json"
 BARS = {
     "projection_px_max": ("<", 0.05),
     "mask_iou_min": (">", 0.98),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.recipe import SfmConfig
@@ -37,7 +38,7 @@ PROGRAMMES: dict[str, Programme] = {
 MOST = 1.05
 """Error with the prior over that without it; 1 where it neither helps nor harms."""
 ERRORS = ("frame_deg", "tenth_s_deg", "frame_mm", "tenth_s_mm")
-OUT = Path("out/bench/smoothing.json")
+OUT = OUT_DIR / "smoothing.json"
 
 
 def film(name: str, every: int, folder: Path) -> Filmed:

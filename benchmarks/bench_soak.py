@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import yaml
 from film.set_kills import write_recipe
-from record import Record, at_least, at_most
+from record import OUT_DIR, Record, at_least, at_most
 from scale import sharing
 from soak.faults import Hit, end_well, hit, in_turn
 from soak.works import Work, contents_of
@@ -32,7 +32,7 @@ from gmrdata.write.video import write_video_of
 from tests.world.test_compose import as_input, person_files
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/soak.json")
+OUT = OUT_DIR / "soak.json"
 FAULTS_AN_HOUR = 200
 GMR = {
     "model": {"layers": 1, "hidden": 16}, "loss": {"n_vertices": 20}, "steps": 120, "seed": 3,

@@ -12,6 +12,7 @@ from render.tables import show
 
 from gmrdata.values.files import write_json
 
+OUT_DIR = Path("out/bench")
 Bar = tuple[str, Any, str, bool]
 """Name, figure, what is asked of it, and whether it holds."""
 

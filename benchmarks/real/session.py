@@ -15,11 +15,10 @@ import pytest
 from real.cases import Case
 from real.clips import CLIPS, FEWEST_CLIPS, missing_clips
 from real.rows import measure
-from record import Record, machine
+from record import OUT_DIR, Record, machine
 
 import gmrdata
 
-OUT_DIR = Path("out/bench")
 KEPT_FILE = "real.jsonl"
 DECIDING = ("values", "read", "people", "cameras", "solve", "world")
 """Parts of the package that a row hangs on."""

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from record import Record, machine
+from record import OUT_DIR, Record, machine
 from sfm.ours import Regenerated, regenerate
-from sfm.twins import Twins, make_twins
+from sfm.twins import Twins, make_twins, the_twins
 
-OUT_DIR = Path("out/bench")
 LONG_RECIPE, ROLLING_RECIPE = (Path(__file__).parent / f"{n}.yaml" for n in ("long", "rolling"))
 
 
@@ -44,12 +43,8 @@ class Session:
 
     @cached_property
     def twins(self) -> Twins:
-        """The eight twins; two small ones where only the parts are tried."""
-        if self.twins_given is not None:
-            return Twins(self.twins_given.resolve())
-        if self.small:
-            return make_twins("twins_small", (OUT_DIR / "twins_small").resolve())
-        return make_twins("twins", (OUT_DIR / "twins").resolve(), self.motions_dir())
+        """The data sets to measure on."""
+        return the_twins(self.twins_given, self.small, self.motions_dir)
 
     @cached_property
     def long_twins(self) -> Twins:
