@@ -4,12 +4,13 @@ that `infer` gives people.
 Prints the figures of docs/figures.md and writes out/bench/feet.json and heights.json.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from record import OUT_DIR
+from render.feet import sole_gaps_m
 
 import gmrdata.gmr.infer
 from gmrdata.film.programmes import Film, film_motion
@@ -19,22 +20,15 @@ from gmrdata.gmr.infer import predict_at_source_rate, stand
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.motion.files import find_motions, read_motion
 from gmrdata.stage.progress import console
-from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.body import BodyModel
+from gmrdata.values.files import read_json, write_json
 from gmrdata.values.motion import Motion, deltas
-from gmrdata.values.skinning import motion_vertices_m
 
 pytestmark = pytest.mark.bench
 WALKS_S = {"08_02": 1.4, "08_04": 4.1, "08_05": 2.5, "35_01": 3.0, "16_19": 3.0, "17_03": 3.0}
 """Seconds that the recipes film, by trial."""
 MOST_CM = 2.0
-OUT = Path("out/bench/feet.json")
-
-
-def lower_foot_cm(body: BodyModel, motion: Motion) -> np.ndarray:
-    """(T,) height of the lowest vertex that a foot carries [cm]."""
-    feet = [JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
-    of_feet = np.isin(body.skin_weights.argmax(axis=1), feet)
-    return np.asarray(100 * motion_vertices_m(body, motion)[:, of_feet, 2].min(axis=1))
+OUT = OUT_DIR / "feet.json"
 
 
 def test_walkers_stand_on_the_ground(cmu_dir: Path, anny: BodyModel) -> None:
@@ -42,15 +36,15 @@ def test_walkers_stand_on_the_ground(cmu_dir: Path, anny: BodyModel) -> None:
     record = {}
     for trial, duration_s in WALKS_S.items():
         film = Film(duration_s=duration_s, fps_hz=10)
-        height_cm = lower_foot_cm(anny, film_motion(read_motion(files[trial], anny), film))
+        filmed = film_motion(read_motion(files[trial], anny), film)
+        height_cm = 100 * sole_gaps_m(anny, filmed)
         record[trial] = {
             "frames": len(height_cm),
             "gap_cm_mean": round(float(np.abs(height_cm).mean()), 2),
             "lowest_cm": round(float(height_cm.min()), 1),
             "highest_cm": round(float(height_cm.max()), 1),
         }
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    OUT.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(OUT, record)
     console.print(record)
     assert max(row["gap_cm_mean"] for row in record.values()) < MOST_CM
 
@@ -74,7 +68,7 @@ def heights(body: BodyModel, gmr: TrainedGmr, true: Motion) -> list[float]:
     tme_m = np.linalg.norm(np.subtract(*steps_m), axis=1).mean()
     up = (found.root_rotmats @ true.root_rotmats.swapaxes(-1, -2))[:, 2, 2]
     up_deg = np.rad2deg(np.arccos(np.clip(up, -1.0, 1.0))).mean()
-    shares = [(lower_foot_cm(body, m) > 100 * IN_THE_AIR_M).mean() for m in (found, true)]
+    shares = [(sole_gaps_m(body, m) > IN_THE_AIR_M).mean() for m in (found, true)]
     return [100 * apart_m, 1000 * tme_m, up_deg, *(100 * share for share in shares)]
 
 
@@ -96,9 +90,8 @@ def test_heights(
     what = ("height_cm", "tme_mm", "up_deg", "in_the_air_percent", "in_the_air_true_percent")
     found = {key: [round(b, 2), round(h, 2)] for key, b, h in zip(what, before, held, strict=True)}
     path = OUT.with_name("heights.json")
-    record = json.loads(path.read_text()) if path.exists() else {}
+    record = read_json(path) if path.exists() else {}
     record[kind] = {"motions": len(motions), **found}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(path, record)
     console.print(record[kind])
     assert held[0] < before[0] and held[1] < 1.01 * before[1]

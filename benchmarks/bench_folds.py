@@ -19,9 +19,9 @@ import pytest
 from gmr.cmu_ablation import changed
 from gmr.cmu_data import import_motions, scored_motions
 from gmr.cmu_runs import Trained, trained
-from gmr.cmu_session import OUT_DIR, SMALL_SIZE
+from gmr.cmu_session import SMALL_SIZE
 from gmr.honesty import honesty_rows, least_shares
-from record import Record, at_least, at_most
+from record import OUT_DIR, Record, at_least, at_most
 from render.tables import show
 
 from gmrdata.fusion.network_errors import held_out_motions

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from fuzz import runs, targets
-from record import Record, at_least, at_most
+from record import OUT_DIR, Record, at_least, at_most
 
 from gmrdata.read.threedpw_files import SequenceArrays
 from gmrdata.stage.progress import answers
@@ -19,7 +19,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/fuzz.json")
+OUT = OUT_DIR / "fuzz.json"
 INPUTS_A_MINUTE = 1000
 
 

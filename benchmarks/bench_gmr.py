@@ -11,10 +11,7 @@ one process, with the recipe's one thread; seconds are of that process and depen
   one with pose blend shapes, as SMPL has them.
 """
 
-import os
-import platform
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -30,13 +27,13 @@ from gmr.steps import (
     workload,
 )
 from gmr.timing import paired
+from record import OUT_DIR, Record, at_most, bar_of, machine
 from render.tables import show
 
 from gmrdata.values.body import BodyModel, vertex_rows, with_vertices
-from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/gmr.json")
+OUT = OUT_DIR / "gmr.json"
 SMPL_VERTICES = 6890
 BARS = {
     "step_ratio_direct": (">=", 5.0),
@@ -88,50 +85,25 @@ def test_the_training_step(anny: BodyModel, request: pytest.FixtureRequest) -> N
         "direct_loss_difference": difference["loss"],
         "direct_gradient_difference": difference["gradient"],
     }
-    verdicts = [_verdict(name, value, *BARS[name]) for name, value in figures.items()]
+    bars = [bar_of(name, value, *BARS[name]) for name, value in figures.items()]
     gpu: list[dict[str, Any]] | str = "not measured: small" if small else "not measured: no GPU"
     if torch.cuda.is_available() and not small:
         gpu = measure_gpu(part)
         show("A training step on the GPU at 4 x 2048", gpu)
-        verdicts += [
-            _verdict(f"gpu_ratio_{row['precision']}", row["ratio"], "<=", GPU_BAR) for row in gpu
-        ]
-    if not small:
-        show("Bars", verdicts)
-    write_json(
-        OUT,
-        figures
-        | {
-            "gpu": gpu,
-            "steps": rows,
-            "settings": _settings() | {"scale": "small" if small else "full", "sizes": sizes},
-        },
-    )
-    if not small:
-        missed = [row["figure"] for row in verdicts if row["met"] == "no"]
-        assert not missed, f"bars not met: {', '.join(missed)}"
+        bars += [at_most(f"gpu_ratio_{row['precision']}", row["ratio"], GPU_BAR) for row in gpu]
+    scale = {"scale": "small" if small else "full", "sizes": sizes}
+    record = Record(OUT, small, lambda: _settings() | scale)
+    record.add(**figures, gpu=gpu, steps=rows)
+    record.hold(bars)
 
 
 def _subset(body: BodyModel, n_vertices: int) -> BodyModel:
     return with_vertices(body, vertex_rows(len(body.template_m), n_vertices))
 
 
-def _verdict(name: str, value: float, sense: str, bar: float) -> dict[str, Any]:
-    met = value <= bar if sense == "<=" else value >= bar
-    return {
-        "figure": name,
-        "value": value,
-        "bar": f"{sense} {bar}",
-        "met": "yes" if met else "no",
-    }
-
-
 def _settings() -> dict[str, Any]:
-    return {
-        "cores": len(os.sched_getaffinity(0)),
+    return machine() | {
         "threads": torch.get_num_threads(),
-        "load_at_the_end": round(os.getloadavg()[0], 1),
         "cpu_capability": torch.backends.cpu.get_cpu_capability(),
-        "python": platform.python_version(),
         "torch": torch.__version__,
     }

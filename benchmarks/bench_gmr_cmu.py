@@ -17,9 +17,9 @@ from gmr.cmu_ablation import PARTS, changed, short, summary
 from gmr.cmu_data import holding_out, scored_motions
 from gmr.cmu_plot import SHARES, write_curves
 from gmr.cmu_runs import trained
-from gmr.cmu_session import OUT_DIR, CmuSession
+from gmr.cmu_session import CmuSession
 from gmr.on_off import METRICS, differences, film_on_and_off, on_off_rows
-from record import at_least, at_most
+from record import OUT_DIR, at_least, at_most
 from render.tables import show
 
 from gmrdata.manifest.read import read_manifest

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
-from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.progress import console
 from gmrdata.stage.store import stage_seconds
@@ -28,10 +28,12 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.files import write_json
 from tests.clip_manifests import write_clips
+from tests.folders import bytes_of
 from tests.gmr.test_train import PROGRAM
+from tests.motions import walking_clips
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/gmr_kills.json")
+OUT = OUT_DIR / "gmr_kills.json"
 N_KILLS = 5
 START_S = 6.0
 """A process needs about this long until it trains."""
@@ -77,21 +79,8 @@ def steps_in(wanted_s: float, paths: list[Path], out_dir: Path, small: bool) -> 
 
 
 def clips_of(body: BodyModel, seed: int, count: int) -> list[Clip]:
-    rng = np.random.default_rng(seed)
-    motions = embedded_motions(body, rng, count=count, fps_hz=30.0, duration_s=12.0)
-    return [
-        Clip(f"walk_{seed}_{i}", m, np.ones(m.n_frames, bool), np.full(m.n_frames, -1), None)
-        for i, m in enumerate(motions)
-    ]
-
-
-def bytes_of(run_dir: Path) -> dict[str, bytes]:
-    """All files but the record, which holds the time that it took."""
-    return {
-        path.relative_to(run_dir).as_posix(): path.read_bytes()
-        for path in sorted(run_dir.rglob("*"))
-        if path.is_file() and path.name != "stage.json"
-    }
+    ids = [f"walk_{seed}_{number}" for number in range(count)]
+    return walking_clips(body, ids, seed, fps_hz=30.0, duration_s=12.0)
 
 
 def test_five_kills_change_nothing(

@@ -6,7 +6,6 @@ waits for the next batch; the same without the thread that makes batches ahead; 
 the process took.  Writes out/bench/gmr_loader.json.
 """
 
-import json
 import resource
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -15,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from record import OUT_DIR
 
 from gmrdata.gmr.config import ModelConfig, WindowConfig
 from gmrdata.gmr.flat_runs import PackRecord, TrainingRun, in_files
@@ -22,12 +22,13 @@ from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.steps import prefetched
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch
 from gmrdata.stage.progress import console, track
+from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
 PACK = PackRecord(input="quaternion", fps_hz=10.0)
 N_FRAMES, RUN_FRAMES, BATCH, STEPS = 1_400_000, 500, 32, 10
 MOST_WAITING = 0.05
-OUT = Path("out/bench/gmr_loader.json")
+OUT = OUT_DIR / "gmr_loader.json"
 Batches = Callable[[Callable[[int], Batch], Iterable[int]], Iterator[tuple[int, Batch]]]
 
 
@@ -106,7 +107,6 @@ def test_the_loop_does_not_wait(tmp_path: Path, request: pytest.FixtureRequest) 
         "peak_memory_mb": round(peak_bytes / 1e6),
     }
     console.print(record)
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    OUT.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(OUT, record)
     if not small:
         assert ahead < MOST_WAITING

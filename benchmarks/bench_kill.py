@@ -4,7 +4,6 @@ Prints when it was killed and writes out/bench/kill.json.  Takes about three tim
 demo.
 """
 
-import json
 import signal
 import subprocess
 import sys
@@ -13,15 +12,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.stage.progress import console
+from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
 MANIFESTS = ("training.yaml", "synthetic.yaml", "pseudo_gt.yaml")
 N_KILLS = 5
 START_S = 6.0
 """A run that goes on needs this long to find what is done."""
-OUT = Path("out/bench/kill.json")
+OUT = OUT_DIR / "kill.json"
 
 
 def start(out: Path) -> subprocess.Popen[bytes]:
@@ -53,7 +54,6 @@ def test_five_kills_change_nothing(tmp_path: Path) -> None:
         name: (killed / name).read_bytes() == (undisturbed / name).read_bytes()
         for name in MANIFESTS
     }
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    OUT.write_text(json.dumps({"kills": kills, "same_bytes": same}, indent=2) + "\n")
+    write_json(OUT, {"kills": kills, "same_bytes": same})
     console.print(same)
     assert all(same.values())

@@ -4,7 +4,6 @@ Prints what was killed when and writes out/bench/kill_set.json.  The seed is new
 recorded; set GMRDATA_SEED to repeat one.
 """
 
-import json
 import os
 import secrets
 import time
@@ -13,9 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.stage.progress import console
+from gmrdata.values.files import write_json
 from tests.film.set_kills import (
     VICTIMS,
     contents,
@@ -27,7 +28,7 @@ from tests.film.set_kills import (
 
 pytestmark = pytest.mark.bench
 N_KILLS = 10
-OUT = Path("out/bench/kill_set.json")
+OUT = OUT_DIR / "kill_set.json"
 
 
 def test_ten_kills_change_nothing(tmp_path: Path, anny: object) -> None:
@@ -49,8 +50,7 @@ def test_ten_kills_change_nothing(tmp_path: Path, anny: object) -> None:
         "same_bytes": all(contents(path) == contents(undisturbed) for path in sets),
         "leftovers": [name for path in sets for name in leftovers(path)],
     }
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    OUT.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(OUT, record)
     console.print(record)
     assert record["same_bytes"] and not record["leftovers"]
     for path in sets:

@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 from long import street
 from long.street import film_street
-from record import Record, at_most, machine
+from record import OUT_DIR, Record, at_most, machine
 from render.tables import show
 
 from gmrdata.cameras.files import load_cameras
@@ -42,7 +42,6 @@ from gmrdata.write.video import write_video
 
 pytestmark = pytest.mark.bench
 HERE = Path(__file__).parent
-OUT_DIR = Path("out/bench")
 WORK_DIR = (OUT_DIR / "long").resolve()
 LENGTHS = (300, 626, 1252, 2496, 5000, 10_000)
 WHOLE_UPTO, DANCE_FRAMES, FOCAL_PX = 2496, 626, 717.06

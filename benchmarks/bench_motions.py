@@ -5,19 +5,20 @@ NumPy's text reader, which only reads the numbers of the same files, does less s
 """
 
 import io
-import json
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.motion.files import read_motion
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.progress import console, track
+from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/motions.json")
+OUT = OUT_DIR / "motions.json"
 
 
 def numpy_seconds(path: Path) -> float:
@@ -47,6 +48,5 @@ def test_every_file_reads(cmu_dir: Path) -> None:
         "seconds": round(seconds, 1),
         "bvh_ratio_to_numpy_loadtxt": round(ours_s / theirs_s, 2),
     }
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    OUT.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(OUT, record)
     console.print(record)

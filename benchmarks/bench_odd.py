@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from odd.cases import CASES
 from odd.run import Case, tried
-from record import Record, at_most
+from record import OUT_DIR, Record, at_most
 from render.tables import show
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/odd.json")
+OUT = OUT_DIR / "odd.json"
 ENDS = ("right", "refused_rightly", "wrong")
 
 

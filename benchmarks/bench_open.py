@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from open import bvh, colmap, protocols, round_trips
-from record import Record, at_least, at_most
+from record import OUT_DIR, Record, at_least, at_most
 from render.tables import show
 
 from gmrdata.read.bodies import load_body
@@ -20,7 +20,7 @@ from gmrdata.score.clip_errors import foot_vertices
 from gmrdata.values.body import BodyModel
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/open.json")
+OUT = OUT_DIR / "open.json"
 FEWEST_FILES, FEWEST_RIGHT = 20, 18
 BVH_COLUMNS = ("file", "found", "names", "frames", "fps_hz", "up", "limbs_deg", "hips_deg",
                "shoulders_deg", "trunk_deg", "hands_deg", "feet_deg", "why")  # fmt: skip

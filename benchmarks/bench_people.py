@@ -20,7 +20,7 @@ from people.single_frames import frame_row, single_frames
 from people.verdicts import MOST_PA_MM as WRONG_PA_MM
 from people.verdicts import judged, known_man, known_rendered, made_people
 from poses.world import solve
-from record import Bar, Record, at_least, at_most, machine
+from record import OUT_DIR, Bar, Record, at_least, at_most, machine
 from render.tables import show
 
 from gmrdata.people.landmark_body import SeenLandmarks
@@ -29,7 +29,6 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.people import PSEUDO_GT, LocalPoses
 
 pytestmark = pytest.mark.bench
-OUT_DIR = Path("out/bench")
 WORK_DIR = (OUT_DIR / "people").resolve()
 MOST_PA_MEAN_MM, MOST_PA_MM, MOST_REVERSED = 80.0, 95.0, 0.05
 MOST_DISTANCE_OFF, MOST_TORSO_OFF = 0.03, 0.02

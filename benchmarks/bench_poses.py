@@ -14,11 +14,10 @@ import pytest
 from poses.clips import make_pose_clips
 from poses.score import PoseRow, means, pose_row
 from poses.world import WorldRow, solve, world_figures, world_row
-from record import Record, at_most, machine
+from record import OUT_DIR, Record, at_most, machine
 from render.tables import show
 
 pytestmark = pytest.mark.bench
-OUT_DIR = Path("out/bench")
 WORK_DIR = (OUT_DIR / "poses").resolve()
 MOST_PA_MPJPE_MM, MOST_WA_MPJPE_MM, MOST_RTE_PERCENT = 75.0, 130.0, 5.0
 MOST_STATIC_RATIO, MOST_PLACEMENT_RATIO = 0.7, 1.0

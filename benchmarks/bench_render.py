@@ -6,14 +6,13 @@ of whole processes in one run; seconds depend on the machine.
 """
 
 import json
-import os
-import platform
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import pytest
+from record import OUT_DIR, Record, bar_of, machine
 from render.clips import FPS_HZ
 from render.exactness import measure_exactness
 from render.feet import measure_feet
@@ -27,10 +26,9 @@ from render.timing import run_in_blender
 from gmrdata.film.blender_environment import versions_said
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
-from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/render.json")
+OUT = OUT_DIR / "render.json"
 BARS = {
     "projection_px_max": ("<", 0.05),
     "mask_iou_min": (">", 0.98),
@@ -71,9 +69,7 @@ def test_the_renderer(tmp_path: Path, request: pytest.FixtureRequest) -> None:
         "foot_gap_cm_mean": _mean_gap_cm(feet),
         "inliers_median_min": min(row["inliers_median"] for row in inliers),
     }
-    verdicts = [_verdict(name, value) for name, value in figures.items()]
     settings = _settings() | {"scale": "small" if small else "full"} | asdict(scale)
-    show("Bars", verdicts)
     gpu = _devices()
     show("Machine", [{"gpu": ", ".join(gpu) or "none here", **_settings()}])
     tables = {
@@ -84,11 +80,10 @@ def test_the_renderer(tmp_path: Path, request: pytest.FixtureRequest) -> None:
         "feet": feet,
         "inliers": inliers,
     }
-    write_json(OUT, figures | {"gpu": gpu, "settings": settings, "tables": tables})
+    record = Record(OUT, small, lambda: settings)
+    record.add(**figures, gpu=gpu, tables=tables)
     assert workers["clips_that_repeat"] == workers["clips"], "a clip differs from run to run"
-    if not small:
-        missed = [row["figure"] for row in verdicts if row["met"] == "no"]
-        assert not missed, f"bars not met: {', '.join(missed)}"
+    record.hold([bar_of(name, value, *BARS[name]) for name, value in figures.items()])
 
 
 def _mean_gap_cm(feet: list[dict[str, Any]]) -> float:
@@ -96,17 +91,6 @@ def _mean_gap_cm(feet: list[dict[str, Any]]) -> float:
     recorded = [row for row in feet if row["walk"].startswith("CMU")] or feet
     frames = sum(row["frames"] for row in recorded)
     return round(sum(row["frames"] * row["gap_cm_mean"] for row in recorded) / frames, 3)
-
-
-def _verdict(name: str, value: float) -> dict[str, Any]:
-    sense, bar = BARS[name]
-    met = {"<": value < bar, "<=": value <= bar, ">": value > bar, ">=": value >= bar}[sense]
-    return {
-        "figure": name,
-        "value": value,
-        "bar": f"{sense} {bar}",
-        "met": "yes" if met else "no",
-    }
 
 
 def _cmu_dir(request: pytest.FixtureRequest) -> Path | None:
@@ -126,10 +110,7 @@ def _devices() -> list[str]:
 
 
 def _settings() -> dict[str, Any]:
-    return {
-        "cores": len(os.sched_getaffinity(0)),
-        "load_at_the_end": round(os.getloadavg()[0], 1),
-        "python": platform.python_version(),
+    return machine() | {
         "blender": versions_said(run_in_blender(Path("blender.probe")).said.splitlines()),
         "pycolmap": metadata.version("pycolmap"),
         "samples": CONFIG.samples,

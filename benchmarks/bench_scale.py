@@ -8,12 +8,12 @@ import os
 from pathlib import Path
 
 import pytest
-from record import Record, at_least, at_most
+from record import OUT_DIR, Record, at_least, at_most
 from render.tables import show
 from scale import hosts, jobs, manifests, sharing
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/scale.json")
+OUT = OUT_DIR / "scale.json"
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ is what people do to the scale: as they are, and with the data set's faults.  Pr
 writes out/bench/scale_cues.json.
 """
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from record import Record, at_least, at_most
+from record import OUT_DIR, Record, at_least, at_most, machine
 from render.tables import show
 
 from gmrdata.film.set_plan import planned_clip, select
@@ -37,7 +36,7 @@ DRAWS = 6
 
 def test_people_tell_the_scale(cmu_dir: Path, request: pytest.FixtureRequest) -> None:
     small = request.config.getoption("--small")
-    record = Record(Path("out/bench/scale_cues.json"), small, lambda: {"cores": os.cpu_count()})
+    record = Record(OUT_DIR / "scale_cues.json", small, machine)
     recipe, body = load_recipe(recipe_path("twins"), TwinRecipe).set, load_body("anny")
     chosen = select(recipe, cmu_dir)
     takes = [take for take in chosen.takes if take.clip.programme.kind in TRAVELLING]

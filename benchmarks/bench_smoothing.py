@@ -5,19 +5,20 @@ the prior on acceleration, prints root mean square errors of the motions from fr
 over a tenth of a second, and writes out/bench/smoothing.json.
 """
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from record import OUT_DIR
 
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.film.programmes import Circular, Linear, LinearPanning, Panning, Programme, camera_path
 from gmrdata.stage.progress import console
+from gmrdata.values.files import write_json
 from gmrdata.values.transforms import fit_similarity
 from tests.filming import HEIGHT_PX, WIDTH_PX, Filmed, film_cameras, motion_errors
 
@@ -37,7 +38,7 @@ PROGRAMMES: dict[str, Programme] = {
 MOST = 1.05
 """Error with the prior over that without it; 1 where it neither helps nor harms."""
 ERRORS = ("frame_deg", "tenth_s_deg", "frame_mm", "tenth_s_mm")
-OUT = Path("out/bench/smoothing.json")
+OUT = OUT_DIR / "smoothing.json"
 
 
 def film(name: str, every: int, folder: Path) -> Filmed:
@@ -87,8 +88,7 @@ def test_the_prior_does_no_harm(tmp_path: Path) -> None:
             rows[clip] = row
             said = [f"{key} {row['without'][key]:g} -> {row['with'][key]:g}" for key in ERRORS]
             console.print(f"{clip}: {', '.join(said)}", soft_wrap=True)
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    OUT.write_text(json.dumps(rows, indent=2) + "\n")
+    write_json(OUT, rows)
     for clip, row in rows.items():
         for key in ERRORS:
             assert row["with"][key] <= MOST * row["without"][key], (clip, key)

@@ -12,7 +12,6 @@ import secrets
 import shutil
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ import numpy as np
 import pytest
 import yaml
 from film.set_kills import write_recipe
-from record import Record, at_least, at_most
+from record import OUT_DIR, Record, at_least, at_most
 from scale import sharing
 from soak.faults import Hit, end_well, hit, in_turn
 from soak.works import Work, contents_of
@@ -28,12 +27,12 @@ from soak.works import Work, contents_of
 from gmrdata.manifest.read import read_manifest
 from gmrdata.stage.progress import answers
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import camera_of, save_clip
-from gmrdata.world.compose import motion_in_camera
+from gmrdata.values.clip import camera_of
 from gmrdata.write.video import write_video_of
+from tests.world.test_compose import as_input, person_files
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/soak.json")
+OUT = OUT_DIR / "soak.json"
 FAULTS_AN_HOUR = 200
 GMR = {
     "model": {"layers": 1, "hidden": 16}, "loss": {"n_vertices": 20}, "steps": 120, "seed": 3,
@@ -84,22 +83,9 @@ def seen_in_video(filmed_set: Any, body: BodyModel, root: Path) -> list[str]:
     """Arguments of `gmrdata sfm` for a video of a sequence, and its person as the camera saw it."""
     images = sorted((filmed_set.root / "imageFiles" / "pan_00").iterdir())
     write_video_of(images, root / "pan.mp4", 30.0)
-    true = filmed_set.truth["pan_00"][0]
-    camera = camera_of(true)
-    unknown = replace(
-        camera,
-        world_from_cam=np.full_like(camera.world_from_cam, np.nan),
-        has_camera=np.zeros_like(camera.has_camera),
-    )
-    motion = motion_in_camera(true.motion, camera.world_from_cam)
-    save_clip(
-        root / "seen.npz",
-        replace(true, motion=motion, camera=unknown),
-        body.rest_pelvis_m(motion.shape),
-    )
-    given = {"frames": root / "pan.mp4", "camera-body": root / "seen.npz"}
-    given["body"] = filmed_set.body_path
-    return [word for name, path in given.items() for word in (f"--{name}", str(path))]
+    seen = person_files(root, as_input(filmed_set.truth["pan_00"][0]), body)
+    people = ("--camera-body", seen.clip_path, "--body", seen.body_path)
+    return [str(word) for word in (root / "pan.mp4", *people)]
 
 
 def test_soak(request: pytest.FixtureRequest, works: list[Work], tmp_path: Path) -> None:

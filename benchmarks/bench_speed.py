@@ -20,6 +20,7 @@ import numpy as np
 import pycolmap
 import pytest
 from dask.local import SynchronousExecutor
+from record import OUT_DIR
 from render.tables import show
 
 from gmrdata.cameras import reconstruct as stage
@@ -33,7 +34,7 @@ from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
-OUT = Path("out/bench/speed.json")
+OUT = OUT_DIR / "speed.json"
 SIZE_PX = (1080, 1920)
 MOST_OF_OLDER = 0.7  # of the older version's time
 HERE = Path(__file__).parent

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from record import at_least, at_most
+from record import OUT_DIR, at_least, at_most
 from render.tables import show
-from tables.session import OUT_DIR, TablesSession, as_far_as_seen, figures
+from tables.session import TablesSession, as_far_as_seen, figures
 
 from gmrdata.manifest.read import load_clips
 from gmrdata.stage.progress import answers

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from real.clips import FACTS_FILE, RealClip
-from record import Record, at_least, at_most, machine
+from record import OUT_DIR, Record, at_least, at_most, machine
 from render.tables import show
 from video.bodies import (
     MOST_OME_DEG,
@@ -46,7 +46,6 @@ from video.real import CLIPS, missing, real_figures, real_rows
 from video.speed import MOST_BYTES, MOST_S, seconds_10s_720p
 
 pytestmark = pytest.mark.bench
-OUT_DIR = Path("out/bench")
 WRONG_FOCAL_CLIPS = (
     "courtyard_circular",
     "park_linear",

@@ -1,5 +1,6 @@
 """What a measurement found, as JSON, and the bars that it must keep to."""
 
+import operator
 import os
 import platform
 from collections.abc import Callable, Sequence
@@ -11,6 +12,7 @@ from render.tables import show
 
 from gmrdata.values.files import write_json
 
+OUT_DIR = Path("out/bench")
 Bar = tuple[str, Any, str, bool]
 """Name, figure, what is asked of it, and whether it holds."""
 
@@ -18,7 +20,8 @@ Bar = tuple[str, Any, str, bool]
 def machine() -> dict[str, Any]:
     """What a measurement ran on, and how busy that is."""
     load = round(os.getloadavg()[0], 1)
-    return {"cores": os.cpu_count(), "load": load, "python": platform.python_version()}
+    cores = len(os.sched_getaffinity(0))
+    return {"cores": cores, "load_at_the_end": load, "python": platform.python_version()}
 
 
 @dataclass
@@ -48,16 +51,25 @@ class Record:
         assert self.small or not missed, f"bars not met: {', '.join(missed)}"
 
 
+SENSES: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+}  # fmt: skip
+
+
+def bar_of(name: str, value: float | None, sense: str, limit: float | None) -> Bar:
+    """What a figure must be beside a limit; an unknown limit is met by any figure."""
+    holds = value is not None and (limit is None or SENSES[sense](value, limit))
+    return name, value, f"{sense} {_text(limit)}", holds
+
+
 def at_most(name: str, value: float | None, limit: float | None) -> Bar:
-    """A figure that must not be larger; an unknown limit is met by any figure."""
-    holds = value is not None and (limit is None or value <= limit)
-    return name, value, f"<= {_text(limit)}", holds
+    """A figure that must not be larger."""
+    return bar_of(name, value, "<=", limit)
 
 
 def at_least(name: str, value: float | None, limit: float | None) -> Bar:
-    """A figure that must not be smaller; an unknown limit is met by any figure."""
-    holds = value is not None and (limit is None or value >= limit)
-    return name, value, f">= {_text(limit)}", holds
+    """A figure that must not be smaller."""
+    return bar_of(name, value, ">=", limit)
 
 
 def bar_rows(bars: Sequence[Bar]) -> list[dict[str, Any]]:

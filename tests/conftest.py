@@ -14,6 +14,7 @@ from hypothesis import settings
 from dataclasses import replace
 from gmrdata.read.bodies import load_body
 from gmrdata.values.body import JOINT, PARENTS, BodyModel
+from tests.folders import REPOSITORY
 from tests.sharing import made_once
 
 # A busy machine is no failure.  Few examples by default; `.ci/run` tries many.
@@ -33,7 +34,6 @@ pytest_plugins = (
     "tests.required",
 )
 
-REPOSITORY = Path(__file__).resolve().parent.parent
 SHARED_DATA = REPOSITORY.parent / "shared" / "data"
 
 

@@ -1,9 +1,11 @@
-"""What a folder holds."""
+"""The repository's folder, and what a folder holds."""
 
 import subprocess
 import time
 from pathlib import Path
 from typing import Any
+
+REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import gmrdata
+from tests.folders import REPOSITORY
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "api.md"
+PAGE = REPOSITORY / "docs" / "api.md"
 SLOW = ("torch", "bpy", "scipy", "numpy", "cv2", "pycolmap", "pydantic")
 
 

@@ -4,11 +4,12 @@ import ast
 import runpy
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
-FOLDER = Path(__file__).resolve().parents[1] / "examples"
+from tests.folders import REPOSITORY
+
+FOLDER = REPOSITORY / "examples"
 Example = Callable[..., str]
 SCRIPTS = sorted(path.name for path in FOLDER.glob("*.py"))
 MAY_IMPORT = {

@@ -4,7 +4,9 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parents[1] / "gmrdata"
+from tests.folders import REPOSITORY
+
+PACKAGE = REPOSITORY / "gmrdata"
 
 ORDER = (
     "values", "stage", "read", "write", "manifest", "motion", "film", "people", "cameras", "world",

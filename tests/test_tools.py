@@ -3,9 +3,10 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+
+from tests.folders import REPOSITORY
 
 FAULTY = """<p>before</p><script src="https://cdn.example/x.js"></script>
 <img src="http://images.example/a.png"><script>
@@ -31,7 +32,6 @@ def test_a_page_without_faults(browse, tmp_path):
     assert (seen.complaints, seen.requests) == ([], [])
 
 
-REPOSITORY = Path(__file__).resolve().parents[1]
 TESTS = {
     "test_body.py": "def test_one(): pytest.skip('no chromium')",
     "test_fixture.py": "@pytest.fixture\ndef data(): pytest.skip('no data')\ndef test_one(data): 0",

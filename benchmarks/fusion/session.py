@@ -1,8 +1,6 @@
 """What the measurements of the pose graph share: twins, their pseudo ground truth, and a network
 that was trained on none of their people, with its errors."""
 
-import os
-import platform
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -10,11 +8,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from gmr.cmu_data import import_motions
-from record import Record
+from gmr.cmu_data import every_motion
+from record import OUT_DIR, Record, machine
 from sfm.ours import Regenerated, regenerate
 from sfm.score import true_clips
-from sfm.twins import Twins, make_twins
+from sfm.twins import Twins, the_twins
 
 from gmrdata.fusion.camera_evidence import WorldErrors
 from gmrdata.fusion.fuse import world_errors
@@ -38,7 +36,6 @@ from gmrdata.values.clip import Clip, clip_on_body, load_clip
 from gmrdata.values.people import person_file
 from gmrdata.world.judge import PseudoGtQuality
 
-OUT_DIR = Path("out/bench")
 MEASURE = MeasureConfig()
 
 
@@ -92,12 +89,8 @@ class FusionSession:
 
     @cached_property
     def twins(self) -> Twins:
-        """The eight twins; two small ones where only the parts are tried."""
-        if self.twins_given is not None:
-            return Twins(self.twins_given.resolve())
-        name = "twins_small" if self.small else "twins"
-        motions = None if self.small else self.cmu_dir()
-        return make_twins(name, (OUT_DIR / name).resolve(), motions)
+        """Those of the measurements of the COLMAP stage."""
+        return the_twins(self.twins_given, self.small, self.cmu_dir)
 
     @cached_property
     def made(self) -> Regenerated:
@@ -128,8 +121,7 @@ class FusionSession:
         """Manifest of the CMU motions at hand, made if none is given."""
         if self.motions_given is not None:
             return self.motions_given.resolve()
-        name = "cmu_motions_small" if self.small else "cmu_motions"
-        return import_motions([self.cmu_dir()], (OUT_DIR / name).resolve(), small=self.small)
+        return every_motion(self.cmu_dir(), small=self.small)
 
     @cached_property
     def subjects(self) -> tuple[int, ...]:
@@ -181,12 +173,9 @@ class FusionSession:
         return self.errors[own]
 
     def _settings(self) -> dict[str, Any]:
-        return {
+        return machine() | {
             "scale": "small" if self.small else "full",
             "twins": "given" if self.twins_given else "rendered by the recipe",
             "pseudo_gt": "given" if self.pseudo_gt_given else "by the recipe threedpw",
             "network": StageRecord.of(self.run_dir).config,
-            "cores": len(os.sched_getaffinity(0)),
-            "load_at_the_end": round(os.getloadavg()[0], 1),
-            "python": platform.python_version(),
         }

@@ -1,8 +1,10 @@
 """CMU motions on the default body, and those of some subjects alone."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from record import OUT_DIR
 
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.runs import split_manifests
@@ -35,6 +37,12 @@ def import_motions(cmu_dirs: Sequence[Path], out_dir: Path, *, small: bool) -> P
     return make_library(tuple(files), "anny", out_dir)
 
 
+def every_motion(cmu_dir: Path, *, small: bool) -> Path:
+    """Manifest of the CMU motions at hand, which all measurements share."""
+    name = "cmu_motions_small" if small else "cmu_motions"
+    return import_motions([cmu_dir], (OUT_DIR / name).resolve(), small=small)
+
+
 def holding_out(config: TrainConfig, subjects: Sequence[int]) -> TrainConfig:
     """The recipe without some subjects.  02 and 08 are never trained on, whoever is scored."""
     held_out = tuple(sorted({*HELD_OUT, *subjects}))
@@ -47,20 +55,17 @@ def scored_motions(every: Path, config: TrainConfig, subjects: Sequence[int]) ->
     split = split_manifests([every], config.data)
     wanted = {f"{subject:02d}" for subject in subjects}
     ids = {file.entry.id for file in split.held_out if file.entry.id.split("_")[0] in wanted}
+    held_out = part_of(every, f"subjects_{'_'.join(sorted(wanted))}", ids)
+    return Motions(every, held_out, frozenset(file.entry.id for file in split.training))
+
+
+def part_of(every: Path, name: str, ids: Collection[str]) -> Path:
+    """A manifest of some clips beside that of all."""
     manifest = read_manifest(every)
     assert isinstance(manifest, Manifest)
-    name = f"subjects_{'_'.join(sorted(wanted))}"
-    held_out = write_manifest(
-        every.with_name(f"{name}.yaml"),
-        ManifestHead(
-            name=name,
-            version=manifest.version,
-            description=manifest.description,
-            kind="motions",
-            licence=manifest.licence,
-        ),
-        [clip for clip in manifest.clips if clip.id in ids],
-        created_by=manifest.created_by,
-        redo=True,
+    head = ManifestHead(
+        name, manifest.version, manifest.description, manifest.kind, manifest.licence
     )
-    return Motions(every, held_out, frozenset(file.entry.id for file in split.training))
+    clips = [clip for clip in manifest.clips if clip.id in ids]
+    path = every.with_name(f"{name}.yaml")
+    return write_manifest(path, head, clips, created_by=manifest.created_by, redo=True)

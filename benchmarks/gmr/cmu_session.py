@@ -1,7 +1,6 @@
 """What the measurements on CMU motions share: the data, the chosen recipe's run, and the record."""
 
 import os
-import platform
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,15 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from gmr.cmu_ablation import changed
-from gmr.cmu_data import HELD_OUT, Motions, holding_out, import_motions, scored_motions
+from gmr.cmu_data import HELD_OUT, Motions, every_motion, holding_out, scored_motions
 from gmr.cmu_runs import Trained, trained, trained_for
-from record import Record
+from record import OUT_DIR, Record, machine
 
 from gmrdata.gmr.config import LossConfig, TrainConfig
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.stage.recipes import find_recipe, load_recipe
 
-OUT_DIR = Path("out/bench")
 SMALL_SIZE: dict[str, Any] = {
     "model": {"layers": 1, "hidden": 16},
     "batch_size": 4,
@@ -68,8 +66,7 @@ class CmuSession:
     @cached_property
     def every(self) -> Path:
         """Manifest of all CMU motions at hand."""
-        name = "cmu_motions_small" if self.small else "cmu_motions"
-        return import_motions([self.cmu_dir()], (OUT_DIR / name).resolve(), small=self.small)
+        return every_motion(self.cmu_dir(), small=self.small)
 
     @cached_property
     def motions(self) -> Motions:
@@ -97,11 +94,8 @@ class CmuSession:
         return trained_for(self.ours.minutes, name, self.motions, config, self.work_dir)
 
     def _settings(self) -> dict[str, Any]:
-        return {
+        return machine() | {
             "scale": "small" if self.small else "full",
             "recipe": self.recipe.model_dump(mode="json"),
-            "cores": len(os.sched_getaffinity(0)),
-            "load_at_the_end": round(os.getloadavg()[0], 1),
-            "python": platform.python_version(),
             "torch": metadata.version("torch"),
         }

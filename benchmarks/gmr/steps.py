@@ -15,10 +15,9 @@ from gmrdata.gmr.loop import gradient_step
 from gmrdata.gmr.losses import Motions, gmr_loss, make_loss_bodies
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch, make_training_set
-from gmrdata.motion.gait import embedded_motions
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip
 from tests.gmr.direct_reading import direct_mesh_m
+from tests.motions import walking_clips
 
 Step = Callable[[int], None]
 """Does a training step; its number decides the windows."""
@@ -49,12 +48,7 @@ class Workload:
 
 def workload(config: TrainConfig, body: BodyModel) -> Workload:
     """Generated walks of a body: as many and as long that no window is padded."""
-    rng = np.random.default_rng(0)
-    motions = embedded_motions(body, rng, count=4, fps_hz=10.0, duration_s=20.0)
-    clips = [
-        Clip(str(i), m, np.ones(m.n_frames, bool), np.full(m.n_frames, -1), None)
-        for i, m in enumerate(motions)
-    ]
+    clips = walking_clips(body, ["0", "1", "2", "3"], fps_hz=10.0, duration_s=20.0)
     training_set = make_training_set(clips, config.model, config.windows)
     return Workload(config, body, training_set)
 

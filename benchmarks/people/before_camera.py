@@ -76,15 +76,15 @@ def view_row(view: View, poses: LocalPoses, body: BodyModel, doubt: str) -> View
         along_share=float(along.mean()),
         along_share_sd=float(along.std()),
         memory_s=_memory_s(along, fps_hz),
-        within=_within(along),
+        within=within(along / ALONG_SIGMA),
         unsure_frames=len(view.true_m) - len(found_m),
         doubt=doubt,
     )
 
 
-def _within(errors: np.ndarray) -> tuple[float, float]:
-    sizes = np.abs(errors) / ALONG_SIGMA
-    return float((sizes < 1).mean()), float((sizes < 2).mean())
+def within(sizes: np.ndarray) -> tuple[float, float]:
+    """Shares of errors, in their standard errors, that are within one and two."""
+    return float((np.abs(sizes) < 1).mean()), float((np.abs(sizes) < 2).mean())
 
 
 def _memory_s(errors: np.ndarray, fps_hz: float) -> float:
@@ -127,7 +127,7 @@ def shirt_row(poses: LocalPoses, dance: Dance, body: BodyModel) -> ShirtRow:
     ratios, _ = drawn_shirt(motion_of(poses, body, 30.0), poses.frame_numbers, dance, body)
     known = ratios[np.isfinite(ratios)]
     low, middle, high = np.percentile(known, [16, 50, 84]).tolist()
-    return ShirtRow(len(known), middle, low, high, _within(known - 1))
+    return ShirtRow(len(known), middle, low, high, within((known - 1) / ALONG_SIGMA))
 
 
 def drawn_shirt(

@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from people.real import TWELVE, own_people, write_lens
+from networks import networks_in, own_people
+from people.real import TWELVE, write_lens
 from poses.score import aligned_mm
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
@@ -139,7 +140,7 @@ def _solved(image: Path, view: DomeView, out_dir: Path, models_dir: Path) -> Pat
         poses="own",
         lens=GivenIntrinsics(file=lens),
         fps_hz=FPS_HZ,
-        config=own_people(models_dir),
+        config=own_people(networks_in(models_dir)),
     )
     return out_dir / "solved"
 

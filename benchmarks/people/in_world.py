@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from people.before_camera import drawn_shirt
+from people.before_camera import drawn_shirt, within
 from people.real import TWELVE, Dance, View
 from poses.score import aligned_mm
 
@@ -15,12 +15,12 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.skinning import motion_joints_m
-from gmrdata.values.transforms import apply, fit_similarity, invert, mean_rotation
+from gmrdata.values.transforms import angles_deg, apply, fit_similarity, invert, mean_rotation
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.level import level_from_world
 
-FORWARD = np.array([1.0, 0.0, 0.0])
+FORWARD, UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 TREADMILL_M = 0.24
 """How high the man's floor is above that of the room, where z = 0 is if a woman behind him is in
 the world, too: by her feet in two calibrated views, as the landmark network sees them."""
@@ -71,7 +71,7 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
         wa_mm=float(wa_mm.mean()),
         scale_off=None,
         floor_m=None,
-        **_level(world_from_cam[:1, :3, :3] @ view.up, quality, number),
+        **_level(world_from_cam[0, :3, :3] @ view.up, quality, number),
         **_places(found_m, true_m, before_m - hips_m, sigmas),
     )
 
@@ -99,7 +99,7 @@ def beside_row(view: View, solved_dir: Path, body: BodyModel) -> BesideRow:
     found_m, true_m = _hips_m(clip, body)[0][kept], view.true_m[clip.image_numbers[kept]]
     pa_mm = aligned_mm(found_m, true_m)
     world_from_cam = camera_of(load_clip(solved_dir / FUSED / person_file(number))).world_from_cam
-    level = _level(world_from_cam[:1, :3, :3] @ view.up, quality, number)
+    level = _level(world_from_cam[0, :3, :3] @ view.up, quality, number)
     return BesideRow(
         view.name,
         len(quality.people),
@@ -161,18 +161,17 @@ def dancer_row(dance: Dance, solved_dir: Path, body: BodyModel, name: str) -> Wo
         wa_mm=None,
         scale_off=float(1 / true_from_found.scale - 1),
         floor_m=float(np.nanmedian(floor_m[:, 2])),
-        **_level((turn.T @ dance.up)[None], quality, 0),
+        **_level(turn.T @ dance.up, quality, 0),
         **_places(world_m, apply(level, shirt_m[rows]), before_m, sigmas),
     )
 
 
-def _level(ups: np.ndarray, quality: PseudoGtQuality, number: int) -> dict[str, Any]:
+def _level(up: np.ndarray, quality: PseudoGtQuality, number: int) -> dict[str, Any]:
     assert quality.level is not None
-    cosine = ups[0, 2] / np.linalg.norm(ups[0])
     return {
         "accepted": quality.people[number].accepted,
         "frames": quality.people[number].frames,
-        "level_deg": float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))),
+        "level_deg": float(angles_deg(up, UP)),
         "said_deg": quality.level.sigma_deg,
     }
 
@@ -184,8 +183,8 @@ def _places(
     off_m = found_m - fit_similarity(found_m, true_m, scale=False).apply(true_m)
     return {
         "place_mm": float(1000 * np.sqrt((off_m**2).sum(axis=1).mean())),
-        "within": _within(_on_the_floor_m(found_m, true_m) / sigmas["place_sigma_m"]),
-        "within_before_camera": _within(before_m / sigmas["camera_sigma_m"]),
+        "within": within(_on_the_floor_m(found_m, true_m) / sigmas["place_sigma_m"]),
+        "within_before_camera": within(before_m / sigmas["camera_sigma_m"]),
     }
 
 
@@ -195,7 +194,3 @@ def _on_the_floor_m(found_m: np.ndarray, true_m: np.ndarray) -> np.ndarray:
     turn = np.angle(((found[:, 0] + 1j * found[:, 1]) * (true[:, 0] - 1j * true[:, 1])).sum())
     turned = true @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     return np.column_stack([found - turned, found_m[:, 2] - true_m[:, 2]])
-
-
-def _within(sizes: np.ndarray) -> tuple[float, float]:
-    return float((np.abs(sizes) < 1).mean()), float((np.abs(sizes) < 2).mean())

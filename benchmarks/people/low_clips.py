@@ -11,9 +11,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, HAND, LENSES, lay_out, recipe_of
+from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, HAND, Take, render_clips
 
-from gmrdata.film.render_set import render_dir, render_set
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import list_images
 from gmrdata.values.camera import project_cam
@@ -39,11 +38,8 @@ def make_low_clips(folder: Path, shared_data: Path, pose_clips: Path) -> list[Pa
     for name, (lens, trial, part_s) in LOW.items():
         if not (folder / name / FACTS_FILE).is_file():
             _cut(shared_data, folder / "whole", motions, trial, part_s)
-            sources = {name: {"trial": trial}}
-            recipe = recipe_of(name, lens, sources, {name: ROUND}, SEED, DURATION_S)
-            render_set(recipe, folder / "rendered" / name, motions_dir=motions)
-            rendered = render_dir(folder / "rendered" / name, name)
-            lay_out(rendered, name, LENSES[lens], folder / name, ROUND)
+            take = Take(name, "trial", SEED, DURATION_S, motions)
+            render_clips({name: (lens, trial, ROUND)}, folder, folder / "rendered" / name, take)
     for name in HIDDEN:
         if not (folder / f"{name}_hidden" / FACTS_FILE).is_file():
             _hide_legs(pose_clips / name, folder / f"{name}_hidden")

@@ -11,15 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from networks import networks_in, own_people
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 from gmrdata.people.following import load_tracks
 from gmrdata.people.landmark_body import HIPS, SeenLandmarks
 from gmrdata.people.local_poses import seen_landmarks
-from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.frames import read_frames
-from gmrdata.read.models import POSE_LANDMARKS
-from gmrdata.solve.request import FOLLOWED, FRAMES, LINES, OWN_POSES, SolveConfig
+from gmrdata.solve.request import FOLLOWED, FRAMES, LINES, OWN_POSES
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_bytes
@@ -108,7 +107,7 @@ def solved(
     People's world is made anew, and their poses unless it is for another height.  `beside_dir` has
     the views of `Demo_MultiPerson`.
     """
-    config = own_people(data_dir / "models")
+    config = own_people(networks_in(data_dir / "models"))
     for made in (LINES, BODIES, PSEUDO_GT, FUSED, *([OWN_POSES] if height_m is None else [])):
         shutil.rmtree(out_dir / made, ignore_errors=True)
     if name == DANCE:
@@ -122,13 +121,6 @@ def solved(
         source, out_dir, poses="own", lens=lens, fps_hz=fps_hz, height_m=height_m, config=config
     )
     return out_dir
-
-
-def own_people(models_dir: Path) -> SolveConfig:
-    """The recipe by networks in a folder."""
-    detector, landmarks = models_dir / "yolox_nano.onnx", models_dir / POSE_LANDMARKS.name
-    masks = PersonSource(model=detector, landmarks=landmarks)
-    return SolveConfig(masks=MasksConfig(sources=(masks,)))
 
 
 def write_lens(path: Path, size_px: tuple[int, int], numbers: Iterable[float]) -> Path:

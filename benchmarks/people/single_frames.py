@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from people.real import TWELVE, own_people, write_lens
+from networks import networks_in, own_people
+from people.real import TWELVE, write_lens
 from poses.score import aligned_mm
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
@@ -94,7 +95,7 @@ def frame_row(one: SingleFrame, out_dir: Path, models_dir: Path, body: BodyModel
         poses="own",
         lens=GivenIntrinsics(file=_calibration(one, out_dir / "cameras.txt")),
         fps_hz=FPS_HZ,
-        config=own_people(models_dir),
+        config=own_people(networks_in(models_dir)),
     )
     if not (solved / PSEUDO_GT).is_dir():
         return FrameRow(one.name, None)

@@ -8,13 +8,10 @@ People of their own in four kinds of places, under every camera programme.
 
 import sys
 from pathlib import Path
-from typing import Any
 
-from video.clips import FACTS_FILE, HAND, LENSES, lay_out, recipe_of
+from video.clips import HAND, Clip, Take, render_clips
 
-from gmrdata.film.render_set import render_dir, render_set
-
-CLIPS: dict[str, tuple[str, str, dict[str, Any]]] = {
+CLIPS: dict[str, Clip] = {
     "courtyard_walk": ("wide", "02_01", {"kind": "circular", "rate_deg_per_s": 20.0} | HAND),
     "room_scoop": ("wide", "02_06", {"kind": "circular", "rate_deg_per_s": 15.0} | HAND),
     "street_stride": ("wide", "08_04", {"kind": "linear_panning"} | HAND),
@@ -28,7 +25,6 @@ CLIPS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "park_jump": ("bent", "02_04", {"kind": "linear_panning"} | HAND),
     "courtyard_march": ("bent", "08_11", {"kind": "linear"} | HAND),
 }
-"""Lens, trial and camera programme of each clip; its place is the first word of its name."""
 SMALL = ("room_wash",)
 SEED, DURATION_S = 23, 3.4
 """Others take world errors over 100 frames at 30 Hz, 3.3 s: each clip is one such window, and those
@@ -38,18 +34,8 @@ of six short trials end before."""
 def make_pose_clips(folder: Path, motions_dir: Path, *, small: bool = False) -> list[Path]:
     """Render what is not there yet; the clips' folders, of one clip if it is `small`."""
     clips = {name: CLIPS[name] for name in SMALL} if small else CLIPS
-    for lens in LENSES:
-        wanted = {name: clip for name, clip in clips.items() if clip[0] == lens}
-        if all((folder / name / FACTS_FILE).is_file() for name in wanted):
-            continue
-        rendered = folder / "rendered" / lens
-        sources = {name: {"trial": trial} for name, (_, trial, _) in wanted.items()}
-        programmes = {name: programme for name, (_, _, programme) in wanted.items()}
-        recipe = recipe_of(f"poses_{lens}", lens, sources, programmes, SEED, DURATION_S)
-        render_set(recipe, rendered, motions_dir=motions_dir)
-        for name, programme in programmes.items():
-            lay_out(render_dir(rendered, name), name, LENSES[lens], folder / name, programme)
-    return [folder / name for name in clips]
+    take = Take("poses", "trial", SEED, DURATION_S, motions_dir)
+    return render_clips(clips, folder, folder / "rendered", take)
 
 
 if __name__ == "__main__":

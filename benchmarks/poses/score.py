@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from networks import networks_in
 from training.calibration import TrueTrack, true_track
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
-from gmrdata.people.following import FollowConfig, Networks, follow_people, load_tracks
+from gmrdata.people.following import FollowConfig, follow_people, load_tracks
 from gmrdata.people.landmark_body import LEG_M, landmark_offsets_m, landmarks_on
 from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.local_poses import LocalPosesConfig, poses_of, seen_landmarks
@@ -27,7 +28,6 @@ TWELVE = [
     for side in ("left", "right")
     for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 ]
-DETECTOR, NETWORK = "yolox_nano.onnx", "pose_landmark_heavy.tflite"
 LARGEST_SHIFT = 0.5
 """Distance of the hips' landmarks from the true hips up to which a track is the person's, in the
 true person's size."""
@@ -60,7 +60,7 @@ def pose_row(clip_dir: Path, work_dir: Path, models_dir: Path) -> PoseRow:
     images_dir, clip = clip_dir / FRAMES_FOLDER, load_clip(clip_dir / CLIP_FILE)
     body, intrinsics = load_body("anny"), load_intrinsics(work_dir / INTRINSICS)
     frames = read_frames(images_dir).with_rate(facts.fps_hz)
-    networks = Networks(models_dir / DETECTOR, models_dir / NETWORK)
+    networks = networks_in(models_dir)
     followed_dir = follow_people(frames, work_dir / FOLLOWED, FollowConfig(), networks)
     found = []
     for track in load_tracks(followed_dir):

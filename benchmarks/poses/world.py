@@ -10,18 +10,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from poses.score import DETECTOR, NETWORK
+from networks import networks_in, own_people
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.people.following import load_tracks
 from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
 from gmrdata.people.local_poses import POSES_FOLDER, seen_landmarks
-from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
 from gmrdata.score.metrics import root_errors_percent, segment_errors_mm
-from gmrdata.solve.request import FOLLOWED, INTRINSICS, OWN_POSES, SolveConfig
+from gmrdata.solve.request import FOLLOWED, INTRINSICS, OWN_POSES
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
@@ -76,8 +75,7 @@ class WorldRow:
 def solve(clip_dir: Path, work_dir: Path, models_dir: Path) -> VideoVerdict:
     """What `gmrdata video --poses own` leaves of a clip's frames."""
     facts = VideoFacts.read(clip_dir / FACTS_FILE)
-    masks = PersonSource(model=models_dir / DETECTOR, landmarks=models_dir / NETWORK)
-    config = SolveConfig(masks=MasksConfig(sources=(masks,)))
+    config = own_people(networks_in(models_dir))
     frames_dir = clip_dir / FRAMES_FOLDER
     return VideoVerdict.read(
         solve_video(frames_dir, work_dir, poses="own", fps_hz=facts.fps_hz, config=config)

@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import os
-import platform
 import shutil
 from collections.abc import Iterable
 from contextlib import suppress
@@ -17,11 +15,10 @@ import pytest
 from real.cases import Case
 from real.clips import CLIPS, FEWEST_CLIPS, missing_clips
 from real.rows import measure
-from record import Record
+from record import OUT_DIR, Record, machine
 
 import gmrdata
 
-OUT_DIR = Path("out/bench")
 KEPT_FILE = "real.jsonl"
 DECIDING = ("values", "read", "people", "cameras", "solve", "world")
 """Parts of the package that a row hangs on."""
@@ -133,12 +130,9 @@ class RealSession:
         }
 
     def _settings(self) -> dict[str, Any]:
-        return {
+        return machine() | {
             "scale": "small" if self.small else "full",
-            "cores": len(os.sched_getaffinity(0)),
-            "load_at_the_end": round(os.getloadavg()[0], 1),
             "threads": "features: one per core; all else: ours one, plain one per core",
-            "python": platform.python_version(),
             "pycolmap": metadata.version("pycolmap"),
             "evo": metadata.version("evo"),
         }

@@ -5,10 +5,12 @@ method has the stage elsewhere.
 """
 
 import importlib
+import inspect
 import json
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,12 +31,22 @@ def main(tree: Path, images_dir: Path, intrinsics: Path, out_dir: Path) -> None:
     if (tree / "gmrdata" / "sfm").is_dir():
         names = ("gmrdata.sfm.reconstruct", "gmrdata.sfm.config")
     stage, recipe = map(importlib.import_module, names)
+    images, lens = _given(stage, images_dir, np.load(intrinsics))
     started, processor = time.perf_counter(), time.process_time()
-    stage.reconstruct(images_dir, None, np.load(intrinsics), out_dir, recipe.SfmConfig())
+    stage.reconstruct(images, None, lens, out_dir, recipe.SfmConfig())
     seconds, processor_s = time.perf_counter() - started, time.process_time() - processor
     _require_own(tree)
     spent = {"seconds": seconds, "processor_s": processor_s}
     sys.stdout.write(json.dumps(spent) + "\n")
+
+
+def _given(stage: Any, images_dir: Path, intrinsics_px: np.ndarray) -> tuple[Any, Any]:
+    """Images and lens as the tree's stage takes them: older ones a folder and a matrix."""
+    if "frames" not in inspect.signature(stage.reconstruct).parameters:
+        return images_dir, intrinsics_px
+    frames = importlib.import_module("gmrdata.read.frames").read_frames(images_dir)
+    lens = importlib.import_module("gmrdata.values.camera").Lens
+    return frames, lens.of_matrix(intrinsics_px, frames.size_px)
 
 
 def _require_own(tree: Path) -> None:

@@ -6,13 +6,14 @@ steps are stages, so that their wall times are taken as those of ours are.
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gmrdata.cameras.colmap import matrix_of, pycolmap
 from gmrdata.cameras.files import CAMERAS_FILE, SfmCameras, load_cameras, save_cameras
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
@@ -62,9 +63,11 @@ def plain_cameras(
         images = list_images(images_dir)
         size_px = check_images(images)
         work_dir = partial / "colmap"
-        work_dir.mkdir()
-        _write_masks(images, masks_dir, size_px, work_dir / "masks")
-        world_from_cam = _largest_model(images, intrinsics_px, work_dir, config.seed)
+        database = matched(images, masks_dir, intrinsics_px, work_dir, config.seed)
+        models_dir = work_dir / "models"
+        models_dir.mkdir()
+        given = database, images_dir, models_dir, fixed_lens()
+        world_from_cam = largest_model(pycolmap.incremental_mapping(*given), images)
         shutil.rmtree(work_dir)
         has_camera = np.isfinite(world_from_cam[:, 0, 0])
         path = CameraPath(intrinsics_px, *size_px, world_from_cam, has_camera)
@@ -134,56 +137,61 @@ def composed(camera_clip: Clip, path: CameraPath) -> Clip:
     )
 
 
-def _write_masks(
-    images: list[Path], masks_dir: Path, size_px: tuple[int, int], out_dir: Path
-) -> None:
-    """COLMAP's sense: no features where the mask is 0."""
-    out_dir.mkdir()
-    for image in images:
-        background = read_gray(find_mask(masks_dir, image), size_px) <= 127
-        write_gray(out_dir / f"{image.name}.png", 255 * background.astype(np.uint8))
-
-
-def _largest_model(
-    images: list[Path], intrinsics_px: np.ndarray, work_dir: Path, seed: int
-) -> np.ndarray:
-    """world_from_cam (T, 4, 4), NaN where the largest model has no camera."""
-    from gmrdata.cameras.colmap import pycolmap
-
+def matched(
+    images: list[Path],
+    masks_dir: Path | None,
+    intrinsics_px: np.ndarray,
+    work_dir: Path,
+    seed: int,
+) -> Path:
+    """A database of features and matches by pycolmap's defaults, in a folder that is made."""
+    work_dir.mkdir(parents=True)
     pycolmap.set_random_seed(seed)
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = "PINHOLE"
     params = intrinsics_px[[0, 1, 0, 1], [0, 1, 2, 2]]
     reader.camera_params = ",".join(repr(float(value)) for value in params)
-    reader.mask_path = str(work_dir / "masks")
-    database_path, images_dir = work_dir / "database.db", images[0].parent
+    if masks_dir is not None:
+        _write_masks(images, masks_dir, work_dir / "masks")
+        reader.mask_path = str(work_dir / "masks")
+    database = work_dir / "database.db"
     pycolmap.extract_features(
-        database_path,
-        images_dir,
+        database,
+        images[0].parent,
         image_names=[image.name for image in images],
         camera_mode=pycolmap.CameraMode.SINGLE,
         reader_options=reader,
     )
-    pycolmap.match_sequential(database_path)
-    models = _map(pycolmap, database_path, images_dir, work_dir / "models")
-    world_from_cam = np.full((len(images), 4, 4), np.nan)
-    if models:
-        model = max(models, key=lambda model: model.num_reg_images())
-        row_of_name = {image.name: row for row, image in enumerate(images)}
-        for image_id in model.reg_image_ids():
-            image = model.image(image_id)
-            cam_from_world = np.asarray(image.cam_from_world().matrix())
-            world_from_cam[row_of_name[image.name]] = invert(
-                rigid(cam_from_world[:, :3], cam_from_world[:, 3])
-            )
-    return world_from_cam
+    pycolmap.match_sequential(database)
+    return database
 
 
-def _map(pycolmap: Any, database_path: Path, images_dir: Path, out_dir: Path) -> list[Any]:
+def _write_masks(images: list[Path], masks_dir: Path, out_dir: Path) -> None:
+    """COLMAP's sense: no features where the mask is 0."""
     out_dir.mkdir()
+    size_px = check_images(images)
+    for image in images:
+        background = read_gray(find_mask(masks_dir, image), size_px) <= 127
+        write_gray(out_dir / f"{image.name}.png", 255 * background.astype(np.uint8))
+
+
+def fixed_lens() -> Any:
+    """The incremental mapper's options: the lens is as it is given, all else as it comes."""
     options = pycolmap.IncrementalPipelineOptions()
-    # Fixed, since the data set gives them; all else as it comes.
     options.ba_refine_focal_length = options.ba_refine_extra_params = False
     options.mapper.abs_pose_refine_focal_length = False
     options.mapper.abs_pose_refine_extra_params = False
-    return list(pycolmap.incremental_mapping(database_path, images_dir, out_dir, options).values())
+    return options
+
+
+def largest_model(models: Mapping[int, Any], images: list[Path]) -> np.ndarray:
+    """world_from_cam (T, 4, 4), NaN where the largest model has no camera."""
+    world_from_cam = np.full((len(images), 4, 4), np.nan)
+    if models:
+        model = max(models.values(), key=lambda model: model.num_reg_images())
+        row_of_name = {image.name: row for row, image in enumerate(images)}
+        for image_id in model.reg_image_ids():
+            image = model.image(image_id)
+            cam_from_world = matrix_of(image.cam_from_world())
+            world_from_cam[row_of_name[image.name]] = invert(cam_from_world)
+    return world_from_cam

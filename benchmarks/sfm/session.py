@@ -1,7 +1,5 @@
 """What the measurements of the COLMAP stage share: twins, our run on them, and the record."""
 
-import os
-import platform
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from record import Record
+from record import OUT_DIR, Record, machine
 from sfm.ours import Regenerated, regenerate
-from sfm.twins import Twins, make_twins
+from sfm.twins import Twins, make_twins, the_twins
 
-OUT_DIR = Path("out/bench")
 LONG_RECIPE, ROLLING_RECIPE = (Path(__file__).parent / f"{n}.yaml" for n in ("long", "rolling"))
 
 
@@ -46,12 +43,8 @@ class Session:
 
     @cached_property
     def twins(self) -> Twins:
-        """The eight twins; two small ones where only the parts are tried."""
-        if self.twins_given is not None:
-            return Twins(self.twins_given.resolve())
-        if self.small:
-            return make_twins("twins_small", (OUT_DIR / "twins_small").resolve())
-        return make_twins("twins", (OUT_DIR / "twins").resolve(), self.motions_dir())
+        """The data sets to measure on."""
+        return the_twins(self.twins_given, self.small, self.motions_dir)
 
     @cached_property
     def long_twins(self) -> Twins:
@@ -81,12 +74,9 @@ class Session:
         return regenerate(root, self.work_dir / name, workers=workers)
 
     def _settings(self) -> dict[str, Any]:
-        return {
+        return machine() | {
             "scale": "small" if self.small else "full",
             "twins": "given" if self.twins_given is not None else "rendered by the recipe",
-            "cores": len(os.sched_getaffinity(0)),
-            "load_at_the_end": round(os.getloadavg()[0], 1),
             "threads": "images, features: one per core; all else: ours one, plain one per core",
-            "python": platform.python_version(),
             "pycolmap": metadata.version("pycolmap"),
         }

@@ -1,8 +1,10 @@
 """Twins to measure on: 3DPW's layout and faults, with the truth kept aside; rendered once."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from record import OUT_DIR
 from render.timing import run_python
 
 from gmrdata.read.threedpw_files import SequenceFiles, find_sequence
@@ -43,6 +45,14 @@ class Twins:
     def files(self, name: str) -> SequenceFiles:
         """A sequence's files."""
         return find_sequence(self.root, name)
+
+
+def the_twins(given: Path | None, small: bool, motions_dir: Callable[[], Path]) -> Twins:
+    """The eight twins, if none are given; two small ones where only the parts are tried."""
+    if given is not None:
+        return Twins(given.resolve())
+    name = "twins_small" if small else "twins"
+    return make_twins(name, (OUT_DIR / name).resolve(), None if small else motions_dir())
 
 
 def make_twins(recipe: str | Path, folder: Path, motions_dir: Path | None = None) -> Twins:

@@ -7,13 +7,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from record import Record, machine
+from gmr.cmu_data import part_of
+from networks import networks_in
+from record import OUT_DIR, Record, machine
 from tables.clips import scored_set, training_set
 
 from gmrdata.gmr.config import BUNDLED, network_dir
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.write import ManifestHead, write_manifest
 from gmrdata.paper.comparison import TableRecord
 from gmrdata.paper.make import make_table
 from gmrdata.paper.own_poses import (
@@ -26,11 +27,9 @@ from gmrdata.paper.own_poses import (
     own_poses,
 )
 from gmrdata.paper.plan import Given, TableRecipe, load_table
-from gmrdata.people.following import Networks
 from gmrdata.stage.run import Run
 from gmrdata.twins.twin_set import SET_FOLDER
 
-OUT_DIR = Path("out/bench")
 HELD_OUT = ("02", "08")
 """Subjects of whom nothing was trained on."""
 WALKING_TWINS = ("street_walk_00", "park_curve_00", "courtyard_turn_00", "street_navigate_00")
@@ -81,7 +80,7 @@ class TablesSession:
     def moving(self) -> Path:
         """Those whose camera moves."""
         clips = read_clips(self.scored)
-        return part_of(self.scored, [one for one in clips if one.camera_motion != "static"])
+        return some_of(self.scored, [one for one in clips if one.camera_motion != "static"])
 
     @cached_property
     def training(self) -> Path:
@@ -91,18 +90,13 @@ class TablesSession:
         else:
             every = (self.twins_given / SET_FOLDER / "synthetic.yaml").resolve()
         clips = [one for one in read_clips(every) if is_trained_on(one, self.twins_given)]
-        allowed = part_of(every, clips)
+        allowed = some_of(every, clips)
         return as_far_as_seen(allowed, self.seen(allowed, "training"))
 
     def seen(self, manifest: Path, name: str) -> Path:
         """What the estimator sees of a manifest's clips."""
-        models = self.models_dir()
-        return own_poses(
-            manifest,
-            self.work_dir / f"own_{name}",
-            networks=Networks(models / "yolox_nano.onnx", models / "pose_landmark_heavy.tflite"),
-            run=ANEW,
-        )
+        networks = networks_in(self.models_dir())
+        return own_poses(manifest, self.work_dir / f"own_{name}", networks=networks, run=ANEW)
 
     def features(self) -> Path:
         """The features of what is trained on and of what is scored, in one folder."""
@@ -150,31 +144,17 @@ def is_trained_on(clip: Any, twins: Path | None) -> bool:
     return walks and str(clip.source.sequence)[:2] not in HELD_OUT
 
 
-def part_of(manifest: Path, clips: Sequence[Any]) -> Path:
+def some_of(manifest: Path, clips: Sequence[Any]) -> Path:
     """A manifest of some clips beside that of all, named by how many they are."""
-    every = read_manifest(manifest)
-    assert isinstance(every, Manifest)
-    name = f"{every.name}_{len(clips)}"
-    return write_manifest(
-        manifest.with_name(f"{name}.yaml"),
-        ManifestHead(
-            name=name,
-            version=every.version,
-            description=every.description,
-            kind=every.kind,
-            licence=every.licence,
-        ),
-        clips,
-        created_by=every.created_by,
-        redo=True,
-    )
+    name = f"{read_manifest(manifest).name}_{len(clips)}"
+    return part_of(manifest, name, {one.id for one in clips})
 
 
 def as_far_as_seen(manifest: Path, seen_dir: Path) -> Path:
     """A manifest of the clips whose person the estimator follows; the others have no poses."""
     seen, clips = OwnPosesRecord.read(seen_dir / RECORD).clips, read_clips(manifest)
     kept = [one for one in clips if one.id in seen]
-    return manifest if len(kept) == len(clips) else part_of(manifest, kept)
+    return manifest if len(kept) == len(clips) else some_of(manifest, kept)
 
 
 def with_steps(recipe: TableRecipe, steps: int) -> TableRecipe:

@@ -16,13 +16,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from networks import networks_in
 from render.tables import show
 from training.calibration import TrueTrack, measure_offsets, true_track
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.people.following import (
     FollowConfig,
-    Networks,
     Sightings,
     follow_people,
     load_tracks,
@@ -56,7 +56,7 @@ def true_tracks(clips: Sequence[Path], work_dir: Path, models_dir: Path) -> dict
             read_frames(clip_dir / FRAMES_FOLDER),
             work_dir / clip_dir.name,
             FollowConfig(),
-            Networks(models_dir / "yolox_nano.onnx", models_dir / "pose_landmark_heavy.tflite"),
+            networks_in(models_dir),
         )
         tracks = [
             _of_person(track, clip, _bend(clip_dir), body) for track in load_tracks(followed_dir)

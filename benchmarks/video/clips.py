@@ -10,6 +10,7 @@ put into frames that were rendered wider.  `python benchmarks/video/clips.py FOL
 """
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -47,7 +48,9 @@ LENSES = {
     "bent": Lens((640, 480), 540.0, -0.15, (720, 540)),
 }
 HAND: dict[str, float] = {"handheld_m": 0.012, "handheld_deg": 0.3}
-CLIPS: dict[str, tuple[str, str, dict[str, Any]]] = {
+Clip = tuple[str, str, dict[str, Any]]
+"""Lens, motion and camera programme; its place is the first word of its name."""
+CLIPS: dict[str, Clip] = {
     "courtyard_circular": ("wide", "walk", {"kind": "circular", "rate_deg_per_s": 20.0} | HAND),
     "street_circular": ("usual", "walk", {"kind": "circular", "rate_deg_per_s": 15.0} | HAND),
     "room_circular": ("bent", "circle", {"kind": "circular", "rate_deg_per_s": 20.0} | HAND),
@@ -61,7 +64,6 @@ CLIPS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "room_small": ("wide", "circle", {"kind": "small"}),
     "room_static": ("usual", "circle", {"kind": "static"}),
 }
-"""Lens, gait and camera programme of each clip; its place is the first word of its name."""
 SMALL = ("courtyard_circular", "park_beside")
 
 
@@ -81,36 +83,41 @@ class VideoFacts(Record):
 def make_video_clips(folder: Path, *, small: bool = False) -> list[Path]:
     """Render and bend what is not there yet; the clips' folders, of two clips if it is `small`."""
     clips = {name: CLIPS[name] for name in SMALL} if small else CLIPS
+    rendered = folder / ("rendered_small" if small else "rendered")
+    return render_clips(clips, folder, rendered, Take("video", "gait", SEED, DURATION_S))
+
+
+@dataclass(frozen=True)
+class Take:
+    """What clips have in common but for their lens."""
+
+    name: str
+    moved_by: str
+    """What their motions are: "gait", or "trial" of files in `motions_dir`."""
+    seed: int
+    duration_s: float
+    motions_dir: Path | None = None
+
+
+def render_clips(clips: Mapping[str, Clip], folder: Path, rendered: Path, take: Take) -> list[Path]:
+    """Render, one set for each lens, and bend what is not there yet; the clips' folders."""
     for lens in LENSES:
         wanted = {name: clip for name, clip in clips.items() if clip[0] == lens}
-        rendered = folder / ("rendered_small" if small else "rendered") / lens
         if all((folder / name / FACTS_FILE).is_file() for name in wanted):
             continue
-        render_set(_recipe(lens, wanted), rendered)
+        recipe = _recipe(wanted, lens, take)
+        render_set(recipe, rendered / lens, motions_dir=take.motions_dir)
         for name, (_, _, programme) in wanted.items():
-            lay_out(render_dir(rendered, name), name, LENSES[lens], folder / name, programme)
+            clip_dir = render_dir(rendered / lens, name)
+            _lay_out(clip_dir, name, LENSES[lens], folder / name, programme)
     return [folder / name for name in clips]
 
 
-def _recipe(lens: str, clips: dict[str, tuple[str, str, dict[str, Any]]]) -> SyntheticRecipe:
-    gaits = {name: {"gait": gait} for name, (_, gait, _) in clips.items()}
-    programmes = {name: programme for name, (_, _, programme) in clips.items()}
-    return recipe_of(f"video_{lens}", lens, gaits, programmes, SEED, DURATION_S)
-
-
-def recipe_of(
-    name: str,
-    lens: str,
-    motions: dict[str, dict[str, str]],
-    programmes: dict[str, dict[str, Any]],
-    seed: int,
-    duration_s: float,
-) -> SyntheticRecipe:
-    """Clips of one lens, each with its `gait` or `trial` and its camera programme."""
+def _recipe(clips: Mapping[str, Clip], lens: str, take: Take) -> SyntheticRecipe:
     of = LENSES[lens]
     width_px, height_px = of.rendered_px or of.size_px
     film = {
-        "duration_s": duration_s,
+        "duration_s": take.duration_s,
         "fps_hz": FPS_HZ,
         "width_px": width_px,
         "height_px": height_px,
@@ -118,18 +125,18 @@ def recipe_of(
     }
     entries = [
         {
-            "id": clip,
-            "programme": programmes[clip],
-            "scene": {"kind": clip.split("_")[0], "seed": 30 + row},
+            "id": name,
+            take.moved_by: motion,
+            "programme": programme,
+            "scene": {"kind": name.split("_")[0], "seed": 30 + row},
         }
-        | motion
-        for row, (clip, motion) in enumerate(motions.items())
+        for row, (name, (_, motion, programme)) in enumerate(clips.items())
     ]
     return SyntheticRecipe.model_validate(
         {
             "recipe": "synthetic",
-            "name": name,
-            "seed": seed,
+            "name": f"{take.name}_{lens}",
+            "seed": take.seed,
             "workers": 1,
             "people": {"vary": True},
             "film": film,
@@ -139,7 +146,7 @@ def recipe_of(
     )
 
 
-def lay_out(
+def _lay_out(
     rendered: Path, name: str, lens: Lens, out_dir: Path, programme: dict[str, Any]
 ) -> None:
     """Frames and masks through the lens, the truth beside them; the facts come last."""

@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from networks import networks_in
 from render.tables import show
 
 from gmrdata.cameras.again import AGAIN_FILE, AgainRecord, solve_again
@@ -176,11 +177,9 @@ def _config(clip: RealVideo, models: Path, given_masks: Path) -> SolveConfig:
     if given_masks.is_dir():
         masks = MasksConfig(sources=(FolderSource(path=given_masks),))
     elif clip.masks != ("none",):
-        model, landmarks = models / "yolox_nano.onnx", models / "pose_landmark_heavy.tflite"
-        person = "person" in clip.masks
-        masks = masks_named(
-            clip.masks, detector=model, landmark_network=landmarks if person else None
-        )
+        networks, person = networks_in(models), "person" in clip.masks
+        landmarks = networks.landmarks if person else None
+        masks = masks_named(clip.masks, detector=networks.detector, landmark_network=landmarks)
     calibration = SelfCalibrationConfig(max_image_size_px=LONGEST_PX)
     return SolveConfig(
         masks=masks,

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import av
+from networks import networks_in
 
 N_FRAMES, RATE_HZ, SIZE_PX = 300, 30, (1280, 720)
 MOST_S, MOST_BYTES = 80.0, 3 << 30
@@ -39,8 +40,8 @@ def seconds_10s_720p(source: Path, models: Path, work_dir: Path) -> dict[str, An
     work_dir.mkdir(parents=True, exist_ok=True)
     video = ten_seconds(source, work_dir / "ten_seconds.mp4")
     command = [sys.executable, "-m", "gmrdata", "video", video, "--out", work_dir / "out", "--redo"]
-    command += ["--poses", "none", "--detector", models / "yolox_nano.onnx"]
-    command += ["--landmark-network", models / "pose_landmark_heavy.tflite"]
+    detector, landmarks = networks_in(models)
+    command += ["--poses", "none", "--detector", detector, "--landmark-network", landmarks]
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     ended = subprocess.run([str(part) for part in command], check=False)
     seconds = time.perf_counter() - start

@@ -11,7 +11,7 @@ import yaml
 from gmrdata.cli import main
 from gmrdata.cli.demo_recipe import DemoPaths
 from gmrdata.read.body_file import save_body
-from tests.cli.small_demos import RECIPE, demo_arguments, finish, start_gmrdata
+from tests.cli.small_demos import RECIPE, demo_arguments
 from tests.filming import CAMERAS_ALONE
 from tests.read.videos import make_video
 from tests.sharing import made_once
@@ -42,10 +42,10 @@ def recipe_path(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory, recipe_path, cmu_dir) -> tuple[DemoPaths, str]:
+def finished(tmp_path_factory, recipe_path, cmu_dir) -> DemoPaths:
     out = tmp_path_factory.mktemp("demo") / "out"
-    said = finish(start_gmrdata(demo_arguments(out, recipe_path, cmu_dir)))
-    return DemoPaths(out), said
+    main(demo_arguments(out, recipe_path, cmu_dir))
+    return DemoPaths(out)
 
 
 @pytest.fixture(scope="session")

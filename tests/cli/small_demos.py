@@ -54,10 +54,3 @@ def demo_arguments(out: Path, recipe: Path, motions: Path) -> list[str]:
 def start_gmrdata(arguments: list[str]) -> subprocess.Popen[str]:
     command = [sys.executable, "-c", "from gmrdata.cli import main; main()", *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-
-
-def finish(process: subprocess.Popen[str]) -> str:
-    """Wait for it; what it said."""
-    said, _ = process.communicate(timeout=900)
-    assert process.returncode == 0, said
-    return said

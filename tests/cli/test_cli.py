@@ -24,10 +24,10 @@ from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
 from gmrdata.values.body import BodyModel
 from tests.clip_manifests import write_clips
 from tests.docs.page_commands import FUNCTIONS
+from tests.fixtures.command_line import Answer, fails_cleanly
+from tests.folders import REPOSITORY
 from tests.motions import walking_clips
 from tests.record_keys import assert_each_key_is_needed
-
-Answer = subprocess.CompletedProcess[str]
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -110,13 +110,6 @@ def test_the_home_folder_is_found_where_no_shell_writes_it_out(
     assert made.stdout.split()[-1] == str(tmp_path / "walks" / "motions.yaml"), made.stderr
     works("manifest", "check", "~/walks/motions.yaml")
     assert not list(here.iterdir())
-
-
-def fails_cleanly(answer: Answer, *said: str) -> None:
-    assert answer.returncode == 1, answer.stderr
-    assert "Traceback" not in answer.stderr
-    for text in said:
-        assert text in answer.stderr
 
 
 def test_a_motion_file_with_nan_is_named(gmrdata, tmp_path):
@@ -424,7 +417,6 @@ def test_an_old_flag_names_the_new_one(gmrdata):
 
 
 doctor = import_module("gmrdata.cli.doctor")  # beside the verb of that name
-REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture

@@ -16,15 +16,14 @@ from gmrdata.cli.demo_recipe import DemoPaths
 from gmrdata.manifest.check import check_manifest
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import read_json
-from tests.cli.small_demos import TINY, demo_arguments, finish, start_gmrdata
-from tests.cli.test_cli import fails_cleanly
+from tests.cli.small_demos import TINY, demo_arguments, start_gmrdata
+from tests.fixtures.command_line import fails_cleanly
 
 pytestmark = pytest.mark.slow
 
 
 def test_figures_meet_the_bars_for_small_pictures(finished):
-    paths, said = finished
-    summary = json.loads(paths.summary.read_text())
+    summary = json.loads(finished.summary.read_text())
     assert [clip["id"] for clip in summary["clips"]] == ["circular", "linear", "panning"]
     for clip in summary["clips"]:
         assert clip["frames_with_camera"] == clip["frames"] >= 15
@@ -34,36 +33,37 @@ def test_figures_meet_the_bars_for_small_pictures(finished):
             assert abs(clip["scale_error_percent"]) <= 8
     assert set(summary["gmr"]) == {"synthetic", "pseudo_gt"}
     assert set(summary["seconds"]) >= {"render", "cameras", "train"}
-    assert str(paths.report)[-20:] in said.replace("\n", "")
 
 
 def test_manifests_are_good_and_the_report_is_there(finished):
-    paths, _ = finished
-    for manifest in (paths.training_manifest, paths.synthetic_manifest, paths.pseudo_gt_manifest):
+    for manifest in (
+        finished.training_manifest,
+        finished.synthetic_manifest,
+        finished.pseudo_gt_manifest,
+    ):
         check_manifest(manifest)
         assert "workers" not in manifest.read_text()
-    assert paths.report.stat().st_size > 100_000
-    assert paths.overview.read_bytes()[:4] == b"\x89PNG"
+    assert finished.report.stat().st_size > 100_000
+    assert finished.overview.read_bytes()[:4] == b"\x89PNG"
 
 
 def test_a_second_run_makes_nothing_anew(finished, recipe_path, cmu_dir, works):
-    paths, _ = finished
-    before = {path: path.stat().st_mtime_ns for path in paths.root.rglob("stage.json")}
-    works(*demo_arguments(paths.root, recipe_path, cmu_dir))
-    assert {path: path.stat().st_mtime_ns for path in paths.root.rglob("stage.json")} == before
+    before = {path: path.stat().st_mtime_ns for path in finished.root.rglob("stage.json")}
+    said = works(*demo_arguments(finished.root, recipe_path, cmu_dir))
+    assert str(finished.report)[-20:] in said.stdout.replace("\n", "")
+    assert {path: path.stat().st_mtime_ns for path in finished.root.rglob("stage.json")} == before
     assert len(before) > 15
 
 
 def test_another_recipe_is_refused_and_leaves_what_is_there(
     finished, recipe_path, cmu_dir, tmp_path, gmrdata
 ):
-    paths, _ = finished
-    before = paths.recipe.read_bytes()
+    before = finished.recipe.read_bytes()
     other = tmp_path / "other.yaml"
     other.write_text(recipe_path.read_text() + "seed: 5\n")
-    answer = gmrdata(*demo_arguments(paths.root, other, cmu_dir))
+    answer = gmrdata(*demo_arguments(finished.root, other, cmu_dir))
     fails_cleanly(answer, "config.seed", "--redo")
-    assert paths.recipe.read_bytes() == before
+    assert finished.recipe.read_bytes() == before
 
 
 def unfinished(folder: Path) -> Path:
@@ -96,7 +96,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_manifests(cmu_dir, tmp_p
     kill_while(start_gmrdata(killed), unfinished(regenerated).exists)
     kept_step = unfinished(paths.gmr_dir) / "checkpoints" / "latest"
     kill_while(start_gmrdata(killed), kept_step.exists)
-    finish(start_gmrdata(killed))
+    works(*killed)
     for name in ("training.yaml", "synthetic.yaml", "pseudo_gt.yaml"):
         undisturbed = (tmp_path / "undisturbed" / name).read_bytes()
         assert (paths.root / name).read_bytes() == undisturbed, name
@@ -104,31 +104,29 @@ def test_killed_at_random_moments_it_ends_with_the_same_manifests(cmu_dir, tmp_p
 
 
 def test_sfm_regenerates_one_sequence_as_the_demo_did(finished, works, tmp_path):
-    paths, _ = finished
     answer = works(
         "sfm",
-        paths.clip("panning").frames_dir,
-        *("--camera-body", paths.clip("panning").seen),
-        *("--masks", paths.clip("panning").masks_dir),
-        *("--body", paths.body),
+        finished.clip("panning").frames_dir,
+        *("--camera-body", finished.clip("panning").seen),
+        *("--masks", finished.clip("panning").masks_dir),
+        *("--body", finished.body),
         *("--out", tmp_path / "out"),
     )
     out = tmp_path / "out"
     assert answer.stdout.split() == [str(out / "pseudo_gt"), str(out / "index.html")]
     made = load_clip(tmp_path / "out" / "pseudo_gt" / "person_0.npz")
-    before = load_clip(paths.clip("panning").pseudo)
+    before = load_clip(finished.clip("panning").pseudo)
     np.testing.assert_array_equal(made.motion.root_rotmats, before.motion.root_rotmats)
 
 
 def test_sfm_unites_the_silhouette_with_a_detector(finished, works, shared_path, tmp_path):
-    paths, _ = finished
     model, out = shared_path("models/yolox_nano.onnx"), tmp_path / "out"
     works(
         "sfm",
-        paths.clip("panning").frames_dir,
-        *("--camera-body", paths.clip("panning").seen),
+        finished.clip("panning").frames_dir,
+        *("--camera-body", finished.clip("panning").seen),
         *("--masks", "silhouette", "onnx", "--detector", model),
-        *("--body", paths.body),
+        *("--body", finished.body),
         *("--out", out),
     )
     shares = read_json(out / "masks" / "masks.json")
@@ -141,12 +139,11 @@ def test_sfm_unites_the_silhouette_with_a_detector(finished, works, shared_path,
 
 
 def test_sfm_names_the_frame_that_is_missing_or_broken(finished, gmrdata, tmp_path):
-    paths, _ = finished
     frames = tmp_path / "frames"
     frames.mkdir()
-    for path in sorted(paths.clip("panning").frames_dir.glob("*.jpg")):
+    for path in sorted(finished.clip("panning").frames_dir.glob("*.jpg")):
         (frames / path.name).write_bytes(path.read_bytes())
-    common = ("--camera-body", paths.clip("panning").seen, "--body", paths.body)
+    common = ("--camera-body", finished.clip("panning").seen, "--body", finished.body)
     (frames / "00007.jpg").write_bytes(b"")
     answer = gmrdata("sfm", frames, *common, "--out", tmp_path / "a")
     fails_cleanly(answer, "00007.jpg")
@@ -157,35 +154,30 @@ def test_sfm_names_the_frame_that_is_missing_or_broken(finished, gmrdata, tmp_pa
 
 
 def test_train_and_evaluate(finished, gmrdata, works, tmp_path):
-    paths, _ = finished
     recipe = tmp_path / "tiny.yaml"
     train = {"model": {"layers": 1, "hidden": 8}, "steps": 5, "batch_size": 2}
     train["loss"] = {"n_vertices": 20}
     recipe.write_text(yaml.safe_dump({"recipe": "gmr", "train": train}))
     run_dir = tmp_path / "run"
     answer = works(
-        *("train", paths.training_manifest, "--out", run_dir),
-        *("--recipe", recipe, "--body", paths.body),
+        *("train", finished.training_manifest, "--out", run_dir),
+        *("--recipe", recipe, "--body", finished.body),
     )
     scores_dir = tmp_path / "scores"
     answer = works(
-        *("evaluate", run_dir, paths.pseudo_gt_manifest, "--out", scores_dir),
-        *("--body", paths.body),
+        *("evaluate", run_dir, finished.pseudo_gt_manifest, "--out", scores_dir),
+        *("--body", finished.body),
     )
     scores = read_json(scores_dir / "scores.json")
     assert [clip["id"] for clip in scores["clips"]] == ["circular", "linear", "panning"]
     ours = scores["overall"]["pooled_over_motions"]["predicted"]
     assert f"{ours['tme_mm']:.1f}" in answer.stdout
-    refused = gmrdata(
-        *("evaluate", run_dir, paths.training_manifest, "--out", scores_dir),
-        *("--body", paths.body),
-    )
-    assert refused.returncode == 1 and "inputs.manifest" in refused.stderr
+    other = ("evaluate", run_dir, finished.training_manifest, "--out", scores_dir)
+    fails_cleanly(gmrdata(*other, "--body", finished.body), "inputs.manifest")
 
 
 def test_a_recipe_trains_and_scores(finished, works, tmp_path):
-    paths, _ = finished
-    recipe = paths.root / "tiny_gmr.yaml"
+    recipe = finished.root / "tiny_gmr.yaml"
     record = {
         "recipe": "gmr",
         "training": ["training.yaml"],
@@ -199,9 +191,8 @@ def test_a_recipe_trains_and_scores(finished, works, tmp_path):
 
 
 def test_the_report_can_be_written_again(finished, works):
-    paths, _ = finished
-    before = paths.report.read_bytes()
-    paths.report.unlink()
-    answer = works("report", paths.root)
-    assert paths.report.read_bytes() == before
+    before = finished.report.read_bytes()
+    finished.report.unlink()
+    answer = works("report", finished.root)
+    assert finished.report.read_bytes() == before
     assert "circular" in answer.stdout

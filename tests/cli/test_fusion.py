@@ -46,18 +46,15 @@ def test_fuse_says_what_it_found_and_writes_a_page(video, body_path, tmp_path, c
         (["--network", "nowhere"], "nowhere"),
     ],
 )
-def test_bad_flags_are_said(video, tmp_path, capsys, more, said):  # noqa: F811
-    with pytest.raises(SystemExit) as end:
-        main([*fuse_words(video), "--out", str(tmp_path / "out"), *more])
-    assert end.value.code == 1
-    assert said in capsys.readouterr().err.replace("\n", "")
+def test_bad_flags_are_said(video, tmp_path, gmrdata, more, said):  # noqa: F811
+    answer = gmrdata(*fuse_words(video), "--out", tmp_path / "out", *more)
+    assert answer.returncode == 1 and said in answer.stderr.replace("\n", "")
     assert not (tmp_path / "out").exists()
 
 
-def test_errors_of_a_run_that_held_nobody_out_are_refused(run_dir, tmp_path, capsys):
+def test_errors_of_a_run_that_held_nobody_out_are_refused(run_dir, tmp_path, gmrdata):
     (manifest := tmp_path / "none.yaml").touch()
-    asked = ["delta-errors", str(manifest), "--network", str(run_dir)]
-    with pytest.raises(SystemExit):
-        main([*asked, "--out", str(tmp_path / "e")])
-    assert "stage.json" in capsys.readouterr().err.replace("\n", "")
+    asked = ("delta-errors", manifest, "--network", run_dir, "--out", tmp_path / "e")
+    answer = gmrdata(*asked)
+    assert answer.returncode == 1 and "stage.json" in answer.stderr.replace("\n", "")
     assert not (tmp_path / "e").exists()

@@ -17,6 +17,7 @@ from gmrdata.world.judge import load_record
 from gmrdata.world.recipe import verdict_of
 from gmrdata.write.amass import write_amass
 from tests.film.set_kills import contents
+from tests.fixtures.command_line import fails_cleanly
 from tests.pages.html_pages import Page
 from tests.pages.solved_video import N_ROWS, camera_verdict, fuse_video, solved_video
 
@@ -172,7 +173,5 @@ def _files(folder: Path, format: str) -> list[str]:
 
 
 def test_several_and_none(gmrdata, tmp_path):
-    said = gmrdata("page", tmp_path)
-    assert said.returncode == 1 and "nothing of a video was solved there" in said.stderr
-    said = gmrdata("page")
-    assert said.returncode == 1 and "a folder of a solved video" in said.stderr
+    fails_cleanly(gmrdata("page", tmp_path), "nothing of a video was solved there")
+    fails_cleanly(gmrdata("page"), "a folder of a solved video")

@@ -10,8 +10,8 @@ from pathlib import Path
 import tyro
 
 from gmrdata.cli import VERBS, baselines, motion_files, pseudo_gt
+from tests.folders import REPOSITORY
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES = ("README.md", "CONTRIBUTING.md", "manifests/FORMAT.md")
 BLOCK = re.compile(r"^```(?:sh|bash)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`(gmrdata [^`\n]+)`")

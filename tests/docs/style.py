@@ -10,6 +10,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.folders import REPOSITORY
+
 LONGEST_SENTENCE, LONGEST_PARAGRAPH = 30, 90  # words
 _NUMBERS = r"\d|two|three|four|five|six|seven|eight|nine|ten"
 INVERTED = {
@@ -79,8 +81,8 @@ def page_words(markdown: str) -> int:
 
 
 if __name__ == "__main__":
-    root, total = Path(__file__).resolve().parents[2], 0
-    every = [root / "README.md", *sorted((root / "docs").glob("*.md")), root / "CHANGELOG.md"]
+    docs, total = sorted((REPOSITORY / "docs").glob("*.md")), 0
+    every = [REPOSITORY / "README.md", *docs, REPOSITORY / "CHANGELOG.md"]
     for page in [Path(name) for name in sys.argv[1:]] or every:
         text = page.read_text(encoding="utf-8")
         wrong, words = faults(text), page_words(text)

@@ -25,7 +25,8 @@ from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_names
 from tests.docs import page_commands as found
-from tests.docs.page_commands import REPOSITORY, Command
+from tests.docs.page_commands import Command
+from tests.folders import REPOSITORY
 
 pytest_plugins = ("tests.docs.small_world",)
 

@@ -2,12 +2,12 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "rejected.md"
+from tests.folders import REPOSITORY
+
+PAGE = REPOSITORY / "docs" / "rejected.md"
 FILES = ("world/judge.py", "solve/verdict.py", "cameras/check/verdict.py")
 GIVES_REASONS = re.compile(r"(_reasons|_tests|_doubts|_cause|_frames|_runs|judge_cameras|_steps)$")
 SHORTEST = 12  # letters of a piece that tell a reason from others
@@ -15,8 +15,8 @@ SHORTEST = 12  # letters of a piece that tell a reason from others
 
 def pieces(file: str) -> set[str]:
     """The longest constant piece of each text in the functions that give reasons."""
-    found = set()
-    for function in ast.walk(ast.parse((ROOT / "gmrdata" / file).read_text(encoding="utf-8"))):
+    found, text = set(), (REPOSITORY / "gmrdata" / file).read_text(encoding="utf-8")
+    for function in ast.walk(ast.parse(text)):
         if not isinstance(function, ast.FunctionDef) or not GIVES_REASONS.search(function.name):
             continue
         documented = ast.get_docstring(function, clean=False)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.page_commands import REPOSITORY, pages
+from tests.docs.page_commands import pages
+from tests.folders import REPOSITORY
 from tests.sharing import made_once
 
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]+)")

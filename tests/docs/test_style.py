@@ -9,8 +9,9 @@ import docstring_parser
 import pytest
 
 import gmrdata
-from tests.docs.page_commands import FUNCTIONS, REPOSITORY
+from tests.docs.page_commands import FUNCTIONS
 from tests.docs.style import faults, page_words, paragraphs, sentences
+from tests.folders import REPOSITORY
 
 DOCS = sorted((REPOSITORY / "docs").glob("*.md"))
 README, CHANGELOG = REPOSITORY / "README.md", REPOSITORY / "CHANGELOG.md"

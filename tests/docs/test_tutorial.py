@@ -19,7 +19,7 @@ from gmrdata.score.records import Scores
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.stage.progress import console
 from tests.blender.jobs import in_blender
-from tests.docs.page_commands import REPOSITORY
+from tests.folders import REPOSITORY
 from tests.read.videos import make_video
 
 PAGE = REPOSITORY / "docs" / "tutorial.md"

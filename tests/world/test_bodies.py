@@ -48,6 +48,14 @@ def video(frames: np.ndarray, n_frames: int | None = N_FRAMES, fps_hz: float = 1
     return frame_set(frames, SIZE_PX, fps_hz, n_frames)
 
 
+ALL = np.arange(N_FRAMES)
+
+
+def filmed(seen: Seen, frames: FrameSet | None = None) -> Filmed:
+    """By the person's own lens; the whole video unless said."""
+    return Filmed(frames or video(ALL), Lens.of_matrix(seen.intrinsics_px, SIZE_PX))
+
+
 def made(
     folder: Path,
     people: list[Seen],
@@ -56,8 +64,7 @@ def made(
     config: BodiesConfig | None = None,
 ) -> BodiesRecord:
     path = system_files.write_joblib(folder / "wham_output.pkl", system_files.wham_people(people))
-    lens = Lens.of_matrix(people[0].intrinsics_px, SIZE_PX)
-    return made_of(path, Filmed(frames, lens), body, config)
+    return made_of(path, filmed(people[0], frames), body, config)
 
 
 def made_of(
@@ -75,7 +82,7 @@ def made_of(
 
 def test_every_image_has_a_row_and_gaps_are_filled_but_not_valid(seen, neutral, tmp_path):
     known = np.r_[2:9, 12:N_FRAMES]
-    record = made(tmp_path, [rows_of(seen, known, known)], video(np.arange(N_FRAMES)), neutral)
+    record = made(tmp_path, [rows_of(seen, known, known)], video(ALL), neutral)
     clip = load_clip(tmp_path / "bodies" / "person_0.npz")
     np.testing.assert_array_equal(np.flatnonzero(clip.valid), known)
     found, true = clip.motion, seen.motion
@@ -96,9 +103,9 @@ def test_poses_of_every_second_frame_are_interpolated(seen, neutral, tmp_path):
     people = [rows_of(seen, half, np.arange(len(half)))]
     config = BodiesConfig(frames_per_row=2)
     slow, quick = tmp_path / "slow", tmp_path / "quick"
-    made(slow, people, video(np.arange(N_FRAMES)), neutral, config)
+    made(slow, people, video(ALL), neutral, config)
     assert load_clip(slow / "bodies" / "person_0.npz").valid.sum() == len(half)  # 0.2 s apart
-    made(quick, people, video(np.arange(N_FRAMES), fps_hz=20.0), neutral, config)
+    made(quick, people, video(ALL, fps_hz=20.0), neutral, config)
     clip = load_clip(quick / "bodies" / "person_0.npz")
     assert clip.valid[:-1].all() and not clip.valid[-1]
     np.testing.assert_allclose(clip.motion.pelvis_m[:-1], seen.motion.pelvis_m[:-1], atol=0.06)
@@ -116,8 +123,8 @@ def test_prompthmr_itself_takes_the_last_of_each_two_frames(fps_hz, first, seen,
     motion = replace(seen.motion.take(rows), frame="world")
     path = tmp_path / "results.pkl"
     system_files.write_prompthmr(path, motion, camera, np.arange(len(rows)))
-    filmed = Filmed(video(np.arange(N_FRAMES), N_FRAMES + first, fps_hz), lens)
-    record = made_of(path, filmed, neutral, BodiesConfig(frames_per_row=2))
+    whole = filmed(seen, video(ALL, N_FRAMES + first, fps_hz))
+    record = made_of(path, whole, neutral, BodiesConfig(frames_per_row=2))
     (person,), found = record.people, load_clip(tmp_path / "bodies" / "person_0.npz").motion
     assert (person.first_image, person.last_image) == (rows[0], rows[-1])
     np.testing.assert_allclose(found.pelvis_m[rows], seen.motion.pelvis_m[rows], atol=0.01)
@@ -134,13 +141,13 @@ def test_images_of_every_second_frame_take_their_own_rows(seen, neutral, tmp_pat
 
 def test_who_is_hardly_seen_is_left_out_and_named(seen, neutral, tmp_path):
     few = np.arange(3)
-    record = made(tmp_path, [rows_of(seen, few, few), seen], video(np.arange(N_FRAMES)), neutral)
+    record = made(tmp_path, [rows_of(seen, few, few), seen], video(ALL), neutral)
     assert [person.name for person in record.people] == ["person_1"]
     assert record.left_out == ("person_0 is seen in 3 images alone",)
 
 
 def test_another_body_stands_in_and_says_so(seen, small_body, tmp_path):
-    record = made(tmp_path, [seen], video(np.arange(N_FRAMES)), small_body)
+    record = made(tmp_path, [seen], video(ALL), small_body)
     assert "size of the mean" in record.notes[0] and "--body" in record.notes[0]
 
 
@@ -149,8 +156,7 @@ def test_only_people_with_betas_of_smpls_neutral_body_have_their_own_size(seen, 
     people = system_files.wham_people([seen, seen])
     people[1]["body"] = "smpl-female"
     path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
-    lens = Lens.of_matrix(seen.intrinsics_px, SIZE_PX)
-    record = made_of(path, Filmed(video(np.arange(N_FRAMES)), lens), neutral)
+    record = made_of(path, filmed(seen), neutral)
     assert [one.size_sigma for one in record.people] == [0.05, 0.07]
     size = "people have the size of the mean smpl-neutral body, not their own"
     carry = "scale and places carry that error, 7 % (give a height with --height-m)"
@@ -165,13 +171,12 @@ def test_a_size_that_changes_over_time_is_said(seen, neutral, tmp_path):
     for person, share in zip(people.values(), (0.02, 0.08), strict=True):
         person["betas"][:, 0] += share / per_beta * (-1.0) ** np.arange(N_FRAMES)
     path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
-    lens = Lens.of_matrix(seen.intrinsics_px, SIZE_PX)
-    record = made_of(path, Filmed(video(np.arange(N_FRAMES)), lens), neutral)
+    record = made_of(path, filmed(seen), neutral)
     assert [note[:43] for note in record.notes] == ["person_1: sizes in the file vary by 8%, as "]
 
 
 def test_a_height_that_is_told_moves_who_has_it(seen, neutral, tmp_path):
-    frames, heights = video(np.arange(N_FRAMES)), heights_of({"person_0": 1.5, "anna": 1.7})
+    frames, heights = video(ALL), heights_of({"person_0": 1.5, "anna": 1.7})
     plain, told = tmp_path / "plain", tmp_path / "told"
     (before,) = made(plain, [seen], frames, neutral).people
     record = made(told, [seen], frames, neutral, BodiesConfig(heights=heights))
@@ -188,7 +193,7 @@ def test_a_child_whose_height_is_told_is_of_no_adults_proportions(seen, neutral,
     sigmas = []
     for height_m in (1.0, 1.78):
         config = BodiesConfig(heights=heights_of({"person_0": height_m}))
-        frames = video(np.arange(N_FRAMES))
+        frames = video(ALL)
         (person,) = made(tmp_path / f"{height_m}", [seen], frames, neutral, config).people
         sigmas.append(person.size_sigma)
     assert sigmas == [pytest.approx(0.0758, abs=1e-4), 0.015]
@@ -212,8 +217,8 @@ def test_phalp_of_the_first_frames_of_a_longer_video_is_taken(seen, neutral, tmp
     numbers = np.arange(1286, 1286 + N_FRAMES)
     frames = system_files.phalp_frames([replace(seen, frames=numbers)], 1300)
     path = system_files.write_joblib(tmp_path / "demo_walk.pkl", frames)
-    lens = Lens.of_matrix(seen.intrinsics_px, SIZE_PX)
-    record = made_of(path, Filmed(video(numbers, 1800), lens), neutral)
+    long = filmed(seen, video(numbers, 1800))
+    record = made_of(path, long, neutral)
     clip = load_clip(tmp_path / "bodies" / "person_0.npz")
     np.testing.assert_array_equal(numbers[clip.valid], np.arange(1286, 1300))
     told = "PHALP ended after 1300 frames: for the others run it with video.end_frame=-1"
@@ -221,38 +226,37 @@ def test_phalp_of_the_first_frames_of_a_longer_video_is_taken(seen, neutral, tmp
     frames.popitem()
     path = system_files.write_joblib(tmp_path / "short" / path.name, frames)
     with pytest.raises(BadMotionFile, match=r"of 1299 frames, .* PHALP with video.end_frame=-1"):
-        made_of(path, Filmed(video(numbers, 1800), lens), neutral)
+        made_of(path, long, neutral)
 
 
 def test_vibe_of_a_video_that_stops_for_a_moment_is_refused(seen, neutral, tmp_path):
     """VIBE's images are of one rate, with frames repeated: its poses lay on other frames after."""
     people = system_files.vibe_people([seen], np.random.default_rng(0))
-    lens, frames = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), video(np.arange(N_FRAMES))
+    frames = video(ALL)
     for late_s in (0.18, 0.25):  # of 0.1 s from frame to frame
         times_s = frames.times_s + np.where(frames.numbers < 20, 0.0, late_s)
-        filmed = Filmed(replace(frames, times_s=times_s), lens)
+        late = filmed(seen, replace(frames, times_s=times_s))
         path = system_files.write_joblib(tmp_path / f"{late_s}" / "vibe_output.pkl", people)
         if late_s < 0.2:
-            assert len(made_of(path, filmed, neutral).people) == 1
+            assert len(made_of(path, late, neutral).people) == 1
             continue
         with pytest.raises(BadMotionFile, match=r"up to 0\.25 s off a steady 10 Hz, and VIBE"):
-            made_of(path, filmed, neutral)
+            made_of(path, late, neutral)
 
 
 def test_somebody_behind_the_camera_is_left_out_and_named(seen, neutral, tmp_path):
     """A ghost of a system's is no reason to refuse the others; where nobody is left, it is."""
     people = system_files.wham_people([seen, seen])
     save_body(tmp_path / "body.npz", neutral)
-    filmed = Filmed(video(np.arange(N_FRAMES)), Lens.of_matrix(seen.intrinsics_px, SIZE_PX))
     others = tmp_path / "body.npz", tmp_path / "out", BodiesConfig()
     ghost, real = people.values()
     ghost["trans"] = -ghost["trans"]
     path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
-    (files,) = make_bodies(path, filmed, *others)
+    (files,) = make_bodies(path, filmed(seen), *others)
     record = BodiesRecord.read(tmp_path / "out" / "bodies.json")
     assert record.left_out == ("person_0 does not stand before the camera",)
     assert load_clip(files.clip_path).id == record.people[0].name == "person_1"
     real["trans"] = -real["trans"]
     path = system_files.write_joblib(tmp_path / "wham_output.pkl", people)
     with pytest.raises(BadMotionFile, match="person_1 does not stand before the camera"):
-        make_bodies(path, filmed, *others, run=Run(redo=True))
+        make_bodies(path, filmed(seen), *others, run=Run(redo=True))
