@@ -161,24 +161,20 @@ def _part(
     ] = False,
 ) -> Any:  # a VideoConfig, which is loaded when it is needed
     """What is taken of a video file."""
-    from pydantic import ValidationError
-
     from gmrdata.read.video import VideoConfig
 
     given = {"from_s": from_s, "to_s": to_s, "every": every, "take_what_decodes": take_what_decodes}
-    try:
+    with flags_named():
         return VideoConfig.model_validate(given)
-    except ValidationError as error:
-        found = error.errors()[0]
-        option = "".join(f"--{str(part).removesuffix('_s')}: " for part in found["loc"])
-        raise BadRecipe(f"{option}{found['msg']}") from None
 
 
 PartFlags = Annotated[Any, OmitArgPrefixes, arg(constructor=_part)]
 """--from, --to, --every and --take-what-decodes: a `VideoConfig`; give it no default."""
 LENS_FLAGS = {"focal_px": "focal", "fov_deg": "fov", "file": "intrinsics"}
 """The flag of each key of a given lens."""
-FLAGS = LENS_FLAGS | {"frames_per_row": "poses_every"}
+FLAGS = LENS_FLAGS | {
+    "frames_per_row": "poses_every", "from_s": "from", "to_s": "to", "image_size_px": "image_size",
+}  # fmt: skip
 """The flags that have other names than the keys of recipes that they fill."""
 
 
@@ -241,9 +237,12 @@ def flags_named() -> Iterator[None]:
         yield
     except ValidationError as error:
         wrong = error.errors()[0]
+        what = wrong["msg"].removeprefix("Value error, ")
+        if not wrong["loc"]:  # of several that don't go together
+            raise BadRecipe(what) from None
         key = str(wrong["loc"][0])
         flag = FLAGS.get(key, key).replace("_", "-")
-        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
+        raise BadRecipe(f"--{flag} {wrong['input']}: {what}") from None
 
 
 def reading(
