@@ -19,6 +19,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import load_character, load_joints
 from gmrdata.values.errors import BadManifest, BadMotionFile, MissingInput, some
 from gmrdata.values.files import resolve_inside, sha256_of_file
+from gmrdata.values.motion import Motion
 
 ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations are stored in float64
 
@@ -34,17 +35,30 @@ def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
     kept = rows_in(entry.kept, entry.n_frames)
     if bad := _rows(kept & ~clip.valid):
         yield f"kept: row {bad} not valid in the file; write the manifest again"
-    motion = clip.motion
+    yield from _motion_problems(clip.motion, kept)
+    yield from _image_number_problems(clip.image_numbers)
+    if clip.camera is not None:
+        yield from _camera_problems(clip.camera)
+
+
+def require_sound(path: Path, clip: clip_file.Clip) -> clip_file.Clip:
+    """The clip of a file; BadMotionFile for valid rows and cameras without numbers to use."""
+    problems = list(_motion_problems(clip.motion, clip.valid))
+    if clip.camera is not None:
+        problems += _camera_problems(clip.camera)
+    if problems:
+        raise BadMotionFile(f"{path}: {problems[0]}")
+    return clip
+
+
+def _motion_problems(motion: Motion, kept: np.ndarray) -> Iterator[str]:
     poses = (motion.root_rotmats, motion.local_rotmats)
     for key, values in (*(("poses", one) for one in poses), ("trans", motion.pelvis_m)):
-        finite = np.isfinite(values).reshape(entry.n_frames, -1).all(axis=1)
+        finite = np.isfinite(values).reshape(motion.n_frames, -1).all(axis=1)
         if bad := _rows(kept & ~finite):
             yield f"arrays.{key}: NaN or infinite in kept row {bad}; drop the rows with a reason"
     if not np.isfinite(motion.shape).all():
         yield "arrays.betas: NaN or infinite; make the clip again"
-    yield from _image_number_problems(clip.image_numbers)
-    if clip.camera is not None:
-        yield from _camera_problems(clip.camera)
 
 
 def unmatched_rows(

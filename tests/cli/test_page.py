@@ -172,7 +172,12 @@ def _files(folder: Path, format: str) -> list[str]:
 
 
 def test_several_and_none(gmrdata, tmp_path):
+    """Files of the same names in a folder of something else were taken away."""
+    mine = tmp_path / "files" / "tum" / "camera.txt"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
     said = gmrdata("page", tmp_path)
     assert said.returncode == 1 and "nothing of a video was solved there" in said.stderr
+    assert mine.read_text() == "mine"
     said = gmrdata("page")
     assert said.returncode == 1 and "a folder of a solved video" in said.stderr

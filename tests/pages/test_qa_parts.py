@@ -1,5 +1,6 @@
 """Parts of the QA pages: hostile texts stay texts, paths are aligned, reasons are of a kind."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,14 @@ def test_a_page_is_always_a_plain_file_of_its_folder(name):
 @given(st.lists(st.text(max_size=8), min_size=2, max_size=20, unique=True))
 def test_two_names_never_share_a_page(names):
     assert len({page_name(name) for name in names}) == len(names)
+
+
+def test_a_scale_that_no_camera_has_is_listed_without_its_share():
+    """A set with one such sequence, which is rejected, had no pages and no table."""
+    scaled = partial(SequenceVerdict, "a", "test", False, ("no scale",), "linear", 0.0)
+    words = [scaled(scale, 0.03).scale_words for scale in (None, 0.0, -0.5, 0.5)]
+    assert words == ["", "0", "-0.5", "0.5 ± 6.0 %"]
+    assert scaled(0.0, 0.03).table_row[5] == "0" and scaled(None, None).table_row[5] == "-"
 
 
 def test_reasons_that_differ_in_a_number_are_of_one_kind():
