@@ -1,6 +1,6 @@
 """Flags that several verbs have, each described once, and what they stand for."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import remark
 from gmrdata.stage.run import Run, Shard
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.people import PersonFiles
@@ -273,6 +273,18 @@ def need(values: tuple[Any, ...], what: str) -> None:
         raise MissingInput(f"nothing given. Name {what}")
 
 
+def by_key(flag: str, texts: Sequence[str], remedy: str) -> dict[str, str]:
+    """Texts KEY=VALUE as a table, a VALUE alone by ""; BadRecipe for one that has no value, and for
+    a key that has one already."""
+    table: dict[str, str] = {}
+    for text in texts:
+        key, _, value = text.rpartition("=")
+        if not value or key in table:
+            raise BadRecipe(f"{flag} {text}: {remedy}")
+        table[key] = value
+    return table
+
+
 def body_path(body: str) -> Path | None:
     """The file of `--body`; None for the default body."""
     return None if body == "anny" else Path(body)
@@ -285,7 +297,7 @@ def say_lost(frames_dir: Path) -> None:
     video = video_record(frames_dir)
     if video is not None and video.n_lost:
         what = f"{video.n_lost} of {video.n_expected} frames could not be decoded"
-        console.print(f"{frames_dir}: {what}", markup=False, soft_wrap=True)
+        remark(f"{frames_dir}: {what}")
 
 
 def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:

@@ -1,7 +1,7 @@
 """Frames with what was found drawn over them: masks, the body, its path on the floor."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,13 +79,19 @@ def mask_sheet(
     images_dir: Path, masks_dir: Path, n_frames: int = 16, tile_width_px: int = 400
 ) -> np.ndarray:
     """Evenly spaced frames with their masks, side by side: (H, W, 3) BGR."""
+    some = masked_frames(images_dir, masks_dir, n_frames)
+    return tile_sheet([masked_tile(*one, tile_width_px) for one in some], MASK_COLUMNS)
+
+
+def masked_frames(
+    images_dir: Path, masks_dir: Path, n_frames: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Evenly spaced frames (H, W, 3) BGR, each with its mask (H, W), 255 = dynamic."""
     images = frame_files.list_images(images_dir)
     size_px = frame_files.check_images(images)
-    tiles = []
     for row in spaced(len(images), n_frames):
         mask = frame_files.read_gray(find_mask(masks_dir, images[row]), size_px)
-        tiles.append(masked_tile(frame_files.read_color(images[row]), mask, tile_width_px))
-    return tile_sheet(tiles, MASK_COLUMNS)
+        yield frame_files.read_color(images[row]), mask
 
 
 def masked_tile(image: np.ndarray, mask: np.ndarray, width_px: int) -> np.ndarray:
