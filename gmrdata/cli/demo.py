@@ -315,18 +315,16 @@ def training_entries(paths: DemoPaths, files: MotionFiles) -> list[ClipEntry]:
 
 def _true_entry(paths: DemoPaths, recipe: DemoRecipe, clip: DemoClip, source: Source) -> ClipEntry:
     files = paths.clip(clip.id)
-    masks_dir, others = (
-        files.render_dir / "masks",
-        optional_outputs(files.render_dir, recipe.render),
-    )
-    listed = ClipFiles(files.true, images=files.frames_dir, masks=masks_dir, **others)
+    made_dir = files.render_dir
+    others = optional_outputs(made_dir, recipe.render)
+    listed = ClipFiles(files.true, images=files.frames_dir, masks=made_dir / "masks", **others)
     about = ClipAbout(
         id=clip.id,
         camera_motion=clip.programme.kind,
         licence=licence_of(source),
         source=source,
         quality=Quality(geometry="exact"),
-        recipe=stage_recipe(files.render_dir),
+        recipe=stage_recipe(made_dir),
     )
     return clip_entry(paths.root, listed, about)
 

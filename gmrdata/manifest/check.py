@@ -13,6 +13,7 @@ from gmrdata.manifest.listing import ListedFile
 from gmrdata.manifest.read import disagreements, join_problems, read_manifest, rows_in
 from gmrdata.manifest.write import recipe_sha256
 from gmrdata.read.frames import number_in_name
+from gmrdata.read.numbers import RIGID_TOLERANCE
 from gmrdata.stage.progress import progress_bar
 from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import CameraPath
@@ -42,10 +43,13 @@ def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
 
 
 def require_sound(path: Path, clip: clip_file.Clip) -> clip_file.Clip:
-    """The clip of a file; BadMotionFile for valid rows and cameras without numbers to use."""
+    """The clip of a file; BadMotionFile for valid rows and cameras without numbers to use.
+
+    Rotations may be as far off as the readers of data sets let them be.
+    """
     problems = list(_motion_problems(clip.motion, clip.valid))
     if clip.camera is not None:
-        problems += _camera_problems(clip.camera)
+        problems += _camera_problems(clip.camera, RIGID_TOLERANCE)
     if problems:
         raise BadMotionFile(f"{path}: {problems[0]}")
     return clip
@@ -99,7 +103,7 @@ def _image_number_problems(image_numbers: np.ndarray) -> Iterator[str]:
         yield "arrays.image_numbers: not increasing; rows must follow the images' order"
 
 
-def _camera_problems(camera: CameraPath) -> Iterator[str]:
+def _camera_problems(camera: CameraPath, tolerance: float = ROTATION_TOLERANCE) -> Iterator[str]:
     intrinsics = camera.intrinsics_px
     if not (
         np.isfinite(intrinsics).all()
@@ -117,7 +121,7 @@ def _camera_problems(camera: CameraPath) -> Iterator[str]:
     rows = camera.has_camera & finite
     rotations = np.where(rows[:, None, None], transforms[:, :3, :3], np.eye(3))
     skew = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
-    if bad := _rows((skew > ROTATION_TOLERANCE) | (np.linalg.det(rotations) < 0)):
+    if bad := _rows((skew > tolerance) | (np.linalg.det(rotations) < 0)):
         yield f"arrays.world_from_cam: no proper rotation in row {bad}; make the clip again"
     if bad := _rows(rows & (transforms[:, 3] != [0, 0, 0, 1]).any(axis=1)):
         yield f"arrays.world_from_cam: last line isn't 0 0 0 1 in row {bad}; make the clip again"

@@ -77,7 +77,7 @@ def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
     for files in chosen:
         failure = paths.failures_dir / f"{files.name}.txt"
         if failure.is_file():
-            reasons[files.name] = failure.read_text(encoding="utf-8")
+            reasons[files.name] = failure.read_text(encoding="utf-8", errors="replace")
     said = f"{__version__} {recipe!r} {sorted(reasons.items())}"
     stamp, folders = paths.pages_dir / ".shown", [files.image_dir for files in chosen]
     if stamp.is_file() and stamp.read_bytes() == _shown(said, folders, paths).encode():

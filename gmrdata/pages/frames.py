@@ -14,7 +14,8 @@ from gmrdata.people.folder import find_mask
 from gmrdata.read import frames as frame_files
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values import camera, transforms
+from gmrdata.values import transforms
+from gmrdata.values.camera import project_cam
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import write_bytes
 from gmrdata.values.records import Config
@@ -182,11 +183,12 @@ def _clip_tile(
     if path is not None and has_camera:
         # Pixel (0, 0) is an outer corner, so the intrinsics scale with the frame.
         enlarged_px = np.diag([DRAWING_SCALE, DRAWING_SCALE, 1.0]) @ path.intrinsics_px
-        view = path.world_from_cam[row], enlarged_px
+        cam_from_world = transforms.invert(path.world_from_cam[row])
+        floor_m, vertices_m = (transforms.apply(cam_from_world, m) for m in (floor_m, vertices_m))
         every = max(1, round(clip.pseudo.motion.fps_hz))
-        drawn = draw_floor_path(drawn, *view, floor_m, every)
-        drawn = draw_body(drawn, *view, vertices_m, clip.body)
-        points_px = camera.project(view[0], vertices_m, view[1])
+        drawn = draw_floor_path(drawn, enlarged_px, floor_m, every)
+        drawn = draw_body(drawn, enlarged_px, vertices_m, clip.body)
+        points_px = project_cam(vertices_m, enlarged_px)
         person_px = np.concatenate([np.nanmin(points_px, axis=0), np.nanmax(points_px, axis=0)])
     if clip.masks_dir is not None:
         mask_path = clip.masks_dir / f"{images[number].stem}.png"

@@ -21,6 +21,7 @@ from gmrdata.export.sources import (
 from gmrdata.manifest.check import require_sound
 from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
 from gmrdata.people.folder import find_mask
+from gmrdata.read.numbers import rigid_rows
 from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.solve.request import FRAMES, INTRINSICS, MASKS, SFM
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras, with_lens_error
@@ -196,7 +197,7 @@ def gather_sequence(
     theirs = reader.read(load_dataset_camera, theirs_path, is_solved)
     if theirs is not None and camera is not None:
         fits = _are_same(reader, theirs_path, len(theirs), camera.n_frames)
-        theirs = theirs if fits else None
+        theirs = np.where(rigid_rows(theirs)[:, None, None], theirs, np.nan) if fits else None
     return Solved(
         name=verdict.sequence,  # as it stands in the data set: any text
         folder=None if files is None else folder,
