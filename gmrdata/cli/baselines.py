@@ -89,8 +89,9 @@ def baseline_vibe_cam(
     for text, (clip_id, number) in zip(person, tracks.items(), strict=True):
         if not clip_id or not number.isdecimal():
             raise BadRecipe(f"--person {text}: {remedy}")
+    person_ids = {clip_id: int(number) for clip_id, number in tracks.items()}
     with flags.flags_named():
-        config = VibeCamConfig(person_ids=tracks, image_size_px=image_size)
+        config = VibeCamConfig(person_ids=person_ids, image_size_px=image_size)
     files = SeenFiles(poses, keypoints, flags.body_path(body))
     answer(predict_vibe_cam(manifest, files, out, config, run=Run(redo=redo)))
 
