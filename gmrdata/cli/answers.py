@@ -77,7 +77,7 @@ def then(draw: Callable[[], object]) -> Iterator[None]:
 def fail(message: str, code: int = 1) -> None:
     """Say on standard error what went wrong, and end."""
     console.quiet = False
-    console.print(f"gmrdata: {message}", style="bold red", markup=False, soft_wrap=True)
+    remark(f"gmrdata: {message}", style="bold red")
     sys.exit(code)
 
 

@@ -84,13 +84,14 @@ def baseline_vibe_cam(
     """
     from gmrdata.paper.vibe_cam import SeenFiles, VibeCamConfig, predict_vibe_cam
 
-    tracks = {}
-    for text in person:
-        clip_id, equals, number = text.rpartition("=")
-        if not equals or not number.isdecimal():
-            raise BadRecipe(f"--person {text}: expected the clip's id, =, and a number")
-        tracks[clip_id] = int(number)
-    config = VibeCamConfig(person_ids=tracks, image_size_px=image_size)
+    remedy = "expected the clip's id, =, and a number, each clip once"
+    tracks = flags.by_key("--person", person, remedy)
+    for text, (clip_id, number) in zip(person, tracks.items(), strict=True):
+        if not clip_id or not number.isdecimal():
+            raise BadRecipe(f"--person {text}: {remedy}")
+    person_ids = {clip_id: int(number) for clip_id, number in tracks.items()}
+    with flags.flags_named():
+        config = VibeCamConfig(person_ids=person_ids, image_size_px=image_size)
     files = SeenFiles(poses, keypoints, flags.body_path(body))
     answer(predict_vibe_cam(manifest, files, out, config, run=Run(redo=redo)))
 

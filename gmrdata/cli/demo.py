@@ -32,7 +32,7 @@ from gmrdata.read.body_file import read_body
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.solve.solve import solve_sequence
 from gmrdata.stage.jobs import Job, run_jobs
-from gmrdata.stage.progress import console, track
+from gmrdata.stage.progress import console, remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.stage.workers import Pool, worker_pool
@@ -80,7 +80,7 @@ def run_demo(
     files = MotionFiles()
     if motions_dir is not None:
         files = choose_files(motions_dir, trials, recipe, load_body(paths.body))
-        console.print("  filming " + ", ".join(file.id for file in files.filmed))
+        remark("  filming " + ", ".join(file.id for file in files.filmed))
     make_motions(paths, recipe, files, run=run)
     with worker_pool(run, recipe.workers) as pool:
         _step(3, "render")
@@ -315,38 +315,31 @@ def training_entries(paths: DemoPaths, files: MotionFiles) -> list[ClipEntry]:
 
 def _true_entry(paths: DemoPaths, recipe: DemoRecipe, clip: DemoClip, source: Source) -> ClipEntry:
     files = paths.clip(clip.id)
-    return clip_entry(
-        paths.root,
-        ClipFiles(
-            files.true,
-            images=files.frames_dir,
-            masks=files.render_dir / "masks",
-            **optional_outputs(files.render_dir, recipe.render),
-        ),
-        ClipAbout(
-            id=clip.id,
-            camera_motion=clip.programme.kind,
-            licence=licence_of(source),
-            source=source,
-            quality=Quality(geometry="exact"),
-            recipe=stage_recipe(files.render_dir),
-        ),
+    made_dir = files.render_dir
+    others = optional_outputs(made_dir, recipe.render)
+    listed = ClipFiles(files.true, images=files.frames_dir, masks=made_dir / "masks", **others)
+    about = ClipAbout(
+        id=clip.id,
+        camera_motion=clip.programme.kind,
+        licence=licence_of(source),
+        source=source,
+        quality=Quality(geometry="exact"),
+        recipe=stage_recipe(made_dir),
     )
+    return clip_entry(paths.root, listed, about)
 
 
 def _pseudo_entry(paths: DemoPaths, clip: DemoClip, source: Source) -> ClipEntry:
     files = paths.clip(clip.id)
     record = load_record(files.pseudo_gt_dir)
-    return clip_entry(
-        paths.root,
-        ClipFiles(files.pseudo, images=files.frames_dir, masks=files.masks_dir),
-        ClipAbout(
-            id=clip.id,
-            camera_motion=record.camera_motion,
-            licence=licence_of(source),
-            source=source,
-            dropped_reason=record.people[0].row_reasons,
-            quality=quality_record(record, 0),
-            recipe=stage_recipe(files.pseudo_gt_dir),
-        ),
+    listed = ClipFiles(files.pseudo, images=files.frames_dir, masks=files.masks_dir)
+    about = ClipAbout(
+        id=clip.id,
+        camera_motion=record.camera_motion,
+        licence=licence_of(source),
+        source=source,
+        dropped_reason=record.people[0].row_reasons,
+        quality=quality_record(record, 0),
+        recipe=stage_recipe(files.pseudo_gt_dir),
     )
+    return clip_entry(paths.root, listed, about)

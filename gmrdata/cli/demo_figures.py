@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from pydantic import FiniteFloat, TypeAdapter, ValidationError
+from rich.markup import escape
 
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe, MotionsConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
@@ -61,7 +62,8 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     for clip in report.clips:
         write_view(paths.views_dir / f"{clip.id}.html", view_of_clip(clip))
     answers.print(summary_table(figures))
-    answers.print(f"\n[bold]{paths.report}[/bold], and in 3D {paths.views_dir}", soft_wrap=True)
+    report_path, views_dir = escape(str(paths.report)), escape(str(paths.views_dir))
+    answers.print(f"\n[bold]{report_path}[/bold], and in 3D {views_dir}", soft_wrap=True)
     return paths.report
 
 

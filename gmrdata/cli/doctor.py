@@ -81,7 +81,7 @@ def doctor(as_json: AsJson = False) -> None:
     Packages, extras, models, bodies, Blender, GPU, cores, memory and disk. The exit code is 1 if a
     part is missing or broken that gmrdata can't do without.
     """
-    parts = list(find_parts())
+    parts = find_parts()
     faults = [part for part in parts if part.required and part.state != "there"]
     if as_json:
         rows = [part._asdict() for part in parts]
@@ -101,15 +101,18 @@ def find_parts() -> list[Part]:
     names = (*LOADED, *_installed_extras())
     halves = [[name for name in names if (name in ON_TORCH) == on_torch] for on_torch in (1, 0)]
     libraries = [_start("-c", LIBRARIES, *half) for half in halves]
-    quick = [*_packages()], [*_extras()], [*_models(), *_bodies()], [*_machine()]
-    packages, extras, files, machine = quick
+    packages, files, machine = [*_packages()], [*_models(), *_bodies()], [*_machine()]
     (torch, gpus), (others, _) = map(_loaded, libraries, halves)
     loaded = (torch | others, gpus)
     return [
         *packages,
-        *(Part("packages", name, "broken", why, "", True) for name, why in _unloadable(loaded)),
+        *(
+            Part("packages", name, "broken", why, required=True)
+            for name in LOADED
+            if (why := loaded[0].get(name))
+        ),
         _blender(blender),
-        *(_extra_as_loaded(extra, loaded) for extra in extras),
+        *_extras(loaded),
         *files,
         _gpu(loaded),
         *machine,
@@ -175,33 +178,25 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _extras() -> Iterator[Part]:
+def _extras(loaded: Loaded) -> Iterator[Part]:
     for name, extra in EXTRAS.items():
-        found = _version(extra.package)
+        found, why_not = _version(extra.package), loaded[0].get(extra.module) or ""
         if found is None:
             note = f"{extra.enables}. pip install {extra.package}"
             yield Part("extras", name, "missing", "", note)
         else:
-            yield Part("extras", name, "there", f"{extra.package} {found}")
+            state: State = "broken" if why_not else "there"
+            yield Part("extras", name, state, f"{extra.package} {found}", why_not)
 
 
 def _installed_extras() -> list[str]:
     return [extra.module for extra in EXTRAS.values() if _version(extra.package) is not None]
 
 
-def _extra_as_loaded(part: Part, loaded: Loaded) -> Part:
-    why_not = loaded[0].get(EXTRAS[part.name].module)
-    return part._replace(state="broken", note=why_not) if why_not else part
-
-
 def _loaded(process: subprocess.Popen[str], names: Sequence[str]) -> Loaded:
     """Why each library does not load, if it does not, and the names of the GPUs."""
     said, why_not = _end(process)
     return (dict.fromkeys(names, why_not), []) if why_not else _LOADED.validate_json(said)
-
-
-def _unloadable(loaded: Loaded) -> list[tuple[str, str]]:
-    return [(name, why) for name in LOADED if (why := loaded[0].get(name))]
 
 
 def blender(

@@ -94,10 +94,6 @@ class Protocols:
     joint_regressor: Path | None = None
     """A .npy of (joints, vertices) that takes a protocol's joints from meshes."""
 
-    def settings(self) -> dict[str, object]:
-        """Of a `ScoreConfig`."""
-        return {"protocol": self.protocol, "original": self.original}
-
 
 @dataclass(frozen=True)
 class Results:
@@ -115,13 +111,6 @@ class Results:
     """Rate of OME, TME and VME of predictions; a network is scored at its own."""
     missing: Literal["error", "drop"] = "error"
     """Whether a clip or frame without a prediction is an error, or dropped and counted."""
-
-    def settings(self) -> dict[str, object]:
-        """Of a `ScoreConfig`."""
-        found = {
-            name: getattr(self, name) for name in ("fps_hz", "missing", "camera", "first_image")
-        }
-        return found | {"person": _people(self.person)}
 
 
 def evaluate(
@@ -161,9 +150,14 @@ def evaluate(
     from gmrdata.score.predictors import ScoreConfig
 
     flags.as_text(dry_run, as_json)
-    given = {"which": which, "all_phases": all_phases, "seed": seed}
+    remedy = "give NAME, CLIP=NAME or SYSTEM/CLIP=NAME, each once"
+    people = flags.by_key("--person", results.person, remedy)
     with flags.flags_named():
-        config = ScoreConfig.model_validate(given | protocols.settings() | results.settings())
+        config = ScoreConfig(
+            which=which, all_phases=all_phases, seed=seed, protocol=protocols.protocol,
+            original=protocols.original, person=people, camera=results.camera,
+            first_image=results.first_image, fps_hz=results.fps_hz, missing=results.missing,
+        )  # fmt: skip
     if dry_run:
         print_table(stage.PLAN_HEADINGS, stage.plan_scores(predictor, manifest, config))
         return
@@ -197,17 +191,6 @@ def _scored(made: "Scored") -> dict[str, object]:
         compared = Comparison.read(made.comparison).model_dump(mode="json")
     scores = {str(path): Scores.read(path).model_dump(mode="json") for path in made.scores}
     return {"scores": scores, "comparison": compared}
-
-
-def _people(given: tuple[str, ...]) -> dict[str, str]:
-    """--person as a table: by `SYSTEM/CLIP` or `CLIP`, or by "" for all clips."""
-    table = {}
-    for one in given:
-        clip, _, name = one.rpartition("=")
-        if not name or clip in table:
-            raise BadRecipe(f"--person {one}: give NAME, CLIP=NAME or SYSTEM/CLIP=NAME, each once")
-        table[clip] = name
-    return table
 
 
 def show_scores(path: Path) -> None:

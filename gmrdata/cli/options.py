@@ -1,6 +1,6 @@
 """Flags that several verbs have, each described once, and what they stand for."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import remark
 from gmrdata.stage.run import Run, Shard
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.people import PersonFiles
@@ -161,24 +161,20 @@ def _part(
     ] = False,
 ) -> Any:  # a VideoConfig, which is loaded when it is needed
     """What is taken of a video file."""
-    from pydantic import ValidationError
-
     from gmrdata.read.video import VideoConfig
 
     given = {"from_s": from_s, "to_s": to_s, "every": every, "take_what_decodes": take_what_decodes}
-    try:
+    with flags_named():
         return VideoConfig.model_validate(given)
-    except ValidationError as error:
-        found = error.errors()[0]
-        option = "".join(f"--{str(part).removesuffix('_s')}: " for part in found["loc"])
-        raise BadRecipe(f"{option}{found['msg']}") from None
 
 
 PartFlags = Annotated[Any, OmitArgPrefixes, arg(constructor=_part)]
 """--from, --to, --every and --take-what-decodes: a `VideoConfig`; give it no default."""
 LENS_FLAGS = {"focal_px": "focal", "fov_deg": "fov", "file": "intrinsics"}
 """The flag of each key of a given lens."""
-FLAGS = LENS_FLAGS | {"frames_per_row": "poses_every"}
+FLAGS = LENS_FLAGS | {
+    "frames_per_row": "poses_every", "from_s": "from", "to_s": "to", "image_size_px": "image_size",
+}  # fmt: skip
 """The flags that have other names than the keys of recipes that they fill."""
 
 
@@ -241,9 +237,12 @@ def flags_named() -> Iterator[None]:
         yield
     except ValidationError as error:
         wrong = error.errors()[0]
+        what = wrong["msg"].removeprefix("Value error, ")
+        if not wrong["loc"]:  # of several that don't go together
+            raise BadRecipe(what) from None
         key = str(wrong["loc"][0])
         flag = FLAGS.get(key, key).replace("_", "-")
-        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
+        raise BadRecipe(f"--{flag} {wrong['input']}: {what}") from None
 
 
 def reading(
@@ -274,6 +273,18 @@ def need(values: tuple[Any, ...], what: str) -> None:
         raise MissingInput(f"nothing given. Name {what}")
 
 
+def by_key(flag: str, texts: Sequence[str], remedy: str) -> dict[str, str]:
+    """Texts KEY=VALUE as a table, a VALUE alone by ""; BadRecipe for one that has no value, and for
+    a key that has one already."""
+    table: dict[str, str] = {}
+    for text in texts:
+        key, _, value = text.rpartition("=")
+        if not value or key in table:
+            raise BadRecipe(f"{flag} {text}: {remedy}")
+        table[key] = value
+    return table
+
+
 def body_path(body: str) -> Path | None:
     """The file of `--body`; None for the default body."""
     return None if body == "anny" else Path(body)
@@ -286,7 +297,7 @@ def say_lost(frames_dir: Path) -> None:
     video = video_record(frames_dir)
     if video is not None and video.n_lost:
         what = f"{video.n_lost} of {video.n_expected} frames could not be decoded"
-        console.print(f"{frames_dir}: {what}", markup=False, soft_wrap=True)
+        remark(f"{frames_dir}: {what}")
 
 
 def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:

@@ -10,7 +10,7 @@ from tyro.conf import Positional
 
 from gmrdata.cli.answers import fail
 from gmrdata.stage.jobs import OthersLeft
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import remark
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.records import Record
 
@@ -47,7 +47,7 @@ def share(arguments: Sequence[str]) -> Iterator[None]:
             CommandRecord(arguments=tuple(typed), folder=str(Path.cwd())).write(kept)
         if left.failed:
             fail(str(left))
-        console.print(str(left), markup=False, soft_wrap=True)
+        remark(str(left))
     else:
         if kept is not None:
             kept.unlink(missing_ok=True)

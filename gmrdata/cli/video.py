@@ -9,7 +9,7 @@ from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, answer_json, fail, print_table, then
-from gmrdata.stage.progress import console, remark
+from gmrdata.stage.progress import remark
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput
 
@@ -93,7 +93,7 @@ def sfm(
     answer(solve_sequence(frames, people, out, config, video=part, run=Run(redo=redo)))
     flags.say_lost(out / "frames")
     for name, figure in load_quality(out / "sfm").lens_in_words:
-        console.print(f"{name}: {figure}", markup=False, soft_wrap=True)
+        remark(f"{name}: {figure}")
     if page:
         answer(write_page(out, images=frames if frames.is_dir() else None, body=body))
 
@@ -330,7 +330,7 @@ def _say(verdict: "VideoVerdict") -> None:
         state = "accepted" if person.accepted else f"rejected: {'; '.join(person.reasons)}"
         lines.append(f"{person.id}: {person.kept_frames} of {person.frames} frames, {state}")
     for line in lines:
-        console.print(line, markup=False, soft_wrap=True)
+        remark(line)
 
 
 def _show_videos(out: Path, *, as_json: bool) -> None:

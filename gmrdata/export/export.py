@@ -25,6 +25,7 @@ from gmrdata.export.sources import (
     ExportedClip,
     list_clips,
     load_exported,
+    require_solved,
     world_people_dir,
 )
 from gmrdata.gmr.config import Which
@@ -335,7 +336,9 @@ def write_files(
     of cameras alone; gives what could not be written, and why.
 
     What they were of another verdict or body is taken away, but not what others put beside them.
+    MissingInput for a folder in which nothing was solved: nothing in it is touched.
     """
+    require_solved(out_dir)
     verdict_path, pseudo_gt_dir = out_dir / VERDICT_FILE, out_dir / PSEUDO_GT
     results: list[Exported] = []
     try:

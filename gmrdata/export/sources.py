@@ -15,11 +15,14 @@ import numpy as np
 
 from gmrdata.cameras.files import CAMERAS_FILE
 from gmrdata.film.render import EXTRAS_FOLDER
+from gmrdata.manifest.check import require_sound
 from gmrdata.manifest.current import READS, FolderRecord, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.read import listed_path, load_entry, read_data_set
 from gmrdata.read.bodies import body_files, load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
+from gmrdata.solve.request import FRAMES, MASKS, SFM
+from gmrdata.solve.verdict import VERDICT_FILE
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
@@ -37,7 +40,6 @@ from gmrdata.values.people import FUSED, PSEUDO_GT
 MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
 """The manifest that stands for a folder with several: a demo's result goes before its truth."""
 CLIPS_WITHIN = ("render_set", "predictions")  # the folders of twins, and of a baseline
-SFM = "sfm"  # the cameras' stage of a sequence that was solved, beside those of its people
 HEAD_BYTES = 1 << 16  # of a manifest, before its clips
 WRONG_BODY_M = 1e-3  # a rest pelvis that far from the clip's own is of another body
 
@@ -172,6 +174,7 @@ def load_exported(
         truth: Clip file of the same person, in place of what lies beside.
     """
     clip = load_clip(files.clip_path) if files.listed is None else load_entry(*files.listed)
+    require_sound(files.clip_path, clip)
     if images is not None and not images.is_dir():
         raise MissingInput(f"{images}: no such folder of images")
     truth_path = truth or files.truth_path
@@ -328,6 +331,13 @@ def _people_in(folder: Path) -> list[ClipFiles]:
     return [replace(person, sequence=one or person.sequence) for person in people]
 
 
+def require_solved(folder: Path) -> None:
+    """MissingInput for a folder in which nothing of a sequence was solved."""
+    if not any((folder / name).exists() for name in (SFM, PSEUDO_GT, VERDICT_FILE)):
+        what = "holds no sfm and no pseudo_gt, so nothing of a video was solved there"
+        raise MissingInput(f"{folder}: {what}. Give the folder of `gmrdata video` or `gmrdata sfm`")
+
+
 def world_people_dir(folder: Path) -> Path:
     """Where a solved sequence has its people in the world: with a network's motions where they were
     put together, else as the cameras alone give them."""
@@ -341,8 +351,8 @@ def _pseudo_gt_clip(path: Path) -> ClipFiles:
         id=path.stem,
         sequence=_file_name(folder.name),
         clip_path=path,
-        images_dir=_there(folder / "frames"),
-        masks_dir=_there(folder / "masks"),
+        images_dir=_there(folder / FRAMES),
+        masks_dir=_there(folder / MASKS),
         sfm_dir=folder / SFM if (folder / SFM / CAMERAS_FILE).is_file() else None,
         split=_split(folder / "people"),
     )
@@ -363,8 +373,8 @@ def _rendered_clip(path: Path) -> ClipFiles:
         return files
     return replace(
         files,
-        images_dir=_there(folder / "frames"),
-        masks_dir=_there(folder / "masks"),
+        images_dir=_there(folder / FRAMES),
+        masks_dir=_there(folder / MASKS),
         extras_paths=tuple(sorted((folder / EXTRAS_FOLDER).glob("*.npz"))),
     )
 

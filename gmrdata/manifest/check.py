@@ -13,12 +13,14 @@ from gmrdata.manifest.listing import ListedFile
 from gmrdata.manifest.read import disagreements, join_problems, read_manifest, rows_in
 from gmrdata.manifest.write import recipe_sha256
 from gmrdata.read.frames import number_in_name
+from gmrdata.read.numbers import RIGID_TOLERANCE
 from gmrdata.stage.progress import progress_bar
 from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import load_character, load_joints
 from gmrdata.values.errors import BadManifest, BadMotionFile, MissingInput, some
 from gmrdata.values.files import resolve_inside, sha256_of_file
+from gmrdata.values.motion import Motion
 
 ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations are stored in float64
 
@@ -34,17 +36,33 @@ def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
     kept = rows_in(entry.kept, entry.n_frames)
     if bad := _rows(kept & ~clip.valid):
         yield f"kept: row {bad} not valid in the file; write the manifest again"
-    motion = clip.motion
+    yield from _motion_problems(clip.motion, kept)
+    yield from _image_number_problems(clip.image_numbers)
+    if clip.camera is not None:
+        yield from _camera_problems(clip.camera)
+
+
+def require_sound(path: Path, clip: clip_file.Clip) -> clip_file.Clip:
+    """The clip of a file; BadMotionFile for valid rows and cameras without numbers to use.
+
+    Rotations may be as far off as the readers of data sets let them be.
+    """
+    problems = list(_motion_problems(clip.motion, clip.valid))
+    if clip.camera is not None:
+        problems += _camera_problems(clip.camera, RIGID_TOLERANCE)
+    if problems:
+        raise BadMotionFile(f"{path}: {problems[0]}")
+    return clip
+
+
+def _motion_problems(motion: Motion, kept: np.ndarray) -> Iterator[str]:
     poses = (motion.root_rotmats, motion.local_rotmats)
     for key, values in (*(("poses", one) for one in poses), ("trans", motion.pelvis_m)):
-        finite = np.isfinite(values).reshape(entry.n_frames, -1).all(axis=1)
+        finite = np.isfinite(values).reshape(motion.n_frames, -1).all(axis=1)
         if bad := _rows(kept & ~finite):
             yield f"arrays.{key}: NaN or infinite in kept row {bad}; drop the rows with a reason"
     if not np.isfinite(motion.shape).all():
         yield "arrays.betas: NaN or infinite; make the clip again"
-    yield from _image_number_problems(clip.image_numbers)
-    if clip.camera is not None:
-        yield from _camera_problems(clip.camera)
 
 
 def unmatched_rows(
@@ -85,7 +103,7 @@ def _image_number_problems(image_numbers: np.ndarray) -> Iterator[str]:
         yield "arrays.image_numbers: not increasing; rows must follow the images' order"
 
 
-def _camera_problems(camera: CameraPath) -> Iterator[str]:
+def _camera_problems(camera: CameraPath, tolerance: float = ROTATION_TOLERANCE) -> Iterator[str]:
     intrinsics = camera.intrinsics_px
     if not (
         np.isfinite(intrinsics).all()
@@ -103,7 +121,7 @@ def _camera_problems(camera: CameraPath) -> Iterator[str]:
     rows = camera.has_camera & finite
     rotations = np.where(rows[:, None, None], transforms[:, :3, :3], np.eye(3))
     skew = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
-    if bad := _rows((skew > ROTATION_TOLERANCE) | (np.linalg.det(rotations) < 0)):
+    if bad := _rows((skew > tolerance) | (np.linalg.det(rotations) < 0)):
         yield f"arrays.world_from_cam: no proper rotation in row {bad}; make the clip again"
     if bad := _rows(rows & (transforms[:, 3] != [0, 0, 0, 1]).any(axis=1)):
         yield f"arrays.world_from_cam: last line isn't 0 0 0 1 in row {bad}; make the clip again"

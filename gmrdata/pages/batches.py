@@ -15,10 +15,11 @@ from gmrdata.pages.gather import gather_sequence
 from gmrdata.pages.html import Cell, Table, render, write_page
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Kind, Solved, counts_of, example_frames
-from gmrdata.pages.solved_page import PAGE_FILE, solved_page
+from gmrdata.pages.solved_page import solved_page
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import number_in_name, read_color, read_gray
 from gmrdata.read.threedpw_files import SEQUENCE_NAME, SequenceFiles, require_inside
+from gmrdata.solve.request import MASKS
 from gmrdata.solve.videos import FAILED, PAGE, RECORD_FILE, VideoEntry, Videos, video_dir
 from gmrdata.stage.progress import track
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
@@ -76,10 +77,10 @@ def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
     for files in chosen:
         failure = paths.failures_dir / f"{files.name}.txt"
         if failure.is_file():
-            reasons[files.name] = failure.read_text(encoding="utf-8")
+            reasons[files.name] = failure.read_text(encoding="utf-8", errors="replace")
     said = f"{__version__} {recipe!r} {sorted(reasons.items())}"
     stamp, folders = paths.pages_dir / ".shown", [files.image_dir for files in chosen]
-    if stamp.is_file() and stamp.read_text() == _shown(said, folders, paths):
+    if stamp.is_file() and stamp.read_bytes() == _shown(said, folders, paths).encode():
         return
     write_pages(verdicts, chosen, reasons, recipe, paths)
     write_text(stamp, _shown(said, folders, paths))
@@ -153,10 +154,7 @@ def _write_page(found: Solved, paths: SetPaths) -> Row:
             failure = quote(f"../{message.relative_to(paths.root).as_posix()}")
     shown = solved_page(found, page, strips=strips, links=links, failure=failure)
     write_page(page, shown)
-    verdict, scale, sort = said.verdict, NO_FIGURE, -1.0
-    if verdict.scale is not None and verdict.scale_sigma is not None:
-        sort = verdict.scale_sigma / verdict.scale
-        scale = f"{verdict.scale:.4g} ± {100 * sort:.1f} %"
+    verdict, share = said.verdict, said.verdict.scale_share
     href = quote(page.relative_to(paths.root).as_posix())
     return (
         Cell(found.name, href=href, kind="thumbnail", sort=found.name, picture=_thumbnail(strips)),
@@ -164,7 +162,7 @@ def _write_page(found: Solved, paths: SetPaths) -> Row:
         verdict.camera_motion.replace("_", " + "),
         str(found.n_frames or NO_FIGURE),
         Cell(f"{verdict.kept_share:.1%}", sort=verdict.kept_share),
-        Cell(scale, sort=sort),
+        Cell(verdict.scale_words or NO_FIGURE, sort=-1.0 if share is None else share),
         Cell("video", href=quote(overlay)) if overlay else "",
         Cell(_note(verdict, found.reasons), kind="words-cell"),
     )
@@ -174,7 +172,7 @@ def _overlay_page(found: Solved, paths: SetPaths) -> str:
     """The page of a sequence that `gmrdata page` wrote, from the set's folder; empty without."""
     if found.folder is None:
         return ""
-    page = found.folder / PAGE_FILE
+    page = found.folder / PAGE
     return page.relative_to(paths.root).as_posix() if page.is_file() else ""
 
 
@@ -213,7 +211,7 @@ def _read_frames(found: Solved, files: SequenceFiles | None) -> Strips:
     examples = example_frames(found.reasons) if found.is_solved else {}
     wanted = [(None, numbers[row]) for row in spaced(len(numbers), N_TILES)]
     return [
-        [(kind, read_tile(files, found.folder / "masks", number)) for kind, number in strip]
+        [(kind, read_tile(files, found.folder / MASKS, number)) for kind, number in strip]
         for strip in (wanted, list(examples.items())[:N_TILES])
     ]
 

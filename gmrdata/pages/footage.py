@@ -185,7 +185,7 @@ def footage_of(found: Solved) -> Footage:
     dropped = np.ones(found.n_frames, dtype=bool) if not found.reasons else ~found.kept
     off = np.zeros(found.n_frames, dtype=bool)
     for fit in () if found.record is None else found.record.picture_fits:
-        off[[] if fit is None else list(fit.off_rows)] = True
+        off |= np.isin(np.arange(found.n_frames), () if fit is None else fit.off_rows)
     return Footage(
         images=found.images,
         masks=found.masks,

@@ -1,7 +1,7 @@
 """Frames with what was found drawn over them: masks, the body, its path on the floor."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,8 @@ from gmrdata.people.folder import find_mask
 from gmrdata.read import frames as frame_files
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values import camera, transforms
+from gmrdata.values import transforms
+from gmrdata.values.camera import project_cam
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import write_bytes
 from gmrdata.values.records import Config
@@ -79,13 +80,19 @@ def mask_sheet(
     images_dir: Path, masks_dir: Path, n_frames: int = 16, tile_width_px: int = 400
 ) -> np.ndarray:
     """Evenly spaced frames with their masks, side by side: (H, W, 3) BGR."""
+    some = masked_frames(images_dir, masks_dir, n_frames)
+    return tile_sheet([masked_tile(*one, tile_width_px) for one in some], MASK_COLUMNS)
+
+
+def masked_frames(
+    images_dir: Path, masks_dir: Path, n_frames: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Evenly spaced frames (H, W, 3) BGR, each with its mask (H, W), 255 = dynamic."""
     images = frame_files.list_images(images_dir)
     size_px = frame_files.check_images(images)
-    tiles = []
     for row in spaced(len(images), n_frames):
         mask = frame_files.read_gray(find_mask(masks_dir, images[row]), size_px)
-        tiles.append(masked_tile(frame_files.read_color(images[row]), mask, tile_width_px))
-    return tile_sheet(tiles, MASK_COLUMNS)
+        yield frame_files.read_color(images[row]), mask
 
 
 def masked_tile(image: np.ndarray, mask: np.ndarray, width_px: int) -> np.ndarray:
@@ -176,11 +183,12 @@ def _clip_tile(
     if path is not None and has_camera:
         # Pixel (0, 0) is an outer corner, so the intrinsics scale with the frame.
         enlarged_px = np.diag([DRAWING_SCALE, DRAWING_SCALE, 1.0]) @ path.intrinsics_px
-        view = path.world_from_cam[row], enlarged_px
+        cam_from_world = transforms.invert(path.world_from_cam[row])
+        floor_m, vertices_m = (transforms.apply(cam_from_world, m) for m in (floor_m, vertices_m))
         every = max(1, round(clip.pseudo.motion.fps_hz))
-        drawn = draw_floor_path(drawn, *view, floor_m, every)
-        drawn = draw_body(drawn, *view, vertices_m, clip.body)
-        points_px = camera.project(view[0], vertices_m, view[1])
+        drawn = draw_floor_path(drawn, enlarged_px, floor_m, every)
+        drawn = draw_body(drawn, enlarged_px, vertices_m, clip.body)
+        points_px = project_cam(vertices_m, enlarged_px)
         person_px = np.concatenate([np.nanmin(points_px, axis=0), np.nanmax(points_px, axis=0)])
     if clip.masks_dir is not None:
         mask_path = clip.masks_dir / f"{images[number].stem}.png"

@@ -18,6 +18,7 @@ from gmrdata.fusion.record import (
     result_rows,
     sigma_file,
 )
+from gmrdata.manifest.check import require_sound
 from gmrdata.motion.resample import valid_runs
 from gmrdata.pages.html import Table, render, write_page
 from gmrdata.pages.plots import COLOURS, quiet, svg
@@ -49,7 +50,8 @@ def read_fused(folder: Path) -> FusedPeople:
     """All of a folder; MissingInput, BadRecord or BadMotionFile for what is lost or broken."""
     record = FusionRecord.read(folder / RECORD_FILE)
     people = range(len(record.people))
-    clips = {person: load_clip(folder / person_file(person)) for person in people}
+    paths = [folder / person_file(person) for person in people]
+    clips = {person: require_sound(path, load_clip(path)) for person, path in enumerate(paths)}
     sigmas = {person: load_sigma(folder / sigma_file(person)) for person in people}
     for person, clip in clips.items():
         if len(sigmas[person]["has_camera"]) != clip.motion.n_frames:

@@ -11,16 +11,19 @@ from gmrdata.cameras.files import SfmCameras, load_cameras, load_points, load_qu
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.cameras.match.tracks import load_tracks
 from gmrdata.export.sources import (
-    SFM,
     ClipFiles,
     ExportedClip,
     images_by_number,
     list_clips,
     load_exported,
+    require_solved,
 )
+from gmrdata.manifest.check import require_sound
 from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
 from gmrdata.people.folder import find_mask
+from gmrdata.read.numbers import rigid_rows
 from gmrdata.read.threedpw_files import SequenceFiles
+from gmrdata.solve.request import FRAMES, INTRINSICS, MASKS, SFM
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras, with_lens_error
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict
@@ -40,7 +43,7 @@ from gmrdata.world.recipe import Doubts, PseudoGtConfig, Verdict, load_dataset_c
 if TYPE_CHECKING:
     from gmrdata.pages.fusion import FusedPeople
 
-FRAMES, MASKS, INTRINSICS, PEOPLE = "frames", "masks", "intrinsics", "people"
+PEOPLE = "people"
 UNKNOWN_FPS_HZ = 30.0  # of a folder of images without a video's record and without a body
 
 Read = TypeVar("Read")
@@ -92,10 +95,21 @@ def read_reconstruction(reader: Reader, sfm_dir: Path) -> Reconstruction | None:
 def read_people(
     reader: Reader, pseudo_gt_dir: Path, record: PseudoGtQuality | None
 ) -> dict[int, Clip]:
-    """World motions by person, of those that can be read."""
-    paths = (pseudo_gt_dir / person_file(n) for n in range(len(record.people if record else ())))
-    clips = {person: reader.read(load_clip, path) for person, path in enumerate(paths)}
-    return {person: clip for person, clip in clips.items() if clip is not None}
+    """World motions by person, of those that can be read and are of the record's frames."""
+    clips: dict[int, Clip] = {}
+    for person, verdict in enumerate(record.people if record else ()):
+        path = pseudo_gt_dir / person_file(person)
+        clip = reader.read(lambda path: require_sound(path, load_clip(path)), path)
+        if clip is not None and _are_same(reader, path, clip.motion.n_frames, verdict.frames):
+            clips[person] = clip
+    return clips
+
+
+def _are_same(reader: Reader, path: Path, n_frames: int, n_expected: int) -> bool:
+    """Whether a file is of as many frames as what it lies beside; if not, it is noted."""
+    if n_frames != n_expected:
+        reader.note(f"{path}: is of {n_frames} frames, not {n_expected}; {MAKE_AGAIN}")
+    return n_frames == n_expected
 
 
 def gather_video(folder: Path, images_dir: Path | None = None, body: str | None = None) -> Solved:
@@ -108,18 +122,16 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
     Raises:
         MissingInput: the folder holds neither cameras nor people.
     """
-    there = [name for name in (SFM, PSEUDO_GT, VERDICT_FILE) if (folder / name).exists()]
-    if not there:
-        what = "holds no sfm and no pseudo_gt, so nothing of a video was solved there"
-        raise MissingInput(f"{folder}: {what}. Give the folder of `gmrdata video` or `gmrdata sfm`")
-    reader, pseudo_gt_dir, has_people = Reader(folder), folder / PSEUDO_GT, PSEUDO_GT in there
-    said = reader.read(VideoVerdict.read, folder / VERDICT_FILE, VERDICT_FILE in there)
+    require_solved(folder)
+    reader, pseudo_gt_dir, verdict_path = Reader(folder), folder / PSEUDO_GT, folder / VERDICT_FILE
+    has_people = pseudo_gt_dir.exists()
+    said = reader.read(VideoVerdict.read, verdict_path, verdict_path.exists())
     record = reader.read(load_record, pseudo_gt_dir, has_people)
     clips = read_people(reader, pseudo_gt_dir, record)
     has_fused = bool(clips) and (folder / FUSED).is_dir()
     fused = reader.read(lambda fused_dir: _fused(fused_dir, clips), folder / FUSED, has_fused)
     clips = _in_their_time(clips, record, fused)
-    solved = read_reconstruction(reader, folder / SFM) if SFM in there else None
+    solved = read_reconstruction(reader, folder / SFM) if (folder / SFM).exists() else None
     has_lens = (folder / INTRINSICS).is_dir()
     lens = reader.read(load_intrinsics, folder / INTRINSICS, has_lens)
     config = reader.read(config_of, pseudo_gt_dir, has_people)
@@ -141,6 +153,10 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
         verdict = None  # The cameras' verdict must not stand for that on the people.
     else:
         verdict = said.camera if said is not None else _judge(reader, found)
+    if verdict is not None and found.is_alone and found.camera is not None:
+        n_frames = len(verdict.frame_reasons)
+        if not _are_same(reader, verdict_path, n_frames, found.camera.n_frames):
+            verdict = None
     found = replace(found, camera_verdict=verdict, reasons=_reasons(record, verdict))
     said_hz = (0.0 if said is None else said.fps_hz) or UNKNOWN_FPS_HZ
     frames_dir = folder / FRAMES if images_dir is None else images_dir
@@ -170,7 +186,11 @@ def gather_sequence(
     record = reader.read(load_record, pseudo_gt_dir, files is not None and not message)
     is_solved = record is not None and record.cameras is not None
     clips = read_people(reader, pseudo_gt_dir, record) if is_solved else {}
-    theirs = reader.read(load_dataset_camera, people_dir / DATASET_CAMERA_FILE, is_solved)
+    camera, theirs_path = _camera_of(clips), people_dir / DATASET_CAMERA_FILE
+    theirs = reader.read(load_dataset_camera, theirs_path, is_solved)
+    if theirs is not None and camera is not None:
+        fits = _are_same(reader, theirs_path, len(theirs), camera.n_frames)
+        theirs = np.where(rigid_rows(theirs)[:, None, None], theirs, np.nan) if fits else None
     return Solved(
         name=verdict.sequence,  # as it stands in the data set: any text
         folder=None if files is None else folder,
@@ -178,7 +198,7 @@ def gather_sequence(
         reasons=_reasons(record, None) or by_set,
         clips=clips,
         reconstruction=read_reconstruction(reader, folder / SFM) if is_solved else None,
-        camera=_camera_of(clips),
+        camera=camera,
         config=recipe.of_sequence(verdict.sequence).pseudo_gt,
         dataset=DatasetSays(verdict, message, files, people, by_set, theirs, recipe.intrinsics),
         missing=tuple(reader.missing),

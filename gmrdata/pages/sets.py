@@ -18,9 +18,9 @@ from gmrdata.pages import frames
 from gmrdata.pages.html import Cell, Table, render, write_page
 from gmrdata.pages.plots import picture, plot_clip_view
 from gmrdata.read.bodies import keep_body
-from gmrdata.read.frames import list_images, read_color, read_gray
+from gmrdata.read.frames import read_color
 from gmrdata.stage.jobs import Job, raise_failures, try_jobs
-from gmrdata.stage.progress import console, track
+from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.stage.workers import worker_pool
@@ -114,11 +114,8 @@ def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
     inputs = {role: rendered_dir / name for role, name in names.items()}
 
     def work(partial_dir: Path) -> None:
-        images = list_images(inputs["frames"])
-        tiles = []
-        for image in (images[row] for row in frames.spaced(len(images), SHEET_FRAMES)):
-            mask = read_gray(inputs["masks"] / f"{image.stem}.png")
-            tiles.append(frames.draw_mask_outline(read_color(image), mask))
+        some = frames.masked_frames(inputs["frames"], inputs["masks"], SHEET_FRAMES)
+        tiles = [frames.draw_mask_outline(*one) for one in some]
         _write_pictures(partial_dir, tiles, SHEET_COLUMNS, load_clip(inputs["clip"]))
 
     return run_stage("sheet", out_dir, Config(), inputs, work, run=ANEW)
@@ -207,6 +204,6 @@ def _choose_engine() -> rendering.PreviewEngine:
     except EngineMissing:
         what = "Workbench can't draw here (it needs OpenGL through EGL)"
         instead = "the preview is drawn by Cycles with one ray per pixel"
-        console.print(f"{what}; {instead}", markup=False, soft_wrap=True)
+        remark(f"{what}; {instead}")
         return "cycles"
     return "workbench"

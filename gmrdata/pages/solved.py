@@ -123,10 +123,11 @@ class Solved:
 
     @property
     def accepted(self) -> list[bool]:
-        """The verdict on each row of `reasons`, as far as there is one."""
+        """The verdict on each row of `reasons`; False where there is none."""
         if self.is_alone:
             return [self.camera_verdict is not None and self.camera_verdict.accepted]
-        return [person.accepted for person in self.judged]
+        judged = [person.accepted for person in self.judged]
+        return judged + [False] * (len(self.reasons) - len(judged))
 
     @property
     def unit(self) -> str:

@@ -28,12 +28,15 @@ from gmrdata.pages.footage import (
     write_footage,
 )
 from gmrdata.pages.frames import jpeg
-from gmrdata.pages.gather import gather_video
+from gmrdata.pages.gather import PEOPLE, gather_video
 from gmrdata.pages.html import Cell, Table, css_colours, render, text_of, write_page
 from gmrdata.pages.plots import svg
 from gmrdata.pages.report import GEOMETRY_WORDS
+from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Solved, align_dataset_camera, counts_of
 from gmrdata.pages.view3d import MOST_BODIES, VIEW_FILE, view_of, write_view
+from gmrdata.solve.request import FRAMES, INTRINSICS, LINES, MASKS, SFM
+from gmrdata.solve.videos import FILES, OVERLAY, PAGE
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
@@ -41,30 +44,28 @@ from gmrdata.values.camera_motion import MotionClassConfig
 from gmrdata.values.clip import text_runs
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.files import STAGE_FILE, remove_orphans, write_bytes
-from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import Config
 from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.write.overlay import OVERLAY_BGR
 
-PAGE_FILE = "index.html"
-OVERLAY, OVERLAY_FILE, POSTER_FILE = "overlay", "overlay.mp4", "poster.jpg"
-FILES = "files"
+OVERLAY_FILE, POSTER_FILE = "overlay.mp4", "poster.jpg"
 VIEWS = "view3d"
 MOST_LINKS = 12  # of one format; more are folded
 OPEN_RANGES = 12  # a longer list of dropped ranges is folded
 RECORDS = {
-    "frames": ("video.json",),
-    "people": ("people.json", "doubts.json"),
-    "masks": ("masks.json",),
-    "bodies": ("bodies.json",),
-    "intrinsics": ("intrinsics.json",),
-    "sfm": ("quality.json",),
-    "lines": (),
+    FRAMES: ("video.json",),
+    PEOPLE: ("people.json", "doubts.json"),
+    MASKS: ("masks.json",),
+    BODIES: ("bodies.json",),
+    INTRINSICS: ("intrinsics.json",),
+    SFM: ("quality.json",),
+    LINES: (),
     PSEUDO_GT: ("quality.json",),
     FUSED: ("fusion.json",),
 }
 """What the stages leave for people to read, beside their records."""
-OF_THREEDPW = "people", "masks", "sfm", "lines", PSEUDO_GT
+OF_THREEDPW = PEOPLE, MASKS, SFM, LINES, PSEUDO_GT
 """Those that each of its sequences goes through."""
 
 
@@ -139,7 +140,7 @@ def make_video_page(
     out_dir = out_dir.resolve()
     found = gather_video(out_dir, images_dir, body)
     remove_orphans(out_dir)
-    page = out_dir / PAGE_FILE
+    page = out_dir / PAGE
     write_page(page, solved_page(found, page, left_out=left_out))
     return page
 
@@ -286,7 +287,7 @@ def _fits_in_words(found: Solved) -> Iterator[str]:
 def _view(found: Solved, page: Path) -> dict[str, object]:
     """Write the world to turn round, and say what stands beside it."""
     view, file = view_of(found), VIEW_FILE
-    if page.name != PAGE_FILE:  # one of many in a folder
+    if page.name != PAGE:  # one of many in a folder
         file = f"{VIEWS}/{page.name}"
     written = write_view(page.parent / file, view)
     return {
@@ -321,7 +322,7 @@ def make_overlay(found: Solved, footage: Footage) -> Path:
     images = (path.parent for path in footage.images if path is not None)
     inputs = {"images": next(images)}
     folder = _folder(found)
-    inputs |= {name: folder / name for name in ("masks", "sfm", PSEUDO_GT, FUSED)}
+    inputs |= {name: folder / name for name in (MASKS, SFM, PSEUDO_GT, FUSED)}
     inputs = {name: path for name, path in inputs.items() if path.is_dir()}
     people = tuple(person.name for person in footage.people)
     config = OverlayConfig(people=people, dropped=tuple(valid_runs(footage.dropped)))
@@ -399,17 +400,22 @@ def _level_cues(record: PseudoGtQuality) -> Table | None:
     return Table(headings, rows, "Which way is up, cue by cue.", foot)
 
 
+def _percent(part: float, whole: float, sign: str = "") -> str:
+    """A share [%], of what the cues may put at zero and below."""
+    return f"{100 * part / whole:{sign}.2f}" if whole > 0 else NO_FIGURE
+
+
 def _scale_cues(record: PseudoGtQuality) -> dict[str, object]:
     level = _level_cues(record)
     scale, sigma, cues = record.scale, record.scale_sigma, record.scale_cues
     if scale is None or sigma is None or not cues:
-        return {"plot": None, "level": level}
+        return {"table": None, "level": level}
     rows = [
-        (solved_plots.cue_words(cue), f"{cue.scale:.5g}", f"{100 * cue.sigma / cue.scale:.2f}",
-         f"{100 * (cue.scale / scale - 1):+.2f}", str(cue.support), f"{1000 * cue.residual_m:.1f}")
+        (solved_plots.cue_words(cue), f"{cue.scale:.5g}", _percent(cue.sigma, cue.scale),
+         _percent(cue.scale - scale, scale, "+"), str(cue.support), f"{1000 * cue.residual_m:.1f}")
         for cue in cues
     ]  # fmt: skip
-    foot = ("fused", f"{scale:.5g}", f"{100 * sigma / scale:.2f}", "", "", "")
+    foot = ("fused", f"{scale:.5g}", _percent(sigma, scale), "", "", "")
     headings = (
         "cue", "scale [m per unit]", "standard error [%]", "from the fused [%]",
         "stances, points or windows", "residual [mm]",
@@ -419,7 +425,7 @@ def _scale_cues(record: PseudoGtQuality) -> dict[str, object]:
         solved_plots.plot_scale_cues(plot, scale, sigma, cues)
 
     return {
-        "plot": svg(draw, 7.4, 1.0 + 0.32 * (len(cues) + 1), "scale"),
+        "plot": svg(draw, 7.4, 1.0 + 0.32 * (len(cues) + 1), "scale") if scale > 0 else None,
         "table": Table(headings, rows, "The metric scale, cue by cue.", foot),
         "level": level,
     }

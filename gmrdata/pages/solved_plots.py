@@ -62,8 +62,8 @@ def _plot_kept(axes: Axes, found: Solved) -> None:
     kinds, accepted = kinds_of(found.reasons), found.accepted
     for person, reasons in enumerate(found.reasons):
         for start, stop, reason in text_runs(reasons):
-            good = not reason and person < len(accepted) and accepted[person]
-            colour = kinds[reason].colour if reason else COLOURS["good" if good else "rule"]
+            kept = COLOURS["good" if accepted[person] else "rule"]
+            colour = kinds[reason].colour if reason else kept
             axes.broken_barh([(start - 0.5, stop - start)], (person - 0.4, 0.8), color=colour)
     axes.set_ylim(len(found.reasons) - 0.5, -0.5)
     axes.set_yticks(range(len(found.reasons)), found.row_names)

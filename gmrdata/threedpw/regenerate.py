@@ -66,18 +66,28 @@ class SequenceVerdict:
     scale_sigma: Figure | None
 
     @property
+    def scale_share(self) -> float | None:
+        """Standard error of the scale, as a share of it; None without a scale above zero."""
+        if self.scale is None or self.scale_sigma is None or not self.scale > 0:
+            return None
+        return self.scale_sigma / self.scale
+
+    @property
+    def scale_words(self) -> str:
+        """The scale with its error; empty where it does not enter."""
+        scale = "" if self.scale is None else f"{self.scale:.4g}"
+        return scale if self.scale_share is None else f"{scale} ± {100 * self.scale_share:.1f} %"
+
+    @property
     def table_row(self) -> tuple[str, ...]:
         """A row for `VERDICT_HEADINGS`."""
-        scale = "-"
-        if self.scale is not None and self.scale_sigma is not None:
-            scale = f"{self.scale:.4g} ± {100 * self.scale_sigma / self.scale:.1f} %"
         return (
             self.sequence,
             self.split,
             "accepted" if self.accepted else "rejected",
             self.camera_motion,
             f"{100 * self.kept_share:.1f} %",
-            scale,
+            self.scale_words or "-",
             "; ".join(self.reasons),
         )
 

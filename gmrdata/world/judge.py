@@ -76,6 +76,9 @@ class PseudoGtQuality(Record):
         class_unknown = self.camera_motion == "none", self.camera_motion_figures is None
         if not len(self.picture_fits) == len(self.distance_sigmas) == len(self.people):
             raise ValueError("picture_fits, distance_sigmas and people are not of the same people")
+        frames = {n for one in self.people for n in (one.frames, len(one.frame_reasons))}
+        if len(frames) > 1:
+            raise ValueError("people are not of the same frames, or frames are dropped beyond them")
         if set(class_unknown) != {self.cameras is None}:
             raise ValueError("cameras and camera_motion do not say alike whether there is a camera")
         return self

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from gmrdata.read.frames import read_color
-from gmrdata.values import camera, transforms
+from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, project_cam
 from gmrdata.values.errors import BadFrames, BadMotionFile
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.take import Performer, Take, check_take
@@ -90,16 +90,16 @@ def draw_people(
     """A copy of a BGR image with those who are shown in a row, near ones over far ones, and with
     everybody's path on the floor, a dot at each `every`-th row."""
     cam_from_world = transforms.invert(path.world_from_cam[row])
-    itself, drawn, every = np.eye(4), image, max(1, every)
+    drawn, every = image, max(1, every)
     for person in people:
         floor_m = bend(transforms.apply(cam_from_world, floor_path_m(person, every)))
-        drawn = draw_floor_path(drawn, itself, path.intrinsics_px, floor_m, every)
+        drawn = draw_floor_path(drawn, path.intrinsics_px, floor_m, every)
     there = [person for person in people if person.shown[row]]
     towards = path.world_from_cam[row, :3, 2]
     for person in sorted(there, key=lambda one: -float(one.motion.pelvis_m[row] @ towards)):
         now = person.motion.take(slice(row, row + 1))
         vertices_m = bend(transforms.apply(cam_from_world, motion_vertices_m(person.body, now)[0]))
-        drawn = draw_body(drawn, itself, path.intrinsics_px, vertices_m, person.body)
+        drawn = draw_body(drawn, path.intrinsics_px, vertices_m, person.body)
     return drawn
 
 
@@ -115,14 +115,11 @@ def floor_path_m(person: Performer, every: int = 1) -> np.ndarray:
 
 
 def draw_floor_path(
-    image: np.ndarray,
-    world_from_cam: np.ndarray,
-    intrinsics_px: np.ndarray,
-    path_world_m: np.ndarray,
-    every: int,
+    image: np.ndarray, intrinsics_px: np.ndarray, path_cam_m: np.ndarray, every: int
 ) -> np.ndarray:
-    """A copy of a BGR image with a path on the floor drawn in, a dot at each `every`-th point."""
-    points_px = camera.project(world_from_cam, path_world_m, intrinsics_px)
+    """A copy of a BGR image with a path on the floor (N, 3), in the camera's axes, drawn in, a dot
+    at each `every`-th point."""
+    points_px = project_cam(path_cam_m, intrinsics_px)
     # OpenCV's pixel centres are whole numbers, and the drawing takes 4 fractional bits.
     fixed = np.round((points_px - 0.5) * 16)
     out, margin_px, size_px = image.copy(), 4 * LINE_PX, image.shape[1::-1]
@@ -144,21 +141,17 @@ def draw_floor_path(
 
 
 def draw_body(
-    image: np.ndarray,
-    world_from_cam: np.ndarray,
-    intrinsics_px: np.ndarray,
-    vertices_world_m: np.ndarray,
-    body: BodyModel,
+    image: np.ndarray, intrinsics_px: np.ndarray, vertices_cam_m: np.ndarray, body: BodyModel
 ) -> np.ndarray:
-    """A copy of a BGR image with a shaded, see-through body mesh (V, 3) over it."""
-    points_cam_m = transforms.apply(transforms.invert(world_from_cam), vertices_world_m)
-    triangles_m = points_cam_m[body.faces]
+    """A copy of a BGR image with a shaded, see-through body mesh (V, 3), in the camera's axes, over
+    it."""
+    triangles_m = vertices_cam_m[body.faces]
     normals = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
     facing = np.einsum("fi,fi->f", normals, triangles_m.mean(axis=1)) < 0
     shown = facing & (triangles_m[..., 2] > 0.01).all(axis=1)
     triangles_m, normals = triangles_m[shown], normals[shown]
     order = np.argsort(-triangles_m[..., 2].mean(axis=1), kind="stable")
-    points_px = camera.project_cam(triangles_m[order], intrinsics_px)
+    points_px = project_cam(triangles_m[order], intrinsics_px)
     lengths = np.linalg.norm(normals[order], axis=1, keepdims=True)
     lambert = (normals[order] / np.maximum(lengths, 1e-12)) @ TOWARDS_LIGHT
     return _paint(image, points_px, np.minimum(0.55 + 0.55 * np.clip(lambert, 0.0, 1.0), 1.0))

@@ -38,19 +38,18 @@ class TrackedPerson:
     frame_numbers: np.ndarray  # (T,) int: which frame of the video each row is, from 0
 
 
-def y_up_from_world(n_frames: int) -> np.ndarray:
-    """(T, 4, 4) to the world of WHAM and GVHMR, the same for all rows."""
-    return np.tile(rigid(WORLD_FROM_REST.T, np.zeros(3)), (n_frames, 1, 1))
+Y_UP_FROM_WORLD = rigid(WORLD_FROM_REST.T, np.zeros(3))
+"""(4, 4) to the world of WHAM and GVHMR."""
 
 
 def placed(
     motion: Motion, frame_from_world: np.ndarray, rest_pelvis_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Axis-angle (T, 72) and transl (T, 3) in another frame, each row's own (T, 4, 4)."""
-    turns = frame_from_world[:, :3, :3]
+    """Axis-angle (T, 72) and transl (T, 3) in another frame (4, 4), or each row's own (T, 4, 4)."""
+    turns = frame_from_world[..., :3, :3]
     rotmats = np.concatenate([(turns @ motion.root_rotmats)[:, None], motion.local_rotmats], axis=1)
     rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
-    pelvis_m = (turns @ motion.pelvis_m[..., None])[..., 0] + frame_from_world[:, :3, 3]
+    pelvis_m = (turns @ motion.pelvis_m[..., None])[..., 0] + frame_from_world[..., :3, 3]
     return rotvecs.reshape(-1, 72), pelvis_m - rest_pelvis_m
 
 
@@ -78,9 +77,8 @@ def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) ->
 
     motion = person.motion
     require_finite(motion, np.arange(motion.n_frames))
-    y_up = y_up_from_world(motion.n_frames)
     valid = person.rows
-    content: dict[str, object] = {GVHMR.world: _smplx_params(motion, y_up)}
+    content: dict[str, object] = {GVHMR.world: _smplx_params(motion, Y_UP_FROM_WORLD)}
     if camera is not None:
         known = camera.has_camera
         cam_from_world = np.tile(np.eye(4), (motion.n_frames, 1, 1))
@@ -135,7 +133,6 @@ def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, 
         raise BadMotionFile("a person has no frame that may be used; give a clip with one")
     motion = person.motion.take(rows)
     require_finite(motion, np.flatnonzero(rows))
-    y_up = y_up_from_world(motion.n_frames)
     is_smpl = motion.body.startswith(SMPL)
     rest_pelvis_m = person.rest_pelvis_m if is_smpl else np.array(SMPL_REST_PELVIS_M)
     shape = motion.shape if is_smpl else np.zeros(N_BETAS)
@@ -144,7 +141,7 @@ def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, 
     if camera is not None:
         cam_from_world = invert(camera.world_from_cam[rows])
         content |= _named(placed(motion, cam_from_world, rest_pelvis_m), "pose", "trans")
-    world = placed(motion, y_up, rest_pelvis_m)
+    world = placed(motion, Y_UP_FROM_WORLD, rest_pelvis_m)
     content |= _named(world, "pose_world", "trans_world")
     content["betas"] = np.tile(shape, (motion.n_frames, 1)).astype(np.float32)
     content["frame_ids"] = person.frame_numbers[rows].astype(np.int64)

@@ -34,12 +34,12 @@ def write_video(
     """
     import av
 
-    if not (np.isfinite(fps_hz) and fps_hz > 0):
+    rate = Fraction(fps_hz if np.isfinite(fps_hz) else 0).limit_denominator(LARGEST_FPS_DENOMINATOR)
+    if not rate > 0:
         raise BadFrames(f"{path}: a video can't have {fps_hz} frames per second")
     n_written = 0
     size: tuple[int, ...] | None = None
     with atomic_path(path) as temporary, av.open(str(temporary), "w", format="mp4") as container:
-        rate = Fraction(fps_hz).limit_denominator(LARGEST_FPS_DENOMINATOR)
         stream = container.add_stream("libx264", rate=rate)
         stream.pix_fmt = "yuv420p"
         stream.thread_count = 1  # more would be allowed to change the bytes

@@ -142,15 +142,6 @@ def test_a_broken_motion_file_leaves_nothing_behind(gmrdata, tmp_path, content):
         ("fetch cmu 02_03 --timeout-s inf", "--timeout-s inf: Input should be"),
         ("baseline mean MANIFEST --training MANIFEST --fps-hz 0", "--fps-hz 0.0: Input should be"),
         ("tables 2 --manifest MANIFEST --seeds 1 1", "--seeds 1 1: give each seed once"),
-    ],
-)
-def test_a_number_that_cannot_be_is_said_by_its_flag(typed, said, gmrdata, small_body, tmp_path):
-    fails_cleanly(gmrdata(*_with_files(typed, small_body, tmp_path)), said)
-
-
-@pytest.mark.parametrize(
-    ("typed", "said"),
-    [
         ("evaluate bundled MANIFEST --person 1", "--person: not for a network"),
         ("evaluate bundled MANIFEST --fps-hz 30", "--fps-hz: not for a network"),
         ("evaluate bundled MANIFEST --predictions-body IN", "--predictions-body: a network's"),
@@ -172,7 +163,9 @@ def test_a_number_that_cannot_be_is_said_by_its_flag(typed, said, gmrdata, small
         ("export IN --to onnx --threedpw IN", "--threedpw: is for 3dpw alone"),
     ],
 )
-def test_a_flag_that_does_nothing_is_refused(typed, said, gmrdata, small_body, tmp_path):
+def test_a_number_that_cannot_be_and_a_flag_that_does_nothing_are_refused(
+    typed, said, gmrdata, small_body, tmp_path
+):
     fails_cleanly(gmrdata(*_with_files(typed, small_body, tmp_path)), said)
 
 

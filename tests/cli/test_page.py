@@ -173,5 +173,10 @@ def _files(folder: Path, format: str) -> list[str]:
 
 
 def test_several_and_none(gmrdata, tmp_path):
+    """Files of the same names in a folder of something else were taken away."""
+    mine = tmp_path / "files" / "tum" / "camera.txt"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
     fails_cleanly(gmrdata("page", tmp_path), "nothing of a video was solved there")
+    assert mine.read_text() == "mine"
     fails_cleanly(gmrdata("page"), "a folder of a solved video")

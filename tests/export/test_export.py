@@ -25,6 +25,7 @@ from gmrdata.read.systems.result import read_system
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadRecipe
+from gmrdata.values.files import read_npz, write_npz
 from tests.clip_manifests import write_clips
 from tests.pages.solved_video import solved_video
 from tests.solve.test_doubts import video
@@ -150,6 +151,30 @@ def test_a_broken_clip_does_not_stop_the_others(manifest, tmp_path, gmrdata):
     assert said.returncode == 1 and "holed: no tum: " in said.stderr
     assert "holed.npz: not a readable .npz" in said.stderr.replace("\n", "")
     assert (tmp_path / "out/tum/alone.txt").is_file()
+
+
+@pytest.mark.parametrize(
+    ("key", "row", "value", "why"),
+    [
+        ("trans", 3, np.nan, "arrays.trans: NaN or infinite in kept row 3"),
+        ("poses", 3, np.nan, "arrays.poses: NaN or infinite in kept row 3"),
+        ("world_from_cam", 3, 0.0, "arrays.world_from_cam: no proper rotation in row 3"),
+        ("camera_size_px", 0, 0, "arrays.camera_size_px: not above zero"),
+    ],
+)
+def test_numbers_that_can_not_be_used_are_in_no_format(
+    key, row, value, why, walkers, small_body, tmp_path
+):
+    """BVH and AMASS had NaN in them, and other formats ended in a traceback."""
+    write_clips(tmp_path / "in", small_body, walkers[:1], camera_motions=["circular"])
+    path = tmp_path / "in" / f"{walkers[0].id}.npz"
+    arrays = read_npz(path)
+    arrays[key][row] = value
+    write_npz(path, arrays)
+    save_body(tmp_path / "body.npz", small_body)
+    body = str(tmp_path / "body.npz")
+    made = gmrdata.export(path, [*FORMATS], tmp_path / "out", body=body)
+    assert len(made) == len(FORMATS) and all(why in one.left_out for one in made)
 
 
 def test_a_broken_file_or_a_missing_body_does_not_stop_the_other_clips_of_a_folder(

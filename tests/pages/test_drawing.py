@@ -38,9 +38,9 @@ def test_body_covers_the_painted_silhouette(report):
     assert camera is not None
     vertices_m = motion_vertices_m(clip.body, clip.true.motion, rows=np.array([3]))[0]
     black = np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
-    drawn = overlay.draw_body(
-        black, camera.world_from_cam[3], camera.intrinsics_px, vertices_m, clip.body
-    )
+    cam_from_world = transforms.invert(camera.world_from_cam[3])
+    vertices_cam_m = transforms.apply(cam_from_world, vertices_m)
+    drawn = overlay.draw_body(black, camera.intrinsics_px, vertices_cam_m, clip.body)
     assert clip.masks_dir is not None
     mask = cv2.imread(str(clip.masks_dir / "00003.png"), cv2.IMREAD_GRAYSCALE) > 0
     # The mask is dilated by 2 px, which also closes narrow gaps between the limbs.
@@ -56,9 +56,9 @@ def test_floor_path_is_drawn_where_the_camera_projects_it():
     # Above the floor, looking straight down: OpenCV's z is the world's -z.
     world_from_cam = transforms.rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 4.0]))
     path_m = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    drawn = overlay.draw_floor_path(
-        np.zeros((180, 320, 3), np.uint8), world_from_cam, intrinsics_px, path_m, every=5
-    )
+    path_cam_m = transforms.apply(transforms.invert(world_from_cam), path_m)
+    black = np.zeros((180, 320, 3), np.uint8)
+    drawn = overlay.draw_floor_path(black, intrinsics_px, path_cam_m, every=5)
     ends_px = project(world_from_cam, path_m, intrinsics_px)
     rows, columns = np.nonzero(drawn.sum(axis=2) > 300)
     # Every fifth point carries a dot: of these two, the first.
@@ -70,7 +70,7 @@ def test_floor_path_is_drawn_where_the_camera_projects_it():
 def test_points_behind_the_camera_are_not_drawn():
     image = np.full((180, 320, 3), 7, np.uint8)
     path_m = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, -2.0], [np.nan, 0.0, 1.0]])
-    drawn = overlay.draw_floor_path(image, np.eye(4), intrinsics_from_fov(60, 320, 180), path_m, 1)
+    drawn = overlay.draw_floor_path(image, intrinsics_from_fov(60, 320, 180), path_m, 1)
     assert (drawn == image).all()
 
 

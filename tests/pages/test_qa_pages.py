@@ -12,10 +12,12 @@ import pytest
 from gmrdata.cameras.files import load_cameras, save_cameras
 from gmrdata.pages.batches import write_set_pages
 from gmrdata.pages.gather import gather_sequence
+from gmrdata.pages.solved import Solved
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.recipe import SetPaths
 from gmrdata.threedpw.regenerate import Verdicts, choose, regenerate_set
 from gmrdata.values.files import read_json, write_json
+from gmrdata.world.recipe import save_dataset_camera
 from tests.pages.html_pages import Page
 
 pytestmark = pytest.mark.slow
@@ -127,6 +129,21 @@ def test_what_was_lost_since_costs_a_picture_and_is_named(copied_out, filmed_set
     # The other person's world motion is still drawn, and the inliers are said to be unknown.
     assert page.tags.count("svg") == 4 and "person 1" in page.words and "not known" in page.words
     assert "quality.json: no such file" in Page(copied_out / "qa" / "pan_00.html").words
+
+
+def test_a_camera_of_the_data_set_that_is_none_costs_its_plots_alone(copied_out, filmed_set):
+    ((files,), _), verdicts = choose(filmed_set.root, ["arc_00"]), copied_out / "verdicts.json"
+    verdict = Verdicts.read(verdicts).sequences[0]
+    path = copied_out / "sequences" / "arc_00" / "people" / "dataset_camera.npz"
+
+    def gathered(n_frames: int) -> Solved:
+        save_dataset_camera(path, np.zeros((n_frames, 4, 4)))
+        return gather_sequence(verdict, "", files, filmed_set.recipe(), SetPaths(copied_out))
+
+    nowhere = gathered(36).dataset_camera
+    assert nowhere is not None and np.isnan(nowhere).all()
+    cut = gathered(5)
+    assert cut.dataset_camera is None and "is of 5 frames, not 36" in cut.missing[0]
 
 
 def test_cuts_and_interpolated_frames_are_found_by_their_images(copied_out, filmed_set):

@@ -1,6 +1,8 @@
 """Parts of the QA pages: hostile texts stay texts, paths are aligned, reasons are of a kind."""
 
+from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from gmrdata.pages.batches import page_name, write_pages
 from gmrdata.pages.solved import (
     KIND_COLOURS,
     OTHER_COLOUR,
+    Solved,
     align_dataset_camera,
     counts_of,
     example_frames,
@@ -70,6 +73,20 @@ def test_a_page_is_always_a_plain_file_of_its_folder(name):
 @given(st.lists(st.text(max_size=8), min_size=2, max_size=20, unique=True))
 def test_two_names_never_share_a_page(names):
     assert len({page_name(name) for name in names}) == len(names)
+
+
+def test_a_scale_that_no_camera_has_is_listed_without_its_share():
+    """A set with one such sequence, which is rejected, had no pages and no table."""
+    scaled = partial(SequenceVerdict, "a", "test", False, ("no scale",), "linear", 0.0)
+    words = [scaled(scale, 0.03).scale_words for scale in (None, 0.0, -0.5, 0.5)]
+    assert words == ["", "0", "-0.5", "0.5 ± 6.0 %"]
+    assert scaled(0.0, 0.03).table_row[5] == "0" and scaled(None, None).table_row[5] == "-"
+
+
+def test_people_without_a_verdict_are_not_accepted():
+    """A record of cameras without people had no page."""
+    found = Solved(name="a", reasons=(("", "no pose"), ("",)), dataset=Mock())
+    assert found.accepted == [False, False]
 
 
 def test_reasons_that_differ_in_a_number_are_of_one_kind():

@@ -357,6 +357,52 @@ def test_where_nobody_s_motion_can_be_read_the_verdict_is_said_still(copied):
     assert "person_0.npz" in page.words.split("Can’t be read")[-1]
 
 
+@pytest.mark.parametrize("first_rows", [slice(10), slice(0)])
+def test_files_of_other_frames_are_named_and_not_drawn(copied, first_rows):
+    """A person's file beside another's record, or a camera without a size, cost the whole page."""
+    path = copied / "pseudo_gt" / "person_0.npz"
+    arrays = read_npz(path)
+    if first_rows.stop:
+        per_row = ("poses", "trans", "valid", "image_numbers", "world_from_cam", "has_camera")
+        arrays |= {key: arrays[key][first_rows] for key in per_row}
+    else:
+        arrays["camera_size_px"] = np.zeros(2, np.int64)
+    write_npz(path, arrays)
+    page = drawn(copied)
+    assert "The world motions can’t be read" in page.words
+    why = f"is of 10 frames, not {N_ROWS}" if first_rows.stop else "not above zero"
+    assert why in page.words.split("Can’t be read")[1]
+
+
+def test_a_verdict_on_other_cameras_is_none(small_body, tmp_path):
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body, person=False)
+    camera = verdict_of("camera", True, (), [""] * 5)
+    camera_verdict().model_copy(update={"camera": camera}).write(folder / VERDICT_FILE)
+    page = drawn(folder)
+    assert "No verdict" in page.words
+    assert f"is of 5 frames, not {N_ROWS}" in page.words.split("Can’t be read")[1]
+
+
+def test_people_of_one_record_have_the_same_frames(copied):
+    people = tuple(verdict_of("walk", True, (), [""] * n) for n in (N_ROWS, 10))
+    record = load_record(copied / "pseudo_gt")
+    twice = {"people": people, "picture_fits": (None, None), "distance_sigmas": (0.0, 0.0)}
+    record.model_copy(update=twice).write(copied / "pseudo_gt" / "quality.json")
+    said = drawn(copied).words.split("Can’t be read")[1]
+    assert "quality.json: `the record` is wrong" in said and "not of the same frames" in said
+
+
+@pytest.mark.parametrize("scale", [0.0, -0.5])
+def test_a_scale_that_no_camera_has_is_shown_without_a_plot(copied, scale):
+    """The verdict refuses such a scale, and the page of what it refused was not written."""
+    path = copied / "pseudo_gt" / "quality.json"
+    record = load_record(copied / "pseudo_gt")
+    record.model_copy(update={"scale": scale}).write(path)
+    words = drawn(copied).words.split("Metric scale")[-1]
+    assert f"fused{scale:.5g}–" in words and "Each cue with one" not in words
+
+
 def test_without_the_body_the_path_is_not_drawn_and_it_is_said(copied):
     shutil.rmtree(copied / "body")
     page = Page(make_video_page(copied))
