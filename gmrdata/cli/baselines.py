@@ -90,7 +90,8 @@ def baseline_vibe_cam(
         if not equals or not number.isdecimal():
             raise BadRecipe(f"--person {text}: expected the clip's id, =, and a number")
         tracks[clip_id] = int(number)
-    config = VibeCamConfig(person_ids=tracks, image_size_px=image_size)
+    with flags.flags_named():
+        config = VibeCamConfig(person_ids=tracks, image_size_px=image_size)
     files = SeenFiles(poses, keypoints, flags.body_path(body))
     answer(predict_vibe_cam(manifest, files, out, config, run=Run(redo=redo)))
 

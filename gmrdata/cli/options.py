@@ -178,7 +178,7 @@ PartFlags = Annotated[Any, OmitArgPrefixes, arg(constructor=_part)]
 """--from, --to, --every and --take-what-decodes: a `VideoConfig`; give it no default."""
 LENS_FLAGS = {"focal_px": "focal", "fov_deg": "fov", "file": "intrinsics"}
 """The flag of each key of a given lens."""
-FLAGS = LENS_FLAGS | {"frames_per_row": "poses_every"}
+FLAGS = LENS_FLAGS | {"frames_per_row": "poses_every", "image_size_px": "image_size"}
 """The flags that have other names than the keys of recipes that they fill."""
 
 

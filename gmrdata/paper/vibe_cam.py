@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveInt
 
 from gmrdata.gmr.infer import predict_at_source_rate, too_short
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
@@ -44,7 +44,7 @@ class VibeCamConfig(Config):
     placement: PlacementConfig = PlacementConfig()  # the fit of one frame
     person_ids: Mapping[str, int] = Field(default_factory=dict)
     """Track of STAF to follow, by clip id; others take the most confident person of each frame."""
-    image_size_px: tuple[int, int] | None = None
+    image_size_px: tuple[PositiveInt, PositiveInt] | None = None
     """Width and height of the images that the detector was given [px]; None for the clips' own."""
 
 

@@ -254,10 +254,14 @@ def test_the_verb(take, body_path, capsys):
     main([*asked, "--image-size", "640", "480", "--out", str(take.path / "out")])
     assert capsys.readouterr().out.split() == [str(take.path / "out")]
     assert errors_mm(take.path / "out", take.clips[0]).max() < 1e-3
-    with pytest.raises(SystemExit) as ended:
-        main([*asked, "--person", "walk_0", "--out", str(take.path / "no")])
-    assert ended.value.code == 1
-    assert "--person walk_0: expected the clip's id, =, and a number" in capsys.readouterr().err
+    for flags, said in (
+        (("--person", "walk_0"), "--person walk_0: expected the clip's id, =, and a number"),
+        (("--image-size", "0", "480"), "--image-size 0: Input should be greater than 0"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main([*asked, *flags, "--out", str(take.path / "no")])
+        assert ended.value.code == 1
+        assert said in capsys.readouterr().err
 
 
 def test_gmr_sees_poses_of_a_rate_that_is_no_multiple_of_its_own(take, run_dir, body_path):
