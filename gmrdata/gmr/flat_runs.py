@@ -100,10 +100,6 @@ def in_files(runs: Iterable[TrainingRun], folder: Path, about: PackRecord) -> Fl
     return _mapped(folder)
 
 
-def remove_files(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-
-
 def _write(runs: Iterable[TrainingRun], folder: Path) -> None:
     none = np.zeros((0,))
     kept: list[TrainingRun] = []  # without their frames, which are many

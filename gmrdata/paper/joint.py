@@ -143,7 +143,7 @@ class JointModel(MotionNetwork):
         self.mean_pose.copy_(rotations.from_rotmats(local_rotmats, "6d").flatten(1).mean(0))
 
     def forward(
-        self, features: Float[Tensor, "batch frames numbers"], lengths: Tensor | None = None
+        self, features: rotations.Sequences, lengths: rotations.Lengths = None
     ) -> JointOutput:
         """Local poses of T frames, and the T-1 motions between them; `lengths` as in `features`."""
         scaled = (features - self.feature_mean) * self.feature_scale

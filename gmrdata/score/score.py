@@ -18,6 +18,7 @@ from gmrdata.gmr.runs import (
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.bodies import body_inputs, load_bodies
+from gmrdata.score import METHODS
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.predictions import PredictedClip, on_its_body
@@ -245,11 +246,14 @@ def _labelled(
 def _require_finite(scored: Sequence[ClipErrors]) -> None:
     """Refuse errors that no number holds, as of places too far away to be squared."""
     for one in scored:
-        for samples in (*one.errors.values(), *one.protocol.values(), one.over_time_mm):
-            bad = (str(name) for name, values in samples.items() if not np.isfinite(values).all())
-            if name := next(bad, None):
-                remedy = "Look for places and shapes beyond all measure in its prediction"
-                raise BadMotionFile(f"clip {one.clip_id}: {name} is no finite number. {remedy}")
+        samples: list[tuple[str, np.ndarray]] = []
+        for method in METHODS:
+            samples += [*one.errors[method].items(), *one.protocol.get(method, {}).items()]
+            samples.append(("vertex error", one.over_time_mm[method]))
+        bad = (name for name, values in samples if not np.isfinite(values).all())
+        if name := next(bad, None):
+            remedy = "Look for places and shapes beyond all measure in its prediction"
+            raise BadMotionFile(f"clip {one.clip_id}: {name} is no finite number. {remedy}")
 
 
 @dataclass(frozen=True, eq=False)

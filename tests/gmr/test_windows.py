@@ -1,5 +1,6 @@
 """Windows and the runs that they are cut from, in memory and in mapped files."""
 
+import shutil
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,7 +20,6 @@ from gmrdata.gmr.flat_runs import (
     TrainingRun,
     in_files,
     in_memory,
-    remove_files,
 )
 from gmrdata.gmr.model import network_input
 from gmrdata.gmr.rotations import to_rotmats
@@ -318,7 +318,7 @@ def test_a_pack_is_made_once_and_as_a_whole(tmp_path):
     np.save(parts, np.zeros(2, np.int64))
     with pytest.raises(BadRecord, match="its arrays don't fit together. Remove it"):
         in_files(random_runs([7], [0]), folder, OTHER_PACK)
-    remove_files(folder)
+    shutil.rmtree(folder)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -331,7 +331,7 @@ def test_a_pack_whose_record_lacks_a_key_is_made_anew(tmp_path):
         write_json(folder / "pack.json", record)
         assert len(in_files(random_runs([n], [0]), folder, PACK).poses) == n
         assert read_json(folder / "pack.json")[key] == PACK.model_dump(mode="json")[key]
-        remove_files(folder)
+        shutil.rmtree(folder)
 
 
 def test_memory_is_bounded(tmp_path):
