@@ -19,15 +19,18 @@ from torch import Tensor
 
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import WindowConfig
+from gmrdata.gmr.rotations import Answer, Lengths
 from gmrdata.values.body import MIRROR, MIRRORED
 from gmrdata.values.shapes import Float, Int
 
 COUNTERPARTS = [joint - 1 for joint in MIRRORED[1:]]
 """Row of each joint's counterpart among the 23 local rotations."""
+SIGNS = np.outer(MIRROR, MIRROR)
+"""M R M multiplies each entry of R by one of these."""
 
 
 def four_ways(
-    local_rotmats: Float[Tensor, "batch frames 23 3 3"], lengths: Int[Tensor, " batch"] | None
+    local_rotmats: Float[Tensor, "batch frames 23 3 3"], lengths: Lengths
 ) -> list[Float[Tensor, "batch frames 23 3 3"]]:
     """As given, mirrored, reversed, and both.  `lengths` frames are real; None: all.
 
@@ -37,14 +40,11 @@ def four_ways(
     ways = []
     for frames in (torch.minimum(at, last), (last - at).clamp(min=0)):
         played = _frames_of(local_rotmats, frames)
-        ways += [played, played[:, :, COUNTERPARTS] * _signs(played)]
+        ways += [played, played[:, :, COUNTERPARTS] * played.new_tensor(SIGNS)]
     return ways
 
 
-def turned_back(
-    motions: list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]],
-    lengths: Int[Tensor, " batch"] | None,
-) -> list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]]:
+def turned_back(motions: list[Answer], lengths: Lengths) -> list[Answer]:
     """Motions that belong to `four_ways`, as motions of the sequence that was given.
 
     dR of frames i to i+1 is the transpose of the one back, dR', and dT = -dR dT'.  What leads out
@@ -55,7 +55,7 @@ def turned_back(
     found = []
     for way, (turns, moves_m) in enumerate(motions):
         if way % 2:
-            turns, moves_m = turns * _signs(turns), moves_m * moves_m.new_tensor(MIRROR)
+            turns, moves_m = turns * turns.new_tensor(SIGNS), moves_m * moves_m.new_tensor(MIRROR)
         if way >= 2:
             turns, moves_m = _frames_of(turns.transpose(-1, -2), back), _frames_of(moves_m, back)
             moves_m = -(turns @ moves_m[..., None])[..., 0]
@@ -63,9 +63,7 @@ def turned_back(
     return found
 
 
-def mean_motion(
-    motions: list[tuple[Float[Tensor, "*batch 3 3"], Float[Tensor, "*batch 3"]]],
-) -> tuple[Float[Tensor, "*batch 3 3"], Float[Tensor, "*batch 3"]]:
+def mean_motion(motions: list[Answer]) -> Answer:
     """Mean of dR and dT.
 
     Rotations are averaged as unit quaternions on the first one's side: the chordal mean on SO(3)
@@ -79,7 +77,7 @@ def mean_motion(
     return rotations.to_rotmats(sides.mean(0), "quaternion"), delta_m
 
 
-def _at_and_last(values: Tensor, lengths: Tensor | None) -> tuple[Tensor, Tensor]:
+def _at_and_last(values: Tensor, lengths: Lengths) -> tuple[Tensor, Tensor]:
     """Numbers of the frames (1, frames), and of each sequence's last one (batch or 1, 1)."""
     at = torch.arange(values.shape[1], device=values.device)[None]
     return at, at[:, -1:] if lengths is None else lengths.to(values.device)[:, None] - 1
@@ -91,16 +89,6 @@ def _frames_of(values: Tensor, frames: Int[Tensor, "batch frames"]) -> Tensor:
     return values[rows, frames]
 
 
-def _signs(rotmats: Tensor) -> Tensor:
-    """M R M multiplies each entry of R by one of these."""
-    mirror = rotmats.new_tensor(MIRROR)
-    return mirror[:, None] * mirror
-
-
-AXES = np.array(MIRROR)  # diagonal of the reflection M
-_SIGNS = np.outer(AXES, AXES)  # M R M multiplies each entry of R by one of these
-
-
 def mirror_local(
     local_rotmats: Float[np.ndarray, "*batch 23 3 3"],
 ) -> Float[np.ndarray, "*batch 23 3 3"]:
@@ -109,12 +97,12 @@ def mirror_local(
 
 def mirror_rotmats(rotmats: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3"]:
     """M R M, for a root or a motion between frames."""
-    return rotmats * _SIGNS.astype(rotmats.dtype)
+    return rotmats * SIGNS.astype(rotmats.dtype)
 
 
 def mirror_points_m(points_m: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
     """M p, for a pelvis or a motion between frames [m]."""
-    return points_m * AXES.astype(points_m.dtype)
+    return points_m * np.array(MIRROR, points_m.dtype)
 
 
 def is_turned(config: WindowConfig) -> bool:

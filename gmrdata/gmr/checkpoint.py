@@ -263,7 +263,9 @@ def _read_tensors(
             f"{path}: truncated, missing or not safetensors ({error}). Train again"
         ) from None
     for key, tensor in tensors.items():
-        if not tensor.isfinite().all():
+        if not tensor.is_floating_point():
+            raise BadCheckpoint(f"{path}: {key} is of {tensor.dtype}, no weights. Train again")
+        if not tensor.float().isfinite().all():
             raise BadCheckpoint(f"{path}: {key} holds NaN or infinite numbers. Train again")
     found = {name: tensor.shape for name, tensor in tensors.items()}
     if shapes is None or found == shapes:

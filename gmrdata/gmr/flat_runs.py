@@ -19,6 +19,7 @@ import numpy as np
 from gmrdata.gmr.config import Representation
 from gmrdata.stage.locks import locked
 from gmrdata.values.errors import BadRecord, MissingInput
+from gmrdata.values.files import NUMPY_ERRORS
 from gmrdata.values.records import Record
 
 PACK_FILE = "pack.json"
@@ -99,10 +100,6 @@ def in_files(runs: Iterable[TrainingRun], folder: Path, about: PackRecord) -> Fl
     return _mapped(folder)
 
 
-def remove_files(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-
-
 def _write(runs: Iterable[TrainingRun], folder: Path) -> None:
     none = np.zeros((0,))
     kept: list[TrainingRun] = []  # without their frames, which are many
@@ -151,9 +148,10 @@ def _mapped(folder: Path) -> FlatRuns:
         frames = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FRAME_ARRAYS}
         of_runs = ("shapes", "parts", "bodies", "ends")
         runs = {name: np.load(folder / f"{name}.npy") for name in of_runs}
-    except (OSError, ValueError) as error:
+        n_frames = int(runs["ends"][-1])
+    except (*NUMPY_ERRORS, IndexError) as error:
         raise BadRecord(f"{folder}: broken ({error}). Remove it, and it is made again") from None
-    lengths = {len(values) for values in frames.values()} | {int(runs["ends"][-1])}
-    if len(lengths) > 1:
+    of_frames, of_each = ({len(one) for one in some.values()} for some in (frames, runs))
+    if of_frames != {n_frames} or len(of_each) > 1:
         raise BadRecord(f"{folder}: its arrays don't fit together. Remove it, and it is made again")
     return FlatRuns(**frames, **runs)

@@ -45,6 +45,7 @@ from gmrdata.values import limits, transforms
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.files import RECIPE_FILE, STAGE_FILE
 from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.records import Config, Record
 from gmrdata.values.transforms import smallest_rotation
@@ -357,7 +358,8 @@ def _predict(
     worlds: dict[str, _World] = {}
     left_out: dict[str, str] = {}
     for run in track(runs, "predicting", total=len(runs)):
-        name = _folder_name(run.id, worlds.keys() | left_out.keys())
+        taken = {RECORD_FILE, STAGE_FILE, RECIPE_FILE, *worlds, *left_out}
+        name = _folder_name(run.id, taken)
         if reason := too_short(run.motion, gmr.fps_hz):
             left_out[name] = reason
             continue

@@ -14,7 +14,6 @@ from torch import Tensor, nn
 
 from gmrdata.gmr import checkpoint, steps
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.gmr.flat_runs import remove_files
 from gmrdata.gmr.losses import Bodies, LossBody, Motions, counts_of, gmr_loss, make_loss_bodies
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
@@ -68,7 +67,7 @@ def fit_manifests(
     held_out = LazyClips([*scored, *split.held_out])
     _fit(training_set, bodies, run_dir, config, held_out, processes)
     if processes.is_first:
-        remove_files(pack_dir)
+        shutil.rmtree(pack_dir, ignore_errors=True)
     return split
 
 

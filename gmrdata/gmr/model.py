@@ -20,6 +20,7 @@ from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 from gmrdata.gmr import rotations
 from gmrdata.gmr.augmentation import four_ways, mean_motion, turned_back
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, NetworkConfig, Representation
+from gmrdata.gmr.rotations import Answer, Features, Lengths, Sequences
 from gmrdata.gmr.supports import (
     SCALE,
     StandingShares,
@@ -30,7 +31,7 @@ from gmrdata.gmr.supports import (
     with_flight,
 )
 from gmrdata.values.body import JOINT, N_LOCAL
-from gmrdata.values.shapes import Float, Int
+from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import forward_kinematics
 
 REST_JOINTS_M = (
@@ -159,9 +160,7 @@ class MotionNetwork(nn.Module):
         identity = torch.tensor(rotations.IDENTITY[size.output])
         self.register_buffer("identity", identity, persistent=False)
 
-    def features(
-        self, frames: Float[Tensor, "batch frames numbers"], lengths: Int[Tensor, " batch"] | None
-    ) -> Float[Tensor, "batch frames features"]:
+    def features(self, frames: Sequences, lengths: Lengths) -> Features:
         """Features of sequences, of which `lengths` (on the CPU) frames are real; None: all."""
         if lengths is None or bool((lengths == frames.shape[1]).all()):
             encoded = self.encoder(frames)[0]
@@ -202,11 +201,7 @@ class Gmr(MotionNetwork):
         self.looks = support_scores(config.n_features) if config.joints_say else None
         self._given = _columns_of("standing", config)
 
-    def forward(
-        self,
-        poses: Float[Tensor, "batch frames numbers"],
-        lengths: Int[Tensor, " batch"] | None = None,
-    ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
+    def forward(self, poses: Sequences, lengths: Lengths = None) -> Answer:
         """dR and dT [m] from local poses, as `network_input` makes them; `lengths`: see `features`.
 
         T frames in give T motions out, as in Fig. 4; but T frames have only T-1 motions, so the
@@ -214,11 +209,7 @@ class Gmr(MotionNetwork):
         """
         return mean_motion(self.answers(poses, lengths))
 
-    def answers(
-        self,
-        poses: Float[Tensor, "batch frames numbers"],
-        lengths: Int[Tensor, " batch"] | None = None,
-    ) -> list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]]:
+    def answers(self, poses: Sequences, lengths: Lengths = None) -> list[Answer]:
         """What `forward` is the mean of: one answer, or of a symmetric network four."""
         if self.training or not self.config.symmetric:
             return [self._motions_of(poses, self._features_of(poses, lengths))]
@@ -235,18 +226,12 @@ class Gmr(MotionNetwork):
         parts = zip(ways, features.unflatten(0, (4, -1)).unbind(0), strict=True)
         return turned_back([self._motions_of(*part) for part in parts], lengths)
 
-    def _features_of(
-        self, poses: Float[Tensor, "batch frames numbers"], lengths: Int[Tensor, " batch"] | None
-    ) -> Float[Tensor, "batch frames features"]:
+    def _features_of(self, poses: Sequences, lengths: Lengths) -> Features:
         """Features of sequences, by the columns that the GRUs get."""
         seen = poses if self.columns.numel() == poses.shape[-1] else poses[..., self.columns]
         return self.features(seen, lengths)
 
-    def _motions_of(
-        self,
-        poses: Float[Tensor, "batch frames numbers"],
-        features: Float[Tensor, "batch frames features"],
-    ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
+    def _motions_of(self, poses: Sequences, features: Features) -> Answer:
         """What the network answers to sequences as they are, by their features."""
         # bfloat16's 8 bits are enough for features, not for the motion itself.
         with torch.autocast(features.device.type, enabled=False):
@@ -273,19 +258,11 @@ class MeanGmr(nn.Module):
         self.models: Sequence[Gmr] = nn.ModuleList(models)  # type: ignore[assignment]
         self.config = models[0].config
 
-    def forward(
-        self,
-        poses: Float[Tensor, "batch frames numbers"],
-        lengths: Int[Tensor, " batch"] | None = None,
-    ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
+    def forward(self, poses: Sequences, lengths: Lengths = None) -> Answer:
         """dR and dT [m], as each of the networks gives them."""
         return mean_motion(self.answers(poses, lengths))
 
-    def answers(
-        self,
-        poses: Float[Tensor, "batch frames numbers"],
-        lengths: Int[Tensor, " batch"] | None = None,
-    ) -> list[tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]]:
+    def answers(self, poses: Sequences, lengths: Lengths = None) -> list[Answer]:
         """Those of all networks."""
         return [one for model in self.models for one in model.answers(poses, lengths)]
 

@@ -23,6 +23,7 @@ from gmrdata.gmr.augmentation import mean_motion
 from gmrdata.gmr.checkpoint import REMEDY, read_model, read_network, read_state, trained_checkpoint
 from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, Which, network_dir
 from gmrdata.gmr.model import Gmr, MeanGmr, given_input
+from gmrdata.gmr.rotations import Answer
 from gmrdata.gmr.runs import runs_at
 from gmrdata.motion.resample import resample
 from gmrdata.values import limits
@@ -115,7 +116,7 @@ def predict_with_doubt(
     return Rotation.from_matrix(delta_rotmats).as_matrix(), delta_m, doubt
 
 
-def _apart(one: tuple[Tensor, Tensor], mean: tuple[Tensor, Tensor]) -> Tensor:
+def _apart(one: Answer, mean: Answer) -> Tensor:
     """The angle between two dR, and the length between two dT: (batch, frames, 2)."""
     # The chord of a small angle, which has no root of a rounding error.
     angles = (one[0] - mean[0]).square().sum((-1, -2)).div(2).sqrt()

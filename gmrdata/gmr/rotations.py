@@ -8,7 +8,13 @@ import torch
 from torch import Tensor
 
 from gmrdata.gmr.config import Representation
-from gmrdata.values.shapes import Float
+from gmrdata.values.shapes import Float, Int
+
+Sequences = Float[Tensor, "batch frames numbers"]
+Features = Float[Tensor, "batch frames features"]
+Lengths = Int[Tensor, " batch"] | None  # how many frames of each sequence are real; None: all
+Answer = tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]
+"""dR, and dT [m], from each frame to the next; the last leads out of the sequence."""
 
 SIZE: dict[Representation, int] = {"quaternion": 4, "axis-angle": 3, "6d": 6}  # per rotation
 IDENTITY: dict[Representation, tuple[float, ...]] = {

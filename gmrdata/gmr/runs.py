@@ -17,7 +17,7 @@ import numpy as np
 from gmrdata.gmr.config import DataConfig
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import ListManifest, Manifest, Source
-from gmrdata.manifest.read import load_entry, read_data_set, read_manifest
+from gmrdata.manifest.read import listed_path, load_entry, read_data_set, read_manifest
 from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.read.source_motion import CMU_TRIAL
 from gmrdata.stage import recipes
@@ -39,6 +39,11 @@ class ClipFile:
 
     manifest_path: Path
     entry: ClipEntry
+
+    @property
+    def arrays_path(self) -> Path:
+        """The clip's file; BadManifest where a link to it leads out of the manifest's folder."""
+        return listed_path(self.manifest_path, self.entry, "arrays.path", self.entry.arrays.path)
 
     def load(self) -> Clip:
         return load_entry(self.manifest_path, self.entry)
@@ -122,18 +127,21 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Motion]:
     check_rate(clip.id, clip.motion.fps_hz, fps_hz)
     step = whole_ratio(clip.motion.fps_hz, fps_hz)
     n_phases = (step or max(1, int(clip.motion.fps_hz / fps_hz))) if all_phases else 1
-    runs = []
-    for start, stop in valid_runs(clip.valid):
-        for phase in range(n_phases):
-            if stop - start - phase < MIN_FRAMES:
-                continue
-            if step is not None:
-                motion = clip.motion.take(slice(start + phase, stop, step), fps_hz)
-            else:
-                motion = resample(clip.motion.take(slice(start + phase, stop)), fps_hz)
-            if motion.n_frames >= MIN_FRAMES:
-                runs.append(motion)
-    return runs
+    rows = run_slices(clip.valid, step or 1, n_phases)
+    if step is not None:
+        return [clip.motion.take(part, fps_hz) for part in rows]
+    resampled = (resample(clip.motion.take(part), fps_hz) for part in rows)
+    return [motion for motion in resampled if motion.n_frames >= MIN_FRAMES]
+
+
+def run_slices(valid: np.ndarray, step: int, n_phases: int) -> list[slice]:
+    """Each `step`-th row of the runs of `valid` (T,) ones, two or more: all in the first phase of a
+    run, then all in the next, which begins a row later."""
+    return [
+        slice(start + phase, stop, step)
+        for start, stop in valid_runs(valid)
+        for phase in range(min(n_phases, stop - start - (MIN_FRAMES - 1) * step))
+    ]
 
 
 def check_rate(clip_id: str, fps_hz: float, wanted_hz: float) -> None:
@@ -307,7 +315,7 @@ def cmu_trial(source: Source) -> str | None:
     is_another_set = source.dataset == "AMASS" and len(parts) == 3 and parts[0] != "CMU"
     if source.dataset in _OTHERS or is_another_set:
         return None
-    match = CMU_TRIAL.match(parts[-1])
+    match = CMU_TRIAL.match(parts[-1]) if parts else None  # none of the sequence "."
     return f"{int(match.group(1)):02d}_{match.group(2)}" if match else None
 
 

@@ -309,7 +309,7 @@ def run_log(run_dir: Path | None, done: int, tensorboard: bool) -> Iterator[Log]
         yield lambda _: None
         return
     path = run_dir / "metrics.jsonl"
-    lines = path.read_text("utf-8").splitlines() if path.is_file() else []
+    lines = path.read_text("utf-8", "replace").splitlines() if path.is_file() else []
     # The process may have been killed in the middle of a line, which then is beyond the checkpoint.
     write_text(path, "".join(line + "\n" for line in lines if _line_step(line) <= done))
     with closing(_event_writer(run_dir, done)) if tensorboard else nullcontext() as writer:
@@ -327,7 +327,7 @@ def run_log(run_dir: Path | None, done: int, tensorboard: bool) -> Iterator[Log]
 def _line_step(line: str) -> float:
     try:
         return float(json.loads(line)["step"])
-    except (json.JSONDecodeError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return math.inf
 
 

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from gmrdata.gmr import rotations
+from gmrdata.gmr.rotations import Answer, Features
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.shapes import Float
 
@@ -52,7 +53,7 @@ class StandingShares(nn.Module):
 
     def forward(
         self,
-        features: Float[Tensor, "batch frames n"],
+        features: Features,
         scores: Float[Tensor, "batch frames supports"] | None = None,
     ) -> Float[Tensor, "batch frames supports 1"]:
         """Shares of the supports, without that of none; `scores` are added to their logits."""
@@ -76,7 +77,7 @@ class SupportScores(nn.Module):
 
     def forward(
         self,
-        features: Float[Tensor, "batch frames n"],
+        features: Features,
         numbers: Float[Tensor, "batch frames supports numbers"],
     ) -> Float[Tensor, "batch frames supports 2"]:
         numbers = numbers.clamp(-MOST, MOST)
@@ -92,15 +93,15 @@ def support_scores(n_features: int) -> nn.ModuleList:
 
 def led_by(
     supports: Supports,
-    features: Float[Tensor, "batch frames n"],
-    regressed: tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]],
+    features: Features,
+    regressed: Answer,
     shares: tuple[StandingShares | None, StandingShares | None],
     looks: nn.ModuleList | None,
-) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
+) -> Answer:
     """dR and dT [m] by supports, of which `shares` hold (None: no part of it is theirs), and what
     is regressed, which is what they leave over."""
 
-    def led(scores: Tensor | None) -> tuple[Tensor, Tensor]:
+    def led(scores: Tensor | None) -> Answer:
         (turns, delta_m), of_turns, of_steps = regressed, None, None
         if scores is not None:
             of_turns, of_steps = scores.unbind(-1)

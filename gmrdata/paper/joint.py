@@ -27,7 +27,6 @@ from gmrdata.gmr.flat_runs import TrainingRun, in_memory
 from gmrdata.gmr.losses import Bodies, LossBody, Motions, gmr_loss, make_loss_bodies
 from gmrdata.gmr.model import MotionNetwork
 from gmrdata.gmr.runs import (
-    MIN_FRAMES,
     ClipFile,
     LazyClips,
     Split,
@@ -36,6 +35,7 @@ from gmrdata.gmr.runs import (
     given_body,
     no_runs,
     require_own_ids,
+    run_slices,
     split_manifests,
 )
 from gmrdata.gmr.steps import (
@@ -47,7 +47,6 @@ from gmrdata.gmr.steps import (
     torch_settings,
 )
 from gmrdata.gmr.windows import Batch, TrainingSet, batch_of, sample_window, stacked
-from gmrdata.motion.resample import valid_runs
 from gmrdata.paper.plan import JointConfig
 from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.score import baselines as predictions
@@ -77,13 +76,15 @@ def load_features(folder: Path, clip: Clip) -> np.ndarray:
         raise BadFeatures(f"{path}: {KEY} is {shape}, expected numbers of shape ({n}, D)")
     if not found.shape[1]:
         raise BadFeatures(f"{path}: {KEY} has no columns")
+    with np.errstate(over="ignore"):  # what float32 can't hold becomes infinite
+        found = found.astype(np.float32)
     bad = np.flatnonzero(clip.valid & ~np.isfinite(found).all(axis=1))
     if len(bad):
         raise BadFeatures(
             f"{path}: row {bad[0]} holds NaN or infinite numbers ({len(bad)} rows in all), and clip"
             f" {clip.id} has it as valid. Compute them again, or drop the rows in the manifest"
         )
-    return np.asarray(found, dtype=np.float32)
+    return found
 
 
 def rows_per_frame(clip: Clip, fps_hz: float) -> int:
@@ -142,7 +143,7 @@ class JointModel(MotionNetwork):
         self.mean_pose.copy_(rotations.from_rotmats(local_rotmats, "6d").flatten(1).mean(0))
 
     def forward(
-        self, features: Float[Tensor, "batch frames numbers"], lengths: Tensor | None = None
+        self, features: rotations.Sequences, lengths: rotations.Lengths = None
     ) -> JointOutput:
         """Local poses of T frames, and the T-1 motions between them; `lengths` as in `features`."""
         scaled = (features - self.feature_mean) * self.feature_scale
@@ -385,9 +386,7 @@ def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float, body: int = 0) -
         TrainingRun(
             rows[now], motion.root_rotmats[now], motion.pelvis_m[now], motion.shape, body=body
         )
-        for start, stop in valid_runs(clip.valid)
-        for now in (slice(start + phase, stop, step) for phase in range(step))
-        if stop - now.start > (MIN_FRAMES - 1) * step
+        for now in run_slices(clip.valid, step, step)
     ]
 
 

@@ -21,7 +21,6 @@ from gmrdata.gmr.runs import (
 )
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Clip
-from gmrdata.manifest.read import rows_in
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.paper import ScaleName, comparison
 from gmrdata.paper.joint import predict_joint, split_videos, train_joint
@@ -77,11 +76,10 @@ def held_out_set(
 
 
 def _copied(file: ClipFile, folder: Path) -> Clip:
-    entry = file.entry
-    arrays = read_npz(resolve_inside(file.manifest_path.parent, entry.arrays.path))
+    entry, valid = file.entry, file.load().valid
     path = resolve_inside(folder, f"clips/{entry.id}.npz")
     # The arrays as they are: written anew, rotations would be rounded.
-    write_npz(path, arrays | {"valid": arrays["valid"] & rows_in(entry.kept, entry.n_frames)})
+    write_npz(path, read_npz(file.arrays_path) | {"valid": valid})
     return clip_entry(
         folder,
         ClipFiles(path),

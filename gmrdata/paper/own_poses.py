@@ -187,7 +187,7 @@ class _Viewer:
         save_clip(path, posed, self._body.rest_pelvis_m(posed.motion.shape))
         keypoints_dir = self._out_dir / KEYPOINTS_FOLDER / clip.id
         write_keypoints(keypoints_dir, clip, track, between)
-        crops = between.placed(track.crops)
+        crops = crops_between(track.crops, between)
         features = [
             self._look(read_color(images[number]), Crop(crop[:2], crop[2], crop[3]))
             for number, crop in zip(clip.image_numbers.tolist(), crops, strict=True)
@@ -236,6 +236,12 @@ def rows_between(rows: np.ndarray, n_rows: int) -> Between:
     frames = np.flatnonzero(rows >= 0)
     between = between_known(rows[frames], np.arange(n_rows))
     return replace(between, before=frames[between.before], after=frames[between.after])
+
+
+def crops_between(crops: np.ndarray, between: Between) -> np.ndarray:
+    """Crops (N, 4) of a track at all rows; from 179 to -179 degrees they turn by 2."""
+    turns_rad = np.unwrap(crops[:, 3])
+    return between.placed(np.column_stack([crops[:, :3], turns_rad]))
 
 
 def posed_clip(clip: Clip, poses: LocalPoses, between: Between, body: BodyModel) -> Clip:

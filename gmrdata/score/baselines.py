@@ -55,8 +55,7 @@ def manifest_subjects(
             continue
         clip = file.load()
         if clip.valid.any():
-            arrays = read_npz(resolve_inside(path.parent, file.entry.arrays.path))
-            subjects.append(Subject(clip, arrays["rest_pelvis_m"]))
+            subjects.append(Subject(clip, read_npz(file.arrays_path)["rest_pelvis_m"]))
         else:
             left_out[clip.id] = "no frame is valid"
     return subjects, left_out

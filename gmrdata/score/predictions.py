@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmrdata.gmr.runs import MIN_FRAMES, UsableClip, runs_at
+from gmrdata.gmr.runs import UsableClip, run_slices, runs_at
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import BodyModel, on_body
 from gmrdata.values.clip import Clip, load_clip
@@ -311,13 +311,8 @@ def _rows_of_runs(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[np.nda
     step = whole_ratio(clip.motion.fps_hz, fps_hz)
     if step is None:
         return [None for _ in runs_at(clip, fps_hz, all_phases=all_phases)]
-    phases = range(step if all_phases else 1)
-    rows = [
-        np.arange(start + phase, stop, step)
-        for start, stop in valid_runs(clip.valid)
-        for phase in phases
-    ]
-    return [one for one in rows if len(one) >= MIN_FRAMES]
+    numbers = np.arange(len(clip.valid))
+    return [numbers[rows] for rows in run_slices(clip.valid, step, step if all_phases else 1)]
 
 
 def _cam_rotmats(clip: Clip, rows_of_runs: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:

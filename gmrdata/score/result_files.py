@@ -21,6 +21,7 @@ from gmrdata.values.files import npz_format
 from gmrdata.values.people import EstimatedPeople
 
 SUFFIXES = (".npz", ".pkl", ".pt")
+PHALPS = "demo_"  # what PHALP puts before the video's name
 SLAHMR_PHASES = ("motion_refine", "motion_chunks", "smooth_fit", "smpl_fit", "root_fit", ".")
 """SLAHMR's folders of results, the last phase of its optimization first."""
 COMPARISON = "comparison"
@@ -95,7 +96,7 @@ def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | 
                 f"{path}: {both} are both {result.system}'s of clip {clip.id}. Keep one"
             )
         of_system[clip.id] = result
-        if clip.id in (file.stem, *file.relative_to(root.parent).parts):
+        if _is_named(file.relative_to(root.parent), clip.id):
             by_id.add((root, clip.id))
     own = _clip_folders(path, clips)
     if not found and not own:
@@ -150,13 +151,15 @@ def _candidates(path: Path, clips: Sequence[ClipName]) -> Iterator[tuple[Path, C
     """Folder of the set, clip, and file or folder of its result."""
     one_sequence = len({clip.sequence for clip in clips}) == 1
     if path.is_file() or (one_sequence and is_tram_folder(path)):
-        yield from ((path, clip, path) for clip in clips if one_sequence)
+        for clip in clips:
+            if one_sequence or any(_is_named(Path(path.name), name) for name in clip.names()):
+                yield path, clip, path
         return
     taken = {name for clip in clips for name in clip.names()} | {HPS_FOLDER}
     inside = [
         one
         for one in sorted(path.iterdir())
-        if one.is_dir() and one.name not in taken and not any(_is_run(one, n) for n in taken)
+        if one.is_dir() and one.name not in taken and not any(_is_run(one.name, n) for n in taken)
     ]
     for root in (path, *inside):
         own = list(_own_files(root)) if one_sequence else []
@@ -170,21 +173,27 @@ def _of_name(root: Path, name: str, runs: Sequence[Path]) -> Iterator[Path]:
     """The results in a folder that are named so; `runs` are those of SLAHMR's in it."""
     if root.name == "camera" and (root.with_name("smpl") / f"{name}.npz").is_file():
         return  # TRAM's cameras, which are read beside its people
-    for file_name in (*(f"{name}{suffix}" for suffix in SUFFIXES), f"demo_{name}.pkl"):
-        file = root / file_name  # PHALP puts its own word before the video's name
+    for file_name in (*(f"{name}{suffix}" for suffix in SUFFIXES), f"{PHALPS}{name}.pkl"):
+        file = root / file_name
         if file.is_file() and npz_format(file) != CLIP_FORMAT:
             yield file
     if (root / name).is_dir():
         yield from _own_files(root / name)
     for run in runs:
-        if _is_run(run, name):
+        if _is_run(run.name, name):
             yield from _slahmr_files(run)
 
 
-def _is_run(folder: Path, sequence: str) -> bool:
+def _is_named(file: Path, name: str) -> bool:
+    """Whether a result, or a folder that it is in, is named so, by its user or by its system."""
+    named = name in (*file.parts, file.stem, file.stem.removeprefix(PHALPS))
+    return named or any(_is_run(folder, name) for folder in file.parts)
+
+
+def _is_run(folder: str, sequence: str) -> bool:
     """Whether a folder is named as SLAHMR names its runs of a sequence."""
-    after = folder.name.removeprefix(sequence)
-    return after != folder.name and re.fullmatch(RUN, after) is not None
+    after = folder.removeprefix(sequence)
+    return after != folder and re.fullmatch(RUN, after) is not None
 
 
 def _own_files(folder: Path) -> Iterator[Path]:

@@ -18,6 +18,7 @@ from gmrdata.gmr.runs import (
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.bodies import body_inputs, load_bodies
+from gmrdata.score import METHODS
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.predictions import PredictedClip, on_its_body
@@ -43,7 +44,7 @@ from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.body import BodyModel, body_of, names_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe, StaleOutput
-from gmrdata.values.files import STAGE_FILE, sha256_of_file
+from gmrdata.values.files import NUMPY_ERRORS, STAGE_FILE, sha256_of_file
 
 
 @dataclass(frozen=True)
@@ -215,6 +216,7 @@ def _scores(source: Source, given: _Given, config: ScoreConfig) -> Scores:
         id, reason = next(iter(skipped.items()))
         raise BadManifest(f"{given.manifest_path}: no clip can be scored. Clip {id}: {reason}")
     labelled = _labelled(scored, manifest, protocol)
+    _require_finite(labelled)
     rng = np.random.default_rng(config.seed)
     summary = summarise(labelled, one.fps_hz, config.resamples, rng, protocol)
     return Scores(
@@ -239,6 +241,19 @@ def _labelled(
         replace(one, motion_type=types.get(one.clip_id), subsets=subsets.get(one.clip_id, ()))
         for one in across_clips(scored, protocol, videos_of(manifest))
     ]
+
+
+def _require_finite(scored: Sequence[ClipErrors]) -> None:
+    """Refuse errors that no number holds, as of places too far away to be squared."""
+    for one in scored:
+        samples: list[tuple[str, np.ndarray]] = []
+        for method in METHODS:
+            samples += [*one.errors[method].items(), *one.protocol.get(method, {}).items()]
+            samples.append(("vertex error", one.over_time_mm[method]))
+        bad = (name for name, values in samples if not np.isfinite(values).all())
+        if name := next(bad, None):
+            remedy = "Look for places and shapes beyond all measure in its prediction"
+            raise BadMotionFile(f"clip {one.clip_id}: {name} is no finite number. {remedy}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,6 +329,9 @@ def subsets_of(manifest: Manifest) -> dict[str, tuple[str, ...]]:
     }
 
 
+SUM_OFF = 0.01  # of a joint's weights, which files round
+
+
 def _joint_regressor(
     path: Path, body: BodyModel, protocol: Protocol | None
 ) -> tuple[np.ndarray, Protocol]:
@@ -322,7 +340,7 @@ def _joint_regressor(
         raise BadRecipe("--joint-regressor: give a --protocol that measures joints too")
     try:
         matrix = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except NUMPY_ERRORS as error:
         raise BadBodyFile(f"{path}: not a .npy of numbers ({error})") from None
     n_vertices = len(body.template_m)
     if not isinstance(matrix, np.ndarray) or matrix.dtype.kind not in "fiu" or matrix.ndim != 2:
@@ -333,6 +351,9 @@ def _joint_regressor(
             f"{n_vertices} vertices, or not all are finite. Give the regressor of this mesh"
         )
     fitting = with_mesh_joints(protocol, len(matrix))
+    if not np.allclose(matrix.sum(axis=1), 1.0, rtol=0, atol=SUM_OFF):
+        what = "its rows don't sum to 1, so its joints are no means of vertices"
+        raise BadBodyFile(f"{path}: {what}. Give a regressor of joints")
     rows = matrix[list(H36M_ROWS)] if len(matrix) == H36M_JOINTS else matrix
     return rows.astype(float), fitting
 

@@ -249,7 +249,7 @@ def read_npz(
         return found
     except OverBudget as error:
         raise BadMotionFile(f"{path}: {error}; {error.remedy}") from None
-    except _NPZ_ERRORS as error:
+    except NUMPY_ERRORS as error:
         said: object = error
         if "allow_pickle" in str(error):  # numpy's own remedy runs what the file holds
             said = "it holds Python's objects; save each array of theirs by its name, np.savez"
@@ -264,7 +264,7 @@ def npz_format(path: Path) -> str | None:
         check_archive(path, budget := Budget.of(path))
         with np.load(path, allow_pickle=False) as arrays:
             return str(_plain_array(arrays, "format", budget)) if "format" in arrays else None
-    except _NPZ_ERRORS:
+    except NUMPY_ERRORS:
         return None
 
 
@@ -294,12 +294,12 @@ def check_archive(path: Path, budget: Budget) -> None:
     budget.take_bytes(sum(entry.file_size for entry in entries))
 
 
-_NPZ_ERRORS = (
+NUMPY_ERRORS = (
     zipfile.BadZipFile, zlib.error, ValueError, TypeError, OSError, EOFError, MemoryError,
     RuntimeError,  # an encrypted or strangely compressed member
     SyntaxError, TokenError,  # an array's header, which is Python's text
 )  # fmt: skip
-"""What numpy and zipfile raise for files that are not what they say."""
+"""What numpy and zipfile raise for .npy and .npz that are not what they say."""
 
 
 _KINDS = (

@@ -1,5 +1,6 @@
 """Motion: one person over time; its motion from frame to frame (the paper's eqs. 2-4)."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Self, TypeVar
 
@@ -54,7 +55,7 @@ def without_root(motion: Motion) -> Motion:
 def whole_ratio(higher_hz: float, lower_hz: float) -> int | None:
     """Frames of the higher rate for one of the lower; None where that is no whole number."""
     ratio = higher_hz / lower_hz
-    whole = round(ratio)
+    whole = 0 if ratio == math.inf else round(ratio)
     return whole if whole >= 1 and abs(ratio - whole) <= 1e-6 * ratio else None
 
 

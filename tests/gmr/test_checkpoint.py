@@ -234,6 +234,14 @@ def test_weights_that_are_no_numbers_are_told(run_dir):
     save_file(tensors, path)
     with pytest.raises(BadCheckpoint, match=r"model\.safetensors: projection\.bias holds NaN"):
         load_gmr(run_dir)
+    tensors["projection.bias"] = torch.full((6,), 1e300, dtype=torch.float64)
+    save_file(tensors, path)
+    with pytest.raises(BadCheckpoint, match=r"projection\.bias holds NaN or infinite"):
+        load_gmr(run_dir)
+    for dtype in (torch.int8, torch.bool, torch.complex64):
+        save_file(tensors | {"projection.bias": torch.ones(6, dtype=dtype)}, path)
+        with pytest.raises(BadCheckpoint, match=rf"projection\.bias is of {dtype}, no weights"):
+            load_gmr(run_dir)
 
 
 def test_a_record_that_asks_for_a_huge_network_is_told_before_it_is_made(run_dir):

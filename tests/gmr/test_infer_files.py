@@ -233,6 +233,11 @@ def test_a_hostile_clip_name_stays_inside(
     infer(run_dir, tmp_path / "c.npz", out, InferConfig(video=False), body_path=body_path)
     assert names(out) == ["_.._x_y", "infer.json", "stage.json"]
     assert not (tmp_path / "x y").exists()
+    for name in ("infer.json", "stage.json", "recipe.json"):
+        write_bvh(tmp_path / f"{name}.bvh", motion, small_body)
+        out = tmp_path / f"out {name}"
+        infer(run_dir, tmp_path / f"{name}.bvh", out, InferConfig(video=False), body_path=body_path)
+        assert names(out) == sorted(["infer.json", "stage.json", f"{name}_2"])
 
 
 def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(

@@ -61,6 +61,8 @@ def test_subjects_and_trials():
     assert subject_of(Source(dataset="Human3.6M", sequence="S9/Walking/1")) == "Human3.6M/S9"
     assert subject_of(Source(dataset="EMDB", sequence="P0/09_outdoor_walk")) == "EMDB/P0"
     assert subject_of(Source(dataset="AMASS", sequence="SFU/0005/0005_Walk001_poses")) == "SFU/0005"
+    here = Source(dataset="file", sequence=".")  # a path without parts, which was a traceback
+    assert (subject_of(here), cmu_trial(here), recording_of(here)) == (None, None, None)
 
 
 @given(subject=st.integers(1, 144), trial=st.integers(1, 75))

@@ -80,8 +80,8 @@ def test_lines_beyond_the_checkpoint_are_cut(tmp_path):
     with run_log(tmp_path, 0, False) as log:
         for step in range(1, 6):
             log({"step": step, "loss": 0.5})
-    with (tmp_path / "metrics.jsonl").open("a") as stream:
-        stream.write('{"step": 6, "lo')
+    with (tmp_path / "metrics.jsonl").open("ab") as stream:
+        stream.write(b'{"step": "two"}\n\xff\xfe\x00\n{"step": 6, "lo')
     with run_log(tmp_path, 3, False) as log:
         log({"step": 4, "loss": 0.25})
     assert steps_of(tmp_path) == [1, 2, 3, 4]

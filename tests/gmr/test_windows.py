@@ -1,5 +1,6 @@
 """Windows and the runs that they are cut from, in memory and in mapped files."""
 
+import shutil
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,7 +20,6 @@ from gmrdata.gmr.flat_runs import (
     TrainingRun,
     in_files,
     in_memory,
-    remove_files,
 )
 from gmrdata.gmr.model import network_input
 from gmrdata.gmr.rotations import to_rotmats
@@ -28,7 +28,7 @@ from gmrdata.gmr.windows import Batch, make_batch, make_training_set, reverse, s
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecord
 from gmrdata.values.files import read_json, write_json
-from gmrdata.values.motion import accumulate, deltas
+from gmrdata.values.motion import accumulate, deltas, whole_ratio
 from tests.motions import bare_clip, made_up
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
@@ -61,6 +61,12 @@ def test_a_higher_rate_gives_all_phases():
     ]
     assert frame_numbers(counting_clip(8, 30.0), 10.0, all_phases=False) == [[0, 3, 6]]
     assert frame_numbers(counting_clip(3, 10.0), 10.0, all_phases=True) == [[0, 1, 2]]
+
+
+def test_a_rate_beyond_all_cameras_has_as_many_phases_as_frames():
+    """Each of 1e12 phases was looked at."""
+    assert frame_numbers(counting_clip(5, 1e13), 10.0, all_phases=True) == []
+    assert whole_ratio(30.0, 1e-310) is None  # which overflowed
 
 
 def test_no_run_crosses_a_gap():
@@ -302,10 +308,17 @@ def test_a_pack_is_made_once_and_as_a_whole(tmp_path):
     again = in_files(stopping(), folder, PACK)
     np.testing.assert_array_equal(first.poses, again.poses)
     assert len(in_files(random_runs([7], [0]), folder, OTHER_PACK).poses) == 7
-    (folder / "poses.npy").write_bytes((folder / "poses.npy").read_bytes()[:-8])
-    with pytest.raises(BadRecord, match="Remove it, and it is made again"):
+    poses, parts = (folder / f"{name}.npy" for name in ("poses", "parts"))
+    whole = poses.read_bytes()
+    for content in (whole[:-8], b"", b"\x93NUMPY\x01\x00\x02\x00{\n"):
+        poses.write_bytes(content)
+        with pytest.raises(BadRecord, match="Remove it, and it is made again"):
+            in_files(random_runs([7], [0]), folder, OTHER_PACK)
+    poses.write_bytes(whole)
+    np.save(parts, np.zeros(2, np.int64))
+    with pytest.raises(BadRecord, match="its arrays don't fit together. Remove it"):
         in_files(random_runs([7], [0]), folder, OTHER_PACK)
-    remove_files(folder)
+    shutil.rmtree(folder)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -318,7 +331,7 @@ def test_a_pack_whose_record_lacks_a_key_is_made_anew(tmp_path):
         write_json(folder / "pack.json", record)
         assert len(in_files(random_runs([n], [0]), folder, PACK).poses) == n
         assert read_json(folder / "pack.json")[key] == PACK.model_dump(mode="json")[key]
-        remove_files(folder)
+        shutil.rmtree(folder)
 
 
 def test_memory_is_bounded(tmp_path):

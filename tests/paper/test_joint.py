@@ -281,6 +281,7 @@ def test_features_that_do_not_fit(walks, small_body, write_set, tmp_path):
         ({"features": good[:-1]}, r"float32 of shape \(79, 48\), expected"),
         ({"features": good[:, :0]}, "has no columns"),
         ({"features": good.astype(int)}, "int64 of shape"),
+        ({"features": good + np.float64(1e300)}, r"infinite numbers \(80 rows in all\)"),
         ({"features": holed}, r"row 7 holds NaN or infinite numbers \(2 rows in all\)"),
     ):
         write_npz(path, arrays)

@@ -12,7 +12,13 @@ from gmrdata.cli import main
 from gmrdata.manifest.write import ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.paper.joint import load_features
-from gmrdata.paper.own_poses import OwnPosesRecord, own_poses, rows_between, the_person
+from gmrdata.paper.own_poses import (
+    OwnPosesRecord,
+    crops_between,
+    own_poses,
+    rows_between,
+    the_person,
+)
 from gmrdata.paper.placement import PlacementConfig, clip_keypoints, place_person
 from gmrdata.paper.vibe_cam import load_poses
 from gmrdata.people.following import Networks, Sightings
@@ -122,6 +128,14 @@ def test_rows_without_a_person_lie_between_their_neighbours():
     between = rows_between(np.array([-1, 1, 2, 5]), 7)
     values = np.array([9.0, 10.0, 20.0, 50.0])[:, None]
     assert between.placed(values)[:, 0].tolist() == [10, 10, 20, 30, 40, 50, 50]
+
+
+def test_a_crop_between_two_turns_the_short_way():
+    """Halfway from 170 to -170 degrees it was upright."""
+    crops = np.array([[10.0, 20, 100, np.deg2rad(170)], [30.0, 40, 200, np.deg2rad(-170)]])
+    found = crops_between(crops, rows_between(np.array([0, 2]), 3))
+    np.testing.assert_allclose(found[1], [20, 30, 150, np.pi])
+    np.testing.assert_array_equal(found[0], crops[0])
 
 
 def test_the_clips_person_is_who_is_near_it_in_most_frames(anny):

@@ -39,7 +39,7 @@ from gmrdata.stage import recipes
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.clip import camera_of, save_clip
-from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import read_json, write_npz
 from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import write_clips
@@ -424,6 +424,17 @@ def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):
         assert (clip.motion.local_rotmats == originals[id].motion.local_rotmats).all()
     with pytest.raises(BadRecipe, match="nothing to score: give --scored"):
         held_out_set([motions], DataConfig(), tmp_path / "other")
+    # Both were tracebacks: a link out of the set, and a file that is no clip.
+    arrays = motions.parent / "02_01.npz"
+    arrays.rename(tmp_path / "02_01.npz")
+    arrays.symlink_to(tmp_path / "02_01.npz")
+    config = DataConfig(held_out_subjects=(2,))
+    with pytest.raises(BadManifest, match=r"clip 02_01: arrays\.path: path .* a link out of"):
+        held_out_set([motions], config, tmp_path / "linked")
+    arrays.unlink()
+    write_npz(arrays, {"other": np.zeros(3)})
+    with pytest.raises(BadMotionFile, match=r"02_01\.npz: has no `format`"):
+        held_out_set([motions], config, tmp_path / "none")
 
 
 def test_scored_clips_that_are_trained_on_are_counted(write_walks, tmp_path, capsys):

@@ -331,11 +331,19 @@ def test_a_regressor_file_is_checked(tmp_path, small_body, person):
     true, predicted = person
     manifest_path = write_clips(tmp_path / "data", small_body, [true])
     save_clip(tmp_path / f"{true.id}.npz", predicted, small_body.rest_pelvis_m(true.motion.shape))
-    files = {name: tmp_path / f"{name}.npy" for name in ("cut", "small", "rows")}
+    names = ("cut", "header", "huge", "zip", "small", "rows", "zeros")
+    files = {name: tmp_path / f"{name}.npy" for name in names}
     files["cut"].write_bytes(b"\x93NUMPY")
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 99999), }\n"
+    for name, text in (("header", header[:20]), ("huge", header)):
+        files[name].write_bytes(b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text)
+    files["zip"].write_bytes(b"PK\x03\x04 no zip")
     np.save(files["small"], np.ones((17, 5)))
     np.save(files["rows"], np.ones((3, len(small_body.template_m))))
-    said = {"cut": "not a .npy", "small": "Give the regressor of this mesh", "rows": "has 3 rows"}
+    np.save(files["zeros"], np.zeros((17, len(small_body.template_m))))
+    said = dict.fromkeys(("cut", "header", "huge", "zip"), "not a .npy")
+    said |= {"small": "Give the regressor of this mesh", "rows": "has 3 rows"}
+    said["zeros"] = "its rows don't sum to 1"
     body_path = tmp_path / "body.npz"
     save_body(body_path, small_body)
     for name, message in said.items():
@@ -345,3 +353,18 @@ def test_a_regressor_file_is_checked(tmp_path, small_body, person):
                 ScoreConfig(protocol="slahmr"), body_path=body_path,
                 joint_regressor_path=files[name],
             )  # fmt: skip
+
+
+def test_errors_that_no_number_holds_are_refused(tmp_path, small_body, true):
+    """They were a traceback: a place of 1e200 m has no square."""
+    manifest_path = write_clips(tmp_path / "data", small_body, [true])
+    pelvis_m = true.motion.pelvis_m.copy()
+    pelvis_m[6] = 1e200
+    far = replace(true, motion=replace(true.motion, pelvis_m=pelvis_m))
+    save_clip(tmp_path / "walk.npz", far, small_body.rest_pelvis_m(true.motion.shape))
+    save_body(tmp_path / "body.npz", small_body)
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(BadMotionFile, match="clip walk: tme_mm is no finite number. Look for"),
+    ):
+        score(tmp_path, manifest_path, tmp_path / "out", body_path=tmp_path / "body.npz")

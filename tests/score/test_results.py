@@ -26,7 +26,7 @@ from gmrdata.score.score import Scored
 from gmrdata.score.score import score as score_predictor
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, MissingInput, StaleOutput
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
@@ -292,6 +292,35 @@ def test_people_of_one_sequence_are_told_by_names_alone(tmp_path, body, true):
     (found,) = find_result_sets(tmp_path / "id", clips)
     assert isinstance(found, ResultSet)
     assert people_of_clips(found, clips, {})["walk.p1"].name == "person_5"
+
+
+@pytest.mark.parametrize("system", ["phalp", "slahmr"])
+def test_a_systems_own_word_beside_the_clips_id_is_no_other_name(system, tmp_path, body, true):
+    """`demo_<id>.pkl` and `<id>-all-shot-0` were not taken as named by the clip's id."""
+    clips = [ClipName(f"walk.p{n}", "walk", str(n), 2) for n in range(2)]
+    for clip in clips:
+        if system == "phalp":
+            seen = files.seen_person(true.motion, camera_of(true), body, FRAMES)
+            frames = files.phalp_frames([seen], FIRST + N)
+            files.write_joblib(tmp_path / f"demo_{clip.id}.pkl", frames)
+        else:
+            slahmr(tmp_path / f"{clip.id}-all-shot-0-0-180", body, true)
+    (found,) = find_result_sets(tmp_path, clips)
+    assert isinstance(found, ResultSet)
+    assert people_of_clips(found, clips, {}).keys() == {"walk.p0", "walk.p1"}
+
+
+def test_a_single_file_is_of_the_clip_that_it_is_named_after(tmp_path, body, true):
+    """Beside clips of other sequences it was said to be named after none."""
+    clips = [ClipName("a.p0", "set/a"), ClipName("b.p0", "set/b")]
+    for name in ("a", "a.p0"):
+        path = files.write_wham(
+            tmp_path / f"{name}.pkl", {0: (true.motion, FRAMES)}, rest(body, true)
+        )
+        (found,) = find_result_sets(path, clips)
+        assert isinstance(found, ResultSet) and found.results.keys() == {"a.p0"}
+    with pytest.raises(MissingInput, match="no result named after a clip"):
+        find_result_sets(path.rename(tmp_path / "c.pkl"), clips)
 
 
 def test_frames_are_matched_by_number_and_the_missing_are_said(tmp_path, data, body, true):
