@@ -9,6 +9,7 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
+from gmrdata.values.limits import MOST_DIGITS
 
 Out = Annotated[
     Path, arg(help="Output folder: predictions/ with a clip file for each clip, predictions.json.")
@@ -87,7 +88,7 @@ def baseline_vibe_cam(
     remedy = "expected the clip's id, =, and a number, each clip once"
     tracks = flags.by_key("--person", person, remedy)
     for text, (clip_id, number) in zip(person, tracks.items(), strict=True):
-        if not clip_id or not number.isdecimal():
+        if not clip_id or not number.isdecimal() or len(number) > MOST_DIGITS:
             raise BadRecipe(f"--person {text}: {remedy}")
     person_ids = {clip_id: int(number) for clip_id, number in tracks.items()}
     with flags.flags_named():

@@ -30,7 +30,7 @@ MOST_TEXT_BYTES = 1024 * MIB  # of a motion file in text
 FREE_LINES, BYTES_PER_LINE = 1_000_000, 12  # free, and else this many bytes for each
 MOST_JOINTS = 1000  # of a skeleton
 MOST_PIXELS = 200_000_000  # of an image
-MOST_DIGITS = 9  # of an image's number
+MOST_DIGITS = 9  # of the number of an image or a track
 MOST_VIDEO_FRAMES, MOST_VIDEO_PIXELS = 200_000, 10**12
 """Of a video: frames that are taken, and the pixels of all of them."""
 LOWEST_FPS_HZ, HIGHEST_FPS_HZ = 0.05, 2000.0  # of a video that a camera took

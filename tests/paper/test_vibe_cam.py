@@ -258,6 +258,7 @@ def test_the_verb(take, body_path, capsys):
         (["--person", "walk_0"], "--person walk_0: expected the clip's id, =, and a number"),
         (["--person", "walk_0=1", "walk_0=2"], "--person walk_0=2: expected the clip's id"),
         (["--person", "=2"], "--person =2: expected the clip's id, =, and a number"),
+        (["--person", f"walk_0={'9' * 5000}"], "and a number"),
         (["--image-size", "0", "480"], "--image-size 0: Input should be greater than 0"),
     ):
         with pytest.raises(SystemExit, match="1"):
