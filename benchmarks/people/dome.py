@@ -21,6 +21,7 @@ from poses.score import aligned_mm
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 from gmrdata.people.following import load_tracks
+from gmrdata.people.landmark_body import VISIBLE
 from gmrdata.solve.request import FOLLOWED
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
@@ -33,7 +34,6 @@ from gmrdata.world.judge import load_record
 VIEWS = ("00_03", "00_06", "00_12", "00_13", "00_23")
 COPIES, FPS_HZ = 12, 30.0
 LIMBS = (11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28)  # landmarks of `TWELVE`
-SEEN = 0.5  # visibility from which a landmark counts
 MET_M, ALL_MET_M = 0.08, 0.15  # between rays of one person: of the nearest views, and of any two
 WITHIN_PX = 25.0  # of a landmark that others agree with
 CM_PER_M = 100.0
@@ -152,7 +152,7 @@ def _sightings(solved: dict[str, Path]) -> list[Sighting]:
             name,
             number,
             track.image_px[middle][list(LIMBS)],
-            track.visibility[middle][list(LIMBS)] > SEEN,
+            track.visibility[middle][list(LIMBS)] > VISIBLE,
         )
         for name, folder in solved.items()
         for number, track in enumerate(load_tracks(folder / FOLLOWED))

@@ -28,7 +28,7 @@ from gmrdata.people.landmark_network import LIMBS, TRUNK
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.records import PART, Figure
 from gmrdata.values.skinning import motion_vertices_m
@@ -63,6 +63,11 @@ class PeopleMasks:
     """Of the pictures, without which bodies stand before the camera; None where they were laid onto
     the pictures as a pinhole shows them."""
 
+    def lens_of(self, camera: CameraPath) -> Lens:
+        """Of the pictures that a clip's camera took."""
+        bends = self.distortion
+        return replace(camera.lens, radial=(0.0, 0.0) if bends is None else (bends.k1, bends.k2))
+
 
 @part(frozen=True, config=PART)
 class PictureFit:
@@ -85,15 +90,42 @@ class PictureFit:
     """Rows of the frames in which it does not lie on anybody."""
 
 
+@dataclass(frozen=True, eq=False)
+class SeenLimbs:
+    """What landmarks of people show beside T frames of bodies; nothing where there are none."""
+
+    landmarks: list[SeenLandmarks]  # everybody's, with the numbers of their images for times
+    off: list[np.ndarray]
+    """By body (T,): how far its limbs are from the nearest landmarks, in the person's size; NaN
+    where nobody's trunk is about where the body's is."""
+    legs_hidden: list[np.ndarray]  # by body (T,) bool: of whom these are has hidden legs
+
+
+def seen_limbs(
+    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks
+) -> SeenLimbs:
+    """Of bodies in the camera frame."""
+    lens, folder = people.lens_of(camera_of(clips[0])), people.followed_dir
+    landmarks = [
+        SeenLandmarks(one.image_numbers, lens.rays(one.image_px), one.world_m, one.visibility)
+        for one in ([] if folder is None else load_tracks(folder))
+    ]
+    limbs = [_limbs(clip, body, landmarks) for clip, body in zip(clips, bodies, strict=True)]
+    return SeenLimbs(landmarks, [off for off, _ in limbs], [hidden for _, hidden in limbs])
+
+
 def picture_fits(
-    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks, config: VerdictConfig
+    clips: Sequence[Clip],
+    bodies: Sequence[BodyModel],
+    people: PeopleMasks,
+    config: VerdictConfig,
+    limbs: SeenLimbs | None = None,
 ) -> list[PictureFit | None]:
     """By person, with bodies in the camera frame; None where too few frames show both.  A body lies
     on nobody where their overlap is less than `off_overlap` and no landmarks vouch for it, or its
-    limbs are off by more than `off_limbs`."""
+    limbs are off by more than `off_limbs`.  `limbs` are of the same bodies."""
+    limbs = limbs or seen_limbs(clips, bodies, people)
     masks = _Masks(people, camera_of(clips[0]))
-    landmarks = masks.landmarks()
-    limbs = [_limbs(clip, body, landmarks) for clip, body in zip(clips, bodies, strict=True)]
     found = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
@@ -104,7 +136,7 @@ def picture_fits(
         rows = both[start : start + AT_ONCE]
         outlines = [
             _outlines(clip, body, rows, hidden, masks)
-            for clip, body, (_, hidden) in zip(clips, bodies, limbs, strict=True)
+            for clip, body, hidden in zip(clips, bodies, limbs.legs_hidden, strict=True)
         ]
         for person, (clip, own) in enumerate(zip(clips, outlines, strict=True)):
             others = [of for other, of in enumerate(outlines) if other != person]
@@ -120,22 +152,14 @@ def picture_fits(
                     ]
                     found[person].late.append(late)
     fits = []
-    for person, (one, (limbs_off, _)) in enumerate(zip(found, limbs, strict=True)):
+    for person, (one, limbs_off) in enumerate(zip(found, limbs.off, strict=True)):
         fit = _fit(one, lags, one.off(limbs_off, config))
         if fit and fit.late_frames:
-            then, _ = _limbs(clips[person], bodies[person], landmarks, fit.late_frames)
+            then, _ = _limbs(clips[person], bodies[person], limbs.landmarks, fit.late_frames)
             if not _are_late(limbs_off, then, clips[person].valid):
                 fit = replace(fit, late_frames=0, late_overlap=fit.overlap)
         fits.append(fit)
     return fits
-
-
-def hidden_legs(
-    clips: Sequence[Clip], bodies: Sequence[BodyModel], people: PeopleMasks
-) -> list[np.ndarray]:
-    """By person (T,) bool: somebody's landmarks are there whose legs are hidden."""
-    landmarks = _Masks(people, camera_of(clips[0])).landmarks()
-    return [_limbs(clip, body, landmarks)[1] for clip, body in zip(clips, bodies, strict=True)]
 
 
 def _evenly(rows: np.ndarray) -> set[int]:
@@ -251,24 +275,12 @@ class _Masks:
     def __init__(self, people: PeopleMasks, camera: CameraPath) -> None:
         # Eight pixels a byte: all frames of a video are kept.
         self._people, self._cache = people, dict[int, np.ndarray | None]()
-        self._size_px, bends = (camera.width_px, camera.height_px), people.distortion
-        radial = (0.0, 0.0) if bends is None else (bends.k1, bends.k2)
-        self.lens = replace(camera.lens, radial=radial)
+        self._size_px = camera.width_px, camera.height_px
         self.shrink = min(1.0, LONGEST_PX / max(self._size_px))
 
     @cached_property
     def _paths(self) -> dict[int, Path]:
         return {image_number(path): path for path in sorted(self._people.masks_dir.glob("*.png"))}
-
-    def landmarks(self) -> list[SeenLandmarks]:
-        """Everybody's, with the numbers of their images for times; none without them."""
-        if self._people.followed_dir is None:
-            return []
-        tracks, rays = load_tracks(self._people.followed_dir), self.lens.rays
-        return [
-            SeenLandmarks(one.image_numbers, rays(one.image_px), one.world_m, one.visibility)
-            for one in tracks
-        ]
 
     @property
     def small_px(self) -> tuple[int, int]:

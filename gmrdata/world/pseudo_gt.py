@@ -38,7 +38,7 @@ from gmrdata.world.level import (
     steep_size_sigma,
     up_of,
 )
-from gmrdata.world.picture_fit import PeopleMasks, PictureFit, hidden_legs, picture_fits
+from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits, seen_limbs
 from gmrdata.world.planted_feet import (
     SOLE_POINTS,
     GroundPlane,
@@ -130,12 +130,11 @@ def make_pseudo_gt(
         clips = list(map(clip_on_body, _camera_clips(evidence.people), bodies))
         cameras = _solved_cameras(evidence, clips)
         doubts = _doubts(evidence.doubts_path, len(clips), len(cameras.rows))
-        fits = _fits(evidence, clips, bodies, config)
+        fits, legs_seen = _in_pictures(evidence, clips, bodies, config)
         told_by = telling_rows(clips, doubts, fits, config.verdict)
         try:
             sizes = _size_sigmas(evidence, clips, bodies)
-            legs = _legs_seen(evidence, clips, bodies)
-            people = list(map(CameraPerson, clips, bodies, sizes, told_by, legs))
+            people = list(map(CameraPerson, clips, bodies, sizes, told_by, legs_seen))
             world = compose_clips(people, cameras, config)
         except NoReconstruction as error:
             numbers = files.load_cameras(evidence.sfm_dir).image_numbers
@@ -215,25 +214,19 @@ def _solved_cameras(evidence: WorldEvidence, clips: Sequence[Clip]) -> SolvedCam
     )
 
 
-def _fits(
+def _in_pictures(
     evidence: WorldEvidence,
     clips: Sequence[Clip],
     bodies: Sequence[BodyModel],
     config: PseudoGtConfig,
-) -> list[PictureFit | None]:
-    """How well each body lies on the person; None where no masks were made without bodies."""
+) -> tuple[list[PictureFit | None], list[np.ndarray]]:
+    """By person, how well the body lies on it, None where no masks were made without bodies; and
+    (T,) bool: nothing says that the legs are hidden."""
     if evidence.seen is None:
-        return [None] * len(clips)
-    return picture_fits(clips, bodies, evidence.seen, config.verdict)
-
-
-def _legs_seen(
-    evidence: WorldEvidence, clips: Sequence[Clip], bodies: Sequence[BodyModel]
-) -> list[np.ndarray]:
-    """By person (T,) bool: nothing says that the legs are hidden."""
-    if evidence.seen is None:
-        return [np.ones_like(clip.valid) for clip in clips]
-    return [~hidden for hidden in hidden_legs(clips, bodies, evidence.seen)]
+        return [None] * len(clips), [np.ones_like(clip.valid) for clip in clips]
+    limbs = seen_limbs(clips, bodies, evidence.seen)
+    fits = picture_fits(clips, bodies, evidence.seen, config.verdict, limbs)
+    return fits, [~hidden for hidden in limbs.legs_hidden]
 
 
 def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:

@@ -36,7 +36,7 @@ from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world import picture_fit
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.judge import load_record
-from gmrdata.world.picture_fit import PeopleMasks, PictureFit, hidden_legs, picture_fits
+from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits, seen_limbs
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 from tests.world.test_compose import as_input, person_files, reconstruction, true_clip
@@ -267,10 +267,11 @@ def test_legs_behind_a_wall_are_not_asked_to_be_in_the_mask(walker, small_body, 
         (fit,) = picture_fits([walker], [small_body], replace(cut, followed_dir=tracks), VERDICT)
         assert fit is not None
         overlaps[shown] = fit.overlap
-        (hidden,) = hidden_legs([walker], [small_body], replace(cut, followed_dir=tracks))
+        limbs = seen_limbs([walker], [small_body], replace(cut, followed_dir=tracks))
+        (hidden,) = limbs.legs_hidden
         assert np.array_equal(hidden, walker.valid & (shown < 33))
     assert overlaps[33] < 0.5 and overlaps[25] > 0.7
-    assert not hidden_legs([walker], [small_body], cut)[0].any()
+    assert not seen_limbs([walker], [small_body], cut).legs_hidden[0].any()
 
 
 def test_each_track_is_straightened_once_for_all_bodies(walker, small_body, masks, tmp_path):
