@@ -69,7 +69,9 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
         scale_matters=scale is not None,
         scale_disagreement=None,
         scale_cues=(cue,),
-        level=LevelEstimate(sigma_deg=1.0, cues=(), soles_above_m=0.0, floor_at_m=None),
+        level=LevelEstimate(
+            sigma_deg=1.0, cues=(), soles_above_m=0.0, floor_at_m=None, floor_sigma_m=0.0
+        ),
         distance_sigmas=(0.02,),
         camera_motion="circular",
         camera_motion_figures=MotionFigures(9.0, 10.0, 37.0, 0.6, 0.001, 93.0, True, 5.0),

@@ -158,6 +158,7 @@ class WorldErrors:
     floor_at_m: tuple[float, float] | None = None
     """x and y of those who say where z = 0 is, where the person may stand on something else; None
     of who stands on it."""
+    floor_sigma_m: float = 0.0  # of the height of z = 0
 
 
 EXACT = WorldErrors()
@@ -188,7 +189,7 @@ def error_bars(
     across_m = np.linalg.norm(apart_m[:, :2], axis=1)
     blocks_m2 = blocks_m2 + config.lasting_place_m**2 * np.eye(3)
     whole_m2 = np.diagonal(blocks_m2, axis1=1, axis2=2) + (errors.scale_share * apart_m) ** 2
-    whole_m2[:, 2] += (tilt_rad * across_m) ** 2
+    whole_m2[:, 2] += (tilt_rad * across_m) ** 2 + errors.floor_sigma_m**2
     if errors.floor_at_m is not None:
         from_floor_m = np.linalg.norm(middle_m[:2] - errors.floor_at_m)
         camera_above_m = clip.camera.centres_world_m[:, 2] - poses.pelvis_m[:, 2]

@@ -251,12 +251,18 @@ def world_errors(quality: PseudoGtQuality | None, number: int = 0) -> WorldError
         return EXACT
     away = quality.distance_sigmas[number]
     level = quality.level
-    level_deg = 0.0 if level is None else level.sigma_deg
-    floor_at_m = None if level is None or level.remark is None else level.floor_at_m
-    if not quality.scale or quality.scale_sigma is None:
-        return WorldErrors(away, away, level_deg, floor_at_m)
-    share = abs(quality.scale_sigma / quality.scale)
-    return WorldErrors(share, away, level_deg, floor_at_m)
+    errors = WorldErrors(away, away)
+    if quality.scale and quality.scale_sigma is not None:
+        errors = replace(errors, scale_share=abs(quality.scale_sigma / quality.scale))
+    if level is None:
+        return errors
+    floor_at_m = None if level.remark is None else level.floor_at_m
+    return replace(
+        errors,
+        level_deg=level.sigma_deg,
+        floor_at_m=floor_at_m,
+        floor_sigma_m=level.floor_sigma_m,
+    )
 
 
 def _on_floors(config: FusionConfig, quality: PseudoGtQuality | None) -> FusionConfig:

@@ -397,7 +397,9 @@ def _level_cues(record: PseudoGtQuality) -> Table | None:
     ]
     headings = ("cue", "from the up that was taken [deg]", "standard error [deg]", "used")
     foot = ("together", "", f"{record.level.sigma_deg:.1f}", "")
-    return Table(headings, rows, "Which way is up, cue by cue.", foot)
+    unseen = record.level.floor_sigma_m
+    floor = f" Nobody's feet were seen: the floor is good to {unseen:g} m." if unseen else ""
+    return Table(headings, rows, f"Which way is up, cue by cue.{floor}", foot)
 
 
 def _percent(part: float, whole: float, sign: str = "") -> str:

@@ -69,6 +69,8 @@ for _start, _end, _mass, _at in (
     MASSES[JOINT[_end]] += _mass * _at
 POINTS_ALIKE = 10  # neighbouring points err together: so many of them tell as much as one
 ONE_FLOOR_M = 0.15  # soles further from the ground, or from most others, stand on something else
+UNSEEN_FLOOR_SIGMA_M = 0.25
+"""Of the floor below legs that nobody saw: hips are 0.9 m above it, or on a chair 0.5."""
 GRAVITY_SIGMA_RAD = np.deg2rad(0.5)
 """Of the direction that a phone's sensors give, along each of two axes: 0.4 degrees off a measured
 floor, in the one recording at hand that has both."""
@@ -118,16 +120,19 @@ class LevelEstimate(Config):
     """How high above z = 0 the highest tenth of standing soles stand; null where none stands."""
     floor_at_m: tuple[Figure, Figure] | None
     """x and y of the middle of the soles that say where z = 0 is; null where nobody noted it."""
+    floor_sigma_m: Figure
+    """Standard error of the height of z = 0, where a picture shows no feet; 0 where it does."""
 
     def with_soles(
-        self, heights_m: np.ndarray, on_floor_m: np.ndarray | None = None
+        self, heights_m: np.ndarray, on_floor_m: np.ndarray | None = None, *, seen: bool = True
     ) -> "LevelEstimate":
         """The same of a world with standing soles (N,) that high above the floor, and with soles
-        (M, 3) that say where it is."""
+        (M, 3) that say where it is: of legs that were seen, or were guessed."""
         high = 100.0 - LOW_PERCENTILE
         above_m = float(np.percentile(heights_m, high)) if len(heights_m) else None
         at_m = None if on_floor_m is None else tuple(np.median(on_floor_m, axis=0)[:2].tolist())
-        return self._with(soles_above_m=above_m, floor_at_m=at_m)
+        sigma_m = 0.0 if seen else UNSEEN_FLOOR_SIGMA_M
+        return self._with(soles_above_m=above_m, floor_at_m=at_m, floor_sigma_m=sigma_m)
 
     def beside_picture(self, apart_deg: float) -> "LevelEstimate":
         """The same of a world of which the picture's up is that far off: who knows which is up."""
@@ -379,7 +384,9 @@ def up_of(steady: Sequence[UpCue], ground: Sequence[UpCue]) -> tuple[np.ndarray,
         for number, (cue, p) in enumerate(zip((*steady, *ground), precisions, strict=True))
     )
     sigma_deg = _angle_deg(covariance)
-    return up, LevelEstimate(sigma_deg=sigma_deg, cues=cues, soles_above_m=None, floor_at_m=None)
+    return up, LevelEstimate(
+        sigma_deg=sigma_deg, cues=cues, soles_above_m=None, floor_at_m=None, floor_sigma_m=0.0
+    )
 
 
 def _may_be_level(of_ground: np.ndarray, pull: np.ndarray, own: np.ndarray) -> bool:

@@ -61,6 +61,7 @@ from gmrdata.world.vertical_lines import line_cue, load_lines
 
 LEAST_GROWTH = 1e-3  # change of size, as a share, that is worth another body
 GROUND_HEIGHT_SIGMA_M = 0.01  # of the plane of reconstructed points
+MOSTLY = 0.5  # share of a person's frames in which legs are seen where they tell the floor surely
 OTHER_SPREAD_DEG = 10.0  # between directions that a phone felt in one world: not of this video
 OTHER_SIGMAS = 8.0  # of the people's up: 30 degrees where they stand; who lies may lie any way
 
@@ -380,7 +381,10 @@ def _level(
     pelvis_m = known[0][1].pelvis_m[0]
     levelled = level_from_world(up, floor_m, pelvis_m, world_from_cam[first, :3, 2])
     on_floor_m = transforms.apply(levelled, lowest_m)
-    return levelled, level.with_soles(feet_m @ up - floor_m, on_floor_m)
+    # Legs that are seen now and then are mostly a network's mistake.
+    shares = [some.sum() / max(1, rows.sum()) for some, rows in zip(shown, usable, strict=True)]
+    seen = max(shares) > MOSTLY
+    return levelled, level.with_soles(feet_m @ up - floor_m, on_floor_m, seen=seen)
 
 
 def _steady_cues(metric: SolvedCameras, upright: UpCue, tipped: bool) -> list[UpCue]:

@@ -261,11 +261,14 @@ def test_nobody_is_pulled_down_from_a_platform(video, clip, monkeypatch):
 
 
 def levelled(
-    sigma_deg: float, above_m: float, floor_at_m: tuple[float, float] | None = None
+    sigma_deg: float,
+    above_m: float,
+    floor_at_m: tuple[float, float] | None = None,
+    floor_sigma_m: float = 0.0,
 ) -> LevelEstimate:
     """How level a world is whose people stand so far above its floor."""
     figures = {"sigma_deg": sigma_deg, "soles_above_m": above_m, "floor_at_m": floor_at_m}
-    return LevelEstimate(cues=(), **figures)
+    return LevelEstimate(cues=(), floor_sigma_m=floor_sigma_m, **figures)
 
 
 @pytest.mark.parametrize(("above_m", "grows"), [(0.1, False), (0.3, True)])
@@ -279,6 +282,17 @@ def test_heights_over_who_stands_lower_and_far_away_err_by_the_level(video, abov
     more_m2 = (sigmas_m[1] ** 2 - sigmas_m[0] ** 2)[:, 2]
     np.testing.assert_allclose(sigmas_m[0][:, :2], sigmas_m[1][:, :2])
     assert (more_m2.min() > np.deg2rad(3.0) ** 2 / 2 * 2.0**2) if grows else not more_m2.any()
+
+
+def test_heights_err_by_the_floor_that_nobody_saw(video):
+    """Of somebody behind a desk, who stands or sits there."""
+    sigmas_m = []
+    for name, floor_sigma_m in (("seen", 0.0), ("hidden", 0.25)):
+        video.write_quality(level=levelled(3.0, 0.0, None, floor_sigma_m))
+        made = video.fuse(name, config=FuseConfig(fusion=OWN_FUSION))
+        sigmas_m.append(load_sigma(made / "sigma_0.npz")["place_sigma_m"])
+    more_m2 = sigmas_m[1] ** 2 - sigmas_m[0] ** 2
+    np.testing.assert_allclose(more_m2, np.tile([0.0, 0.0, 0.25**2], (90, 1)), atol=1e-9)
 
 
 def sees_truth(monkeypatch: pytest.MonkeyPatch, truth: Motion) -> None:

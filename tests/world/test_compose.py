@@ -280,15 +280,16 @@ def test_poses_between_the_frames_that_are_watched_for_feet_tell_the_floor(small
     assert world.clips[0].motion.pelvis_m[:, 2] == pytest.approx(STANDS_M, abs=0.02)
 
 
-@pytest.mark.parametrize("seen", [20, 0])
+@pytest.mark.parametrize("seen", [60, 20, 0])
 def test_feet_that_nobody_saw_say_where_the_floor_is_only_where_none_was_seen(small_body, seen):
-    """Of somebody who walks behind a desk, most of the time, and seems lower there."""
+    """Of somebody who walks behind a desk and seems lower there.  A few seen legs may be wrong."""
     known, legs_seen = np.ones(100, dtype=bool), np.arange(100) < seen
     pelvis_m = np.tile([0.0, 0.0, 4.0], (100, 1))
-    pelvis_m[20:, 1] += 0.5
+    pelvis_m[seen or 20 :, 1] += 0.5
     world = before_a_still_camera(small_body, pelvis_m, known, 25.0, legs_seen)
     heights_m = world.clips[0].motion.pelvis_m[:, 2]
     assert heights_m[0] == pytest.approx(STANDS_M + 0.5 * (not seen), abs=0.02)
+    assert world.level.floor_sigma_m == (0.0 if seen == 60 else 0.25)
 
 
 def on_its_side(clip: Clip) -> Clip:
