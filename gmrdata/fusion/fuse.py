@@ -52,7 +52,6 @@ from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, load_gmr
 from gmrdata.gmr.runs import check_finite
 from gmrdata.motion.resample import valid_runs
 from gmrdata.read.bodies import load_body
-from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
@@ -224,24 +223,27 @@ def fuse(
     return run_stage("fuse", Path(out_dir), config, given.files(body_path), work, run=run)
 
 
-def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAULT_RUN) -> None:
+def fuse_own_people(
+    video_dir: Path, body_path: Path | None, *, run: Run = DEFAULT_RUN
+) -> str | None:
     """Fill `fused/` of a solved video: people of the built-in estimator, with the network of the
-    package.
+    package.  Gives in words why they can't be fused.
 
-    Without a body, without people in the world, and where they can't be fused, which is said, none
-    of an earlier run stays.  A network without a record of its errors can't be weighed, and fuses
+    Then, without a body, and without people in the world, none of an earlier run stays.  A network without a record of its errors can't be weighed, and fuses
     nobody.
     """
     fused_dir, network = video_dir / FUSED, network_dir(BUNDLED)
+    failed = None
     there = (video_dir / PSEUDO_GT).is_dir() and (network / DELTA_ERRORS_FILE).is_file()
     if body_path is not None and there:
         try:
             fuse(video_dir, fused_dir, network=network, body_path=body_path, run=run)
-            return
+            return None
         except (BadMotionFile, StageFailed) as error:
-            remark(f"without the network's motions: {error}")
+            failed = f"people are without the network's motions, in no `{FUSED}`: {error}"
     if (fused_dir / STAGE_FILE).is_file():
         shutil.rmtree(fused_dir)
+    return failed
 
 
 def world_errors(quality: PseudoGtQuality | None, number: int = 0) -> WorldErrors:

@@ -116,8 +116,7 @@ def solve(
         made[BODIES] = solved.bodies
     left = [out_dir / name for name, result in made.items() if not result]
     _drop(left, run, "is of an earlier run, and now there is none")
-    _fusion(solved)
-    return solved
+    return _fusion(solved)
 
 
 def _body(request: SolveRequest, out_dir: Path, run: Run) -> Path | None:
@@ -434,14 +433,16 @@ def people_masks(
     return found.get(False, found.get(True))
 
 
-def _fusion(solved: Solved) -> None:
+def _fusion(solved: Solved) -> Solved:
     """People of the built-in estimator once more, with the network of the package."""
-    if isinstance(solved.request.people, EstimatedPeople):
-        # Not for cameras alone, which need no network: torch takes two seconds to import.
-        from gmrdata.fusion.fuse import fuse_own_people
+    if not isinstance(solved.request.people, EstimatedPeople):
+        return solved
+    # Not for cameras alone, which need no network: torch takes two seconds to import.
+    from gmrdata.fusion.fuse import fuse_own_people
 
-        body_path = solved.body_path if solved.request.has_own_people else None
-        fuse_own_people(solved.out_dir, body_path, run=solved.run)
+    body_path = solved.body_path if solved.request.has_own_people else None
+    failed = fuse_own_people(solved.out_dir, body_path, run=solved.run)
+    return solved if failed is None else replace(solved, remarks=(*solved.remarks, failed))
 
 
 def solve_sequence(
