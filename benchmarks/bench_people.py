@@ -15,6 +15,7 @@ from people.before_camera import ViewRow, shirt_row, view_row
 from people.dome import dome_rows
 from people.in_world import WorldRow, beside_row, dancer_row, man_row
 from people.low_clips import make_low_clips
+from people.markers import markers_rows
 from people.real import DANCE, VIEWS, dance_of, on_the_man, solved, tracks_of, view_of
 from people.single_frames import frame_row, single_frames
 from people.verdicts import MOST_PA_MM as WRONG_PA_MM
@@ -169,6 +170,28 @@ def test_people_under_high_cameras(
             at_most("pa_mm of a kept person", figures["worst_pa_mm"], WRONG_PA_MM),
             at_least("distance within two sigma", figures["distance_in_2_sigma"], 0.9),
             at_most("level, in sigma (RMS)", figures["level_in_sigma_rms"], 1.2),
+        ]
+    )
+
+
+def test_people_with_markers(
+    request: pytest.FixtureRequest, record: Record, shared_data: Path, anny: BodyModel
+) -> None:
+    """Joints that markers measured, of four people before one phone each."""
+    folder = _clips(request, record, "STS", "is `public/samples` of Seeeeeyo/opencap-visualizer")
+    out_dir = (WORK_DIR / "markers").resolve()
+    rows = list(markers_rows(folder.resolve(), out_dir, shared_data / "models", anny))
+    show("With markers", [asdict(row) for row in rows])
+    record.add(markers=[asdict(row) for row in rows])
+    record.hold(
+        [
+            at_most("mean pa_mm", float(np.mean([row.pa_mm for row in rows])), MOST_PA_MEAN_MM),
+            at_most("pa_mm of a kept frame", max(row.worst_pa_mm for row in rows), WRONG_PA_MM),
+            at_most("worst wa_mm", max(row.wa_mm for row in rows), MOST_WA_MM),
+            at_most("people rejected", sum(not row.accepted for row in rows), 0),
+            at_most("worst level_deg", max(row.level_deg for row in rows), MOST_VIEW_LEVEL_DEG),
+            at_most("level, in sigma", max(row.level_deg / row.said_deg for row in rows), 2.0),
+            at_least("within two sigma", min(row.within[1] for row in rows), LEAST_WITHIN_TWO),
         ]
     )
 

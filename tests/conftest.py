@@ -22,6 +22,9 @@ settings.register_profile("few", deadline=None, max_examples=20)
 settings.register_profile("many", deadline=None, max_examples=100)
 settings.load_profile("many" if os.environ.get("GMRDATA_TEST_REQUIRE_ALL") == "1" else "few")
 
+# As `make test` sets it, for whoever runs pytest: sums of several threads differ in the last bits.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 pytest_plugins = (
     "tests.browser",
     "tests.filming",

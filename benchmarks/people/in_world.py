@@ -57,7 +57,7 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
     hips_m = truth_m[:, 6:8].mean(axis=1)
     quality, number = load_record(solved_dir / PSEUDO_GT), the_man(view, solved_dir, body)
     clip = load_clip(solved_dir / FUSED / person_file(number))
-    joints_m, found_m = _hips_m(clip, body)
+    joints_m, found_m = limbs_and_hips_m(clip, body)
     world_from_cam = camera_of(clip).world_from_cam
     before_m = apply(invert(world_from_cam), found_m[:, None])[:, 0]
     true_m = apply(view.level_from_cam, hips_m)
@@ -71,8 +71,8 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
         wa_mm=float(wa_mm.mean()),
         scale_off=None,
         floor_m=None,
-        **_level(world_from_cam[0, :3, :3] @ view.up, quality, number),
-        **_places(found_m, true_m, before_m - hips_m, sigmas),
+        **level_figures(world_from_cam[0, :3, :3] @ view.up, quality, number),
+        **place_figures(found_m, true_m, before_m - hips_m, sigmas),
     )
 
 
@@ -96,10 +96,10 @@ def beside_row(view: View, solved_dir: Path, body: BodyModel) -> BesideRow:
     """The man in a view that shows somebody else, too."""
     quality, number = load_record(solved_dir / PSEUDO_GT), the_man(view, solved_dir, body)
     clip, kept = load_clip(solved_dir / BODIES / person_file(number)), quality.people[number].kept
-    found_m, true_m = _hips_m(clip, body)[0][kept], view.true_m[clip.image_numbers[kept]]
+    found_m, true_m = limbs_and_hips_m(clip, body)[0][kept], view.true_m[clip.image_numbers[kept]]
     pa_mm = aligned_mm(found_m, true_m)
     world_from_cam = camera_of(load_clip(solved_dir / FUSED / person_file(number))).world_from_cam
-    level = _level(world_from_cam[0, :3, :3] @ view.up, quality, number)
+    level = level_figures(world_from_cam[0, :3, :3] @ view.up, quality, number)
     return BesideRow(
         view.name,
         len(quality.people),
@@ -117,14 +117,14 @@ def the_man(view: View, solved_dir: Path, body: BodyModel) -> int:
     hips_m = view.true_m[:, 6:8].mean(axis=1)
 
     def apart(number: int) -> float:
-        found_m = _hips_m(load_clip(solved_dir / BODIES / person_file(number)), body)[1]
+        found_m = limbs_and_hips_m(load_clip(solved_dir / BODIES / person_file(number)), body)[1]
         off = found_m[:, :2] / found_m[:, 2:] - hips_m[:, :2] / hips_m[:, 2:]
         return float(np.median(np.linalg.norm(off, axis=1)))
 
     return min(range(len(load_record(solved_dir / PSEUDO_GT).people)), key=apart)
 
 
-def _hips_m(clip: Clip, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
+def limbs_and_hips_m(clip: Clip, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
     """The 12 joints (T, 12, 3), and the middle of the hips (T, 3)."""
     joints_m = motion_joints_m(body, clip.motion)[:, TWELVE]
     return joints_m, joints_m[:, 6:8].mean(axis=1)
@@ -161,12 +161,12 @@ def dancer_row(dance: Dance, solved_dir: Path, body: BodyModel, name: str) -> Wo
         wa_mm=None,
         scale_off=float(1 / true_from_found.scale - 1),
         floor_m=float(np.nanmedian(floor_m[:, 2])),
-        **_level(turn.T @ dance.up, quality, 0),
-        **_places(world_m, apply(level, shirt_m[rows]), before_m, sigmas),
+        **level_figures(turn.T @ dance.up, quality, 0),
+        **place_figures(world_m, apply(level, shirt_m[rows]), before_m, sigmas),
     )
 
 
-def _level(up: np.ndarray, quality: PseudoGtQuality, number: int) -> dict[str, Any]:
+def level_figures(up: np.ndarray, quality: PseudoGtQuality, number: int) -> dict[str, Any]:
     assert quality.level is not None
     return {
         "accepted": quality.people[number].accepted,
@@ -176,7 +176,7 @@ def _level(up: np.ndarray, quality: PseudoGtQuality, number: int) -> dict[str, A
     }
 
 
-def _places(
+def place_figures(
     found_m: np.ndarray, true_m: np.ndarray, before_m: np.ndarray, sigmas: dict[str, np.ndarray]
 ) -> dict[str, Any]:
     """Of places in worlds with z up and the floor at z = 0, and errors before the camera."""

@@ -229,8 +229,8 @@ def fuse_own_people(
     """Fill `fused/` of a solved video: people of the built-in estimator, with the network of the
     package.  Gives in words why they can't be fused.
 
-    Then, without a body, and without people in the world, none of an earlier run stays.  A network without a record of its errors can't be weighed, and fuses
-    nobody.
+    Then, without a body, and without people in the world, none of an earlier run
+    stays.  A network without a record of its errors can't be weighed, and fuses nobody.
     """
     fused_dir, network = video_dir / FUSED, network_dir(BUNDLED)
     failed = None

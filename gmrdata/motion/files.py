@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
+from pydantic import ValidationError
 
 from gmrdata.motion.amass import amass_rate, is_amass_extra, read_amass
 from gmrdata.motion.pelvis import NO_TURN, on_pelvis
@@ -24,6 +25,7 @@ from gmrdata.values.files import files_inside, is_hidden, read_npz, require_text
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.values.records import first_problem
 
 STIFF_DEG, STIFF_WAY_M = 2.0, 1.0  # radians make at most 1.6 degrees of a quarter turn
 SUFFIXES = (".amc", ".bvh", ".npz")
@@ -62,7 +64,7 @@ def read_motion(
 
     The suffix tells the format.  The motion is in a z-up world with the floor at z = 0 (see
     `ground`), and its `source` records what was decided.  Errors are MissingInput, BadRecipe for a
-    wrong `shape` or `unit_m`, and BadMotionFile, which names the place and the remedy.
+    wrong argument, and BadMotionFile, which names the place and the remedy.
 
     Args:
         fps_hz: Frame rate to believe instead of the file's [Hz].
@@ -87,7 +89,10 @@ def read_motion(
     joint_map = Path(joint_map) if isinstance(joint_map, str) else joint_map
     names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": names, "rest_pose": rest_pose}
-    config = ReadConfig.model_validate(said | {"up": up})
+    try:
+        config = ReadConfig.model_validate(said | {"up": up})
+    except ValidationError as error:
+        raise BadRecipe(f"{path}: {first_problem(error)}") from None
     if path.suffix.lower() == ".npz":
         return read_amass(path, body, config, shape=shape, source_body=source_body, ground=ground)
     source = _read_source(path, config, asf_path, drop_rest_frame)

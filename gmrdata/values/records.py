@@ -69,7 +69,7 @@ class Record(Config):
         try:
             record = cls.of_plain(value)
         except ValidationError as error:
-            raise BadRecord(f"{path}: {_first_problem(error)}; {MAKE_AGAIN}") from None
+            raise BadRecord(f"{path}: {first_problem(error)}; {MAKE_AGAIN}") from None
         if lacking := _lacking(value, record.model_dump(mode="json")):
             raise BadRecord(f"{path}: has no key `{lacking}`; {MAKE_AGAIN}")
         return record
@@ -138,7 +138,7 @@ def _lacking(value: Any, whole: Any) -> str:
     return ""
 
 
-def _first_problem(error: ValidationError) -> str:
+def first_problem(error: ValidationError) -> str:
     """The first wrong key of a record, in words."""
     found = error.errors()[0]
     key = ".".join(str(part) for part in found["loc"]) or "the record"

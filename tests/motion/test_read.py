@@ -59,7 +59,7 @@ def test_other_suffixes_are_refused(tmp_path, small_body):
 
 @pytest.mark.parametrize(
     "options",
-    [{"unit_m": 0.0}, {"unit_m": -1.0}, {"unit_m": np.nan}, {"shape": np.zeros(3)},
+    [{"unit_m": 0.0}, {"up": "w"}, {"unit_m": -1.0}, {"unit_m": np.nan}, {"shape": np.zeros(3)},
      {"shape": np.full(10, np.nan)}],
 )  # fmt: skip
 def test_wrong_options(tmp_path, small_body, options):
