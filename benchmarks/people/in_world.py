@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from people.before_camera import drawn_shirt, within
 from people.real import TWELVE, Dance, View
-from poses.score import aligned_mm
+from poses.score import aligned_mm, wa_mpjpe_mm
 
 from gmrdata.fusion.record import load_sigma, sigma_file
-from gmrdata.score.metrics import segment_errors_mm
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
@@ -63,16 +62,15 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
     true_m = apply(view.level_from_cam, hips_m)
     if quality.level is not None and quality.level.remark is not None:
         true_m = true_m + np.array([0.0, 0.0, TREADMILL_M])
-    whole = [(0, len(joints_m))]
-    wa_mm = segment_errors_mm(joints_m, truth_m, whole, first_frames=None, scale=True)[0]
     sigmas = load_sigma(solved_dir / FUSED / sigma_file(number))
     return WorldRow(
         clip=view.name,
-        wa_mm=float(wa_mm.mean()),
+        wa_mm=wa_mpjpe_mm(joints_m, truth_m),
         scale_off=None,
         floor_m=None,
         **level_figures(world_from_cam[0, :3, :3] @ view.up, quality, number),
-        **place_figures(found_m, true_m, before_m - hips_m, sigmas),
+        **place_figures(found_m, true_m, sigmas),
+        within_before_camera=within((before_m - hips_m) / sigmas["camera_sigma_m"]),
     )
 
 
@@ -162,11 +160,13 @@ def dancer_row(dance: Dance, solved_dir: Path, body: BodyModel, name: str) -> Wo
         scale_off=float(1 / true_from_found.scale - 1),
         floor_m=float(np.nanmedian(floor_m[:, 2])),
         **level_figures(turn.T @ dance.up, quality, 0),
-        **place_figures(world_m, apply(level, shirt_m[rows]), before_m, sigmas),
+        **place_figures(world_m, apply(level, shirt_m[rows]), sigmas),
+        within_before_camera=within(before_m / sigmas["camera_sigma_m"]),
     )
 
 
 def level_figures(up: np.ndarray, quality: PseudoGtQuality, number: int) -> dict[str, Any]:
+    """Of the true up in a world that was found, and of a person in it, as a row's fields."""
     assert quality.level is not None
     return {
         "accepted": quality.people[number].accepted,
@@ -177,14 +177,13 @@ def level_figures(up: np.ndarray, quality: PseudoGtQuality, number: int) -> dict
 
 
 def place_figures(
-    found_m: np.ndarray, true_m: np.ndarray, before_m: np.ndarray, sigmas: dict[str, np.ndarray]
+    found_m: np.ndarray, true_m: np.ndarray, sigmas: dict[str, np.ndarray]
 ) -> dict[str, Any]:
-    """Of places in worlds with z up and the floor at z = 0, and errors before the camera."""
+    """Of places in worlds with z up and the floor at z = 0, as a row's fields have them."""
     off_m = found_m - fit_similarity(found_m, true_m, scale=False).apply(true_m)
     return {
         "place_mm": float(1000 * np.sqrt((off_m**2).sum(axis=1).mean())),
         "within": within(_on_the_floor_m(found_m, true_m) / sigmas["place_sigma_m"]),
-        "within_before_camera": within(before_m / sigmas["camera_sigma_m"]),
     }
 
 

@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 from networks import networks_in, own_people
 from people.in_world import level_figures, limbs_and_hips_m, place_figures
-from poses.score import aligned_mm
+from poses.score import aligned_mm, wa_mpjpe_mm
+from scipy.interpolate import make_interp_spline
 
 from gmrdata.fusion.record import load_sigma, sigma_file
-from gmrdata.score.metrics import segment_errors_mm
+from gmrdata.read.systems.entries import Z_UP_FROM_Y_UP
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
@@ -33,7 +34,6 @@ SEGMENTS = [
     for side in ("l", "r")
 ]
 """Which begin at `TWELVE`."""
-Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -75,22 +75,16 @@ def _row(name: str, truth: Path, solved: Path, body: BodyModel) -> MarkersRow:
     true_m = _true_m(truth, clip.image_numbers / clip.motion.fps_hz)
     true_hips_m = true_m[:, 6:8].mean(axis=1)
     pa_mm = aligned_mm(joints_m, true_m)
-    whole = [(0, len(joints_m))]
-    wa_mm = segment_errors_mm(joints_m, true_m, whole, first_frames=None, scale=True)[0]
     turn = fit_similarity(joints_m.reshape(-1, 3), true_m.reshape(-1, 3), scale=False).rotmat
-    level = level_figures(turn[:, 2], quality, 0)
-    sigmas = load_sigma(solved / FUSED / sigma_file(0))
-    places = place_figures(hips_m, true_hips_m, np.full_like(hips_m, np.nan), sigmas)
     return MarkersRow(
         clip=name,
-        **level,
+        **level_figures(turn[:, 2], quality, 0),
         pa_mm=float(pa_mm.mean()),
         worst_pa_mm=float(pa_mm.max()),
-        wa_mm=float(wa_mm.mean()),
+        wa_mm=wa_mpjpe_mm(joints_m, true_m),
         way_m=float(np.linalg.norm(hips_m[-1, :2] - hips_m[0, :2])),
         true_way_m=float(np.linalg.norm(true_hips_m[-1, :2] - true_hips_m[0, :2])),
-        place_mm=places["place_mm"],
-        within=places["within"],
+        **place_figures(hips_m, true_hips_m, load_sigma(solved / FUSED / sigma_file(0))),
     )
 
 
@@ -98,8 +92,6 @@ def _true_m(path: Path, times_s: np.ndarray) -> np.ndarray:
     """The 12 joints (T, 12, 3) at these times, z up; between two rows as they lie."""
     said = json.loads(path.read_text(encoding="utf-8"))
     known_s = np.array(said["time"]) - said["time"][0]
-    joints_m = np.stack([said["bodies"][one]["translation"] for one in SEGMENTS], axis=1) @ Z_UP.T
-    rows = np.interp(times_s, known_s, np.arange(len(known_s)))
-    before = np.minimum(rows.astype(int), len(known_s) - 2)
-    share = (rows - before)[:, None, None]
-    return np.asarray((1 - share) * joints_m[before] + share * joints_m[before + 1])
+    joints_m = np.stack([said["bodies"][one]["translation"] for one in SEGMENTS], axis=1)
+    lines = make_interp_spline(known_s, joints_m @ Z_UP_FROM_Y_UP.T, k=1)
+    return np.asarray(lines(np.clip(times_s, *known_s[[0, -1]])))

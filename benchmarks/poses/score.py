@@ -16,7 +16,7 @@ from gmrdata.people.landmark_network import LANDMARKS
 from gmrdata.people.local_poses import LocalPosesConfig, poses_of, seen_landmarks
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
-from gmrdata.score.metrics import aligned_errors_mm
+from gmrdata.score.metrics import aligned_errors_mm, segment_errors_mm
 from gmrdata.solve.request import FOLLOWED, INTRINSICS
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
@@ -108,6 +108,12 @@ def _errors(truth: TrueTrack, body: BodyModel) -> dict[str, float]:
 def aligned_mm(found_m: np.ndarray, true_m: np.ndarray) -> np.ndarray:
     """PA-MPJPE of each frame (T,): mean distance of points (T, J, 3) after its own similarity."""
     return aligned_errors_mm(found_m, true_m, fit_similarities(true_m, found_m))
+
+
+def wa_mpjpe_mm(found_m: np.ndarray, true_m: np.ndarray) -> float:
+    """WA-MPJPE of a whole path (T, J, 3): the mean after one similarity."""
+    whole = [(0, len(found_m))]
+    return float(segment_errors_mm(found_m, true_m, whole, first_frames=None, scale=True)[0].mean())
 
 
 def means(rows: list[PoseRow]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from networks import networks_in, own_people
+from poses.score import wa_mpjpe_mm
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
@@ -19,7 +20,7 @@ from gmrdata.people.landmark_body import SeenLandmarks, landmarks_about
 from gmrdata.people.local_poses import POSES_FOLDER, seen_landmarks
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
-from gmrdata.score.metrics import root_errors_percent, segment_errors_mm
+from gmrdata.score.metrics import root_errors_percent
 from gmrdata.solve.request import FOLLOWED, INTRINSICS, OWN_POSES
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import solve_video
@@ -206,7 +207,5 @@ def _places(seen: SeenLandmarks, about_m: np.ndarray) -> np.ndarray:
 def _errors(found: Motion, truth: Clip, rows: np.ndarray, body: BodyModel) -> tuple[float, float]:
     """WA-MPJPE [mm] and RTE [%] over the rows."""
     found_m, true_m = (motion_joints_m(body, one)[rows] for one in (found, truth.motion))
-    whole = [(0, len(rows))]
-    wa_mm = segment_errors_mm(found_m, true_m, whole, first_frames=None, scale=True)[0]
-    rte = root_errors_percent(found_m[:, 0], true_m[:, 0], whole)
-    return float(wa_mm.mean()), float(rte.mean())
+    rte = root_errors_percent(found_m[:, 0], true_m[:, 0], [(0, len(rows))])
+    return wa_mpjpe_mm(found_m, true_m), float(rte.mean())
