@@ -227,10 +227,10 @@ def fuse_own_people(
     video_dir: Path, body_path: Path | None, *, run: Run = DEFAULT_RUN
 ) -> str | None:
     """Fill `fused/` of a solved video: people of the built-in estimator, with the network of the
-    package.  Gives in words why they can't be fused.
+    package.  Gives in words why they can't be fused; None where they are, or there are none.
 
-    Then, without a body, and without people in the world, none of an earlier run
-    stays.  A network without a record of its errors can't be weighed, and fuses nobody.
+    Without a body, without people in the world, and where they can't be fused, none of an earlier
+    run stays.  A network without a record of its errors can't be weighed, and fuses nobody.
     """
     fused_dir, network = video_dir / FUSED, network_dir(BUNDLED)
     failed = None

@@ -139,7 +139,7 @@ def _lacking(value: Any, whole: Any) -> str:
 
 
 def first_problem(error: ValidationError) -> str:
-    """The first wrong key of a record, in words."""
+    """The first wrong key of a record or of settings, in words."""
     found = error.errors()[0]
     key = ".".join(str(part) for part in found["loc"]) or "the record"
     if found["type"] == "missing":
