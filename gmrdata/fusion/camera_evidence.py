@@ -74,11 +74,11 @@ OWN_FUSION = FusionConfig(
     pace_share=0.35,
     slow_place_m=0.02,
     slow_along_share=0.03,
-    lasting_place_m=0.015,
+    lasting_place_m=0.03,
     slow_turn_deg=8.0,
 )
 """For poses of the built-in estimator: on real people its distance is off by 2 to 3.5 % for half a
-second at a time, and hips by 2.7 cm across the ray, much of which lasts, as landmarks are not quite
+second at a time, and hips by 3.2 cm across the ray, most of which lasts, as landmarks are not quite
 the body's joints (docs/figures.md); and a network sees a third less of a walker's pace in its
 poses."""
 

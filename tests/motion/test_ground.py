@@ -217,7 +217,7 @@ def test_cmus_walkers_stand_flat_on_the_floor(cmu_dir, anny, file):
     motion = read_motion(cmu_dir / file, anny)
     tilts_deg, _ = _standing_feet(anny, motion)
     assert len(tilts_deg) > 30
-    assert np.median(tilts_deg) < 7.0
+    assert np.median(tilts_deg) < 7.5
     rows = np.arange(0, motion.n_frames, 20)
     lowest_m = motion_vertices_m(anny, motion, rows)[:, :, 2].min(axis=1)
     assert np.abs(np.median(lowest_m)) < 0.02

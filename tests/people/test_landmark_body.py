@@ -21,10 +21,11 @@ def test_the_offsets_that_travel_have_two_like_sides():
     np.testing.assert_allclose((offsets_m + other_side_m) / 2, offsets_m, atol=1e-4)
     assert [LANDMARKS[n] for n in MIRRORED_LANDMARKS[11:13]] == ["right_shoulder", "left_shoulder"]
     assert np.linalg.norm(offsets_m, axis=1).max() < 0.3
-    # Limbs' landmarks are above or below joints: the shoulders' on top of them, the heels at the
-    # ground.  People whose landmarks were drawn together stood too near by as much.
-    assert not offsets_m[[11, 13, 15, 25, 27]][:, [0, 2]].any()
-    assert offsets_m[11, 1] > 0.02 and offsets_m[29, 1] < -0.05
+    # Limbs' landmarks are above or below joints, and near: the shoulders' on top of them, the heels
+    # at the ground.  People whose landmarks were drawn together stood too near by as much.
+    limbs = [11, 13, 15, 23, 25, 27]
+    assert not offsets_m[limbs][:, [0, 2]].any() and np.abs(offsets_m[limbs, 1]).max() < 0.015
+    assert offsets_m[11, 1] > 0.005 and offsets_m[29, 1] < -0.05
 
 
 def test_landmarks_lie_where_anatomy_has_them(anny):
@@ -33,7 +34,7 @@ def test_landmarks_lie_where_anatomy_has_them(anny):
     found = landmarks_about(np.tile(np.eye(3), (1, 24, 1, 1)), rest_joints_m)[0]
     at = dict(zip(LANDMARKS, found, strict=True))
     ankle_m = (rest_joints_m - rest_joints_m[0])[JOINT["left_ankle"]]
-    np.testing.assert_allclose(at["left_ankle"], ankle_m, atol=0.01)
+    np.testing.assert_allclose(at["left_ankle"], ankle_m, atol=0.014)
     assert at["nose"][2] > at["left_ear"][2] + 0.05
     assert at["left_ear"][0] > 0.03 > -0.03 > at["right_ear"][0]
     assert at["left_heel"][2] < ankle_m[2] < at["left_foot_index"][2]
