@@ -1,6 +1,7 @@
 """YAML: what it means, and what it may not do."""
 
 import json
+import re
 import time
 from contextlib import suppress
 
@@ -96,9 +97,14 @@ def test_a_joint_map_may_begin_with_a_byte_order_mark(name, tmp_path):
     assert found == {JOINT[joint]: n for n, joint in enumerate(REQUIRED)}
 
 
+def is_text(written: str) -> bool:
+    """Also in YAML 1.2, where 1e5 is a number; PyYAML writes a text `1e5` without quotes."""
+    return not re.fullmatch(r"[-+]?[0-9.]+[eE][-+]?[0-9]+", written)
+
+
 plain = st.recursive(
     st.none() | st.booleans() | st.integers(-(10**17), 10**17) | st.floats(allow_nan=False)
-    | st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"])),
+    | st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"])).filter(is_text),
     lambda inner: st.lists(inner) | st.dictionaries(st.text("ab1<~"), inner, max_size=2),
     max_leaves=8,
 )  # fmt: skip
