@@ -25,9 +25,11 @@ from gmrdata.people.following import (
     _known_people,
     cut_off,
     follow_people,
+    is_among,
     load_tracks,
     outline_path,
 )
+from gmrdata.people.landmark_body import HIPS
 from gmrdata.people.landmark_network import (
     LANDMARKS,
     LIMBS,
@@ -207,6 +209,46 @@ def test_who_lies_or_is_head_down_is_looked_at_in_turned_crops(
     assert abs((off_deg + 180) % 360 - 180) < 25
     upright, _ = follower._settled(image, crop_around(box_px), 1)
     assert off(upright) > 0.15
+
+
+def test_who_is_hidden_below_the_hips_is_not_squeezed_into_the_box(
+    followed_dir, frames_dir, networks, tmp_path
+):
+    """A board before the legs: the box ends at it, and there the network had feet."""
+    track = load_tracks(followed_dir)[1]
+    image, whole_px = read_color(list_images(frames_dir)[0]), track.image_px[0]
+    hips_px = whole_px[list(HIPS)].mean(axis=0)
+    upper_px = np.array([*track.boxes_px[0][:3], hips_px[1] + 10])
+    image[int(upper_px[3]) :] = 105
+    look = open_landmark_network(networks.landmarks)
+    follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
+
+    def trunk(image_px: np.ndarray) -> float:
+        """Over that of the same person whose legs are seen."""
+        long_px, whole_long_px = (
+            np.linalg.norm(px[[11, 12]].mean(axis=0) - px[list(HIPS)].mean(axis=0))
+            for px in (image_px, whole_px)
+        )
+        return float(long_px / whole_long_px)
+
+    squeezed, _ = follower._settled(image, crop_around(upper_px), 1)
+    assert trunk(squeezed.image_px) < 0.8
+    person, crop = follower._first_look(image, upper_px)
+    assert trunk(person.image_px) == pytest.approx(1.0, rel=0.1)
+    assert crop.side_px == pytest.approx(track.crops[0, 2], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("other_px", "same"),
+    [((100, 50, 200, 400), True), ((110, 55, 205, 170), True), ((120, 200, 180, 400), False),
+     ((190, 50, 290, 400), False), ((190, 50, 290, 170), False)],
+)  # fmt: skip
+def test_a_box_of_the_upper_half_is_of_the_same_person(other_px, same):
+    """Beside the person's own: a box to the hips, a child in front, and somebody beside."""
+    person_px = np.array([100.0, 50.0, 200.0, 400.0])
+    assert is_among(np.array(other_px, dtype=float), [person_px], 0.4) is same
+    assert is_among(person_px, np.array([other_px, (900, 0, 950, 99)], dtype=float), 0.4) is same
+    assert not is_among(person_px, [], 0.4)
 
 
 def test_who_stands_is_looked_at_once_more_alone(followed_dir, frames_dir, networks, tmp_path):
