@@ -60,7 +60,9 @@ def man_row(view: View, solved_dir: Path, body: BodyModel) -> WorldRow:
     world_from_cam = camera_of(clip).world_from_cam
     before_m = apply(invert(world_from_cam), found_m[:, None])[:, 0]
     true_m = apply(view.level_from_cam, hips_m)
-    if quality.level is not None and quality.level.remark is not None:
+    # Of him alone a remark says that his own feet err: z = 0 is where they stand, all the same.
+    remark = None if quality.level is None else quality.level.remark
+    if remark is not None and len(quality.people) > 1:
         true_m = true_m + np.array([0.0, 0.0, TREADMILL_M])
     sigmas = load_sigma(solved_dir / FUSED / sigma_file(number))
     return WorldRow(

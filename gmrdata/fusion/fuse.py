@@ -49,7 +49,7 @@ from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.config import BUNDLED, Which, network_dir
 from gmrdata.gmr.infer import stand
 from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, load_gmr
-from gmrdata.gmr.runs import check_finite
+from gmrdata.gmr.runs import check_finite, given_body
 from gmrdata.motion.resample import valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -430,6 +430,8 @@ def fuse_person(
 def _fused(
     person: WorldPerson, network: WeighedGmr, body: BodyModel, config: FusionConfig
 ) -> FusedClip:
+    remedy = "Give the clip's own with --body"
+    given_body(person.clip.motion, [body], BadMotionFile, f"clip {person.clip.id}: of", remedy)
     clip, gmr = clip_on_body(person.clip, body), network.gmr
     motion, known = clip.motion, known_frames(clip)
     check_finite(clip)

@@ -157,7 +157,7 @@ class Clip(_Part):
     licence: Text
     """Terms under which this clip may be passed on."""
     body: Text
-    """Body model that `betas` belongs to: "anny", "smpl-neutral", ..."""
+    """Body model that `betas` belongs to: "anny-2", "smpl-neutral", ..."""
     fps_hz: Annotated[Number, Field(gt=0)]
     """Frame rate [Hz]."""
     n_frames: Annotated[int, Field(gt=0)]

@@ -62,7 +62,7 @@ class BodyModel:
     rest vertices are linear in the shape, so a regressor is applied once, when the model is read.
     """
 
-    name: str  # which body this is, as stored in clips: "anny", "smpl-neutral", "smpl-male", ...
+    name: str  # which body this is, as stored in clips: "anny-2", "smpl-neutral", ...
     template_m: np.ndarray  # (V, 3) rest vertices of the mean shape, rest frame [m]
     shape_dirs_m: np.ndarray  # (V, 3, S) vertex offset for one unit of each shape coefficient [m]
     joints_template_m: np.ndarray  # (24, 3) rest joints of the mean shape, rest frame [m]

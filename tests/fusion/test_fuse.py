@@ -464,6 +464,10 @@ def test_bad_input_is_refused_with_the_remedy(video, clip, tmp_path):
     video.save(replace(clip, motion=replace(clip.motion, frame="camera")), part="seen")
     with pytest.raises(BadMotionFile, match="not in the world"):
         video.fuse(source=video.folder / "seen" / "person_0.npz")
+    older = replace(clip, motion=replace(clip.motion, body="anny"))
+    video.save(older, part="older")
+    with pytest.raises(BadMotionFile, match=r"of body anny with .* given body is .* with --body"):
+        video.fuse(source=video.folder / "older" / "person_0.npz")
     write_npz(tmp_path / "sigma.npz", {"format": "gmrdata-clip/1"})
     with pytest.raises(BadRecord, match="sigma.npz"):
         load_sigma(tmp_path / "sigma.npz")
