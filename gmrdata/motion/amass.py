@@ -200,7 +200,9 @@ def amass_rate(
 
 def _betas(arrays: dict[str, np.ndarray], n_frames: int, path: Path) -> np.ndarray:
     """(S,) the file's, or the mean of one row for each frame."""
-    betas = finite_numbers(arrays.get("betas", ()), "betas", path).squeeze()
+    betas = finite_numbers(arrays.get("betas", ()), "betas", path)
+    while betas.ndim > 1 and len(betas) == 1:
+        betas = betas[0]
     if betas.ndim == 2 and len(betas) == n_frames:
         return np.asarray(betas.mean(axis=0))
     if betas.ndim > 1:

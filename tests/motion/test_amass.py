@@ -80,6 +80,22 @@ def test_the_pelvis_of_smpls_own_body_is_trans_and_j0(tmp_path, small_body, gend
     np.testing.assert_allclose(steps_m, np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1))
 
 
+@pytest.mark.parametrize(
+    ("betas", "shape"),
+    [(np.ones((1, 16)), np.ones(10)), (np.ones((1, 1, 16)), np.ones(10)),
+     (np.arange(6.0)[:, None], np.r_[2.5, np.zeros(9)]), (np.ones((16, 1)), None)],
+)  # fmt: skip
+def test_betas_are_one_row_or_one_of_each_frame(tmp_path, small_body, betas, shape):
+    """One coefficient of each of six frames was taken for six coefficients."""
+    path = _save(tmp_path / "a.npz", _arrays() | {"betas": betas})
+    smpl = replace(small_body, name="smpl-female")
+    if shape is None:
+        with pytest.raises(BadMotionFile, match=r"betas are \(16, 1\) for 6 frames"):
+            read_motion(path, smpl)
+        return
+    np.testing.assert_array_equal(read_motion(path, smpl).shape, shape)
+
+
 def test_betas_of_another_body_are_not_kept(tmp_path, small_body):
     path = _save(tmp_path / "a.npz", _arrays())
     x_path = _save(tmp_path / "x.npz", _arrays(165))

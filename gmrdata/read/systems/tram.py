@@ -43,11 +43,12 @@ def is_tram_folder(folder: Path) -> bool:
 
 
 def read_tram_folder(folder: Path) -> EstimatedPeople:
-    tracks = {
-        int(found[1]): path
-        for path in sorted((folder / HPS_FOLDER).glob("hps_track_*.npy"))
-        if (found := _TRACK.fullmatch(path.name))
-    }
+    tracks: dict[int, Path] = {}
+    for path in sorted((folder / HPS_FOLDER).glob("hps_track_*.npy")):
+        found = _TRACK.fullmatch(path.name)
+        if found and (other := tracks.setdefault(int(found[1]), path)) != path:
+            what = f"{other.name} and {path.name} are of one number. Keep one of them"
+            raise BadMotionFile(f"{path.parent}: {what}")
     if not (folder / CAMERA_FILE).is_file() or not tracks:
         what = f"no {CAMERA_FILE} and {HPS_FOLDER}/hps_track_<k>.npy, as TRAM writes them"
         raise MissingInput(f"{folder}: {what}, and no other system's own file. {KNOWN}")

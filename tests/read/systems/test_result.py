@@ -1,5 +1,6 @@
 """Broken results of other systems are refused with the file, whatever part of them is broken."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -441,6 +442,14 @@ def test_a_folder_that_is_no_result_is_named(tmp_path):
     (tmp_path / "x.pkl").write_bytes(joblib_bytes({1: {"pose": np.zeros((T, 72))}}))
     with pytest.raises(BadMotionFile, match=r"x\.pkl: person_1 has no 'frame_ids\'"):
         read_system(tmp_path / "x.pkl")
+
+
+def test_two_tracks_of_one_number_are_refused(tmp_path):
+    """One of them was left out without a word."""
+    folder = tram(tmp_path)
+    shutil.copy(folder / "hps/hps_track_0.npy", folder / "hps/hps_track_00.npy")
+    with pytest.raises(BadMotionFile, match=r"hps_track_0\.npy and hps_track_00\.npy are of one"):
+        read_system(folder)
 
 
 def test_tram_on_emdb_has_emdbs_own_lens(tmp_path):
