@@ -241,10 +241,11 @@ def test_who_is_hidden_below_the_hips_is_not_squeezed_into_the_box(
 @pytest.mark.parametrize(
     ("other_px", "same"),
     [((100, 50, 200, 400), True), ((110, 55, 205, 170), True), ((120, 200, 180, 400), False),
-     ((190, 50, 290, 400), False), ((190, 50, 290, 170), False)],
+     ((190, 50, 290, 400), False), ((190, 50, 290, 170), False), ((100, -20, 200, 130), False)],
 )  # fmt: skip
 def test_a_box_of_the_upper_half_is_of_the_same_person(other_px, same):
-    """Beside the person's own: a box to the hips, a child in front, and somebody beside."""
+    """Beside the person's own: a box to the hips, a child in front, somebody beside, and somebody
+    who stands behind and is seen above."""
     person_px = np.array([100.0, 50.0, 200.0, 400.0])
     assert is_among(np.array(other_px, dtype=float), [person_px], 0.4) is same
     assert is_among(person_px, np.array([other_px, (900, 0, 950, 99)], dtype=float), 0.4) is same
