@@ -28,7 +28,7 @@ def test_people_of_a_real_video_stand_on_the_ground(shared_path, tmp_path):
     out = tmp_path / "out"
     verdict = solved(shared_path, tmp_path / "images", out, slice(None))
     assert len(verdict.people) >= 1
-    assert any("size of the mean anny body" in note for note in verdict.notes)
+    assert any("size of the mean anny-2 body" in note for note in verdict.notes)
     seen = read_system(out / "own_poses" / "poses", "camera").people
     assert len(seen) == len(verdict.people)
     fused = FusionRecord.read(out / "fused" / "fusion.json")

@@ -116,7 +116,7 @@ def test_poses_for_another_lens_or_body_are_refused(poses_dir, small_body, tmp_p
     for lens, body_path, said in (
         (longer, ANNY_FILE, "lens of 820 px, k1 0, and here .* lens of 984 px, k1 0. Leave"),
         (bent, ANNY_FILE, "lens of 820 px, k1 0, and here .* lens of 820 px, k1 -0.2"),
-        (LENS, tmp_path / "small.npz", f"the body anny .* the body {small_body.name} "),
+        (LENS, tmp_path / "small.npz", f"the body anny-2 .* the body {small_body.name} "),
     ):
         filmed = Filmed(TIMES, lens)
         with pytest.raises(BadMotionFile, match=said):
