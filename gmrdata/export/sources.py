@@ -183,7 +183,7 @@ def load_exported(
         "images_dir": images or files.images_dir,
         "clip": clip,
         "rest_pelvis_m": read_npz(files.clip_path)["rest_pelvis_m"],
-        "body_names": _bodies(files.clip_path, clip) if body is None else _given(body),
+        "body_names": _bodies(files.clip_path) if body is None else _given(body),
         "truth": None if truth_path is None else load_clip(truth_path),
         "extras": tuple(map(load_clip, extras)),
     }
@@ -196,7 +196,7 @@ def _given(body: str) -> tuple[str, ...]:
     return tuple(map(str, body_files(folder))) if folder.is_dir() else (body,)
 
 
-def _bodies(clip_path: Path, clip: Clip) -> tuple[str, ...]:
+def _bodies(clip_path: Path) -> tuple[str, ...]:
     """The bodies that the stages keep beside a clip; the default one where there are none."""
     beside = [
         str(path)

@@ -196,8 +196,8 @@ def fuse(
         errors_path: The network's `delta_errors.json`; None for that in its run's folder.
 
     Errors are MissingInput, BadCheckpoint, BadRecord, BadMotionFile for a clip that is not in the
-    world or too short, BadRecipe for a loop outside of it or of several people, StageFailed where
-    nothing fits.
+    world, too short or of another body, BadRecipe for a loop outside of it or of several people,
+    StageFailed where nothing fits.
     """
     given = FusedInputs.of(source, network, errors_path)
     config = FuseConfig(fusion=fusion_config_of(Path(source))) if config is None else config
