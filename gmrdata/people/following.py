@@ -502,9 +502,13 @@ class _Follower:
         """Whether a closer look at a person whom others touch shows another body: of two people the
         network may make one, and be sure of it."""
         near = (self.met_px[n].values() for n in (row - 1, row, row + 1))
-        boxes_px = np.array([*self.detections[row].boxes_px, *chain(*near)]).reshape(-1, 4)
-        overlaps = box_iou(person.box_px[None], boxes_px)
-        if not ((overlaps > TOUCHING) & (overlaps < self.config.same_iou)).any():
+        detected_px = self.detections[row].boxes_px
+        boxes_px = np.array([*detected_px, *chain(*near)]).reshape(-1, 4)
+        overlaps = box_iou(person.box_px[None], boxes_px)[0]
+        same = overlaps >= self.config.same_iou
+        touched = (overlaps > TOUCHING) & ~same
+        # One body made of two people has the boxes of both.
+        if not touched.any() and np.count_nonzero(same[: len(detected_px)]) < 2:
             return False
         closer = self.look(image, replace(crop, side_px=CLOSER * crop.side_px))
         apart_px = np.linalg.norm(closer.image_px - person.image_px, axis=1)[list(LIMBS)].mean()

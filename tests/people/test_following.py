@@ -154,14 +154,27 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
     assert record.images == (8, 9, 10) and record.people[0].seen == ((8, 10),)
 
 
+BESIDE, APART = [330.0, 100.0, 430.0, 500.0], [450.0, 100.0, 550.0, 500.0]
+UPPER, LOWER = [250.0, 100.0, 350.0, 380.0], [250.0, 250.0, 350.0, 500.0]
+
+
 @pytest.mark.parametrize(
-    ("off_px", "beside_px", "seen"), [(15.0, 80.0, True), (15.0, 200.0, True), (60.0, 200.0, True),
-                                      (60.0, 80.0, False)],
-)  # fmt: skip
-def test_who_is_another_in_a_closer_look_beside_somebody_is_not_seen(
-    frames_dir, tmp_path, off_px, beside_px, seen
+    ("off_px", "found_px", "seen"),
+    [
+        (15.0, [BESIDE], True),
+        (15.0, [APART], True),
+        (60.0, [APART], True),
+        (60.0, [BESIDE], False),
+        (60.0, [UPPER], True),
+        (15.0, [UPPER, LOWER], True),
+        (60.0, [UPPER, LOWER], False),
+    ],
+)
+def test_who_is_another_in_a_closer_look_beside_or_as_somebody_is_not_seen(
+    frames_dir, tmp_path, off_px, found_px, seen
 ):
-    """A man behind a woman had the limbs of both, and in a closer look others."""
+    """A man behind a woman, and a woman above a man who hid her legs from a steep camera, had the
+    limbs of both, and in a closer look others."""
     crop = Crop(np.array([300.0, 300.0]), 500.0)
     image_px = np.random.default_rng(0).uniform(200, 400, (33, 2))
     box_px = np.array([250.0, 100.0, 350.0, 500.0])
@@ -175,8 +188,8 @@ def test_who_is_another_in_a_closer_look_beside_somebody_is_not_seen(
         return Person(1.0, mask, box_px, crop, moved_px, np.zeros((33, 3)), np.ones(33))
 
     follower = _Follower(read_frames(frames_dir), tmp_path, FollowConfig(), lambda image: [], look)
-    box = (box_px + np.array([beside_px, 0.0, beside_px, 0.0])).tolist()
-    follower.detections.append(detections_from_json([{"box_px": box, "class": 0, "score": 0.9}]))
+    found = [{"box_px": one_px, "class": 0, "score": 0.9} for one_px in found_px]
+    follower.detections.append(detections_from_json(found))
     image = read_color(follower.frames.paths[0])
     assert bool(follower._note(look(image, crop), crop, 0, image, 0)) is seen
 
