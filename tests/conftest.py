@@ -138,7 +138,7 @@ def _small_box(start_m: np.ndarray, end_m: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="session")
 def anny() -> BodyModel:
-    """The default body.  The first time on a machine it is built, which takes about a minute."""
+    """The default body."""
     return load_body("anny")
 
 
