@@ -38,6 +38,8 @@ LOG = logging.getLogger("gmrdata.stage")
 """Which stage begins, is made or was found; shown by `-v`."""
 MOMENT_S = 1.0  # after which a folder is there that another process renames now
 AGAIN = "Pass --redo to make it again, or another --out"
+FRAMES_ROLE = "images"
+"""Of an input that is a folder of frames: folders in it are not read, and may be results."""
 FRESH_NS = 2_000_000_000
 """A file that was written so short a time before it was hashed is hashed again [ns]."""
 
@@ -402,7 +404,7 @@ class _InputHashes:
         def hash_file(file: Path) -> str:
             return self._of_file(role + str(file)[len(str(path)) :], file)
 
-        return sha256_of_path(path, hash_file)
+        return sha256_of_path(path, hash_file, is_flat=role == FRAMES_ROLE)
 
     def _of_file(self, key: str, file: Path) -> str:
         if not file.is_file():

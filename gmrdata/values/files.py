@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
+from itertools import islice
 from pathlib import Path, PurePath, PurePosixPath
 from tokenize import TokenError
 from typing import Any
@@ -75,14 +76,17 @@ def sha256_of_file(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file) -> str:
+def sha256_of_path(
+    path: Path, hash_file: Callable[[Path], str] = sha256_of_file, *, is_flat: bool = False
+) -> str:
     """Hex SHA-256 of a file, or of a folder's paths and contents but for what stages keep of it and
-    for hidden files, which they and desktops leave."""
+    for hidden files, which they and desktops leave; `is_flat` without the folders in it."""
     if not path.is_dir():
         return hash_file(path)
     digest = hashlib.sha256()
     # Folders that are links are not entered.
-    for file in sorted(Path(root, name) for root, _, names in os.walk(path) for name in names):
+    folders = islice(os.walk(path), 1 if is_flat else None)
+    for file in sorted(Path(root, name) for root, _, names in folders for name in names):
         kept = file.name in (STAGE_FILE, RECIPE_FILE) or is_hidden(file.relative_to(path))
         if kept or not file.is_file():
             continue

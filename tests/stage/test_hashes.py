@@ -118,6 +118,27 @@ def test_what_a_desktop_leaves_in_a_folder_is_no_other_content(frames):
     assert sha256_of_path(frames) != before
 
 
+def test_results_may_lie_in_the_folder_of_frames(frames):
+    """What one stage left there was another input to the next, and to itself a second time."""
+
+    def made(*names: str) -> list[str]:
+        done: list[str] = []
+
+        def work(partial: Path) -> None:
+            (partial / "a.txt").write_text("a")
+            done.append(partial.stem)
+
+        for name in names:
+            run_stage("test", frames / name, Config(), {"images": frames}, work)
+        return done
+
+    assert made("masks", "sfm") == ["masks", "sfm"]
+    assert made("masks", "sfm") == []
+    (frames / "1.jpg").write_bytes(b"another")
+    with pytest.raises(StaleOutput, match=r"inputs\.images"):
+        made("masks")
+
+
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "gmrdata-inputs/1", "files": {"a": 1}}'])
 def test_a_broken_memory_costs_only_time(frames, hashed, content):
     stage(frames)
