@@ -89,7 +89,7 @@ def solve(
     Frames without a camera path, and people without a world, are no error: `unsolved` says why.
 
     Raises:
-        StaleOutput: `out_dir` lies among the frames, or holds what another run left.
+        StaleOutput: `out_dir` is the folder of frames, or holds what another run left.
         BadFrames, MissingInput, BadMotionFile and what else `SolveRequest.check` and the stages
             raise.
     """
@@ -153,9 +153,9 @@ def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
 
 
 def _require_apart(frames: Path, out_dir: Path) -> None:
-    """Refuse to write into a folder of frames: it would be another one when the run goes on."""
-    if frames.is_dir() and out_dir.resolve().is_relative_to(frames.resolve()):
-        raise StaleOutput(f"{out_dir}: lies in {frames}, which is read. Pass another --out")
+    """Refuse to write files among frames: they would be others when the run goes on."""
+    if frames.is_dir() and out_dir.resolve() == frames.resolve():
+        raise StaleOutput(f"{out_dir}: is the folder of frames. Pass another --out, as one in it")
 
 
 def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:
@@ -501,6 +501,5 @@ def make_masks(
         frames: A folder of numbered images, or a video file, of which `video` says the part.
         people: Camera-frame clips with their bodies, for silhouettes.
     """
-    _require_apart(Path(frames), Path(out_dir))
     given = as_frames(Path(frames), Path(out_dir) / FRAMES, video, run=run)
     return mask_sources.make_masks(given, Path(out_dir) / MASKS, config, people=people, run=run)

@@ -64,15 +64,20 @@ def test_cameras_alone_get_masks_by_the_quick_network(
     assert_nothing_is_left_of_another_video(frames, tmp_path / "out", poses)
 
 
-def test_a_result_does_not_lie_among_its_frames(tmp_path):
-    # The same command again would find another folder of frames, and not go on.
-    grey_images(tmp_path, 1)
-    for out in (tmp_path, tmp_path / "out"):
-        with pytest.raises(StaleOutput, match=r"lies in .*, which is read. Pass another --out"):
-            solve_video(tmp_path, out, poses="none", fps_hz=30)
-        with pytest.raises(StaleOutput, match="lies in"):
-            make_masks(tmp_path, out, MasksConfig())
-    assert [path.name for path in tmp_path.iterdir()] == ["0.png"]
+def test_a_result_is_in_a_folder_of_its_own(tmp_path):
+    """Its files among the frames would make them others; in a folder among them they don't."""
+    frames = grey_images(tmp_path / "frames")
+    with pytest.raises(StaleOutput, match=r"frames: is the folder of frames. Pass another --out"):
+        solve_video(frames, frames, poses="none", fps_hz=30)
+    masks = grey_images(tmp_path / "masks")
+    config = MasksConfig(sources=(FolderSource(path=masks),))
+    for _ in range(2):
+        solve_video(
+            frames, frames / "out", poses="none", fps_hz=30, config=SolveConfig(masks=config)
+        )
+        make_masks(frames, frames / "again", config)
+    folders = {path.name for path in frames.iterdir() if path.is_dir()}
+    assert folders == {"out", "again"}
 
 
 def test_without_masks_none_of_an_earlier_run_are_left(tmp_path):
