@@ -442,7 +442,10 @@ class _Follower:
             wanted = larger.next_crop
             if larger.score < self.config.min_score or wanted.side_px < GROWS * other.side_px:
                 break
-            larger, other = self.look(image, wanted), wanted
+            seen = self.look(image, wanted)
+            if seen.score < self.config.min_score:
+                break
+            larger, other = seen, wanted
         return (larger, other) if other.side_px > GREW * crop.side_px else (person, crop)
 
     def _reach(self, person: Person) -> float:

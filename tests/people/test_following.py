@@ -252,6 +252,25 @@ def test_who_is_hidden_below_the_hips_is_not_squeezed_into_the_box(
 
 
 @pytest.mark.parametrize(
+    ("seen_upto_px", "side_px"), [(9e9, 864.0), (700.0, 600.0), (580.0, 500.0)]
+)
+def test_a_look_that_grows_ends_where_somebody_is_seen(frames_dir, tmp_path, seen_upto_px, side_px):
+    """Of who sat close to a webcam a crop far beyond the picture showed nobody, and so nobody was
+    there."""
+
+    def look(image: np.ndarray, crop: Crop) -> Person:
+        score = float(crop.side_px < seen_upto_px)
+        wanted = replace(crop, side_px=min(1.2 * crop.side_px, 864.0))
+        marks_px, mask = np.zeros((33, 2)), np.zeros(image.shape[:2], np.uint8)
+        return Person(score, mask, np.zeros(4), wanted, marks_px, np.zeros((33, 3)), np.ones(33))
+
+    follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
+    image, first = read_color(follower.frames.paths[0]), Crop(np.array([300.0, 300.0]), 500.0)
+    person, crop = follower._grown(image, look(image, first), first)
+    assert person.score == 1 and crop.side_px == pytest.approx(side_px)
+
+
+@pytest.mark.parametrize(
     ("other_px", "same"),
     [((100, 50, 200, 400), True), ((110, 55, 205, 170), True), ((120, 200, 180, 400), False),
      ((190, 50, 290, 400), False), ((190, 50, 290, 170), False), ((100, -20, 200, 130), False)],
