@@ -10,7 +10,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.sparse import block_diag, coo_array, csc_array, csr_array, diags_array, eye_array
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array, eye_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.sparse.linalg import cg, spsolve
 from scipy.spatial.transform import Rotation
@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cameras.colmap import LOSS_PX
 from gmrdata.cameras.files import Evidence, Smoothing
 from gmrdata.cameras.frames import Frames, Timeline
-from gmrdata.cameras.map.smoothing import noise_px, smooth_cameras
+from gmrdata.cameras.map.smoothing import block_diagonal, noise_px, smooth_cameras
 from gmrdata.cameras.match.keyframes import relative_rotation, unit_rays
 from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
@@ -253,7 +253,7 @@ def _information(
 ) -> csr_array:
     hessian, _ = _normal_equations(rotmats, data, intrinsics_px)
     # Turns in the cameras' axes become turns in the world's.
-    world_from_cam = csr_array(block_diag(rotmats, format="csr"))
+    world_from_cam = block_diagonal(rotmats)
     information = world_from_cam @ hessian @ world_from_cam.T
     variance_px2 = noise_px(_predict(rotmats, data, intrinsics_px)[2]) ** 2
     first = int(np.flatnonzero(linked)[0])

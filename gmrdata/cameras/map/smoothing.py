@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import block_diag, coo_array, csc_array, csr_array, kron
+from scipy.sparse import bsr_array, coo_array, csc_array, csr_array, kron
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
@@ -55,7 +55,13 @@ def camera_information(
         slopes[row] = np.einsum("nki,n,nk->i", jacobian, weight, residual_px)
         residuals_px.append(residual_px)
     variance_px2 = noise_px(np.concatenate(residuals_px)) ** 2
-    return csr_array(block_diag(blocks, format="csr")) / variance_px2, slopes.ravel() / variance_px2
+    return block_diagonal(blocks) / variance_px2, slopes.ravel() / variance_px2
+
+
+def block_diagonal(blocks: np.ndarray) -> csr_array:
+    """Sparse (NK, NK) of blocks (N, K, K)."""
+    places = np.arange(len(blocks) + 1, dtype=np.int32)
+    return bsr_array((blocks, places[:-1], places)).tocsr()
 
 
 def noise_px(residuals_px: np.ndarray) -> float:
