@@ -103,8 +103,8 @@ class FollowConfig(Config):
     """Overlap of two boxes from which they are of one person."""
     max_unlike: float = Field(default=0.05, gt=0)
     """Mean distance of limbs, in sides of the crop, to those that a closer look shows, of a person
-    whose box another's touches: 0.03 and less where both are the person, 0.08 and more where the
-    network makes one body of two people."""
+    whose box another's touches, or who has two: 0.03 and less where both are the person, mostly
+    0.06 and more where the network makes one body of two people."""
     link: LinkConfig = LinkConfig()
     min_frames: int = Field(default=10, ge=2)
     """Who is seen in fewer frames has no poses; the one seen in most of them only if in one frame
@@ -433,9 +433,9 @@ class _Follower:
         return person, crop
 
     def _grown(self, image: np.ndarray, person: Person, crop: Crop) -> tuple[Person, Crop]:
-        """The person in a crop that no longer grows, where it grew much.  Of who is hidden below
-        the hips the box shows the upper half, and the network squeezes the whole body into it, a
-        little less each time.
+        """The person in a crop that no longer grows, or shows nobody beyond, where it grew much.
+        Of who is hidden below the hips the box shows the upper half, and the network squeezes the
+        whole body into it, a little less each time.
         """
         larger, other = person, crop
         for _ in range(MOST_LOOKS):
@@ -502,8 +502,8 @@ class _Follower:
         return [seen | {key: values.tolist() for key, values in arrays.items()}]
 
     def _shows_another(self, person: Person, crop: Crop, image: np.ndarray, row: int) -> bool:
-        """Whether a closer look at a person whom others touch shows another body: of two people the
-        network may make one, and be sure of it."""
+        """Whether a closer look at a person whom others touch, or who has two boxes, shows another
+        body: of two people the network may make one, and be sure of it."""
         near = (self.met_px[n].values() for n in (row - 1, row, row + 1))
         detected_px = self.detections[row].boxes_px
         boxes_px = np.array([*detected_px, *chain(*near)]).reshape(-1, 4)

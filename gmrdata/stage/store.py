@@ -123,7 +123,8 @@ def run_stage(
     """Make `out_dir` by calling `work(partial_dir)`, once.
 
     `out_dir` appears by one rename after the stage's record was written, so a folder that exists is
-    complete.  Called again with the same recipe and content of inputs it does nothing.
+    complete.  Called again with the same recipe and content of inputs it does nothing.  The content
+    of an input `images` is without the folders in it.
 
     Raises:
         MissingInput: an input is not there.

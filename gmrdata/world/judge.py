@@ -297,7 +297,7 @@ def _frames_reasons(
     kept_share: float, often: Sequence[tuple[str, int]], config: VerdictConfig
 ) -> Iterator[str]:
     if kept_share < config.min_kept_share:
-        can = f"{kept_share:.0%} of the frames with a pose can be used"
+        can = f"{kept_share:.0%} of the frames with an undoubted pose can be used"
         why = "".join(f"; in {frames}: {reason}" for reason, frames in often)
         yield f"{can}, fewer than {config.min_kept_share:.0%}{why}"
 

@@ -297,7 +297,7 @@ class VerdictConfig(CamerasVerdictConfig):
     """Largest difference between two cues of the scale, in its standard errors; of several pairs as
     unlikely as this is for one."""
     min_kept_share: float = Field(default=0.5, ge=0, le=1)
-    """Share of the frames with a pose that must be left."""
+    """Share of the frames with an undoubted pose that must be left."""
     max_off_share: float = Field(default=0.25, gt=0)
     """Share of the frames in which the body does not lie on a person in the picture; such a frame
     is not kept."""

@@ -69,7 +69,7 @@ def test_a_server_that_trickles_ends(answer, trickle, tmp_path):
     start_s = time.monotonic()
     with pytest.raises(FetchFailed, match=r"not done after 0\.2 s; gave up after 1 attempts"):
         _get(url, tmp_path / "a", file_limit_s=0.2, attempts=1)
-    assert time.monotonic() - start_s < 60
+    assert time.monotonic() - start_s < 10
     assert not (tmp_path / "a").exists()
 
 

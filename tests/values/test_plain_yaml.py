@@ -76,7 +76,7 @@ def test_what_is_refused(name, tmp_path):
         load_recipe(path, GmrRecipe)
     with pytest.raises(BadMotionFile, match=said):
         find_joints(("Hips",), (-1,), path, path)
-    assert time.monotonic() - start_s < 60
+    assert time.monotonic() - start_s < 5
 
 
 def test_a_joint_map_of_over_a_mebibyte_is_none(tmp_path):

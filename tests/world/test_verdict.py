@@ -314,7 +314,7 @@ def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip):
     assert judged(clip, dataset_camera=drift @ circling()).accepted
     slower = circling()[np.arange(N) // 2]  # wrong intrinsics look like this
     (reason,) = judged(clip, dataset_camera=slower).reasons
-    assert reason.startswith("0% of the frames with a pose can be used")
+    assert reason.startswith("0% of the frames with an undoubted pose can be used")
     assert reason.endswith("50%; in 90: the camera moves otherwise than the data set's")
     unknown = np.full((N, 4, 4), np.nan)
     assert judged(clip, dataset_camera=unknown).accepted
