@@ -263,15 +263,17 @@ def _manifest_in(folder: Path) -> Path | None:
 
 
 def _is_clip(path: Path) -> bool:
-    """Whether a file is a clip, or can't be read: loading it says what is wrong then."""
+    """Whether it is a file of a clip, or one that can't be read: loading it says what is wrong."""
     try:
-        return str(read_npz(path, plain_alone=True).get("format")) == CLIP_FORMAT
+        return path.is_file() and str(read_npz(path, plain_alone=True).get("format")) == CLIP_FORMAT
     except BadMotionFile:
         return True
 
 
 def _is_manifest(path: Path) -> bool:
     """By its first lines, since a long one takes seconds to read."""
+    if not path.is_file():
+        return False
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES).decode("utf-8-sig", "replace")
     said = dict(re.findall(r"^(format|kind): *['\"]?([\w/.-]+)", head, re.MULTILINE))

@@ -192,6 +192,8 @@ def test_twins_and_a_noise_floor_lead_to_their_manifests(clip, small_body, tmp_p
 def test_what_holds_no_clips_says_what_to_name(clip, small_body, tmp_path):
     with pytest.raises(MissingInput, match="no such file or folder"):
         list_clips(tmp_path / "nothing")
+    for name in ("folder.npz", "folder.yaml"):
+        (tmp_path / name).mkdir()
     with pytest.raises(MissingInput, match=r"Name a manifest \(\.yaml\) or a clip's file"):
         list_clips(tmp_path)
     manifest = write_clips(tmp_path, small_body, [clip], camera_motions=["circular"])
