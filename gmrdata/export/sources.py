@@ -243,7 +243,7 @@ def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
         yield from people
     elif (folder / "clip.npz").is_file():
         yield _rendered_clip(folder / "clip.npz")
-    elif alone := [path for path in sorted(visible(folder.glob("*.npz"))) if _is_clip(path)]:
+    elif alone := [path for path in _files_in(folder, "*.npz") if _is_clip(path)]:
         yield from map(_clip_file, alone)
     else:
         what = "no manifest, and no folder that a stage of gmrdata left with clips"
@@ -255,25 +255,28 @@ def _manifest_in(folder: Path) -> Path | None:
     for name in MANIFESTS:
         if (folder / name).is_file():
             return folder / name
-    others = [path for path in sorted(visible(folder.glob("*.yaml"))) if _is_manifest(path)]
+    others = [path for path in _files_in(folder, "*.yaml") if _is_manifest(path)]
     if len(others) > 1:
         names = ", ".join(path.name for path in others)
         raise MissingInput(f"{folder}: holds several manifests. Name one of {names}")
     return others[0] if others else None
 
 
+def _files_in(folder: Path, pattern: str) -> list[Path]:
+    """No folders; a link that leads nowhere stays, and reading it says so."""
+    return sorted(path for path in visible(folder.glob(pattern)) if not path.is_dir())
+
+
 def _is_clip(path: Path) -> bool:
-    """Whether it is a file of a clip, or one that can't be read: loading it says what is wrong."""
+    """Whether a file is a clip, or can't be read: loading it says what is wrong then."""
     try:
-        return path.is_file() and str(read_npz(path, plain_alone=True).get("format")) == CLIP_FORMAT
+        return str(read_npz(path, plain_alone=True).get("format")) == CLIP_FORMAT
     except BadMotionFile:
         return True
 
 
 def _is_manifest(path: Path) -> bool:
     """By its first lines, since a long one takes seconds to read."""
-    if not path.is_file():
-        return False
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES).decode("utf-8-sig", "replace")
     said = dict(re.findall(r"^(format|kind): *['\"]?([\w/.-]+)", head, re.MULTILINE))

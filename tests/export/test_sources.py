@@ -204,6 +204,13 @@ def test_what_holds_no_clips_says_what_to_name(clip, small_body, tmp_path):
         list_clips(tmp_path)
 
 
+def test_a_link_that_leads_nowhere_is_not_left_out_in_silence(clip, small_body, tmp_path):
+    save(tmp_path / "walk.npz", clip, small_body)
+    (tmp_path / "gone.npz").symlink_to("nothing")
+    with pytest.raises(MissingInput, match=r"gone\.npz: no such file"):
+        list_clips(tmp_path)
+
+
 def test_a_path_out_of_the_manifests_folder_is_not_followed(clip, small_body, tmp_path):
     manifest = write_clips(tmp_path / "in", small_body, [clip], camera_motions=["circular"])
     (tmp_path / "in/walk.npz").rename(tmp_path / "walk.npz")
