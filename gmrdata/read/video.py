@@ -185,6 +185,12 @@ class _Reading:
     is_turned: bool = False
     first_time_s: float | None = None
     stopped_at_s: float | None = None  # from the first frame on; None if read to the end
+    others_end_s: float = 0.0  # of sound and what else there is beside the pictures
+
+    def note_other(self, packet: Any) -> None:
+        if (start_s := _packet_time_s(packet)) is not None:
+            end_s = start_s + float((packet.duration or 0) * packet.time_base)
+            self.others_end_s = max(self.others_end_s, end_s)
 
     def note_time(self, packet_s: float) -> None:
         self.is_reordered |= self.last_packet_s is not None and packet_s < self.last_packet_s
@@ -327,13 +333,17 @@ def _decoded(
     """The frames that decode, in the order in which they are shown."""
     import av
 
-    packets = container.demux(stream)
+    # Of all streams, since sound may last longer than the pictures.
+    packets: Iterator[Any] = container.demux()
     begins_anywhere = container.format.name in BROADCAST
     while True:
         try:
             packet = next(packets)
         except (StopIteration, av.FFmpegError):
             return  # what is cut off is missed in the count
+        if packet.stream_index != stream.index:
+            reading.note_other(packet)
+            continue
         if packet.size:
             reading.n_discarded += packet.is_discard
             if not packet.is_discard:
@@ -552,7 +562,8 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
     stated = _stated_frames(container, stream, reading.n_discarded)
     n_counted = max(len(times_s), stated)
     expected = max(n_counted - n_cut, reading.n_frames)
-    if stream.frames or len(container.streams) > 1 or not container.duration:
+    is_mixed = container.format.name in BROADCAST and len(container.streams) > 1
+    if stream.frames or is_mixed or not container.duration:
         return int(expected)
     length_s = container.duration / 1e6
     if "matroska" in container.format.name:
@@ -560,7 +571,7 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
         length_s -= max(0.0, first_s)
     elif n_cut:
         length_s -= first_s - min(reading.cut_times_s)
-    return max(int(expected), _count_by_length(length_s, reading))
+    return max(int(expected), _count_by_length(length_s, reading, first_s))
 
 
 def _stated_frames(container: "InputContainer", stream: Any, n_discarded: int = 0) -> int:
@@ -578,10 +589,10 @@ def _stated_frames(container: "InputContainer", stream: Any, n_discarded: int = 
     return int(stream.frames - n_discarded)
 
 
-def _count_by_length(length_s: float, reading: _Reading) -> int:
+def _count_by_length(length_s: float, reading: _Reading, first_s: float) -> int:
     """The same of a format without a count: a file that was cut off still says how long it is."""
     rate_hz = (reading.n_frames - 1) / max(reading.last_time_s, 1e-9)
-    lacking_s = length_s - reading.last_time_s
+    lacking_s = length_s - max(reading.last_time_s, reading.others_end_s - first_s)
     n_lacking = round(lacking_s * rate_hz) - 1 if lacking_s > FEWEST_LOST_S else 0
     return reading.n_frames + max(0, n_lacking)
 

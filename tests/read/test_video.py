@@ -2,7 +2,8 @@
 
 import os
 import re
-from collections.abc import Iterator
+import shutil
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -312,6 +313,36 @@ def test_a_file_that_was_cut_off(tmp_path, name):
         extracted(video)
     _, record = extracted(video, take_what_decodes=True)
     assert record.n_expected == 48 and record.n_lost == 48 - record.n_decoded
+
+
+@pytest.mark.parametrize("codecs", [("a.mkv", "libx264", "aac"), ("a.webm", "libvpx", "libopus")])
+def test_a_file_with_sound_that_was_cut_off(tmp_path, codecs):
+    """Sound may last longer than the pictures, but then it is there."""
+    name, *_ = codecs
+    video = with_sound(tmp_path / name, codecs[1:], sound_s=4.0)
+    assert len(extracted(video)[0]) == 48
+    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+    shutil.rmtree(video.with_suffix(""))
+    with pytest.raises(BadFrames, match=r"\d\d frames by the file's own count, but [23]\d can be"):
+        extracted(video)
+
+
+def with_sound(path: Path, codecs: Sequence[str], sound_s: float) -> Path:
+    """48 frames at 25 Hz and silence, one beside the other."""
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream(codecs[0], rate=25, options={"g": "12"})
+        stream.width, stream.height, stream.pix_fmt = 160, 120, "yuv420p"
+        sound: Any = container.add_stream(codecs[1], rate=48000)
+        for start in range(0, round(sound_s * 48000), 960):  # half a frame's time
+            if start % 1920 == 0 and start < 48 * 1920:
+                image = av.VideoFrame.from_ndarray(textured(start // 1920), format="rgb24")
+                container.mux(stream.encode(image))
+            silence = av.AudioFrame.from_ndarray(np.zeros((1, 960), np.float32), "fltp", "mono")
+            silence.sample_rate, silence.pts, silence.time_base = 48000, start, Fraction(1, 48000)
+            container.mux(sound.encode(silence))
+        container.mux(stream.encode())
+        container.mux(sound.encode())
+    return path
 
 
 @pytest.mark.parametrize("n_b_frames", ["0", "2"])
