@@ -331,6 +331,9 @@ def _cameras(value: Mapping[Any, Any], around: Values, depth: int) -> Iterator[V
     has_focal = _has_focal({name: one for name, one in own.items() if name not in around})
     within = [list(_cameras(one, own, depth + 1)) for one in inside]
     if has_focal and not (within and all(within)):
+        for one, cameras in zip(inside, within, strict=True):
+            if not cameras:  # what else it says may be of the lens
+                _require_pinhole({_name(key): part for key, part in one.items()})
         yield own  # also for the frames that say nothing of their own
     for cameras in within:
         yield from cameras
@@ -346,7 +349,7 @@ def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[An
             yield from _split(one["data"], own)
         elif isinstance(one, Mapping) and "data" in one:
             _put(own, name, one["data"])
-        elif isinstance(one, Mapping) and name in PARTS:
+        elif isinstance(one, Mapping) and (name in PARTS or OF_DISTORTION.search(name)):
             yield from _split(one, own)
         elif isinstance(one, Mapping):
             yield one
@@ -485,7 +488,7 @@ def _opensfm(values: Values, size_px: tuple[int, int]) -> Lens:
 
 def _terms(values: Values) -> tuple[float, ...]:
     """k1, k2, p1, p2, k3, or nothing; ValueError for others that are not 0."""
-    numbers = {name: _numbers(values[name]) for name in values if OF_DISTORTION.match(name)}
+    numbers = {name: _numbers(values[name]) for name in values if OF_DISTORTION.search(name)}
     said = {name: one for name, one in numbers.items() if one is not None and any(one)}
     listed = _first(values, TERMS, tuple(range(1, 15)))
     if "radialdistortion" in said:
@@ -507,7 +510,7 @@ def _terms(values: Values) -> tuple[float, ...]:
 
 
 OF_DISTORTION = re.compile(
-    r"dist(?!ance)|radial|tangential|lensdist|[kps][0-9]+$|tau[xy]$|d1?$|coeff"
+    r"(?<!un)dist(?!ance)|^radial|^tangential|^(cam|camera|lens)?[kps][0-9]+$|^tau[xy]$|^d1?$|^coeff"
 )
 COMMAS = "write decimal points, not commas"
 MOST_SHARE = 10.0  # that a focal length is of the longer side, where it is a share of it

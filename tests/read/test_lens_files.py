@@ -164,6 +164,8 @@ projection_parameters:
         {"ImageSize": [480, 640], "RadialDistortion": [-0.1, 0], "TangentialDistortion": [0, 0],
          "FocalLength": [600, 605], "PrincipalPoint": [320.5, 240.5], "Skew": 0}
     ),
+    **{f"{group}.json": json.dumps({"w": 640, "h": 480, "fx": 600, "fy": 605, "cx": 320, "cy": 240,
+       group: {"k1": -0.1, "k2": 0}}) for group in ("distortion_coeffs", "lens_distortion", "D")},
     "droid.txt": "600 605 320 240 -0.1 0 0 0",
     "full_opencv.txt": "1 FULL_OPENCV 640 480 600 605 320 240 -0.1 0 0 0 0 0 0 0",
     "equals.cfg": "fx = 600\nfy = 605\ncx = 319.5\ncy = 239.5\nk1 = -0.1\nwidth = 640\n"
@@ -276,6 +278,14 @@ REFUSED = {
     "unknown_term.json": (json.dumps(FLAT | {"k9": 0.3}), "k9 that is not known"),
     "unknown_list.json": (
         json.dumps({"K": K, "distortion_opencv_fish": [1, 2]}), "distortionopencvfish"
+    ),
+    "model_of_group.json": (
+        json.dumps(FLAT | {"distortion_model": {"type": "equidistant", "k1": -0.1}}), "equidistant"
+    ),
+    "model_beside.json": (json.dumps(FLAT | {"lens": {"model": "OPENCV_FISHEYE"}}), "FISHEYE"),
+    "prefix.json": (json.dumps(FLAT | {"cam_k1": -0.3}), "camk1 that is not known"),
+    "prefix_list.json": (
+        json.dumps({"K": K, "opencv_distortion": [-0.3, 0, 0, 0]}), "opencvdistortion that is not"
     ),
     "realsense_back.json": (
         READ["realsense.json"].replace("brown_conrady", "inverse_brown_conrady"), "inverse_brown"
