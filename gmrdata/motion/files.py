@@ -54,7 +54,7 @@ def read_motion(
     unit_m: float | None = None,
     rest_pose: RestPose | Path | None = None,
     up: UpAxis | None = None,
-    asf_path: Path | None = None,
+    asf_path: Path | str | None = None,
     drop_rest_frame: bool | None = None,
     shape: np.ndarray | None = None,
     source_body: BodyModel | None = None,
@@ -87,6 +87,7 @@ def read_motion(
     path = Path(path)
     _check_options(path, body, unit_m, shape)
     joint_map = Path(joint_map) if isinstance(joint_map, str) else joint_map
+    asf_path = None if asf_path is None else Path(asf_path)
     names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": names, "rest_pose": rest_pose}
     try:

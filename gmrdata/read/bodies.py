@@ -26,8 +26,8 @@ SMPLH_LICENCE = (
     "SMPL+H model licence (mano.is.tue.mpg.de): non-commercial research; not to be passed on"
 )
 _KEYS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
-_GENDER = re.compile(r"(?:^|[^a-z])(neutral|female|male|[nfm])(?:[^a-z]|$)")
-_FOLDERS_GENDER = re.compile(r"(?:^|[^a-z])(neutral|female|male)(?:[^a-z]|$)")
+_WORD = re.compile(r"(?:^|[^a-z])(neutral|female|male)(?:[^a-z]|$)")
+_LETTER = re.compile(r"(?:^|[^a-z])([nfm])(?:[^a-z]|$)")
 _GENDER_NAMES = {"n": "neutral", "f": "female", "m": "male"}
 
 
@@ -101,7 +101,7 @@ def _without_fingers(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
-        content = read_plain_npz(path) if path.suffix == ".npz" else load_plain(path)
+        content = read_plain_npz(path) if path.suffix.lower() == ".npz" else load_plain(path)
     except BrokenPickle as error:
         raise BadBodyFile(str(error)) from None
     missing = [key for key in _KEYS if not isinstance(content, dict) or key not in content]
@@ -132,8 +132,8 @@ def _gender(path: Path) -> str:
 
 def _found_gender(path: Path) -> str | None:
     """What the file's name says, else its folder's."""
-    found = _GENDER.search(path.stem.lower())
-    found = found or _FOLDERS_GENDER.search(path.absolute().parent.name.lower())
+    stem, folder = path.stem.lower(), path.absolute().parent.name.lower()
+    found = _WORD.search(stem) or _LETTER.search(stem) or _WORD.search(folder)
     return None if found is None else found[1]
 
 
@@ -160,7 +160,7 @@ def load_body(body: Path | str | None) -> BodyModel:
         raise MissingInput(f"{path}: {what} SMPL model; {remedy} and accepting its licence")
     if npz_format(path) == BODY_FORMAT:
         return read_body(path)
-    if path.suffix in (".npz", ".pkl"):
+    if path.suffix.lower() in (".npz", ".pkl"):
         return read_smpl(path)
     raise BadBodyFile(f"{path}: a body is 'anny', or a file ending in .npz or .pkl")
 
@@ -178,7 +178,9 @@ def body_files(folder: Path) -> list[Path]:
     """The bodies' files in a folder and the two levels below: all that is gmrdata's own body, or
     says a gender in its name or its folder's.  Links that lead out of the folder are left out."""
     paths = (path for pattern in _IN_FOLDER for path in visible(folder.glob(pattern)))
-    files = files_inside(folder, (path for path in paths if path.suffix in (".npz", ".pkl")))
+    files = files_inside(
+        folder, (path for path in paths if path.suffix.lower() in (".npz", ".pkl"))
+    )
     return [path for path in files if _found_gender(path) or npz_format(path) == BODY_FORMAT]
 
 

@@ -74,6 +74,7 @@ def read_frames(folder: Path, left_out: Collection[int] = ()) -> FrameSet:
         n_frames=len(paths),
         times_s=np.full(len(paths), np.nan),
         rate_hz=np.nan,
+        left_out={n: path for n, path in _numbered(folder) if n in left_out} if left_out else {},
     )
     record_path = folder / VIDEO_FILE
     return alone if not record_path.is_file() else of_video(alone, VideoRecord.read(record_path))
@@ -98,11 +99,7 @@ def of_video(frames: FrameSet, video: VideoRecord) -> FrameSet:
 
 def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
     """A folder's .jpg and .png files by number: two or more, without gaps but for `left_out`."""
-    if not folder.is_dir():
-        raise MissingInput(f"{folder}: no such folder of images")
-    paths = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
-    numbered = sorted((image_number(path), path) for path in visible(paths))
-    numbered = [(number, path) for number, path in numbered if number not in left_out]
+    numbered = [(number, path) for number, path in _numbered(folder) if number not in left_out]
     for _, path in numbered:
         require_text(path, BadFrames)
     if len(numbered) < 2:
@@ -111,6 +108,14 @@ def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
         raise BadFrames(f"{folder}: {what}")
     _require_one_each(folder, numbered, left_out)
     return [path for _, path in numbered]
+
+
+def _numbered(folder: Path) -> list[tuple[int, Path]]:
+    """A folder's .jpg and .png files beside their numbers, in order."""
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder of images")
+    paths = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
+    return sorted((image_number(path), path) for path in visible(paths))
 
 
 def check_images(paths: list[Path]) -> tuple[int, int]:

@@ -58,7 +58,8 @@ def _plain_separators(text: str) -> str:
         text = re.sub(r"(?<=[\d.]);|;(?=[ \t]*[-+.\d]|[ \t]*$)", " ", text, flags=re.MULTILINE)
     if "," not in text:
         return text
-    if not re.search(r"\d\.\d|\d,[-+]?\d*,\d", text):
+    # A point in a name, as in Spine1.001, is none of a number's.
+    if not re.search(r"(?<![\w.])[-+]?\d*\.\d|\d,[-+]?\d*,\d", text):
         return re.sub(r"(?<=\d),(?=\d)", ".", text)
     text = re.sub(r"(?im)^(\s*frame time:\s*\d*),(\d+\s*$)", r"\1.\2", text)  # is one number
     return re.sub(r"(?<=[\d.]),|,(?=[ \t]*[-+.\d])", " ", text)

@@ -204,14 +204,15 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
     decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
     # 1/256 lies exactly in the middle of two numbers of 7 digits; what is computed, beside it.
     half_step_s = 0.5 * 10.0**-decimals * (1 + 1e-6)
-    # Rates as people write them: whole, with few decimals, or a television's.
-    likely_hz = [round(1 / frame_time_s, n) for n in range(4)]
-    likely_hz.append(round(1.001 / frame_time_s) * 1000 / 1001)
+    # Rates as people write them: whole, a television's, or with few decimals.
+    whole_hz, *decimal_hz = (round(1 / frame_time_s, n) for n in range(4))
+    televisions_hz = round(1.001 / frame_time_s) * 1000 / 1001
+    likely_hz = [whole_hz, round(televisions_hz, 3), *decimal_hz, televisions_hz]
     usual_hz, fitting_hz = (
         [float(hz) for hz in some if abs(1 / hz - frame_time_s) <= half_step_s]
         for some in (USUAL_HZ, likely_hz)
     )
-    is_rounded = abs(likely_hz[0] * frame_time_s - 1) > 1e-9
+    is_rounded = abs(whole_hz * frame_time_s - 1) > 1e-9
     if is_rounded and len(usual_hz) == 1:
         return usual_hz[0]
     return fitting_hz[0] if fitting_hz else 1 / frame_time_s

@@ -232,7 +232,7 @@ def read_npz(
     """All arrays of an .npz, without unpickling anything; within the file's own budget for None.
 
     With `plain_alone` Python's objects are left out, unless there is nothing else: AMASS's SMPL-X
-    files have the markers' vertices so, beside the motion.
+    files have the markers' vertices so, beside the motion.  What says whose body it is never is.
     """
     require_file(path)
     budget = budget or Budget.of(path)
@@ -245,7 +245,8 @@ def read_npz(
                 try:
                     found[key] = _plain_array(arrays, key, budget)
                 except ValueError as error:
-                    if not plain_alone or "allow_pickle" not in str(error):
+                    left_out = plain_alone and key not in ("gender", "betas")
+                    if not left_out or "allow_pickle" not in str(error):
                         raise
                     objects = error
         if objects and not found:
@@ -262,7 +263,7 @@ def read_npz(
 
 def npz_format(path: Path) -> str | None:
     """What an .npz says of itself as `format`; None where it says nothing, or is no .npz."""
-    if path.suffix != ".npz" or not path.is_file():
+    if path.suffix.lower() != ".npz" or not path.is_file():
         return None
     try:
         check_archive(path, budget := Budget.of(path))

@@ -153,6 +153,16 @@ def test_separators_of_numbers(walk_path, old, new):
     assert again.fps_hz == plain.fps_hz == 30.0
 
 
+@pytest.mark.parametrize("name", ["Spine.001", "Spine1.001"])
+def test_a_point_in_a_name_is_no_decimal_one(walk_path, name):
+    plain = read_bvh(walk_path)
+    text = walk_path.read_text().replace(".", ",")
+    walk_path.write_text(text.replace(plain.names[3], name))
+    again = read_bvh(walk_path)
+    assert again.names == tuple(name if n == 3 else one for n, one in enumerate(plain.names))
+    np.testing.assert_array_equal(again.local_rotmats, plain.local_rotmats)
+
+
 def test_a_decimal_comma_in_the_frame_time_alone(walk_path):
     text = walk_path.read_text()
     for comma in ("0,0333333", ",0333333"):

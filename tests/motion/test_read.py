@@ -68,7 +68,8 @@ def test_wrong_options(tmp_path, small_body, options):
 
 
 def test_a_motion_that_is_read_twice_is_the_same(cmu_dir, small_body):
-    first, second = (read_motion(cmu_dir / "amc" / "05_01.amc", small_body) for _ in range(2))
+    path, skeleton = cmu_dir / "amc" / "05_01.amc", str(cmu_dir / "amc" / "05.asf")
+    first, second = (read_motion(path, small_body, asf_path=asf) for asf in (None, skeleton))
     np.testing.assert_array_equal(first.local_rotmats, second.local_rotmats)
     np.testing.assert_array_equal(first.pelvis_m, second.pelvis_m)
     assert first.source == second.source

@@ -147,6 +147,8 @@ def test_pickle_and_npz_load_equal(official, tmp_path, protocol):
         ("basicModel_f_lbs_10_207_0_v1.0.0", "smpl-female"),
         ("basicmodel_m_lbs_10_207_0_v1.1.0", "smpl-male"),
         ("basicModel_neutral_lbs_10_207_0_v1.0.0", "smpl-neutral"),
+        ("smpl_f32_male", "smpl-male"),
+        ("male/scan_m_female", "smpl-female"),
     ],
 )
 def test_gender_stands_in_the_name_of_file_or_folder(official, tmp_path, file, name):

@@ -87,7 +87,7 @@ def _read(path: Path) -> EstimatedPeople:
         return _built_in(path) if own else tram.read_tram_folder(path)
     if not path.is_file():
         raise MissingInput(f"{path}: no such file. {KNOWN}")
-    if path.suffix == ".npz":
+    if path.suffix.lower() == ".npz":
         return _npz(path)
     with path.open("rb") as stream:
         first = stream.read(len(OLD_TORCH))

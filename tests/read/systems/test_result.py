@@ -202,6 +202,21 @@ def test_amass_in_parts_is_no_slahmr(tmp_path):
     )
 
 
+@pytest.mark.parametrize("key", ["gender", "betas"])
+def test_whose_body_it_is_does_not_get_lost(key, tmp_path):
+    """Saved as an object it was left out, and a woman's betas were taken for a neutral body's."""
+    content: dict[str, Any] = {"poses": np.zeros((T, 156)), "trans": np.zeros((T, 3))}
+    content |= {"betas": np.zeros(16), "gender": "female", "mocap_framerate": 30.0}
+    path = tmp_path / "X.NPZ"
+    with path.open("wb") as stream:
+        np.savez(stream, **content)
+    assert read_system(path, "world").people[0].betas_body == "smpl-female"
+    with path.open("wb") as stream:
+        np.savez(stream, **(content | {key: np.array(content[key], dtype=object)}))
+    with pytest.raises(BadMotionFile, match=r"X\.NPZ: .*save each array of theirs by its name"):
+        read_system(path, "world")
+
+
 def test_poses_by_joint_are_as_those_in_a_row(tmp_path):
     """Motion capture of (T, J, 3) was read, and a result of that form was refused."""
     poses, trans = system_files.some_poses(T), np.ones((T, 3))
