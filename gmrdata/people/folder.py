@@ -57,7 +57,7 @@ def folder_masks(
             what = f"masks are no brighter than {brightest} of 255"
             raise BadFrames(f"{masks_dir}: {what}; write 255 where a mask is set, else 0")
 
-    inputs = {"masks": masks_dir, "images": frames.folder}
+    inputs = {"masks": masks_dir} | frames.inputs
     return run_stage("folder_masks", out_dir, config, inputs, work, run=run)
 
 
@@ -179,9 +179,7 @@ def unite_masks(
             unmasked=tuple(stem for stem, share in united.items() if share == 0.0),
         ).write(partial_dir / RECORD_FILE)
 
-    inputs = {"images": frames.folder} | {
-        f"masks {name}": path for name, path in source_dirs.items()
-    }
+    inputs = frames.inputs | {f"masks {name}": path for name, path in source_dirs.items()}
     made = run_stage("masks", out_dir, config, inputs, work, run=run)
     if not run.only_look:
         _report(made, config)

@@ -300,7 +300,7 @@ def follow_people(
         for folder in ("seen", FRAMES_FOLDER):
             shutil.rmtree(partial / folder)
 
-    inputs = {**networks._asdict(), "images": frames.folder}
+    inputs = networks._asdict() | frames.inputs
     return run_stage("followed", out_dir, recipe, inputs, Resumable(work), run=run)
 
 

@@ -101,7 +101,7 @@ def onnx_masks(
         DetectionsRecord(frames=records).write(partial / DETECTIONS_FILE)
         shutil.rmtree(partial / "seen")
 
-    inputs = {"model": model_path, "images": frames.folder}
+    inputs = {"model": model_path} | frames.inputs
     return run_stage("onnx_masks", out_dir, config, inputs, Resumable(work), run=run)
 
 

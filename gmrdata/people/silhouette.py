@@ -55,7 +55,7 @@ def silhouette_masks(
     def work(partial: Path) -> None:
         _write_silhouettes(people, frames, partial, config)
 
-    inputs = stage_inputs(people) | {"images": frames.folder}
+    inputs = stage_inputs(people) | frames.inputs
     return run_stage("silhouette_masks", out_dir, config, inputs, work, run=run)
 
 

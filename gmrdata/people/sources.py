@@ -334,6 +334,7 @@ def person_masks(
     def work(partial: Path) -> None:
         record = FollowedRecord.read(followed_dir / FOLLOWED_FILE)
         sightings = Sightings.read(followed_dir / SIGHTINGS_FILE)
+        detections = dict(zip(record.images, record.detections, strict=True))
         # By number they stand in order, so those of a frame are found without looking at all.
         starts, stops = (
             np.searchsorted(sightings.image_numbers, frames.numbers, side)
@@ -345,13 +346,13 @@ def person_masks(
             outlines = np.zeros(frames.size_px[::-1], np.uint8)
             for piece in seen.pieces.tolist():
                 outlines |= read_gray(outline_path(followed_dir, image, piece))
-            boxes_px = detections_from_json(record.detections[row]).boxes_px
+            boxes_px = detections_from_json(detections[int(frames.numbers[row])]).boxes_px
             filled = _boxes_without(outlines, boxes_px, seen.boxes_px, config)
             write_gray(partial / f"{image.stem}.png", dilate(outlines | filled, config.dilate_px))
 
         in_threads(make, range(len(frames.paths)))
 
-    inputs = {"followed": followed_dir, "images": frames.folder}
+    inputs = {"followed": followed_dir} | frames.inputs
     return run_stage("person_masks", out_dir, config, inputs, work, run=run)
 
 

@@ -1,6 +1,7 @@
 """FrameSet: the images of one sequence, as they were checked once, and when they were taken."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, NamedTuple, Self
 
@@ -83,6 +84,14 @@ class FrameSet:
     rate_hz: float  # Images per second; NaN where nobody says
     video: VideoRecord | None = None  # None of images that came from no video
     video_path: Path | None = None  # The video's file, where it was read for this
+    left_out: Mapping[int, Path] = field(default_factory=dict)
+    """Images of the folder that are not among these, by number."""
+
+    @property
+    def inputs(self) -> dict[str, Path]:
+        """The files by role, for a stage's record, which so tells that other images are taken."""
+        left_out = {f"left out {number}": path for number, path in self.left_out.items()}
+        return {"images": self.folder} | left_out
 
     def with_rate(self, fps_hz: float | None) -> "FrameSet":
         """The same with times: a video has its own, and images need a rate; errors as of

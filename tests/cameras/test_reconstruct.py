@@ -18,7 +18,14 @@ from gmrdata.read.frames import list_images, read_frames
 from gmrdata.stage.store import StageRecord
 from gmrdata.stage.workers import own_cores
 from gmrdata.values.camera import CameraPath, Lens
-from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction
+from gmrdata.values.errors import (
+    BadFrames,
+    BadRecipe,
+    GmrdataError,
+    MissingInput,
+    NoReconstruction,
+    StaleOutput,
+)
 from tests.filming import film_cameras, look_at, tracked_error_px, turn_errors_deg, write_pictures
 
 SMALL = SfmConfig(max_features=600)
@@ -271,6 +278,8 @@ def test_left_out_frames_get_no_row(dolly, tmp_path):
     assert cameras.image_numbers.tolist() == rows and cameras.path.has_camera.all()
     some = replace(dolly, world_from_cam=dolly.world_from_cam[rows])
     assert some.centre_errors_m(cameras.path.centres_world_m).max() < 0.015
+    with pytest.raises(StaleOutput, match="made with other values of inputs.left out 6"):
+        fewer.solved(tmp_path / "out", SMALL, left_out={4, 5, 6})
 
 
 def test_frames_of_different_sizes_are_an_error(dolly, tmp_path):

@@ -152,6 +152,8 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
     made = follow_people(read_frames(frames_dir, {7}), tmp_path / "out", CONFIG, networks)
     record = FollowedRecord.read(made / FOLLOWED_FILE)
     assert record.images == (8, 9, 10) and record.people[0].seen == ((8, 10),)
+    with pytest.raises(StaleOutput, match="made with other values of inputs.left out 7"):
+        follow_people(read_frames(frames_dir), made, CONFIG, networks)
 
 
 BESIDE, APART = [330.0, 100.0, 430.0, 500.0], [450.0, 100.0, 550.0, 500.0]

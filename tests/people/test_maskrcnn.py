@@ -23,7 +23,7 @@ from gmrdata.people.maskrcnn import (
 )
 from gmrdata.people.yolox import CATEGORY_NUMBERS, COCO_NAMES
 from gmrdata.read.frames import read_frames, read_gray
-from gmrdata.values.errors import BadDetector, MissingExtra, MissingInput
+from gmrdata.values.errors import BadDetector, MissingExtra, MissingInput, StaleOutput
 from tests.damage import Calls
 
 NUMBER = dict(zip(COCO_NAMES, CATEGORY_NUMBERS, strict=True))
@@ -87,7 +87,9 @@ def test_instances_and_filled_boxes_are_united_and_widened():
 def masked(noise_dir, tmp_path, monkeypatch) -> Callable[..., Path]:
     """Masks of the frames by a network that says what was recorded, frame after frame."""
 
-    def run(name: str, answers: list[Answer], **settings: Any) -> Path:
+    def run(
+        name: str, answers: list[Answer], left_out: tuple[int, ...] = (), **settings: Any
+    ) -> Path:
         left = iter(answers)
 
         def segment(image: np.ndarray) -> Answer:
@@ -96,7 +98,7 @@ def masked(noise_dir, tmp_path, monkeypatch) -> Callable[..., Path]:
 
         monkeypatch.setattr(maskrcnn, "open_segmenter", lambda *_: segment)
         config = MaskRcnnConfig(**settings)
-        return maskrcnn_masks(None, read_frames(noise_dir), tmp_path / name, config)
+        return maskrcnn_masks(None, read_frames(noise_dir, left_out), tmp_path / name, config)
 
     return run
 
@@ -116,6 +118,8 @@ def test_the_stage_masks_every_frame_and_fills_the_one_that_was_missed(masked):
     assert sorted(p.name for p in out_dir.iterdir()) == [
         *("00000.png", "00001.png", "00002.png", "stage.json")
     ]
+    with pytest.raises(StaleOutput, match="made with other values of inputs.left out 2"):
+        masked("out", [], (2,), dilate_px=0, tracks=tracks)
 
 
 def test_a_stopped_run_keeps_the_frames_it_has(masked):

@@ -165,6 +165,9 @@ def test_another_model_or_recipe_asks_for_redo(yolox_nano, dog_dir, tmp_path):
     )  # the same bytes elsewhere
     with pytest.raises(StaleOutput, match="config.min_score"):
         onnx_masks(model, read_frames(small), tmp_path / "out", OnnxConfig(min_score=0.9))
+    shutil.copy(dog_dir / "00002.png", small)
+    with pytest.raises(StaleOutput, match="inputs.left out 2"):
+        onnx_masks(model, read_frames(small, {2}), tmp_path / "out", OnnxConfig())
     with model.open("ab") as stream:
         stream.write(b"\x00")
     with pytest.raises(StaleOutput, match="inputs.model"):

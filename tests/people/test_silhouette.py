@@ -20,6 +20,7 @@ from gmrdata.people.silhouette import (
 )
 from gmrdata.read.body_file import save_body
 from gmrdata.read.frames import read_frames, read_gray
+from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project_cam
 from gmrdata.values.clip import Clip, save_clip
@@ -130,6 +131,8 @@ def test_an_image_without_a_pose_is_an_error_unless_it_is_left_out(camera_clip, 
         masked(clip)
     made = masked(clip, left_out=(7,))
     assert sorted(p.name for p in made.glob("*.png")) == ["image_00005.png", "image_00006.png"]
+    inputs = ["body_0", "clip_0", "images", "left out 7"]
+    assert sorted(StageRecord.of(made).inputs) == inputs
 
 
 def test_clips_of_another_size_or_in_the_world_and_nobody_are_errors(camera_clip, masked, tmp_path):

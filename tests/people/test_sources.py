@@ -15,6 +15,7 @@ from gmrdata.people.folder import (
     folder_masks,
     unite_masks,
 )
+from gmrdata.people.following import FOLLOWED_FILE, SIGHTINGS_FILE, FollowedRecord, Sightings
 from gmrdata.people.sources import (
     FolderSource,
     MaskRcnnSource,
@@ -27,11 +28,12 @@ from gmrdata.people.sources import (
     make_masks,
     masks_named,
     masks_seconds,
+    person_masks,
 )
 from gmrdata.read.frames import read_frames, read_gray
 from gmrdata.read.video import VideoConfig, as_frames
 from gmrdata.solve.request import SequenceConfig
-from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput, StaleOutput
 from tests.fixtures.command_line import Answer
 from tests.read.videos import make_video
 
@@ -156,6 +158,36 @@ def test_left_out_images_get_no_mask_and_make_no_error(noise_dir, tmp_path):
         make_masks(read_frames(noise_dir), tmp_path / "masks", config)
     out_dir = make_masks(read_frames(noise_dir, {1}), tmp_path / "masks", config)
     assert sorted(path.name for path in out_dir.glob("*.png")) == ["00000.png", "00002.png"]
+
+
+def test_other_images_that_are_left_out_are_another_recipe(noise_dir, tmp_path):
+    """The masks of before were taken for whole, and lacked one."""
+    config = MasksConfig(sources=(FolderSource(path=put(tmp_path / "a", *[WHITE] * 3)),))
+    make_masks(read_frames(noise_dir, {2, 9}), tmp_path / "masks", config)
+    for left_out in ((), (0,)):
+        with pytest.raises(StaleOutput, match="other values of inputs.left out"):
+            make_masks(read_frames(noise_dir, left_out), tmp_path / "masks", config)
+    masks = {"a": tmp_path / "masks"}
+    unite_masks(masks, read_frames(noise_dir, {2}), tmp_path / "one", UnionConfig())
+    with pytest.raises(StaleOutput, match="other values of inputs.left out 2"):
+        unite_masks(masks, read_frames(noise_dir), tmp_path / "one", UnionConfig())
+
+
+def test_boxes_are_of_the_image_with_their_number(noise_dir, tmp_path):
+    """With an image left out, those after it got the boxes of the images before them."""
+    boxes_px = [[5.0 + 12 * n, 10.0, 13.0 + 12 * n, 40.0] for n in range(3)]
+    followed, config = tmp_path / "followed", PersonMaskConfig(dilate_px=0)
+    followed.mkdir()
+    found = [[{"box_px": box_px, "score": 0.9, "class": 0}] for box_px in boxes_px]
+    record = {"size_px": SIZE[::-1], "images": (0, 1, 2), "people": (), "left_out": ()}
+    FollowedRecord(**record, detections=tuple(found)).write(followed / FOLLOWED_FILE)
+    Sightings.of([]).write(followed / SIGHTINGS_FILE)
+    out_dir = person_masks(followed, read_frames(noise_dir, {1}), tmp_path / "some", config)
+    for n in (0, 2):
+        columns = np.flatnonzero(read_gray(out_dir / f"{n:05d}.png").any(axis=0))
+        assert columns.tolist() == list(range(5 + 12 * n, 13 + 12 * n))
+    with pytest.raises(StaleOutput, match="other values of inputs.left out 1"):
+        person_masks(followed, read_frames(noise_dir), tmp_path / "some", config)
 
 
 @pytest.mark.parametrize(

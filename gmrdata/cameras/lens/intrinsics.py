@@ -242,7 +242,7 @@ def find_intrinsics(
         fov_deg=None if given is None else given.fov_deg,
         rate_hz=frames.rate_hz if free_rate else None,
     )
-    inputs = {"images": frames.folder, "masks": masks_dir}
+    inputs = {**frames.inputs, "masks": masks_dir}
     inputs |= {"file": None if given is None else given.file, "video": frames.video_path}
     there = {role: path for role, path in inputs.items() if path is not None}
     return run_stage("intrinsics", out_dir, recipe, there, work, run=run)

@@ -52,6 +52,7 @@ from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadIntrinsics, BadRecord, StaleOutput
 from gmrdata.world.recipe import PseudoGtConfig
 from tests.cameras.drawn_models import NOISE_PX, synthetic, turning_matches
+from tests.frame_sets import grey_images
 from tests.read.test_intrinsics import jpeg_with
 from tests.read.test_lens_files import PINHOLES, READ
 from tests.reconstructions import good_quality
@@ -331,6 +332,13 @@ def test_images_at_another_rate_are_another_recipe(tmp_path, shown):
         find_intrinsics(frames.with_rate(50.0), None, out_dir, IntrinsicsConfig())
     unasked = find_intrinsics(frames.with_rate(25.0), None, tmp_path / "unasked", UNASKED)
     assert find_intrinsics(frames.with_rate(50.0), None, unasked, UNASKED) == unasked
+
+
+def test_other_images_that_are_left_out_are_another_recipe(tmp_path):
+    images = grey_images(tmp_path / "frames")
+    find_intrinsics(read_frames(images), None, tmp_path / "out", UNASKED)
+    with pytest.raises(StaleOutput, match="other values of inputs.left out 2"):
+        find_intrinsics(read_frames(images, {2}), None, tmp_path / "out", UNASKED)
 
 
 def test_a_record_of_other_frames_or_without_a_key_is_refused(tmp_path):
