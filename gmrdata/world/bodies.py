@@ -17,7 +17,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import NEUTRAL, BodyModel, gender_of, shape_on
 from gmrdata.values.camera import CameraPath, Lens
-from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
+from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.values.motion import Motion
@@ -37,6 +37,7 @@ from gmrdata.world.size import (
     EVERYBODY,
     UNKNOWN_SIGMA,
     HeightConfig,
+    can_grow,
     height_m,
     height_of,
     of_height,
@@ -166,22 +167,24 @@ def _write(
     notes = [*_check_frames(found, poses_path, frames, config), *_size_notes(found, body, config)]
     people, left_out = _seen_enough(found, poses_path, frames, config)
     facts: list[BodyFacts] = []
-    for person, rows in people:
+    for person, numbers in people:
         placed = place_body(person, body, lens, frames.size_px, poses_path)
-        source = f"{poses_path.name} ({found.system}), {person.name}"
-        on_rows = _on_rows(person, placed, rows, body, frames, source)
-        if on_rows is None:
+        known = _before_camera(placed)
+        valid = _seen(frames, numbers[known], config.frames_per_row)
+        if valid.sum() < 2:
             left_out.append(f"{person.name} does not stand before the camera")
             continue
-        motion, known = on_rows
+        source = f"{poses_path.name} ({found.system}), {person.name}"
+        at = between_known(numbers[known], frames.frame_numbers)
+        motion = at.moved(_motion(person, placed, body, frames.rate_hz, source).take(known))
         told_m = height_of(person.name, config.heights)
         motion = motion if told_m is None else of_height(motion, body, told_m)
-        clip = _clip(person.name, motion, known, filmed, config.frames_per_row)
+        clip = _clip(person.name, motion, valid, filmed)
         path = folder / person_file(len(facts))
         save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
         own_sigma = ESTIMATED_SIGMA if person.has_betas_of(body.name) else UNKNOWN_SIGMA
         sigma = own_sigma if told_m is None else told_sigma(told_m)
-        facts.append(_facts(clip, placed.assumed_depths_m[rows[rows >= 0]], body, sigma))
+        facts.append(_facts(clip, at.placed(placed.assumed_depths_m[known])[valid], body, sigma))
     if not facts:
         raise BadMotionFile(f"{poses_path}: {'; '.join(left_out)}. {AGAIN}")
     BodiesRecord(
@@ -282,10 +285,11 @@ def _size_notes(found: EstimatedPeople, body: BodyModel, config: BodiesConfig) -
     if not of_mean:
         return notes
     size = f"people have the size of the mean {body.name} body, not their own"
-    has_sizes = any(one.has_betas_of(NEUTRAL) for one in of_mean)
-    remedy = ", or SMPL's neutral model with --body" if has_sizes else ""
+    ways = ["a height with --height-m"] if can_grow(body) else []
+    if any(one.has_betas_of(NEUTRAL) for one in of_mean):
+        ways.append("SMPL's neutral model with --body")
     carry = f"scale and places carry that error, {100 * UNKNOWN_SIGMA:.0f} %"
-    return [*notes, f"{size}: {carry} (give a height with --height-m{remedy})"]
+    return [*notes, f"{size}: {carry}" + (f" (give {', or '.join(ways)})" if ways else "")]
 
 
 def _size_spread(person: EstimatedPerson, body: BodyModel) -> float:
@@ -300,12 +304,11 @@ def _size_spread(person: EstimatedPerson, body: BodyModel) -> float:
 def _seen_enough(
     found: EstimatedPeople, path: Path, frames: FrameSet, config: BodiesConfig
 ) -> tuple[list[tuple[EstimatedPerson, np.ndarray]], list[str]]:
-    """People and the file's row of each image, -1 for none; and who was left out, in words."""
+    """People and which of the video's frames their rows are of; and who was left out, in words."""
     step = config.frames_per_row
     first = _first_frame(found, frames, step)
     numbers = [first + step * one.frame_numbers for one in found.people]
-    rows = [rows_of_numbers(one, frames.frame_numbers) for one in numbers]
-    counts = [int((one >= 0).sum()) for one in rows]
+    counts = [int(_seen(frames, one, step).sum()) for one in numbers]
     if max(counts) < 2:
         spans = ", ".join(
             f"{one.name}: {own[0]}-{own[-1]}"
@@ -315,63 +318,52 @@ def _seen_enough(
         what = f"no person has a pose in two of the video's frames {mine} (the file has {spans})"
         raise BadMotionFile(f"{path}: {what}. Give the video's own file")
     kept, left_out = [], []
-    for person, of_images, count in zip(found.people, rows, counts, strict=True):
+    for person, of_rows, count in zip(found.people, numbers, counts, strict=True):
         if count >= config.min_images or count == max(counts):
-            kept.append((person, of_images))
+            kept.append((person, of_rows))
         else:
             left_out.append(f"{person.name} is seen in {count} images alone")
     return kept, left_out
 
 
-def _on_rows(
-    person: EstimatedPerson,
-    placed: PlacedBody,
-    rows: np.ndarray,
-    body: BodyModel,
-    frames: FrameSet,
-    source: str,
-) -> tuple[Motion, np.ndarray] | None:
-    """The motion on all images, filled between those that have a pose; and which have one (N,).
-    None where fewer than two have one before the camera."""
-    known = np.flatnonzero(rows >= 0)
-    depths_m = placed.pelvis_m[rows[known], 2]
-    known = known[(depths_m > NEAREST_M) & (depths_m < FURTHEST_M)]
-    if len(known) < 2:
-        return None
-    at = rows[known]
-    seen = Motion(
-        local_rotmats=person.local_rotmats[at],
-        root_rotmats=placed.root_rotmats[at],
-        pelvis_m=placed.pelvis_m[at],
+def _before_camera(placed: PlacedBody) -> np.ndarray:
+    """Rows (K,) in which the person stands where a picture can be of it."""
+    depths_m = placed.pelvis_m[:, 2]
+    return np.flatnonzero((depths_m > NEAREST_M) & (depths_m < FURTHEST_M))
+
+
+def _motion(
+    person: EstimatedPerson, placed: PlacedBody, body: BodyModel, fps_hz: float, source: str
+) -> Motion:
+    """The motion in the file's own rows."""
+    return Motion(
+        local_rotmats=person.local_rotmats,
+        root_rotmats=placed.root_rotmats,
+        pelvis_m=placed.pelvis_m,
         shape=placed.shape,
-        fps_hz=frames.rate_hz,
+        fps_hz=fps_hz,
         body=body.name,
         gender=gender_of(body),
         frame="camera",
         source=source,
     )
-    return between_known(known, np.arange(len(rows))).moved(seen), known
 
 
-def _clip(
-    name: str,
-    motion: Motion,
-    known: np.ndarray,
-    filmed: Filmed,
-    frames_per_row: int,
-) -> Clip:
+def _clip(name: str, motion: Motion, valid: np.ndarray, filmed: Filmed) -> Clip:
     (frames, lens), n = filmed, motion.n_frames
     nowhere = np.full((n, 4, 4), np.nan)
     unknown = CameraPath(lens.matrix_px, *frames.size_px, nowhere, np.zeros(n, bool))
-    step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz + 1e-6)))
-    valid = _within(frames.frame_numbers, frames.frame_numbers[known], step)
     return Clip(name, motion, valid, frames.numbers, unknown)
 
 
-def _within(frames: np.ndarray, known: np.ndarray, step: int) -> np.ndarray:
-    """(T,) bool: frames (T,) that are known, or between two known ones a step apart at most."""
-    before = np.searchsorted(known, frames, side="right") - 1
-    after = np.searchsorted(known, frames, side="left")
+def _seen(frames: FrameSet, known: np.ndarray, frames_per_row: int) -> np.ndarray:
+    """(T,) bool: images that are of known frames (K,), or between two of them that follow each
+    other in a file of every n-th frame and are near enough in time."""
+    if not len(known):
+        return np.zeros(len(frames.paths), bool)
+    step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz + 1e-6)))
+    before = np.searchsorted(known, frames.frame_numbers, side="right") - 1
+    after = np.searchsorted(known, frames.frame_numbers, side="left")
     between = (before >= 0) & (after < len(known))
     gaps = known[np.minimum(after, len(known) - 1)] - known[np.maximum(before, 0)]
     return np.asarray(between & (gaps <= step))

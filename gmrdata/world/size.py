@@ -62,9 +62,16 @@ def height_m(body: BodyModel, shape: np.ndarray) -> float:
     return float(np.ptp(body.rest_vertices_m(shape)[:, 1]))
 
 
+def can_grow(body: BodyModel) -> bool:
+    """Whether some shape of it is taller than another."""
+    return bool(np.ptp(body.shape_dirs_m[:, 1], axis=0).any())
+
+
 def of_height(motion: Motion, body: BodyModel, target_m: float) -> Motion:
     """A motion before the camera on a body of a height [m], as much further away as it is larger,
-    so that it lies where it did in the picture."""
+    so that it lies where it did in the picture; BadRecipe for a body of one size."""
+    if not can_grow(body):
+        raise BadRecipe(f"--height-m: the body {body.name} has one size only; leave it out")
     shape = motion.shape
     for _ in range(3):  # the top of the head may be another vertex then
         shape = shape + (target_m - height_m(body, shape)) * _growth(body, shape)
@@ -72,7 +79,9 @@ def of_height(motion: Motion, body: BodyModel, target_m: float) -> Motion:
 
 
 def of_size(motion: Motion, body: BodyModel, factor: float) -> Motion:
-    """The same by a factor of its joints' distances."""
+    """The same by a factor of its joints' distances; as it is on a body of one size."""
+    if not can_grow(body):
+        return motion
     own_m = height_m(body, motion.shape)
     grown = of_height(motion, body, own_m * factor)
     # A tall body's legs grow more than its height does.

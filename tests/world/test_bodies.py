@@ -13,7 +13,7 @@ from gmrdata.stage.run import Run
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.frame_set import Filmed, FrameSet
 from gmrdata.world.bodies import BodiesConfig, BodiesRecord, make_bodies
 from gmrdata.world.size import heights_of
@@ -137,6 +137,38 @@ def test_images_of_every_second_frame_take_their_own_rows(seen, neutral, tmp_pat
     clip = load_clip(tmp_path / "bodies" / "person_0.npz")
     assert clip.valid.all() and len(clip.valid) == len(half)
     np.testing.assert_allclose(clip.motion.pelvis_m, seen.motion.pelvis_m[half], atol=0.01)
+
+
+@pytest.mark.parametrize(("every", "first", "row"), [(2, 0, 1), (3, 1, 0), (4, 0, 1)])
+def test_images_of_frames_between_poses_take_what_lies_between(
+    every, first, row, seen, neutral, tmp_path
+):
+    """Of poses of every second frame only those on an image were used: a right file was refused, or
+    most of its poses dropped, and people went straight from image to image."""
+    numbers, rows = np.arange(first, N_FRAMES, every), np.arange(row, N_FRAMES, 2)
+    lens, still = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), np.tile(np.eye(4), (len(rows), 1, 1))
+    camera = CameraPath(lens.matrix_px, *SIZE_PX, still, np.ones(len(rows), bool))
+    motion, path = replace(seen.motion.take(rows), frame="world"), tmp_path / "results.pkl"
+    system_files.write_prompthmr(path, motion, camera, np.arange(len(rows)))
+    # At 120 Hz PromptHMR itself takes the last of each two frames, else the first is taken.
+    frames = video(numbers, N_FRAMES, (120.0 if row else 20.0) / every)
+    made_of(path, filmed(seen, frames), neutral, BodiesConfig(frames_per_row=2))
+    clip = load_clip(tmp_path / "bodies" / "person_0.npz")
+    inside = (numbers >= rows[0]) & (numbers <= rows[-1])
+    np.testing.assert_array_equal(clip.valid, inside)
+    true_m = seen.motion.pelvis_m[numbers[inside]]
+    np.testing.assert_allclose(clip.motion.pelvis_m[inside], true_m, atol=0.06)
+
+
+def test_a_body_of_one_size_gets_no_height(seen, neutral, tmp_path):
+    """It stayed as it was, and its size was taken as known to 1.5 %."""
+    dirs_m, joint_dirs_m = neutral.shape_dirs_m[..., :0], neutral.joint_shape_dirs_m[..., :0]
+    stiff = replace(neutral, name="mine", shape_dirs_m=dirs_m, joint_shape_dirs_m=joint_dirs_m)
+    (note,) = made(tmp_path / "plain", [seen], video(ALL), stiff).notes
+    assert note.endswith("7 % (give SMPL's neutral model with --body)")
+    heights = BodiesConfig(heights=heights_of(1.5))
+    with pytest.raises(BadRecipe, match="--height-m: the body mine has one size only; leave it"):
+        made(tmp_path / "told", [seen], video(ALL), stiff, heights)
 
 
 def test_who_is_hardly_seen_is_left_out_and_named(seen, neutral, tmp_path):

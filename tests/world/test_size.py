@@ -43,6 +43,13 @@ def test_a_factor_moves_a_person_by_it(anny, standing_person):
     np.testing.assert_allclose(larger.pelvis_m, 1.05 * standing_person.pelvis_m, rtol=1e-3)
 
 
+def test_a_body_of_one_size_is_no_larger(anny, standing_person):
+    stiff = replace(anny, shape_dirs_m=0 * anny.shape_dirs_m)
+    assert of_size(standing_person, stiff, 1.05) is standing_person
+    with pytest.raises(BadRecipe, match="the body anny-2 has one size only"):
+        of_height(standing_person, stiff, 1.6)
+
+
 def test_a_height_is_of_one_or_of_everybody():
     heights = heights_of({"everybody": 1.7, "person_1": 1.8})
     assert [height_of(name, heights) for name in ("person_0", "person_1")] == [1.7, 1.8]
