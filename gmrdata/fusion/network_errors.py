@@ -175,6 +175,7 @@ def delta_errors(
     config: MeasureConfig = DEFAULT_CONFIG,
 ) -> DeltaErrors:
     """The record of what networks see in held-out clips; BadMotionFile where they are too few."""
+    held_out = [one for one in held_out if one.runs]
     runs = [run for one in held_out for run in one.runs]
     fitted = fit_errors(runs)
     return DeltaErrors(

@@ -243,7 +243,8 @@ def judge(
     reasons = frame_reasons(clip, cameras, config, own, fit)
     reasons = without_short_runs(reasons, round(config.min_run_s * clip.motion.fps_hz))
     kept_share = sum(not reason for reason in reasons) / max(1, own.count(""))
-    often = Counter(filter(None, reasons)).most_common(1)
+    undoubted = [why for why, doubt in zip(reasons, own, strict=True) if why and not doubt]
+    often = Counter(undoubted or filter(None, reasons)).most_common(1)
     jump_share = float(np.mean(jumps(clip, config))) if len(reasons) > 1 else 0.0
     failed = [
         *doubts.sequence,

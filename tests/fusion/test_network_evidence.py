@@ -12,9 +12,11 @@ from gmrdata.cli import main
 from gmrdata.fusion import network_errors, network_evidence
 from gmrdata.fusion.network_errors import (
     HEADINGS,
+    HeldOut,
     MeasureConfig,
     SeenBesideTruth,
     beside_truth,
+    delta_errors,
     error_rates,
     error_rows,
     fit_errors,
@@ -265,6 +267,13 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     assert len(held_out_motions(run_dir, [manifest])) == 2
     said = held_out_motions(other, [manifest], people=("2",))
     assert [(one.clip, one.person) for one in said] == [("02_01", "CMU/02"), ("02_02", "CMU/02")]
+
+
+def test_who_was_not_measured_does_not_stand_in_the_record(untrained):
+    rates = wandering(1200, 0.2, 0.2, np.random.default_rng(0))
+    runs = {"CMU/02": (walk(60.0, 1.0, rates),), "CMU/08": ()}
+    found = delta_errors([untrained], [HeldOut("a", who, seen) for who, seen in runs.items()])
+    assert (found.people, found.clips) == (("CMU/02",), 1)
 
 
 def test_networks_of_two_frame_rates_are_not_measured_as_one(

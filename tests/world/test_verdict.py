@@ -322,6 +322,17 @@ def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip):
     assert judged(clip, config=longer, dataset_camera=slower).accepted, "nothing to compare"
 
 
+def test_why_most_frames_are_lost_is_told_of_those_with_an_undoubted_pose(clip):
+    """The reason was that of the 70 frames without a pose, which do not count."""
+    valid, beside = (ROWS >= 40) & (ROWS < 60), tuple(range(40, 55))
+    unusable = ["" if known else "nobody there" for known in valid]
+    fit = PictureFit(20, 15, 0.4, 0, 0.4, 0, beside)
+    reason, _ = judged(replace(clip, valid=valid), unusable=unusable, fit=fit).reasons
+    assert reason.endswith("; in 15: the body does not lie on the person in the picture")
+    (reason,) = judged(replace(clip, valid=~valid), unusable=["nobody there"] * N).reasons
+    assert reason.endswith("; in 90: nobody there")
+
+
 def test_no_usable_frame_is_a_rejection(clip):
     verdict = judged(replace(clip, id="x"), unusable=["bad"] * N)
     assert not verdict.accepted and verdict.kept.mean() == 0.0
