@@ -7,6 +7,7 @@ The places are laid out so that they do; this measures it on every clip, whateve
 there.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,35 +24,51 @@ WALL_M = 1.0
 """Walls are thinner than this, rooms wider."""
 
 
-def require_clear(scene: Any, path: Path, joints_m: np.ndarray, centres_m: np.ndarray) -> None:
-    """Check a motion and a camera against all surfaces of a scene that holds neither yet.
+def require_clear(
+    scene: Any,
+    path: Path,
+    joints_m: np.ndarray,
+    centres_m: np.ndarray,
+    others_m: Mapping[str, np.ndarray],
+) -> None:
+    """Check what moves against all surfaces of a scene that holds none of it yet.
 
-    A surface counts that lies across a bone, or across the way of the pelvis or the camera from a
-    frame to the next; so does a solid thinner than `WALL_M` round the pelvis or the camera.
+    A surface counts that lies across a bone, or across a way from a frame to the next; so does a
+    solid thinner than `WALL_M` round the pelvis, the camera or another mover, and what lies between
+    the camera and the pelvis in every frame.
 
     Args:
         scene: The bpy scene.
         path: The backdrop's file, for the message.
         joints_m: (T, 24, 3) the person's joints, world [m].
         centres_m: (T, 3) the camera's places, world [m].
+        others_m: `{name: (T, 3)}` the ways of the extras, world [m].
 
     Raises:
         BadBackdrop: something is in the way; the message names it and the frame.
     """
     graph = bpy.context.evaluated_depsgraph_get()
+    paths_m = {"the camera": centres_m, "the person": joints_m[:, 0], **others_m}
+    hiding = [_between(scene, graph, *ends) for ends in zip(centres_m, joints_m[:, 0], strict=True)]
     for row, joints in enumerate(joints_m):
-        ways = [("the camera", centres_m[row], centres_m[min(row + 1, len(centres_m) - 1)])]
-        ways += [("the person", joints[0], joints_m[min(row + 1, len(joints_m) - 1), 0])]
+        after = min(row + 1, len(joints_m) - 1)
+        ways = [(who, path_m[row], path_m[after]) for who, path_m in paths_m.items()]
         ways += [("the person", joints[PARENTS[j]], joints[j]) for j in range(1, len(joints))]
         for number, (who, start_m, stop_m) in enumerate(ways):
             thing = _between(scene, graph, start_m, stop_m)
-            if thing is None and number < 2:
+            if thing is None and number < len(paths_m):
                 thing = _wall_round(scene, graph, start_m)
             if thing is not None:
-                raise BadBackdrop(
-                    f"{path}: in frame {row} {who} goes through {thing!r}; choose another "
-                    "backdrop.origin_m or yaw_deg, another camera, or allow_collisions: true"
-                )
+                raise _in_the_way(path, f"in frame {row} {who} goes through {thing!r}")
+    if all(hiding):
+        raise _in_the_way(path, f"{hiding[0]!r} hides the person from the camera in every frame")
+
+
+def _in_the_way(path: Path, what: str) -> BadBackdrop:
+    return BadBackdrop(
+        f"{path}: {what}; choose another backdrop.origin_m or yaw_deg, another camera, another "
+        "scene.seed for extras, or allow_collisions: true"
+    )
 
 
 def _wall_round(scene: Any, graph: Any, place_m: np.ndarray) -> str | None:

@@ -94,7 +94,7 @@ def build_scene(
         colours = main_colours(yard)
     elif not backdrop.allow_collisions:
         joints_m = motion_joints_m(body, motion)
-        require_clear(scene, backdrop.path, joints_m, wanted.centres_world_m)
+        require_clear(scene, backdrop.path, joints_m, wanted.centres_world_m, _ways_m(config, cast))
     if config.person.seed is not None:
         person_rng = np.random.default_rng(config.person.seed)
     figure = None
@@ -158,6 +158,12 @@ def _paths_m(clips: Sequence[Clip]) -> tuple[np.ndarray, np.ndarray]:
     pelvis = [clip.motion.pelvis_m for clip in clips]
     camera = [camera_of(clip).centres_world_m for clip in clips]
     return np.concatenate(pelvis), np.concatenate(camera)
+
+
+def _ways_m(config: RenderConfig, cast: Cast) -> dict[str, np.ndarray]:
+    """Where each extra goes, by its name: a pelvis (T, 3), or the middle of a car [m]."""
+    ways_m = [walker.pelvis_m for walker in cast.walkers] + [car.centres_m for car in cast.cars]
+    return dict(zip(config.scene.extras.names, ways_m, strict=True))
 
 
 def _sun_azimuth_rad(clip: Clip) -> float:

@@ -23,7 +23,7 @@ class Actor:
     """Someone or something that moves."""
 
     name: str
-    """Name of its bpy object and mesh."""
+    """Name of its bpy object, which a backdrop may have taken from its mesh."""
     object: Any
     """The bpy object."""
     vertices_m: np.ndarray
@@ -60,7 +60,7 @@ def add_actor(
     cache.cache_format = "PC2"
     cache.filepath = str(cache_path)
     cache.frame_start = FIRST_SAMPLE
-    return Actor(mesh.name, thing, vertices_m, joint_of_face)
+    return Actor(thing.name, thing, vertices_m, joint_of_face)
 
 
 def write_vertex_cache(path: Path, vertices_m: np.ndarray) -> None:

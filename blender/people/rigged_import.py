@@ -129,8 +129,11 @@ def carrier(mesh: Any, armature: Any) -> str | None:
     """How an armature moves an object: "" by its skin, a bone's name: with it; None: not at all."""
     if _skin(mesh) == armature:
         return ""
-    if mesh.parent == armature and mesh.parent_type == "BONE":
-        return str(mesh.parent_bone)
+    thing = mesh
+    while thing.parent is not None:  # plain nodes and other meshes may stand between
+        if thing.parent == armature and thing.parent_type == "BONE":
+            return str(thing.parent_bone)
+        thing = thing.parent
     return None
 
 

@@ -26,28 +26,27 @@ def add_backdrop(scene: Any, config: BackdropConfig) -> None:
         config: Which file, and where our world lies in its.
 
     Raises:
-        BadBackdrop: the file can't be read, is of a newer Blender, shows nothing, or needs others.
+        BadBackdrop: the file can't be read, is of a newer Blender, shows nothing, needs others, or
+            isn't in metres.
     """
     theirs = _load(config)
     _require_all_inside(config.path)
     _require_sizes(config.path)
+    _require_metres(config.path, theirs.unit_settings)
     _freeze()
-    for thing in [thing for thing in theirs.objects if thing.type == "CAMERA"]:
-        bpy.data.objects.remove(thing)
     things = list(theirs.objects)
-    for group in theirs.collection.children:
-        scene.collection.children.link(group)
-    for thing in theirs.collection.objects:
-        scene.collection.objects.link(thing)
-    _copy_exclusions(theirs.view_layers[0].layer_collection, scene.view_layers[0].layer_collection)
+    for group, excluded in list(_exclusions(theirs.view_layers[0].layer_collection)):
+        group.children.unlink(excluded)
+    for part in (*bpy.data.collections, *bpy.data.objects):  # rays meet what the viewport shows
+        part.hide_viewport = part.hide_render
+    _place(scene, theirs.collection, config)
     scene.world = theirs.world
+    if scene.world is not None and scene.world.node_tree is not None:
+        _turn_sky(scene.world.node_tree, np.deg2rad(config.yaw_deg))
     view, their_view = scene.view_settings, theirs.view_settings
     view.view_transform, view.look = their_view.view_transform, their_view.look
     view.exposure, view.gamma = their_view.exposure, their_view.gamma
     bpy.data.scenes.remove(theirs)
-    _move_to_our_world(scene, things, config)
-    for thing in things:  # rays meet what is shown in the viewport
-        thing.hide_viewport = thing.hide_render
     if not any(thing.type == "MESH" and not thing.hide_render for thing in things):
         raise BadBackdrop(f"{config.path}: has no mesh that is rendered; film another scene")
 
@@ -120,15 +119,18 @@ def _other_files() -> list[str]:
     ]
 
 
-def _reading_nodes() -> list[str]:
-    """Nodes that read a file when they are evaluated."""
+def _nodes() -> list[Any]:
     data = bpy.data
     owners = (*data.materials, *data.lights, *data.worlds)
     trees = [*data.node_groups, *(each.node_tree for each in owners if each.node_tree)]
-    nodes = [node for tree in trees for node in tree.nodes]
+    return [node for tree in trees for node in tree.nodes]
+
+
+def _reading_nodes() -> list[str]:
+    """Nodes that read a file when they are evaluated."""
     return [
         node.name
-        for node in nodes
+        for node in _nodes()
         if node.bl_idname.startswith("GeometryNodeImport")
         or (node.bl_idname in _FILE_NODES and node.mode == "EXTERNAL")
     ]
@@ -143,6 +145,16 @@ def _require_sizes(path: Path) -> None:
                 f"{path}: its picture {image.name!r} has {n_pixels} pixels, and {MOST_PIXELS} are "
                 "the most; make it smaller"
             )
+
+
+def _require_metres(path: Path, units: Any) -> None:
+    """Refuse a file in another unit: its lamps are set for that one, so it can't just be scaled."""
+    if units.system != "NONE" and abs(units.scale_length - 1.0) > 1e-3:
+        scale = f"{units.scale_length:.4g}"
+        raise BadBackdrop(
+            f"{path}: its Unit Scale is {scale}, so its lengths are no metres; in Blender scale "
+            f"all by {scale} and apply that, see to the lamps' power, set Unit Scale to 1 and save"
+        )
 
 
 def _freeze() -> None:
@@ -167,27 +179,39 @@ def _everything() -> Iterator[Any]:
         yield from group
 
 
-def _copy_exclusions(theirs: Any, ours: Any) -> None:
-    """Leave out the collections that are switched off in the file."""
-    by_name = {child.name: child for child in ours.children}
-    for child in theirs.children:
-        if child.name in by_name:
-            by_name[child.name].exclude = child.exclude
-            _copy_exclusions(child, by_name[child.name])
+def _exclusions(layer: Any) -> Iterator[tuple[Any, Any]]:
+    """The collections that are switched off in the file, each after the one that it is in."""
+    for child in layer.children:
+        if child.exclude:
+            yield layer.collection, child.collection
+        else:
+            yield from _exclusions(child)
 
 
-def _move_to_our_world(scene: Any, things: list[Any], config: BackdropConfig) -> None:
-    """Turn and shift all that the file has, by way of a parent, so that its origin is ours."""
+def _place(scene: Any, theirs: Any, config: BackdropConfig) -> None:
+    """Show a scene's collection, turned and shifted as one, so that the file's origin is ours.
+
+    In a world of its own everything stays where parents, constraints and instances put it.
+    """
+    whole = bpy.data.collections.new("backdrop")
+    for group in theirs.children:
+        whole.children.link(group)
+    for thing in theirs.objects:
+        whole.objects.link(thing)
     yaw_rad = np.deg2rad(config.yaw_deg)
-    parent = bpy.data.objects.new("backdrop", None)
-    parent.location = about_z(-yaw_rad) @ -np.array(config.origin_m)
-    parent.rotation_euler = (0.0, 0.0, -yaw_rad)
-    for thing in things:
-        if thing.parent is None:
-            thing.parent = parent
-    scene.collection.objects.link(parent)
-    if scene.world is not None and scene.world.node_tree is not None:
-        _turn_sky(scene.world.node_tree, yaw_rad)
+    place = bpy.data.objects.new("backdrop", None)
+    place.instance_type, place.instance_collection = "COLLECTION", whole
+    place.location = about_z(-yaw_rad) @ -np.array(config.origin_m)
+    place.rotation_euler = (0.0, 0.0, -yaw_rad)
+    scene.collection.objects.link(place)
+    graph = bpy.context.evaluated_depsgraph_get()
+    for node in _nodes():
+        if node.bl_idname == "ShaderNodeTexCoord" and node.object is not None:
+            axes = bpy.data.objects.new("axes", None)  # shaders are in our world, and need them
+            axes.parent = place
+            axes.matrix_parent_inverse = node.object.evaluated_get(graph).matrix_world
+            scene.collection.objects.link(axes)
+            node.object = axes
 
 
 def _turn_sky(tree: Any, yaw_rad: float) -> None:

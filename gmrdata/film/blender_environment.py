@@ -97,9 +97,11 @@ def _leads_python(name: str) -> bool:
 
 
 def is_set_up() -> bool:
-    """Whether setup made the environment, from the requirements of this version."""
+    """Whether setup made the environment, from the requirements of this version, and its Python is
+    still there: it is a link to another, which may have gone."""
     made_of = setup_dir() / REQUIREMENTS.name
-    return made_of.is_file() and made_of.read_bytes() == REQUIREMENTS.read_bytes()
+    there = python_of(setup_dir()).is_file() and made_of.is_file()
+    return there and made_of.read_bytes() == REQUIREMENTS.read_bytes()
 
 
 def set_up(base: str | None = None, *, redo: bool = False) -> Path:

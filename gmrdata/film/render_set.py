@@ -27,7 +27,7 @@ from gmrdata.manifest.write import (
     write_manifest,
 )
 from gmrdata.motion.cmu import fetch_command
-from gmrdata.motion.library import READING_FILE, ReadingRecord, licence_of
+from gmrdata.motion.library import READING_FILE, ReadingRecord, licence_of, motion_source
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
 from gmrdata.stage import jobs as stage_jobs
@@ -204,7 +204,7 @@ def _entry(
     out_dir: Path, take: Take, body: BodyModel, config: RenderConfig, source: Source
 ) -> ClipEntry:
     folder = render_dir(out_dir, take.id)
-    licence = licence_of(source)
+    licence = _licence(source, config.scene.extras.motions)
     if config.character is None:
         figures = {IN_FRAME: whole_person_share(load_clip(folder / "clip.npz"), body)}
     else:
@@ -228,6 +228,14 @@ def _entry(
             recipe=stage_recipe(folder),
         ),
     )
+
+
+def _licence(source: Source, passing: Sequence[Path]) -> str:
+    """The terms of a clip's motion, and what those of its passers-by add to them."""
+    own = licence_of(source)
+    parts = {path: path.absolute().parts[1:][-3:] for path in passing}
+    others = {licence_of(motion_source(path, Path(*inside))) for path, inside in parts.items()}
+    return "; passers-by: ".join([own, *sorted(others - {own})])
 
 
 PROBE_FRAMES = 2  # the first frame pays for the scene, the second is what a frame costs

@@ -159,7 +159,8 @@ def _passing_motion(
         lasts = f"lasts {whole.n_frames / shot.fps_hz:.2f} s, and it takes {shot.motion_s:.2f} s"
         remedy = "give longer motions, or none for embedded gaits"
         raise BadRecipe(f"extras.motions: {path} {lasts}; {remedy}")
-    start = int(rng.integers(whole.n_frames - n_frames + 1))
+    # A time to hold is one of the file; else any piece of it serves.
+    start = int(rng.integers(whole.n_frames - n_frames + 1)) if extras.hold_s is None else 0
     require_motion(read, path, start / shot.fps_hz, (start + n_frames) / shot.fps_hz)
     return slice_motion(whole, start, start + n_frames)
 
@@ -200,7 +201,7 @@ class BackdropConfig(Config):
     max_bounces: int = Field(default=4, ge=0, le=64)
     """How often light goes from surface to surface; with many, take 64 or more `samples`."""
     allow_collisions: bool = False
-    """Film even when the person or the camera goes through something."""
+    """Film even when somebody or the camera goes through something, or it hides the person."""
 
 
 class SceneConfig(Config):

@@ -6,14 +6,15 @@ Usage: clearance_by_blender.py cases.json, a mapping of names to {camera_m, pelv
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
-from blender.clearance import GROUND, measure_clearance
+from blender.clearance import GROUND, measure_clearance, require_clear
 from blender.objects import add_object
 from blender.places.layout import Thing, ground_mesh, mesh_of
-from gmrdata.values.errors import RenderFailed
+from gmrdata.values.errors import BadBackdrop, RenderFailed
 
 
 def add(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:
@@ -43,4 +44,26 @@ for name, case in json.loads(Path(sys.argv[1]).read_text()).items():
         answers[name] = found and found.model_dump()
     except RenderFailed as error:
         answers[name] = str(error)
+
+
+def told(camera_m: Any, others_m: dict[str, Any]) -> str:
+    """What is said of a clip in this yard as a backdrop, of somebody who stands at the origin."""
+    joints_m = np.tile([0.0, 0.0, 1.0], (2, 24, 1))
+    ways_m = {name: np.array(way_m, float) for name, way_m in others_m.items()}
+    try:
+        require_clear(
+            bpy.context.scene, Path("a.blend"), joints_m, np.array(camera_m, float), ways_m
+        )
+    except BadBackdrop as error:
+        return str(error)
+    return ""
+
+
+ASIDE = [[0, -4, 1.5]] * 2
+answers["backdrop"] = {
+    "clear": told(ASIDE, {"car_1": [[2, 0, 1], [3, 0, 1]]}),
+    "hidden in one frame": told([[0, 4, 1.5], [3, 4, 1.5]], {}),
+    "hidden": told([[0, 4, 1.5], [0.1, 4, 1.5]], {}),
+    "through": told(ASIDE, {"company_1": [[2, 0, 1]] * 2, "passer_by_1": [[0, 2, 1], [0, 4, 1]]}),
+}
 sys.stdout.write("\nANSWER " + json.dumps(answers) + "\n")

@@ -98,6 +98,12 @@ def light_profile() -> None:
     node.mode, node.filepath, node.name = "EXTERNAL", "//lamp.ies", "profile"
 
 
+def centimetres() -> None:
+    plain()
+    bpy.context.scene.unit_settings.system = "METRIC"
+    bpy.context.scene.unit_settings.scale_length = 0.01
+
+
 def said(make: Callable[[], None]) -> str:
     path = FOLDER / f"{make.__name__}.blend"
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -112,5 +118,6 @@ def said(make: Callable[[], None]) -> str:
 
 
 CASES = (plain, small_generated_picture, generated_picture, picture_beside, device_as_picture,
-         font, volume, linked_library, library_of_the_same_name, light_profile)  # fmt: skip
+         font, volume, linked_library, library_of_the_same_name, light_profile,
+         centimetres)  # fmt: skip
 sys.stdout.write(f"\nANSWER {json.dumps({make.__name__: said(make) for make in CASES})}\n")

@@ -144,6 +144,7 @@ def test_what_a_file_would_take_from_elsewhere_is_refused_by_name(tmp_path):
     assert found.pop("plain") == found.pop("small_generated_picture") == ""
     endless = found.pop("generated_picture")
     assert "its picture 'endless' has 3600000000 pixels" in endless
+    assert "its Unit Scale is 0.01, so its lengths are no metres" in found.pop("centimetres")
     parts = {
         "picture_beside": "beside",
         "device_as_picture": "zeros",
@@ -157,3 +158,21 @@ def test_what_a_file_would_take_from_elsewhere_is_refused_by_name(tmp_path):
     assert found.keys() == parts.keys()
     for name, part in parts.items():
         assert f"{name}.blend: needs other files ({part})." in found[name]
+
+
+@pytest.fixture(scope="module")
+def placed(tmp_path_factory) -> dict[str, Any]:
+    return dict(ask_blender("placed_by_blender.py", tmp_path_factory.mktemp("placed")))
+
+
+def test_things_stand_where_the_file_has_them(placed):
+    """What hangs on a camera, a constraint or an instance was left behind, or moved twice."""
+    should, found = placed["should"], placed["found"]
+    assert found.keys() == should.keys()
+    for name, world in should.items():
+        np.testing.assert_allclose(found[name], world, atol=1e-5, err_msg=name)
+    np.testing.assert_allclose(placed["axes"], placed["should_axes"], atol=1e-5)
+
+
+def test_rays_meet_what_is_rendered(placed):
+    assert placed["hidden in the viewport"] == "Shown" and placed["not rendered"] is None

@@ -66,6 +66,15 @@ def test_a_path_through_a_thing_is_an_error(answers, case, message):
     assert message in answers[case] and "scene.seed" in answers[case]
 
 
+def test_a_backdrop_that_hides_the_person_or_stands_in_someones_way_is_an_error(answers):
+    """A clip without the person in any picture was rendered, and passers-by went through walls."""
+    told = answers["backdrop"]
+    assert told["clear"] == told["hidden in one frame"] == ""
+    assert told["hidden"].startswith("a.blend: 'thing1' hides the person from the camera in every")
+    assert told["through"].startswith("a.blend: in frame 0 passer_by_1 goes through 'thing1'; ")
+    assert "another scene.seed for extras" in told["through"]
+
+
 def test_the_figures_come_back_from_the_file_and_each_key_is_needed(tmp_path):
     assert clearance_figures(tmp_path) == {}
     path = tmp_path / "clearance.json"

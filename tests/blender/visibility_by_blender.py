@@ -23,6 +23,7 @@ arrays = np.load(sys.argv[1])
 body = read_body(Path(sys.argv[2]))
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
+bpy.data.objects.new("person", None)  # a backdrop may have a thing of this name
 vertices_m = arrays["vertices_m"]
 mesh = person_mesh(
     "person",

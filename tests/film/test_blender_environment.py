@@ -96,6 +96,20 @@ def test_setup_makes_it_once_again_for_others_and_leaves_it_where_that_fails(mad
     assert environment.python_of(place).is_file() and not environment.is_set_up()
 
 
+def test_setup_makes_it_again_where_its_python_has_gone(made, monkeypatch):
+    """As after an upgrade of what it links to; setup did nothing, and was the remedy named."""
+
+    def make(folder: Path, _base: str | None) -> None:
+        environment.python_of(folder).parent.mkdir(parents=True)
+        environment.python_of(folder).touch()
+
+    monkeypatch.setattr(environment, "_make_by_venv", make)
+    python = environment.python_of(made())
+    python.unlink()
+    assert not environment.is_set_up()
+    assert environment.python_of(made()) == environment.blender_python() == python
+
+
 def test_uv_makes_it_where_it_is_installed(made, checkout, monkeypatch):
     ran: list[list[str]] = []
 

@@ -389,6 +389,16 @@ def test_motions_are_read_as_the_extras_say(small_body, tmp_path):
         make_cast(unsaid, [clip_of(small_body, 2)], small_body, 0)
 
 
+def test_the_pose_that_is_held_is_the_files_at_that_time(small_body, tmp_path):
+    """A piece of the file was drawn first, and the time counted from its start."""
+    walk = make_gait("walk", 12.0, 10.0, small_body, np.random.default_rng(5))
+    path = save_bare(tmp_path / "walk.npz", small_body, walk)
+    extras = Extras(passers_by=2, hold_s=0.5, motions=(path,))
+    for walker in make_cast(extras, [clip_of(small_body, 2)], small_body, 4).walkers:
+        assert holds_still(walker) and walker.source.endswith("held at 0.500 s")
+        np.testing.assert_allclose(walker.local_rotmats[0], walk.local_rotmats[5], atol=1e-9)
+
+
 @pytest.mark.slow
 def test_held_poses_do_not_move_in_the_world_of_recovered_cameras(made_set, filmed_set, small_body):
     """Fig. 6 of the paper: before the camera they turn and travel, in the world they don't."""
