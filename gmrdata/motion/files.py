@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from gmrdata.motion.amass import amass_rate, is_amass_extra, read_amass
 from gmrdata.motion.pelvis import NO_TURN, on_pelvis
-from gmrdata.motion.rest_pose import TOLD_FROM, in_metres
+from gmrdata.motion.rest_pose import TOLD_FROM, in_metres, pose_of
 from gmrdata.motion.retarget import Residual, Retargeting, retarget
 from gmrdata.motion.up_axis import BY_TRUNK, LIES, person_of, remarks_on, shows_z_up
 from gmrdata.read.amass_keys import SPLIT_KEYS
@@ -192,17 +192,18 @@ def _on_body(
     def find(one: SourceMotion) -> dict[int, int]:
         return find_joints(one.names, one.parents, config.joint_map, path)
 
+    rest = config.rest_pose
+    if isinstance(rest, Path):  # before the skeleton is hung on its pelvis, and the pose with it
+        source = replace(source, added_pose=pose_of(_rest_file(rest), source, str(path)))
     source, joints = on_pelvis(source, find(source), find)
     pitch_deg = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else {}
-    said = replace(said, upright_pitch_deg=pitch_deg, rest=_rest(config.rest_pose), up=config.up)
+    said = replace(said, upright_pitch_deg=pitch_deg, rest=rest, up=config.up)
     source = source if config.unit_m is not None else in_metres(source, joints)
     return retarget(source, joints, body, said, str(path))
 
 
-def _rest(rest_pose: RestPose | Path | None) -> RestPose | SourceMotion | None:
-    """The pose that a person named, or the file of one."""
-    if not isinstance(rest_pose, Path):
-        return rest_pose
+def _rest_file(rest_pose: Path) -> SourceMotion:
+    """The motion that begins with the pose to stand in."""
     if not rest_pose.is_file():
         known = ", ".join(get_args(RestPose))
         raise MissingInput(f"{rest_pose}: no such file. --rest-pose takes a BVH file, or {known}")

@@ -7,6 +7,7 @@ corrected; what retargeting would find out about the feet from the motion is in 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -177,7 +178,7 @@ def from_standing(
     joints: Mapping[int, int],
     body_rest_m: np.ndarray,
     name: str,
-    rest: RestPose | SourceMotion | None = None,
+    rest: RestPose | Path | None = None,
     said_up: UpAxis | None = None,
 ) -> SourceMotion:
     """The same motion, told from a zero pose in which the person stands along the axes.
@@ -186,8 +187,9 @@ def from_standing(
     along their bones' axes (Rokoko, Bandai Namco, LAFAN1) or reach up (Geno), or their hips turn
     beside the pelvis's joint (deep-motion-editing): then it is frame 0 if that is a T-pose, else
     the mean of the motion's poses, in which arms hang as they mostly do and the trunk is held as
-    that of the body at rest, (24, 3).  `rest` says which it is: what the zero pose is, or a motion
-    of the same skeleton whose first frame stands.  `said_up` is the axis that a person says is up.
+    that of the body at rest, (24, 3).  `rest` says which it is: what the zero pose is, or the file
+    whose first frame is `added_pose`, where the person stands.  `said_up` is the axis that a person
+    says is up.
 
     Raises:
         BadMotionFile: the person stands in none of these, or not as `rest` says.
@@ -199,11 +201,11 @@ def from_standing(
     likely = rest is None and stands(rest_m) and arms_deg(rest_m).max() < RAISED_DEG
     if likely and _hips_off_deg(source, joints, rest_m) < LARGEST_HIPS_OFF_DEG:
         return source
-    given = rest == "first_frame" or isinstance(rest, SourceMotion)
+    given = rest == "first_frame" or isinstance(rest, Path)
     up = _up_axis(source, joints) if said_up is None else axis_of(said_up)
     aside = np.eye(3)[1 if up[0] else 0]
     axes = np.stack([aside, up, np.cross(aside, up)], axis=1)
-    for pose, said in _first_poses(source, rest, name):
+    for pose, said in _first_poses(source, rest):
         standing = _told_from(source, joints, pose, up, axes)
         rest_m = zero_pose_m(standing, joints)
         if stands(rest_m) and (given or np.abs(arms_deg(rest_m)).max() < SPREAD_DEG):
@@ -228,18 +230,19 @@ NOWHERE_STANDING = (
 
 
 def _first_poses(
-    source: SourceMotion, rest: RestPose | SourceMotion | None, name: str
+    source: SourceMotion, rest: RestPose | Path | None
 ) -> list[tuple[np.ndarray, str]]:
     """Local rotations (J, 3, 3) in which the person may stand, and what they are.
 
     A rest pose that the reader dropped is the file's frame 0.  Where nobody says that the person
     stands there, the first frame of the recording may be a T-pose as well.
     """
-    if isinstance(rest, SourceMotion):
-        return [(_pose_of(rest, source, name), "the first frame of rest_pose's file")]
     added, recorded = source.added_pose, source.local_rotmats[0]
+    first = recorded if added is None else added
+    if isinstance(rest, Path):
+        return [(first, "the first frame of rest_pose's file")]
     if rest == "first_frame":
-        return [(recorded if added is None else added, "frame 0")]
+        return [(first, "frame 0")]
     if added is None:
         return [(recorded, "frame 0, a T-pose")]
     row = source.first_row
@@ -263,7 +266,7 @@ def _check_arms(rest_m: np.ndarray, said: RestPose, name: str) -> None:
         raise BadMotionFile(f"{name}: {what}, so it is no pose {said!r}; give another --rest-pose")
 
 
-def _pose_of(rest: SourceMotion, source: SourceMotion, name: str) -> np.ndarray:
+def pose_of(rest: SourceMotion, source: SourceMotion, name: str) -> np.ndarray:
     """(J, 3, 3) first pose of another file, for the joints of this one."""
     known = set(rest.names)
     if missing := [joint for joint in source.names if joint not in known]:

@@ -42,7 +42,7 @@ both sides).  That ratio is all that is kept of a subject's size.  Last, the sol
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import NoReturn
 
 import numpy as np
@@ -101,8 +101,8 @@ class Retargeting:
     upright_pitch_deg: Mapping[str, float] = field(default_factory=dict)
     """`{SMPL joint name: forward pitch}` that joints of the source have while the person stands
     upright and looks ahead [deg], where that is not the zero pose."""
-    rest: RestPose | SourceMotion | None = None
-    """What the source's zero pose is, or a motion of the same skeleton whose first frame stands;
+    rest: RestPose | Path | None = None
+    """What the source's zero pose is, or the file of a pose that stands, the source's `added_pose`;
     without it that is looked for."""
     ground: bool | None = None
     """Whether the floor is levelled and moved to z = 0; None for all but a body's own motion."""

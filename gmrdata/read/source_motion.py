@@ -84,7 +84,8 @@ class SourceMotion:
     notes: tuple[str, ...]  # what the reader decided (unit, rate, dropped frame), for the record
     first_row: int = 0  # of the file's rows, the one that is frame 0 here
     added_pose: np.ndarray | None = None
-    """(J, 3, 3) local rotations of the rest pose in the file's frame 0, where it was dropped."""
+    """(J, 3, 3) local rotations of the rest pose in the file's frame 0, where it was dropped, or of
+    another file's first frame, where a person names one."""
 
     @property
     def n_frames(self) -> int:

@@ -15,7 +15,7 @@ from gmrdata.motion.files import find_motions, read_file, read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, SourceMotion
-from gmrdata.values.body import JOINT
+from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import CMU_BVH, is_cmu, joints_by_name, line_to
 from gmrdata.values.motion_metrics import angles_rad
@@ -100,6 +100,20 @@ def test_the_pelvis_is_where_legs_and_trunk_meet(write_bvh, walk_path, small_bod
     np.testing.assert_allclose(found.root_rotmats, wanted.root_rotmats, atol=1e-6)
     np.testing.assert_allclose(found.pelvis_m, wanted.pelvis_m, atol=1e-5)
     np.testing.assert_allclose(found.local_rotmats, wanted.local_rotmats, atol=1e-5)
+    _check_rest_file(here / "b.bvh", small_body)
+
+
+def _check_rest_file(path: Path, body: BodyModel) -> None:
+    """The first frame as a file of its own, on a tree that it was refused for, says the same."""
+    head, _, table = path.read_text().partition("MOTION\n")
+    rate, first = re.search(r"Frame Time: .*\n", table), table.splitlines()[2]  # type: ignore[union-attr]
+    assert rate is not None
+    rest = path.with_name("rest.bvh")
+    rest.write_text(f"{head}MOTION\nFrames: 1\n{rate[0]}{first}\n")
+    told, wanted = (read_motion(path, body, rest_pose=said) for said in (rest, "first_frame"))
+    assert "turns told from the first frame of rest_pose's file" in told.source
+    np.testing.assert_allclose(told.rotmats, wanted.rotmats, atol=1e-12)
+    np.testing.assert_allclose(told.pelvis_m, wanted.pelvis_m, atol=1e-12)
 
 
 @pytest.mark.parametrize(("root", "joint"), [("Head", "head"), ("RightFoot", "right_ankle")])
@@ -125,6 +139,7 @@ def test_a_root_whose_frame_is_that_of_the_bone_it_holds(
     )
     path = _save(write_bvh, walk_path.parent / "b.bvh", hung, parents)
     found = read_file(path, small_body, ReadConfig())
+    _check_rest_file(path, small_body)
     turns_deg = np.rad2deg(angles_rad(wanted.rotmats.swapaxes(-1, -2) @ found.motion.rotmats))
     off = set(np.flatnonzero(turns_deg.max(axis=0) > 2.0).tolist())
     ends = {JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")}
