@@ -33,8 +33,7 @@ from gmrdata.cameras.frames import linked
 from gmrdata.pages.solved_page import OVERLAY_FILE
 from gmrdata.read.frames import read_color
 from gmrdata.solve.request import SFM
-from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
-from gmrdata.solve.videos import OVERLAY
+from gmrdata.solve.verdict import OVERLAY, VERDICT_FILE, VideoVerdict
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.files import write_bytes
 from gmrdata.values.transforms import fit_similarity

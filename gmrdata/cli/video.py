@@ -265,7 +265,8 @@ def _solve_many(
     *, page: bool, strict: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Solve the videos of a batch, say which were rejected, and write the index."""
-    from gmrdata.solve.videos import PAGE, Videos, solve_videos
+    from gmrdata.solve.verdict import PAGE
+    from gmrdata.solve.videos import Videos, solve_videos
 
     after, leaves = (leave_files_and_page, (PAGE,)) if page else (leave_files, ())
     with then(lambda: _show_videos(out, as_json=as_json)):

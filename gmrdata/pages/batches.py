@@ -20,7 +20,8 @@ from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import number_in_name, read_color, read_gray
 from gmrdata.read.threedpw_files import SEQUENCE_NAME, SequenceFiles, require_inside
 from gmrdata.solve.request import MASKS
-from gmrdata.solve.videos import FAILED, PAGE, RECORD_FILE, VideoEntry, Videos, video_dir
+from gmrdata.solve.verdict import PAGE
+from gmrdata.solve.videos import FAILED, RECORD_FILE, VideoEntry, Videos, video_dir
 from gmrdata.stage.progress import track
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts, choose

@@ -34,9 +34,10 @@ from gmrdata.pages.plots import svg
 from gmrdata.pages.report import GEOMETRY_WORDS
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Solved, align_dataset_camera, counts_of
-from gmrdata.pages.view3d import MOST_BODIES, VIEW_FILE, view_of, write_view
+from gmrdata.pages.view3d import MOST_BODIES, view_of, write_view
 from gmrdata.solve.request import FRAMES, INTRINSICS, LINES, MASKS, SFM
-from gmrdata.solve.videos import FILES, OVERLAY, PAGE
+from gmrdata.solve.verdict import OVERLAY, PAGE, VIEW
+from gmrdata.solve.videos import FILES
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
@@ -112,6 +113,8 @@ class OverlayConfig(Config):
     """Whose body is at hand."""
     dropped: tuple[tuple[int, int], ...]
     """Ranges of frames that are not kept, as the verdict has them."""
+    fps_hz: float
+    """The rate at which they are shown."""
 
 
 def make_video_page(
@@ -286,7 +289,7 @@ def _fits_in_words(found: Solved) -> Iterator[str]:
 
 def _view(found: Solved, page: Path) -> dict[str, object]:
     """Write the world to turn round, and say what stands beside it."""
-    view, file = view_of(found), VIEW_FILE
+    view, file = view_of(found), VIEW
     if page.name != PAGE:  # one of many in a folder
         file = f"{VIEWS}/{page.name}"
     written = write_view(page.parent / file, view)
@@ -325,7 +328,8 @@ def make_overlay(found: Solved, footage: Footage) -> Path:
     inputs |= {name: folder / name for name in (MASKS, SFM, PSEUDO_GT, FUSED)}
     inputs = {name: path for name, path in inputs.items() if path.is_dir()}
     people = tuple(person.name for person in footage.people)
-    config = OverlayConfig(people=people, dropped=tuple(valid_runs(footage.dropped)))
+    dropped = tuple(valid_runs(footage.dropped))
+    config = OverlayConfig(people=people, dropped=dropped, fps_hz=footage.fps_hz)
     return run_stage(OVERLAY, folder / OVERLAY, config, inputs, work, run=Run(anew=True))
 
 

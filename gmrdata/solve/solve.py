@@ -4,7 +4,8 @@
 """
 
 import shutil
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,7 +46,7 @@ from gmrdata.solve.request import (
     Solved,
     SolveRequest,
 )
-from gmrdata.solve.verdict import with_lens_error, write_doubts
+from gmrdata.solve.verdict import VERDICT_FILE, forget_verdict, with_lens_error, write_doubts
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.body import NEUTRAL
 from gmrdata.values.camera import Lens
@@ -97,18 +98,15 @@ def solve(
     _require_apart(request.source, out_dir)
     if request.people is None:
         config = config.for_cameras_alone
+    judged = _records(out_dir) if (out_dir / VERDICT_FILE).exists() else None
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
     solved = Solved(request, out_dir, config, frames, run, body_path)
     solved = replace(solved, gravity_path=_gravity(request, out_dir, frames))
-    solved = _followed(solved)
-    solved = _masks(solved)
-    solved = _lens(solved)
-    solved = _cameras(solved)
-    if solved.sfm_dir is not None:
-        solved = _cameras_again(solved)
-        solved = _people(solved)
-        solved = _world(solved)
+    for step in (_followed, _masks, _lens, _cameras, _cameras_again, _people, _world):
+        judged = _if_still_true(judged, out_dir)
+        solved = step(solved)
+    _if_still_true(judged, out_dir)
     made: dict[str, object] = {
         SFM: solved.sfm_dir, LINES: solved.bodies, PSEUDO_GT: solved.world_dir
     }  # fmt: skip
@@ -117,6 +115,24 @@ def solve(
     left = [out_dir / name for name, result in made.items() if not result]
     _drop(left, run, "is of an earlier run, and now there is none")
     return _fusion(solved)
+
+
+def _records(out_dir: Path) -> Mapping[str, bytes]:
+    """The records of the stages in a folder, by name."""
+    found: dict[str, bytes] = {}
+    for path in out_dir.glob(f"*/{STAGE_FILE}"):
+        with suppress(FileNotFoundError):  # another process makes it now
+            found[path.parent.name] = path.read_bytes()
+    return found
+
+
+def _if_still_true(judged: Mapping[str, bytes] | None, out_dir: Path) -> Mapping[str, bytes] | None:
+    """The records that a verdict was written of.  Where stages are others now, it is removed, and
+    None is given: a run that is killed must not leave it beside cameras that it is not of."""
+    if judged is not None and judged != _records(out_dir):
+        forget_verdict(out_dir)
+        return None
+    return judged
 
 
 def _body(request: SolveRequest, out_dir: Path, run: Run) -> Path | None:
@@ -234,9 +250,8 @@ def _cameras(solved: Solved) -> Solved:
 
 def _cameras_again(solved: Solved) -> Solved:
     """Other solutions of the same frames, where they are asked for."""
-    if not solved.config.check_again:
+    if solved.sfm_dir is None or not solved.config.check_again:
         return solved
-    assert solved.sfm_dir is not None
     again_dir = solve_again(
         solved.sfm_dir,
         solved.frames,
@@ -251,10 +266,10 @@ def _cameras_again(solved: Solved) -> Solved:
 def _people(solved: Solved) -> Solved:
     """People before the camera."""
     people = solved.request.people
+    if solved.sfm_dir is None or people is None:
+        return solved
     if isinstance(people, GivenPeople):
         return replace(solved, bodies=people.files)
-    if people is None:
-        return solved
     filmed = Filmed(solved.frames, _lens_of_frames(solved))
     own = solved.request.has_own_people
     poses_path = _own_poses(solved, filmed) if own else people.results_path

@@ -3,6 +3,7 @@
 Besides the cameras its times, its lost frames, its lens and people not seen speak against it.
 """
 
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, Self
@@ -27,6 +28,7 @@ from gmrdata.people.sources import MasksConfig
 from gmrdata.read.intrinsics import GIVEN_SIGMA
 from gmrdata.solve.request import FRAMES, EstimatedPeople, Solved
 from gmrdata.values.clip import Clip, first_reasons, load_clip
+from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.records import Record
 from gmrdata.world.bodies import unseen_reasons
@@ -128,6 +130,8 @@ def _odd_steps(steps_s: np.ndarray, fps_hz: float) -> Iterator[str]:
 
 
 VERDICT_FILE = "verdict.json"
+PAGE, VIEW, OVERLAY = "index.html", "view3d.html", "overlay"
+"""What is shown of a verdict, beside it."""
 CAMERA = "camera"
 NOBODY = "none of the people can be used"
 UNCHECKED = (
@@ -161,6 +165,16 @@ class VideoVerdict(Record):
         if self.accepted == bool(self.reasons):
             raise ValueError("accepted and reasons do not say alike whether it is")
         return self
+
+
+def forget_verdict(out_dir: Path) -> None:
+    """Remove a verdict that is there, and what shows it; other files of these names stay."""
+    if not (out_dir / VERDICT_FILE).exists():
+        return
+    for name in (PAGE, VERDICT_FILE, VIEW):
+        (out_dir / name).unlink(missing_ok=True)
+    if (out_dir / OVERLAY / STAGE_FILE).is_file():
+        shutil.rmtree(out_dir / OVERLAY, ignore_errors=True)  # of a link only what it leads to
 
 
 def judge_video(solved: Solved) -> VideoVerdict:

@@ -40,15 +40,22 @@ from gmrdata.solve.request import (
     people_of,
 )
 from gmrdata.solve.solve import chosen_body, solve
-from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_video
+from gmrdata.solve.verdict import (
+    OVERLAY,
+    PAGE,
+    VERDICT_FILE,
+    VideoVerdict,
+    forget_verdict,
+    judge_video,
+)
 from gmrdata.stage.jobs import Job, Outcome, raise_failures, try_here, try_jobs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import NotMade, run_stage
 from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.camera import Source
-from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput
-from gmrdata.values.files import STAGE_FILE, remove_orphans
+from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput, StaleOutput
+from gmrdata.values.files import STAGE_FILE, json_text, remove_orphans
 from gmrdata.values.frame_set import require_rate
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
 from gmrdata.values.records import PART, Config, Figure, Record
@@ -57,7 +64,7 @@ VIDEOS, ENTRIES, FAILED = "videos", "entries", "failed"
 """Folders of a batch: the videos' own, their lines, and the reasons of those that failed."""
 RECORD_FILE, ENTRY_FILE = "videos.json", "entry.json"
 SOLVING = "solving videos"
-FILES, PAGE, OVERLAY = "files", "index.html", "overlay"
+FILES = "files"
 PARTS = (
     FRAMES, FOLLOWED, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES,
     LINES, BODIES, PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
@@ -194,9 +201,15 @@ def video_dir(out_dir: Path, name: str) -> Path:
 def solve_alone(
     request: SolveRequest, out_dir: Path, config: SolveConfig, run: Run, after: After | None = None
 ) -> VideoVerdict:
-    """One video with all of its stages, its `verdict.json`, and what is made of it besides."""
+    """One video with all of its stages, its `verdict.json`, and what is made of it besides.
+
+    An earlier verdict that said something else goes with all that shows it.
+    """
     verdict = judge_video(solve(request, out_dir, config, run))
-    verdict.write(out_dir / VERDICT_FILE)
+    path, text = out_dir / VERDICT_FILE, json_text(verdict.model_dump(mode="json"))
+    if path.is_file() and path.read_bytes() != text.encode():
+        forget_verdict(out_dir)
+    verdict.write(path)
     if after is not None:
         after(out_dir, verdict)
     return verdict
@@ -237,7 +250,11 @@ def solve_video(
     Raises:
         BadRecipe: a folder without a rate, or a video with one.
         BadFrames, MissingInput, BadMotionFile: as the stages raise them.
+        StaleOutput: `out_dir` holds a batch, or as the stages raise it.
     """
+    if (Path(out_dir) / RECORD_FILE).exists():
+        remedy = f"Pass one of its videos' folders as --out, in {VIDEOS}/, or solve all of them"
+        raise StaleOutput(f"{out_dir}: holds a batch. {remedy}")
     config = config.with_heights(height_m)
     people, results_path = people_of(poses, body, config, gravity)
     felt = None if gravity is None else Path(gravity)
@@ -316,7 +333,10 @@ def solve_batch(videos: Sequence[NamedVideo], batch: Batch, run: Run) -> Path:
     Raises:
         StageFailed: some videos failed; the record lists them.
         OthersLeft: this shard is done, and others are not.
+        StaleOutput: the folder holds one video's own result.
     """
+    if (batch.out_dir / VERDICT_FILE).exists():
+        raise StaleOutput(f"{batch.out_dir}: holds one video's result. Pass another --out")
     batch = _with_files(videos, replace(batch, out_dir=batch.out_dir.resolve()))
     out_dir, failures_dir = batch.out_dir, batch.out_dir / FAILED
     for folder in (out_dir, failures_dir):

@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 
 from gmrdata.cameras.files import load_quality
 from gmrdata.cameras.lens.intrinsics import Intrinsics
-from gmrdata.pages.footage import BAR_PX, footage_of
+from gmrdata.pages import solved_page
+from gmrdata.pages.footage import BAR_PX, Footage, footage_of
 from gmrdata.pages.fusion import plot_person
 from gmrdata.pages.gather import gather_video
-from gmrdata.pages.solved_page import make_video_page
+from gmrdata.pages.solved_page import make_overlay, make_video_page
 from gmrdata.pages.thresholds import verdict_rows
 from gmrdata.pages.view3d import view_of
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, unsolved
@@ -221,6 +222,23 @@ def test_cameras_alone_of_images_are_shown_at_their_rate(small_body, tmp_path):
     solved_video(folder, small_body, person=False)
     camera_verdict().write(folder / VERDICT_FILE)
     np.testing.assert_allclose(np.diff(gather_video(folder).times_s), 0.1)
+
+
+def test_the_overlay_is_made_again_at_another_rate(small_body, tmp_path, monkeypatch):
+    drawn_hz: list[float] = []
+
+    def draw(path: Path, footage: Footage) -> None:
+        drawn_hz.append(footage.fps_hz)
+        path.touch()
+
+    monkeypatch.setattr(solved_page, "write_footage", draw)
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body, person=False)
+    for rate_hz in (10.0, 20.0, 20.0):
+        camera_verdict().model_copy(update={"fps_hz": rate_hz}).write(folder / VERDICT_FILE)
+        found = gather_video(folder)
+        make_overlay(found, footage_of(found))
+    assert drawn_hz == pytest.approx([10.0, 20.0])
 
 
 def test_the_network_s_motions_come_and_go(copied, run_dir):

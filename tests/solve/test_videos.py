@@ -1,18 +1,25 @@
-"""A batch of folders of images, some of which have times."""
+"""A batch of folders of images, some of which have times; and one folder solved again."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from gmrdata import plan_videos, solve_videos
+from gmrdata import plan_videos, solve_video, solve_videos
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, IntrinsicsConfig
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.video import extract_video
 from gmrdata.read.video_files import NamedVideo
+from gmrdata.solve import videos as solving
 from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
+from gmrdata.solve.verdict import OVERLAY, PAGE, VERDICT_FILE, VIEW
 from gmrdata.solve.videos import Batch, Videos, _with_files
 from gmrdata.stage.run import Run
-from gmrdata.values.errors import BadRecipe
+from gmrdata.stage.store import run_stage
+from gmrdata.values.errors import BadRecipe, StaleOutput
+from gmrdata.values.records import Config
 from tests.frame_sets import grey_images
 from tests.read.videos import make_video
 
@@ -93,3 +100,80 @@ def test_a_video_of_cameras_alone_is_the_same_beside_one_with_people(tmp_path):
     first, then = (_with_files([alone, one], batch) for one in (other, posed))
     assert first.recipe(alone) == then.recipe(alone) != then.recipe(posed)
     assert first.inputs(alone) == then.inputs(alone)
+
+
+ALONE: dict[str, Any] = {
+    "poses": "none",
+    "fps_hz": 30,
+    "lens": GivenIntrinsics(focal_px=60.0),
+    "config": SolveConfig(masks=None, intrinsics=IntrinsicsConfig(look_in_frames=False)),
+}
+SHOWN = {PAGE, VIEW, OVERLAY}
+
+
+def with_page(frames: Path, out: Path) -> dict[Path, int]:
+    """The verdict on a folder of images and what shows it, with the time of each."""
+    verdict_path = solve_video(frames, out, **ALONE)
+    for name in (PAGE, VIEW):
+        (out / name).write_text("rejected")
+    run_stage("overlay", out / OVERLAY, Config(), {}, lambda _: None)
+    (out / "files").mkdir(exist_ok=True)
+    return {path: path.stat().st_mtime_ns for path in (verdict_path, *map(out.joinpath, SHOWN))}
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("is_other", [True, False])
+def test_a_page_of_another_verdict_is_not_left(tmp_path, is_other):
+    """It called a rejected video accepted, and showed the cameras of the one before."""
+    frames, out = grey_images(tmp_path / "a"), tmp_path / "out"
+    made_ns = with_page(frames, out)
+    solve_video(frames, out, **ALONE, run=Run(redo=True))
+    assert {path: path.stat().st_mtime_ns for path in made_ns} == made_ns
+    # Of a copy elsewhere all stages stay, and the verdict says where it is.
+    other = grey_images(tmp_path / "b", 4) if is_other else shutil.copytree(frames, tmp_path / "b")
+    solve_video(other, out, **ALONE, run=Run(redo=is_other))
+    assert not names(out) & SHOWN and names(out) >= {VERDICT_FILE, "files"}
+
+
+def test_a_page_that_is_no_verdicts_stays(tmp_path):
+    out = tmp_path / "out"
+    (out / OVERLAY).mkdir(parents=True)
+    (out / PAGE).write_text("mine")
+    solve_video(grey_images(tmp_path / "a"), out, **ALONE)
+    assert (out / PAGE).read_text() == "mine"
+    solve_video(grey_images(tmp_path / "b", 4), out, **ALONE, run=Run(redo=True))
+    assert OVERLAY in names(out)
+
+
+def test_a_killed_redo_leaves_no_verdict_of_the_video_before(tmp_path, monkeypatch):
+    """It stayed beside the new cameras, and `gmrdata page` said that these were accepted."""
+    frames, out = grey_images(tmp_path / "a"), tmp_path / "out"
+    made_ns = with_page(frames, out)
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(solving, "judge_video", stop)
+    with pytest.raises(KeyboardInterrupt):
+        solve_video(frames, out, **ALONE, run=Run(redo=True))
+    assert {path: path.stat().st_mtime_ns for path in made_ns} == made_ns
+    with pytest.raises(KeyboardInterrupt):
+        solve_video(grey_images(tmp_path / "b", 4), out, **ALONE, run=Run(redo=True))
+    assert not names(out) & {VERDICT_FILE, *SHOWN}
+
+
+def test_a_batch_and_a_video_alone_are_not_in_one_folder(tmp_path):
+    """The video's page took the place of the batch's."""
+    paths, out = [grey_images(tmp_path / name) for name in "ab"], tmp_path / "out"
+    solve_videos(paths, out, **ALONE, run=Run(workers=1))
+    before = names(out)
+    with pytest.raises(StaleOutput, match=r"out: holds a batch\. Pass one of its videos' folders"):
+        solve_video(paths[0], out, **ALONE)
+    assert names(out) == before
+    solve_video(paths[0], out / "videos" / "a", **ALONE)
+    with pytest.raises(StaleOutput, match="a: holds one video's result. Pass another --out"):
+        solve_videos(paths, out / "videos" / "a", **ALONE, run=Run(workers=1))
+    assert "videos" not in names(out / "videos" / "a")
