@@ -80,8 +80,8 @@ class SetPaths:
         return self.root / "bodies" / f"body_{number}"
 
     def sequence_dir(self, name: str) -> Path:
-        """All stages of one sequence: `people`, `masks`, `sfm`, and `pseudo_gt`: the world motions,
-        or why there are none."""
+        """All stages of one sequence: `people`, `masks`, `sfm`, `lines`, and `pseudo_gt`: the world
+        motions, or why there are none."""
         return self.root / "sequences" / name
 
     def pseudo_gt_dir(self, name: str) -> Path:

@@ -43,7 +43,7 @@ from gmrdata.world.judge import load_record
 
 HEADINGS = ("sequence", "split", "state")
 VERDICT_HEADINGS = ("sequence", "split", "verdict", "camera", "kept", "scale", "reasons")
-STAGES = ("people", "masks", "sfm", "pseudo_gt")
+STAGES = ("people", "masks", "sfm", "lines", "pseudo_gt")
 
 
 @part(frozen=True, config=PART)

@@ -195,7 +195,7 @@ def _clips(manifest_path: Path) -> dict[str, list[Clip]]:
 
 def _seconds(folder: Path) -> float:
     """Wall time of the stages of a sequence that were finished [s]."""
-    masks, *stages = (folder / name for name in ("masks", "people", "sfm", "pseudo_gt"))
+    masks, *stages = (folder / name for name in ("masks", "people", "sfm", "lines", "pseudo_gt"))
     total = masks_seconds(masks) if (masks / STAGE_FILE).is_file() else 0.0
     return total + sum(stage_seconds(one) for one in stages if (one / STAGE_FILE).is_file())
 

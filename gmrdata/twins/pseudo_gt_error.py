@@ -209,9 +209,10 @@ class ErrorSeries:
 def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> ErrorSeries:
     """What `compare_clips` gives the means of, frame by frame."""
     rows, true_rows = paired_rows(pseudo, true)
-    if not len(rows):
-        raise NothingToCompare(f"clip {pseudo.id}: it and its truth have no image in common")
     step = _frames_per_motion(true, fps_hz)
+    if len(rows) <= step:
+        what = f"it and its truth {true.id} have no image in common, or too few for one motion"
+        raise NothingToCompare(f"clip {pseudo.id}: {what}. There is nothing to compare")
     good = has_camera(pseudo)[rows] & true.valid[true_rows]
     pairs, unbroken = _pairs(rows, true_rows, step)
     # Every frame of the span must be good: no motion goes over a gap.

@@ -27,7 +27,7 @@ from gmrdata.read.threedpw_files import (
 )
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import is_made, run_stage
 from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.twins.faults import (
     UNCHANGED,
@@ -310,7 +310,7 @@ def write_sequence_twin(
     recipe: TwinRecipe, clip: SyntheticClip, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
     """Stage: one sequence of the twin set `out_dir`, as its folder of images, which comes last, so
-    that one that exists is complete."""
+    that one that exists is complete; one whose other files were lost is made again."""
     rendered = render_dir(out_dir / SET_FOLDER, clip.id)
     root, truth_dir = out_dir / DATASET_FOLDER, out_dir / TRUTH_FOLDER
     body_path = out_dir / SET_FOLDER / "body" / "body.npz"
@@ -324,13 +324,13 @@ def write_sequence_twin(
         twin=recipe.twin,
     )
     paths = [rendered / file for file in config.people]
+    files = SequenceFiles(root, clip.id, config.split)
 
     def work(partial_dir: Path) -> None:
         # Of another recipe, which had more people or another split.
         _remove_sequence(clip.id, out_dir)
         rng = clip_rng(recipe.set.seed, clip.id, "faults")
         genders = [GENDERS[int(rng.integers(2))] for _ in paths]
-        files = SequenceFiles(root, clip.id, config.split)
         people = [load_clip(path) for path in paths]
         frames = read_frames(rendered / "frames").paths
         filmed = FilmedPeople(people, frames, genders, read_body(body_path))
@@ -338,4 +338,9 @@ def write_sequence_twin(
 
     inputs = {"frames": rendered / "frames", "body": body_path}
     inputs |= {f"person{number}": path for number, path in enumerate(paths)}
-    return run_stage("twin", root / IMAGES_DIR / clip.id, config, inputs, work, run=run)
+    kinds = ("exposure", *(f"p{number}" for number in range(len(paths))))
+    outside = [files.pickle_path, *(truth_dir / f"{clip.id}.{kind}.npz" for kind in kinds)]
+    is_lost = not all(path.is_file() for path in outside)
+    if is_lost and is_made("twin", files.image_dir, config, inputs, run):
+        _remove_sequence(clip.id, out_dir)
+    return run_stage("twin", files.image_dir, config, inputs, work, run=run)

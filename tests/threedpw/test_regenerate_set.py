@@ -355,5 +355,5 @@ def test_a_dry_run_says_which_stages_are_to_do(filmed_set, gmrdata, tmp_path):
     given = "--threedpw", filmed_set.root, "--out", tmp_path / "out"
     done = gmrdata("threedpw", "regenerate", *given, "--dry-run")
     assert done.returncode == 0
-    assert "arc_00" in done.stdout and "to do: people, masks, sfm, pseudo_gt" in done.stdout
+    assert "arc_00" in done.stdout and "to do: people, masks, sfm, lines, pseudo_gt" in done.stdout
     assert not (tmp_path / "out").exists()

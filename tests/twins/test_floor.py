@@ -84,7 +84,7 @@ def test_a_dry_run_says_what_is_done(place, capsys, monkeypatch):
     assert said.count("done") == 2 and "to do" not in said
     main(words(place, "--dry-run", "--out", str(place / "other")))
     said = capsys.readouterr().out
-    assert said.count("to do: people, masks, sfm, pseudo_gt") == 2
+    assert said.count("to do: people, masks, sfm, lines, pseudo_gt") == 2
     assert not (place / "other").exists()
 
 

@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from gmrdata.twins.floor import by_class, group
+from gmrdata.stage.store import run_stage
+from gmrdata.twins.floor import _seconds, by_class, group
 from gmrdata.twins.floor_record import (
     HEADINGS,
     Floor,
@@ -16,7 +17,8 @@ from gmrdata.twins.floor_record import (
     notes,
 )
 from gmrdata.values.errors import BadRecord, MissingInput
-from gmrdata.values.files import write_json
+from gmrdata.values.files import read_json, write_json
+from gmrdata.values.records import Config
 from tests.record_keys import assert_each_key_is_needed
 
 FACTORS = {
@@ -160,3 +162,12 @@ def test_the_table(floor):
     )  # fmt: skip
     assert [cells[0] for cells in rows[4:]] == ["all linear", "all small", "all static", "all"]
     assert notes(floor)[1:] == ["d: rejected: too few points; cuts"]
+
+
+def test_the_seconds_are_of_all_stages(tmp_path):
+    """Those of the background's lines were not counted."""
+    for name in ("masks", "people", "sfm", "lines", "pseudo_gt"):
+        run_stage(name, tmp_path / name, Config(), {}, lambda _: None)
+        record = read_json(tmp_path / name / "stage.json")
+        write_json(tmp_path / name / "stage.json", record | {"seconds": 2.0})
+    assert _seconds(tmp_path) == 10.0

@@ -10,13 +10,14 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.twins.pseudo_gt_error import (
     RecoveredSequence,
     compare_clips,
+    error_series,
     sequence_errors,
     within_2sigma,
 )
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import StageFailed
+from gmrdata.values.errors import NothingToCompare, StageFailed
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.skinning import motion_vertices_m
 from tests.motions import with_camera, with_motion
@@ -216,6 +217,18 @@ def test_clips_that_cannot_be_compared(true_clip):
         compare_clips(elsewhere, true_clip)
     unnumbered = replace(true_clip, image_numbers=np.full(40, -1))
     assert compare_clips(unnumbered, true_clip).tme_mm == 0
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_clips_too_short_for_a_motion_have_nothing_to_compare(true_clip, n):
+    """Their errors over time ended in numpy's own words."""
+    true, _ = thirty_hz(true_clip)
+    short = replace(true, image_numbers=np.arange(40) + 40 - n)
+    for compare in (compare_clips, error_series):
+        with pytest.raises(NothingToCompare, match="There is nothing to compare"):
+            compare(short, true, fps_hz=10.0)
+    four = replace(true, image_numbers=np.arange(40) + 36)
+    assert len(error_series(four, true, fps_hz=10.0).ome_deg) == 1
 
 
 def thirty_hz(true_clip: Clip) -> tuple[Clip, Clip]:

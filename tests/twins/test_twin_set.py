@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
 from gmrdata.film.programmes import camera_programme
+from gmrdata.film.render_set import render_dir
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticClip
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.body_file import read_body
+from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.frames import read_color
 from gmrdata.read.threedpw import read_sequence
 from gmrdata.read.threedpw_files import find_sequences
@@ -227,6 +228,28 @@ def test_another_split_is_refused_and_with_redo_leaves_no_second_file(out, tmp_p
     found = sorted((copy / "3DPW").rglob(f"{ONE}.pkl"))
     assert [path.parent.name for path in found] == ["test"]
     assert read_sequence(copy / "3DPW", ONE).problems == ()
+
+
+def test_what_a_sequence_lost_is_made_again(tmp_path, walkers, small_body, jpeg):
+    """The error said to make the twins again, and that did nothing."""
+    clip, rendered = RECIPE.set.clips[1], render_dir(tmp_path / "render_set", ONE)
+    (rendered / "frames").mkdir(parents=True)
+    for row in range(walkers[0].motion.n_frames):
+        (rendered / "frames" / f"{row:05d}.jpg").write_bytes(jpeg(90, 160))
+    rest_pelvis_m = small_body.rest_pelvis_m(walkers[0].motion.shape)
+    save_clip(rendered / "clip.npz", walkers[0], rest_pelvis_m)
+    save_body(tmp_path / "render_set" / "body" / "body.npz", small_body)
+    write_sequence_twin(RECIPE, clip, tmp_path)
+    made = files_of(tmp_path)
+    lost = [name for name in made if name.endswith((".pkl", ".p0.npz", ".exposure.npz"))]
+    assert len(lost) == 3
+    for name in lost:
+        (tmp_path / name).unlink()
+        with pytest.raises(StaleOutput, match=r"config\.seed"):
+            write_sequence_twin(reseeded(2), clip, tmp_path)
+        assert files_of(tmp_path).keys() == made.keys() - {name}
+        write_sequence_twin(RECIPE, clip, tmp_path)
+        assert files_of(tmp_path) == made
 
 
 @pytest.mark.slow
