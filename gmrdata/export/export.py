@@ -4,6 +4,7 @@ import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -194,11 +195,11 @@ def _units(
             yield Unit(name, called, out / name / place, tuple(person.id for person in group))
 
 
-def _truths(source: Path | None, wanted: Sequence[ClipFiles]) -> dict[str, Path]:
+def _truths(source: Path | None, wanted: Sequence[ClipFiles]) -> dict[str, ClipFiles]:
     """The files of exact clips by id; says of which clips there is none."""
     if source is None:
         return {}
-    there = {files.id: files.clip_path for files in list_clips(source)}
+    there = {files.id: files for files in list_clips(source)}
     without = [files.id for files in wanted if files.id not in there]
     if len(without) == len(wanted):
         raise MissingInput(f"{source}: has none of the clips; there are {', '.join(there)}")
@@ -208,12 +209,14 @@ def _truths(source: Path | None, wanted: Sequence[ClipFiles]) -> dict[str, Path]
 
 
 def _load(
-    files: ClipFiles, given: _Given, truths: Mapping[str, Path], alone: bool
+    files: ClipFiles, given: _Given, truths: Mapping[str, ClipFiles], alone: bool
 ) -> ExportedClip | GmrdataError:
     """The clip, or why it can't be read."""
     images = None if given.images is None else images_of(given.images, files.sequence, alone=alone)
+    if given.truth is not None:
+        files = replace(files, truth_files=truths.get(files.id))
     try:
-        return load_exported(files, body=given.body, images=images, truth=truths.get(files.id))
+        return load_exported(files, body=given.body, images=images)
     except GmrdataError as error:
         return error
 

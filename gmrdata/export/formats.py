@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from gmrdata.read.frames import is_turned
+from gmrdata.read.frames import is_turned, number_in_name
 from gmrdata.read.video import video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
@@ -20,6 +20,7 @@ from gmrdata.values.body import SMPL, BodyModel
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadSequence, some
 from gmrdata.values.motion import Motion
+from gmrdata.values.people import FUSED, PSEUDO_GT
 
 if TYPE_CHECKING:
     from gmrdata.export.sources import ExportedClip
@@ -269,6 +270,7 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     from gmrdata.threedpw.clips import sequence_arrays, with_original
     from gmrdata.write.threedpw import write_sequence_file
 
+    clips = [_without_rejected(one) for one in clips]
     _usable(clips, "campose_valid is 0 in all frames")
     _require_images_by_row(clips[0])
     for one in clips:
@@ -288,6 +290,23 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
         original = read_sequence_file(find_sequence(options.threedpw, name).pickle_path)
         arrays = with_original(arrays, original)
     write_sequence_file(path, arrays)
+
+
+def _without_rejected(exported: "ExportedClip") -> "ExportedClip":
+    """The clip, without a valid frame if `quality.json` rejects the person.  A manifest says itself
+    which frames are kept, also where a person decided otherwise."""
+    from gmrdata.cameras.files import QUALITY_FILE
+    from gmrdata.world.judge import load_record
+
+    path = exported.clip_path.absolute()
+    record_dir, number = path.parent.with_name(PSEUDO_GT), number_in_name(path.name)
+    of_sequence = path.parent.name in (PSEUDO_GT, FUSED) and (record_dir / QUALITY_FILE).is_file()
+    if exported.listed is not None or number is None or not of_sequence:
+        return exported
+    if all(one.accepted for one in load_record(record_dir).people[number : number + 1]):
+        return exported
+    clip = replace(exported.clip, valid=np.zeros_like(exported.clip.valid))
+    return replace(exported, clip=clip)
 
 
 def _usable(clips: Sequence["ExportedClip"], rest: str) -> list[bool]:

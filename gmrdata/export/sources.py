@@ -23,6 +23,7 @@ from gmrdata.read.bodies import body_files, load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.solve.request import FRAMES, MASKS, SFM
 from gmrdata.solve.verdict import VERDICT_FILE
+from gmrdata.solve.videos import FILES
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
@@ -55,7 +56,7 @@ class ClipFiles:
     images_dir: Path | None = None
     masks_dir: Path | None = None  # `<image stem>.png`, 255 = dynamic
     sfm_dir: Path | None = None  # what `gmrdata.cameras.reconstruct` left
-    truth_path: Path | None = None
+    truth_files: "ClipFiles | None" = None  # of the exact motion
     extras_paths: tuple[Path, ...] = ()
     split: str = "test"  # of 3DPW
 
@@ -162,7 +163,6 @@ def load_exported(
     *,
     body: str | None = None,
     images: Path | None = None,
-    truth: Path | None = None,
 ) -> ExportedClip:
     """Load one clip.
 
@@ -171,23 +171,26 @@ def load_exported(
         body: The body to use, as `load_body` takes it, or a folder of bodies; what lies beside the
             clip when None.
         images: Folder with the images, in place of the one that the clip names.
-        truth: Clip file of the same person, in place of what lies beside.
     """
-    clip = load_clip(files.clip_path) if files.listed is None else load_entry(*files.listed)
-    require_sound(files.clip_path, clip)
+    clip = _sound_clip(files)
     if images is not None and not images.is_dir():
         raise MissingInput(f"{images}: no such folder of images")
-    truth_path = truth or files.truth_path
     extras = (path for path in files.extras_paths if "poses" in read_npz(path))
     own = {
         "images_dir": images or files.images_dir,
         "clip": clip,
         "rest_pelvis_m": read_npz(files.clip_path)["rest_pelvis_m"],
         "body_names": _bodies(files.clip_path) if body is None else _given(body),
-        "truth": None if truth_path is None else load_clip(truth_path),
+        "truth": None if files.truth_files is None else _sound_clip(files.truth_files),
         "extras": tuple(map(load_clip, extras)),
     }
     return ExportedClip(**(vars(files) | own))
+
+
+def _sound_clip(files: ClipFiles) -> Clip:
+    """A clip with the frames that its manifest keeps, whose numbers can be used."""
+    clip = load_clip(files.clip_path) if files.listed is None else load_entry(*files.listed)
+    return require_sound(files.clip_path, clip)
 
 
 def _given(body: str) -> tuple[str, ...]:
@@ -230,13 +233,13 @@ def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
     if (manifest := _manifest_in(folder)) is not None:
         truths = _truths_beside(folder)
         for files in _clips_of_manifest(manifest):
-            yield replace(files, truth_path=truths.get(files.id))
+            yield replace(files, truth_files=truths.get(files.id))
     elif within := [folder / name for name in CLIPS_WITHIN if (folder / name).is_dir()]:
         yield from _clips_in_folder(within[0])
     elif (folder / "regenerated").is_dir():  # a noise floor
         for files in _clips_in_folder(folder / "regenerated"):
-            truth_path = folder / "twins" / "truth" / f"{files.id}.npz"
-            yield replace(files, truth_path=truth_path if truth_path.is_file() else None)
+            truth = ClipFiles(files.id, files.id, folder / "twins" / "truth" / f"{files.id}.npz")
+            yield replace(files, truth_files=truth if truth.clip_path.is_file() else None)
     elif (folder / "infer.json").is_file():
         yield from (_rendered_clip(path) for path in sorted(folder.glob("*/clip.npz")))
     elif people := _people_in(folder):
@@ -246,8 +249,16 @@ def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
     elif alone := [path for path in _files_in(folder, "*.npz") if _is_clip(path)]:
         yield from map(_clip_file, alone)
     else:
-        what = "no manifest, and no folder that a stage of gmrdata left with clips"
-        raise MissingInput(f"{folder}: {what}. Name a manifest (.yaml) or a clip's file (.npz)")
+        raise MissingInput(f"{folder}: {_without_clips(folder)}")
+
+
+def _without_clips(folder: Path) -> str:
+    """What a folder without clips is, and what to name or look at instead."""
+    if (folder / SFM / CAMERAS_FILE).is_file():
+        there = f"The COLMAP model and the TUM path of accepted cameras are in {folder / FILES}"
+        return f"holds cameras alone, and an export is of people. {there}"
+    what = "no manifest, and no folder that a stage of gmrdata left with clips"
+    return f"{what}. Name a manifest (.yaml) or a clip's file (.npz)"
 
 
 def _manifest_in(folder: Path) -> Path | None:
@@ -283,11 +294,11 @@ def _is_manifest(path: Path) -> bool:
     return said.get("format") in READS and said.get("kind") != "list"
 
 
-def _truths_beside(folder: Path) -> dict[str, Path]:
+def _truths_beside(folder: Path) -> dict[str, ClipFiles]:
     """Of a demo: the rendered clips by id, the truth of what was regenerated from their frames."""
     if not all((folder / name).is_file() for name in ("pseudo_gt.yaml", "synthetic.yaml")):
         return {}
-    return {files.id: files.clip_path for files in _clips_of_manifest(folder / "synthetic.yaml")}
+    return {files.id: files for files in _clips_of_manifest(folder / "synthetic.yaml")}
 
 
 def _clips_of_manifest(path: Path) -> Iterator[ClipFiles]:

@@ -17,9 +17,9 @@ from evo.tools import file_interface
 import gmrdata
 from gmrdata.cameras.files import load_quality
 from gmrdata.cli.export import SAID
-from gmrdata.export.export import Unit, _sequences, _whole
+from gmrdata.export.export import Unit, _Given, _load, _sequences, _truths, _whole
 from gmrdata.export.formats import FORMATS, FormatName
-from gmrdata.export.sources import ClipFiles
+from gmrdata.export.sources import ClipFiles, ExportedClip, list_clips
 from gmrdata.read.body_file import save_body
 from gmrdata.read.systems.result import read_system
 from gmrdata.values import transforms
@@ -134,6 +134,24 @@ def test_flags_that_fit_nothing(
     answer = gmrdata("export", manifest, "--out", tmp_path / "out", *flags)
     assert answer.returncode in (1, 2) and said in answer.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_truth_of_some_clips_is_not_filled_up_from_beside_the_others(
+    walkers, small_body, tmp_path, capsys
+):
+    """It said "no truth for", and wrote that which lay beside the clip."""
+    for name in ("pseudo_gt", "synthetic"):
+        folder = tmp_path / name
+        text = write_clips(folder, small_body, walkers).read_text()
+        (tmp_path / f"{name}.yaml").write_text(text.replace("path: ", f"path: {name}/"))
+    wanted, truth = list_clips(tmp_path), tmp_path / "synthetic/walk.p0.npz"
+    found = []
+    for given in (None, truth):
+        truths = _truths(given, wanted)
+        loaded = [_load(one, _Given(None, None, given), truths, True) for one in wanted]
+        found.append([one.truth is not None for one in loaded if isinstance(one, ExportedClip)])
+    assert found == [[True, True], [True, False]]
+    assert "no truth for walk.p1" in capsys.readouterr().err
 
 
 def test_a_format_that_there_is_not_is_named(manifest, tmp_path):

@@ -20,9 +20,11 @@ from gmrdata.gmr.predict import load_gmr, predict_deltas
 from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
 from gmrdata.read.body_file import save_body
 from gmrdata.read.emdb import read_emdb
+from gmrdata.read.threedpw_files import read_sequence_file
 from gmrdata.values import transforms
-from gmrdata.values.clip import Clip, camera_of, save_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.skinning import motion_joints_m
+from gmrdata.world.judge import load_record
 from tests.clip_manifests import write_clips
 from tests.pages.solved_video import solved_video
 from tests.write.rerun_files import Recorded
@@ -99,6 +101,27 @@ def test_3dpw_of_another_body_is_said(walkers, small_body, tmp_path, works):
     answer = works("export", manifest, "--to", "3dpw", "--out", tmp_path / "out")
     said = " ".join(answer.stderr.split())
     assert "of the body small, and all but gmrdata take them for SMPL's" in said
+
+
+def test_of_a_sequence_s_folder_no_frame_of_a_rejected_person_is_valid(small_body, tmp_path, works):
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body)
+    clip = load_clip(folder / "pseudo_gt/person_0.npz")
+    motion = replace(clip.motion, gender="female", fps_hz=30.0)
+    clip = replace(clip, motion=motion, image_numbers=np.arange(motion.n_frames))
+    for number in range(2):
+        path = folder / f"pseudo_gt/person_{number}.npz"
+        save_clip(path, replace(clip, id=f"p{number}"), small_body.rest_pelvis_m(motion.shape))
+    record = load_record(folder / "pseudo_gt")
+    rejected = replace(record.people[0], accepted=False, reasons=("it floats",))
+    both = {name: 2 * getattr(record, name) for name in ("distance_sigmas", "picture_fits")}
+    both["people"] = (*record.people, rejected)
+    record.model_copy(update=both).write(folder / "pseudo_gt/quality.json")
+    answer = works("export", folder, "--to", "3dpw", "--out", tmp_path / "out")
+    assert "clip p1 has no valid frame: campose_valid is 0 in all frames" in answer.stderr
+    (path,) = (tmp_path / "out").rglob("*.pkl")
+    valid = [person.campose_valid for person in read_sequence_file(path).people]
+    assert valid[0].sum() == clip.valid.sum() > 0 and not valid[1].any()
 
 
 def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_path, refusal):

@@ -143,6 +143,25 @@ def test_of_a_demo_the_result_is_taken_and_the_rendered_clip_is_its_truth(
     np.testing.assert_allclose(exported.truth.motion.pelvis_m, clip.motion.pelvis_m)
 
 
+def test_a_truth_is_read_as_a_clip_is(clip, small_body, tmp_path):
+    """Rows that its manifest drops were used all the same, and NaN ended in a traceback."""
+    truth = write_clips(tmp_path, small_body, [clip])
+    data = yaml.safe_load(truth.read_text())
+    rows = {"kept": [{"start": 0, "stop": 4}], "dropped": [{"start": 4, "stop": 30, "reason": "a"}]}
+    data["clips"][0] |= rows
+    truth.write_text(yaml.safe_dump(data))
+    (files,) = list_clips(tmp_path / "walk.npz")
+    files = replace(files, truth_files=list_clips(truth)[0])
+    found = load_exported(files)
+    assert found.truth is not None and found.truth.valid.sum() == 4 < found.clip.valid.sum()
+    pelvis_m = clip.motion.pelvis_m.copy()
+    pelvis_m[3] = np.nan
+    broken = replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m))
+    (truth_files,) = list_clips(save(tmp_path / "broken.npz", broken, small_body))
+    with pytest.raises(BadMotionFile, match=r"broken\.npz: arrays\.trans: NaN .* in kept row 3"):
+        load_exported(replace(files, truth_files=truth_files))
+
+
 def test_the_motions_of_inference_are_clips(clip, small_body, tmp_path):
     for name in ("person_2", "person_1"):
         save(tmp_path / name / "clip.npz", replace(clip, id=name), small_body)
@@ -196,6 +215,10 @@ def test_what_holds_no_clips_says_what_to_name(clip, small_body, tmp_path):
         (tmp_path / name).mkdir()
     with pytest.raises(MissingInput, match=r"Name a manifest \(\.yaml\) or a clip's file"):
         list_clips(tmp_path)
+    (tmp_path / "alone" / "sfm").mkdir(parents=True)
+    (tmp_path / "alone" / "sfm" / "cameras.npz").touch()
+    with pytest.raises(MissingInput, match=r"cameras alone, .* of people. The .* in .*alone/files"):
+        list_clips(tmp_path / "alone")
     manifest = write_clips(tmp_path, small_body, [clip], camera_motions=["circular"])
     with pytest.raises(MissingInput, match=r"no clip run; there are walk"):
         list_clips(manifest, ["run"])
