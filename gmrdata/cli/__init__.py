@@ -11,13 +11,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import fields, is_dataclass
 from functools import wraps
-from inspect import getdoc, isfunction, signature
+from inspect import getdoc, isclass, isfunction, signature
 from itertools import chain
 from pathlib import Path
 from types import ModuleType
-from typing import Any, get_args
+from typing import Annotated, Any, get_args, get_origin
 
 import tyro
+from tyro.conf import Positional, UseAppendAction
 
 import gmrdata.cli.doctor as _doctor
 from gmrdata import __version__
@@ -57,12 +58,8 @@ RENAMED: Mapping[str, Mapping[str, str]] = {
 """Of each verb, flags of earlier versions and what stands for them now."""
 
 
-ALL_AT_ONCE: Mapping[str, Collection[str]] = {
-    "delta-errors": ("--network", "--people"),
-    "video": ("--height-m",),
-}
-"""Of each verb, flags of several values that one means to add to where one gives them again; of any
-other flag the last one counts, as scripts rely on."""
+NO_LISTS = (Positional, UseAppendAction)
+"""Marks of what is no flag, and of flags that add to what was given before."""
 
 
 def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
@@ -76,10 +73,27 @@ def misspelled(arguments: Sequence[str], verbs: Collection[str]) -> str | None:
 
 
 def _repeated(verb: str, rest: Sequence[str]) -> Iterator[str]:
+    """Flags of several values that one means to add to where one gives them again; of any other
+    flag the last one counts, as scripts rely on."""
     flags = Counter(word.split("=")[0].replace("_", "-") for word in rest)
-    for flag in ALL_AT_ONCE.get(verb, ()):
+    for flag in lists_of(VERBS[verb]):
         if flags[flag] > 1:
             yield f"{flag} is given {flags[flag]} times. Give it once, with all its values after it"
+
+
+def lists_of(call: Callable[..., object]) -> Iterator[str]:
+    """Flags of several values of a verb, of its own verbs, which bear its name, and of its groups
+    of flags; not those that add to what was given before."""
+    for name, own in vars(sys.modules[call.__module__]).items():
+        if name.startswith(f"{call.__name__}_") and isfunction(own):
+            yield from lists_of(own)
+    for name, parameter in signature(call).parameters.items():
+        said = parameter.annotation
+        kind, *marks = get_args(said) if get_origin(said) is Annotated else (said,)
+        if isclass(kind) and is_dataclass(kind):
+            yield from lists_of(kind)
+        elif get_args(kind)[1:] == (...,) and not any(mark in NO_LISTS for mark in marks):
+            yield f"--{name.replace('_', '-')}"
 
 
 def _renamed(verb: str, rest: Sequence[str]) -> Iterator[str]:

@@ -39,7 +39,7 @@ from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values import plain_yaml
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import write_text
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles
@@ -137,9 +137,8 @@ def choose_files(
     if trials:
         filmed = tuple(_named(trial, files, folder) for trial in trials)
     else:
-        fitting = (
-            file for file in files if _fits(read_motion(file.path, body, ground=True), recipe.film)
-        )
+        read = ((file, _readable(file, body)) for file in files)
+        fitting = (file for file, motion in read if motion and _fits(motion, recipe.film))
         filmed = tuple(islice(fitting, n_clips))
     if len(filmed) != n_clips:
         raise MissingInput(
@@ -159,6 +158,15 @@ def _named(trial: str, files: Sequence[LibraryFile], folder: Path) -> LibraryFil
         ids = ", ".join(file.id for file in found)
         raise BadRecipe(f"--trials {trial}: {folder} has several. Name one of {ids}")
     return found[0]
+
+
+def _readable(file: LibraryFile, body: BodyModel) -> Motion | None:
+    """The motion of a file that nobody asked for by name; None if it can't be read, and says so."""
+    try:
+        return read_motion(file.path, body, ground=True)
+    except BadMotionFile as error:
+        remark(f"left out: {error}")
+        return None
 
 
 def _fits(motion: Motion, film: Film) -> bool:
@@ -213,8 +221,8 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
     )
     motions = [(f"gait_{index:03d}", motion) for index, motion in enumerate(gaits)]
     for file in track(files.training, "reading training motions") if files.training else ():
-        motion = read_motion(file.path, body, ground=True)
-        if motion.n_frames / motion.fps_hz >= SHORTEST_S:
+        motion = _readable(file, body)
+        if motion and motion.n_frames / motion.fps_hz >= SHORTEST_S:
             motions.append((file.id, resample(motion, training.fps_hz)))
     return [
         Clip(id, motion, np.ones(n := motion.n_frames, dtype=bool), np.full(n, -1), None)

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import FiniteFloat, TypeAdapter, ValidationError
 from rich.markup import escape
 
-from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe, MotionsConfig
+from gmrdata.cli.demo_recipe import FPS_HZ, DemoClip, DemoPaths, DemoRecipe, MotionsConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.pages import report_data
 from gmrdata.pages.report import summary_table, write_overview, write_report
@@ -23,8 +23,6 @@ from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import read_json_lines
 from gmrdata.world.judge import load_record
-
-FPS_HZ = 10.0  # rate at which all errors are measured [Hz]: the paper's
 
 
 def _curve(path: Path) -> tuple[tuple[int, float], ...]:

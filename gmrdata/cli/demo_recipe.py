@@ -10,8 +10,11 @@ from gmrdata.film.render import RenderConfig
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.values import limits
+from gmrdata.values.motion import whole_ratio
 from gmrdata.values.people import person_file
 from gmrdata.values.records import Config
+
+FPS_HZ = 10.0  # rate at which all errors are measured [Hz]: the paper's
 
 
 class DemoClip(Config):
@@ -58,6 +61,9 @@ class DemoRecipe(Config):
         ids = [clip.id for clip in self.clips]
         if len(ids) != len(set(ids)):
             raise ValueError(f"clip ids must be unique, these are not: {', '.join(ids)}")
+        if self.film.fps_hz is not None and whole_ratio(self.film.fps_hz, FPS_HZ) is None:
+            what = f"errors are measured at {FPS_HZ:g} fps, and {self.film.fps_hz:g} is no multiple"
+            raise ValueError(f"film.fps_hz: {what}. Film at 10, 20 or 30")
         return self
 
 

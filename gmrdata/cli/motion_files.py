@@ -10,7 +10,7 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, answer_json, print_table, then
 from gmrdata.cli.options import Manifest, Manifests, need
 from gmrdata.stage.progress import answers
-from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError
 
 if TYPE_CHECKING:
     from gmrdata.motion.library import MotionTable
@@ -185,13 +185,13 @@ def manifest_check(
         try:
             check_manifest(path, hashes=hashes, files=files)
         except GmrdataError as error:
-            if not as_json:
-                raise
             problems.append(str(error))
             continue
         problems.append(None)
         if not as_json:
             answer(f"{path}: good")
+    if not as_json and any(problems):
+        raise BadManifest("\n".join(filter(None, problems)))
     if as_json:
         checked = zip(map(str, paths), problems, strict=True)
         rows = [{"path": path, "good": why is None, "problem": why} for path, why in checked]

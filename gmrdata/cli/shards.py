@@ -17,6 +17,7 @@ from gmrdata.values.records import Record
 COMMAND_FILE = ".shards.json"
 SHARD_FLAG, OUT_FLAG = "--shard", "--out"
 SHARED_VERBS = ("motions", "render", "video", "threedpw", "floor", "tables", "run")
+LOOKS = {"--dry-run", "--preview"}  # flags with which nothing is made
 GONE = ("--print-slurm", "--print-kubernetes")
 
 
@@ -31,7 +32,7 @@ class CommandRecord(Record):
 
 @contextmanager
 def share(arguments: Sequence[str]) -> Iterator[None]:
-    """Keep the command of a share for `gmrdata merge`, until the whole is made and nothing failed.
+    """Keep the command of a share that ended for `gmrdata merge`.
 
     Ends with 0 where this share is made and others are left; with 1 where some of it failed.
     """
@@ -39,18 +40,18 @@ def share(arguments: Sequence[str]) -> Iterator[None]:
     if gone := [flag for flag in GONE if flag in typed]:
         fail(f"{gone[0]} is gone: docs/scale.md, Slurm and Kubernetes, has such a script", code=2)
     out = _values(typed).get(OUT_FLAG)
-    kept = None if out is None or SHARD_FLAG not in typed else Path.cwd() / out / COMMAND_FILE
+    left = None
     try:
         yield
-    except OthersLeft as left:
-        if kept is not None:
-            CommandRecord(arguments=tuple(typed), folder=str(Path.cwd())).write(kept)
-        if left.failed:
-            fail(str(left))
+    except OthersLeft as others:
+        left = others
+    if out is not None and SHARD_FLAG in typed and not LOOKS & {*typed}:
+        record = CommandRecord(arguments=tuple(typed), folder=str(Path.cwd()))
+        record.write(Path.cwd() / out / COMMAND_FILE)
+    if left is not None and left.failed:
+        fail(str(left))
+    if left is not None:
         remark(str(left))
-    else:
-        if kept is not None:
-            kept.unlink(missing_ok=True)
 
 
 def _parted(arguments: Sequence[str]) -> list[str]:
@@ -88,9 +89,7 @@ def merge(out: Positional[Path]) -> None:
 
     path = out / COMMAND_FILE
     if not path.is_file():
-        raise MissingInput(
-            f"{out}: nothing is left to merge: a shard made the whole, or none ended"
-        )
+        raise MissingInput(f"{out}: nothing to merge: no shard ended here. Run them first")
     record = CommandRecord.read(path)
     arguments = merging(path, record, out)
     with chdir(record.folder):

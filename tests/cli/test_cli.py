@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from gmrdata import __version__
-from gmrdata.cli import RENAMED, VERBS
+from gmrdata.cli import RENAMED, VERBS, lists_of
 from gmrdata.film.blender_environment import PYTHON_NAME, blender_python
 from gmrdata.pages.report_data import ClipSummary, GmrSummary, Summary
 from gmrdata.read.models import MODELS, models_dir
@@ -391,11 +391,42 @@ def test_version(gmrdata):
             2,
             "--height-m is given 2 times. Give it once, with all its values after it",
         ),
+        ("export x --to tum --out o --to=bvh", 2, "--to is given 2 times. Give it once"),
+        ("baseline mean m --training a --training b", 2, "--training is given 2 times."),
     ],
 )
 def test_a_wrong_word_gets_the_right_one(gmrdata, typed, code, said):
     answer = gmrdata(*typed.split())
     assert answer.returncode == code and said in " ".join(answer.stderr.split())
+
+
+def test_flags_of_several_values_are_found_by_their_types():
+    found = {verb: set(lists_of(VERBS[verb])) for verb in VERBS}
+    assert {verb: flags for verb, flags in found.items() if flags} == {
+        "demo": {"--trials"},
+        "masks": {"--classes", "--masks"},
+        "sfm": {"--classes", "--masks"},
+        "video": {"--classes", "--height-m", "--masks"},
+        "threedpw": {"--sequences"},
+        "train": {"--held-out"},
+        "delta-errors": {"--network", "--people"},
+        "fuse": {"--loops"},
+        "evaluate": {"--original", "--person"},
+        "compare": {"--names"},
+        "export": {"--clips", "--to"},
+        "baseline": {"--person", "--training"},
+        "tables": {"--held-out-subjects", "--seeds"},  # --manifest and --videos may be repeated
+    }
+
+
+def test_every_manifest_is_checked(gmrdata, small_body, tmp_path):
+    """It stopped at the first bad one."""
+    walk = walking_clips(small_body, ["walk"], duration_s=0.2)
+    good = write_clips(tmp_path, small_body, walk)
+    gone = [tmp_path / "a.yaml", tmp_path / "b.yaml"]
+    answer = gmrdata("manifest", "check", gone[0], good, gone[1])
+    fails_cleanly(answer, *(f"{path}: no such" for path in gone))
+    assert answer.stdout == f"{good}: good\n"
 
 
 def test_an_old_flag_names_the_new_one(gmrdata):

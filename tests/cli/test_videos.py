@@ -152,10 +152,24 @@ def test_shards_and_merge_leave_the_bytes_of_one_process(command, gmrdata, tmp_p
     assert contents(shared).keys() - contents(alone).keys() == {COMMAND_FILE}
     assert contents(alone).items() <= contents(shared).items()
     assert leftovers(shared) == leftovers(alone) == []
-    # Without the file that can't be read a shard finds everything made, and nothing is left.
+    # Without the file that can't be read a shard finds everything made, and merge says where.
     (tmp_path / "motions" / "broken.bvh").unlink()
     assert shard("2/3").returncode == 0
-    assert "nothing is left to merge" in gmrdata("merge", shared).stderr
+    for _ in range(2):
+        merged = gmrdata("merge", shared)
+        assert merged.returncode == 0 and merged.stdout == f"{shared / 'motions.yaml'}\n"
+
+
+def test_one_shard_of_one_is_merged_and_a_dry_run_is_none(walks_command, gmrdata, works, tmp_path):
+    out = tmp_path / "out"
+    command = (*walks_command(1), "--out", out, "--shard", "1/1", "--workers", "1")
+    works(*command, "--dry-run")
+    assert not out.exists()
+    out.mkdir()
+    fails_cleanly(gmrdata("merge", out), "nothing to merge: no shard ended here")
+    works(*command)
+    works(*command, "--dry-run")
+    assert works("merge", out).stdout == f"{out / 'motions.yaml'}\n"
 
 
 def test_a_wrong_share_is_refused(gmrdata, tmp_path):
