@@ -63,11 +63,12 @@ def _show_training(
     manifests: tuple[Path, ...], held_out: tuple[Path, ...], out: Path, config: "TrainConfig"
 ) -> None:
     """What would be trained on, and about how long it takes."""
-    from gmrdata.gmr.runs import split_manifests, usable_files
+    from gmrdata.gmr.runs import not_trained_on, split_manifests, usable_files
     from gmrdata.paper.plan import probe_training
 
     split = split_manifests(manifests, config.data)
-    scored = [*split.held_out, *(file for path in held_out for file in usable_files(path)[0])]
+    asked = [file for path in held_out for file in usable_files(path)[0]]
+    scored = [*not_trained_on(asked, split.training), *split.held_out]
     rows = [
         (what, str(len(files)), str(sum(file.entry.n_frames for file in files)))
         for what, files in (("trained on", split.training), ("scored", scored))

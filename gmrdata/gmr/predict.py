@@ -73,7 +73,7 @@ def load_gmr(network: Path | str, which: Which = "latest") -> TrainedGmr:
     kept = trained_checkpoint(folder)
     state, model = read_state(kept), read_model(kept, which).eval()
     step = state.best.step if which == "best" and state.best is not None else state.step
-    return TrainedGmr(model, state.fps_hz, folder.name, step)
+    return TrainedGmr(model, state.fps_hz, folder.resolve().name, step)
 
 
 def read_bundle(folder: Path) -> tuple[Bundle, Gmr | MeanGmr]:

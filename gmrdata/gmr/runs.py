@@ -144,12 +144,14 @@ def run_slices(valid: np.ndarray, step: int, n_phases: int) -> list[slice]:
     ]
 
 
-def check_rate(clip_id: str, fps_hz: float, wanted_hz: float) -> None:
+def check_rate(
+    clip_id: str, fps_hz: float, wanted_hz: float, remedy: str = "Use a source of a higher rate"
+) -> None:
     """Refuse a frame rate below the wanted one [Hz], with a BadMotionFile."""
     if fps_hz / wanted_hz < 1 - 1e-3:
         raise BadMotionFile(
             f"clip {clip_id}: {fps_hz:g} fps is lower than {wanted_hz:g} fps, so frames would have"
-            " to be made up. Use a source of a higher rate"
+            f" to be made up. {remedy}"
         )
 
 

@@ -197,7 +197,8 @@ def predict_joint(
             whose, remedy = f"clip {one.clip.id}: of", "Give the clips' own body"
             body = given_body(one.clip.motion, bodies, BadMotionFile, whose, remedy)
             found.append(seen_in_features(model, one, features, body))
-        kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
+        kind = predictions.NetworkPredictions
+        figures = predictions.NetworkFigures(run=run_dir.resolve().name)
         predictions.write_predictions(partial_dir, "joint", found, left_out, kind, figures)
 
     # There is nothing to choose: the frame rate is the network's.

@@ -21,6 +21,7 @@ from gmrdata.gmr.runs import (
 )
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Clip
+from gmrdata.manifest.read import read_data_set
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.paper import ScaleName, comparison
 from gmrdata.paper.joint import predict_joint, split_videos, train_joint
@@ -132,7 +133,13 @@ def make_table(
         name: [Scores.read(scores_dir / one.id / "scores.json") for one in ones]
         for name, ones in plan.scorings.items()
     }
-    return comparison.write_table(out_dir, _record(plan, scores))
+    manifest = read_data_set(_scored_manifest(given, out_dir))
+    classes = {one.id: one.camera_motion for one in manifest.clips}
+    return comparison.write_table(out_dir, _record(plan, scores, classes))
+
+
+def _scored_manifest(given: Given, out_dir: Path) -> Path:
+    return given.scored or out_dir / "held_out" / "manifest.yaml"
 
 
 def _data_config(plan: Plan) -> DataConfig:
@@ -140,10 +147,16 @@ def _data_config(plan: Plan) -> DataConfig:
     return train_config(plan.recipe, plan.recipe.rows[0], plan.scale, 0, plan.subjects).data
 
 
-def _record(plan: Plan, scores: Mapping[str, Sequence[Scores]]) -> comparison.TableRecord:
-    recipe = plan.recipe
+def _record(
+    plan: Plan, scores: Mapping[str, Sequence[Scores]], classes: Mapping[str, str]
+) -> comparison.TableRecord:
+    """The table; `classes` are those of the set's clips' cameras, by id."""
+    recipe, lacking = plan.recipe, dict(plan.lacking)
     fullest = max(chain(*scores.values()), key=lambda one: one.overall.n_motions)
-    rows = [_row(plan, row, scores.get(row.name, ())) for row in recipe.rows]
+    rows = [_row(plan, row, scores.get(row.name, ()), classes) for row in recipe.rows]
+    for row in rows:
+        if row.ours is None and row.name not in lacking:
+            lacking[row.name] = [f"a prediction of a clip whose camera {_DOES[row.clips]}"]
     zero_motion = comparison.TableRow(
         name="no motion at all", name_in_paper=None, method="zero", clips="all", seeds=(),
         settings=None, paper=PaperMetrics(**dict.fromkeys(METRICS)),
@@ -154,17 +167,25 @@ def _record(plan: Plan, scores: Mapping[str, Sequence[Scores]]) -> comparison.Ta
         table=recipe.table,
         title=recipe.title,
         scale=plan.scale,
-        note=recipe.scales[plan.scale].note,
+        # It is of the trainings, and a given network may stand for all of them.
+        note=recipe.scales[plan.scale].note if plan.trainings else "",
         data=_data(plan, fullest.overall),
         rows=(*rows, zero_motion),
-        lacking={name: tuple(wanted) for name, wanted in plan.lacking.items()},
+        lacking={name: tuple(wanted) for name, wanted in lacking.items()},
         statements=tuple(comparison.orderings(rows)),
     )
 
 
-def _row(plan: Plan, row: Row, scores: Sequence[Scores]) -> comparison.TableRow:
+def _row(
+    plan: Plan, row: Row, scores: Sequence[Scores], classes: Mapping[str, str]
+) -> comparison.TableRow:
     used = {one.training for one in plan.scorings.get(row.name, ())}
     configs = [config for id, config in plan.trainings.items() if id in used]
+    # Frames and clips are left out before a network sees them, so a row's seeds have the same.
+    skipped = scores[0].skipped if scores else {}
+    left_out = {id: why for id, why in skipped.items() if _counts(row, classes[id])}
+    counted = [clip for one in scores[:1] for clip in one.clips if _counts(row, clip.camera_motion)]
+    is_made = bool(counted) or (bool(scores) and not left_out)
     return comparison.TableRow(
         name=plan.shown_name(row),
         name_in_paper=row.name if row.paper else None,
@@ -173,15 +194,9 @@ def _row(plan: Plan, row: Row, scores: Sequence[Scores]) -> comparison.TableRow:
         paper=PaperMetrics(**{metric: row.paper.get(metric) for metric in METRICS}),
         seeds=tuple(config.seed for config in configs),
         settings=configs[0].model_dump(mode="json", exclude={"seed"}) if configs else None,
-        ours=_over_seeds(scores, "predicted", row) if scores else None,
-        # Frames are left out before a network sees them, so a row's seeds have the same.
-        dropped_frames=sum(
-            clip.dropped_frames
-            for one in scores[:1]
-            for clip in one.clips
-            if _counts(row, clip.camera_motion)
-        ),
-        left_out=scores[0].skipped if scores else {},
+        ours=_over_seeds(scores, "predicted", row) if is_made else None,
+        dropped_frames=sum(clip.dropped_frames for clip in counted),
+        left_out=left_out,
     )
 
 
@@ -204,16 +219,20 @@ def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None)
     groups = [group for name, group in scores.camera_motion.items() if _counts(row, name)]
     n_motions = sum(group.n_motions for group in groups)
     if not n_motions:
-        does = "stands still" if row.clips == "still" else "moves"
-        what = f"of the scored clips none has a camera that {does}"
+        what = f"of the scored clips none has a camera that {_DOES[row.clips]}"
         raise BadManifest(f"row {row.name!r}: {what}. Give a set with both, like clips and twins")
     sums = [group.paper().get(method).get(metric) * group.n_motions for group in groups]
     return sum(sums) / n_motions
 
 
+_DOES = {"still": "stands still", "moving": "moves"}
+
+
 def _counts(row: Row, camera_motion: str) -> bool:
     """Whether clips of a class of camera motion count in a row."""
-    return row.clips == "all" or (camera_motion == "static") == (row.clips == "still")
+    if row.clips == "all":
+        return True
+    return camera_motion != "none" and (camera_motion == "static") == (row.clips == "still")
 
 
 def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
@@ -266,7 +285,7 @@ def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:
 
     Frames and clips without a prediction are left out: estimators don't see all.
     """
-    manifest = given.scored or out_dir / "held_out" / "manifest.yaml"
+    manifest = _scored_manifest(given, out_dir)
     scores_dir, config = out_dir / "scores" / scoring.id, ScoreConfig()
     if scoring.row.method == "gmr" and scoring.row.poses == "true":
         predictor = _network(scoring, given, out_dir)

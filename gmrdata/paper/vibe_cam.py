@@ -204,7 +204,8 @@ def infer_poses(
         bodies = load_bodies(body_path)
         seen = (load_poses(inputs[f"poses_{one.clip.id}"], one.clip, bodies) for one in subjects)
         found = [_moved(gmr, one, *posed) for one, posed in zip(subjects, seen, strict=True)]
-        kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
+        kind = predictions.NetworkPredictions
+        figures = predictions.NetworkFigures(run=run_dir.resolve().name)
         predictions.write_predictions(partial_dir, "gmr", found, left_out, kind, figures)
 
     # There is nothing to choose.

@@ -108,7 +108,7 @@ def clip_errors(
     return replace(
         found,
         protocol={method: _pooled_values(protocol, pairs[method]) for method in METHODS},
-        protocol_fps_hz=clip.worlds[0][0].true.fps_hz,
+        protocol_fps_hz=clip.worlds[0][0].true.fps_hz if clip.worlds else protocol.fps_hz,
         seen_in=_seen_in(clip.worlds, protocol) if _needs_camera(protocol) else None,
         pairs=pairs if across else {},
     )
@@ -244,6 +244,8 @@ def _needs_camera(protocol: Protocol) -> bool:
 
 def _seen_in(worlds: Sequence[World], protocol: Protocol) -> SeenIn | None:
     runs = [run for world in worlds for run in world]
+    if not runs:
+        return None
     if all(run.true_cam_rotmats is not None for run in runs):
         if all(run.predicted_cam_rotmats is not None for run in runs):
             return "own_camera"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmrdata.gmr.runs import UsableClip, run_slices, runs_at
+from gmrdata.gmr.runs import UsableClip, check_rate, run_slices, runs_at
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import BodyModel, on_body
 from gmrdata.values.clip import Clip, load_clip
@@ -60,7 +60,7 @@ class PredictedClip:
     clip_id: str
     camera_motion: str
     runs: tuple[PredictedRun, ...]  # for OME, TME, VME and vertex error over time, at their rate
-    worlds: tuple[World, ...]  # for a protocol, at the prediction's own rate
+    worlds: tuple[World, ...]  # for a protocol, at its rate; none where all runs are too short
     dropped_frames: int = 0  # valid frames, at the prediction's rate, without a prediction
     camera_paths_m: tuple[np.ndarray, np.ndarray] | None = None
     """(N, 3) the prediction's own camera and the true one, in the frames that both have [m]."""
@@ -131,12 +131,21 @@ def whole_steps(valid: np.ndarray, step: int) -> np.ndarray:
 
 
 def on_rows(predicted: Clip, true: Clip, wanted: np.ndarray) -> Clip:
-    """A prediction at a clip's rate or a k-th of it, `valid` on `wanted` (T,) rows of it alone."""
+    """A prediction at a clip's rate or a k-th of it, with its body and its camera on `wanted` (T,)
+    rows of it alone."""
     step = whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz) or 1
     rows = wanted[::step][: predicted.motion.n_frames]
     valid = predicted.valid.copy()
     valid[: len(rows)] &= rows
-    return replace(predicted, valid=valid)
+    camera = predicted.camera
+    if camera is not None:
+        camera = replace(camera, has_camera=camera.has_camera & valid)
+    return replace(predicted, valid=valid, camera=camera)
+
+
+def known_rows(path: Path, predicted: Clip, true: Clip) -> np.ndarray:
+    """(N,) bool: rows that a prediction has in the world, as `clip_beside_truth` takes them."""
+    return _in_world(path, predicted, _at_its_rate(path, predicted, true)).valid
 
 
 def file_clip(
@@ -170,6 +179,8 @@ def clip_beside_truth(
 ) -> PredictedClip | str:
     """A predicted clip beside the true one, as `file_clip` says; `path` is of its file."""
     true = _at_its_rate(path, predicted, one.clip)
+    remedy = f"Predict at a higher rate, or pass --fps-hz {predicted.motion.fps_hz:g}"
+    check_rate(str(path), predicted.motion.fps_hz, how.fps_hz, remedy)
     paths_m = _camera_paths(predicted, true)
     took_true_camera = predicted.motion.frame == "camera" and predicted.camera is None
     whole = predicted = _in_world(path, predicted, true)
@@ -189,7 +200,7 @@ def clip_beside_truth(
         one.clip.id,
         one.camera_motion,
         runs,
-        (world,),
+        (world,) if world else (),
         n_missing,
         paths_m,
         (int(numbers[0]), int(numbers[-1]) + 1),
@@ -280,12 +291,18 @@ def _first_rows(clip: Clip, name: str, valid: np.ndarray) -> Clip:
 def _frame_numbers(clip: Clip, fps_hz: float) -> np.ndarray:
     """Numbers of a clip's rows among the video's frames at a rate of which its own is a multiple.
 
-    They are those of its images, or of its rows where it has none.
+    They are those of its images, which may be every other one, or of its rows where it has none; a
+    row without an image counts from one that has.
     """
     numbers, step = clip.image_numbers, whole_ratio(clip.motion.fps_hz, fps_hz) or 1
-    if (numbers < 0).any():
-        numbers = np.arange(len(numbers))
-    return np.asarray(numbers[::step] // step)
+    rows, known = np.arange(len(numbers)), np.flatnonzero(numbers >= 0)
+    if not known.size:
+        return np.asarray(rows[::step] // step)
+    apart = np.diff(numbers[known]) / np.diff(known)
+    stride = max(1, round(float(np.median(apart)))) if apart.size else 1
+    before = known[(np.searchsorted(known, rows, side="right") - 1).clip(min=0)]
+    numbers = numbers[before] + stride * (rows - before)
+    return np.asarray(numbers[::step] // (stride * step))
 
 
 def _world(true: Clip, predicted: Clip, fps_hz: float, numbers: np.ndarray) -> World:

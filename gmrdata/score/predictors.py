@@ -24,6 +24,7 @@ from gmrdata.score.predictions import (
     PredictedClip,
     clip_beside_truth,
     file_clip,
+    known_rows,
     network_clip,
     rows_between,
     whole_steps,
@@ -135,7 +136,7 @@ def network_source(run_dir: Path, config: ScoreConfig) -> Source:
         predict = partial(network_clip, gmr, how=config.pairing())
         return Predictor(gmr.name, model, gmr.fps_hz, predict)
 
-    return Source(run_dir.name, {"run": run_dir}, opened)
+    return Source(run_dir.resolve().name, {"run": run_dir}, opened)
 
 
 def clips_source(one: ClipFiles, config: ScoreConfig, beside: "ResultSets") -> Source:
@@ -213,15 +214,13 @@ class ResultSets:
         With `missing` "drop" all are scored on the frames that each of them has.
         """
         people = people_of_clips(one, self.names, self.config.person)
-        files = {f"result_{n}": file for n, file in enumerate(one.files)}
-        inputs = self.inputs() if self.config.missing == "drop" else files
+        inputs = self.inputs() if self.config.missing == "drop" else _result_files([one])
         return Source(one.name, inputs, lambda: self._opened(one, people))
 
     def inputs(self) -> dict[str, Path]:
         """The files of all that are scored, by their part."""
-        files = dict.fromkeys(file for other in self.sets for file in other.files)
         folders = {f"clips_{n}": folder for n, folder in enumerate(self.clip_folders)}
-        return {f"result_{n}": file for n, file in enumerate(files)} | folders
+        return _result_files(self.sets) | folders
 
     def shared_rows(self, true: Clip) -> np.ndarray:
         """(T,) bool: rows of a clip in which all who predict it do so.
@@ -250,7 +249,7 @@ class ResultSets:
         for folder in self.clip_folders:
             if (path := folder / f"{true.id}.npz").is_file():
                 clip = load_clip(path)
-                yield clip.valid, clip.motion.fps_hz
+                yield known_rows(path, clip, true), clip.motion.fps_hz
 
     @cached_property
     def _people(self) -> list[dict[str, EstimatedPerson]]:
@@ -293,6 +292,16 @@ class ResultSets:
             _require_same_video(result, true, len(set(self._images(true))))
         rows = RowsOfVideo(self._frames(true), shared)
         return matched_clip(result, person, true, body, self.config.camera, rows)
+
+
+def _result_files(sets: Sequence[ResultSet]) -> dict[str, Path]:
+    """The files of some sets, by the set and the clip that they are of: only their names say it."""
+    return {
+        f"result_{one.name}/{id}/{n}": file
+        for one in sets
+        for id, result in one.results.items()
+        for n, file in enumerate(result.files)
+    }
 
 
 def _require_same_video(result: EstimatedPeople, true: Clip, n_images: int) -> None:

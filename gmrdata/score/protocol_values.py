@@ -80,8 +80,8 @@ def values_together(
     frames are laid one behind the other, person by person, and aligned jointly, by the first frames
     of that row where only those are.
     """
-    first = min(pair.video_frames[0] for pair in pairs)
-    n_frames = max(pair.video_frames[1] for pair in pairs) - first
+    first = min((pair.video_frames[0] for pair in pairs), default=0)
+    n_frames = max((pair.video_frames[1] for pair in pairs), default=0) - first
     found: dict[ProtocolMetric, list[Samples]] = {metric: [] for metric in protocol.metrics}
     whole = protocol.model_copy(update={"people": "apart"})
     for start, stop in metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder):
@@ -101,11 +101,13 @@ def accelerations_over_clips(
 ) -> list[dict[ProtocolMetric, Samples]]:
     """Accelerations of clips laid one behind the other, as VIBE takes them; one table per clip.
 
-    What is taken from one clip to the next counts as the later one's.
+    What is taken from one clip to the next counts as the later one's.  What no camera sees is left
+    out.
     """
     wanted = [one for one in protocol.metrics if one in ACCELERATIONS]
+    clips = [[pair for pair in clip if pair.seen is not None] for clip in clips]
     pairs = [pair for clip in clips for pair in clip]
-    if any(pair.seen is None for pair in pairs):
+    if not pairs:
         return [{metric: np.zeros(0) for metric in wanted} for _ in clips]
     both = zip(*(_from_hips(protocol, pair) for pair in pairs), strict=True)
     laid = [np.concatenate(parts) for parts in both]

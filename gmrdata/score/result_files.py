@@ -53,10 +53,6 @@ class ResultSet:
     results: Mapping[str, EstimatedPeople]  # by the clip's id
     by_id: frozenset[str]  # clips whose id, not only their sequence, the file or folder is named by
 
-    @property
-    def files(self) -> tuple[Path, ...]:
-        return tuple(dict.fromkeys(path for one in self.results.values() for path in one.files))
-
 
 @dataclass(frozen=True)
 class ClipFiles:

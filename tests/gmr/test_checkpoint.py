@@ -56,6 +56,11 @@ def test_everything_comes_back(run_dir):
     assert load_gmr(run_dir).step == 40
 
 
+def test_a_run_has_its_folders_name_wherever_it_is_called_from(run_dir, monkeypatch):
+    monkeypatch.chdir(run_dir)
+    assert load_gmr(".").name == run_dir.name
+
+
 def test_only_the_latest_stays_and_its_bytes_repeat(run_dir, tmp_path):
     keep_gmr(run_dir, 80, *stepped())
     assert sorted(p.name for p in (run_dir / "checkpoints").iterdir()) == [

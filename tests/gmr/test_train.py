@@ -307,3 +307,15 @@ def test_a_dry_run_times_a_few_seconds(
     main(["train", str(manifest_path), "--recipe", str(recipe), "--out", str(out), "--dry-run"])
     said = " ".join(capsys.readouterr().out.split())
     assert f"minutes (by passes over 4 windows of {frames} of 64 frames, timed here" in said
+
+
+def test_a_dry_run_counts_no_clip_as_scored_that_is_trained_on(
+    manifest_path, held_out_path, tmp_path, capsys
+):
+    """The training scores none of them."""
+    recipe = tmp_path / "small.yaml"
+    recipe.write_text("{recipe: gmr, train: {model: {hidden: 8, layers: 1}, batch_size: 4}}")
+    asked = ["train", str(manifest_path), "--recipe", str(recipe), "--out", str(tmp_path / "out")]
+    main([*asked, "--held-out", str(manifest_path), str(held_out_path), "--dry-run"])
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["trained", "on", "2", "160"] in rows and ["scored", "1", "80"] in rows

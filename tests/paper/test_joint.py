@@ -244,7 +244,9 @@ def test_a_window_played_backwards(walks):
     torch.testing.assert_close(back, ahead.flip(1).transpose(-1, -2))
 
 
-def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, body_path, tmp_path):
+def test_every_run_is_a_sequence_of_its_own(
+    walks, small_body, write_set, body_path, tmp_path, monkeypatch
+):
     """And one frame alone is a pose; rows beside a gap are not valid at the lower rate.  A clip
     without features is left out."""
     valid = np.ones(80, bool)
@@ -267,6 +269,10 @@ def test_every_run_is_a_sequence_of_its_own(walks, small_body, write_set, body_p
     with torch.no_grad():
         alone = model.eval()(torch.from_numpy(told(clip)[24:25])[None]).local_rotmats[0, 0]
     np.testing.assert_allclose(found.motion.local_rotmats[12], alone.numpy(), atol=1e-5)
+    # The run has its name where it is called from within, too.
+    monkeypatch.chdir(tmp_path / "run")
+    predict_joint(Path(), manifest, features, tmp_path / "within", **body)
+    assert read_json(tmp_path / "within" / "predictions.json")["figures"]["run"] == "run"
 
 
 def test_features_that_do_not_fit(walks, small_body, write_set, tmp_path):

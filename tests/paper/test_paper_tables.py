@@ -24,7 +24,7 @@ from gmrdata.paper.comparison import (
     orderings,
 )
 from gmrdata.paper.joint import split_videos
-from gmrdata.paper.make import _data, clip_figure, held_out_set, make_table, train_one
+from gmrdata.paper.make import _data, _record, clip_figure, held_out_set, make_table, train_one
 from gmrdata.paper.plan import (
     Given,
     JointConfig,
@@ -245,6 +245,35 @@ def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves():
     assert clip_figure("tme_mm", scores, "predicted", table6.row(on)) == 5.0
     with pytest.raises(BadManifest, match="none has a camera that stands still"):
         clip_figure("tme_mm", score_record(clips[1:]), "predicted", table6.row(off))
+    # Without a camera none moves: such clips were counted as if it did.
+    bare = clip_score("none", metrics(0.0, 90.0, 0.0), camera_motion="none", n_motions=9)
+    scores = score_record([*clips, bare])
+    assert clip_figure("tme_mm", scores, "predicted", table6.row(on)) == 5.0
+
+
+def test_a_row_says_of_its_own_clips_what_is_left_out(write_walks):
+    """A row of moving clips was said to be of other frames where a still one was not seen; a row
+    whose clips were all not seen lost the whole table."""
+    table6, folder = load_table("6"), Path("poses")
+    scored = write_walks("scored", ["01_01"], 1)
+    given = Given((), scored, folder, folder, network=network_dir("bundled"))
+    plan = plan_table(table6, "small", given)
+    clips = {
+        name: clip_score(name, metrics(1.0, 2.0, 3.0), camera_motion=name)
+        for name in ("static", "linear")
+    }
+    lacking = {"static": "no prediction static.npz"}
+    whole = score_record(list(clips.values()))
+    part = score_record([clips["linear"]]).model_copy(update={"skipped": lacking})
+    scores = {name: [part if name.startswith("VIBE") else whole] for name in plan.scorings}
+    record = _record(plan, scores, {name: name for name in clips})
+    rows = {row.name: row for row in record.rows}
+    off, on = (rows[f"VIBE-CAM, camera-motion-{word}"] for word in ("off", "on"))
+    assert (off.ours, off.left_out) == (None, lacking)
+    assert on.ours is not None and on.left_out == {}
+    assert record.lacking == {off.name: ("a prediction of a clip whose camera stands still",)}
+    # Nothing was trained, so nothing was shrunk for it.
+    assert record.note == ""
 
 
 def test_a_network_stands_for_the_trainings_of_a_table_that_compares_none():

@@ -266,7 +266,9 @@ def test_the_verb(take, body_path, capsys):
         assert why in capsys.readouterr().err
 
 
-def test_gmr_sees_poses_of_a_rate_that_is_no_multiple_of_its_own(take, run_dir, body_path):
+def test_gmr_sees_poses_of_a_rate_that_is_no_multiple_of_its_own(
+    take, run_dir, body_path, monkeypatch
+):
     """25 fps were refused, though the network's row on true poses resamples them.
 
     The first three frames are less than two of the network's.
@@ -289,6 +291,10 @@ def test_gmr_sees_poses_of_a_rate_that_is_no_multiple_of_its_own(take, run_dir, 
         strict=True,
     ):
         np.testing.assert_allclose(ours, expected, atol=1e-6)
+    # The run has its name where it is called from within, too.
+    monkeypatch.chdir(run_dir)
+    within = infer_poses(Path(), manifest, poses_dir, take.path / "within", body_path=body_path)
+    assert read_json(within / "predictions.json")["figures"]["run"] == run_dir.name
     slow = replace(clip, motion=replace(clip.motion, fps_hz=5.0))
     manifest = take.write_set(take.path / "slow", [slow])
     write_poses(poses_dir, slow, take.body)

@@ -130,6 +130,33 @@ def test_a_protocols_rate_is_taken_where_it_divides(tmp_path, small_body, true):
     assert rates == {10.0: 10.0, 20.0: 30.0, 30.0: 30.0, None: 30.0}
 
 
+def test_a_prediction_of_too_low_a_rate_is_named(tmp_path, small_body, true):
+    """The truth was, whose rate is no lower."""
+    slow = bare_clip("walk", true.motion.take(slice(0, None, 6), 5.0))
+    said = r"walk\.npz: 5 fps is lower than 10 fps.* Predict at a higher rate, or pass --fps-hz 5"
+    with pytest.raises(BadMotionFile, match=said):
+        read(tmp_path, small_body, true, slow)
+
+
+@pytest.mark.parametrize(("name", "original"), [("wham", ()), ("slahmr", ("people",)),
+                                                ("vibe", ("all",))])  # fmt: skip
+def test_runs_that_are_too_short_at_a_protocols_rate_have_no_figure_of_it(
+    name, original, tmp_path, small_body, true
+):
+    """Two rows at 60 fps are none at 30: it was an IndexError."""
+    motion = replace(true.motion, fps_hz=60.0)
+    short = replace(true, motion=motion, valid=np.isin(np.arange(60), [10, 11]))
+    protocol = protocol_as(name, original)
+    save_clip(tmp_path / "walk.npz", short, small_body.rest_pelvis_m(motion.shape))
+    found = file_clip(tmp_path, UsableClip(short, "none"), Pairing(60.0, protocol_fps_hz=30.0))
+    assert isinstance(found, PredictedClip) and found.worlds == ()
+    (errors,) = across_clips([clip_errors(found, small_body, protocol)], protocol, {})
+    assert errors.n_motions == 1 and errors.protocol_fps_hz == 30.0 and errors.seen_in is None
+    assert [len(values) for values in errors.protocol["zero"].values()] == [0] * len(
+        protocol.metrics
+    )
+
+
 def test_what_can_not_be_scored_is_named(tmp_path, small_body, true):
     other = elsewhere(true)
     nan = replace(other, motion=replace(other.motion, pelvis_m=other.motion.pelvis_m.copy()))

@@ -11,8 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.score import ProtocolName
 from gmrdata.score.clip_errors import SMPL_FEET, foot_vertices
-from gmrdata.score.protocol_values import SeenBody, WorldBody, WorldPair, protocol_values
-from gmrdata.score.protocols import PROTOCOLS
+from gmrdata.score.protocol_values import (
+    SeenBody,
+    WorldBody,
+    WorldPair,
+    accelerations_over_clips,
+    protocol_values,
+)
+from gmrdata.score.protocols import PROTOCOLS, protocol_as
 from gmrdata.score.table import METRIC_WORDS
 from gmrdata.values.body import JOINT, JOINT_NAMES
 from gmrdata.values.errors import BadMotionFile
@@ -241,6 +247,37 @@ def test_people_of_a_video_are_cut_alike_whatever_its_first_image_is_called(smal
     ]
     found = our_figures("slahmr", small_body, people, tmp_path)
     assert found == pytest.approx(FIGURES["2 people, with gaps"]["slahmr"], rel=1e-6)
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_people_of_a_video_are_laid_beside_by_their_images(stride, small_body, tmp_path):
+    """One row without an image moved a person to the video's first frame, and people of every other
+    image had no acceleration."""
+    people = made_people(small_body, 2, gaps=True)
+    for n, (true, predicted) in enumerate(people):
+        numbers = stride * (true.image_numbers + 37)
+        has = true.valid if n else np.ones_like(true.valid)
+        people[n] = replace(true, image_numbers=np.where(has, numbers, -1)), predicted
+    found = our_figures("slahmr", small_body, people, tmp_path)
+    assert found == pytest.approx(FIGURES["2 people, with gaps"]["slahmr"], rel=1e-6)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_clip_that_no_camera_sees_takes_no_figure_from_others(place):
+    """Of all clips that VIBE lays one behind the other none had an acceleration."""
+    protocol, rng, clips = protocol_as("vibe", ("all",)), np.random.default_rng(0), []
+    for n_frames in (9, 7):
+        predicted_m, true_m = rng.normal(0, 0.5, (2, n_frames, 24, 3))
+        both = seen(predicted_m), seen(true_m)
+        clips.append([replace(pair(predicted_m, true_m), seen=both)])
+    blind = [replace(clips[0][0], seen=None)]
+    expected = accelerations_over_clips(protocol, clips)
+    found = accelerations_over_clips(protocol, [*clips[:place], blind, *clips[place:]])
+    assert [len(values) for values in found.pop(place).values()] == [0, 0]
+    for ours, theirs in zip(found, expected, strict=True):
+        for metric, values in theirs.items():
+            np.testing.assert_array_equal(ours[metric], values)
+            assert len(values) > 4
 
 
 @pytest.mark.parametrize("name", ["slahmr", "vibe"])

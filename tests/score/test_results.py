@@ -30,6 +30,7 @@ from gmrdata.values.clip import Clip, camera_of, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, MissingInput, StaleOutput
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
+from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import a_head, write_clips
 from tests.clips_in_memory import counted_clips
 from tests.motions import save_bare
@@ -405,6 +406,61 @@ def test_files_with_their_own_rate_are_scored_on_the_frames_that_all_share(
     assert made.comparison is not None
     assert Comparison.read(made.comparison).runs == ("mocap", "ours", "wham")
     assert [Scores.read(path).clips[0].n_motions for path in made.scores] == 3 * [n_motions]
+
+
+def test_a_camera_of_the_truth_that_lacks_rows_narrows_the_rows_that_all_share(
+    tmp_path, data, body, true
+):
+    """The comparison was refused, as if the sets were of two manifests."""
+    folder, has = tmp_path / "sets", ~np.isin(np.arange(N), [20, 21])
+    blind = replace(true, camera=replace(camera_of(true), has_camera=has))
+    manifest = write_clips(tmp_path / "data", body, [blind])
+    seen = motion_in_camera(true.motion, camera_of(true).world_from_cam)
+    for name, motion in (("seen", seen), ("world", true.motion)):
+        predicted = replace(true, motion=motion, camera=None)
+        save_clip(folder / name / f"{true.id}.npz", predicted, rest(body, true))
+    config = ScoreConfig(fps_hz=30.0, missing="drop", resamples=100)
+    given = (folder, manifest, tmp_path / "out", config)
+    made = score_predictor(*given, body_path=data / "body.npz")
+    assert made.comparison is not None
+    assert [Scores.read(path).clips[0].n_motions for path in made.scores] == [19 + 37] * 2
+
+
+def test_cameras_are_compared_on_the_frames_that_all_share(tmp_path, data, body, true):
+    """ATE was of all frames of each: one camera goes wrong where the other prediction ends."""
+    folder, early = tmp_path / "sets", np.arange(N) < 30
+    places = camera_of(true).world_from_cam.copy()
+    places[:, 0, 3] += 0.01 * np.sin(np.arange(N))
+    places[30:, 2, 3] += np.linspace(0, 2, 30)
+    for name, valid in (("half", early), ("whole", early | True)):
+        camera = replace(camera_of(true), world_from_cam=places, has_camera=valid)
+        predicted = replace(true, camera=camera, valid=valid)
+        save_clip(folder / name / f"{true.id}.npz", predicted, rest(body, true))
+    made = score(data, folder, tmp_path / "out", missing="drop", protocol="tram")
+    (half,), (whole,) = (Scores.read(path).clips for path in made.scores)
+    assert half.protocol is not None and whole.protocol is not None
+    ate = half.protocol.predicted["ate_s_m"]
+    assert ate == pytest.approx(whole.protocol.predicted["ate_s_m"], rel=1e-9) and 0 < ate < 0.1
+
+
+@pytest.mark.parametrize("missing", ["error", "drop"])
+def test_a_result_that_is_named_after_another_clip_is_another_result(
+    missing, tmp_path, data, body, true
+):
+    """It gave the scores of the clip that it had been named after."""
+    clips = [replace(true, id=name) for name in "ab"]
+    manifest = write_clips(tmp_path / "data", body, clips)
+    files.write_amass(tmp_path / "results" / "a.npz", true.motion, rest(body, true))
+    files.write_amass(tmp_path / "results" / "b.npz", before(true.motion).take(slice(N)),
+                      rest(body, true))  # fmt: skip
+    config = ScoreConfig(fps_hz=30.0, missing=missing, resamples=100)
+    given = (tmp_path / "results", manifest, tmp_path / "out", config)
+    scores = only(score_predictor(*given, body_path=data / "body.npz"))
+    assert scores.clips[0].predicted.tme_mm < 1e-3 < scores.clips[1].predicted.tme_mm
+    for old, new in (("a", "c"), ("b", "a"), ("c", "b")):
+        (tmp_path / "results" / f"{old}.npz").rename(tmp_path / "results" / f"{new}.npz")
+    with pytest.raises(StaleOutput, match="other values of inputs.result_amass/a/0, "):
+        score_predictor(*given, body_path=data / "body.npz")
 
 
 def test_systems_without_a_common_frame_are_refused_for_that(tmp_path, data, body, true):
