@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from gmrdata.film.camera_moves import look_at, smooth_path
 from gmrdata.gmr.infer import InferConfig
 from gmrdata.pages.plots import RECOVERED_WIDTH, finish_view, mark_start, picture, plot_path
-from gmrdata.pages.view3d import VIEW_FILE, View, ViewedPerson, write_view
+from gmrdata.pages.view3d import View, ViewedPerson, write_view
+from gmrdata.solve.verdict import VIEW
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
@@ -188,7 +189,7 @@ POSED_AT_ONCE = 32
 def draw_motion(folder: Path, clip: Clip, body: BodyModel, config: InferConfig) -> None:
     """Add `path.png`, `view3d.html` and, if wanted, `body.mp4` to a folder; what is there is whole
     and kept."""
-    path, view, video = folder / "path.png", folder / VIEW_FILE, folder / "body.mp4"
+    path, view, video = folder / "path.png", folder / VIEW, folder / "body.mp4"
     if not path.exists():
         write_top_view(path, clip.motion)
     if not view.exists():

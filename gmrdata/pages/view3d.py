@@ -27,7 +27,6 @@ from gmrdata.values.errors import MissingInput
 from gmrdata.write.glb import glb_bytes
 from gmrdata.write.take import finite_rows
 
-VIEW_FILE = "view3d.html"
 MOST_FRAMES = 600  # of a longer sequence every second, third, ... frame is shown
 MOST_POINTS = 20_000
 MOST_BODIES = 3  # of about 1.3 MB each; further people are paths
