@@ -54,7 +54,7 @@ class BestScore(Config):
 class GmrState(StepState):
     """`state.json` of a GMR."""
 
-    format: Literal["gmrdata-gmr/6"] = "gmrdata-gmr/6"
+    format: Literal["gmrdata-gmr/7"] = "gmrdata-gmr/7"
     model: ModelConfig
     fps_hz: float = Field(gt=0)
     processes: int  # on which a step's windows depend
@@ -62,13 +62,14 @@ class GmrState(StepState):
     best: BestScore | None
 
 
-_FORMER = ("gmrdata-gmr/1", "gmrdata-gmr/2", "gmrdata-gmr/3", "gmrdata-gmr/4", "gmrdata-gmr/5")
+_FORMER = tuple(f"gmrdata-gmr/{version}" for version in range(1, 7))
 _FIRST_LEFT_OUT = {"processes": 1, "averaged": False, "best": None}  # where it did not apply
 _ADDED_TO_MODEL: dict[int, dict[str, Any]] = {
     3: {"latent": None},
     4: {"looks_at": "all_joints", "regressed": "freely"},
     5: {"symmetric": False},
     6: {"joints_say": False},
+    7: {"soles_hold": False},
 }
 """By version, what networks before it had always."""
 State = TypeVar("State", bound=StepState)

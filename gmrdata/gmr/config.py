@@ -76,6 +76,9 @@ class ModelConfig(NetworkConfig):
     """Whether a trained network's answer is the mean of four: to the sequence, its mirror image,
     its reverse, and both, each turned back.  That takes four times as long; training is the same.
     """
+    soles_hold: bool = False
+    """Whether soles that stand hold a trained network's answer (`gmrdata.gmr.soles`); training is
+    the same."""
 
     @model_validator(mode="after")
     def _joints_can_say(self) -> Self:

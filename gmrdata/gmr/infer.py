@@ -4,7 +4,9 @@ The predicted motion has the frame rate of the poses.  The network sees them at 
 between two of its moments the root is interpolated as `gmrdata.motion.resample` does it everywhere.
 Its last moment may lie up to one of its steps before the last pose.  For what is left it looks at
 the poses a second time, in the phase that ends with the last one, and that last predicted step is
-laid on the end: the first and the last frame are there, and nothing is extrapolated.
+laid on the end: the first and the last frame are there, and nothing is extrapolated.  What happens
+between its moments feet alone show: where the network's soles have a say, they hold the motion
+once more at the rate of the poses (`gmrdata.gmr.soles`).
 
 GMR knows no gravity.  Where the person's mass is above the feet that stand, on average over time,
 is up (`gmrdata.world.level`).  A foot that stands still stands flat, nearly always: in the frames
@@ -31,7 +33,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import Which, network_dir
-from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
+from gmrdata.gmr.predict import TrainedGmr, held, load_gmr, predict_world_motion
 from gmrdata.gmr.runs import check_rate
 from gmrdata.motion.files import input_files
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
@@ -46,7 +48,7 @@ from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.files import RECIPE_FILE, STAGE_FILE
-from gmrdata.values.motion import Motion, without_root
+from gmrdata.values.motion import Motion, accumulate, deltas, without_root
 from gmrdata.values.records import Config, Record
 from gmrdata.values.transforms import smallest_rotation
 from gmrdata.world.heights import held_upright, on_one_floor
@@ -82,10 +84,15 @@ def predict_at_source_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
         world_from_root = np.concatenate(
             [world_from_root, _rest_of_the_way(gmr, poses, seen, n - len(world_from_root))]
         )
+    root_rotmats, pelvis_m = world_from_root[:, :3, :3], world_from_root[:, :3, 3]
+    if gmr.model.config.soles_hold and seen.n_frames < n:
+        between = deltas(root_rotmats, pelvis_m)
+        between = held(gmr, motion.local_rotmats, between, motion.fps_hz)
+        root_rotmats, pelvis_m = accumulate(*between, root_rotmats[0], pelvis_m[0])
     return replace(
         motion,
-        root_rotmats=world_from_root[:, :3, :3],
-        pelvis_m=world_from_root[:, :3, 3],
+        root_rotmats=root_rotmats,
+        pelvis_m=pelvis_m,
         frame="world",
         source=seen.source if seen.n_frames == n else f"{seen.source}, and back",
     )

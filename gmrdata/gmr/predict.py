@@ -25,6 +25,7 @@ from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, Which, network_dir
 from gmrdata.gmr.model import Gmr, MeanGmr, given_input
 from gmrdata.gmr.rotations import Answer
 from gmrdata.gmr.runs import runs_at
+from gmrdata.gmr.soles import held_by_soles
 from gmrdata.motion.resample import resample
 from gmrdata.values import limits
 from gmrdata.values.body import JOINT_NAMES, N_LOCAL
@@ -86,9 +87,11 @@ def read_bundle(folder: Path) -> tuple[Bundle, Gmr | MeanGmr]:
     return bundle, models[0] if len(models) == 1 else MeanGmr(models)
 
 
-def predict_deltas(
-    gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 3 3"]
-) -> tuple[Float[np.ndarray, "frames-1 3 3"], Float[np.ndarray, "frames-1 3"]]:
+Deltas = tuple[Float[np.ndarray, "frames-1 3 3"], Float[np.ndarray, "frames-1 3"]]
+"""dR and dT [m] between poses."""
+
+
+def predict_deltas(gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 3 3"]) -> Deltas:
     """dR, orthonormal to float64, and dT [m] between local poses at the network's frame rate."""
     return predict_with_doubt(gmr, local_rotmats)[:2]
 
@@ -109,11 +112,26 @@ def predict_with_doubt(
         answers = gmr.model.answers(poses.float()[None].to(device))
         mean = mean_motion(answers)
         apart = torch.stack([_apart(one, mean) for one in answers]).square().mean(0).sqrt()
-    # Rounding errors of float32 would grow over thousands of accumulated frames.
-    delta_rotmats, delta_m, doubt = (
-        values[0, :-1].cpu().double().numpy() for values in (*mean, apart)
-    )
-    return Rotation.from_matrix(delta_rotmats).as_matrix(), delta_m, doubt
+        # Rounding errors of float32 would grow over thousands of accumulated frames.
+        delta_rotmats, delta_m, doubt = (
+            values[0, :-1].cpu().double().numpy() for values in (*mean, apart)
+        )
+    return *held(gmr, local_rotmats, (delta_rotmats, delta_m), gmr.fps_hz), doubt
+
+
+def held(
+    gmr: TrainedGmr,
+    local_rotmats: Float[np.ndarray, "frames 23 3 3"],
+    motions: tuple[np.ndarray, np.ndarray],
+    fps_hz: float,
+) -> Deltas:
+    """dR and dT [m] between poses of any rate, orthonormal; held by soles if these have a say."""
+    rotmats, delta_m = motions
+    if gmr.model.config.soles_hold:
+        poses = torch.as_tensor(local_rotmats.astype(np.float64))
+        between = torch.as_tensor(rotmats), torch.as_tensor(delta_m)
+        rotmats, delta_m = (x.numpy() for x in held_by_soles(poses, between, fps_hz))
+    return Rotation.from_matrix(rotmats).as_matrix(), delta_m
 
 
 def _apart(one: Answer, mean: Answer) -> Tensor:
@@ -243,9 +261,9 @@ ABOUT = {
 class _WholeNetwork(nn.Module):
     """From local rotations to the T - 1 motions between T frames."""
 
-    def __init__(self, model: Gmr | MeanGmr) -> None:
+    def __init__(self, gmr: TrainedGmr) -> None:
         super().__init__()
-        self.model = model
+        self.gmr, self.model = gmr, gmr.model
 
     def forward(
         self, local_rotmats: Float[Tensor, "batch frames 23 3 3"]
@@ -254,7 +272,10 @@ class _WholeNetwork(nn.Module):
         # The exporter would else take the example's sizes for those of all inputs.
         poses = poses.reshape(local_rotmats.shape[0], local_rotmats.shape[1], poses.shape[2])
         delta_rotmats, delta_m = self.model(poses)
-        return delta_rotmats[:, :-1], delta_m[:, :-1]
+        between = delta_rotmats[:, :-1], delta_m[:, :-1]
+        if self.model.config.soles_hold:
+            between = held_by_soles(local_rotmats, between, self.gmr.fps_hz)
+        return between
 
 
 def onnx_network(gmr: TrainedGmr) -> bytes:
@@ -272,7 +293,7 @@ def onnx_network(gmr: TrainedGmr) -> bytes:
         # On the exporter's age; on shapes that it writes down as constants, which tests look at.
         warnings.simplefilter("ignore")
         torch.onnx.export(
-            _WholeNetwork(gmr.model).eval(),  # the exporter puts back the mode that it finds
+            _WholeNetwork(gmr).eval(),  # the exporter puts back the mode that it finds
             (example,),
             stream,  # type: ignore[arg-type]  # its older form takes streams too
             dynamo=False,

@@ -185,7 +185,7 @@ def with_flight(supports: Supports) -> Supports:
     spin = (masses * torch.linalg.cross(arms_m, later_m - arms_m)).sum(-2)
     outer = (masses * later_m).transpose(-1, -2) @ arms_m
     trace = outer.diagonal(dim1=-2, dim2=-1).sum(-1)[..., None, None] + LEAST_INERTIA
-    turns = -_solved(trace * torch.eye(3).to(places_m) - outer, spin)[..., None, :]
+    turns = -solved(trace * torch.eye(3).to(places_m) - outer, spin)[..., None, :]
     # A first-order turn, which has no meaning where a pose becomes another one at once.
     turns = turns * (MOST_TURN_RAD / turns.norm(dim=-1, keepdim=True).clamp(min=MOST_TURN_RAD))
     delta_rotmats = rotations.to_rotmats(turns[..., 0, :], "axis-angle")
@@ -201,7 +201,7 @@ def centre_of_mass_m(places_m: Float[Tensor, "*batch 23 3"]) -> Float[Tensor, "*
     return (places_m * masses[:, None]).sum(-2) / (masses.sum() + PELVIS_MASS)
 
 
-def _solved(matrix: Tensor, vector: Tensor) -> Tensor:
+def solved(matrix: Tensor, vector: Tensor) -> Tensor:
     """x of M x = v, by Cramer's rule, which ONNX has: (..., 3, 3), (..., 3) -> (..., 3)."""
     x, y, z = matrix.unbind(-1)
     crossed = torch.stack(

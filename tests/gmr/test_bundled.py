@@ -264,7 +264,7 @@ def test_the_network_stays_as_it_was():
 SYMMETRIC_CONFIG = ModelConfig(
     layers=1, hidden=5, extra_inputs=("standing", "velocity", "feet"), looks_at="legs_and_trunk",
     rotation="standing_joint", translation="standing_joint", output_scale=0.5, symmetric=True,
-    joints_say=True,
+    joints_say=True, soles_hold=True,
 )  # fmt: skip
 
 

@@ -184,19 +184,23 @@ def test_a_state_of_the_first_version_is_read(run_dir):
         load_gmr(run_dir)
 
 
+LATEST = ("joints_say", "soles_hold")
+
+
 @pytest.mark.parametrize(
     ("version", "added_later", "there_already"),
     [
-        (2, ("latent", "looks_at", "regressed", "symmetric", "joints_say"), "output_scale"),
-        (3, ("looks_at", "regressed", "symmetric", "joints_say"), "latent"),
-        (4, ("symmetric", "joints_say"), "looks_at"),
-        (5, ("joints_say",), "symmetric"),
+        (2, ("latent", "looks_at", "regressed", "symmetric", *LATEST), "output_scale"),
+        (3, ("looks_at", "regressed", "symmetric", *LATEST), "latent"),
+        (4, ("symmetric", *LATEST), "looks_at"),
+        (5, LATEST, "symmetric"),
+        (6, LATEST[1:], "joints_say"),
     ],
 )
 def test_a_state_of_a_later_version_is_read(version, added_later, there_already, run_dir):
     """The second's network had as many latent numbers as hidden units; the third's saw all joints,
     regressed freely and had a latent size; the fourth's answered to a sequence as it is; the
-    fifth's joints had no say.  Whatever else is lacking is refused."""
+    fifth's joints had no say, and the sixth's soles.  Whatever else is lacking is refused."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": f"gmrdata-gmr/{version}"}
     for key in added_later:
