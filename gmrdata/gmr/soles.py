@@ -19,14 +19,14 @@ from gmrdata.gmr.supports import solved
 from gmrdata.values.body import JOINT
 from gmrdata.values.shapes import Float
 
-TURN_SIGMA_RAD_PER_S = tuple(map(math.radians, (5.0, 15.0, 5.0)))
+TURN_SIGMA_RAD_PER_S = tuple(map(math.radians, (8.0, 15.0, 8.0)))
 """Error of a network's turn about the root's left, up and front."""
 STEP_SIGMA_M_PER_S = 0.05  # of its step, along each axis
-SLIP_SIGMA_M_PER_S = 0.1
-"""Speed of a standing point: errors of a leg's joints.  With 0.05 true poses are served a little
-better, and those with 3 degrees of error on each joint get worse by it."""
-STILL_M_PER_S = 0.2  # speed of a point that counts for a quarter of one at rest
-ITERATIONS = 12
+SLIP_SIGMA_M_PER_S = 0.07
+"""Speed of a standing point: errors of a leg's joints.  Half of it serves true poses a little
+better, and those with 3 degrees of error on each joint worse."""
+STILL_M_PER_S = 0.15  # speed of a point that counts for a quarter of one at rest
+ITERATIONS = 8
 RIGHT_SOLE_M = {
     "ankle": ((0.001, -0.094, -0.016),),
     "foot": ((0.011, -0.027, -0.013), (0.021, -0.027, 0.028)),
