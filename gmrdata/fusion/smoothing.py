@@ -23,7 +23,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values.errors import StageFailed
-from gmrdata.values.motion import accumulate
+from gmrdata.values.motion import accumulate, bent
 from gmrdata.values.shapes import Float
 
 TURN, PLACE, SLOW, SHIFT, WIDTH = 0, 3, 6, 12, 15
@@ -200,24 +200,12 @@ def _first_guess(seen: SeenPoses, motions: SeenMotions) -> _State:
             first = rotmats[start], pelvis_m[start]
             path = accumulate(turns[steps], steps_m[steps], *first)
             if stop < n:
-                path = _bent(*path, rotmats[stop], pelvis_m[stop])
+                path = bent(*path, rotmats[stop], pelvis_m[stop])
             rotmats[start : stop + 1], pelvis_m[start : stop + 1] = path
     for row in range(rows[0] - 1, -1, -1):
         rotmats[row] = rotmats[row + 1] @ turns[row].T
         pelvis_m[row] = pelvis_m[row + 1] - rotmats[row] @ steps_m[row]
     return _State(rotmats, pelvis_m, np.zeros((n, SHIFT - SLOW)), np.zeros((n, WIDTH - SHIFT)))
-
-
-def _bent(
-    rotmats: np.ndarray, pelvis_m: np.ndarray, last_rotmat: np.ndarray, last_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """A path of n poses from its first one to another last one, turned and moved evenly."""
-    shares = np.linspace(0.0, 1.0, len(rotmats))[:, None]
-    turn = Rotation.from_matrix(last_rotmat @ rotmats[-1].T).as_rotvec()
-    turned = Rotation.from_rotvec(shares * turn).as_matrix()
-    from_first_m = (turned @ (pelvis_m - pelvis_m[0])[..., None])[..., 0]
-    path_m = pelvis_m[0] + from_first_m
-    return turned @ rotmats, path_m + shares * (last_m - path_m[-1])
 
 
 def _slow_terms(

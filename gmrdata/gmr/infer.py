@@ -5,8 +5,8 @@ between two of its moments the root is interpolated as `gmrdata.motion.resample`
 Its last moment may lie up to one of its steps before the last pose.  For what is left it looks at
 the poses a second time, in the phase that ends with the last one, and that last predicted step is
 laid on the end: the first and the last frame are there, and nothing is extrapolated.  What happens
-between its moments feet alone show: where the network's soles have a say, they hold the motion
-once more at the rate of the poses (`gmrdata.gmr.soles`).
+between its moments feet alone show: where soles have a say (`gmrdata.gmr.soles`), they hold the
+motion there, too.
 
 GMR knows no gravity.  Where the person's mass is above the feet that stand, on average over time,
 is up (`gmrdata.world.level`).  A foot that stands still stands flat, nearly always: in the frames
@@ -25,6 +25,7 @@ identity (section 3.6), which is what `level: first_pose` gives, in a world with
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -48,7 +49,7 @@ from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.files import RECIPE_FILE, STAGE_FILE
-from gmrdata.values.motion import Motion, accumulate, deltas, without_root
+from gmrdata.values.motion import Motion, accumulate, bent, deltas, without_root
 from gmrdata.values.records import Config, Record
 from gmrdata.values.transforms import smallest_rotation
 from gmrdata.world.heights import held_upright, on_one_floor
@@ -84,18 +85,28 @@ def predict_at_source_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
         world_from_root = np.concatenate(
             [world_from_root, _rest_of_the_way(gmr, poses, seen, n - len(world_from_root))]
         )
-    root_rotmats, pelvis_m = world_from_root[:, :3, :3], world_from_root[:, :3, 3]
-    if gmr.model.config.soles_hold and seen.n_frames < n:
-        between = deltas(root_rotmats, pelvis_m)
-        between = held(gmr, motion.local_rotmats, between, motion.fps_hz)
-        root_rotmats, pelvis_m = accumulate(*between, root_rotmats[0], pelvis_m[0])
-    return replace(
+    world = replace(
         motion,
-        root_rotmats=root_rotmats,
-        pelvis_m=pelvis_m,
+        root_rotmats=world_from_root[:, :3, :3],
+        pelvis_m=world_from_root[:, :3, 3],
         frame="world",
         source=seen.source if seen.n_frames == n else f"{seen.source}, and back",
     )
+    return _held_between(gmr, world) if gmr.model.config.soles_hold else world
+
+
+def _held_between(gmr: TrainedGmr, world: Motion) -> Motion:
+    """The same, of which soles hold what happens between the network's moments."""
+    n, per_moment = world.n_frames, world.fps_hz / gmr.fps_hz
+    moments = (np.arange(int((n - 1) / per_moment) + 1) * per_moment + ON_A_SAMPLE).astype(int)
+    kept = np.unique(np.append(moments, n - 1))
+    root_rotmats, pelvis_m = world.root_rotmats.copy(), world.pelvis_m.copy()
+    turns, steps_m = held(gmr, world.local_rotmats, deltas(root_rotmats, pelvis_m), world.fps_hz)
+    for start, stop in pairwise(kept):
+        first, last = ((root_rotmats[at], pelvis_m[at]) for at in (start, stop))
+        path = accumulate(turns[start:stop], steps_m[start:stop], *first)
+        root_rotmats[start : stop + 1], pelvis_m[start : stop + 1] = bent(*path, *last)
+    return replace(world, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
 
 
 def _rest_of_the_way(gmr: TrainedGmr, poses: Motion, seen: Motion, n_missing: int) -> np.ndarray:

@@ -12,7 +12,7 @@ from gmrdata.gmr.augmentation import mirror_local, mirror_points_m, mirror_rotma
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.infer import predict_at_source_rate
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.predict import TrainedGmr, predict_deltas
+from gmrdata.gmr.predict import TrainedGmr, predict_deltas, predict_world_motion
 from gmrdata.gmr.soles import (
     SLIP_SIGMA_M_PER_S,
     STEP_SIGMA_M_PER_S,
@@ -22,7 +22,9 @@ from gmrdata.gmr.soles import (
     sole_points_m,
 )
 from gmrdata.motion.gait import embedded_motions
+from gmrdata.motion.resample import resample
 from gmrdata.read.bodies import load_body
+from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.motion import Motion, deltas, without_root
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 from tests.gmr.test_model import random_poses
@@ -177,3 +179,32 @@ def test_a_network_asks_soles_only_if_its_config_says_so(walker):
     # At the network's own rate nothing is between its moments.
     world = predict_at_source_rate(asked, walker)
     np.testing.assert_allclose(deltas(world.root_rotmats, world.pelvis_m)[0], found[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("fps_hz", [30.0, 25.0, 120.0])
+def test_the_networks_moments_stand_and_soles_hold_between_them(fps_hz):
+    """A glide by which feet would slide."""
+    model = Gmr(ModelConfig(layers=1, hidden=2, soles_hold=True)).eval()
+    with torch.no_grad():
+        model.regression.weight.zero_()
+        model.regression.bias.copy_(torch.tensor([0.0, 0.02, 0.0, 0.0, 0.0, 0.01]))
+    gmr = TrainedGmr(model, FPS_HZ, "gliding", 3)
+    rng, body = np.random.default_rng(3), load_body("anny")
+    motion = embedded_motions(body, rng, count=1, fps_hz=fps_hz, duration_s=3.0)[0]
+    seen = predict_world_motion(gmr, motion, first_root_rotmat=WORLD_FROM_REST)
+    world = predict_at_source_rate(gmr, motion)
+    whole = np.arange(seen.n_frames) * fps_hz / FPS_HZ
+    on_frame = np.abs(whole - whole.round()) < 1e-6
+    rows = whole.round().astype(int)[on_frame]
+    np.testing.assert_allclose(world.pelvis_m[rows], seen.pelvis_m[on_frame], atol=1e-9)
+    np.testing.assert_allclose(world.root_rotmats[rows], seen.root_rotmats[on_frame], atol=1e-9)
+    back = resample(seen, fps_hz)
+    assert not np.allclose(world.pelvis_m[: back.n_frames], back.pelvis_m, atol=1e-4)
+    slid = [
+        np.quantile(np.linalg.norm(moved_m(motion.local_rotmats[:n], *deltas(*path)), axis=-1), 0.1)
+        for n, path in (
+            (back.n_frames, (back.root_rotmats, back.pelvis_m)),
+            (motion.n_frames, (world.root_rotmats, world.pelvis_m)),
+        )
+    ]
+    assert slid[1] < slid[0]
