@@ -63,10 +63,8 @@ def held_by_soles(
         pull = (stands * torch.linalg.cross(points_m, moved)).sum(-2)
         pull = pull - weight * torch.linalg.cross(centre_m, drift) + sure_of_turn * turn
         arms = (stands[..., None] * _inertia(points_m)).sum(-3)
-        arms = (
-            arms - weight[..., None] * _inertia(centre_m) + sure_of_turn * torch.eye(3).to(after_m)
-        )
-        change = -solved(arms, pull)
+        arms = arms - weight[..., None] * _inertia(centre_m)
+        change = -solved(arms + sure_of_turn * torch.eye(3).to(arms), pull)
         step = step - drift - torch.linalg.cross(change, centre_m)
         turn = turn + change
     return _corrected(between, turn, step, fps_hz)
