@@ -92,7 +92,8 @@ def predict_at_source_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
         frame="world",
         source=seen.source if seen.n_frames == n else f"{seen.source}, and back",
     )
-    return _held_between(gmr, world) if gmr.model.config.soles_hold else world
+    is_between = gmr.model.config.soles_hold and seen.n_frames < n
+    return _held_between(gmr, world) if is_between else world
 
 
 def _held_between(gmr: TrainedGmr, world: Motion) -> Motion:

@@ -4,7 +4,7 @@ A network's turn of the root errs by some degrees a second, which moves a standi
 below, by centimetres.  Heels, balls and toes are known from the root, so a predicted motion says
 how each of them moves in the world; one that hardly moves stands, and then it does not move at all.
 The motion is corrected by least squares between the network, which errs, and the points, of which
-each counts by how still it is (Geman & McClure 1985).  What swings counts for nothing, so a run or
+each counts by how still it is (Geman & McClure 1987).  What swings counts for nothing, so a run or
 a jump stays as the network has it.  All errors are rates: no frame rate is special.
 """
 
