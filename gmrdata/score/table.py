@@ -269,12 +269,19 @@ def _seen_in(scores: Scores) -> list[str]:
     found = Counter(clip.seen_in for clip in scores.clips if clip.seen_in is not None)
     lines = [f"{n} predictions are {SEEN_IN[way]}." for way, n in found.items()]
     in_camera = set(get_args(CameraMetric)) & set(metrics_with(scores.protocol))
-    if in_camera and (rest := len(scores.clips) - found.total()):
+    unseen = [clip for clip in scores.clips if clip.seen_in is None and _has_figures(clip)]
+    if in_camera and unseen:
         lines.append(
-            f"{rest} predictions have no camera of their own, and so no figures in its frame but "
-            "PA-MPJPE."
+            f"{len(unseen)} predictions have no camera of their own, and so no figures in its "
+            "frame but PA-MPJPE."
         )
     return lines
+
+
+def _has_figures(clip: ClipScore) -> bool:
+    """Whether the protocol measured anything: of a clip too short for it, it did not."""
+    of_clip = clip.protocol.predicted if clip.protocol else {}
+    return any(figure is not None for figure in of_clip.values())
 
 
 def write_table_files(path: Path, rows: Iterable[Sequence[Cell]], text: str) -> None:

@@ -12,7 +12,7 @@ from gmrdata.score.compare import CompareConfig, Comparison, compare_records
 from gmrdata.score.protocols import ORIGINAL, PROTOCOLS
 from gmrdata.score.records import PaperMetrics, RowFloor, Scores
 from gmrdata.score.summary import beside_floor, read_fitting_floor
-from gmrdata.score.table import score_rows
+from gmrdata.score.table import explanations, score_rows
 from gmrdata.twins.floor_record import Floor, FloorGroup
 from gmrdata.values.errors import BadManifest, BadRecord
 from gmrdata.values.files import read_json_lines, write_json
@@ -39,6 +39,18 @@ def full(name: str = "run") -> Scores:
 
 def test_each_key_of_scores_is_needed(tmp_path):
     assert_each_key_is_needed(full(), tmp_path / "scores.json", ("skipped",), named_alone=True)
+
+
+def test_a_clip_too_short_for_a_protocol_is_not_said_to_lack_a_camera():
+    """It was counted among those whose figures in the camera's frame are missing."""
+    tram, found = PROTOCOLS["tram"], metrics(0.4, 18.0, 25.0)
+    seen = dict.fromkeys(tram.metrics, 1.5)
+    alone = clip_score("a", found, world=seen | {"mpjpe_mm": None})
+    short = clip_score("b", found, world=dict.fromkeys(tram.metrics))
+    said = " ".join(explanations(scores([alone, short], protocol=tram)))
+    assert "1 predictions have no camera of their own" in said
+    own = clip_score("a", found, world=seen).model_copy(update={"seen_in": "own_camera"})
+    assert "camera of their own" not in " ".join(explanations(scores([own, short], protocol=tram)))
 
 
 def test_each_key_of_a_networks_scores_is_needed(tmp_path):
