@@ -428,9 +428,8 @@ def _floor_m(
     soles_m = float(np.median(lowest_m @ up))
     if plane is None:
         return soles_m
-    # Below the soles' middle, so that a plane which is not quite level is right there.
-    middle_m = np.median(lowest_m, axis=0)
-    ground_m = soles_m + (plane.offset - float(middle_m @ plane.normal))
+    # Below the soles, so that a plane which is not quite level is right there.
+    ground_m = float(np.median(lowest_m @ (up - plane.normal)) + plane.offset)
     if abs(ground_m - soles_m) > ONE_FLOOR_M:
         return soles_m
     weights = np.array([config.contact_sigma_m, GROUND_HEIGHT_SIGMA_M]) ** -2.0
