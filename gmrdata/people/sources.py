@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, Self, TypeVar
+from typing import Annotated, Literal, Self, TypeGuard, TypeVar
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -111,8 +111,16 @@ MaskSource = Annotated[
     SilhouetteSource | FolderSource | OnnxSource | PersonSource | MaskRcnnSource,
     Field(discriminator="kind"),
 ]
-OF_PICTURES = OnnxSource | PersonSource | MaskRcnnSource
-"""Sources that look for people in the pictures, without the bodies of the sequence."""
+
+
+def shows_people(
+    source: MaskSource,
+) -> TypeGuard[OnnxSource | PersonSource | MaskRcnnSource]:
+    """Whether it looks for people in the pictures, without the bodies of the sequence: a detector
+    may be asked for cars alone."""
+    if isinstance(source, OnnxSource | MaskRcnnSource):
+        return "person" in source.classes
+    return isinstance(source, PersonSource)
 
 
 class MasksConfig(UnionConfig):
@@ -133,7 +141,7 @@ class MasksConfig(UnionConfig):
     @property
     def show_people(self) -> bool:
         """Whether some tell where people are, as bodies that are right lie on them."""
-        return any(isinstance(source, OF_PICTURES) for source in self.sources)
+        return any(shows_people(source) for source in self.sources)
 
     @property
     def for_cameras_alone(self) -> Self:

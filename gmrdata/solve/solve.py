@@ -20,10 +20,10 @@ from gmrdata.people.facing import rate_remarks
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord, cut_off, load_tracks
 from gmrdata.people.local_poses import POSES_FOLDER, local_poses
 from gmrdata.people.sources import (
-    OF_PICTURES,
     MasksConfig,
     OnnxSource,
     PersonSource,
+    shows_people,
     sources_dir,
 )
 from gmrdata.read.bodies import body_file, keep_body
@@ -439,7 +439,7 @@ def people_masks(
     """
     found: dict[bool, PeopleMasks] = {}
     for name, source in config.named:
-        if isinstance(source, OF_PICTURES):
+        if shows_people(source):
             boxed = isinstance(source, OnnxSource)
             masks = PeopleMasks(
                 sources_dir(masks_dir) / name, source.dilate_px, boxed, followed_dir

@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, load_intrinsics
+from gmrdata.cameras.lens.intrinsics import INTRINSICS_FILE, GivenIntrinsics, load_intrinsics
 from gmrdata.people.sources import (
     FolderSource,
     network_files,
@@ -51,11 +51,11 @@ from gmrdata.solve.verdict import (
 from gmrdata.stage.jobs import Job, Outcome, raise_failures, try_here, try_jobs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import NotMade, run_stage
+from gmrdata.stage.store import FRAMES_ROLE, NotMade, StageRecord, run_stage
 from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.camera import Source
 from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput, StaleOutput
-from gmrdata.values.files import STAGE_FILE, json_text, remove_orphans
+from gmrdata.values.files import STAGE_FILE, json_text, remove_orphans, sha256_of_file
 from gmrdata.values.frame_set import require_rate
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
 from gmrdata.values.records import PART, Config, Figure, Record
@@ -154,7 +154,8 @@ class Batch:
 
     def inputs(self, video: NamedVideo) -> dict[str, Path]:
         people = self.of(video).people
-        found = {"video": video.path, **self.files, **self.networks.get(people is not None, {})}
+        role = FRAMES_ROLE if video.path.is_dir() else "video"
+        found = {role: video.path, **self.files, **self.networks.get(people is not None, {})}
         if isinstance(people, EstimatedPeople):
             results_path = people.results_path
             found |= self.own_files if results_path is None else {"poses": results_path}
@@ -388,7 +389,8 @@ def solve_listed(video: NamedVideo, batch: Batch, run: Run) -> VideoEntry:
     """A job: one video in its own folder as if it were alone, and the stage `entries/<name>` with
     its line.
 
-    A video whose folder has lost a part since is solved again, which makes what is missing.
+    A video whose folder has lost a part since, or was solved alone, is solved again, which makes
+    what is missing, and refuses what other settings made.
     """
     folder, entry_dir = batch.folder(video), batch.out_dir / ENTRIES / video.name
     if (entry_dir / STAGE_FILE).is_file() and not _is_whole(entry_dir, folder, batch):
@@ -397,10 +399,11 @@ def solve_listed(video: NamedVideo, batch: Batch, run: Run) -> VideoEntry:
         shutil.rmtree(entry_dir)
     solve_it = partial(solve_alone, batch.of(video), folder, batch.config, run, batch.after)
 
-    def work(partial_dir: Path) -> None:
+    def work(partial_dir: Path) -> dict[str, str]:
         entry = _entry(video.name, folder, solve_it())
         there = tuple(sorted(name for name in PARTS if (folder / name).exists()))
         EntryRecord(video=entry, parts=there).write(partial_dir / ENTRY_FILE)
+        return _hashes(folder)
 
     run_stage("video", entry_dir, batch.recipe(video), batch.inputs(video), work, run=run)
     return EntryRecord.read(entry_dir / ENTRY_FILE).video
@@ -410,9 +413,16 @@ def _is_whole(entry_dir: Path, folder: Path, batch: Batch) -> bool:
     """Whether a video's folder still holds what its line was written of, and what is asked now."""
     try:
         record = EntryRecord.read(entry_dir / ENTRY_FILE)
+        is_same = StageRecord.of(entry_dir).facts == _hashes(folder)
     except (MissingInput, BadRecord):
         return False
-    return all((folder / name).exists() for name in (*record.parts, *batch.leaves))
+    return is_same and all((folder / name).exists() for name in (*record.parts, *batch.leaves))
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    """Of what a video's line is written of: the video may be solved alone since, in its folder."""
+    names = (VERDICT_FILE, f"{INTRINSICS}/{INTRINSICS_FILE}")
+    return {name: sha256_of_file(folder / name) for name in names}
 
 
 def _entry(name: str, folder: Path, verdict: VideoVerdict) -> VideoEntry:

@@ -132,7 +132,7 @@ def regenerate_set(
     """
     recipe, chosen, refused = _checked(recipe, root)
     paths = SetPaths(out_dir.resolve())
-    whole, others, missing = _besides(recipe, root, paths)
+    whole, others, missing = _besides(recipe, root, paths, run)
     for folder in (paths.root, paths.failures_dir):
         remove_orphans(folder)
     body_paths = _keep_bodies(recipe, paths, run)
@@ -209,7 +209,7 @@ def plan(
     recipe, chosen, refused = _checked(recipe, root)
     # Not with `redo`, for which folders are removed that nothing takes the place of.
     paths, look = SetPaths(out_dir.resolve()), Run(anew=run.redo, only_look=True)
-    _besides(recipe, root, paths)
+    _besides(recipe, root, paths, run)
 
     def row(files: SequenceFiles) -> tuple[str, ...]:
         folder = paths.sequence_dir(files.name)
@@ -233,21 +233,26 @@ def _require_made(files: SequenceFiles, recipe: ThreedpwRecipe, paths: SetPaths,
 
 
 def _besides(
-    recipe: ThreedpwRecipe, root: Path, paths: SetPaths
+    recipe: ThreedpwRecipe, root: Path, paths: SetPaths, run: Run
 ) -> tuple[ThreedpwRecipe, list[SequenceFiles], dict[str, str]]:
     """What a manifest of this version that is there was asked for besides the sequences that are
-    named now: the recipe of all, the others, and why some of those can't be listed."""
+    named now: the recipe of all, the others, and why some of those can't be listed.  With --redo
+    what is gone from `root` is forgotten: other twins may have taken its place."""
     there = _manifest_of(recipe, paths) if recipe.sequences else None
     if there is None:
         return recipe, [], {}
     asked: tuple[str, ...] = tuple(there.created_by.recipe.get("sequences", ()))
     names = tuple(dict.fromkeys((*asked, *recipe.sequences))) if asked else ()
     known = {files.name for files in find_sequences(root)}
+    unmade = {name: f"it is not in {root} any more" for name in names if name not in known}
+    if run.redo:
+        for name, why in unmade.items():
+            remark(f"{name}: left out, as {why}")
+        names, unmade = tuple(name for name in names if name in known), {}
     found, refused = choose(root.absolute(), [name for name in names if name in known])
     missing = {name: why for name, why in refused.items() if name not in recipe.sequences}
-    others = [files for files in found if files.name not in recipe.sequences]
-    unmade = {name: f"it is not in {root} any more" for name in names if name not in known}
     missing |= unmade
+    others = [files for files in found if files.name not in recipe.sequences]
     for files in others:
         try:
             _require_made(files, recipe, paths, Run(only_look=True))
@@ -259,8 +264,9 @@ def _besides(
     for name in (clip.source.sequence or clip.id for clip in there.clips):
         if name in unmade:
             what = f"lists {name} besides, which is not as these settings make it"
-            remedy = "Name no sequences, to make all with --redo, or pass another --out"
-            raise BadManifest(f"{paths.manifest}: {what} ({unmade[name]}). {remedy}")
+            remedy = "Name no sequences, to make all with" if name in known else "Leave it out with"
+            why = f"({unmade[name]}). {remedy} --redo, or pass another --out"
+            raise BadManifest(f"{paths.manifest}: {what} {why}")
     return recipe.model_copy(update={"sequences": names}), others, missing
 
 

@@ -48,9 +48,10 @@ BODIES_FILE = "bodies.json"
 NOT_SEEN = "the file of bodies has nobody there"
 NEAREST_M, FURTHEST_M = 0.1, 1000.0
 """Distances of a pelvis along the camera's axis that a picture can be of [m]."""
-LONGEST_BETWEEN_S = 0.1
+LONGEST_BETWEEN_S = 0.101
 """Time between two poses over which those between are good enough to be used: of a walk, sampled at
-5 Hz, the pelvis between is off by up to 4 cm, which grows with the square of the time [s]."""
+5 Hz, the pelvis between is off by up to 4 cm, which grows with the square of the time.  Three
+frames of 29.97 Hz take 0.1001 s, and clocks of phones err [s]."""
 SAME_LENS = 0.01
 """Difference of two lenses' rays, as a share, up to which one places people as the other does: it
 moves them by less than a height that is told may be off."""
@@ -361,7 +362,7 @@ def _seen(frames: FrameSet, known: np.ndarray, frames_per_row: int) -> np.ndarra
     other in a file of every n-th frame and are near enough in time."""
     if not len(known):
         return np.zeros(len(frames.paths), bool)
-    step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz + 1e-6)))
+    step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz)))
     before = np.searchsorted(known, frames.frame_numbers, side="right") - 1
     after = np.searchsorted(known, frames.frame_numbers, side="left")
     between = (before >= 0) & (after < len(known))

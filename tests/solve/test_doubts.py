@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, save_cameras
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.motion.gait import make_gait
-from gmrdata.people.sources import MasksConfig, PersonSource
+from gmrdata.people.sources import MasksConfig, OnnxSource, PersonSource
 from gmrdata.solve import solve, verdict
 from gmrdata.solve.request import EstimatedPeople, SolveConfig, Solved, SolveRequest
 from gmrdata.solve.verdict import (
@@ -202,6 +202,7 @@ def test_frames_on_both_sides_of_a_jump_are_dropped(tmp_path):
     [
         (None, UNCHECKED),
         (MasksConfig(), UNCHECKED),  # silhouettes of the bodies themselves
+        (MasksConfig(sources=(OnnxSource(classes=("car",)),)), UNCHECKED),
         (MasksConfig(sources=(PersonSource(),)), f"walk: {TOO_FEW}"),
     ],
 )

@@ -8,18 +8,24 @@ from typing import Any
 import pytest
 
 from gmrdata import plan_videos, solve_video, solve_videos
-from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, IntrinsicsConfig
+from gmrdata.cameras.lens.intrinsics import (
+    GivenIntrinsics,
+    IntrinsicsConfig,
+    load_intrinsics,
+)
 from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.video import extract_video
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.solve import videos as solving
-from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
-from gmrdata.solve.verdict import OVERLAY, PAGE, VERDICT_FILE, VIEW
+from gmrdata.solve.request import INTRINSICS, EstimatedPeople, SolveConfig, SolveRequest
+from gmrdata.solve.verdict import OVERLAY, PAGE, VERDICT_FILE, VIEW, VideoVerdict
 from gmrdata.solve.videos import Batch, Videos, _with_files
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.errors import BadRecipe, StaleOutput
+from gmrdata.values.errors import BadRecipe, StageFailed, StaleOutput
+from gmrdata.values.files import STAGE_FILE, read_json, write_json
 from gmrdata.values.records import Config
+from tests.film.set_kills import contents
 from tests.frame_sets import grey_images
 from tests.read.videos import make_video
 
@@ -177,3 +183,45 @@ def test_a_batch_and_a_video_alone_are_not_in_one_folder(tmp_path):
     with pytest.raises(StaleOutput, match="a: holds one video's result. Pass another --out"):
         solve_videos(paths, out / "videos" / "a", **ALONE, run=Run(workers=1))
     assert "videos" not in names(out / "videos" / "a")
+
+
+@pytest.mark.parametrize("told", [{"fps_hz": 60}, {"lens": GivenIntrinsics(focal_px=77.0)}])
+def test_a_video_of_a_batch_that_was_solved_alone_has_a_line_of_its_own(tmp_path, told):
+    """Its line stayed that of the batch's settings, with --redo too."""
+    paths, out = [grey_images(tmp_path / name) for name in "ab"], tmp_path / "out"
+    before = Videos.read(solve_videos(paths, out, **ALONE, run=Run(workers=1))).videos
+    solve_video(paths[0], out / "videos" / "a", **(ALONE | told), run=Run(redo=True))
+    if "lens" in told:
+        with pytest.raises(StageFailed, match=r"intrinsics: made with other values.*--redo"):
+            solve_videos(paths, out, **ALONE, run=Run(workers=1))
+        assert Videos.read(out / "videos.json").in_state("failed")
+    again = solve_videos(paths, out, **ALONE, run=Run(workers=1, redo=True))
+    assert Videos.read(again).videos == before
+    verdict = VideoVerdict.read(out / "videos" / "a" / VERDICT_FILE)
+    lens = load_intrinsics(out / "videos" / "a" / INTRINSICS)
+    assert (verdict.fps_hz, lens.focal_px) == (before[0].fps_hz, before[0].focal_px) == (30.0, 60.0)
+
+
+def test_a_line_that_says_not_of_what_it_was_written_is_written_again(tmp_path):
+    """Of an earlier version: the stages are as they were."""
+    paths, out = [grey_images(tmp_path / name) for name in "ab"], tmp_path / "out"
+    solve_videos(paths, out, **ALONE, run=Run(workers=1))
+    path = out / "entries" / "a" / STAGE_FILE
+    stages = {stage: stage.stat().st_mtime_ns for stage in out.glob(f"videos/a/*/{STAGE_FILE}")}
+    left = read_json(path)
+    assert {*left["facts"]} == {VERDICT_FILE, "intrinsics/intrinsics.json"}
+    write_json(path, left | {"facts": {}})
+    solve_videos(paths, out, **ALONE, run=Run(workers=1))
+    assert read_json(path)["facts"] == left["facts"]
+    assert stages and {stage: stage.stat().st_mtime_ns for stage in stages} == stages
+
+
+def test_a_folder_among_the_images_of_a_batch_is_not_read(tmp_path):
+    """As --out of masks: the batch was refused as of other inputs, and one video alone was not."""
+    paths, out = [grey_images(tmp_path / name) for name in "ab"], tmp_path / "out"
+    solve_videos(paths, out, **ALONE, run=Run(workers=1))
+    before = contents(out)
+    (paths[0] / "masks").mkdir()
+    (paths[0] / "masks" / "00000.png").write_bytes(b"as a stage leaves there")
+    solve_videos(paths, out, **ALONE, run=Run(workers=1))
+    assert contents(out) == before

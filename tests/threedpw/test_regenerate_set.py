@@ -321,9 +321,12 @@ def test_a_sequence_that_is_refused_has_its_reason_in_a_file_too(tmp_path):
     assert shown[:2] == ["a_00", r"'[red]\x1b[2J'"]
 
 
-@pytest.mark.parametrize("listed", [False, True])
-def test_a_sequence_of_the_manifest_that_is_gone_is_named(tmp_path, monkeypatch, listed):
-    """All that was said is that there is no such sequence, of which nobody had asked."""
+@pytest.mark.parametrize(("listed", "redo"), [(False, False), (True, False), (True, True)])
+def test_a_sequence_of_the_manifest_that_is_gone_is_named(
+    tmp_path, monkeypatch, capsys, listed, redo
+):
+    """All that was said is that there is no such sequence, of which nobody had asked.  --redo was
+    refused too, so that the floor of other twins could not be measured in the same folder."""
     train, sequences = tmp_path / "sequenceFiles" / "train", ("arc_00", "pan_00")
     train.mkdir(parents=True)
     (train / "pan_00.pkl").write_bytes(b"")
@@ -334,11 +337,16 @@ def test_a_sequence_of_the_manifest_that_is_gone_is_named(tmp_path, monkeypatch,
     monkeypatch.setattr(regenerate, "_manifest_of", lambda *_: there)
     recipe = ThreedpwRecipe(recipe="threedpw", sequences=("pan_00",))
     paths = SetPaths(tmp_path / "out")
-    if listed:
-        with pytest.raises(BadManifest, match=r"lists arc_00 besides.*it is not in .* any more"):
-            regenerate._besides(recipe, tmp_path, paths)
+    run = Run(redo=redo)
+    if redo:
+        assert regenerate._besides(recipe, tmp_path, paths, run) == (recipe, [], {})
+        assert "arc_00: left out, as it is not in" in " ".join(capsys.readouterr().err.split())
+    elif listed:
+        said = r"lists arc_00 besides.*it is not in .* any more\)\. Leave it out with --redo"
+        with pytest.raises(BadManifest, match=said):
+            regenerate._besides(recipe, tmp_path, paths, run)
     else:
-        whole, others, missing = regenerate._besides(recipe, tmp_path, paths)
+        whole, others, missing = regenerate._besides(recipe, tmp_path, paths, run)
         assert (whole.sequences, others) == (sequences, [])
         assert missing == {"arc_00": f"it is not in {tmp_path} any more"}
 

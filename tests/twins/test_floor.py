@@ -19,12 +19,12 @@ from gmrdata.stage.progress import console
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.recipe import ThreedpwRecipe
-from gmrdata.twins.floor import floor_of_twins, measure, sampled_floor
+from gmrdata.twins.floor import floor_of_twins, measure, measure_floor, sampled_floor
 from gmrdata.twins.floor_record import Floor
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.twins.twin_set import TwinRecipe, TwinSequence, TwinsRecord, read_truth
 from gmrdata.values.clip import save_clip
-from gmrdata.values.errors import BadBodyFile, MissingInput, NothingMade
+from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput, NothingMade
 
 pytestmark = pytest.mark.slow
 
@@ -156,6 +156,19 @@ def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(place, f
     assert panning.tme_mm == was.classes["panning"].tme_mm
     assert (panning.sequences, panning.accepted) == (2, 1)
     assert panning.kept_share == pytest.approx(was.classes["panning"].kept_share / 2, rel=1e-5)
+
+
+def test_other_twins_are_measured_in_the_same_folder_with_redo(place, tmp_path):
+    """They were refused with it too, as those that are gone were listed there."""
+    folder = Path(shutil.copytree(place, tmp_path / "place"))
+    root, index = folder / "twins" / "3DPW", folder / "twins" / "truth" / "twins.json"
+    (root / "sequenceFiles" / "train" / "pan_00.pkl").unlink()
+    (root / "sequenceFiles" / "train" / "torn_00.pkl").unlink(missing_ok=True)
+    TwinsRecord(sequences=(twin("arc_00", "circular", 2),)).write(index)
+    with pytest.raises(BadManifest, match=r"lists pan_00 besides.*Leave it out with --redo"):
+        measure_floor(folder / "twins", folder / "out", folder / "recipe.yaml")
+    main(words(folder, "--redo"))
+    assert [row.id for row in Floor.read(folder / "out" / "floor.json").sequences] == ["arc_00"]
 
 
 def test_twins_without_truth_are_refused_before_the_work(filmed_set, tmp_path):

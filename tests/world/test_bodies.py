@@ -113,6 +113,21 @@ def test_poses_of_every_second_frame_are_interpolated(seen, neutral, tmp_path):
     assert np.abs(turned).max() < 0.1
 
 
+@pytest.mark.parametrize(
+    ("every", "fps_hz"), [(3, 30000 / 1001), (3, 29.95), (6, 60000 / 1001), (12, 119.88)]
+)
+def test_poses_a_tenth_of_a_second_apart_are_near_enough_at_rates_of_ntsc(
+    every, fps_hz, seen, neutral, tmp_path
+):
+    """They are 0.1001 s apart, and all frames between were dropped: there was no world."""
+    rows = np.arange(0, N_FRAMES, every)
+    config = BodiesConfig(frames_per_row=every)
+    people = [rows_of(seen, rows, np.arange(len(rows)))]
+    made(tmp_path, people, video(ALL, fps_hz=fps_hz), neutral, config)
+    clip = load_clip(tmp_path / "bodies" / "person_0.npz")
+    np.testing.assert_array_equal(clip.valid, rows[-1] >= ALL)
+
+
 @pytest.mark.parametrize(("fps_hz", "first"), [(120.0, 1), (20.0, 0)])
 def test_prompthmr_itself_takes_the_last_of_each_two_frames(fps_hz, first, seen, neutral, tmp_path):
     """Above 60 Hz; its poses were taken for those of the frame before.  A video of fewer frames

@@ -22,6 +22,7 @@ from gmrdata.people.landmark_body import landmarks_about
 from gmrdata.people.silhouette import silhouette
 from gmrdata.people.sources import (
     FolderSource,
+    MaskRcnnSource,
     MasksConfig,
     OnnxSource,
     PersonSource,
@@ -299,6 +300,17 @@ def test_only_masks_that_were_made_without_the_body_count(tmp_path):
     assert found == PeopleMasks(tmp_path / "masks_by" / "person", 5, boxed=False)
     found = people_masks(tmp_path / "masks", MasksConfig(sources=(boxes,)))
     assert found is not None and found.boxed and found.masks_dir.name == "onnx"
+
+
+def test_masks_of_cars_are_not_those_of_people(tmp_path):
+    """Right bodies were rejected, as they do not lie on a parked car."""
+    cars, others = OnnxSource(classes=("car",)), MaskRcnnSource(classes=("car", "bus"))
+    assert people_masks(tmp_path / "masks", MasksConfig(sources=(cars, others))) is None
+    sources = (others, PersonSource(), cars)
+    found = people_masks(tmp_path / "masks", MasksConfig(sources=sources))
+    assert found is not None and found.masks_dir.name == "person"
+    found = people_masks(tmp_path / "masks", MasksConfig(sources=(cars, OnnxSource())))
+    assert found is not None and found.masks_dir.name == "onnx_2"
 
 
 def test_the_verdict_and_the_record_of_a_late_body_say_so(small_body, tmp_path):
