@@ -23,12 +23,13 @@ from gmrdata.manifest.write import (
     stage_recipe,
     write_manifest,
 )
-from gmrdata.motion.files import input_files, read_motion
+from gmrdata.motion.files import FileReading, input_files, read_file, require_motion
 from gmrdata.motion.gait import embedded_motions, make_gait
 from gmrdata.motion.library import LibraryFile, gait_source, library_files, licence_of
-from gmrdata.motion.resample import resample
+from gmrdata.motion.resample import resample, resample_valid
 from gmrdata.read.bodies import keep_body, load_body
 from gmrdata.read.body_file import read_body
+from gmrdata.read.source_motion import DEFAULT_READING
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.solve.solve import solve_sequence
 from gmrdata.stage.jobs import Job, run_jobs
@@ -39,9 +40,8 @@ from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values import plain_yaml
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import write_text
-from gmrdata.values.motion import Motion
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.compose import motion_in_camera
@@ -138,7 +138,7 @@ def choose_files(
         filmed = tuple(_named(trial, files, folder) for trial in trials)
     else:
         read = ((file, _readable(file, body)) for file in files)
-        fitting = (file for file, motion in read if motion and _fits(motion, recipe.film))
+        fitting = (file for file, reading in read if reading and _fits(reading, recipe.film))
         filmed = tuple(islice(fitting, n_clips))
     if len(filmed) != n_clips:
         raise MissingInput(
@@ -160,17 +160,20 @@ def _named(trial: str, files: Sequence[LibraryFile], folder: Path) -> LibraryFil
     return found[0]
 
 
-def _readable(file: LibraryFile, body: BodyModel) -> Motion | None:
+def _readable(file: LibraryFile, body: BodyModel) -> FileReading | None:
     """The motion of a file that nobody asked for by name; None if it can't be read, and says so."""
     try:
-        return read_motion(file.path, body, ground=True)
-    except BadMotionFile as error:
+        return read_file(file.path, body, DEFAULT_READING, ground=True)
+    except GmrdataError as error:
         remark(f"left out: {error}")
         return None
 
 
-def _fits(motion: Motion, film: Film) -> bool:
+def _fits(reading: FileReading, film: Film) -> bool:
+    motion = reading.motion
     n_frames = min(motion.n_frames, round(film.duration_s * motion.fps_hz))
+    if not reading.valid[:n_frames].all():
+        return False
     path = motion.pelvis_m[:n_frames, :2]
     extent_m = float(np.ptp(path, axis=0).max())
     return n_frames >= SHORTEST_S * motion.fps_hz and LEAST_TRAVEL_M <= extent_m <= WIDEST_M
@@ -191,7 +194,10 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
         for index, spec in enumerate(recipe.clips):
             rng = np.random.default_rng([config.seed, index])
             if files.filmed:
-                motion = read_motion(files.filmed[index].path, body, ground=True)
+                path = files.filmed[index].path
+                reading = read_file(path, body, DEFAULT_READING, ground=True)
+                require_motion(reading, path, 0.0, config.film.duration_s)
+                motion = reading.motion
             else:
                 motion = make_gait(spec.gait, config.film.duration_s, 30.0, body, rng)
             filmed = film_motion(motion, config.film)
@@ -204,8 +210,16 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
 
     inputs = {"body": paths.body}
     for file in (*files.filmed, *files.training):
-        inputs |= {f"file {file.id}{one.suffix}": one for one in input_files(file.path).values()}
+        inputs |= {f"file {file.id}{one.suffix}": one for one in _inputs(file)}
     return run_stage("motions", paths.motions_dir, config, inputs, work, run=run)
+
+
+def _inputs(file: LibraryFile) -> tuple[Path, ...]:
+    """A file and its skeleton; without one it is left out, or refused, when it is read."""
+    try:
+        return tuple(input_files(file.path).values())
+    except MissingInput:
+        return (file.path,)
 
 
 def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) -> list[Clip]:
@@ -219,15 +233,14 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
         fps_hz=training.fps_hz,
         duration_s=training.gait_duration_s,
     )
-    motions = [(f"gait_{index:03d}", motion) for index, motion in enumerate(gaits)]
+    every = [np.ones(motion.n_frames, dtype=bool) for motion in gaits]
+    motions = [(f"gait_{n:03d}", *one) for n, one in enumerate(zip(gaits, every, strict=True))]
     for file in track(files.training, "reading training motions") if files.training else ():
-        motion = _readable(file, body)
-        if motion and motion.n_frames / motion.fps_hz >= SHORTEST_S:
-            motions.append((file.id, resample(motion, training.fps_hz)))
-    return [
-        Clip(id, motion, np.ones(n := motion.n_frames, dtype=bool), np.full(n, -1), None)
-        for id, motion in motions
-    ]
+        reading = _readable(file, body)
+        if reading and reading.valid.sum() / reading.motion.fps_hz >= SHORTEST_S:
+            valid = resample_valid(reading.valid, reading.motion.fps_hz, training.fps_hz)
+            motions.append((file.id, resample(reading.motion, training.fps_hz), valid))
+    return [Clip(id, motion, ok, np.full(len(ok), -1), None) for id, motion, ok in motions]
 
 
 def _render(paths: DemoPaths, recipe: DemoRecipe, pool: Pool, run: Run) -> None:

@@ -8,6 +8,7 @@ from rich.markup import escape
 
 from gmrdata.cli.demo_recipe import FPS_HZ, DemoClip, DemoPaths, DemoRecipe, MotionsConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
+from gmrdata.gmr.runs import split_manifests
 from gmrdata.pages import report_data
 from gmrdata.pages.report import summary_table, write_overview, write_report
 from gmrdata.pages.report_data import ClipReport
@@ -44,7 +45,7 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     report = report_data.ReportData(
         run=report_data.RunReport(
             title="gmrdata demo",
-            data_source=_data_source(paths),
+            data_source=_data_source(paths, recipe),
             seconds=_seconds(paths, recipe),
             versions={"gmrdata": record.gmrdata, "python": record.python, **record.packages},
             recipe=paths.recipe.read_text(encoding="utf-8"),
@@ -65,15 +66,16 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     return paths.report
 
 
-def _data_source(paths: DemoPaths) -> str:
+def _data_source(paths: DemoPaths, recipe: DemoRecipe) -> str:
     record = StageRecord.of(paths.motions_dir)
     filmed = MotionsConfig.of_plain(record.config).filmed
     if not filmed:
         return "Embedded gait generator: made by a program, not motion capture."
-    n_files = sum(key.startswith("file ") and not key.endswith(".asf") for key in record.inputs)
+    split = split_manifests([paths.training_manifest], recipe.gmr.data)
+    n_files = sum(file.entry.source.dataset != "gmrdata" for file in split.training)
     return (
-        f"Motion files {', '.join(filmed)}; GMR trained on {n_files - len(filmed)} other files "
-        "and on the embedded gait."
+        f"Motion files {', '.join(filmed)}; GMR trained on {n_files} other files and on the "
+        "embedded gait."
     )
 
 

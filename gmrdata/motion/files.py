@@ -21,7 +21,15 @@ from gmrdata.read.source_motion import CMU_TRIAL, ReadConfig, RestPose, SourceMo
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
-from gmrdata.values.files import files_inside, is_hidden, read_npz, require_text, visible
+from gmrdata.values.files import (
+    RECIPE_FILE,
+    STAGE_FILE,
+    files_inside,
+    is_hidden,
+    read_npz,
+    require_text,
+    visible,
+)
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_metrics import angles_rad
@@ -101,14 +109,19 @@ def read_motion(
 
 
 def read_file(
-    path: Path, body: BodyModel, config: ReadConfig, *, shape: np.ndarray | None = None
+    path: Path,
+    body: BodyModel,
+    config: ReadConfig,
+    *,
+    shape: np.ndarray | None = None,
+    ground: bool | None = None,
 ) -> FileReading:
     """`read_motion` as a recipe says, with where the rate is from and the residual."""
     require_text(path, BadMotionFile)
     _check_options(path, body, config.unit_m, shape)
     valid = None
     if path.suffix.lower() == ".npz":
-        motion, residual = read_amass(path, body, config, shape=shape), None
+        motion, residual = read_amass(path, body, config, shape=shape, ground=ground), None
         turns, arrays = motion.local_rotmats, read_npz(path, plain_alone=True)
         rate_from = amass_rate(arrays, config.fps_hz, path)[1]
         if str(arrays.get("format")) == CLIP_FORMAT:
@@ -116,7 +129,8 @@ def read_file(
     else:
         source = _read_source(path, config)
         turns = source.local_rotmats[:, 1:]
-        motion, residual = _on_body(source, path, body, config, Retargeting(shape=shape))
+        said = Retargeting(shape=shape, ground=ground)
+        motion, residual = _on_body(source, path, body, config, said)
         rate_from = source.rate_from
     person = person_of(body, motion)
     remarks = remarks_on(person, motion.fps_hz)
@@ -220,19 +234,41 @@ def input_files(path: Path) -> dict[str, Path]:
 def find_motions(folder: Path) -> list[Path]:
     """Motion files in a folder and its subfolders, sorted by path.
 
-    Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses.  A trial that
-    is there both as AMC and as BVH (same name in one folder, or the same CMU name `02_03` anywhere)
-    is listed once, as AMC: that is CMU's own form.  Hidden folders, as those of what was deleted,
-    are not entered, nor links that lead out.  MissingInput: there is no such folder.
+    Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses, and what
+    gmrdata made (`is_made`) beside others.  A trial that is there both as AMC and as BVH (same
+    name in one folder, or the same CMU name `02_03` anywhere) is listed once, as AMC: that is CMU's
+    own form.  So is what gmrdata exported both as AMASS and as BVH, as AMASS.  Hidden folders, as
+    those of what was deleted, are not entered, nor links that lead out.  MissingInput: there is no
+    such folder.
     """
+    found, made = motions_and_made(folder)
+    return found or made
+
+
+def motions_and_made(folder: Path) -> tuple[list[Path], list[Path]]:
+    """`find_motions`, and those that gmrdata made."""
     folder = Path(folder)
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
     paths = (path for path in visible(folder.rglob("*")) if path.suffix.lower() in SUFFIXES)
     shown = (path for path in paths if not is_hidden(path.relative_to(folder)))
-    found = [path for path in files_inside(folder, shown) if _is_motion(path)]
+    there = [path for path in files_inside(folder, shown) if _is_motion(path)]
+    own = {parent for parent in {path.parent for path in there} if is_made(parent)}
+    found = {path: None for path in there if path.parent not in own}
     as_amc = {_trial(file) for file in found if file.suffix.lower() == ".amc"}
-    return [f for f in found if f.suffix.lower() != ".bvh" or _trial(f) not in as_amc]
+    bvhs = (file for file in found if file.suffix.lower() == ".bvh")
+    twice = {file for file in bvhs if _trial(file) in as_amc or _as_amass(file) in found}
+    return [f for f in found if f not in twice], [f for f in there if f.parent in own]
+
+
+def is_made(folder: Path) -> bool:
+    """Whether a folder lies in that of a stage, finished or not.  What a stage makes is often there
+    in another form as well, and doesn't say whether it was accepted."""
+    real = folder.resolve()
+    return any(
+        (one / STAGE_FILE).is_file() or (one.suffix == ".partial" and (one / RECIPE_FILE).is_file())
+        for one in (real, *real.parents)
+    )
 
 
 def _check_options(
@@ -248,6 +284,14 @@ def _check_options(
 def _trial(file: Path) -> str:
     """What two forms of one recording have in common."""
     return file.stem if CMU_TRIAL.match(file.stem) else str(file.with_suffix(""))
+
+
+def _as_amass(file: Path) -> Path | None:
+    """What `gmrdata export` calls the AMASS form of a BVH that it writes too."""
+    of_format = file.parent.parent
+    if file.suffix != ".bvh" or of_format.name != "bvh":
+        return None
+    return of_format.with_name("amass") / file.parent.name / f"{file.stem}.npz"
 
 
 def _is_motion(file: Path) -> bool:

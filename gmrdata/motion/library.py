@@ -27,7 +27,7 @@ from gmrdata.manifest.write import (
     write_manifest,
 )
 from gmrdata.motion.amass import chosen_body
-from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
+from gmrdata.motion.files import FileReading, input_files, motions_and_made, read_file
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, UpAxis, is_trial
@@ -38,7 +38,7 @@ from gmrdata.stage.store import AGAIN, run_stage
 from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import as_text
 from gmrdata.values.records import Config, Record
 
@@ -52,6 +52,8 @@ LINES = ("limbs", "hips", "shoulders", "trunk")
 """The file's own lines against the body's, mean (worst) [deg]; the keys of LARGEST_RESIDUAL_DEG."""
 HEADINGS = ("file", "frames", "rate [Hz]", "from", "length [s]", "path [m]", "speed [m/s]",
             *(f"{line} [deg]" for line in LINES))  # fmt: skip
+EXPORTED = re.compile(r"(?:.*\.)?([^.]+)\.([^.]+)\.([^.]+_(?:poses|stageii))(?:_\d+-\d+)?")
+"""Names of exported clips of AMASS: `CMU.02.02_03_poses_00000-00172`."""
 LONGEST_ID = 150
 READING = "reading motions"
 FAILED = "failed"
@@ -75,8 +77,13 @@ def motion_source(path: Path, inside: Path) -> Source:
     """A motion file, known as AMASS's by data set, subject and trial: `KIT/3/kick_poses.npz`.
 
     These are the last three parts of its path as far as they lie in the folder that was given
-    (`inside`), or are that folder's name; CMU's wherever a link of that name leads.
+    (`inside`), or are that folder's name; CMU's wherever a link of that name leads.  Or they are
+    in its name, as `gmrdata export` names a clip's files.
     """
+    # A library's folders are named as its clips.
+    stem = path.absolute().parent.name if path.name == CLIP_FILE else path.stem
+    if exported := EXPORTED.fullmatch(stem):
+        return Source(dataset="AMASS", sequence=as_text("/".join(exported.groups())))
     n_inside = len(inside.parts)
     folder = path.absolute().parents[n_inside - 1]
     name = "CMU" if folder.name == "CMU" else folder.resolve().name
@@ -85,7 +92,7 @@ def motion_source(path: Path, inside: Path) -> Source:
     in_amass = path.suffix.lower() == ".npz" and path.stem.endswith(("_poses", "_stageii"))
     if in_amass and len(tail.parts) == 3:
         return Source(dataset="AMASS", sequence=as_text(tail.with_suffix("").as_posix()))
-    return file_source(path.stem)
+    return file_source(stem)
 
 
 def licence_of(source: Source) -> str:
@@ -102,12 +109,10 @@ class LibraryFile:
     source: Source
 
 
-def library_files(
-    sources: tuple[Path, ...], out_dir: str | Path | None = None
-) -> list[LibraryFile]:
+def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
     """The motion files among files and folders, each once.
 
-    Left out of folders are the clips of the library at `out_dir`, which an earlier run made.
+    What gmrdata made is left out of folders with other files, as the clips of an earlier run.
 
     A clip is called as its file.  An .npz that was found in a folder has its folders in the name
     as well, `CMU.01.01_01_poses`, since AMASS's data sets repeat the names of files; so has any
@@ -121,10 +126,7 @@ def library_files(
     found = []
     for source in sources:
         folder = source if source.is_dir() else source.parent
-        paths = _motions_of_others(source, out_dir) if source.is_dir() else [source]
-        if not paths:
-            raise MissingInput(f"{source}: holds no .bvh, .amc or .npz with a motion")
-        found += [(path, path.relative_to(folder)) for path in paths]
+        found += [(path, path.relative_to(folder)) for path in _motions_in(source)]
     once = {path.resolve(): (path, inside) for path, inside in reversed(found)}
     found = list(reversed(once.values()))
     stems = Counter(path.stem for path, _ in found)
@@ -149,11 +151,19 @@ def library_files(
     return list(files.values())
 
 
-def _motions_of_others(folder: Path, out_dir: str | Path | None) -> list[Path]:
-    """The motion files of a folder without the clips of the library at `out_dir`."""
-    own = None if out_dir is None else (Path(out_dir).resolve() / CLIPS, CLIP_FILE)
-    paths = ((path, path.resolve()) for path in find_motions(folder))
-    return [path for path, real in paths if (real.parent.parent, real.name) != own]
+def _motions_in(source: Path) -> list[Path]:
+    """The file, or a folder's motions: of what gmrdata made only where there is nothing else, as it
+    may lie there in several forms; says so.  MissingInput: there are none."""
+    if not source.is_dir():
+        return [source]
+    found, made = motions_and_made(source)
+    if not found and not made:
+        raise MissingInput(f"{source}: holds no .bvh, .amc or .npz with a motion")
+    if made:
+        more = f" and {len(made) - 1} more" if len(made) > 1 else ""
+        what = "left out, as gmrdata made it" if found else "made by gmrdata: is it accepted there"
+        remark(f"{made[0]}{more}: {what}{'' if found else '?'}")
+    return found or made
 
 
 def clip_id(name: str) -> str:
@@ -248,7 +258,7 @@ def plan_library(
             str(file.path),
             "there" if clips_dir and (clips_dir / file.id).is_dir() else TO_DO,
         )
-        for file in library_files(tuple(map(Path, sources)), out_dir)
+        for file in library_files(tuple(map(Path, sources)))
     ]
 
 
@@ -274,7 +284,7 @@ def make_library(
     """
     out_dir = Path(out_dir).resolve()
     # By absolute paths: a worker of another machine may run in another folder.
-    files = library_files(tuple(Path(source).absolute() for source in sources), out_dir)
+    files = library_files(tuple(Path(source).absolute() for source in sources))
     body_paths = _keep(body, out_dir / "body", run)
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
     config = ReadConfig.model_validate(said | {"up": up})
@@ -283,23 +293,35 @@ def make_library(
     shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config, "run": run}
     jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
     outcome = _run(jobs, out_dir / FAILED, run)
-    if outcome.results:
-        used = sorted({entry.body for entry in outcome.results.values()})
-        licences = dict.fromkeys(_body(body_paths[name]).licence for name in used)
-        licence = f"clips as stated by each; body: {'; '.join(licences)}"
-        head = motions_head(clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
-        entries = list(outcome.results.values())
-        write_motions(out_dir / MANIFEST, head, entries, config.recorded, run=run)
+    is_listed = bool(outcome.results) and _list(outcome, body_paths, out_dir, config, run)
     for id in outcome.results:
         for what in ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).remarks:
             remark(f"clip {id}: {what}")
     if outcome.reasons:
         is_there = (out_dir / MANIFEST).is_file()
         others = f"{MANIFEST} is that of before" if is_there else "there is no manifest"
-        if outcome.results:
+        if is_listed:
             others = f"{MANIFEST} lists the others; mend them and give --redo to list them too"
         raise BadMotionFile(_bad_files(outcome.reasons, len(files), others, out_dir / FAILED))
     return out_dir / MANIFEST
+
+
+def _list(
+    outcome: Outcome, body_paths: Mapping[str, Path], out_dir: Path, config: ReadConfig, run: Run
+) -> bool:
+    """Write the manifest; False where an earlier one stays, and files have failed since."""
+    used = sorted({entry.body for entry in outcome.results.values()})
+    licences = dict.fromkeys(_body(body_paths[name]).licence for name in used)
+    licence = f"clips as stated by each; body: {'; '.join(licences)}"
+    head = motions_head(clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
+    entries = list(outcome.results.values())
+    try:
+        write_motions(out_dir / MANIFEST, head, entries, config.recorded, run=run)
+    except BadManifest:
+        if not outcome.reasons:
+            raise
+        return False
+    return True
 
 
 def make_entry(

@@ -17,6 +17,12 @@ def resample(motion: Motion, fps_hz: float, *, start_s: float = 0.0) -> Motion:
     return replace(rows.moved(motion), fps_hz=float(fps_hz))
 
 
+def resample_valid(valid: np.ndarray, source_fps_hz: float, fps_hz: float) -> np.ndarray:
+    """(T,) bool: which frames of `resample` lie on or between valid ones (N,)."""
+    rows = _brackets(len(valid), source_fps_hz, fps_hz, 0.0)
+    return valid[rows.before] & valid[rows.after]
+
+
 @dataclass(frozen=True, eq=False)
 class Between:
     """Which of N rows each of T wanted ones lies between."""

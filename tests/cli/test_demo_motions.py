@@ -1,18 +1,25 @@
 """The motion files of a demo: which are filmed, which trained on, and what is said of each."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from gmrdata.cli.demo import choose_files, make_motions, training_entries
+from gmrdata.cli.demo_figures import _data_source
 from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
-from gmrdata.motion.library import LICENCES
+from gmrdata.motion.gait import make_gait
+from gmrdata.motion.library import LICENCES, motions_head, write_motions
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import load_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
 from tests.cli.small_demos import TINY
 from tests.motion.test_library import write_amass
+from tests.motions import save_bare
 
 NAMESAKES = ["BMLrub/rub001/0005_walk1_poses", "BMLrub/rub002/0005_walk1_poses"]
 ANEW = Run(redo=True)
@@ -70,3 +77,70 @@ def test_trials_of_one_name_are_all_trained_on(tmp_path, small_body):
     ids = [name.replace("/", ".") for name in (FILMED, *NAMESAKES)]
     inputs = read_json(made / "stage.json")["inputs"]
     assert set(inputs) == {"body", *(f"file {id}.npz" for id in ids)}
+
+
+def demo_of(folder: Path, body: BodyModel) -> tuple[DemoPaths, DemoRecipe]:
+    """A demo's folder with its body, and a recipe that films one clip of 1.3 s."""
+    paths = DemoPaths(folder)
+    paths.body_dir.mkdir(parents=True)
+    save_body(paths.body, body)
+    training = {"gait_count": 1, "max_files": 5, "fps_hz": 10}
+    changed = {"film": {"duration_s": 1.3}, "training": training}
+    return paths, DemoRecipe.model_validate(TINY | changed)
+
+
+def test_frames_without_a_motion_are_neither_filmed_nor_trained_on(tmp_path, small_body):
+    """They are filled in where a clip drops them, and counted as truth."""
+    paths, recipe = demo_of(tmp_path / "demo", small_body)
+    motion = make_gait("walk", 4.0, 30.0, small_body, np.random.default_rng(0))
+    (tmp_path / "in").mkdir()
+    known = {
+        "a_late": np.arange(120) >= 20,
+        "b_early": np.arange(120) < 50,
+        "c": np.arange(120) < 9,
+    }
+    for name, valid in known.items():
+        save_bare(tmp_path / "in" / f"{name}.npz", small_body, motion, valid)
+    files = choose_files(tmp_path / "in", (), recipe, small_body)
+    assert [file.id for file in files.filmed] == ["b_early"]
+    made = make_motions(paths, recipe, files, run=DEFAULT_RUN)
+    assert {path.stem for path in paths.training_dir.iterdir()} == {"a_late", "gait_000"}
+    clip = load_clip(made / "training" / "a_late.npz")
+    assert clip.motion.fps_hz == 10.0 and clip.valid.tolist() == [n > 6 for n in range(40)]
+    named = choose_files(tmp_path / "in", ("a_late",), recipe, small_body)
+    with pytest.raises(
+        BadMotionFile, match=r"a_late\.npz: 20 of its frames, from frame 0 on, hold"
+    ):
+        make_motions(paths, recipe, named, run=ANEW)
+
+
+def test_a_motion_without_its_skeleton_is_left_out_where_nobody_named_it(tmp_path, small_body):
+    """One AMC alone among many files ended the demo."""
+    paths, recipe = demo_of(tmp_path / "in" / "demo", small_body)
+    trans = np.linspace([0, 0, 0.9], [2, 0, 0.9], 80)
+    write_amass(tmp_path / "in", ["a/0001_circle_poses"], n_frames=80, trans=trans)
+    for name in ("00_lonely.amc", "zz_lonely.amc"):
+        (tmp_path / "in" / name).write_text(":FULLY-SPECIFIED\n:DEGREES\n1\n")
+    files = choose_files(tmp_path / "in", (), recipe, small_body)
+    make_motions(paths, recipe, files, run=DEFAULT_RUN)
+    assert {path.stem for path in paths.training_dir.iterdir()} == {"gait_000"}
+    # The demo lies below its motions: a second run takes none of its own clips, and goes on.
+    assert choose_files(tmp_path / "in", (), recipe, small_body) == files
+    named = choose_files(tmp_path / "in", ("zz_lonely",), recipe, small_body)
+    with pytest.raises(MissingInput, match=r"zz_lonely\.amc: its skeleton"):
+        make_motions(paths, recipe, named, run=ANEW)
+
+
+def test_the_report_counts_the_files_that_were_trained_on(tmp_path, small_body):
+    """Not those that could not be read, nor those that are never trained on."""
+    paths, recipe = demo_of(tmp_path / "demo", small_body)
+    trans = np.linspace([0, 0, 0.9], [2, 0, 0.9], 80)
+    names = ["a/0001_circle_poses", "a/0002_walk_poses", "CMU/02/02_03_poses"]
+    write_amass(tmp_path / "in", names, n_frames=80, trans=trans)
+    (tmp_path / "in" / "z_broken.bvh").write_text("HIERARCHY\n")
+    files = choose_files(tmp_path / "in", ("0001_circle_poses",), recipe, small_body)
+    make_motions(paths, recipe, files, run=DEFAULT_RUN)
+    head = motions_head("demo-training", "Motions.", "each its own")
+    write_motions(paths.training_manifest, head, training_entries(paths, files))
+    said = _data_source(paths, recipe)
+    assert said.startswith("Motion files 0001_circle_poses.npz; GMR trained on 1 other files")

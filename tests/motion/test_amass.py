@@ -185,6 +185,8 @@ def test_pythons_objects_beside_the_motion_are_left_out(tmp_path, small_body):
 def test_cmus_index_wins_over_amass(tmp_path, small_body):
     for folder, name, fps_hz in (
         ("CMU/62", "62_11_poses.npz", 60.0),
+        ("cmu/62", "62_11_poses.npz", 60.0),
+        ("CMU_SMPLH", "62_11_poses.npz", 60.0),
         ("CMU/02", "02_03_stageii.npz", 120.0),
         ("SFU/62", "62_11_poses.npz", 120.0),
     ):

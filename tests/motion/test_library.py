@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.current import Source
 from gmrdata.manifest.read import load_clips
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.motion.library import (
@@ -224,12 +226,59 @@ def test_a_library_below_its_source_does_not_read_its_own_clips(tmp_path, body_p
     monkeypatch.chdir(tmp_path)
     write_amass(tmp_path / "lib" / "clips", ["walk_poses", "KIT/kick_poses"])
     first = make_library(["."], body_path.name, "lib").read_bytes()
-    files = library_files((Path(),), "lib")
+    files = library_files((Path(),))
     assert sorted(file.path.name for file in files) == ["kick_poses.npz", "walk_poses.npz"]
     written = finished(tmp_path / "lib")
     assert make_library(["."], body_path.name, "lib").read_bytes() == first
     assert finished(tmp_path / "lib") == written and len(written) == 2
     assert [row[2] for row in plan_library(["."], "lib")] == ["there", "there"]
+
+
+def test_what_gmrdata_made_keeps_its_source_and_is_not_imported_twice(tmp_path, body_path, capsys):
+    """As `file: clip` it was trained on, of Table 8 or not, and AMASS's licence was lost."""
+    write_amass(tmp_path / "AMASS", ["CMU/02/02_03_poses"])
+    make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "lib")
+    clip = tmp_path / "lib" / "clips" / "CMU.02.02_03_poses" / "clip.npz"
+    for given in (clip, clip.parent, tmp_path / "lib"):
+        (again,) = library_files((given,))
+        assert again.path == clip
+        assert again.source == Source(dataset="AMASS", sequence="CMU/02/02_03_poses")
+    assert "made by gmrdata" in capsys.readouterr().err
+    shutil.copytree(tmp_path / "lib", tmp_path / "AMASS" / "lib")
+    (file,) = library_files((tmp_path / "AMASS",))
+    assert file.id == "CMU.02.02_03_poses"
+    assert "AMASS/lib/clips/CMU.02.02_03_poses/clip.npz: left out" in capsys.readouterr().err
+
+
+def test_an_exported_clip_of_amass_is_still_amass(tmp_path):
+    """Its name says what it is of; its licence was lost, and its subject."""
+    names = {
+        "KIT.3.kick_poses_00000-00171": ("AMASS", "KIT/3/kick_poses"),
+        "x.AMASS.CMU.02.02_03_stageii": ("AMASS", "CMU/02/02_03_stageii"),
+        "02.02_03_poses_00010-00171": ("file", "02.02_03_poses_00010-00171"),
+        "walk_00000-00171": ("file", "walk_00000-00171"),
+    }
+    for name in names:
+        (tmp_path / f"{name}.bvh").touch()
+    found = {file.path.stem: file.source for file in library_files((tmp_path,))}
+    assert {name: (s.dataset, s.sequence) for name, s in found.items()} == names
+
+
+def test_a_file_that_was_changed_is_named_and_the_manifest_stays(tmp_path, body_path):
+    """The error was that the manifest has other content, and told of no file."""
+    write_amass(tmp_path / "AMASS", NAMES[:2])
+    given = (tmp_path / "AMASS",), str(body_path), tmp_path / "out"
+    before = make_library(*given).read_bytes()
+    named = tmp_path / "AMASS" / f"{NAMES[1]}.npz"
+    named.write_bytes(named.read_bytes()[:2000])
+    with pytest.raises(BadMotionFile) as refused:
+        make_library(*given)
+    said = str(refused.value).splitlines()
+    assert said[0].endswith("; motions.yaml is that of before:") and "02_03_poses" in said[1]
+    assert (tmp_path / "out" / "motions.yaml").read_bytes() == before
+    with pytest.raises(BadMotionFile, match="1 of 2 .*lists the others"):
+        make_library(*given, run=Run(redo=True))
+    assert len(clips_of(tmp_path / "out" / "motions.yaml")) == 1
 
 
 def test_clip_ids_have_plain_letters():

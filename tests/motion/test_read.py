@@ -49,6 +49,25 @@ def test_find_motions_stays_in_the_folder(tmp_path):
         find_motions(tmp_path / "nowhere")
 
 
+def test_find_motions_leaves_out_what_gmrdata_made(tmp_path):
+    """A solved video's person was there as its clip and in both forms of its files, a rejected one
+    as its clip alone."""
+    for name in ("walk/files/bvh/p/p_0-9.bvh", "own/bvh/p/q.bvh", "inferred/person_0/motion.bvh",
+                 "walk/pseudo_gt/person_0.npz", "walk/files/amass/p/p_0-9.npz",
+                 "demo/motions.partial/training/a.npz", "own.partial/b.npz"):  # fmt: skip
+        _touch(tmp_path / name)
+    for name in ("inferred/stage.json", "walk/pseudo_gt/stage.json", "recipe.json",
+                 "demo/motions.partial/recipe.json"):  # fmt: skip
+        _touch(tmp_path / name)
+    found = [path.relative_to(tmp_path).as_posix() for path in find_motions(tmp_path)]
+    assert found == ["own/bvh/p/q.bvh", "own.partial/b.npz", "walk/files/amass/p/p_0-9.npz"]
+    # Named itself, it is taken.
+    alone = tmp_path / "walk" / "pseudo_gt"
+    assert find_motions(alone) == [alone / "person_0.npz"]
+    (tmp_path / "link").symlink_to(tmp_path / "inferred" / "person_0")
+    assert find_motions(tmp_path / "link") == [tmp_path / "link" / "motion.bvh"]
+
+
 def test_other_suffixes_are_refused(tmp_path, small_body):
     with pytest.raises(BadMotionFile, match=r"a\.fbx: no known motion format"):
         read_motion(_touch(tmp_path / "a.fbx"), small_body)

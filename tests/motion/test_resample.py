@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from gmrdata.motion.resample import resample, slice_motion, valid_runs
+from gmrdata.motion.resample import resample, resample_valid, slice_motion, valid_runs
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
 from tests.motions import random_motion
@@ -24,6 +24,14 @@ def test_an_integer_ratio_takes_the_very_samples(n_frames, ratio, fps_hz):
         np.testing.assert_array_equal(getattr(sampled, name), getattr(motion, name)[::ratio])
     assert sampled.fps_hz == fps_hz / ratio
     assert sampled.source == motion.source
+
+
+def test_what_lies_between_valid_frames_is_valid():
+    """A frame on a valid one is, whatever is beside that."""
+    valid = np.array([1, 1, 0, 1, 1, 0, 1], dtype=bool)
+    assert resample_valid(valid, 30.0, 10.0).tolist() == [True, True, True]
+    halves = [1, 1, 1, 0, 0, 0, 1, 1, 1, 0, 0, 0, 1]
+    assert resample_valid(valid, 30.0, 60.0).tolist() == list(map(bool, halves))
 
 
 def test_a_start_on_a_sample_is_exact():
