@@ -10,8 +10,8 @@ import jaxtyping
 from beartype import BeartypeConf, beartype
 from jaxtyping import AbstractArray, install_import_hook, jaxtyped
 
-OF_GMR = ("augmentation", "inputs", "losses", "model", "predict", "windows")
-"""Not rotations and vertex_loss: a training calls them thousands of times, at a cost of 40 %."""
+OF_GMR = ("augmentation", "losses", "model", "predict", "soles", "windows")
+"""Not rotations and supports: a training calls them thousands of times, at a cost of 40 %."""
 PACKAGES = (
     "gmrdata.values",
     "gmrdata.world",

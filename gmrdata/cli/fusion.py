@@ -9,6 +9,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.gmr import Weights
+from gmrdata.stage.progress import remark
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
@@ -56,7 +57,6 @@ def fuse(
     from gmrdata.fusion.camera_evidence import fusion_config_of
     from gmrdata.fusion.fuse import HEADINGS, FuseConfig, plan
     from gmrdata.fusion.fuse import fuse as fuse_people
-    from gmrdata.fusion.record import RECORD_FILE, RESULT_HEADINGS, FusionRecord, result_rows
     from gmrdata.pages.fusion import write_fusion_page
 
     used = {name: getattr(parts, name) for name in ("like_poses", "feet", "ground")}
@@ -79,9 +79,24 @@ def fuse(
         errors_path=errors,
         run=Run(redo=redo),
     )
-    print_table(RESULT_HEADINGS, result_rows(FusionRecord.read(made / RECORD_FILE)))
+    _say_results(made, parts.loop_sigma_m)
     answer(write_fusion_page(made))
     answer(made)
+
+
+def _say_results(made: Path, loop_sigma_m: float) -> None:
+    from gmrdata.fusion.record import (
+        RECORD_FILE,
+        RESULT_HEADINGS,
+        FusionRecord,
+        loop_remarks,
+        result_rows,
+    )
+
+    record = FusionRecord.read(made / RECORD_FILE)
+    print_table(RESULT_HEADINGS, result_rows(record))
+    for said in loop_remarks(record, loop_sigma_m):
+        remark(said)
 
 
 def _loop(text: str) -> "Loop":
@@ -122,9 +137,12 @@ def delta_errors(
         error_rows,
         measure_delta_errors,
     )
+    from gmrdata.fusion.network_evidence import DELTA_ERRORS_FILE
 
     flags.need(network, "the run folder of a network")
     flags.need(manifests, "a manifest file")
+    if out.is_dir():  # known before minutes of measuring
+        raise BadRecipe(f"--out {out}: is a folder. Give a file, like {out / DELTA_ERRORS_FILE}")
     with flags.flags_named():
         config = MeasureConfig(fps_hz=fps_hz, pose_noise_deg=pose_noise_deg, which=which)
     record = measure_delta_errors(tuple(map(Path, network)), manifests, config, people=people)

@@ -45,12 +45,19 @@ from gmrdata.fusion.record import (
     overall_sigma,
     sigma_file,
 )
-from gmrdata.fusion.smoothing import SamePlace, smooth
-from gmrdata.gmr.config import BUNDLED, Which, network_dir
+from gmrdata.fusion.smoothing import SamePlace, SeenMotions, smooth
+from gmrdata.gmr.config import BUNDLED, Which, network_dir, weights_dir
 from gmrdata.gmr.infer import stand
-from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, load_gmr
+from gmrdata.gmr.predict import (
+    Deltas,
+    DoubtedMotions,
+    TrainedGmr,
+    deltas_at_source_rate,
+    held,
+    load_gmr,
+)
 from gmrdata.gmr.runs import check_finite, given_body
-from gmrdata.motion.resample import valid_runs
+from gmrdata.motion.resample import between_known, valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -125,7 +132,7 @@ class FusedInputs:
         clips = tuple(enumerate(self.clip_paths))
         found = {f"clip_{n}": path for n, path in clips}
         seen = {f"seen_{n}": path for n, clip in clips if (path := seen_path(clip))}
-        found |= seen | {"run": self.network_dir, "errors": self.errors_path}
+        found |= seen | {"run": weights_dir(self.network_dir), "errors": self.errors_path}
         found |= {} if body_path is None else {"body": Path(body_path)}
         return found | ({} if self.quality_path is None else {"quality": self.quality_path})
 
@@ -167,7 +174,7 @@ def errors_file(run_dir: Path, given: str | Path | None) -> Path:
     if not path.is_file():
         raise MissingInput(
             f"{path}: nothing says how wrong the network is. Measure it: gmrdata delta-errors"
-            f" MANIFEST --network {run_dir} --out {path.name}"
+            f" MANIFEST --network {run_dir} --out {path}"
         )
     return path
 
@@ -322,7 +329,14 @@ class WeighedGmr:
 
     @classmethod
     def load(cls, given: FusedInputs, which: Which) -> "WeighedGmr":
-        return cls(load_gmr(given.network_dir, which), DeltaErrors.read(given.errors_path))
+        """BadRecipe for errors of networks of another frame rate, which grow otherwise."""
+        gmr, errors = load_gmr(given.network_dir, which), DeltaErrors.read(given.errors_path)
+        if abs(errors.fps_hz / gmr.fps_hz - 1) > 1e-6:
+            raise BadRecipe(
+                f"{given.errors_path}: of networks of {errors.fps_hz:g} fps, and {gmr.name} is of"
+                f" {gmr.fps_hz:g} fps. Measure its own with gmrdata delta-errors"
+            )
+        return cls(gmr, errors)
 
 
 def _people(given: FusedInputs, config: FuseConfig) -> Iterator[WorldPerson]:
@@ -432,10 +446,11 @@ def _fused(
 ) -> FusedClip:
     remedy = "Give the clip's own with --body"
     given_body(person.clip.motion, [body], BadMotionFile, f"clip {person.clip.id}: of", remedy)
-    clip, gmr = clip_on_body(person.clip, body), network.gmr
+    clip, gmr = _posed(clip_on_body(person.clip, body)), network.gmr
     motion, known = clip.motion, known_frames(clip)
     check_finite(clip)
     found = deltas_at_source_rate(gmr, motion)
+    path = _held(gmr, motion, found)
     motions = seen_motions(found, motion.fps_hz, network.errors)
     hidden = hidden_frames(person.seen, motion.fps_hz)
     # With a camera or without: a hand over the lens hides the person too.
@@ -444,18 +459,22 @@ def _fused(
     if config.pace_share > 0:
         motions = with_pace_errors(motions, motion.fps_hz, config.pace_share)
     if not known.any():
-        motion = stand(_placed(motion, *found[:2], WORLD_FROM_REST, np.zeros(3), 0), body)
+        motion = stand(_placed(motion, *path, WORLD_FROM_REST, np.zeros(3), 0), body)
         clip = replace(clip, motion=motion)
     noise = measured_noise(clip, motions, config)
     seen = seen_poses(clip, noise, config)
     if config.like_poses:
         motions = corrected_by_like_poses(body, motion, motions, seen)
-    feet = planted_feet(body, motion, motions, config) if config.feet else None
+    feet = None
+    if config.feet:  # which stand is clearer where soles hold the motion
+        rotmats, delta_m = _held(gmr, motion, motions)
+        standing = replace(motions, delta_rotmats=rotmats, delta_m=delta_m)
+        feet = planted_feet(body, motion, standing, config)
     if feet is not None:
         feet = replace(feet, still=feet.still & ~steps_of(hidden))
     poses = smooth(motion.fps_hz, seen, motions, feet=feet, loops=person.loops)
     first = int(known.argmax())
-    alone = _placed(motion, *found[:2], poses.rotmats[first], poses.pelvis_m[first], first)
+    alone = _placed(motion, *path, poses.rotmats[first], poses.pelvis_m[first], first)
     sigmas = error_bars(poses, clip, config, person.errors)
     source = f"{motion.source}; put together with GMR {gmr.name} (step {gmr.step})"
     motion = replace(motion, root_rotmats=poses.rotmats, pelvis_m=poses.pelvis_m, source=source)
@@ -465,6 +484,26 @@ def _fused(
         noise,
         alone.pelvis_m,
     )
+
+
+def _posed(clip: Clip) -> Clip:
+    """The same with poses made up between those of the nearest frames where frames that are not
+    valid hold none: a network sees all frames in a row."""
+    local_rotmats = clip.motion.local_rotmats
+    there = np.isfinite(local_rotmats).all((1, 2, 3))
+    lacking = np.flatnonzero(~there & ~clip.valid)
+    if not len(lacking) or not there.any():
+        return clip
+    between = between_known(np.flatnonzero(there), lacking)
+    made_up = between.turned(local_rotmats[there])
+    local_rotmats = local_rotmats.copy()
+    local_rotmats[lacking] = made_up
+    return replace(clip, motion=replace(clip.motion, local_rotmats=local_rotmats))
+
+
+def _held(gmr: TrainedGmr, motion: Motion, seen: DoubtedMotions | SeenMotions) -> Deltas:
+    between = seen.delta_rotmats, seen.delta_m
+    return held(gmr, motion.local_rotmats, between, motion.fps_hz)
 
 
 def _placed(

@@ -124,7 +124,7 @@ def held_out_motions(
     BadManifest where there are none; BadRecord, MissingInput and BadCheckpoint for another run.
     """
     data = DataConfig(held_out_subjects=people) if people else _data_of(run_dir)
-    files = split_manifests(manifest_paths, data).held_out
+    files = split_manifests(manifest_paths, data, to_train=False).held_out
     if not files:
         raise BadManifest(
             f"{run_dir}: its recipe held none of these clips out. Errors are measured on people"

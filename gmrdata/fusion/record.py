@@ -9,6 +9,7 @@ from gmrdata.values.records import ArrayShapes, Config, Figure, Record, read_arr
 
 RECORD_FILE = "fusion.json"
 SIGMA_FORMAT = "gmrdata-fusion-sigma/2"
+FAR_LOOP = 3  # standard deviations between a loop's ends, beyond which something is wrong
 _SIGMA_SHAPES: ArrayShapes = {  # NaN in frames beyond the person's time
     "place_sigma_m": ("f", ("T", 3)),  # standard deviation of the pelvis, world axes [m]
     "camera_sigma_m": ("f", ("T", 3)),  # and seen from the camera, its axes; NaN without one [m]
@@ -70,6 +71,18 @@ class FusionRecord(Record):
     measured_on: tuple[str, ...]
     """People on whom the network's errors were measured."""
     people: tuple[FusedPerson, ...]
+
+
+def loop_remarks(record: FusionRecord, sigma_m: float) -> list[str]:
+    """What to say of loops whose ends stay further apart than a standard deviation explains."""
+    return [
+        f"{one.id}: at {loop.time_s:.2f} s and {loop.other_time_s:.2f} s it is {loop.apart_m:.2f} m"
+        f" apart, over {FAR_LOOP} times --loop-sigma-m {sigma_m:g}: hardly one spot. Look at the"
+        " times"
+        for one in record.people
+        for loop in one.loops
+        if loop.apart_m > FAR_LOOP * sigma_m
+    ]
 
 
 def sigma_file(number: int) -> str:

@@ -181,11 +181,17 @@ def _brought_up(value: dict[str, Any]) -> dict[str, Any]:
     """
     version = _FORMER.index(value["format"]) + 1
     first = _FIRST_LEFT_OUT if version == 1 else {}
-    model = value.get("model")
+    model = brought_up_model(value.get("model"), version)
+    return first | value | {"format": GmrState.tag(), "model": model}
+
+
+def brought_up_model(model: Any, version: int = 0) -> Any:
+    """A record's network of a former version as one of this; of any former one where the record
+    doesn't say which."""
     if isinstance(model, dict):
         for added, keys in _ADDED_TO_MODEL.items():
             model = (keys if version < added else {}) | model
-    return first | value | {"format": GmrState.tag(), "model": model}
+    return model
 
 
 def read_model(folder: Path, which: Which = "latest") -> Gmr:

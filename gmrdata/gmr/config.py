@@ -209,6 +209,14 @@ def network_dir(network: Path | str) -> Path:
     return Path(__file__).with_name("weights") if str(network) == BUNDLED else Path(network)
 
 
+def weights_dir(network_dir: Path) -> Path:
+    """What decides the motions of a network's folder: the checkpoints of a run, beside which its
+    measured errors and results may lie, or all of a folder of weights alone."""
+    kept = network_dir / "checkpoints"
+    is_run = kept.is_dir() and not (network_dir / BUNDLE_FILE).is_file()
+    return kept if is_run else network_dir
+
+
 def is_network(path: Path | str) -> bool:
     """Whether a path, or the word `bundled`, is a network's."""
     folder = network_dir(path)

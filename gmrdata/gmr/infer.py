@@ -33,7 +33,7 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.config import Which, network_dir
+from gmrdata.gmr.config import Which, network_dir, weights_dir
 from gmrdata.gmr.predict import TrainedGmr, held, load_gmr, predict_world_motion
 from gmrdata.gmr.runs import check_rate
 from gmrdata.motion.files import input_files
@@ -289,9 +289,9 @@ def infer(
     run_dir, source, out_dir = network_dir(network), result_file(Path(poses_path)), Path(out_dir)
     config = config or InferConfig()
     config = config if draw is not None else config.model_copy(update={"video": False})
-    optional = {"joint_map": joint_map, "body": body_path}
+    others = {"run": weights_dir(run_dir), "joint_map": joint_map, "body": body_path}
     inputs = {f"poses_{role}": path for role, path in input_files(source).items()}
-    inputs |= {"run": run_dir} | {key: Path(it) for key, it in optional.items() if it is not None}
+    inputs |= {key: Path(it) for key, it in others.items() if it is not None}
     if check_out("infer", out_dir, config, inputs, run):
         return out_dir
     # Before anything is written, so that a bad file leaves nothing behind.

@@ -20,7 +20,14 @@ from torch import Tensor, nn
 
 from gmrdata import __version__
 from gmrdata.gmr.augmentation import mean_motion
-from gmrdata.gmr.checkpoint import REMEDY, read_model, read_network, read_state, trained_checkpoint
+from gmrdata.gmr.checkpoint import (
+    REMEDY,
+    brought_up_model,
+    read_model,
+    read_network,
+    read_state,
+    trained_checkpoint,
+)
 from gmrdata.gmr.config import BUNDLE_FILE, ModelConfig, Which, network_dir
 from gmrdata.gmr.model import Gmr, MeanGmr, given_input
 from gmrdata.gmr.rotations import Answer
@@ -31,6 +38,7 @@ from gmrdata.values import limits
 from gmrdata.values.body import JOINT_NAMES, N_LOCAL
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, BadMotionFile, BadRecord, MissingExtra
+from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion, accumulate, deltas, without_root
 from gmrdata.values.records import Record
 from gmrdata.values.shapes import Float
@@ -79,8 +87,12 @@ def load_gmr(network: Path | str, which: Which = "latest") -> TrainedGmr:
 
 def read_bundle(folder: Path) -> tuple[Bundle, Gmr | MeanGmr]:
     """A folder's record and its network; BadCheckpoint where something is broken or missing."""
+    path = folder / BUNDLE_FILE
     try:
-        bundle = Bundle.read(folder / BUNDLE_FILE)
+        value = read_json(path)
+        if isinstance(value, dict):  # as `write_bundle` of a former version left it
+            value["model"] = brought_up_model(value.get("model"))
+        bundle = Bundle.of_value(path, value)
     except BadRecord as error:
         raise BadCheckpoint(f"{error}. {REMEDY}") from None
     models = [read_network(folder, f"network_{i}", bundle.model) for i in range(bundle.networks)]
@@ -93,7 +105,7 @@ Deltas = tuple[Float[np.ndarray, "frames-1 3 3"], Float[np.ndarray, "frames-1 3"
 
 def predict_deltas(gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 3 3"]) -> Deltas:
     """dR, orthonormal to float64, and dT [m] between local poses at the network's frame rate."""
-    return predict_with_doubt(gmr, local_rotmats)[:2]
+    return held(gmr, local_rotmats, predict_with_doubt(gmr, local_rotmats)[:2], gmr.fps_hz)
 
 
 def predict_with_doubt(
@@ -103,8 +115,9 @@ def predict_with_doubt(
     Float[np.ndarray, "frames-1 3"],
     Float[np.ndarray, "frames-1 2"],
 ]:
-    """The same, and how far apart the answers are whose mean that is: those of a symmetric network
-    and of several networks, root mean square, of dR [rad] and of dT [m]; zeros for one answer."""
+    """The same before soles hold it, and how far apart the answers are whose mean it is: those of a
+    symmetric network and of several networks, root mean square, of dR [rad] and of dT [m]; zeros
+    for one answer."""
     given = torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64)
     poses = given_input(given, gmr.model.config)
     device = next(gmr.model.parameters()).device
@@ -112,11 +125,10 @@ def predict_with_doubt(
         answers = gmr.model.answers(poses.float()[None].to(device))
         mean = mean_motion(answers)
         apart = torch.stack([_apart(one, mean) for one in answers]).square().mean(0).sqrt()
-        # Rounding errors of float32 would grow over thousands of accumulated frames.
         delta_rotmats, delta_m, doubt = (
             values[0, :-1].cpu().double().numpy() for values in (*mean, apart)
         )
-    return *held(gmr, local_rotmats, (delta_rotmats, delta_m), gmr.fps_hz), doubt
+    return _orthonormal(delta_rotmats), delta_m, doubt
 
 
 def held(
@@ -131,7 +143,12 @@ def held(
         poses = torch.as_tensor(local_rotmats.astype(np.float64))
         between = torch.as_tensor(rotmats), torch.as_tensor(delta_m)
         rotmats, delta_m = (x.numpy() for x in held_by_soles(poses, between, fps_hz))
-    return Rotation.from_matrix(rotmats).as_matrix(), delta_m
+    return _orthonormal(rotmats), delta_m
+
+
+def _orthonormal(rotmats: np.ndarray) -> np.ndarray:
+    """Rounding errors of float32 would grow over thousands of accumulated frames."""
+    return Rotation.from_matrix(rotmats).as_matrix()
 
 
 def _apart(one: Answer, mean: Answer) -> Tensor:
@@ -159,27 +176,18 @@ def predict_world_motion(
         first_root_rotmat: R_1, world_from_root; the identity if None.
         first_pelvis_m: T_1 [m]; the origin if None.
     """
-    first = (
+    local = _at_network_rate(gmr, motion)
+    root_rotmats, pelvis_m = accumulate(
+        *predict_deltas(gmr, local.local_rotmats),
         np.eye(3) if first_root_rotmat is None else np.asarray(first_root_rotmat, np.float64),
         np.zeros(3) if first_pelvis_m is None else np.asarray(first_pelvis_m, np.float64),
     )
-    return _predicted(gmr, motion, first)[0]
-
-
-def _predicted(
-    gmr: TrainedGmr, motion: Motion, first: tuple[np.ndarray, np.ndarray] = (np.eye(3), np.zeros(3))
-) -> tuple[Motion, np.ndarray]:
-    """The world motion from a first pose on, and `predict_with_doubt`'s doubt."""
-    local = _at_network_rate(gmr, motion)
-    delta_rotmats, delta_m, doubt = predict_with_doubt(gmr, local.local_rotmats)
-    root_rotmats, pelvis_m = accumulate(delta_rotmats, delta_m, *first)
     source = f"world motion predicted by GMR {gmr.name} (step {gmr.step}) from: {motion.source}"
     if abs(motion.fps_hz - gmr.fps_hz) > 1e-6 * gmr.fps_hz:
         source += f", resampled from {motion.fps_hz:g} to {gmr.fps_hz:g} fps"
-    world = replace(
+    return replace(
         local, root_rotmats=root_rotmats, pelvis_m=pelvis_m, frame="world", source=source
     )
-    return world, doubt
 
 
 def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
@@ -209,7 +217,8 @@ class DoubtedMotions(NamedTuple):
 
 
 def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
-    """dR (T-1, 3, 3) and dT (T-1, 3) [m] between all T poses, from the local ones alone.
+    """dR (T-1, 3, 3) and dT (T-1, 3) [m] between all T poses, from the local ones alone, before
+    soles hold them: feet that stand are evidence of their own.
 
     The network runs at its own rate, mostly 10 Hz, over poses of 30.  Begun one pose later it sees
     the same motion in another phase; from pose to pose the mean of all phases is taken.  A last
@@ -223,8 +232,14 @@ def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
     for phase in range(max(1, int(motion.fps_hz / gmr.fps_hz + 1e-6))):
         if (n - 1 - phase) / motion.fps_hz < 1 / gmr.fps_hz - 1e-6:
             break
-        seen, doubt = _predicted(gmr, poses.take(slice(phase, None)))
-        back = resample(replace(seen, local_rotmats=seen.local_rotmats[:, :0]), motion.fps_hz)
+        local = _at_network_rate(gmr, poses.take(slice(phase, None)))
+        turned, moved_m, doubt = predict_with_doubt(gmr, local.local_rotmats)
+        root_rotmats, pelvis_m = accumulate(turned, moved_m, np.eye(3), np.zeros(3))
+        path = replace(
+            local, root_rotmats=root_rotmats, pelvis_m=pelvis_m, frame="world",
+            local_rotmats=local.local_rotmats[:, :0],
+        )  # fmt: skip
+        back = resample(path, motion.fps_hz)
         found, found_m = deltas(back.root_rotmats, back.pelvis_m)
         rows = slice(phase, min(phase + len(found), n - 1))
         count = rows.stop - phase

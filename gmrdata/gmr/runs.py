@@ -223,10 +223,15 @@ class Split:
 
 
 def split_manifests(
-    manifest_paths: Sequence[Path], config: DataConfig, *, may_lack_people: bool = False
+    manifest_paths: Sequence[Path],
+    config: DataConfig,
+    *,
+    may_lack_people: bool = False,
+    to_train: bool = True,
 ) -> Split:
     """Choose the clips of manifests.  BadRecipe where a held-out subject has none, unless
-    `may_lack_people`."""
+    `may_lack_people`; BadManifest where none can be trained on, unless that is not what they are
+    for."""
     if config.weights is not None and len(config.weights) != len(manifest_paths):
         raise BadRecipe(
             f"data.weights has {len(config.weights)} weights for {len(manifest_paths)} manifests."
@@ -260,12 +265,17 @@ def split_manifests(
     sizes, of = tuple(len(part) for _, part in parts), tuple(n for n, _ in parts)
     mix = Mix(sizes, config.weights, names, of, config.balance)
     split = Split(tuple(chain(*(part for _, part in parts))), tuple(held_out), dict(left_out), mix)
+    if to_train:
+        _require_training(split)
+    return split
+
+
+def _require_training(split: Split) -> None:
     if not split.training and split.left_out:
         remedy = "Give others, or change data.never_train_on or data.held_out_subjects"
         raise BadManifest(f"no usable clips ({split.statement}). {remedy}")
     if not split.training:
         raise BadManifest("no usable clips. Give manifests with clips that are not rejected")
-    return split
 
 
 def require_own_ids(files: Sequence[ClipFile], what: str) -> None:
@@ -313,11 +323,14 @@ def subject_of(source: Source) -> str | None:
 
 def cmu_trial(source: Source) -> str | None:
     """The CMU trial that a clip is of, like 02_03; None if it is of none."""
-    parts = PurePosixPath(source.sequence).parts
-    is_another_set = source.dataset == "AMASS" and len(parts) == 3 and parts[0] != "CMU"
+    path = PurePosixPath(source.sequence)
+    in_cmu = any(part.lower().startswith("cmu") for part in path.parts)
+    is_another_set = source.dataset == "AMASS" and len(path.parts) == 3 and not in_cmu
     if source.dataset in _OTHERS or is_another_set:
         return None
-    match = CMU_TRIAL.match(parts[-1]) if parts else None  # none of the sequence "."
+    # A clip's id, and so a file that is exported, has its folders in front: CMU.02.02_03_poses.
+    words = path.name.split(".")
+    match = next(filter(None, map(CMU_TRIAL.match, words)), None)
     return f"{int(match.group(1)):02d}_{match.group(2)}" if match else None
 
 

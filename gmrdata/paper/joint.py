@@ -22,7 +22,7 @@ from torch import Tensor, nn
 
 from gmrdata.gmr import checkpoint, rotations
 from gmrdata.gmr.checkpoint import StepState, load_weights, read_step_state, trained_checkpoint
-from gmrdata.gmr.config import DataConfig
+from gmrdata.gmr.config import DataConfig, weights_dir
 from gmrdata.gmr.flat_runs import TrainingRun, in_memory
 from gmrdata.gmr.losses import Bodies, LossBody, Motions, gmr_loss, make_loss_bodies
 from gmrdata.gmr.model import MotionNetwork
@@ -182,7 +182,7 @@ def predict_joint(
     subjects, left_out = predictions.manifest_subjects(
         manifest_path, lambda id: (features_dir / f"{id}.npz",)
     )
-    inputs = {"run": run_dir, "manifest": manifest_path} | body_inputs(body_path)
+    inputs = {"run": weights_dir(run_dir), "manifest": manifest_path} | body_inputs(body_path)
     inputs |= {f"features_{one.clip.id}": features_dir / f"{one.clip.id}.npz" for one in subjects}
 
     def work(partial_dir: Path) -> None:

@@ -154,8 +154,13 @@ class TableRecipe(Config):
             for other in {row.network, row.scores} - {None}:
                 if other not in names:
                     raise ValueError(f"rows: {row.name}: there is no row {other!r}")
-            if not row.trains and (row.train or any(one.train for one in row.at.values())):
+            own = [row.train, *(one.train for one in row.at.values())]
+            if not row.trains and any(own):
                 raise ValueError(f"rows: {row.name}: has `train`, and no training of its own")
+            # A table says once who is trained on, and which scored clips are among them.
+            if any("data" in settings for settings in own):
+                what = "`train` has `data`, which all rows share. Give it in the scale's `train`"
+                raise ValueError(f"rows: {row.name}: {what}")
             trained, scored = self.trained_row(row), self.scored_row(row)
             if trained is not row and not (trained.trains and trained.method == row.method):
                 what = f"trains no network of method {row.method}"

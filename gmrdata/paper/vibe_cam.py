@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field, PositiveInt
 
+from gmrdata.gmr.config import weights_dir
 from gmrdata.gmr.infer import predict_at_source_rate, too_short
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.runs import given_body
@@ -196,7 +197,7 @@ def infer_poses(
     subjects, left_out = predictions.manifest_subjects(
         manifest_path, lambda id: (poses_dir / f"{id}.npz",)
     )
-    inputs = {"run": run_dir, "manifest": manifest_path} | body_inputs(body_path)
+    inputs = {"run": weights_dir(run_dir), "manifest": manifest_path} | body_inputs(body_path)
     inputs |= {f"poses_{one.clip.id}": poses_dir / f"{one.clip.id}.npz" for one in subjects}
 
     def work(partial_dir: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from gmrdata.gmr.config import Which
+from gmrdata.gmr.config import Which, weights_dir
 from gmrdata.gmr.runs import ClipFile, LazyClips, UsableClip, usable_files
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.listing import read_listing
@@ -116,6 +116,7 @@ class Source:
     name: str
     inputs: Mapping[str, Path]  # its files, by their part
     open: Callable[[], Predictor]
+    run_dir: Path | None = None  # of a network
 
 
 def network_source(run_dir: Path, config: ScoreConfig) -> Source:
@@ -136,7 +137,7 @@ def network_source(run_dir: Path, config: ScoreConfig) -> Source:
         predict = partial(network_clip, gmr, how=config.pairing())
         return Predictor(gmr.name, model, gmr.fps_hz, predict)
 
-    return Source(run_dir.resolve().name, {"run": run_dir}, opened)
+    return Source(run_dir.resolve().name, {"run": weights_dir(run_dir)}, opened, run_dir)
 
 
 def clips_source(one: ClipFiles, config: ScoreConfig, beside: "ResultSets") -> Source:

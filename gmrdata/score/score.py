@@ -186,7 +186,7 @@ def _write_scores(
 
 def _if_trained_on(source: Source, manifest_path: Path) -> list[str]:
     """A sentence where a network was trained on this very manifest, as its run's record says."""
-    run_dir = source.inputs.get("run")
+    run_dir = source.run_dir
     if run_dir is None or not (run_dir / STAGE_FILE).is_file():
         return []
     made, scored = StageRecord.of(run_dir), sha256_of_file(manifest_path)

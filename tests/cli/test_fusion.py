@@ -22,7 +22,9 @@ def test_fuse_says_what_it_found_and_writes_a_page(video, body_path, tmp_path, c
     assert re.search(r"walk +90 +30 +60 +1\.00 +1", said)
     assert not (tmp_path / "out").exists()
     main(words)
-    assert "fusion.html" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "fusion.html" in said.out
+    assert "apart, over 3 times --loop-sigma-m 0.1: hardly one spot" in said.err
     record = FusionRecord.read(tmp_path / "out" / RECORD_FILE)
     assert record.people[0].loops[0].time_s == 0.5
     page = (tmp_path / "out" / "fusion.html").read_text("utf-8")
@@ -50,6 +52,15 @@ def test_bad_flags_are_said(video, tmp_path, gmrdata, more, said):  # noqa: F811
     answer = gmrdata(*fuse_words(video), "--out", tmp_path / "out", *more)
     assert answer.returncode == 1 and said in answer.stderr.replace("\n", "")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_for_the_errors_is_refused_before_they_are_measured(run_dir, tmp_path, capsys):
+    """It was found out after minutes of measuring."""
+    (manifest := tmp_path / "none.yaml").touch()
+    with pytest.raises(SystemExit):
+        main(["delta-errors", str(manifest), "--network", str(run_dir), "--out", str(run_dir)])
+    said = capsys.readouterr().err.replace("\n", "")
+    assert f"--out {run_dir}: is a folder. Give a file, like" in said
 
 
 def test_errors_of_a_run_that_held_nobody_out_are_refused(run_dir, tmp_path, gmrdata):

@@ -15,6 +15,7 @@ from gmrdata.fusion.fuse import (
     HEADINGS,
     FuseConfig,
     FusedClip,
+    FusedInputs,
     Loop,
     WeighedGmr,
     WorldPerson,
@@ -30,6 +31,7 @@ from gmrdata.fusion.record import (
     RESULT_HEADINGS,
     FusionRecord,
     load_sigma,
+    loop_remarks,
     result_rows,
 )
 from gmrdata.fusion.smoothing import SamePlace, smooth
@@ -37,7 +39,14 @@ from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr, deltas_at_source_rat
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput, StageFailed
+from gmrdata.values.errors import (
+    BadMotionFile,
+    BadRecipe,
+    BadRecord,
+    MissingInput,
+    StageFailed,
+    StaleOutput,
+)
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
@@ -433,6 +442,57 @@ def test_a_clip_without_cameras_is_the_networks_path(clip, small_body, constant)
     assert place_m[-1] > 0.1
 
 
+def test_errors_of_networks_of_another_frame_rate_are_refused(video):
+    """They were believed, though errors over other steps grow otherwise."""
+    record().model_copy(update={"fps_hz": 5.0}).write(video.network["errors_path"])
+    said = r"delta_errors\.json: of networks of 5 fps, and run is of 10 fps\. Measure"
+    with pytest.raises(BadRecipe, match=said):
+        video.fuse()
+    with pytest.raises(BadRecipe, match=said):
+        plan(video.pseudo_gt, config=FuseConfig(), **video.network)
+
+
+def test_what_lies_beside_a_runs_checkpoints_makes_nothing_stale(video):
+    run_dir = video.network["network"]
+    made = video.fuse()
+    (run_dir / "scores").mkdir()
+    record().write(run_dir / "delta_errors.json")
+    assert video.fuse() == made
+    record(fast=0.3).write(video.network["errors_path"])
+    with pytest.raises(StaleOutput, match=r"values of inputs\.errors\."):
+        video.fuse()
+    assert WeighedGmr.load(FusedInputs.of(video.pseudo_gt, run_dir), "latest").errors == record()
+
+
+def test_frames_that_are_not_valid_may_lack_a_pose(video, clip):
+    """As the manifest's format has it; a clip with such frames was refused."""
+    local_rotmats = clip.motion.local_rotmats.copy()
+    local_rotmats[[*range(20, 50), 89]] = np.nan
+    valid = clip.valid & (np.arange(90) < 89)
+    lacking = replace(clip, motion=replace(clip.motion, local_rotmats=local_rotmats), valid=valid)
+    video.save(lacking)
+    found = load_clip(video.fuse() / "person_0.npz").motion.local_rotmats
+    np.testing.assert_allclose(found[valid], local_rotmats[valid], atol=1e-6)
+    np.testing.assert_allclose(found[89], found[88], atol=1e-6)
+    ends = angles_rad(found[19].swapaxes(-1, -2) @ found[50])
+    np.testing.assert_allclose(
+        angles_rad(found[19].swapaxes(-1, -2) @ found[29]), ends * 10 / 31, atol=1e-3
+    )
+    video.save(replace(lacking, valid=np.arange(90) != 89))
+    with pytest.raises(BadMotionFile, match="frame 20 holds NaN"):
+        video.fuse("wrong")
+
+
+def test_a_loop_whose_ends_stay_apart_is_said(video):
+    """Two times that are of no one spot were taken without a word."""
+    config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.5),))
+    made = FusionRecord.read(video.fuse(config=config) / RECORD_FILE)
+    apart_m = made.people[0].loops[0].apart_m
+    assert loop_remarks(made, 1.01 * apart_m / 3) == []
+    (said,) = loop_remarks(made, 0.01)
+    assert said.startswith(f"walk: at 0.00 s and 2.50 s it is {apart_m:.2f} m apart, over 3 times")
+
+
 def test_what_a_dry_run_says(video):
     config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
     rows = plan(video.pseudo_gt, config=config, **video.network)
@@ -441,7 +501,7 @@ def test_what_a_dry_run_says(video):
 
 
 def test_bad_input_is_refused_with_the_remedy(video, clip, tmp_path):
-    with pytest.raises(MissingInput, match="gmrdata delta-errors"):
+    with pytest.raises(MissingInput, match=r"delta-errors .*--out .*/run/delta_errors\.json$"):
         video.fuse(errors_path=None)
     with pytest.raises(MissingInput, match=r"person_0\.npz there\. Give"):
         person_clips(tmp_path)

@@ -267,6 +267,9 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     assert len(held_out_motions(run_dir, [manifest])) == 2
     said = held_out_motions(other, [manifest], people=("2",))
     assert [(one.clip, one.person) for one in said] == [("02_01", "CMU/02"), ("02_02", "CMU/02")]
+    # Nobody is trained on here: clips of others beside them were asked for.
+    alone = write_clips(tmp_path / "alone", small_body, cmu_clips[:2], sources="CMU")
+    assert len(held_out_motions(other, [alone], people=("2",))) == 2
 
 
 def test_who_was_not_measured_does_not_stand_in_the_record(untrained):

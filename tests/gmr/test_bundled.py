@@ -26,6 +26,7 @@ from gmrdata.gmr.config import (
     MotionSource,
     Representation,
     network_dir,
+    weights_dir,
 )
 from gmrdata.gmr.model import Gmr, MeanGmr, network_input, seen_from_feet
 from gmrdata.gmr.predict import (
@@ -42,7 +43,7 @@ from gmrdata.read.body_file import save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.body import JOINT_NAMES
 from gmrdata.values.errors import BadCheckpoint
-from gmrdata.values.files import read_json
+from gmrdata.values.files import read_json, write_json
 from gmrdata.values.motion import deltas
 from tests.fixtures.inference import keep_gmr, stepped_gmr
 from tests.gmr.test_model import random_poses
@@ -123,6 +124,34 @@ def test_broken_folders_are_named(make_run, tmp_path):
     (folder / BUNDLE_FILE).write_text("{}")
     with pytest.raises(BadCheckpoint, match=r"bundle\.json"):
         load_gmr(folder)
+
+
+def test_a_folder_of_a_former_version_is_read(make_run, walk, tmp_path):
+    """Its record lacks what its networks could not choose; anything else is refused."""
+    poses = walk(10.0).local_rotmats
+    folder = write_bundle([make_run(1)], "one", tmp_path / "bundle")
+    wanted = predict_deltas(load_gmr(folder), poses)
+    record = read_json(folder / BUNDLE_FILE)
+    for key in ("soles_hold", "joints_say"):
+        del record["model"][key]
+        write_json(folder / BUNDLE_FILE, record)
+        gmr = load_gmr(folder)
+        assert gmr.model.config == CONFIG
+        for found, known in zip(predict_deltas(gmr, poses), wanted, strict=True):
+            np.testing.assert_array_equal(found, known)
+    del record["model"]["output_scale"]
+    write_json(folder / BUNDLE_FILE, record)
+    with pytest.raises(BadCheckpoint, match=r"bundle\.json: has no key `model\.output_scale`"):
+        load_gmr(folder)
+
+
+def test_what_decides_a_networks_motions_is_its_weights(make_run, tmp_path):
+    """A run's folder may hold its measured errors and results; a bundle's is hashed as a whole."""
+    run_dir = make_run(1)
+    bundle = write_bundle([run_dir], "one", tmp_path / "bundle")
+    assert weights_dir(run_dir) == run_dir / "checkpoints"
+    assert weights_dir(bundle) == bundle
+    assert weights_dir(tmp_path / "nowhere") == tmp_path / "nowhere"
 
 
 def test_the_package_brings_a_network_with_its_card():

@@ -293,6 +293,20 @@ def test_a_folder_that_cannot_be_filled_is_said_before_anything_is_predicted(
         infer(run_dir, path, tmp_path / "mine", QUICK, body_path=body_path)
 
 
+def test_what_lies_beside_a_runs_checkpoints_makes_nothing_stale(tmp_path, run_dir, body_path):
+    """`delta-errors` writes there, and a result that was kept there made itself stale."""
+    path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(20)})
+    out = infer(run_dir, path, run_dir / "world", QUICK, body_path=body_path)
+    (run_dir / "delta_errors.json").write_text("{}")
+    made = (out / "infer.json").stat().st_mtime_ns
+    assert infer(run_dir, path, out, QUICK, body_path=body_path) == out
+    assert (out / "infer.json").stat().st_mtime_ns == made
+    weights = next(run_dir.glob("checkpoints/*/model.safetensors"))
+    weights.write_bytes(weights.read_bytes()[:-1])
+    with pytest.raises(StaleOutput, match=r"values of inputs\.run\."):
+        infer(run_dir, path, out, QUICK, body_path=body_path)
+
+
 def test_redo_believes_no_remembered_hash(tmp_path, run_dir, body_path):
     path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(20)})
     out = infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)

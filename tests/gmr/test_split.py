@@ -73,9 +73,16 @@ def test_every_form_of_a_trial_is_that_trial(subject, trial):
         Source(dataset="file", sequence=name),
         Source(dataset="AMASS", sequence=f"CMU/{subject:02d}/{name}_poses"),
         Source(dataset="AMASS", sequence=f"CMU/{subject:02d}/{name}_stageii"),
+        # As AMASS was unpacked elsewhere, which was trained on, Table 8 or not.
+        Source(dataset="AMASS", sequence=f"AMASS/CMU/{name}_poses"),
+        Source(dataset="AMASS", sequence=f"cmu/{subject:02d}/{name}_poses"),
+        Source(dataset="AMASS", sequence=f"CMU_SMPLH/{subject:02d}/{name}_poses"),
+        # As a clip's file is exported.
+        Source(dataset="file", sequence=f"{subject:02d}.{name}_poses_00000-00099"),
     ]
     assert {cmu_trial(form) for form in forms} == {name}
     assert {subject_of(form) for form in forms} == {f"CMU/{subject:02d}"}
+    assert cmu_trial(Source(dataset="AMASS", sequence=f"KIT/3/{name}_poses")) is None
 
 
 def test_a_recording_is_known_in_each_form_and_nothing_else_is_taken_for_one():
@@ -171,6 +178,8 @@ def test_what_can_not_be_split_is_said(make_manifest):
         remedy = r"Give others, or change data\.never_train_on or data\.held_out_subjects"
         with pytest.raises(BadManifest, match=rf"1 of 1 clips \(1 {reason}\)\)\. {remedy}$"):
             split_manifests([path], data)
+    only = split_manifests([path], held_out, to_train=False)
+    assert ([file.entry.id for file in only.held_out], only.training) == (["02_03"], ())
     with pytest.raises(MissingInput, match="no published manifest 'table9'"):
         split_manifests([path], DataConfig(never_train_on=("table9",)))
     with pytest.raises(BadRecipe, match="has 2 weights for 1 manifests"):

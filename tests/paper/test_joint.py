@@ -102,6 +102,8 @@ def test_it_learns(walks, small_body, write_set, body_path, tmp_path, capsys):
     asked += ["--features", str(tmp_path / "features"), "--body", str(body_path)]
     main([*asked, "--out", str(tmp_path / "out")])
     assert capsys.readouterr().out.split() == [str(tmp_path / "run"), str(tmp_path / "out")]
+    (tmp_path / "run" / "notes.txt").touch()
+    main([*asked, "--out", str(tmp_path / "out")])  # nothing is stale: the weights are the same
     found = load_clip(tmp_path / "out" / "predictions" / "walk_5.npz")
     assert (found.motion.fps_hz, found.motion.n_frames) == (10.0, 40)
     assert found.valid.all()

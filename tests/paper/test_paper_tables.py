@@ -208,6 +208,8 @@ def test_a_seed_that_a_recipe_names_twice_is_refused(tmp_path):
             "- {name: B, scores: Chordal}\n- {name: C, scores: B}",
             "C: row 'B' has no scores of its own",
         ),
+        ("- {name: B, train: {data: {held_out_subjects: [2]}}}", "B: `train` has `data`, which"),
+        ("- {name: B, at: {small: {train: {data: {balance: 1}}}}}", "B: `train` has `data`, which"),
     ],
 )
 def test_a_row_whose_words_would_have_no_effect_is_refused(rows, said, tmp_path):

@@ -244,6 +244,9 @@ def test_scores_json(clips, small_body, score_run, tmp_path):
     before = path.read_bytes()
     assert score_run(manifest_path) == path
     assert score_run(manifest_path, "again").read_bytes() == before
+    inside = score_run(manifest_path, "run/scores")
+    (inside.parent.parent / "delta_errors.json").touch()
+    assert score_run(manifest_path, "run/scores") == inside, "a run's folder may hold results"
     config = ScoreConfig(all_phases=True)
     with pytest.raises(StaleOutput, match="all_phases"):
         score_run(manifest_path, "scores", config)
