@@ -45,6 +45,8 @@ class FitConfig(Config):
     """Of landmarks about the hips [m/s2]."""
     pelvis_acceleration: float = Field(default=8.0, gt=0)
     """Of the pelvis before the camera [m/s2]."""
+    turn_acceleration: float = Field(default=40.0, gt=0)
+    """Of the pelvis's orientation [rad/s2]: hips are near to each other, and hardly tell of it."""
     rest: float = Field(default=1.0, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
     stop_share: float = Field(default=1e-4, gt=0)
@@ -257,8 +259,7 @@ class _Problem:
         placed = self._placed(rotmats, pelvis_m)
         energy = self._of_landmarks(placed).sum() + self._of_joints(rotmats).sum()
         if self.over_time is not None:
-            about, pelvis = self._in_time(placed.about_m, pelvis_m)
-            for values in (about, pelvis):
+            for values in (*self._in_time(placed.about_m, pelvis_m), self._axes(rotmats)):
                 energy += (self.over_time.of(values) ** 2).sum()
         return float(energy)
 
@@ -274,6 +275,10 @@ class _Problem:
         about = from_hips(about_m).reshape(len(about_m), -1)
         usual = config.acceleration * np.sqrt(N_LANDMARKS)
         return about / usual, pelvis_m / config.pelvis_acceleration
+
+    def _axes(self, rotmats: np.ndarray) -> np.ndarray:
+        """(T, 9) the same of the pelvis's axes; those of a turn by w change by the root of 2 w."""
+        return rotmats[:, 0].reshape(-1, 9) / (np.sqrt(2) * self.config.turn_acceleration)
 
     def _of_joints(self, rotmats: np.ndarray) -> np.ndarray:
         """(T,) joints that turn, and hinges that bend aside or back."""
@@ -296,11 +301,15 @@ class _Problem:
             about, pelvis = self._in_time(placed.about_m, self.pelvis_m)
             usual = config.acceleration * np.sqrt(N_LANDMARKS)
             by_turn = (by_turn - by_turn[:, HIPS].mean(1, keepdims=True)) / usual
-            turns, places = slice(0, N_TURNS), slice(N_TURNS, None)
+            root, turns, places = slice(0, 3), slice(0, N_TURNS), slice(N_TURNS, None)
             by_place = np.tile(np.eye(3) / config.pelvis_acceleration, (n, 1, 1))
             by_turn = by_turn.reshape(n, -1, N_TURNS)
             self.over_time.add(about, by_turn, blocks[:, :, turns, turns], slope[:, turns])
             self.over_time.add(pelvis, by_place, blocks[:, :, places, places], slope[:, places])
+            axes = self._axes(self.rotmats)
+            by_root = axes.reshape(n, 3, 3)[:, None] @ _SPINS  # (T, about an axis, 3, 3)
+            by_root = by_root.reshape(n, 3, 9).swapaxes(-1, -2)
+            self.over_time.add(axes, by_root, blocks[:, :, root, root], slope[:, root])
         return blocks, slope
 
     def _by_turn(self, placed: _Placed) -> np.ndarray:
@@ -356,6 +365,10 @@ _LIMITS = [
 ]  # fmt: skip
 """Joint, row and column of its rotation, weight, and the sign that the number may have (0: none).
 A knee turns about x and only backward, an elbow only forward."""
+
+
+_SPINS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(-1, -2)
+"""(3, 3, 3) by axis e: the matrix of v -> e x v, as R (1 + w e x) is R turned by w about e."""
 
 
 def _vee(skew: np.ndarray) -> np.ndarray:
