@@ -233,8 +233,10 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
         fps_hz=training.fps_hz,
         duration_s=training.gait_duration_s,
     )
-    every = [np.ones(motion.n_frames, dtype=bool) for motion in gaits]
-    motions = [(f"gait_{n:03d}", *one) for n, one in enumerate(zip(gaits, every, strict=True))]
+    motions = [
+        (f"gait_{index:03d}", motion, np.ones(motion.n_frames, dtype=bool))
+        for index, motion in enumerate(gaits)
+    ]
     for file in track(files.training, "reading training motions") if files.training else ():
         reading = _readable(file, body)
         if reading and reading.valid.sum() / reading.motion.fps_hz >= SHORTEST_S:

@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.values.errors import StageFailed
 from gmrdata.values.motion import accumulate, bent
-from gmrdata.values.shapes import Float
+from gmrdata.values.transforms import cross_matrices
 
 TURN, PLACE, SLOW, SHIFT, WIDTH = 0, 3, 6, 12, 15
 """Where the unknowns of a frame begin among its 15: turn [rad], place [m], the network's slow error
@@ -251,10 +251,10 @@ def _fast_errors(
     step_m = (to_root @ np.diff(state.pelvis_m, axis=0)[..., None])[..., 0]
     left = np.concatenate([wrong, motions.delta_m - step_m], axis=1) - slow_step * state.slow[:-1]
     jac = np.zeros((len(left), 6, 2 * WIDTH))
-    half, each = 0.5 * _cross(wrong), np.arange(6)
+    half, each = 0.5 * cross_matrices(wrong), np.arange(6)
     jac[:, :3, TURN:PLACE] = (np.eye(3) + half) @ motions.delta_rotmats.swapaxes(-1, -2)
     jac[:, :3, WIDTH + TURN : WIDTH + PLACE] = half - np.eye(3)
-    jac[:, 3:, TURN:PLACE] = -_cross(step_m)
+    jac[:, 3:, TURN:PLACE] = -cross_matrices(step_m)
     jac[:, 3:, PLACE:SLOW] = to_root
     jac[:, 3:, WIDTH + PLACE : WIDTH + SLOW] = -to_root
     jac[:, each, SLOW + each] = -slow_step
@@ -281,7 +281,7 @@ def _seen_terms(state: _State, seen: SeenPoses) -> Iterator[_Terms]:
         seen.rotmats[rows].swapaxes(-1, -2) @ state.rotmats[rows]
     ).as_rotvec()
     inverse_sigma = 1 / seen.turn_sigma_rad[rows, None, None]
-    jac = (np.eye(3) + 0.5 * _cross(wrong)) * inverse_sigma
+    jac = (np.eye(3) + 0.5 * cross_matrices(wrong)) * inverse_sigma
     yield _robust(_Terms(wrong * inverse_sigma[..., 0], [(rows * WIDTH + TURN, jac)]))
     whitening = np.linalg.inv(np.linalg.cholesky(seen.place_covariance_m2[rows]))
     shifted_m = (seen.shift_m @ state.shift[..., None])[..., 0]
@@ -308,7 +308,7 @@ def _feet_terms(state: _State, feet: PlantedFeet) -> Iterator[_Terms]:
     blocks = []
     for later, sign in ((0, -1.0), (1, 1.0)):
         jac = np.zeros((len(rows), 3, 6))
-        jac[..., TURN:PLACE] = -state.rotmats[rows + later] @ _cross(arms_m[later])
+        jac[..., TURN:PLACE] = -state.rotmats[rows + later] @ cross_matrices(arms_m[later])
         jac[..., PLACE:SLOW] = np.eye(3)
         blocks.append(((rows + later) * WIDTH, sign * jac / feet.slip_m))
     yield _robust(_Terms(moved_m / feet.slip_m, blocks))
@@ -420,11 +420,3 @@ def _diagonal_blocks(normal: Any) -> np.ndarray:
         right = diagonal[i] - taken
     inverse = np.linalg.inv(whole).reshape(-1, 2, WIDTH, 2, WIDTH)
     return np.asarray(inverse[:, (0, 1), :, (0, 1)].swapaxes(0, 1).reshape(-1, WIDTH, WIDTH)[:n])
-
-
-def _cross(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Matrices of the cross product with vectors."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.moveaxis(np.array(rows), -1, 0)

@@ -235,33 +235,33 @@ def find_motions(folder: Path) -> list[Path]:
     """Motion files in a folder and its subfolders, sorted by path.
 
     Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses, and what
-    gmrdata made (`is_made`) beside others.  A trial that is there both as AMC and as BVH (same
+    gmrdata made, where there is anything else.  A trial that is there both as AMC and as BVH (same
     name in one folder, or the same CMU name `02_03` anywhere) is listed once, as AMC: that is CMU's
     own form.  So is what gmrdata exported both as AMASS and as BVH, as AMASS.  Hidden folders, as
     those of what was deleted, are not entered, nor links that lead out.  MissingInput: there is no
     such folder.
     """
-    found, made = motions_and_made(folder)
-    return found or made
+    return motions_and_made(folder)[0]
 
 
 def motions_and_made(folder: Path) -> tuple[list[Path], list[Path]]:
-    """`find_motions`, and those that gmrdata made."""
+    """`find_motions`, and what of the folder gmrdata made: all of it is listed, or none."""
     folder = Path(folder)
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
     paths = (path for path in visible(folder.rglob("*")) if path.suffix.lower() in SUFFIXES)
     shown = (path for path in paths if not is_hidden(path.relative_to(folder)))
     there = [path for path in files_inside(folder, shown) if _is_motion(path)]
-    own = {parent for parent in {path.parent for path in there} if is_made(parent)}
-    found = {path: None for path in there if path.parent not in own}
-    as_amc = {_trial(file) for file in found if file.suffix.lower() == ".amc"}
-    bvhs = (file for file in found if file.suffix.lower() == ".bvh")
-    twice = {file for file in bvhs if _trial(file) in as_amc or _as_amass(file) in found}
-    return [f for f in found if f not in twice], [f for f in there if f.parent in own]
+    of_stages = {parent for parent in {path.parent for path in there} if _is_of_a_stage(parent)}
+    made = [path for path in there if path.parent in of_stages]
+    listed = {path: None for path in there if path.parent not in of_stages} or dict.fromkeys(made)
+    as_amc = {_trial(file) for file in listed if file.suffix.lower() == ".amc"}
+    bvhs = [file for file in listed if file.suffix.lower() == ".bvh"]
+    twice = {file for file in bvhs if _trial(file) in as_amc or _as_amass(file) in listed}
+    return [file for file in listed if file not in twice], made
 
 
-def is_made(folder: Path) -> bool:
+def _is_of_a_stage(folder: Path) -> bool:
     """Whether a folder lies in that of a stage, finished or not.  What a stage makes is often there
     in another form as well, and doesn't say whether it was accepted."""
     real = folder.resolve()

@@ -157,13 +157,15 @@ def _motions_in(source: Path) -> list[Path]:
     if not source.is_dir():
         return [source]
     found, made = motions_and_made(source)
-    if not found and not made:
+    if not found:
         raise MissingInput(f"{source}: holds no .bvh, .amc or .npz with a motion")
     if made:
         more = f" and {len(made) - 1} more" if len(made) > 1 else ""
-        what = "left out, as gmrdata made it" if found else "made by gmrdata: is it accepted there"
-        remark(f"{made[0]}{more}: {what}{'' if found else '?'}")
-    return found or made
+        what = "left out, as gmrdata made it"
+        if found[0] in made:
+            what = "made by gmrdata, which may have rejected it"
+        remark(f"{made[0]}{more}: {what}")
+    return found
 
 
 def clip_id(name: str) -> str:

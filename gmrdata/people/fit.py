@@ -29,6 +29,7 @@ from gmrdata.people.landmark_network import LANDMARKS, N_LANDMARKS
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.transforms import cross_matrices
 
 
 class FitConfig(Config):
@@ -307,7 +308,8 @@ class _Problem:
             self.over_time.add(about, by_turn, blocks[:, :, turns, turns], slope[:, turns])
             self.over_time.add(pelvis, by_place, blocks[:, :, places, places], slope[:, places])
             axes = self._axes(self.rotmats)
-            by_root = axes.reshape(n, 3, 3)[:, None] @ _SPINS  # (T, about an axis, 3, 3)
+            # R exp(w) is R (1 + [w]x) for a small turn w about the pelvis's own axes.
+            by_root = axes.reshape(n, 1, 3, 3) @ cross_matrices(np.eye(3))
             by_root = by_root.reshape(n, 3, 9).swapaxes(-1, -2)
             self.over_time.add(axes, by_root, blocks[:, :, root, root], slope[:, root])
         return blocks, slope
@@ -365,10 +367,6 @@ _LIMITS = [
 ]  # fmt: skip
 """Joint, row and column of its rotation, weight, and the sign that the number may have (0: none).
 A knee turns about x and only backward, an elbow only forward."""
-
-
-_SPINS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(-1, -2)
-"""(3, 3, 3) by axis e: the matrix of v -> e x v, as R (1 + w e x) is R turned by w about e."""
 
 
 def _vee(skew: np.ndarray) -> np.ndarray:

@@ -226,6 +226,14 @@ def fit_similarities(
     return Similarities(scales, rotmats, translations_m)
 
 
+def cross_matrices(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Matrices of the cross product with vectors, from the left."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
 def smallest_rotation(
     from_vectors: Float[np.ndarray, "*n 3"], to_vectors: Float[np.ndarray, "*n 3"]
 ) -> Float[np.ndarray, "*n 3 3"]:

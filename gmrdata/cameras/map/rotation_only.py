@@ -312,15 +312,10 @@ def slopes_by_turns(
     for axis in (0, 1):
         projection[:, axis, axis] = focal_px[axis] / depth
         projection[:, axis, 2] = -focal_px[axis] * seen[:, axis] / depth**2
-    by_first = -projection @ second_from_first @ _cross(rays)
-    return projection, np.concatenate([by_first, projection @ _cross(seen)], axis=2)
-
-
-def _cross(vectors: np.ndarray) -> np.ndarray:
-    """Matrices (M, 3, 3) of the cross product from the left."""
-    zero = np.zeros(len(vectors))
-    x, y, z = vectors.T
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    by_first = -projection @ second_from_first @ transforms.cross_matrices(rays)
+    return projection, np.concatenate(
+        [by_first, projection @ transforms.cross_matrices(seen)], axis=2
+    )
 
 
 ZOOM_PAIRS = 200  # that are looked at, at most
