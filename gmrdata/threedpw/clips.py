@@ -19,7 +19,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadBodyFile, BadSequence
 from gmrdata.values.motion import Motion
-from gmrdata.values.transforms import apply, invert, rigid
+from gmrdata.values.transforms import apply, invert, rigid, rotvecs_from_rotmats
 from gmrdata.world.compose import moved
 
 WORLD_FROM_3DPW = rigid(Rotation.from_euler("x", 90, degrees=True).as_matrix(), np.zeros(3))
@@ -259,6 +259,5 @@ def _poses_and_trans(motion: Motion, rest_pelvis_m: np.ndarray) -> tuple[np.ndar
     """(M, 72) axis-angle and (M, 3) `trans` in the y-up world."""
     to_3dpw = _3DPW_FROM_WORLD[:3, :3]
     rotmats = replace(motion, root_rotmats=to_3dpw @ motion.root_rotmats).rotmats
-    rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
     trans_m = motion.pelvis_m @ to_3dpw.T - rest_pelvis_m
-    return rotvecs.reshape(-1, 72), trans_m
+    return rotvecs_from_rotmats(rotmats).reshape(-1, 72), trans_m

@@ -26,7 +26,7 @@ from gmrdata.values.camera import CameraPath, project_cam
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadFrames, BadSequence
 from gmrdata.values.records import Config
-from gmrdata.values.transforms import apply, invert, rigid
+from gmrdata.values.transforms import apply, invert, rigid, rotmats_from_rotvecs
 
 FEWEST_JOINTS = 6
 """With fewer joints 3DPW gives no keypoints at all."""
@@ -193,7 +193,7 @@ def drift(
     axis = Rotation.from_rotvec(tilt_rad * across).apply([0.0, 0.0, 1.0])
     turn_rad = np.deg2rad(rng.uniform(*config.drift_deg)) * rng.choice([-1.0, 1.0])
     turns_rad = _growth(n_frames, rng)[:, None] * turn_rad * axis
-    rotmats = Rotation.from_rotvec(turns_rad).as_matrix()
+    rotmats = rotmats_from_rotvecs(turns_rad)
     moves_m = _growth(n_frames, rng)[:, None] * offset_m
     return rigid(rotmats, pivot_world_m - rotmats @ pivot_world_m + moves_m)
 
@@ -216,7 +216,7 @@ def with_root_error(clip: Clip, config: FaultConfig, rng: Generator) -> Clip:
     turns_rad = with_peak(waves[:, 3:], np.deg2rad(rng.uniform(*config.root_error_deg)))
     world_from_cam = camera_of(clip).world_from_cam[:, :3, :3]
     # R_wc exp(w) R_cw = exp(R_wc w)
-    turns = Rotation.from_rotvec(_rotate(world_from_cam, turns_rad)).as_matrix()
+    turns = rotmats_from_rotvecs(_rotate(world_from_cam, turns_rad))
     pelvis_m = motion.pelvis_m + _rotate(world_from_cam, offsets_cam_m)
     erring = replace(motion, root_rotmats=turns @ motion.root_rotmats, pelvis_m=pelvis_m)
     return replace(clip, motion=erring)
@@ -230,8 +230,7 @@ def with_joint_noise(clip: Clip, config: FaultConfig, rng: Generator) -> Clip:
     waves = waves.reshape(n_frames, n_local, 3)
     rms_rad = np.deg2rad(rng.uniform(*config.joint_noise_deg, n_local))
     turns_rad = waves * (rms_rad / np.sqrt((waves**2).sum(axis=2).mean(axis=0)))[:, None]
-    turns = Rotation.from_rotvec(turns_rad.reshape(-1, 3)).as_matrix()
-    noisy = motion.local_rotmats @ turns.reshape(n_frames, n_local, 3, 3)
+    noisy = motion.local_rotmats @ rotmats_from_rotvecs(turns_rad)
     return replace(clip, motion=replace(motion, local_rotmats=noisy))
 
 

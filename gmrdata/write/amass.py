@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.values.body import (
     HANDS,
@@ -15,6 +14,7 @@ from gmrdata.values.body import (
 )
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rotvecs_from_rotmats
 
 SMPLH_VALUES = 156
 N_BETAS, N_DMPLS = 16, 8
@@ -30,8 +30,7 @@ def write_amass(path: Path, motion: Motion, body: BodyModel) -> None:
     less J0.  The shape of any other body means nothing there: such a motion is written for SMPL's
     neutral mean shape, with zero betas and a path that its legs walk.
     """
-    rotvecs = Rotation.from_matrix(motion.rotmats.reshape(-1, 3, 3)).as_rotvec()
-    rotvecs = rotvecs.reshape(motion.n_frames, -1, 3)
+    rotvecs = rotvecs_from_rotmats(motion.rotmats)
     poses = np.zeros((motion.n_frames, SMPLH_VALUES // 3, 3))
     poses[:, :22] = rotvecs[:, :22]
     poses[:, list(HANDS[SMPLH_VALUES])] = rotvecs[:, 22:]

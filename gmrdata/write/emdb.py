@@ -9,7 +9,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.read.emdb import FPS_HZ, EmdbSequence
 from gmrdata.read.numbers import usable_rows
@@ -18,7 +17,7 @@ from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadSequence
 from gmrdata.values.files import write_bytes
-from gmrdata.values.transforms import invert, rigid
+from gmrdata.values.transforms import invert, rigid, rotvecs_from_rotmats
 from gmrdata.write.pickles import python3_pickle
 
 WORLD_FROM_EMDB = rigid(WORLD_FROM_REST, np.zeros(3))
@@ -58,7 +57,7 @@ def emdb_sequence(name: str, clip: Clip, body: BodyModel, parts: tuple[bool, boo
     rotmats = motion.rotmats[known]
     rotmats[:, 0] = emdb_from_world @ rotmats[:, 0]
     poses_rad = np.full((motion.n_frames, 72), np.nan)
-    poses_rad[known] = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec().reshape(-1, 72)
+    poses_rad[known] = rotvecs_from_rotmats(rotmats).reshape(-1, 72)
     cam_from_world = np.full((motion.n_frames, 4, 4), np.nan)
     path_m = camera.world_from_cam[camera.has_camera]
     cam_from_world[camera.has_camera] = invert(path_m) @ WORLD_FROM_EMDB

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.entries import N_SMPLX_BODY, SMPLX_REST_PELVIS_M
 from gmrdata.read.systems.gvhmr import GVHMR
@@ -21,7 +20,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.files import write_bytes
 from gmrdata.values.motion import Motion
-from gmrdata.values.transforms import invert, rigid
+from gmrdata.values.transforms import invert, rigid, rotvecs_from_rotmats
 from gmrdata.write.pickles import python3_pickle
 from gmrdata.write.take import finite_rows
 
@@ -48,9 +47,8 @@ def placed(
     """Axis-angle (T, 72) and transl (T, 3) in another frame (4, 4), or each row's own (T, 4, 4)."""
     turns = frame_from_world[..., :3, :3]
     rotmats = np.concatenate([(turns @ motion.root_rotmats)[:, None], motion.local_rotmats], axis=1)
-    rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
     pelvis_m = (turns @ motion.pelvis_m[..., None])[..., 0] + frame_from_world[..., :3, 3]
-    return rotvecs.reshape(-1, 72), pelvis_m - rest_pelvis_m
+    return rotvecs_from_rotmats(rotmats).reshape(-1, 72), pelvis_m - rest_pelvis_m
 
 
 def require_finite(motion: Motion, rows: np.ndarray) -> None:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.numbers import finite_numbers, require_radians
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.transforms import rigid
+from gmrdata.values.transforms import rigid, rotmats_from_rotvecs
 
 AGAIN = "Give the system's own file, or make it again"
 KNOWN = (
@@ -149,8 +149,7 @@ def shown(key: Any) -> str:
 
 def rotmats_of(rotvecs: np.ndarray) -> np.ndarray:
     """Axis-angle (T, 3 J) [rad] as (T, J, 3, 3)."""
-    flat = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix()
-    return np.asarray(flat.reshape(len(rotvecs), -1, 3, 3))
+    return rotmats_from_rotvecs(rotvecs.reshape(len(rotvecs), -1, 3))
 
 
 def smplx_local(body_pose: np.ndarray) -> np.ndarray:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.read.amass_keys import RATE_KEYS, gender_word, joined_poses
 from gmrdata.read.numbers import kind_of
@@ -26,6 +25,7 @@ from gmrdata.values.people import (
     load_local_poses,
     person_file,
 )
+from gmrdata.values.transforms import rotvecs_from_rotmats
 
 POSES_FILES = (
     "wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl", "hpe_results.pt",
@@ -221,8 +221,7 @@ def _plain_motion(content: dict[Any, Any], path: Path) -> dict[str, Any] | None:
         if not scaling > 0 or poses.shape[1] != 72 or trans.shape[1] != 3:
             raise entry.fault(f"smpl_poses are {poses.shape}, smpl_scaling is {scaling:g}")
         roots = WORLD_FROM_REST @ rotmats_of(poses[:, :3])[:, 0]
-        turns = Rotation.from_matrix(roots).as_rotvec()
-        found["poses"] = np.concatenate([turns, poses[:, 3:]], axis=1)
+        found["poses"] = np.concatenate([rotvecs_from_rotmats(roots), poses[:, 3:]], axis=1)
         pelvis_m = (trans / scaling + SMPL_REST_PELVIS_M) @ WORLD_FROM_REST.T
         found["trans"] = pelvis_m - SMPL_REST_PELVIS_M
     return found if found.keys() >= AMASS_KEYS else None

@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.read.systems.entries import (
     Z_UP_FROM_Y_UP,
@@ -35,6 +34,7 @@ from gmrdata.read.systems.entries import (
 )
 from gmrdata.values.body import N_JOINTS, N_LOCAL, NEUTRAL
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, InWorld
+from gmrdata.values.transforms import rotvecs_from_rotmats
 
 CAMERA_KEYS, WORLD_KEYS = ("pose", "trans"), ("pose_world", "trans_world")
 API_ROOTS = {"poses_root_cam": "pose", "poses_root_world": "pose_world"}
@@ -87,6 +87,6 @@ def _of_api(entry: Entry) -> Entry:
     for root, pose in API_ROOTS.items():
         if entry.has(root):
             roots = entry.orthonormal(root, entry.flat(root, 9 * len(body)).reshape(-1, 1, 3, 3))
-            turns = Rotation.from_matrix(np.concatenate([roots, body], axis=1).reshape(-1, 3, 3))
-            values[pose] = turns.as_rotvec().reshape(len(body), 3 * N_JOINTS)
+            turns = rotvecs_from_rotmats(np.concatenate([roots, body], axis=1))
+            values[pose] = turns.reshape(len(body), 3 * N_JOINTS)
     return Entry(values, entry.name, entry.path)
