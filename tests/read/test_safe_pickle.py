@@ -223,14 +223,40 @@ MISUSED = {
     "binary persistent id": b"S'file'\nQ.",
     "old class by mark": b"(" + named("numpy", "dtype") + b"o.",
     "outside buffer": b"\x80\x05\x97.",
+    "old instance": b"(S'touch touched'\nios\nsystem\n.",
+    "old object": b"(cos\nsystem\nS'touch touched'\no.",
+    "global of numpy's namespace": b"cnumpy\nos.system\n(S'touch touched'\ntR.",
+    "dotted global": b"\x80\x04\x8c\x05numpy\x8c\x17core._methods.os.fspath\x93\x8c\x01x\x85R.",
+    "numpy f2py": b"cnumpy.f2py.diagnose\nrun_command\n(S'touch touched'\ntR.",
+    "numpy exec_command": b"cnumpy.distutils.exec_command\nexec_command\n(S'x'\ntR.",
+    "numpy loads": b"cnumpy.core.multiarray\n_pickle.loads\n(S'.'\ntR.",
+    "fake numpy module": b"cnumpy.core.multiarray.os\nsystem\n(S'touch touched'\ntR.",
+    "reconstruct of os": b"cnumpy.core.multiarray\n_reconstruct\n(cos\nsystem\n(I0\ntS'b'\ntR.",
+    "copy_reg reconstructor": b"ccopy_reg\n_reconstructor\n"
+    b"(csubprocess\nPopen\nc__builtin__\nobject\nNtR.",
+    "copyreg reconstructor": b"ccopyreg\n_reconstructor\n"
+    b"(cos\n_wrap_close\ncbuiltins\nobject\nNtR.",
+    "copyreg newobj": b"ccopyreg\n__newobj__\n(csubprocess\nPopen\nS'x'\ntR.",
+    "newobj": b"\x80\x02csubprocess\nPopen\n(S'touch touched'\nt\x81.",
+    "newobj of a process": b"\x80\x04csubprocess\nPopen\n(S'x'\nt}\x8c\x05shell\x88s\x92.",
+    "stack global": b"\x80\x04\x8c\x05posix\x8c\x06system\x93\x8c\x01x\x85R.",
+    "getattr": b"c__builtin__\ngetattr\n(c__builtin__\n__import__\nS'__call__'\ntR.",
+    "import": b"c__builtin__\n__import__\n(S'os'\ntR.",
+    "apply": b"c__builtin__\napply\n(cos\nsystem\n(S'x'\nttR.",
+    "dtype state": DTYPE_F8 + b"(I4\nS'<'\nNNNI-1\nI-1\nI0\n(dcos\nsystem\ntb.",
+    "array state": ARRAY + b"(dS'__setstate__'\ncos\nsystem\nsb.",
+    "lambda": b"ctypes\nFunctionType\n(N(dtR.",
+    "marshal": b"cmarshal\nloads\n(S'x'\ntR.",
+    "nested pickle": b"c_pickle\nloads\n(S'cos\\nsystem\\n.'\ntR.",
 }
 
 
 @pytest.mark.parametrize("misuse", sorted(MISUSED))
-def test_admitted_names_cannot_be_misused(misuse, tmp_path):
+def test_known_tricks_are_refused(misuse, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(UnsafePickle, match=r"some\.pkl"):
         read(tmp_path, MISUSED[misuse])
-    assert not (tmp_path / TOUCH).exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["some.pkl"]
 
 
 def test_object_array_cannot_carry_a_call(tmp_path):
