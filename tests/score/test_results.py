@@ -608,7 +608,7 @@ def test_slahmrs_frames_are_of_its_rate_and_of_its_shot(tmp_path, data, body, tr
     assert read_system(file, "world").fps_hz is None
     for fps in ("fast", "-1", "[25]", "{"):
         with_config(fps=fps)
-        with pytest.raises(BadMotionFile, match=r"config\.yaml: not SLAHMR's config"):
+        with pytest.raises(BadMotionFile, match=r"config\.yaml: truncated or not SLAHMR's config"):
             read_system(file, "world")
     later = run.rename(run.with_name(f"{true.id}-3-7-shot-1"))
     with pytest.raises(BadMotionFile, match=r"walk\.p0-3-7-shot-1 is of a later shot.*first-image"):

@@ -22,9 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.safe_pickle import BROKEN
+from gmrdata.read.safe_pickle import explained
 from gmrdata.read.systems.entries import (
-    AGAIN,
     LARGEST_NUMBER,
     N_SMPLX_BODY,
     Z_UP_FROM_Y_DOWN,
@@ -91,23 +90,20 @@ def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
 
 def _rate_hz(path: Path) -> float | None:
     """Of the images that a run took from a video [Hz]; None where it was given images."""
-    try:
+    with explained(path, "SLAHMR's config", BadMotionFile):
         data = plain_yaml.parse(path.read_text(encoding="utf-8"))[0]["data"]
         if data["type"] != "video":
             return None
         rate_hz = float(data["frame_opts"].get("fps", FRAME_RATE_HZ))
         if not 0.0 < rate_hz < math.inf:
             raise ValueError(f"fps is {rate_hz:g}")
-    except BROKEN as error:
-        fault = f"{type(error).__name__}: {str(error)[:200]}"
-        raise BadMotionFile(f"{path}: not SLAHMR's config ({fault}). {AGAIN}") from None
-    return rate_hz
+        return rate_hz
 
 
 def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:
     """The people in the order of the arrays; where the images' interval and the rows in it begin;
     and the number of rows."""
-    try:
+    with explained(path, f"SLAHMR's {TRACK_INFO}", BadMotionFile):
         content = parse_json(path.read_text(encoding="utf-8"))
         meta = content["meta"]
         start, (row_start, row_stop) = int(meta["data_interval"][0]), map(int, meta["seq_interval"])
@@ -122,10 +118,7 @@ def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:
         ]
         if not all(len(track.seen) >= row_stop for track in tracks):
             raise ValueError("a vis_mask is shorter than its interval")
-    except BROKEN as error:
-        fault = f"{type(error).__name__}: {str(error)[:200]}"
-        raise BadMotionFile(f"{path}: not SLAHMR's {TRACK_INFO} ({fault}). {AGAIN}") from None
-    return tracks, (start, row_start), row_stop - row_start
+        return tracks, (start, row_start), row_stop - row_start
 
 
 def _person(entry: Entry, track: _Track, first: tuple[int, int]) -> EstimatedPerson:
