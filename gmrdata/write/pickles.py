@@ -12,15 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-_ARRAY_TYPES: dict[str, Literal["<", "|"]] = {
-    "f8": "<",
-    "f4": "<",
-    "i8": "<",
-    "u2": "<",
-    "u1": "|",
-    "b1": "|",
-}
-"""Byte order of each element type that is written."""
+_ARRAY_TYPES = ("f8", "f4", "i8", "u2", "u1", "b1")
+"""Element types that are written."""
 _NO_FIELDS = b"NNN" + b"J\xff\xff\xff\xff" * 2 + b"K\x00"
 
 
@@ -68,7 +61,7 @@ def _array(array: np.ndarray, strings: _Strings) -> bytes:
     code = array.dtype.str[1:]
     if code not in _ARRAY_TYPES:
         raise ValueError(f"an array of dtype {array.dtype} is not written")
-    order = _ARRAY_TYPES[code]
+    order: Literal["<", "|"] = "<" if array.dtype.itemsize > 1 else "|"
     contiguous = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder(order))
     empty = b"cnumpy\nndarray\n(K\x00t" + strings.data(b"b") + b"\x87R"
     dtype = b"cnumpy\ndtype\n" + strings.text(code) + b"K\x00K\x01\x87R"
