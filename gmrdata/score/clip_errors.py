@@ -286,13 +286,7 @@ def _world_body(
     if "foot_sliding_mm" in protocol.metrics:
         feet = with_vertices(body, np.array(foot_vertices(body)))
         feet_m = motion_vertices_m(feet, motion).astype(float)
-    if regressor is None:
-        joints_m = motion_joints_m(body, motion)
-    else:
-        # From the pelvis, since vertices far from the origin have few digits.
-        at_origin = replace(motion, pelvis_m=np.zeros_like(motion.pelvis_m))
-        joints_m = _regressed_m(body, at_origin, regressor) + motion.pelvis_m[:, None]
-    return WorldBody(motion.root_rotmats, joints_m, feet_m)
+    return WorldBody(motion.root_rotmats, _joints_m(body, motion, regressor), feet_m)
 
 
 def _seen_body(
@@ -305,11 +299,7 @@ def _seen_body(
         pelvis_m=np.zeros_like(motion.pelvis_m),
         frame="camera",
     )
-    if regressor is None:
-        joints_m = motion_joints_m(body, seen)
-    else:
-        joints_m = _regressed_m(body, seen, regressor)
-    rotmats = global_rotmats(PARENTS, seen.rotmats)
+    joints_m, rotmats = _joints_m(body, seen, regressor), global_rotmats(PARENTS, seen.rotmats)
     vertices_m = partial(_vertices_m, body, seen)
     return SeenBody(joints_m, rotmats, body.rest_pelvis_m(motion.shape), vertices_m)
 
@@ -318,11 +308,13 @@ def _vertices_m(body: BodyModel, motion: Motion, rows: slice) -> Points:
     return motion_vertices_m(body, motion, rows).astype(float)
 
 
-def _regressed_m(body: BodyModel, motion: Motion, regressor: np.ndarray) -> Points:
-    """Joints (T, J, 3) of posed meshes [m], a chunk of frames at a time."""
-    return np.concatenate(
-        [
-            np.einsum("jv,tvd->tjd", regressor, _vertices_m(body, motion, rows), optimize=True)
-            for rows in motion_metrics.chunks(motion.n_frames, len(body.template_m))
-        ]
-    )
+def _joints_m(body: BodyModel, motion: Motion, regressor: np.ndarray | None) -> Points:
+    """Joints (T, J, 3) of the skeleton, or of posed meshes, a chunk of frames at a time [m]."""
+    if regressor is None:
+        return motion_joints_m(body, motion)
+    # From the pelvis, since vertices far from the origin have few digits.
+    at_origin = replace(motion, pelvis_m=np.zeros_like(motion.pelvis_m))
+    chunks = motion_metrics.chunks(motion.n_frames, len(body.template_m))
+    posed_m = (_vertices_m(body, at_origin, rows) for rows in chunks)
+    joints_m = [np.einsum("jv,tvd->tjd", regressor, part, optimize=True) for part in posed_m]
+    return np.concatenate(joints_m) + motion.pelvis_m[:, None]
