@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata import cli
 from gmrdata.motion.cmu import (
+    RECORD,
     check_trials,
     fetch_command,
     fetch_trials,
@@ -19,7 +19,8 @@ from gmrdata.motion.cmu import (
     wanted_trials,
 )
 from gmrdata.read.download import FetchConfig, fetch_plan
-from gmrdata.values.errors import BadRecipe, FetchFailed
+from gmrdata.values.errors import BadRecipe, BadRecord, FetchFailed
+from tests.fixtures.command_line import fails_cleanly
 from tests.fixtures.file_server import (
     Answer,
     Handler,
@@ -240,18 +241,19 @@ def test_lists_and_addresses(tmp_path):
     assert fetch_command(["mine"], None) is None
 
 
-def test_the_command(server, tmp_path, capsys):
-    common = ["fetch", "cmu", "02_03", "02_99", "--base-url", server.url, "--out", str(tmp_path)]
-    with pytest.raises(SystemExit) as ended:
-        cli.main(common)
-    assert ended.value.code == 1
-    assert "1 of 2 trials missing: 02_99" in capsys.readouterr().err
+def test_a_list_of_fetched_files_without_a_tag_is_refused(tmp_path):
+    (tmp_path / RECORD).write_text('{"files": {}}')
+    with pytest.raises(BadRecord, match=r"fetched\.json: has no `format`.*--redo"):
+        wanted_trials(["02_03"], tmp_path, FetchConfig())
+
+
+def test_the_command(server, tmp_path, gmrdata, works):
+    common = ("fetch", "cmu", "02_03", "02_99", "--base-url", server.url, "--out", tmp_path)
+    fails_cleanly(gmrdata(*common), "1 of 2 trials missing: 02_99")
     assert _names(tmp_path) == DONE
-    cli.main([*common, "--dry-run"])
-    cli.main(["fetch", "cmu", "--list", "paper_table8", "--dry-run"])
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["fetch", "cmu"])
-    assert ended.value.code == 1
+    works(*common, "--dry-run")
+    works("fetch", "cmu", "--list", "paper_table8", "--dry-run")
+    fails_cleanly(gmrdata("fetch", "cmu"))
 
 
 def test_a_killed_run_leaves_no_final_name(server, tmp_path):

@@ -11,10 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from gmrdata.motion.cmu import Fetched, FetchedFile
+from gmrdata.motion.emdb import EmdbAbout
 from gmrdata.people.folder import MasksRecord
 from gmrdata.people.following import FollowedRecord, PersonFacts
 from gmrdata.people.linking import Detection
 from gmrdata.people.onnx import DetectionsRecord, FrameRecord
+from gmrdata.read.download import PartNote
 from gmrdata.stage import store
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import (
@@ -460,6 +463,9 @@ RECORDS: tuple[Record, ...] = (
         size_px=(4, 2), images=(0,), detections=([FOUND],), people=(SEEN,), left_out=(3,)
     ),
     DetectionsRecord(frames={"0": FrameRecord([FOUND], [0], [[0.0, 0.0, 4.0, 2.0]])}),
+    EmdbAbout(emdb1=True, emdb2=False, reasons=["", "good_frames_mask is False"]),
+    Fetched(files={"02": FetchedFile(url="http://a/02.asf", size_bytes=3, sha256="ab")}),
+    PartNote(url="http://a/02.asf", validator='"x"', size=None),
 )
 
 
