@@ -215,7 +215,7 @@ def find_sequence(root: Path, name: str) -> SequenceFiles:
     if not found:
         what = f"no sequence {name!r} in {', '.join(SPLITS)} ({len(sequences)} others)"
         raise MissingInput(f"{root}: {what}; `gmrdata threedpw list` shows the names")
-    require_one_split(name, [files.split for files in found])
+    require_one_split(name, found)
     return found[0]
 
 
@@ -226,18 +226,13 @@ def require_name(name: str) -> None:
         raise BadSequence(f"{name!r} is no name of a sequence; {like}")
 
 
-def require_one_split(name: str, splits: list[str]) -> None:
-    """Refuse a sequence that is in several splits, since its images can belong to only one."""
+def require_one_split(name: str, sequences: list[SequenceFiles]) -> None:
+    """Refuse a name that `require_name` does, and a sequence that is in several splits, since its
+    images can belong to only one."""
+    require_name(name)
+    splits = [files.split for files in sequences if files.name == name]
     if len(splits) > 1:
         raise BadSequence(f"{name}: is in {' and '.join(splits)}; keep one of the files")
-
-
-def splits_of(sequences: list[SequenceFiles]) -> dict[str, list[str]]:
-    """The splits that have each name."""
-    splits: dict[str, list[str]] = {}
-    for files in sequences:
-        splits.setdefault(files.name, []).append(files.split)
-    return splits
 
 
 def require_inside(root: Path, path: Path) -> None:

@@ -16,9 +16,7 @@ from gmrdata.read.threedpw_files import (
     SEQUENCE_NAME,
     SequenceFiles,
     find_sequences,
-    require_name,
     require_one_split,
-    splits_of,
 )
 from gmrdata.stage.jobs import Job, in_threads, raise_failures, record_failures, try_jobs
 from gmrdata.stage.progress import console, remark, track
@@ -174,8 +172,7 @@ def _checked(
 def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[str, str]]:
     """The sequences to regenerate, and by name why others can't be read."""
     found = find_sequences(root)
-    splits = splits_of(found)
-    if unknown := sorted(set(names) - set(splits)):
+    if unknown := sorted(set(names) - {files.name for files in found}):
         known = "`gmrdata threedpw list` shows the names"
         raise MissingInput(f"{root}: no sequence {', '.join(unknown)}; {known}")
     chosen, refused = [], {}
@@ -183,8 +180,7 @@ def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[
         if names and files.name not in names:
             continue
         try:
-            require_name(files.name)
-            require_one_split(files.name, splits[files.name])
+            require_one_split(files.name, found)
             chosen.append(files)
         except BadSequence as error:
             refused[files.name] = str(error)
@@ -395,13 +391,11 @@ def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
     """A row for `LIST_HEADINGS` per sequence, and how many say why one can't be read."""
     known = threedpw.known_rule(rule)
     found = find_sequences(root)
-    splits = splits_of(found)
     rows: list[tuple[str, ...]] = []
     n_bad = 0
     for files in track(found, "reading sequences"):
         try:
-            require_name(files.name)
-            require_one_split(files.name, splits[files.name])
+            require_one_split(files.name, found)
             rows.append(_row(files, known))
         except (GmrdataError, OSError) as error:
             rows.append((_as_shown(files.name), files.split, "-", "-", "-", "-", str(error)))
