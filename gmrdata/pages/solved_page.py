@@ -42,7 +42,7 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionClassConfig
-from gmrdata.values.clip import text_runs
+from gmrdata.values.clip import dropped_ranges
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.files import STAGE_FILE, remove_orphans, write_bytes
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
@@ -363,12 +363,10 @@ def _legend(found: Solved) -> Iterator[tuple[str, str]]:
 
 
 def _ranges(found: Solved) -> Iterator[tuple[Cell | str, ...]]:
-    for person, reasons in enumerate(found.reasons):
-        for start, stop, reason in text_runs(reasons):
-            if reason:
-                span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
-                words = Cell(reason, kind="words-cell")
-                yield found.row_names[person], span, str(stop - start), words
+    for name, reasons in zip(found.row_names, found.reasons, strict=True):
+        for start, stop, reason in dropped_ranges(reasons):
+            span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
+            yield name, span, str(stop - start), Cell(reason, kind="words-cell")
 
 
 def _paths(found: Solved) -> dict[str, object]:

@@ -33,7 +33,7 @@ from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip, text_runs
+from gmrdata.values.clip import Clip, camera_of, clip_on_body, dropped_ranges, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.motion import deltas
 from gmrdata.values.records import Config
@@ -162,8 +162,7 @@ def _prediction(
             "n_rows_with_several_people": found.n_crowded,
             "not_predicted": [
                 {"start": start, "stop": stop, "reason": why}
-                for start, stop, why in text_runs(placed.missing)
-                if why
+                for start, stop, why in dropped_ranges(placed.missing)
             ],
         },
     )

@@ -19,7 +19,7 @@ from gmrdata.read.threedpw_files import (
     require_inside,
     require_name,
 )
-from gmrdata.values.clip import first_reasons, text_runs
+from gmrdata.values.clip import first_reasons
 from gmrdata.values.errors import BadFrames, BadRecipe, BadSequence, MissingInput
 
 CENTRE_TOLERANCE = 0.05
@@ -220,8 +220,3 @@ def unusable_reasons(
         (frames_by_rule(person, rule), _RULE_REASONS[rule]),
     )
     return first_reasons(sequence.images.faults, tests)
-
-
-def dropped_ranges(reasons: list[str]) -> list[tuple[int, int, str]]:
-    """Runs of frames that share a reason, as (start, stop, reason); stop is one past the last."""
-    return [run for run in text_runs(reasons) if run[2]]

@@ -27,6 +27,7 @@ from gmrdata.stage.workers import worker_pool
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
 from gmrdata.values.camera_motion import MotionClass
+from gmrdata.values.clip import dropped_ranges
 from gmrdata.values.errors import (
     BadManifest,
     BadRecipe,
@@ -415,7 +416,7 @@ def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]],
         rows.append((*who, "0", str(len(reasons) - 1), str(kept), _share(reasons)))
         rows += [
             (*who, str(start), str(stop - 1), str(stop - start), reason)
-            for start, stop, reason in threedpw.dropped_ranges(reasons)
+            for start, stop, reason in dropped_ranges(reasons)
         ]
     return rows, sequence.problems
 

@@ -183,6 +183,11 @@ def text_runs(texts: Iterable[str]) -> list[tuple[int, int, str]]:
     return runs
 
 
+def dropped_ranges(reasons: Iterable[str]) -> list[tuple[int, int, str]]:
+    """Those of the frames that have a reason."""
+    return [run for run in text_runs(reasons) if run[2]]
+
+
 def texts_of(runs: Iterable[tuple[int, int, str]], n_rows: int) -> list[str]:
     """(n_rows,) the text of each row; empty outside the runs."""
     texts = [""] * n_rows

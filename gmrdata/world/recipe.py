@@ -21,7 +21,7 @@ from pydantic.dataclasses import dataclass as part
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.values import limits
 from gmrdata.values.camera_motion import MotionClassConfig
-from gmrdata.values.clip import text_runs, texts_of
+from gmrdata.values.clip import dropped_ranges, text_runs, texts_of
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import PART, ArrayShapes, Config, Figure, Record, read_arrays
@@ -79,7 +79,7 @@ def verdict_of(
 ) -> Verdict:
     """The verdict on T frames; a frame with an empty reason is kept."""
     frames, kept = len(frame_reasons), list(frame_reasons).count("")
-    dropped = tuple(Dropped(*run) for run in text_runs(frame_reasons) if run[2])
+    dropped = tuple(Dropped(*run) for run in dropped_ranges(frame_reasons))
     return Verdict(clip_id, frames, kept, kept / frames, accepted, tuple(reasons), dropped)
 
 

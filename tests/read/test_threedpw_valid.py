@@ -6,13 +6,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from gmrdata.read.threedpw import (
-    ValidRule,
-    dropped_ranges,
-    frames_by_rule,
-    read_sequence,
-    unusable_reasons,
-)
+from gmrdata.read.threedpw import ValidRule, frames_by_rule, read_sequence, unusable_reasons
+from gmrdata.values.clip import dropped_ranges
 from gmrdata.values.errors import BadRecipe
 from gmrdata.write.threedpw import write_sequence
 
