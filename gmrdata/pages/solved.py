@@ -91,7 +91,8 @@ class Solved:
     intrinsics: Intrinsics | None = None  # where the lens comes from; None where nothing says
     config: PseudoGtConfig = field(default_factory=PseudoGtConfig)  # thresholds that were asked for
     fused: "FusedPeople | None" = None
-    """Whose motions `clips` and `people` have; None for the cameras' own."""
+    """Whose motions `clips` and `people` have, which go on in dropped frames; None for the
+    cameras' own."""
     people: tuple[ExportedClip, ...] = ()  # with what it takes to draw and to export them
     images: tuple[Path | None, ...] = ()  # (T,)
     masks: tuple[Path | None, ...] = ()  # (T,)
@@ -133,11 +134,6 @@ class Solved:
     def unit(self) -> str:
         """Of lengths."""
         return "units of the reconstruction" if self.is_alone else "m"
-
-    @property
-    def is_fused(self) -> bool:
-        """Whether `clips` go on in dropped frames, by a network's motions."""
-        return self.fused is not None
 
     @property
     def cameras(self) -> CamerasQuality | None:

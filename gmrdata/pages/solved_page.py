@@ -518,7 +518,7 @@ def _own_files(found: Solved) -> Iterator[Offer]:
         paths = [folder / stage / file(person) for person in range(len(found.judged))]
         return name, use, list(_links(folder, paths, folder / stage))
 
-    if not found.is_fused:
+    if found.fused is None:
         yield offer("gmrdata npz", CLIP_USE, PSEUDO_GT, person_file)
         return
     from gmrdata.fusion.record import sigma_file

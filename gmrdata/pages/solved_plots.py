@@ -1,5 +1,6 @@
 """Plots of a sequence: its frames over time, the cues of its scale, its paths from two sides."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -9,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from gmrdata.pages import plots
 from gmrdata.pages.plots import COLOURS
-from gmrdata.pages.solved import Aligned, Solved, kinds_of
+from gmrdata.pages.solved import Aligned, Reconstruction, Solved, kinds_of
 from gmrdata.values import transforms
 from gmrdata.values.clip import text_runs
 from gmrdata.world.recipe import CueEstimate
@@ -20,36 +21,34 @@ PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
 
 def height_in(found: Solved) -> float:
     """Height of the figure that `plot_time` wants [inch]."""
-    return AXIS_IN + PERSON_IN * len(found.reasons) + PANEL_IN * n_panels(found)
+    return AXIS_IN + PERSON_IN * len(found.reasons) + PANEL_IN * len(_panels(found))
 
 
-def n_panels(found: Solved) -> int:
-    """How many plots are below the time line."""
+def _panels(found: Solved) -> list[Callable[[Axes], None]]:
+    """What draws each of the plots below the time line."""
+    config, solved = found.config.verdict, found.reconstruction
     if found.world_from_cam is None:
-        return 0
-    return 1 + _has_errors(found) + (0 if found.dataset_camera is None else 2)
-
-
-def _has_errors(found: Solved) -> bool:
-    """Whether the reprojection error is known by frame, as it is of six degrees of freedom."""
-    return found.reconstruction is not None and found.reconstruction.has_errors
+        return []
+    panels = [lambda axes: _plot_inliers(axes, found, config.min_inliers)]
+    if solved is not None and solved.has_errors:
+        panels.append(lambda axes: _plot_errors(axes, found, solved, config.max_reprojection_px))
+    if (apart := found.window_differences()) is not None:
+        span = f"over {config.window_s:g} s from the data set’s own camera"
+        turn, way = f"Turn: difference {span} [°]", f"Way: difference {span} [m]"
+        panels.append(lambda axes: _plot_beside(axes, apart[0], config.max_window_deg, turn))
+        panels.append(lambda axes: _plot_beside(axes, apart[1], config.max_window_m, way))
+    return panels
 
 
 def plot_time(plot: Figure, found: Solved) -> None:
     """The time line over the plots, on one axis of frames."""
-    n, config = n_panels(found), found.config.verdict
-    heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * n]
-    column = list(plot.subplots(1 + n, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
-    rest = iter(column)
-    _plot_kept(next(rest), found)
-    if found.world_from_cam is not None:
-        _plot_inliers(next(rest), found, config.min_inliers)
-    if _has_errors(found) and found.world_from_cam is not None:
-        _plot_errors(next(rest), found, config.max_reprojection_px)
-    if (apart := found.window_differences()) is not None:
-        span = f"over {config.window_s:g} s from the data set’s own camera"
-        _plot_beside(next(rest), apart[0], config.max_window_deg, f"Turn: difference {span} [°]")
-        _plot_beside(next(rest), apart[1], config.max_window_m, f"Way: difference {span} [m]")
+    panels = _panels(found)
+    heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * len(panels)]
+    grid = plot.subplots(len(heights), sharex=True, height_ratios=heights, squeeze=False)
+    column = list(grid[:, 0])
+    _plot_kept(column[0], found)
+    for axes, draw in zip(column[1:], panels, strict=True):
+        draw(axes)
     cuts = () if found.cameras is None else found.cameras.cuts_after_frames
     for axes in column:
         for cut in found.frames_of(cuts):
@@ -82,9 +81,8 @@ def _plot_inliers(axes: Axes, found: Solved, fewest: int) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
 
-def _plot_errors(axes: Axes, found: Solved, most_px: float) -> None:
-    assert found.reconstruction is not None
-    errors_px = found.per_frame(found.reconstruction.errors_px)
+def _plot_errors(axes: Axes, found: Solved, solved: Reconstruction, most_px: float) -> None:
+    errors_px = found.per_frame(solved.errors_px)
     # The threshold is one for the mean of the sequence: a frame beyond it is marked, not dropped.
     _plot_beside(axes, errors_px, most_px, "Mean reprojection error per frame [px]")
 
