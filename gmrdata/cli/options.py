@@ -292,7 +292,7 @@ def body_path(body: str) -> Path | None:
 
 def say_lost(frames_dir: Path) -> None:
     """Say how many frames of a video could not be decoded, if any."""
-    from gmrdata.read.video import video_record
+    from gmrdata.read.frames import video_record
 
     video = video_record(frames_dir)
     if video is not None and video.n_lost:

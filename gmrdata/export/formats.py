@@ -7,19 +7,18 @@ imported where they are called, since the command line knows all formats before 
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from gmrdata.read.frames import is_turned, number_in_name
-from gmrdata.read.video import video_record
+from gmrdata.read.frames import is_turned, number_in_name, video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
-from gmrdata.values.body import SMPL, BodyModel
+from gmrdata.values.body import SMPL
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadSequence, some
-from gmrdata.values.motion import Motion
 from gmrdata.values.people import FUSED, PSEUDO_GT
 
 if TYPE_CHECKING:
@@ -441,33 +440,20 @@ def export_glb(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
     write_glb(path, clip.motion, body, shown=clip.valid, camera=clip.camera)
 
 
-def export_amass(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
-    """A file for each unbroken stretch of valid frames."""
+def export_runs(
+    clips: Sequence["ExportedClip"], path: Path, options: ExportOptions, suffix: str
+) -> None:
+    """A file of AMASS's layout or BVH for each unbroken stretch of valid frames, named by its first
+    and last row."""
+    from gmrdata.motion.resample import valid_runs
     from gmrdata.write.amass import write_amass
-
-    _write_runs(clips[0], path, ".npz", write_amass)
-
-
-def export_bvh(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
-    """The same as BVH."""
     from gmrdata.write.bvh import write_bvh
 
-    _write_runs(clips[0], path, ".bvh", write_bvh)
-
-
-def _write_runs(
-    exported: "ExportedClip",
-    folder: Path,
-    suffix: str,
-    write: Callable[[Path, Motion, BodyModel], None],
-) -> None:
-    """A file for each unbroken stretch of valid frames, named by its first and last row."""
-    from gmrdata.motion.resample import valid_runs
-
-    folder.mkdir()
+    write, exported = {".npz": write_amass, ".bvh": write_bvh}[suffix], clips[0]
+    path.mkdir()
     for start, stop in valid_runs(exported.clip.valid):
         name = f"{exported.id}_{start:05d}-{stop - 1:05d}{suffix}"
-        write(folder / name, exported.clip.motion.take(slice(start, stop)), exported.body)
+        write(path / name, exported.clip.motion.take(slice(start, stop)), exported.body)
 
 
 FORMATS: dict[str, Format] = {
@@ -503,9 +489,12 @@ FORMATS: dict[str, Format] = {
     ),
     "amass": Format(
         "SMPL+H's npz, a file for each unbroken stretch of valid frames",
-        "clip", "{id}", ("world",), export_amass,
+        "clip", "{id}", ("world",), partial(export_runs, suffix=".npz"),
     ),
-    "bvh": Format("Mixamo's joints [cm], in such files", "clip", "{id}", ("world",), export_bvh),
+    "bvh": Format(
+        "Mixamo's joints [cm], in such files",
+        "clip", "{id}", ("world",), partial(export_runs, suffix=".bvh"),
+    ),
     "glb": Format(
         "a person and the camera, animated", "clip", "{id}.glb", ("world",), export_glb
     ),

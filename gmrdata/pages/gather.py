@@ -21,6 +21,7 @@ from gmrdata.export.sources import (
 from gmrdata.manifest.check import require_sound
 from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
 from gmrdata.people.folder import find_mask
+from gmrdata.read.frames import video_record
 from gmrdata.read.numbers import rigid_rows
 from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.solve.request import FRAMES, INTRINSICS, MASKS, SFM
@@ -32,7 +33,6 @@ from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput, some
-from gmrdata.values.frame_set import VIDEO_FILE, VideoRecord
 from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.world.bodies import NOT_SEEN
@@ -297,8 +297,7 @@ def _with_frames(reader: Reader, found: Solved, frames_dir: Path, said_hz: float
         numbers = next(iter(found.clips.values())).image_numbers
     elif found.reconstruction is not None:
         numbers = found.reconstruction.cameras.image_numbers
-    has_video = (frames_dir / VIDEO_FILE).is_file()
-    video = reader.read(VideoRecord.read, frames_dir / VIDEO_FILE, has_video)
+    video = reader.read(video_record, frames_dir)
     times_s = np.arange(len(numbers)) / _rate_hz(found, said_hz)
     if video is not None and len(numbers):
         own_s = video.times_of(numbers)  # the video's own, as far as it knows them all

@@ -76,8 +76,14 @@ def read_frames(folder: Path, left_out: Collection[int] = ()) -> FrameSet:
         rate_hz=np.nan,
         left_out={n: path for n, path in _numbered(folder) if n in left_out} if left_out else {},
     )
-    record_path = folder / VIDEO_FILE
-    return alone if not record_path.is_file() else of_video(alone, VideoRecord.read(record_path))
+    video = video_record(folder)
+    return alone if video is None else of_video(alone, video)
+
+
+def video_record(frames_dir: Path) -> VideoRecord | None:
+    """What is known of the video that frames come from; None of frames from elsewhere."""
+    path = frames_dir / VIDEO_FILE
+    return VideoRecord.read(path) if path.is_file() else None
 
 
 def of_video(frames: FrameSet, video: VideoRecord) -> FrameSet:

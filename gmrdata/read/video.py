@@ -83,12 +83,6 @@ def has_times(source: Path) -> bool:
     return is_video(source) or (source / VIDEO_FILE).is_file()
 
 
-def video_record(frames_dir: Path) -> VideoRecord | None:
-    """What is known of the video that frames come from; None of frames from elsewhere."""
-    path = frames_dir / VIDEO_FILE
-    return VideoRecord.read(path) if path.is_file() else None
-
-
 def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]:
     """About how many images `extract_video` would write, and their (width, height), by the file's
     own word, or by its packets where it has none: nothing is decoded.  Errors as there."""

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from gmrdata.read import video as video_module
-from gmrdata.read.frames import write_gray
+from gmrdata.read.frames import video_record, write_gray
 from gmrdata.read.video import (
     VideoConfig,
     as_frames,
@@ -23,7 +23,6 @@ from gmrdata.read.video import (
     extract_video,
     is_video,
     turned,
-    video_record,
 )
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 from gmrdata.values.frame_set import VIDEO_FILE

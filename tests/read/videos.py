@@ -9,7 +9,8 @@ import av
 import cv2
 import numpy as np
 
-from gmrdata.read.video import VideoConfig, extract_video, video_record
+from gmrdata.read.frames import video_record
+from gmrdata.read.video import VideoConfig, extract_video
 from gmrdata.values.frame_set import VideoRecord
 
 
