@@ -258,9 +258,11 @@ def test_at_a_third_of_the_rate_no_motion_crosses_a_gap(true_clip):
     assert compare_clips(pseudo, true, fps_hz=10.0).tme_mm == pytest.approx(0, abs=1e-9)
 
 
-def test_a_rate_that_does_not_divide_the_clips_is_refused(true_clip):
-    with pytest.raises(StageFailed, match="10 fps is no multiple of 4 fps"):
-        compare_clips(true_clip, true_clip, fps_hz=4.0)
+@pytest.mark.parametrize("compare", [compare_clips, error_series])
+@pytest.mark.parametrize("fps_hz", [20.0, 4.0])
+def test_a_rate_that_does_not_divide_the_clips_is_refused(compare, fps_hz, true_clip):
+    with pytest.raises(StageFailed, match=f"10 fps is no multiple of {fps_hz:g} fps"):
+        compare(true_clip, true_clip, fps_hz=fps_hz)
 
 
 N = 40
