@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from gmrdata.cli import main
+from tests.fixtures.command_line import fails_cleanly
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +56,6 @@ def test_a_word_after_a_verb_is_a_flag_or_a_verb(script):
     assert "--height-m" in offered and [word for word in offered if word[0] != "-"] == []
 
 
-def test_other_shells_are_refused(capsys):
-    main(["--completion", "zsh"])
-    assert capsys.readouterr().out.startswith("#compdef gmrdata")
-    with pytest.raises(SystemExit) as ended:
-        main(["--completion", "fish"])
-    assert ended.value.code == 2 and "give bash or zsh" in capsys.readouterr().err
+def test_other_shells_are_refused(gmrdata, works):
+    assert works("--completion", "zsh").stdout.startswith("#compdef gmrdata")
+    fails_cleanly(gmrdata("--completion", "fish"), "give bash or zsh", code=2)

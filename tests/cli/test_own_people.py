@@ -17,6 +17,7 @@ from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import Batch
 from gmrdata.values.clip import load_clip
 from tests.filming import CAMERAS_ALONE
+from tests.fixtures.command_line import fails_cleanly
 from tests.read import system_files
 
 N_IMAGES, SIZE_PX = 12, (640, 360)
@@ -72,19 +73,16 @@ def solved(
 
 
 def test_without_the_networks_people_are_left_out_with_a_word_or_refused(
-    dolly, tmp_path, monkeypatch, capsys
+    dolly, tmp_path, monkeypatch, gmrdata, works
 ):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "empty"))
     flags = ("--out", tmp_path / "out", *CAMERAS_ALONE[:-2], "--fps-hz", "10", "--dry-run")
-    command = ["video", *map(str, (dolly.images_dir, *flags))]
-    main(command)
-    printed = capsys.readouterr()
-    assert "own poses" not in printed.out
-    said = " ".join(printed.err.split())
+    command = ("video", dolly.images_dir, *flags)
+    answer = works(*command)
+    assert "own poses" not in answer.stdout
+    said = " ".join(answer.stderr.split())
     assert "cameras alone, without people:" in said and "`gmrdata fetch models` gets it" in said
-    with pytest.raises(SystemExit):
-        main([*command, "--poses", "own"])
-    assert "no such model file" in " ".join(capsys.readouterr().err.split())
+    fails_cleanly(gmrdata(*command, "--poses", "own"), "no such model file")
 
 
 def test_a_batch_reads_the_estimator_s_networks(dolly, tmp_path):

@@ -21,6 +21,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from tests.film.set_kills import contents
 from tests.filming import INTRINSICS_PX
+from tests.fixtures.command_line import fails_cleanly
 from tests.fixtures.filmed_sets import HEIGHT_PX, N_FRAMES, WIDTH_PX
 from tests.read import system_files
 from tests.read.videos import make_video
@@ -91,16 +92,15 @@ def test_files_and_a_page_lie_beside_the_motion(solved):
 
 
 def test_the_same_again_does_nothing_and_other_poses_need_redo(
-    solved, filmed_set, vibe_file, capsys
+    solved, filmed_set, vibe_file, gmrdata, works
 ):
     frames, before = filmed_set.root / "imageFiles" / "arc_00", _times(solved)
     given = ("--fps-hz", "30", "--body", vibe_file.with_name("body.npz"))
-    main(arguments(frames, solved, *given, "--poses", vibe_file))
+    said = works(*arguments(frames, solved, *given, "--poses", vibe_file))
     assert _times(solved) == before
-    assert capsys.readouterr().out.startswith("accepted\n")
-    refused(
-        capsys, "holds people, and now cameras alone", arguments(frames, solved, "--fps-hz", "30")
-    )
+    assert said.stdout.startswith("accepted\n")
+    answer = gmrdata(*arguments(frames, solved, "--fps-hz", "30"))
+    fails_cleanly(answer, "holds people, and now cameras alone")
     assert _times(solved) == before
 
 
@@ -109,17 +109,7 @@ def _times(folder: Path) -> dict[str, int]:
     return {name: (folder / name / "stage.json").stat().st_mtime_ns for name in stages}
 
 
-def refused(capsys: pytest.CaptureFixture[str], said: str, given: list[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(given)
-    printed = capsys.readouterr()
-    assert ended.value.code == 1 and said in " ".join(printed.err.split()), printed.err
-
-
-def test_in_a_batch_it_is_the_same_folder(
-    solved, filmed_set, vibe_file, tmp_path,
-    capsys
-):  # fmt: skip
+def test_in_a_batch_it_is_the_same_folder(solved, filmed_set, vibe_file, tmp_path, works):
     """Poses are found by the video's name; one without ends in cameras alone."""
     batch, poses, still = tmp_path / "out", tmp_path / "poses", tmp_path / "still"
     folder = shutil.copytree(solved, batch / "videos" / "arc_00")  # which need not be made again
@@ -131,8 +121,7 @@ def test_in_a_batch_it_is_the_same_folder(
         cv2.imwrite(str(still / f"{number}.png"), np.full((90, 160, 3), 90, np.uint8))
     frames, body = filmed_set.root / "imageFiles" / "arc_00", vibe_file.with_name("body.npz")
     given = arguments(frames, batch, "--workers", "1", "--fps-hz", "30", "--poses", poses)
-    main([given[0], str(still), *given[1:], "--body", str(body)])
-    said = capsys.readouterr().err.replace("\n", " ")
+    said = works(given[0], still, *given[1:], "--body", body).stderr.replace("\n", " ")
     assert "1 of 2 videos have no poses and end in cameras alone: still" in said
     assert "poses that belong to no video: nobody" in said
     arc, other = Videos.read(batch / "videos.json").videos
@@ -145,14 +134,13 @@ def test_in_a_batch_it_is_the_same_folder(
 
 @pytest.mark.slow
 def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
-    clips, solved_videos, dolly, tmp_path, capsys
+    clips, solved_videos, dolly, tmp_path, works
 ):
     """And the same video in a batch leaves the same folder."""
     out = tmp_path / "walk"
-    main(arguments(clips / "walk.mp4", out, "--strict"))
-    printed = capsys.readouterr()
-    assert printed.out.splitlines()[0] == "accepted" and "12 of 12 frames" in printed.err
-    assert printed.out.splitlines()[-1] == str(out / "index.html")
+    said = works(*arguments(clips / "walk.mp4", out, "--strict"))
+    assert said.stdout.splitlines()[0] == "accepted" and "12 of 12 frames" in said.stderr
+    assert said.stdout.splitlines()[-1] == str(out / "index.html")
     verdict = VideoVerdict.read(out / "verdict.json")
     assert verdict.fps_hz == pytest.approx(10.0) and not verdict.people
     model = pycolmap.Reconstruction(str(out / "files" / "colmap" / "sparse" / "0"))
@@ -167,34 +155,33 @@ def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
     assert contents(out) == contents(solved_videos / "videos" / "walk")
 
 
-def test_a_wrong_file_of_people_is_said_before_cameras_are_sought(dolly, tmp_path, capsys):
+def test_a_wrong_file_of_people_is_said_before_cameras_are_sought(dolly, tmp_path, gmrdata):
     """It was after all of them had been solved, and a dry run said nothing."""
     out, broken = tmp_path / "out", tmp_path / "wham_output.pkl"
     broken.write_bytes(b"\x80")
     for poses, said in ((tmp_path / "gone.pkl", "no such file"), (broken, broken.name)):
         given = arguments(dolly.images_dir, out, "--fps-hz", "10", "--poses", poses)
-        refused(capsys, said, [*given, "--dry-run"])
-        refused(capsys, said, given)
+        fails_cleanly(gmrdata(*given, "--dry-run"), said)
+        fails_cleanly(gmrdata(*given), said)
     assert not (out / "sfm").exists()
 
 
-def test_a_video_without_a_camera_path_is_rejected_with_the_reason(tmp_path, capsys):
+def test_a_video_without_a_camera_path_is_rejected_with_the_reason(tmp_path, gmrdata, works):
     folder = tmp_path / "frames"
     folder.mkdir()
     for number in range(6):
         cv2.imwrite(str(folder / f"{number:05d}.png"), np.full((90, 160, 3), 9 * number, np.uint8))
     given = arguments(folder, tmp_path / "out", "--fps-hz", "10")
-    main(given)
-    printed = capsys.readouterr()
-    assert printed.out.startswith("rejected\n  ")
-    assert "Traceback" not in printed.err
+    said = works(*given)
+    assert said.stdout.startswith("rejected\n  ")
+    assert "Traceback" not in said.stderr
     verdict = VideoVerdict.read(tmp_path / "out" / "verdict.json")
     assert not verdict.accepted and not verdict.camera.accepted and verdict.reasons
     assert not (tmp_path / "out" / "files").exists() and (tmp_path / "out" / "index.html").is_file()
-    refused(capsys, "rejected", [*given, "--strict"])
+    fails_cleanly(gmrdata(*given, "--strict"), "rejected")
 
 
-def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_path, capsys):
+def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_path, gmrdata):
     """By their frames, or by the size of their images."""
     out = tmp_path / "out"
     out.mkdir()
@@ -206,14 +193,14 @@ def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_pat
         (_shifted(clip, neutral, 400), "another video's, or rate. If it was made of every n-th"),
     ):
         path = system_files.write_joblib(tmp_path / "wham_output.pkl", content)
-        refused(capsys, said, [*given, "--poses", str(path)])
+        fails_cleanly(gmrdata(*given, "--poses", path), said)
     seen = system_files.seen_person(clip.motion, camera_of(clip), neutral)
     half = system_files.write_torch(tmp_path / "a.pt", system_files.gvhmr_result(seen, 18))
-    refused(capsys, "is of 18 frames, and the video has 36, about every 2th",
-            [*given, "--poses", str(half)])  # fmt: skip
+    said = "is of 18 frames, and the video has 36, about every 2th"
+    fails_cleanly(gmrdata(*given, "--poses", half), said)
     large = replace(seen, size_px=(HEIGHT_PX, WIDTH_PX))
     turned = system_files.write_torch(tmp_path / "b.pt", system_files.gvhmr_result(large))
-    refused(capsys, "a turned one's", [*given, "--poses", str(turned)])
+    fails_cleanly(gmrdata(*given, "--poses", turned), "a turned one's")
 
 
 def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
@@ -245,27 +232,27 @@ def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
     ],
 )
 @pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
-def test_wrong_flags_name_the_remedy(flags, said, dry_run, dolly, tmp_path, capsys):
+def test_wrong_flags_name_the_remedy(flags, said, dry_run, dolly, tmp_path, gmrdata):
     out = tmp_path / "out"
-    refused(capsys, said, arguments(dolly.images_dir, out, *flags, *dry_run))
+    fails_cleanly(gmrdata(*arguments(dolly.images_dir, out, *flags, *dry_run)), said)
     assert not out.exists()
 
 
 @pytest.mark.parametrize(("poses", "network"), [("none", "lite"), ("own", "heavy")])
 def test_the_network_that_is_used_is_asked_for(
-    poses, network, dolly, tmp_path, monkeypatch, capsys
+    poses, network, dolly, tmp_path, monkeypatch, gmrdata
 ):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     flags = ["--poses", poses, "--masks", "person", "--detector", __file__]
     said = f"pose_landmark_{network}.tflite: no such model file"
-    refused(capsys, said, arguments(dolly.images_dir, tmp_path / "out", *flags))
+    fails_cleanly(gmrdata(*arguments(dolly.images_dir, tmp_path / "out", *flags)), said)
 
 
 @pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
-def test_a_video_with_a_rate_is_refused_before_its_frames_are_taken(dry_run, tmp_path, capsys):
+def test_a_video_with_a_rate_is_refused_before_its_frames_are_taken(dry_run, tmp_path, gmrdata):
     source, out = make_video(tmp_path / "walk.mp4"), tmp_path / "out"
     said = f"{source}: a video has its own times. Leave --fps-hz out"
-    refused(capsys, said, arguments(source, out, "--fps-hz", "30", *dry_run))
+    fails_cleanly(gmrdata(*arguments(source, out, "--fps-hz", "30", *dry_run)), said)
     assert not out.exists()
 
 
@@ -277,21 +264,20 @@ def test_a_video_with_a_rate_is_refused_before_its_frames_are_taken(dry_run, tmp
         (b"\x00\x00\x00\x18ftypmp42" + bytes(4000), "no video"),
     ],
 )
-def test_what_is_no_video_is_refused_by_name_and_leaves_nothing(content, said, tmp_path, capsys):
+def test_what_is_no_video_is_refused_by_name_and_leaves_nothing(content, said, tmp_path, gmrdata):
     source, out = tmp_path / "walk.mp4", tmp_path / "out"
     source.write_bytes(content)
-    refused(capsys, f"{source}: {said}", arguments(source, out))
+    fails_cleanly(gmrdata(*arguments(source, out)), f"{source}: {said}")
     assert not (out / "frames").exists() and not (out / "verdict.json").exists()
 
 
-def test_a_dry_run_says_how_much_there_is_to_do(dolly, tmp_path, capsys):
+def test_a_dry_run_says_how_much_there_is_to_do(dolly, tmp_path, works):
     source = make_video(tmp_path / "a.mp4", rate_hz=10)
     for given, rate, said in (
         (dolly.images_dir, ("--fps-hz", "10"), "12 images of 320x180"),
         (source, (), "8 images of 64x48"),
     ):
-        main([*arguments(given, tmp_path / "out", *rate), "--dry-run"])
-        printed = capsys.readouterr().out
+        printed = works(*arguments(given, tmp_path / "out", *rate), "--dry-run").stdout
         assert f"{said} px, about 0.9 GB of memory" in printed
         assert "sfm" in printed and "page" in printed
     assert not (tmp_path / "out").exists()

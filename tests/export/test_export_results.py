@@ -2,7 +2,6 @@
 
 import json
 import pickle  # noqa: TID251  The oracle: what others open the files with.
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,21 +25,10 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.world.judge import load_record
 from tests.clip_manifests import write_clips
+from tests.fixtures.command_line import fails_cleanly
 from tests.pages.solved_video import solved_video
 from tests.write.rerun_files import Recorded
 from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX, make_take
-
-
-@pytest.fixture
-def refusal(gmrdata) -> Callable[..., str]:
-    """Runs the verb, which has to fail; gives what it says."""
-
-    def run(*arguments: object) -> str:
-        answer = gmrdata("export", *arguments)
-        assert answer.returncode == 1
-        return " ".join(answer.stderr.split())
-
-    return run
 
 
 @pytest.fixture
@@ -60,11 +48,12 @@ def manifest(walkers, small_body, tmp_path) -> Path:
     return write_clips(folder, body, clips, camera_motions=["circular"] * 3)
 
 
-def test_files_where_others_look_for_them(manifest, tmp_path, refusal):
+def test_files_where_others_look_for_them(manifest, tmp_path, gmrdata):
     out, name = tmp_path / "out", "P1_14_outdoor_climb"
     about = EmdbAbout(emdb1=True, emdb2=False, reasons=[""] * 30)
     about.write(manifest.parent / ABOUT_FILE)
-    said = refusal(manifest, "--to", "emdb", "wham", "gvhmr", "3dpw", "gem-x", "--out", out)
+    layouts = ("emdb", "wham", "gvhmr", "3dpw", "gem-x")
+    answer = gmrdata("export", manifest, "--to", *layouts, "--out", out)
     files = sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
     assert files == [
         f"3dpw/sequenceFiles/test/{name}.pkl",
@@ -81,7 +70,8 @@ def test_files_where_others_look_for_them(manifest, tmp_path, refusal):
     assert late["frame_ids"].tolist() == [n + 5 for n in range(30) if n not in (10, 11, 12)]
     whole = torch.load(out / "gvhmr" / name / "hmr4d_results.pt", weights_only=True)
     assert np.flatnonzero(~whole["valid"].numpy()).tolist() == [10, 11, 12]
-    for line in (
+    fails_cleanly(
+        answer,
         "late: no emdb: clip late: row 0 is image 5",
         "late: no 3dpw: clip late: row 0 is image 5",
         "late: no gvhmr: row 0 is frame 5 of the video",
@@ -89,8 +79,7 @@ def test_files_where_others_look_for_them(manifest, tmp_path, refusal):
         "rejected: no wham: has no valid frame",
         "rejected: no 3dpw: has no valid frame",
         "rejected: no gvhmr: has no valid frame",
-    ):
-        assert line in said
+    )
 
 
 def test_3dpw_of_another_body_is_said(walkers, small_body, tmp_path, works):
@@ -124,53 +113,59 @@ def test_of_a_sequence_s_folder_no_frame_of_a_rejected_person_is_valid(small_bod
     assert valid[0].sum() == clip.valid.sum() > 0 and not valid[1].any()
 
 
-def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_path, refusal):
+def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_path, gmrdata):
     body = replace(small_body, name="smpl-neutral")
     motion = replace(walkers[0].motion, body=body.name, fps_hz=30.0)
     clips = [replace(walkers[0], id=name, motion=motion) for name in ("P0_walk", "walk")]
     save_body(tmp_path / "in" / "body" / "body.npz", body)
     manifest = write_clips(tmp_path / "in", body, clips, camera_motions=["circular"] * 2)
-    said = refusal(manifest, "--to", "emdb", "--out", tmp_path / "out")
-    assert "P0_walk and walk would be this. Write one" in said and not (tmp_path / "out").exists()
-    said = refusal(manifest, "--to", "3dpw", "--out", tmp_path / "out")
-    assert "the body is neutral, and 3DPW has female and male" in said
+    for layout, said in (
+        ("emdb", "P0_walk and walk would be this. Write one"),
+        ("3dpw", "the body is neutral, and 3DPW has female and male"),
+    ):
+        out = tmp_path / layout
+        fails_cleanly(gmrdata("export", manifest, "--to", layout, "--out", out), said)
+    assert not (tmp_path / "emdb").exists()
 
 
 def test_two_clips_that_would_be_one_file_on_some_disks_are_refused(
-    walkers, small_body, tmp_path, refusal
+    walkers, small_body, tmp_path, gmrdata
 ):
     clips = [replace(walkers[0], id=name) for name in ("walk", "Walk")]
     save_body(tmp_path / "in" / "body" / "body.npz", small_body)
     manifest = write_clips(tmp_path / "in", small_body, clips)
-    said = refusal(manifest, "--to", "bvh", "--out", tmp_path / "out")
-    assert "Walk and walk would be this. Write one" in said and not (tmp_path / "out").exists()
+    answer = gmrdata("export", manifest, "--to", "bvh", "--out", tmp_path / "out")
+    fails_cleanly(answer, "Walk and walk would be this. Write one")
+    assert not (tmp_path / "out").exists()
 
 
-def test_a_network(run_dir, walk, tmp_path, works, refusal):
+def test_a_network(run_dir, walk, tmp_path, gmrdata, works):
     out = tmp_path / "out"
-    path, command = out / "onnx" / "run.onnx", (run_dir, "--to", "onnx", "--out", out)
-    works("export", *command, "--dry-run")
+    path, command = out / "onnx" / "run.onnx", ("export", run_dir, "--to", "onnx", "--out", out)
+    works(*command, "--dry-run")
     assert not out.exists()
-    works("export", *command)
+    works(*command)
     local_rotmats = walk(10.0, 12).local_rotmats
     session = onnxruntime.InferenceSession(path)
     found = session.run(None, {"local_rotmats": local_rotmats[None].astype(np.float32)})
     for one, wanted in zip(found, predict_deltas(load_gmr(run_dir), local_rotmats), strict=True):
         assert np.abs(one[0] - wanted).max() < 1e-5
-    assert "already there. Pass --redo" in refusal(*command)
-    works("export", *command, "--redo")
+    fails_cleanly(gmrdata(*command), "already there. Pass --redo")
+    works(*command, "--redo")
 
 
-def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, refusal):
-    out = tmp_path / "out"
-    assert "Export it alone" in refusal(run_dir, "--to", "onnx", "tum", "--out", out)
-    assert "no trained model there" in refusal(manifest.parent, "--to", "onnx", "--out", out)
-    best = ("--to", "onnx", "--which", "best", "--out", out)
-    assert "no best weights" in refusal(run_dir, *best)
+def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, gmrdata):
+    def refused(said: str, source: Path, *more: str) -> None:
+        command = ("export", source, "--out", tmp_path / "out", "--to", "onnx", *more)
+        fails_cleanly(gmrdata(*command), said)
+        assert not (tmp_path / "out").exists()
+
+    refused("Export it alone", run_dir, "tum")
+    refused("no trained model there", manifest.parent)
+    refused("no best weights", run_dir, "--which", "best")
     (state_path,) = run_dir.glob("checkpoints/step_*/state.json")
     state_path.write_text(json.dumps({"format": "gmrdata-joint/2", "step": 1, "body": "anny"}))
-    assert "gmrdata-joint/2" in refusal(run_dir, "--to", "onnx", "--out", out)
-    assert not out.exists()
+    refused("gmrdata-joint/2", run_dir)
 
 
 def test_one_without_a_valid_frame_is_left_out_and_named(

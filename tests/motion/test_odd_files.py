@@ -22,6 +22,7 @@ from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.transforms import rigid
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import frame_time, write_bvh
+from tests.fixtures.command_line import fails_cleanly
 from tests.motions import moved
 
 SIX = ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation")
@@ -404,15 +405,13 @@ def test_a_joint_map_may_have_the_missing_names_alone(walk_path, small_body):
     )
 
 
-def test_a_missing_path_is_told_first(tmp_path, monkeypatch, capsys):
+def test_a_missing_path_is_told_first(tmp_path, monkeypatch, gmrdata):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.bvh").write_text("HIERARCHY\n")
     for words, said in (
-        (["nothere", "--body", "nobody.npz"], "gmrdata: nothere: no such file or folder\n"),
-        (["bad.bvh"], "gmrdata: 1 of 1 files could not be read:\n  bad.bvh: no BVH file"),
+        (("nothere", "--body", "nobody.npz"), "gmrdata: nothere: no such file or folder\n"),
+        (("bad.bvh",), "gmrdata: 1 of 1 files could not be read:\n  bad.bvh: no BVH file"),
     ):
-        with pytest.raises(SystemExit):
-            main(["motions", *words])
-        assert said in capsys.readouterr().err
+        fails_cleanly(gmrdata("motions", *words), said)
     with pytest.raises(MissingInput, match="no such file"):
         read_motion(tmp_path / "a.npz", None)  # type: ignore[arg-type]

@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.files import Geometry, SfmCameras, save_cameras
-from gmrdata.cli import main
 from gmrdata.gmr.runs import runs_at
 from gmrdata.manifest.current import Quality
 from gmrdata.score.baselines import (
@@ -83,7 +82,7 @@ def test_its_world_is_upright_as_the_camera_is():
     np.testing.assert_allclose(as_if_still(seen).pelvis_m, [[0.1, 5.0, 0.2]])
 
 
-def test_ignored_true_and_recovered(filmed, write_set, tmp_path):
+def test_ignored_true_and_recovered(filmed, write_set, tmp_path, works):
     """Only the camera that is known gives the true motion back, the recovered one where it is."""
     manifest = write_set(tmp_path / "set", filmed[:1])
     true = filmed[0].motion
@@ -93,9 +92,9 @@ def test_ignored_true_and_recovered(filmed, write_set, tmp_path):
     found = {}
     for camera in ("ignored", "true", "recovered"):
         out = tmp_path / camera
-        asked = ["baseline", "camera_as_world", str(manifest), "--camera", camera]
-        given = ["--cameras", str(tmp_path / "cameras")] if camera == "recovered" else []
-        main([*asked, *given, "--out", str(out)])
+        given = ("--cameras", tmp_path / "cameras") if camera == "recovered" else ()
+        asked = ("baseline", "camera_as_world", manifest, "--camera", camera, *given)
+        works(*asked, "--out", out)
         found[camera] = load_clip(out / "predictions" / "walk_0.npz")
         assert read_json(out / "predictions.json")["figures"] == {"camera": camera}
     assert delta_error(found["ignored"].motion, true) > 0.01
@@ -271,13 +270,12 @@ def test_at_a_higher_rate_the_mean_is_reached_after_as_many_frames(filmed):
         np.testing.assert_allclose(delta_m - mean.mean_m, 0, atol=1e-9)
 
 
-def test_the_verbs(filmed, small_body, write_set, tmp_path, capsys):
+def test_the_verbs(filmed, small_body, write_set, tmp_path, works):
     manifest = write_set(tmp_path / "set", filmed[:2])
     training = write_set(tmp_path / "training", filmed[2:])
-    main(["baseline", "zero", str(manifest), "--out", str(tmp_path / "zero")])
-    asked = ["baseline", "mean", str(manifest), "--training", str(training)]
-    main([*asked, "--out", str(tmp_path / "mean")])
-    assert capsys.readouterr().out.split() == [str(tmp_path / "zero"), str(tmp_path / "mean")]
+    for asked in (("zero", manifest), ("mean", manifest, "--training", training)):
+        out = tmp_path / asked[0]
+        assert works("baseline", *asked, "--out", out).stdout.split() == [str(out)]
     figures = read_json(tmp_path / "mean" / "predictions.json")["figures"]
     assert (figures["fps_hz"], figures["n_motions"]) == (10.0, 38)
     assert figures["mean_m"] == pytest.approx(mean_motion(filmed[2:], 10.0).mean_m)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, NetworkConfig
 from gmrdata.gmr.flat_runs import in_memory
@@ -82,28 +81,27 @@ def pose_error_deg(local_rotmats: np.ndarray, true_rotmats: np.ndarray) -> float
     return float(np.rad2deg(angles_rad(true_rotmats @ local_rotmats.swapaxes(-1, -2))).mean())
 
 
-def test_it_learns(walks, small_body, write_set, body_path, tmp_path, capsys):
+def test_it_learns(walks, small_body, write_set, body_path, tmp_path, works):
     """On people that it has not seen it beats the mean pose and zero motion by far."""
     training, held_out = walks[:5], walks[5]
     write_features(tmp_path / "features", walks)
     recipe = tmp_path / "joint.yaml"
     recipe.write_text(json.dumps(SMALL.model_dump(mode="json")))
-    asked = ["baseline", "joint_train", str(write_set(tmp_path / "training", training))]
-    asked += ["--features", str(tmp_path / "features"), "--recipe", str(recipe)]
-    main([*asked, "--body", str(body_path), "--out", str(tmp_path / "run")])
+    given = ("--features", tmp_path / "features", "--body", body_path)
+    asked = ("baseline", "joint_train", write_set(tmp_path / "training", training), *given)
+    said = works(*asked, "--recipe", recipe, "--out", tmp_path / "run")
+    assert said.stdout.split() == [str(tmp_path / "run")]
     lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
     first, last = json.loads(lines[0]), json.loads(lines[-1])
     assert (first["step"], last["step"]) == (10, 150)
     assert last["loss"] < 0.3 * first["loss"]
     assert all(last[term] < first[term] for term in ("local_pose", "translation", "vertex"))
 
-    asked = ["baseline", "joint", str(tmp_path / "run")]
-    asked += [str(write_set(tmp_path / "scored", [held_out]))]
-    asked += ["--features", str(tmp_path / "features"), "--body", str(body_path)]
-    main([*asked, "--out", str(tmp_path / "out")])
-    assert capsys.readouterr().out.split() == [str(tmp_path / "run"), str(tmp_path / "out")]
+    scored = write_set(tmp_path / "scored", [held_out])
+    asked = ("baseline", "joint", tmp_path / "run", scored, *given, "--out", tmp_path / "out")
+    assert works(*asked).stdout.split() == [str(tmp_path / "out")]
     (tmp_path / "run" / "notes.txt").touch()
-    main([*asked, "--out", str(tmp_path / "out")])  # nothing is stale: the weights are the same
+    works(*asked)  # nothing is stale: the weights are the same
     found = load_clip(tmp_path / "out" / "predictions" / "walk_5.npz")
     assert (found.motion.fps_hz, found.motion.n_frames) == (10.0, 40)
     assert found.valid.all()

@@ -387,16 +387,14 @@ def write_walks(small_body, tmp_path) -> Callable[..., Path]:
 
 
 @pytest.mark.slow
-def test_a_table_from_the_command_line_and_again(write_walks, body_path, tmp_path, capsys):
+def test_a_table_from_the_command_line_and_again(write_walks, body_path, tmp_path, works):
     """Subject 02 is held out; the second call finds everything made."""
     recipe = tiny(tmp_path)
     motions, out = write_walks("walks", ["01_01", "01_02", "02_01"], 1), tmp_path / "out"
 
     def tables(*more: str) -> str:
-        command = ["tables", recipe, "--manifest", str(motions), "--held-out-subjects", "2"]
-        command += ["--body", str(body_path), "--out", str(out), "--workers", "1", *more]
-        main(command)
-        return capsys.readouterr().out
+        given = ("--manifest", motions, "--held-out-subjects", "2", "--body", body_path)
+        return str(works("tables", recipe, *given, "--out", out, "--workers", "1", *more).stdout)
 
     planned = tables("--dry-run")
     assert "angular/seed_3" in planned and "2 of 2 trainings to make" in planned

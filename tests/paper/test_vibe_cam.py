@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.cli import main
 from gmrdata.film.programmes import static_twin
 from gmrdata.film.render_outputs import project_joints
 from gmrdata.gmr.config import ModelConfig
@@ -34,6 +33,7 @@ from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.world.compose import motion_in_camera
+from tests.fixtures.command_line import fails_cleanly
 from tests.paper.openpose_files import person, write_frame, write_frames
 from tests.record_keys import assert_each_key_is_needed
 
@@ -245,14 +245,14 @@ def test_rows_without_a_pose(take, files):
     np.testing.assert_array_equal(np.flatnonzero(~found.valid), [4, 9])
 
 
-def test_the_verb(take, body_path, capsys):
+def test_the_verb(take, body_path, gmrdata, works):
     manifest = take.write_set(take.path / "set", take.clips[:1])
     write_poses(take.path / "poses", take.clips[0], take.body)
     write_frames(take.path / "keypoints" / "walk_0", take.clips[0], take.body)
-    asked = ["baseline", "vibe_cam", str(manifest), "--poses", str(take.path / "poses")]
-    asked += ["--keypoints", str(take.path / "keypoints"), "--body", str(body_path)]
-    main([*asked, "--image-size", "640", "480", "--out", str(take.path / "out")])
-    assert capsys.readouterr().out.split() == [str(take.path / "out")]
+    asked = ("baseline", "vibe_cam", manifest, "--poses", take.path / "poses",
+             "--keypoints", take.path / "keypoints", "--body", body_path)  # fmt: skip
+    said = works(*asked, "--image-size", "640", "480", "--out", take.path / "out")
+    assert said.stdout.split() == [str(take.path / "out")]
     assert errors_mm(take.path / "out", take.clips[0]).max() < 1e-3
     for wrong, why in (
         (["--person", "walk_0"], "--person walk_0: expected the clip's id, =, and a number"),
@@ -261,9 +261,7 @@ def test_the_verb(take, body_path, capsys):
         (["--person", f"walk_0={'9' * 5000}"], "and a number"),
         (["--image-size", "0", "480"], "--image-size 0: Input should be greater than 0"),
     ):
-        with pytest.raises(SystemExit, match="1"):
-            main([*asked, *wrong, "--out", str(take.path / "no")])
-        assert why in capsys.readouterr().err
+        fails_cleanly(gmrdata(*asked, *wrong, "--out", take.path / "no"), why)
 
 
 def test_gmr_sees_poses_of_a_rate_that_is_no_multiple_of_its_own(

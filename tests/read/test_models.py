@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata import cli
 from gmrdata.read.download import FetchConfig, fetch_plan
 from gmrdata.read.models import (
     MODELS,
@@ -17,6 +16,7 @@ from gmrdata.read.models import (
     wanted_models,
 )
 from gmrdata.values.errors import BadDetector, BadRecipe, FetchFailed, MissingInput
+from tests.fixtures.command_line import fails_cleanly
 from tests.fixtures.file_server import Server, drop_half, status
 
 NAMES = ["pose_landmark_heavy.tflite", "pose_landmark_lite.tflite", "yolox_nano.onnx"]
@@ -47,10 +47,9 @@ def names(out: Path) -> list[str]:
     return sorted(path.name for path in out.iterdir())
 
 
-def test_the_command_fetches_once_and_says_where_they_are(server, cache, capsys):
+def test_the_command_fetches_once_and_says_where_they_are(server, cache, works):
     for _ in range(2):
-        cli.main(["fetch", "models", "--base-url", server.url])
-        told = capsys.readouterr().out.split()
+        told = works("fetch", "models", "--base-url", server.url).stdout.split()
         assert told == [str(cache / model.name) for model in MODELS]
     assert len(server.seen) == 3
     assert names(cache) == NAMES
@@ -70,7 +69,7 @@ def test_a_folder_of_this_machine_is_a_mirror(server, tmp_path):
         fetch_models(tmp_path / "models", FetchConfig(base_url=str(tmp_path / "gone")))
 
 
-def test_a_dry_run_tells_the_published_addresses_and_what_is_there(server, cache, capsys):
+def test_a_dry_run_tells_the_published_addresses_and_what_is_there(server, cache, works):
     assert not cache.exists()
     _, rows = fetch_plan(wanted_models(cache, FetchConfig()))
     assert rows == [
@@ -81,8 +80,7 @@ def test_a_dry_run_tells_the_published_addresses_and_what_is_there(server, cache
         fetch(server, cache)
     states = [file.state() for file in wanted_models(cache, FetchConfig())]
     assert states == ["unfinished", "done", "done"]
-    cli.main(["fetch", "models", "--dry-run"])
-    assert "pose_landmark_heavy.tflite" in capsys.readouterr().out
+    assert "pose_landmark_heavy.tflite" in works("fetch", "models", "--dry-run").stdout
 
 
 def test_a_stopped_run_leaves_no_half_file_and_a_later_one_goes_on(server, cache):
@@ -120,10 +118,8 @@ def test_a_file_of_another_content_is_kept_without_redo(server, cache):
     assert find_model(YOLOX_NANO).read_bytes() == server.files["/yolox_nano.onnx"]
 
 
-def test_wrong_command_lines_are_told(cache, capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["fetch", "models", "02_03"])
-    assert "trials and --list are for fetch cmu" in capsys.readouterr().err
+def test_wrong_command_lines_are_told(cache, gmrdata):
+    fails_cleanly(gmrdata("fetch", "models", "02_03"), "trials and --list are for fetch cmu")
     with pytest.raises(BadRecipe, match="--base-url"):
         fetch_models(cache, FetchConfig(base_url="ftp://here"), np.random.default_rng())
     assert not cache.exists()

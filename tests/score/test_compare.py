@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import bootstrap
 
-from gmrdata.cli import main
 from gmrdata.pages.scores import write_comparison_page
 from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.protocols import PROTOCOLS, protocol_as
@@ -173,11 +172,10 @@ def test_what_can_not_be_compared_is_refused(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_the_verb(tmp_path, capsys, monkeypatch):
-    paths = three(tmp_path)
+def test_the_verb(tmp_path, works, monkeypatch):
     monkeypatch.setattr(answers, "width", 200)  # a narrow table breaks its rows
-    main(["compare", *map(str, paths), "--out", str(tmp_path / "out")])
-    said = " ".join(capsys.readouterr().out.split())
+    answer = works("compare", *three(tmp_path), "--out", tmp_path / "out")
+    said = " ".join(answer.stdout.split())
     assert "TME [mm] ours 18.0 -2.0 -3.0 to -1.0 0.250 3" in said
     assert said.endswith("comparison.json")
 

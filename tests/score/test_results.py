@@ -520,23 +520,6 @@ def test_what_is_not_there_is_said(tmp_path, data, body, true):
             score(data, tmp_path, tmp_path / "out")
 
 
-@pytest.mark.parametrize(
-    ("flags", "said"),
-    [
-        (("--person", "a=1", "a=2"), "--person a=2: give NAME, CLIP=NAME or SYSTEM/CLIP=NAME"),
-        (("--person", "a="), "--person a=: give NAME"),
-        (("--first-image", "-1"), "--first-image -1: Input should be greater"),
-    ],
-)
-def test_flags_that_say_nothing(flags, said, tmp_path, capsys):
-    manifest_path = tmp_path / "manifest.yaml"
-    manifest_path.touch()
-    asked = ("evaluate", str(tmp_path), str(manifest_path), "--out", str(tmp_path / "out"))
-    with pytest.raises(SystemExit):
-        main([*asked, *flags])
-    assert said in " ".join(capsys.readouterr().err.split())
-
-
 def test_a_person_outside_of_trams_cameras_is_refused(tmp_path, body, true):
     folder = tram(tmp_path / "run", body, true)
     camera = {"world_cam_R": np.tile(np.eye(3), (9, 1, 1)), "world_cam_T": np.zeros((9, 3))}

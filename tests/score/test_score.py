@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import best_of
 from gmrdata.gmr.config import DataConfig, LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.model import Gmr
@@ -256,7 +255,7 @@ def test_scores_json(clips, small_body, score_run, tmp_path):
 
 
 def test_a_floor_is_part_of_what_was_asked(
-    clips, small_body, run_dir, score_run, body_path, tmp_path, capsys, monkeypatch
+    clips, small_body, run_dir, score_run, body_path, tmp_path, works, monkeypatch
 ):
     """Beside scores that are far above it, and again beside the same below it."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips, kind="pseudo_gt")
@@ -280,10 +279,9 @@ def test_a_floor_is_part_of_what_was_asked(
     # Three clips, two classes, and all.
     assert len(below["statements"]) == 3 + 2 + 1
     assert below["overall"]["pooled_over_motions"] == above["overall"]["pooled_over_motions"]
-    asked = ["evaluate", str(run_dir), str(manifest_path), "--out", str(out_dir)]
+    asked = ("evaluate", run_dir, manifest_path, "--out", out_dir, "--body", body_path)
     monkeypatch.setattr(answers, "width", 200)  # a narrow table breaks its headings
-    main([*asked, "--body", str(body_path), "--floor", str(floor_path)])
-    said = " ".join(capsys.readouterr().out.split())
+    said = " ".join(works(*asked, "--floor", floor_path).stdout.split())
     assert "pseudo ground truth's own" in said and "0.00 / 1000000.0 / 1000000.0 (all)" in said
     assert below["statements"][0] in said
 
@@ -355,12 +353,14 @@ def test_clips_are_scored_one_by_one(clips, small_body, score_run, tmp_path, mon
     assert max(in_memory) <= 2
 
 
-def test_the_truth_as_a_prediction_scores_zero_in_all_files(clips, small_body, body_path, tmp_path):
+def test_the_truth_as_a_prediction_scores_zero_in_all_files(
+    clips, small_body, body_path, tmp_path, works
+):
     """By the verb: JSON, CSV, Markdown and HTML, a protocol's figures among them."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     out_dir = tmp_path / "scores"
-    asked = ["evaluate", str(tmp_path / "data"), str(manifest_path)]
-    main([*asked, "--out", str(out_dir), "--body", str(body_path), "--protocol", "wham"])
+    flags = ("--out", out_dir, "--body", body_path, "--protocol", "wham")
+    works("evaluate", tmp_path / "data", manifest_path, *flags)
     record = json.loads((out_dir / "scores.json").read_text())
     assert record["format"] == "gmrdata-scores/4"
     assert record["model"] == {"kind": "files", "predictions": "data"}
@@ -468,42 +468,12 @@ def test_a_trial_of_the_published_list_has_its_type(clips, small_body, tmp_path)
         assert motion_types(usable_files(manifest_path)[2]) == {"clip_0": "run/jog"}
 
 
-def test_the_network_in_the_package_by_its_word(clips, small_body, body_path, tmp_path):
+def test_the_network_in_the_package_by_its_word(clips, small_body, body_path, tmp_path, works):
     manifest_path = write_clips(tmp_path / "data", small_body, clips[:1])
-    asked = ["evaluate", "bundled", str(manifest_path), "--out", str(tmp_path / "out")]
-    main([*asked, "--body", str(body_path)])
+    works("evaluate", "bundled", manifest_path, "--out", tmp_path / "out", "--body", body_path)
     scores = Scores.read(tmp_path / "out" / "scores.json")
     assert scores.name == "bundled"
     assert scores.overall.paper().predicted.tme_mm < scores.overall.paper().zero.tme_mm
-
-
-@pytest.mark.parametrize(
-    ("given", "said", "code"),
-    [
-        (("folder",), "Missing from gmrdata evaluate: PATH Manifest file.", 2),
-        (("run",), "run: no such file or folder", 1),
-        (
-            ("m.yaml", "--predictions=folder"),
-            "has another name now: gmrdata evaluate PREDICTIONS MANIFEST",
-            2,
-        ),
-        (("folder", "there.yaml", "--fps-hz", "0"), "--fps-hz 0.0: Input should be greater", 1),
-        (("folder", "manifest.yaml"), "manifest.yaml: no such file", 1),
-        (("bundled", "manifest.yaml"), "manifest.yaml: no such file", 1),
-    ],
-)
-def test_the_verb_says_what_it_needs(
-    given, said, code, tmp_path,
-    capsys, monkeypatch
-):  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    Path("folder").mkdir()
-    Path("there.yaml").touch()
-    with pytest.raises(SystemExit) as ended:
-        main(["evaluate", *given, "--out", str(tmp_path / "out")])
-    assert ended.value.code == code
-    assert said in " ".join(capsys.readouterr().err.split())
-    assert not (tmp_path / "out").exists()
 
 
 def test_clips_that_are_too_short_for_a_protocol_have_no_figure(
