@@ -55,13 +55,9 @@ def is_amass_extra(path: Path) -> bool:
     return path.suffix.lower() == ".npz" and bool(_EXTRA.search(path.stem))
 
 
-def named_body(path: Path) -> str | None:
+def _named_body(arrays: dict[str, np.ndarray]) -> str | None:
     """The body whose shape a file's betas are, "smpl-female"; None where it has none of a known
     body: SMPL-X's betas mean something else."""
-    return _named_body(joined_poses(read_npz(path, plain_alone=True)))
-
-
-def _named_body(arrays: dict[str, np.ndarray]) -> str | None:
     if "betas" not in arrays or "poses" not in arrays or arrays["poses"].shape[-1:] == (165,):
         return None
     return str(arrays["body"]) if "body" in arrays else f"{SMPL}{gender_word(arrays)}"
@@ -72,7 +68,9 @@ def chosen_body(path: Path, names: Collection[str]) -> str:
 
     That of its shape; else SMPL's neutral one; else the only one.  BadBodyFile: none of these.
     """
-    wanted = named_body(path) if path.suffix.lower() == ".npz" else None
+    wanted = None
+    if path.suffix.lower() == ".npz":
+        wanted = _named_body(joined_poses(read_npz(path, plain_alone=True)))
     for name in (wanted, NEUTRAL):
         if name is not None and name in names:
             return name
@@ -123,7 +121,9 @@ def read_amass(
     pelvis_m = (trans + source_pelvis_m) * scale
     betas_note = _betas_note(arrays, betas, body, kept)
     source = f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {betas_note}, path x {scale:.4f}"
-    motion = motion_of(body, shape, _rotmats(poses), pelvis_m, rate_hz, source)
+    rotvecs = poses.reshape(len(poses), -1, 3)[:, [*range(22), *HANDS[poses.shape[1]]]]
+    rotmats = rotmats_from_rotvecs(rotvecs)
+    motion = motion_of(body, shape, rotmats, pelvis_m, rate_hz, source)
     up = config.up or ("z" if "frame" in arrays else None)  # a clip of gmrdata's is z-up
     if found := turn_upright(body, motion, np.eye(3), up, str(path)):
         # AMASS is z-up: somebody turned this file, its roots and `trans`, not J0 between them.
@@ -254,9 +254,3 @@ def _subject(
 def _leg_and_pelvis(body: BodyModel, shape: np.ndarray) -> tuple[float, np.ndarray]:
     rest_joints_m = body.rest_joints_m(shape)
     return leg_length_m(rest_joints_m), rest_joints_m[0]
-
-
-def _rotmats(poses: np.ndarray) -> np.ndarray:
-    """(T, 24, 3, 3) local rotations of the SMPL tree, root first."""
-    rotvecs = poses.reshape(len(poses), -1, 3)
-    return rotmats_from_rotvecs(rotvecs[:, [*range(22), *HANDS[poses.shape[1]]]])

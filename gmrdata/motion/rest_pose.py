@@ -213,9 +213,9 @@ def from_standing(
     if given:
         what = "the person does not stand upright in the first frame that --rest-pose names"
         raise BadMotionFile(f"{name}: {what}; leave --rest-pose out, or give another")
-    standing = _told_from(
-        source, joints, _mean_pose(source), None, axes @ _frame(body_rest_m, None)
-    )
+    rotmats = source.local_rotmats
+    mean = np.stack([mean_rotation(rotmats[:, joint]) for joint in range(len(source.parents))])
+    standing = _told_from(source, joints, mean, None, axes @ _frame(body_rest_m, None))
     if stands(zero_pose_m(standing, joints)):
         return replace(standing, notes=(*source.notes, f"{TOLD_FROM} the mean pose"))
     raise BadMotionFile(f"{name}: {NOWHERE_STANDING}")
@@ -247,12 +247,6 @@ def _first_poses(
         return [(recorded, "frame 0, a T-pose")]
     row = source.first_row
     return [(added, "frame 0, a T-pose"), (recorded, f"frame {row}, a T-pose")]
-
-
-def _mean_pose(source: SourceMotion) -> np.ndarray:
-    """(J, 3, 3) the mean of a motion's local rotations."""
-    rotmats = source.local_rotmats
-    return np.stack([mean_rotation(rotmats[:, joint]) for joint in range(len(source.parents))])
 
 
 def _check_arms(rest_m: np.ndarray, said: RestPose, name: str) -> None:

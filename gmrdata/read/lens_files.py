@@ -69,12 +69,11 @@ PLAIN_FIRST = ("fov", "kannalabrandt", "equidistant", "radtan", "pinhole")
 """Words with which DSO's calibrations begin."""
 
 COLMAP_TERMS = {
-    "SIMPLE_PINHOLE": (0, "f"), "PINHOLE": (1, "ff"), "SIMPLE_RADIAL": (2, "f"),
-    "RADIAL": (3, "f"), "OPENCV": (4, "ff"), "FULL_OPENCV": (6, "ff"),
+    "SIMPLE_PINHOLE": (0, 1, 3), "PINHOLE": (1, 2, 4), "SIMPLE_RADIAL": (2, 1, 4),
+    "RADIAL": (3, 1, 5), "OPENCV": (4, 2, 8), "FULL_OPENCV": (6, 2, 12),
 }  # fmt: skip
-"""Number of each camera model that is a pinhole with distortion, and its focal lengths.
-https://colmap.github.io/cameras.html"""
-COLMAP_PARAMETERS = {0: 3, 1: 4, 2: 4, 3: 5, 4: 8, 6: 12}
+"""Number of each camera model that is a pinhole with distortion, how many focal lengths it has, and
+how many parameters.  https://colmap.github.io/cameras.html"""
 COLMAP_OTHERS = {
     5: "OPENCV_FISHEYE", 7: "FOV", 8: "SIMPLE_RADIAL_FISHEYE", 9: "RADIAL_FISHEYE",
     10: "THIN_PRISM_FISHEYE", 11: "RAD_TAN_THIN_PRISM_FISHEYE", 12: "SIMPLE_DIVISION",
@@ -83,10 +82,9 @@ COLMAP_OTHERS = {
 
 
 def _colmap_camera(model: str, size_px: tuple[float, float], params: tuple[float, ...]) -> InFile:
-    number, focals = COLMAP_TERMS[model]
-    if len(params) != COLMAP_PARAMETERS[number]:
+    _, n, n_params = COLMAP_TERMS[model]
+    if len(params) != n_params:
         raise ValueError(f"{model} with {len(params)} parameters")
-    n = len(focals)
     focal_px, centre_px = (params[0], params[n - 1]), (params[n], params[n + 1])
     return Lens(focal_px, centre_px, _whole(size_px)), _known_terms(params[n + 2 :])
 
@@ -105,13 +103,13 @@ def _colmap_line(words: list[str]) -> InFile:
 
 def _colmap_binary(content: bytes) -> InFile:
     """uint64 count; of each camera uint32 id, int32 model, uint64 width, height, doubles."""
-    names = {number: name for name, (number, _) in COLMAP_TERMS.items()}
+    names = {number: name for name, (number, _, _) in COLMAP_TERMS.items()}
     (count,), at, found = struct.unpack_from("<Q", content), 8, []
     for _ in range(min(count, len(content))):
         _, model, width, height = struct.unpack_from("<IiQQ", content, at)
         if model not in names:
             raise OtherModel(COLMAP_OTHERS.get(model, f"number {model}"))
-        params = struct.unpack_from(f"<{COLMAP_PARAMETERS[model]}d", content, at + 24)
+        params = struct.unpack_from(f"<{COLMAP_TERMS[names[model]][2]}d", content, at + 24)
         at += 24 + 8 * len(params)
         found.append(_colmap_camera(names[model], (width, height), params))
     return _one_of(found)
@@ -243,10 +241,11 @@ def _matrix(numbers: Any) -> np.ndarray:
 
 
 MATRICES = (
-    "cameramatrix", "intrinsicmatrix", "k", "m1", "mtx", "matrix", "cameramtx", "kmatrix",
-    "intrinsicsmatrix", "calibrationmatrix", "intrinsics", "intrinsic",
+    "intrinsics", "cameramatrix", "intrinsicmatrix", "intrinsicmat", "k", "m1", "mtx", "matrix",
+    "cameramtx", "kmatrix", "intrinsicsmatrix", "calibrationmatrix", "intrinsic",
     "cameraintrinsics", "cameraintrinsic", "intrinsicparameters",
 )  # fmt: skip
+"""OpenPose's `CameraMatrix` is where the camera stands, and stands before its `Intrinsics`."""
 FOCALS_X = ("fx", "flx", "fu", "focallengthx", "focalx")
 FOCALS_Y = ("fy", "fly", "fv", "focallengthy", "focaly")
 FOCALS = ("focallength", "f", "focal", "focallengthpx")
@@ -255,12 +254,9 @@ CENTRES = ("principalpoint", "c", "cc", "center", "centre")
 WIDTHS = ("w", "width", "imagewidth", "imgwidth")
 HEIGHTS = ("h", "height", "imageheight", "imgheight")
 SIZES = ("resolution", "imagesize", "imgsize", "imageresolution", "size")
-TERMS = (
-    "distortioncoefficients", "distortioncoeffs", "distortioncoefs", "distcoeffs", "distcoeff",
-    "distcoefs", "distcoef", "dist", "distortion", "d", "d1", "distortionparameters", "coeffs",
-    "distortionparams", "distortionvector", "distortioncoefficient", "distparams", "coefficients",
-    "distok1", "distok3",
-)  # fmt: skip
+TERMS = re.compile(
+    "d1?|kc|(lens)?dist(ortions?)?(ok[13]|coef(f|ficient)?s?|param(eter)?s|vector)?|coef(f|ficient)s"
+)
 TERM_NAMES = (
     "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "taux", "tauy",
 )  # fmt: skip
@@ -271,17 +267,12 @@ MODELS = (
 )  # fmt: skip
 LOOSE_MODELS = ("model", "type", "projection", "camera", "lens")  # or the maker's name, or what not
 FISHEYES = ("fisheye", "isfisheye", "fisheyemodel", "usefisheye", "isomnidirectional", "omnidir")
-PINHOLES = (
-    "", "none", "null", "pinhole", "simplepinhole", "simpleradial", "radial", "opencv",
-    "fullopencv",
-    "perspective", "brown", "brownconrady", "plumbbob", "rationalpolynomial", "rational", "radtan",
-    "radialtangential", "frame", "standard", "rectified", "pinholeradtan", "pinholecamera",
-    "pinholeradialtangential", "perspectivecamera", "nodistortion", "undistorted", "radial1",
-    "radial3", "radialk1", "radialk3", "brown3", "brown3t2", "pinholeradialk1", "pinholeradialk3",
-    "opencv4", "opencv5", "opencv8", "pinholeradtan8", "pinholecameramodel",
-)  # fmt: skip
-ALL_RADIAL = ("simpleradial", "radial", "radial1", "radial3", "radialk1", "radialk3", "brown3",
-              "pinholeradialk1", "pinholeradialk3")  # fmt: skip
+ALL_RADIAL = "(simple|pinhole)?radial(k?[13])?|brown3"
+PINHOLES = re.compile(
+    f"|none|null|{ALL_RADIAL}|(simple)?pinhole|pinholecamera(model)?|perspective(camera)?|frame|"
+    "(full)?opencv[458]?|brown(conrady|3t2)?|plumbbob|rational(polynomial)?|standard|rectified|"
+    "(pinhole)?(radtan8?|radialtangential)|nodistortion|undistorted"
+)
 BACKWARD = ("inversebrownconrady", "modifiedbrownconrady")  # RealSense's: only without terms
 OTHER = re.compile(
     "fish|equi|kannala|^kb[0-9]|^mei$|omni|unified|ucm|^ds$|doublesphere|^fov$|atan|prism|division|"
@@ -309,7 +300,7 @@ def _of_values(value: Any, frames_px: tuple[int, int], *, from_middle: bool) -> 
     if isinstance(value, list) and value and all(isinstance(one, Mapping) for one in value):
         value = {"cameras": value}
     if isinstance(value, Mapping):
-        cameras = list(_cameras(value, {}, 0))
+        cameras = list(_cameras(_by_camera(value), {}, 0))
         if not cameras:
             own: dict[str, Any] = {}
             for one in (own, *_split(value, own)):
@@ -320,6 +311,17 @@ def _of_values(value: Any, frames_px: tuple[int, int], *, from_middle: bool) -> 
     array = np.asarray(value, dtype=np.float64)
     each = _by_picture(array.ravel().tolist(), len(np.atleast_1d(array)))
     return _one_of([_of_numbers(numbers, frames_px) for numbers in each])
+
+
+def _by_camera(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
+    """Camera by camera what EasyMocap's `intri.yml` has as K_<name>, dist_<name> of all `names`."""
+    names = value.get("names")
+    if not isinstance(names, list) or not all(f"K_{name}" in value for name in names):
+        return value
+    return {
+        name: {key[: -len(end)]: one for key, one in value.items() if str(key).endswith(end)}
+        for name, end in ((name, f"_{name}") for name in names)
+    }
 
 
 def _cameras(value: Mapping[Any, Any], around: Values, depth: int) -> Iterator[Values]:
@@ -343,7 +345,8 @@ def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[An
     """Put a mapping's own values into `own`; give the mappings in it that may be cameras."""
     for key, one in value.items():
         name = _name(key)
-        if isinstance(one, Mapping) and "fisheye" in name and _is_other(one):
+        terms = one.items() if isinstance(one, Mapping) and "fisheye" in name else ()
+        if any(any(_numbers(term) or ()) for said, term in terms if TERMS.fullmatch(_name(said))):
             raise OtherModel(f"fisheye ({key})")  # Gyroflow's have no other word for it
         if isinstance(one, Mapping) and isinstance(one.get("data"), Mapping):
             yield from _split(one["data"], own)
@@ -357,11 +360,6 @@ def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[An
             yield from one
         else:
             _put(own, name, one)
-
-
-def _is_other(values: Mapping[Any, Any]) -> bool:
-    """Whether a fisheye's values have a distortion."""
-    return any(any(_numbers(one) or ()) for key, one in values.items() if _name(key) in TERMS)
 
 
 def _put(own: dict[str, Any], name: str, value: Any) -> None:
@@ -399,31 +397,45 @@ def _first(values: Values, names: tuple[str, ...], n: tuple[int, ...] = (1,)) ->
 def _camera(values: Values, frames_px: tuple[int, int], from_middle: bool) -> InFile:
     """A camera by its values."""
     _require_pinhole(values)
+    values = _with_terms(values)
     if "m2" in values and str(values["m2"]) != str(values.get("m1")):
         raise ValueError("2 cameras: M1 and M2; keep the one of these frames")
     for name, what in (("focallength35mm", "RealityCapture's"), ("sensorwidth", "Meshroom's")):
         if name in values:
             raise ValueError(f"{what} lens in millimetres; export COLMAP's cameras.txt")
     is_matlab = "radialdistortion" in values and "pixelaspectratio" not in values  # Nerfies'
-    size_px = _size(values, frames_px, by_rows=is_matlab)
+    size_px = _size(values, frames_px, by_rows=is_matlab or "intrinsicmat" in values)  # OpenCap's
     if "projection" in values and "f" in values:
         lens = _metashape(values, size_px)
     elif "projectiontype" in values and (_first(values, FOCALS) or [9.0])[0] < MOST_SHARE:
         lens = _opensfm(values, size_px)
     else:
         lens = _pinhole(values, size_px)
-        from_middle |= any(name in values for name in ("cameramatrix", "mtx"))
+        from_middle |= any(name in values for name in ("cameramatrix", "cameramtx", "mtx"))
         shift_px = -OPENCV_CENTRE_PX if is_matlab else OPENCV_CENTRE_PX if from_middle else 0.0
         cx, cy = lens.centre_px
         lens = replace(lens, centre_px=(cx + shift_px, cy + shift_px))
     return lens, _terms(values)
 
 
+def _with_terms(values: Values) -> Values:
+    """The same with the terms under usual names where `k` has them, and is no matrix: all of
+    OpenCV's beside PROX's `camera_mtx`, the radial ones beside mmpose's and Human3.6M's `p`."""
+    k, p = (_numbers(values.get(name)) for name in ("k", "p"))
+    others = {name: value for name, value in values.items() if name not in ("k", "p")}
+    if k is None or len(k) in (9, 12, 16) or not _has_focal(others):
+        return values
+    if p is None:
+        return others | {"coeffs": k}
+    both = {"k": k, "p": p}.items()
+    return others | {f"{name}{n}": one for name, of_it in both for n, one in enumerate(of_it, 1)}
+
+
 def _require_pinhole(values: Values) -> None:
     """OtherModel for what names another one, or has a number of another one."""
     for name in (*MODELS, *LOOSE_MODELS):
         word = values.get(name)
-        if not isinstance(word, str) or _name(word) in PINHOLES:
+        if not isinstance(word, str) or PINHOLES.fullmatch(_name(word)):
             continue
         if _name(word) in BACKWARD:
             is_other = any(_terms(values))
@@ -453,8 +465,7 @@ def _pinhole(values: Values, size_px: tuple[int, int]) -> Lens:
     if (matrix := _first(values, MATRICES, (9, 12, 16))) is not None:
         return Lens.of_matrix(_matrix(matrix), size_px)
     if (four := _first(values, MATRICES, (4,))) is not None:
-        fx, fy, cx, cy = four
-        return Lens((fx, fy), (cx, cy), size_px)
+        return Lens((four[0], four[1]), (four[2], four[3]), size_px)
     focal = _first(values, FOCALS_X) or _first(values, FOCALS, (1, 2))
     if focal is None:
         if (wide_rad := _first(values, ("cameraanglex",))) is None:
@@ -490,7 +501,7 @@ def _terms(values: Values) -> tuple[float, ...]:
     """k1, k2, p1, p2, k3, or nothing; ValueError for others that are not 0."""
     numbers = {name: _numbers(values[name]) for name in values if OF_DISTORTION.search(name)}
     said = {name: one for name, one in numbers.items() if one is not None and any(one)}
-    listed = _first(values, TERMS, tuple(range(1, 15)))
+    listed = _first(values, tuple(filter(TERMS.fullmatch, values)), tuple(range(1, 15)))
     if "radialdistortion" in said:
         k1, k2, k3 = (*said.pop("radialdistortion"), 0.0, 0.0)[:3]
         p1, p2 = (*said.pop("tangentialdistortion", [0.0, 0.0]), 0.0)[:2]
@@ -500,17 +511,18 @@ def _terms(values: Values) -> tuple[float, ...]:
         if several := [name for name in TERM_NAMES if len(said.get(name, [0.0])) > 1]:
             raise ValueError(f"{len(said[several[0]])} numbers of {several[0]}: {COMMAS}")
         listed = [said.pop(name, [0.0])[0] for name in TERM_NAMES] if is_said else []
-    elif any(_name(values.get(name, "")) in ALL_RADIAL for name in MODELS):
+    elif any(re.fullmatch(ALL_RADIAL, _name(values.get(name, ""))) for name in MODELS):
         k1, k2, k3 = (*listed, 0.0, 0.0)[:3]
         listed = [k1, k2, 0.0, 0.0, k3]
-    unknown = [name for name in said if name not in (*TERMS, *TERM_NAMES) or len(said[name]) > 14]
+    unknown = [n for n in said if len(said[n]) > 14 or not (n in TERM_NAMES or TERMS.fullmatch(n))]
     if unknown:
         raise ValueError(f"a distortion {unknown[0]} that is not known here")
     return _known_terms(tuple(listed))
 
 
 OF_DISTORTION = re.compile(
-    r"(?<!un)dist(?!ance)|^radial|^tangential|^(cam|camera|lens)?[kps][0-9]+$|^tau[xy]$|^d1?$|^coeff"
+    "(?<!un)dist(?!ance)|^radial|^tangential|^(cam|camera|lens)?[kps][0-9]+$|^tau[xy]$|^(d1?|kc)$|"
+    "^coeff"
 )
 COMMAS = "write decimal points, not commas"
 MOST_SHARE = 10.0  # that a focal length is of the longer side, where it is a share of it

@@ -127,6 +127,48 @@ projection_parameters:
 -0.1 0. 0. 0. 0.</data></distortion_coefficients>
 </opencv_storage>
 """,
+    "openpose.xml": f"""<?xml version="1.0"?>
+<opencv_storage>
+<CameraMatrix type_id="opencv-matrix"><rows>3</rows><cols>4</cols><dt>d</dt><data>
+    0. -1. 0. 0.5 1. 0. 0. -0.2 0. 0. 1. 2.3</data></CameraMatrix>
+<Intrinsics type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt><data>
+    {K_ROW.strip("[]").replace(",", "")}</data></Intrinsics>
+<Distortion type_id="opencv-matrix"><rows>8</rows><cols>1</cols><dt>d</dt><data>
+    -0.1 0. 0. 0. 0. 0. 0. 0.</data></Distortion>
+</opencv_storage>
+""",
+    "easymocap.yml": f"""%YAML:1.0
+---
+names:
+   - "01"
+K_01: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: {K_ROW}
+dist_01: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [-0.1, 0., 0., 0., 0.]
+""",
+    "pose2sim.toml": """[cam_01]
+name = "cam_01"
+size = [ 640.0, 480.0]
+matrix = [ [ 600.0, 0.0, 319.5], [ 0.0, 605.0, 239.5], [ 0.0, 0.0, 1.0]]
+distortions = [ -0.1, 0.0, 0.0, 0.0]
+rotation = [ 1.2, 0.1, -0.2]
+translation = [ 0.1, 1.2, 5.3]
+fisheye = false
+
+[metadata]
+adjusted = false
+error = 0.0
+""",
+    "prox.json": json.dumps({"camera_mtx": K, "k": [-0.1, 0, 0, 0, 0], "c": [9, 9], "f": [9, 9]}),
+    "mmpose.json": json.dumps(
+        {"f": [600, 605], "c": [320, 240], "k": [-0.1, 0, 0], "p": [0, 0], "w": 640, "h": 480}
+    ),
     "metashape.xml": """<?xml version="1.0" encoding="UTF-8"?>
 <calibration>
   <projection>frame</projection>
@@ -279,6 +321,11 @@ REFUSED = {
     "unknown_list.json": (
         json.dumps({"K": K, "distortion_opencv_fish": [1, 2]}), "distortionopencvfish"
     ),
+    "egobody.json": (json.dumps({"camera_mtx": K, "k": [0.1, 0, 0, 0, 0, 1]}), "k4 of a rational"),
+    "easymocap_two.yml": (
+        READ["easymocap.yml"].replace('"01"', '"01"\n   - "02"')
+        + f"K_02: {K_ROW.replace('600', '500')}\n", "2 cameras that differ"
+    ),
     "model_of_group.json": (
         json.dumps(FLAT | {"distortion_model": {"type": "equidistant", "k1": -0.1}}), "equidistant"
     ),
@@ -338,7 +385,13 @@ def test_what_python_saves_is_read_too(tmp_path):
     matrix, terms = np.array(K), np.array([[-0.1, 0, 0, 0, 0]])
     np.savez(tmp_path / "calibration.npz", mtx=matrix, dist=terms, rvecs=np.zeros((9, 3, 1)))
     (tmp_path / "wide.p").write_bytes(python2_pickle({"mtx": matrix, "dist": terms}))
-    for name in ("calibration.npz", "wide.p"):
+    of_opencap = {
+        "intrinsicMat": matrix,
+        "distortion": terms,
+        "imageSize": np.array([[480], [640]]),
+    }
+    (tmp_path / "opencap.pickle").write_bytes(python2_pickle(of_opencap))
+    for name in ("calibration.npz", "wide.p", "opencap.pickle"):
         lens = read_intrinsics(tmp_path / name, SIZE_PX)
         assert (lens.focal_px, lens.centre_px, lens.radial) == ((600, 605), (320, 240), (-0.1, 0))
     by_picture = {"matrices": np.tile(matrix, (5, 1, 1)), "fours": [[600, 605, 319.5, 239.5]] * 5}

@@ -103,11 +103,6 @@ def _read(path: Path) -> EstimatedPeople:
     return _pickled(load_plain(path, without=UNREAD), path)
 
 
-def _of_gvhmrs_kin(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
-    is_gem = bool(content.keys() & {gem.GEM.world, gem.GEM.camera})
-    return gem.read_gem(content, path) if is_gem else gvhmr.read_gvhmr(content, path)
-
-
 def is_system_npz(arrays: Mapping[str, np.ndarray]) -> bool:
     """Whether arrays are a system's own, and not a motion with AMASS's keys."""
     own = "pred_rotmat" in arrays or arrays.keys() >= sam3d.KEYS
@@ -142,7 +137,8 @@ def _pickled(content: Any, path: Path) -> EstimatedPeople:
     first = next(iter(content.values())) if isinstance(content, dict) else None
     keys: set[Any] = set(first) if isinstance(first, Mapping) else set()
     if isinstance(content, dict) and content.keys() & _PARAMS:
-        return _of_gvhmrs_kin(content, path)
+        is_gem = bool(content.keys() & {gem.GEM.world, gem.GEM.camera})
+        return gem.read_gem(content, path) if is_gem else gvhmr.read_gvhmr(content, path)
     if keys >= phalp.FRAME_KEYS:
         return phalp.read_phalp(content, path)
     if keys & set(wham.WORLD_KEYS) or keys >= set(wham.CAMERA_KEYS):
