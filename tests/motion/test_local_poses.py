@@ -167,6 +167,18 @@ def test_phalp_frames_may_stand_in_any_order(tmp_path, small_body):
     np.testing.assert_allclose(run.motion.local_rotmats, poses, atol=1e-6)
 
 
+def test_phalp_of_images_that_its_sorting_put_out_of_order_is_refused(tmp_path, small_body):
+    """It takes a folder's 0.jpg to 11.jpg as 0, 1, 10, 11, 2, ...: times would be of others."""
+    poses, names = phalp_poses(12), sorted(f"rgbd/{n}.jpg" for n in range(12))
+    frames = [phalp_frame(t, {1: poses[t]}) | {"frame_path": name} for t, name in enumerate(names)]
+    path = write_phalp(tmp_path / "p.pkl", frames)
+    with pytest.raises(BadMotionFile, match=r"p\.pkl: image 2 follows on image 11.*00012\.jpg"):
+        read_local_poses(path, 30.0, body=small_body)
+    padded = [{**frame, "frame_path": f"{t:02d}.jpg"} for t, frame in enumerate(frames)]
+    (run,) = read_local_poses(write_phalp(path, padded), 30.0, body=small_body)
+    assert run.image_numbers.tolist() == list(range(12))
+
+
 def test_gvhmr_has_21_joints_and_straight_hands(tmp_path, small_body):
     path = write_torch(tmp_path / "hmr4d_results.pt", some_gvhmr(6))
     (run,) = read_local_poses(path, 30.0, body=small_body)

@@ -51,6 +51,5 @@ GEM_SMPL = replace(
 def read_gem(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
     params = [content.get(key) for key in (GEM.world, GEM.camera)]
     poses = [one.get("body_pose") for one in params if isinstance(one, Mapping)]
-    wanted = (3 * GEM_SMPL.n_joints,)
-    of_smpl = any(getattr(one, "shape", ())[-1:] == wanted for one in poses)
+    of_smpl = any(getattr(one, "shape", ())[-1:] == (3 * GEM_SMPL.n_joints,) for one in poses)
     return read_gvhmr(content, path, GEM_SMPL if of_smpl else GEM)

@@ -22,12 +22,13 @@ Of a video it reads 1300 frames, unless it is told otherwise (`VideoConfig.end_f
 
 from collections import defaultdict
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gmrdata.read.systems.entries import Entry, person_name, shown, whole_number
+from gmrdata.read.systems.entries import Entry, person_name, picture_number, shown, whole_number
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.people import Crop, EstimatedPeople, EstimatedPerson, InCamera
@@ -43,18 +44,29 @@ LISTS = ("tid", "tracked_time", "smpl", "camera", "size", *CROP_KEYS)
 
 def read_phalp(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
     tracks: dict[str, dict[int, Entry]] = defaultdict(dict)
-    cuts = set()
+    cuts, pictures = set(), {}
     for key, values in content.items():
         frame = Entry(values, f"frame {shown(key)}", path)
         time, tracked = _tracked(frame)
+        pictures[time] = picture_number(key)
         if whole_number(frame.values.get("shot")):
             cuts.add(time)
         for name, row in tracked:
             if time in tracks[name]:
                 raise frame.fault(f"times of {name} are not rising frame numbers")
             tracks[name][time] = row
+    _require_in_order([n for _, n in sorted(pictures.items()) if n is not None], path)
     people = (_person(name, rows, frozenset(cuts)) for name, rows in tracks.items())
     return EstimatedPeople("phalp", (path,), tuple(people), len(content))
+
+
+def _require_in_order(pictures: list[int], path: Path) -> None:
+    """Refuse images that followed each other by the letters of their names, and not as filmed."""
+    for before, after in pairwise(pictures):
+        if after < before:
+            what = f"image {after} follows on image {before}, as PHALP sorts names by their letters"
+            remedy = "Number the images with as many digits each (00012.jpg), and run it again"
+            raise BadMotionFile(f"{path}: {what}. {remedy}")
 
 
 def ends_early(found: EstimatedPeople, n_frames: int) -> bool:

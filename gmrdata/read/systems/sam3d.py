@@ -21,15 +21,13 @@ their places.  The pelvis is put over the hips' middle as in the body that is sh
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.frames import number_in_name
-from gmrdata.read.systems.entries import Entry, person_name, whole_number
+from gmrdata.read.systems.entries import Entry, person_name, picture_number
 from gmrdata.values.body import JOINT, PARENTS
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, Pinhole
@@ -86,20 +84,13 @@ def _in_order(content: Any, path: Path) -> list[Any]:
     """
     if not isinstance(content, Mapping):
         return list(content)
-    numbered = sorted(
-        (
-            (number, picture)
-            for key, picture in content.items()
-            if (number := _picture_number(key)) is not None
-        ),
-        key=itemgetter(0),
-    )
-    if not numbered:
+    numbered = {picture_number(key): picture for key, picture in content.items()}
+    numbers = sorted(number for number in map(picture_number, content) if number is not None)
+    if not numbers:
         return list(content.values())
-    if len(numbered) < len(content):
-        what = f"{len(content) - len(numbered)} of its {len(content)} pictures have no number"
+    if len(numbers) < len(content):
+        what = f"{len(content) - len(numbers)} of its {len(content)} pictures have no number"
         raise BadMotionFile(f"{path}: {what}. Number all of them, as in 00012.jpg")
-    numbers = [number for number, _ in numbered]
     # Whole numbers count the video's pictures, from 0 or 1; names of files may begin anywhere.
     first = numbers[0] if all(isinstance(key, str) for key in content) else min(numbers[0], 1)
     for before, after in pairwise([first - 1, *numbers]):
@@ -107,11 +98,7 @@ def _in_order(content: Any, path: Path) -> list[Any]:
             what = f"picture {after} follows on picture {before}"
             remedy = "Give an empty list for a picture without anybody"
             raise BadMotionFile(f"{path}: {what}. {remedy}, and each number once")
-    return [picture for _, picture in numbered]
-
-
-def _picture_number(key: Any) -> int | None:
-    return number_in_name(key) if isinstance(key, str) else whole_number(key)
+    return [numbered[number] for number in numbers]
 
 
 def are_rows(content: Any) -> bool:
