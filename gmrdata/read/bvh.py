@@ -4,8 +4,8 @@ The zero pose is the hierarchy's offsets with all rotations zero.  A joint's rot
 applied in the listed order about the joint's own moving axes (R = R1 R2 R3); its position channels
 replace the offset, which for the root is what exporters write although the 1999 description adds
 them (for a motion that is put on the floor afterwards the two differ by a constant shift).  Of any
-other joint they are added to the offset where they are nearer to nothing than to the offset.  Where
-all offsets but the root's are nothing, the channels' medians stand for them.
+other joint they are added to the offset where most joints' are nearer to nothing than to that.
+Where all offsets but the root's are nothing, the channels' medians stand for them.
 """
 
 import re
@@ -228,14 +228,15 @@ def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
 
 def _translations(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
     """(T, J, 3) in the file's unit: offsets, replaced where there are position channels."""
-    offsets = np.array(tree.offsets)
+    offsets, columns = np.array(tree.offsets), _columns(tree, "position")
     translations = np.tile(offsets, (len(table), 1, 1))
-    for joint, channels in enumerate(_columns(tree, "position")):
+    for joint, channels in enumerate(columns):
         for axis, column in channels:
             translations[:, joint, "XYZ".index(axis)] = table[:, column]
-        # Some programs write how far a joint is from its offset, and then along all three axes.
-        usual, offset = np.median(translations[:, joint], axis=0), offsets[joint]
-        is_small = 2 * np.linalg.norm(usual) < np.linalg.norm(offset)
-        if joint and len(channels) == 3 and is_small:
-            translations[:, joint] += offset
+    # Some programs write how far joints are from their offsets, and then along all three axes.
+    placed = np.array([j > 0 and len(channels) == 3 for j, channels in enumerate(columns)])
+    usual, sizes = (np.linalg.norm(one, axis=1) for one in (np.median(translations, 0), offsets))
+    is_small = placed & (2 * usual < sizes)
+    if 2 * is_small.sum() > (placed & (sizes > 0)).sum():  # not hips alone that stand near nothing
+        translations[:, is_small] += offsets[is_small]
     return translations

@@ -125,6 +125,17 @@ def test_one_channel_of_a_place_stands_for_its_offset(write_bvh, tmp_path):
     np.testing.assert_array_equal(source.translations_m[:, 1], np.zeros((2, 3)))
 
 
+def test_hips_that_stand_near_nothing_are_where_their_channels_say(write_bvh, tmp_path):
+    """Bandai Namco's hang on a root that stands still, and their offset is where one began."""
+    offsets = np.array([[0.0, 0, 0], [5, 91, -427], [16, 0, 0], [9, -1, 0]])
+    place = ["Xposition", "Yposition", "Zposition"]
+    rows = np.concatenate([np.zeros((3, 3)), np.tile(offsets[1:].ravel(), (3, 1))], axis=1)
+    rows[:, 3:6] = [[-4, 80, 38], [-3, 83, 37], [-2, 82, 36]]
+    path = write_bvh(tmp_path / "a.bvh", list("abcd"), [-1, 0, 1, 2], offsets, [place] * 4, rows)
+    source = read_bvh(path, unit_m=1.0, drop_rest_frame=False)
+    np.testing.assert_allclose(source.translations_m.reshape(3, -1), rows, atol=1e-12)
+
+
 def test_units_rate_and_end_sites(tmp_path):
     path = tmp_path / "a.bvh"
     path.write_text(GOOD)

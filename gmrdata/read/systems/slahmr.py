@@ -133,12 +133,11 @@ def _person(entry: Entry, track: _Track, first: tuple[int, int]) -> EstimatedPer
         turns = entry.orthonormal("cam_R", values["cam_R"][rows])
         camera = z_up @ invert(rigid(turns, values["cam_t"][rows]))
     roots = rotmats_of(values["root_orient"][rows])[:, 0]
-    has_path = camera is not None
     return EstimatedPerson(
         name=track.name,
         frame_numbers=start + row_start + rows,
         local_rotmats=smplx_local(values["pose_body"][rows]),
-        in_world=InWorld(roots, values["trans"][rows], z_up, camera, has_camera_path=has_path),
+        in_world=InWorld(roots, values["trans"][rows], z_up, camera, camera is not None),
         betas=np.tile(values["betas"], (len(rows), 1)),
         lacks={"camera": "a motion in the world alone"},
     )
