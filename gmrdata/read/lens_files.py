@@ -405,7 +405,7 @@ def _camera(values: Values, frames_px: tuple[int, int], from_middle: bool) -> In
             raise ValueError(f"{what} lens in millimetres; export COLMAP's cameras.txt")
     is_matlab = "radialdistortion" in values and "pixelaspectratio" not in values  # Nerfies'
     size_px = _size(values, frames_px, by_rows=is_matlab or "intrinsicmat" in values)  # OpenCap's
-    if "projection" in values and "f" in values:
+    if "f" in values and ("projection" in values or values.get("type") == "frame"):
         lens = _metashape(values, size_px)
     elif "projectiontype" in values and (_first(values, FOCALS) or [9.0])[0] < MOST_SHARE:
         lens = _opensfm(values, size_px)

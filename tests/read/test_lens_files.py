@@ -381,6 +381,26 @@ def test_what_is_no_such_pinhole_is_refused_by_its_name(tmp_path, name):
     assert said in str(error.value) and str(tmp_path / name) in str(error.value)
 
 
+@pytest.mark.parametrize("centre", ["<cx>12.5</cx><cy>9.25</cy>", "<cx>-12.5</cx>", ""])
+def test_metashapes_cameras_count_their_centre_from_the_middle(tmp_path, centre):
+    """As it exports the cameras of a chunk: there `type` says what `projection` says of a lens."""
+    size = '<resolution width="640" height="480"/>'
+    sensor = f"""<sensor id="0" label="FC550 (15mm)" type="frame">{size}
+<property name="focal_length" value="15"/><property name="layer_index" value="0"/>
+<calibration type="frame" class="adjusted">{size}<f>605</f>{centre}<b1>-5</b1><k1>-0.1</k1>
+</calibration>
+<covariance><params>f k1</params><coeffs>1.3e+02 -3.6e-01 -3.6e-01 8.8e-01</coeffs></covariance>
+</sensor>"""
+    (tmp_path / "cameras.xml").write_text(
+        f'<document version="2.0.0"><chunk label="Chunk 1"><sensors next_id="1">{sensor}</sensors>'
+        '<cameras next_id="1"><camera id="0" sensor_id="0" label="1"/></cameras></chunk></document>'
+    )
+    lens = read_intrinsics(tmp_path / "cameras.xml", SIZE_PX)
+    off_px = {"": (0, 0), "<cx>-12.5</cx>": (-12.5, 0)}.get(centre, (12.5, 9.25))
+    assert lens.centre_px == (320 + off_px[0], 240 + off_px[1])
+    assert lens.focal_px == (600, 605) and lens.radial == (-0.1, 0)
+
+
 def test_what_python_saves_is_read_too(tmp_path):
     matrix, terms = np.array(K), np.array([[-0.1, 0, 0, 0, 0]])
     np.savez(tmp_path / "calibration.npz", mtx=matrix, dist=terms, rvecs=np.zeros((9, 3, 1)))
