@@ -121,8 +121,7 @@ def _one_of(cameras: list[InFile]) -> InFile:
         raise ValueError("no camera")
     if len(set(cameras)) == 1:
         return cameras[0]
-    sizes = {lens.size_px for lens, _ in cameras}
-    if len(sizes) == 1 and len({terms for _, terms in cameras}) == 1:
+    if len({(lens.size_px, terms) for lens, terms in cameras}) == 1:
         numbers = np.array([(*lens.focal_px, *lens.centre_px) for lens, _ in cameras])
         middle = np.median(numbers, axis=0)
         if (np.abs(numbers - middle) <= SAME_FOCAL * middle[:2].max()).all():
@@ -190,6 +189,8 @@ def _of_element(element: ElementTree.Element) -> Any:
     """A text, or a mapping of children and attributes; the names without their spaces."""
     inside: dict[str, Any] = {_local(name): value for name, value in element.attrib.items()}
     for child in element:
+        if child.get("class") == "initial" and element.find("*[@class='adjusted']") is not None:
+            continue  # Metashape's lens, of which it made the other
         name, value = _local(child.tag), _of_element(child)
         # Several of a name are kept apart.
         inside[name if name not in inside else f"{name} {len(inside)}"] = value
@@ -328,17 +329,18 @@ def _cameras(value: Mapping[Any, Any], around: Values, depth: int) -> Iterator[V
     """The values of each camera that a mapping holds, with those that stand around it."""
     if depth > DEEPEST:
         raise ValueError("nested too deeply")
-    own = dict(around)
-    inside = list(_split(value, own))
-    has_focal = _has_focal({name: one for name, one in own.items() if name not in around})
+    said: dict[str, Any] = {}
+    inside = list(_split(value, said))
+    own = {**around, **said}
     within = [list(_cameras(one, own, depth + 1)) for one in inside]
-    if has_focal and not (within and all(within)):
+    all_inside = [camera for cameras in within for camera in cameras]
+    again = {name: one for name, one in said.items() if any(c[name] is not one for c in all_inside)}
+    if _has_focal(said) and (_has_focal(again) or not (within and all(within))):
         for one, cameras in zip(inside, within, strict=True):
             if not cameras:  # what else it says may be of the lens
                 _require_pinhole({_name(key): part for key, part in one.items()})
-        yield own  # also for the frames that say nothing of their own
-    for cameras in within:
-        yield from cameras
+        yield own  # also for the frames that say nothing of their own, or something else
+    yield from all_inside
 
 
 def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[Any, Any]]:
@@ -427,8 +429,7 @@ def _with_terms(values: Values) -> Values:
         return values
     if p is None:
         return others | {"coeffs": k}
-    both = {"k": k, "p": p}.items()
-    return others | {f"{name}{n}": one for name, of_it in both for n, one in enumerate(of_it, 1)}
+    return others | {f"{n}{i}": x for n, xs in (("k", k), ("p", p)) for i, x in enumerate(xs, 1)}
 
 
 def _require_pinhole(values: Values) -> None:
@@ -473,9 +474,8 @@ def _pinhole(values: Values, size_px: tuple[int, int]) -> Lens:
         return Lens.centred(0.5 * size_px[0] / float(np.tan(wide_rad[0] / 2)), size_px)
     aspect = _first(values, ("pixelaspectratio",)) or [1.0]
     focal_y = _first(values, FOCALS_Y) or [aspect[0] * focal[-1]]
-    centre = _first(values, CENTRES, (2,))
-    if centre is None:
-        centre = [*(_first(values, CENTRES_X) or ()), *(_first(values, CENTRES_Y) or ())]
+    x, y = (_first(values, names) or [] for names in (CENTRES_X, CENTRES_Y))
+    centre = _first(values, CENTRES, (2,)) or [*x, *y]
     if len(centre) != 2:
         raise ValueError("no principal point")
     return Lens((focal[0], focal_y[-1]), (centre[0], centre[1]), size_px)

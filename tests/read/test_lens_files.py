@@ -314,6 +314,8 @@ REFUSED = {
     "nerf_360.json": (json.dumps(FLAT | {"camera_model": "EQUIRECTANGULAR"}), "EQUIRECTANGULAR"),
     "ngp.json": (json.dumps(FLAT | {"is_fisheye": True}), "fisheye (isfisheye)"),
     "two_lenses.json": (framed(FLAT, FLAT | {"fl_x": 700}), "2 cameras that differ"),
+    "two_words.json": (framed(FLAT, {**FLAT, "fl_x": 700}, **FLAT), "2 cameras that differ"),
+    "all_others.json": (framed(*[{"fl_x": 700}] * 2, **FLAT), "2 cameras that differ"),
     "one_bent.json": (framed(FLAT, {**FLAT, "k1": 0}), "2 cameras that differ"),
     "k4.json": (json.dumps(FLAT | {"k4": 0.01}), "k4 of a rational"),
     "prism.json": (json.dumps(FLAT | {"p3": 0.01}), "with p3 of 0.01"),
@@ -395,7 +397,12 @@ def test_metashapes_cameras_count_their_centre_from_the_middle(tmp_path, centre)
         f'<document version="2.0.0"><chunk label="Chunk 1"><sensors next_id="1">{sensor}</sensors>'
         '<cameras next_id="1"><camera id="0" sensor_id="0" label="1"/></cameras></chunk></document>'
     )
+    initial = f'<calibration type="frame" class="initial">{size}<f>700</f></calibration>'
+    (tmp_path / "both.xml").write_text(
+        (tmp_path / "cameras.xml").read_text().replace("<calibration", f"{initial}<calibration")
+    )
     lens = read_intrinsics(tmp_path / "cameras.xml", SIZE_PX)
+    assert read_intrinsics(tmp_path / "both.xml", SIZE_PX) == lens
     off_px = {"": (0, 0), "<cx>-12.5</cx>": (-12.5, 0)}.get(centre, (12.5, 9.25))
     assert lens.centre_px == (320 + off_px[0], 240 + off_px[1])
     assert lens.focal_px == (600, 605) and lens.radial == (-0.1, 0)
