@@ -154,15 +154,15 @@ def read_bvh(
     if fps_hz is not None:
         fps_hz, rate_note = source_motion.check_rate_hz(fps_hz, path), "given"
     else:
-        header_hz = source_motion.rate_of_frame_time_hz(frame_time, path, table_line)
-        fps_hz, rate_note = _rate_hz(header_hz, cmu, path)
+        fps_hz = source_motion.rate_of_frame_time_hz(frame_time, path, table_line)
+        rate_note = "header"
+        if cmu and fps_hz == 120.0 and source_motion.cmu_subject(path) is not None:
+            fps_hz, rate_note = source_motion.cmu_rate_hz(path), "CMU's index"  # all say 120 Hz
     notes = (f"{fps_hz:.7g} Hz ({rate_note})", f"{unit_m:.6g} m per unit ({unit_note})")
     turns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
     rows, dropped = recorded_rows(table, turns, cmu, drop_rest_frame, path, fewest_frames)
     added_pose = _local_rotmats(tree, table[:1])[0] if DROPPED_REST in dropped else None
-    translations, offsets = _translations(tree, table[rows]), np.array(tree.offsets)
-    if not offsets[1:].any():
-        offsets[1:] = np.median(translations[:, 1:], axis=0)
+    translations, offsets = _translations(tree, table[rows])
     return SourceMotion(
         names=tuple(tree.names),
         parents=tuple(tree.parents),
@@ -188,13 +188,6 @@ def _read_table(
         raise BadMotionFile(f"{path}: {error}; cut it into parts") from None
     n_columns = sum(len(channels) for channels in tree.channels)
     return parse_table(lines[start:], n_columns, n_frames, path, start + 1)
-
-
-def _rate_hz(header_hz: float, cmu: bool, path: Path) -> tuple[float, str]:
-    """The rate and where it is from: CMU's conversions say 120 Hz of every trial."""
-    if cmu and header_hz == 120.0 and source_motion.cmu_subject(path) is not None:
-        return source_motion.cmu_rate_hz(path), "CMU's index"
-    return header_hz, "header"
 
 
 def _read_motion_header(lines: list[str], start: int, path: Path) -> tuple[int, str, int]:
@@ -226,8 +219,8 @@ def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
     return rotmats
 
 
-def _translations(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
-    """(T, J, 3) in the file's unit: offsets, replaced where there are position channels."""
+def _translations(tree: Hierarchy, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places (T, J, 3) in the file's unit, offsets where no channel says others; and offsets."""
     offsets, columns = np.array(tree.offsets), _columns(tree, "position")
     translations = np.tile(offsets, (len(table), 1, 1))
     for joint, channels in enumerate(columns):
@@ -239,4 +232,6 @@ def _translations(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
     is_small = placed & (2 * usual < sizes)
     if 2 * is_small.sum() > (placed & (sizes > 0)).sum():  # not hips alone that stand near nothing
         translations[:, is_small] += offsets[is_small]
-    return translations
+    if not offsets[1:].any():
+        offsets[1:] = np.median(translations[:, 1:], axis=0)
+    return translations, offsets

@@ -23,6 +23,7 @@ import numpy as np
 from gmrdata.read.systems.entries import rotmats_of
 from gmrdata.read.systems.gvhmr import GVHMR, Layout, read_gvhmr
 from gmrdata.values.body import N_LOCAL
+from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.people import EstimatedPeople
 
 _NECK = (4, 5)
@@ -49,6 +50,10 @@ GEM_SMPL = replace(
 
 
 def read_gem(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
+    segments = content.get("segment_info")  # of demo_smpl.py, which takes videos and texts
+    if isinstance(segments, list) and len(segments) > 1:
+        what = f"holds {len(segments)} videos or motions of a text, one after another"
+        raise BadMotionFile(f"{path}: {what}. Run GEM-SMPL on the one video alone")
     params = [content.get(key) for key in (GEM.world, GEM.camera)]
     poses = [one.get("body_pose") for one in params if isinstance(one, Mapping)]
     of_smpl = any(getattr(one, "shape", ())[-1:] == (3 * GEM_SMPL.n_joints,) for one in poses)

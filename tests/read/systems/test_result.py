@@ -185,6 +185,13 @@ def test_gem_smpl_has_gem_xs_keys_and_gvhmrs_body(tmp_path):
     assert found.system == "gem-smpl" and one.in_world is not None and one.in_camera is not None
     np.testing.assert_array_equal(one.local_rotmats, other.local_rotmats)
     assert one.rest_pelvis_m is other.rest_pelvis_m and one.in_camera.size_px == (640, 480)
+    segments = [{"start": 0, "end": T, "type": "video", "video_path": "a.mp4"}]
+    system_files.write_torch(path, content | {"segment_info": segments})
+    assert read_system(path, "camera").n_frames == T
+    segments.append({"start": 3, "end": T, "type": "text", "caption": "a person walks"})
+    system_files.write_torch(path, content | {"segment_info": segments})
+    with pytest.raises(BadMotionFile, match=r"holds 2 videos or motions of a text"):
+        read_system(path)
 
 
 def test_amass_in_parts_is_no_slahmr(tmp_path):
