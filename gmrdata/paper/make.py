@@ -51,14 +51,20 @@ from gmrdata.values.files import read_npz, resolve_inside, write_npz
 
 
 def held_out_set(
-    manifest_paths: Sequence[Path], config: DataConfig, out_dir: Path, *, run: Run = DEFAULT_RUN
+    manifest_paths: Sequence[Path],
+    config: DataConfig,
+    out_dir: Path,
+    *,
+    to_train: bool = True,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Write the clips of the held-out subjects, without images, as a set; gives its manifest."""
+    """Write the clips of the held-out subjects, without images, as a set; gives its manifest.
+    BadManifest where no other clip is there `to_train` on."""
     if not config.held_out_subjects:
         raise BadRecipe("nothing to score: give --scored, or --held-out-subjects")
 
     def work(partial_dir: Path) -> None:
-        files = split_manifests(manifest_paths, config).held_out
+        files = split_manifests(manifest_paths, config, to_train=to_train).held_out
         require_own_ids(files, "held-out clips")
         write_manifest(
             partial_dir / "manifest.yaml",
@@ -81,16 +87,10 @@ def _copied(file: ClipFile, folder: Path) -> Clip:
     path = resolve_inside(folder, f"clips/{entry.id}.npz")
     # The arrays as they are: written anew, rotations would be rounded.
     write_npz(path, read_npz(file.arrays_path) | {"valid": valid})
-    return clip_entry(
-        folder,
-        ClipFiles(path),
-        ClipAbout(
-            id=entry.id,
-            camera_motion=entry.camera_motion,
-            licence=entry.licence,
-            source=entry.source,
-        ),
+    about = ClipAbout(
+        id=entry.id, camera_motion=entry.camera_motion, licence=entry.licence, source=entry.source
     )
+    return clip_entry(folder, ClipFiles(path), about)
 
 
 def make_table(
@@ -112,7 +112,8 @@ def make_table(
     if not plan.scorings:
         raise MissingInput(plan.lacking_text())
     if given.scored is None:
-        held_out_set(given.manifests, _data_config(plan), out_dir / "held_out", run=run)
+        data, trains = _data_config(plan), given.network is None
+        held_out_set(given.manifests, data, out_dir / "held_out", to_train=trains, run=run)
     shared = {"given": given, "out_dir": out_dir, "run": run}
     scores_dir, failures_dir = out_dir / "scores", out_dir / "failures"
     training = [

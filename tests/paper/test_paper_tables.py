@@ -466,6 +466,24 @@ def test_the_held_out_set_holds_the_same_motions(write_walks, tmp_path):
         held_out_set([motions], config, tmp_path / "none")
 
 
+@pytest.mark.slow
+def test_a_network_is_scored_on_a_set_of_held_out_people_alone(write_walks, body_path, tmp_path):
+    """It was refused, as if somebody of the set had to be trained on."""
+    motions = write_walks("walks", ["02_01", "02_02"], 1)
+    rows = f"rows:\n- {{name: Ours, paper: {{tme_mm: 6.0}}}}{TINY.partition('rows:')[0]}"
+    (tmp_path / "one.yaml").write_text(rows, encoding="utf-8")
+    recipe = load_table(str(tmp_path / "one.yaml"))
+    given = Given((motions,), held_out=(2,), body=body_path)
+    with pytest.raises(BadManifest, match="2 of 2 clips"):
+        make_table(recipe, "small", given, tmp_path / "trained")
+    assert not (tmp_path / "trained" / "held_out").exists()
+    scored = replace(given, network=network_dir("bundled"))
+    path = make_table(recipe, "small", scored, tmp_path / "out", run=Run(workers=1))
+    table = TableRecord.read(path)
+    assert table.data.scored == "the held-out subjects (2 clips, 58 motions)"
+    assert table.data.network == "bundled" and table.rows[0].ours is not None
+
+
 def test_scored_clips_that_are_trained_on_are_counted(write_walks, tmp_path, capsys):
     motions = write_walks("walks", ["01_01", "02_01"], 1)
     given = Given((motions,), scored=write_walks("scored", ["02_01", "03_01"], 2))
