@@ -19,7 +19,7 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import ListManifest, Manifest, Source
 from gmrdata.manifest.read import listed_path, load_entry, read_data_set, read_manifest
 from gmrdata.motion.resample import resample, valid_runs
-from gmrdata.read.source_motion import CMU_TRIAL
+from gmrdata.read.source_motion import CMU_TRIAL, in_cmu
 from gmrdata.stage import recipes
 from gmrdata.values.body import BodyModel, body_of
 from gmrdata.values.clip import Clip, clip_on_body
@@ -324,8 +324,7 @@ def subject_of(source: Source) -> str | None:
 def cmu_trial(source: Source) -> str | None:
     """The CMU trial that a clip is of, like 02_03; None if it is of none."""
     path = PurePosixPath(source.sequence)
-    in_cmu = any(part.lower().startswith("cmu") for part in path.parts)
-    is_another_set = source.dataset == "AMASS" and len(path.parts) == 3 and not in_cmu
+    is_another_set = source.dataset == "AMASS" and len(path.parts) == 3 and not in_cmu(path)
     if source.dataset in _OTHERS or is_another_set:
         return None
     # A clip's id, and so a file that is exported, has its folders in front: CMU.02.02_03_poses.

@@ -30,6 +30,7 @@ from gmrdata.read.source_motion import (
     ReadConfig,
     check_rate_hz,
     cmu_subject,
+    in_cmu,
 )
 from gmrdata.values.body import (
     HANDS,
@@ -193,9 +194,7 @@ def amass_rate(
     if values.size != 1:
         raise BadMotionFile(f"{path}: {key} is not one number; give the rate with --fps-hz")
     rate_hz = check_rate_hz(float(values[0]), path)
-    folders = (*path.absolute().parts, *path.resolve().parts)  # however the path was typed
-    in_cmu = any(name.upper() == "CMU" or name.startswith("CMU_") for name in folders)
-    is_60_hz = in_cmu and cmu_subject(path) in CMU_60_HZ_SUBJECTS
+    is_60_hz = cmu_subject(path) in CMU_60_HZ_SUBJECTS and in_cmu(path)
     return (60.0, "CMU's index") if is_60_hz and rate_hz == 120.0 else (rate_hz, "file")
 
 

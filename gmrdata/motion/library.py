@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath
 from typing import Literal, Self
 
 import numpy as np
@@ -29,8 +29,9 @@ from gmrdata.manifest.write import (
 from gmrdata.motion.amass import chosen_body
 from gmrdata.motion.files import FileReading, input_files, motions_and_made, read_file
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG
+from gmrdata.read import source_motion
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
-from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, UpAxis, is_trial
+from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, UpAxis
 from gmrdata.stage.jobs import Job, Outcome, try_here, try_jobs
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -68,31 +69,32 @@ def gait_source(name: str) -> Source:
     return Source(dataset="gmrdata", sequence=name)
 
 
-def file_source(stem: str) -> Source:
-    """A motion file, known as CMU's by a name like 02_03."""
-    return Source(dataset="CMU" if is_trial(stem) else "file", sequence=as_text(stem))
-
-
 def motion_source(path: Path, inside: Path) -> Source:
-    """A motion file, known as AMASS's by data set, subject and trial: `KIT/3/kick_poses.npz`.
+    """A motion file, known as CMU's by a name like 02_03, as AMASS's by data set, subject and
+    trial: `KIT/3/kick_poses.npz`.
 
     These are the last three parts of its path as far as they lie in the folder that was given
-    (`inside`), or are that folder's name; CMU's wherever a link of that name leads.  Or they are
-    in its name, as `gmrdata export` names a clip's files.
+    (`inside`), or are that folder's name.  Or they are in its name, as `gmrdata export` names a
+    clip's files.  The data set is CMU's wherever one of its trials lies in a folder of CMU's.
     """
     # A library's folders are named as its clips.
     stem = path.absolute().parent.name if path.name == CLIP_FILE else path.stem
     if exported := EXPORTED.fullmatch(stem):
-        return Source(dataset="AMASS", sequence=as_text("/".join(exported.groups())))
+        return _amass_source(exported.groups(), PurePath(*stem.split(".")))
     n_inside = len(inside.parts)
-    folder = path.absolute().parents[n_inside - 1]
-    name = "CMU" if folder.name == "CMU" else folder.resolve().name
-    given = (name,) if n_inside > 1 else ()
-    tail = PurePosixPath(*(*given, *inside.parts)[-3:])
+    given = (path.absolute().parents[n_inside - 1].resolve().name,) if n_inside > 1 else ()
+    names = (*given, *inside.with_suffix("").parts)[-3:]
     in_amass = path.suffix.lower() == ".npz" and path.stem.endswith(("_poses", "_stageii"))
-    if in_amass and len(tail.parts) == 3:
-        return Source(dataset="AMASS", sequence=as_text(tail.with_suffix("").as_posix()))
-    return file_source(stem)
+    if in_amass and len(names) == 3:
+        return _amass_source(names, path)
+    return Source(dataset="CMU" if source_motion.is_trial(stem) else "file", sequence=as_text(stem))
+
+
+def _amass_source(names: Sequence[str], path: PurePath) -> Source:
+    in_cmu = source_motion.in_cmu
+    if source_motion.CMU_TRIAL.match(names[-1]) and in_cmu(path) and not in_cmu(PurePath(*names)):
+        names = ("CMU", *names[1:])
+    return Source(dataset="AMASS", sequence=as_text("/".join(names)))
 
 
 def licence_of(source: Source) -> str:

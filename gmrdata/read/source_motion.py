@@ -6,7 +6,7 @@ And `ReadConfig`: what a person says of such a file that it doesn't show.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Literal
 
 import numpy as np
@@ -163,7 +163,7 @@ def _starts_with_rest_frame(
 
 CMU_60_HZ_SUBJECTS = frozenset({33, 34, 42, 60, 61, 62, 74, 75, 77, 79, 80, 87, 88, 89, 136})
 """Subjects that CMU's index lists with 60 fps, whatever their files say; all others have 120."""
-CMU_TRIAL = re.compile(r"^(\d{2,3})_(\d{2})(?:_|$)")
+CMU_TRIAL = re.compile(r"([0-9]{2,3})_([0-9]{2})(?=_|$)")
 """CMU's file names: subject_trial; AMASS appends `_poses` or `_stageii`."""
 LOWEST_HZ, HIGHEST_HZ = 1.0, 1000.0
 USUAL_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 144, 240)  # of recorders
@@ -172,7 +172,14 @@ LOWEST_HEADER_HZ = 5.0  # nobody records a person with less; a header that says 
 
 def is_trial(name: str) -> bool:
     """Whether a name is one of CMU's trials, `subject_trial`, like 02_03 or 143_18."""
-    return re.fullmatch(r"[0-9]{2,3}_[0-9]{2}", name) is not None
+    return CMU_TRIAL.fullmatch(name) is not None
+
+
+def in_cmu(path: PurePath) -> bool:
+    """Whether a path has a folder of CMU's motions in it, like `CMU` or `cmu_smplh`: a file's as it
+    is typed or where links lead.  AMASS's other sets may have names like CMU's trials."""
+    paths = (path.absolute(), path.resolve()) if isinstance(path, Path) else (path,)
+    return any(part.lower().startswith("cmu") for one in paths for part in one.parts)
 
 
 def cmu_subject(path: Path) -> int | None:

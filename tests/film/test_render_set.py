@@ -22,9 +22,10 @@ from gmrdata.film.render_set import (
 )
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.current import Source
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.gait import make_gait
-from gmrdata.motion.library import LICENCES, file_source, gait_source, licence_of
+from gmrdata.motion.library import LICENCES, gait_source, licence_of
 from gmrdata.pages.sets import write_set_pages
 from gmrdata.stage.jobs import OthersLeft
 from gmrdata.stage.recipes import load_recipe
@@ -214,14 +215,15 @@ def test_the_origin_of_motions_and_what_is_odd_in_them_is_kept(tmp_path, anny):
 
 
 def test_a_clip_has_the_terms_of_its_passers_by_too(tmp_path):
-    gait, trial = gait_source("walk"), file_source("02_03")
+    gait, trial = gait_source("walk"), Source(dataset="CMU", sequence="02_03")
     kick, odd = tmp_path / "KIT/3/kick_poses.npz", Path("/walk.bvh")
     assert _licence(gait, ()) == LICENCES["gmrdata"]
     both = f"{LICENCES['gmrdata']}; passers-by: {LICENCES['CMU']}"
     assert _licence(gait, (tmp_path / "02_01.amc", tmp_path / "02_02.amc")) == both
     assert _licence(trial, (tmp_path / "02_01.amc",)) == LICENCES["CMU"]
     known = f"{LICENCES['CMU']}; passers-by: {LICENCES['AMASS']}"
-    assert _licence(trial, (kick, odd)) == f"{known}; passers-by: {licence_of(file_source('walk'))}"
+    own = licence_of(Source(dataset="file", sequence="walk"))
+    assert _licence(trial, (kick, odd)) == f"{known}; passers-by: {own}"
 
 
 def test_where_a_clip_fails_a_complete_manifest_stays(tmp_path, anny):

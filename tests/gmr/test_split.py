@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,11 +15,13 @@ from gmrdata.gmr.runs import cmu_trial, recording_of, split_manifests, subject_o
 from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.read import read_manifest
+from gmrdata.motion.amass import amass_rate
+from gmrdata.motion.library import library_files
 from gmrdata.read.body_file import save_body
 from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import recipes
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
-from gmrdata.values.files import read_json
+from gmrdata.values.files import read_json, read_npz
 from tests.clip_manifests import write_clips
 from tests.docs.page_commands import commands
 
@@ -83,6 +86,34 @@ def test_every_form_of_a_trial_is_that_trial(subject, trial):
     assert {cmu_trial(form) for form in forms} == {name}
     assert {subject_of(form) for form in forms} == {f"CMU/{subject:02d}"}
     assert cmu_trial(Source(dataset="AMASS", sequence=f"KIT/3/{name}_poses")) is None
+
+
+@pytest.mark.parametrize(
+    ("folder", "link", "data_set"),
+    [
+        ("CMU", "CMU", "CMU"),
+        ("cmu_smplh", "cmu_smplh", "cmu_smplh"),
+        ("CMUmocap", "CMUmocap", "CMUmocap"),  # was read at twice its speed
+        ("CMU/smplh", "CMU/smplh", "CMU"),  # was trained on, of Table 8 or not, as were these two
+        ("CMU_2", "link", "CMU_2"),
+        ("store", "CMU_2", "CMU"),
+        ("KIT", "KIT", "KIT"),
+    ],
+)
+def test_a_folder_of_cmu_is_one_to_its_rate_its_source_and_a_split(
+    tmp_path, folder, link, data_set
+):
+    """There were three rules of what such a folder is."""
+    path = tmp_path / folder / "62" / "62_11_poses.npz"
+    path.parent.mkdir(parents=True)
+    np.savez(path, poses=np.zeros((6, 72)), trans=np.zeros((6, 3)), mocap_framerate=120.0)
+    if link != folder:
+        (tmp_path / link).symlink_to(tmp_path / folder)
+    (file,) = library_files((tmp_path / link,))
+    assert file.source == Source(dataset="AMASS", sequence=f"{data_set}/62/62_11_poses")
+    rate_hz, rate_from = amass_rate(read_npz(file.path), None, file.path)
+    known = ("62_11", 60.0, "CMU's index") if data_set != "KIT" else (None, 120.0, "file")
+    assert (cmu_trial(file.source), rate_hz, rate_from) == known
 
 
 def test_a_recording_is_known_in_each_form_and_nothing_else_is_taken_for_one():

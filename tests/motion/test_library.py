@@ -255,6 +255,7 @@ def test_an_exported_clip_of_amass_is_still_amass(tmp_path):
     names = {
         "KIT.3.kick_poses_00000-00171": ("AMASS", "KIT/3/kick_poses"),
         "x.AMASS.CMU.02.02_03_stageii": ("AMASS", "CMU/02/02_03_stageii"),
+        "CMU.smplh.02.02_03_poses_00010-00171": ("AMASS", "CMU/02/02_03_poses"),
         "02.02_03_poses_00010-00171": ("file", "02.02_03_poses_00010-00171"),
         "walk_00000-00171": ("file", "walk_00000-00171"),
     }
