@@ -99,11 +99,14 @@ def render_set(
     without some of its clips has "incomplete" in its version, and replaces no complete one.
     Returns its path; StageFailed where some clips failed, MissingInput where none can be rendered.
     """
-    recipe, out_dir = read_recipe(recipe, SyntheticRecipe), Path(out_dir)
     motions_dir = None if motions_dir is None else Path(motions_dir)
-    selection = select(recipe, motions_dir)
-    require_takes(selection, motions_dir)
-    out_dir = out_dir.resolve()
+    return render_selected(select(read_recipe(recipe, SyntheticRecipe), motions_dir), out_dir, run)
+
+
+def render_selected(selection: Selection, out_dir: str | Path, run: Run = DEFAULT_RUN) -> Path:
+    """`render_set` of clips whose motions are found already."""
+    require_takes(selection)
+    recipe, out_dir = selection.recipe, Path(out_dir).resolve()
     failures_dir = out_dir / "failed"
     for folder in (out_dir, failures_dir, *out_dir.glob("listings/**/")):
         remove_orphans(folder)
@@ -127,9 +130,9 @@ def render_set(
     return out_dir / "synthetic.yaml"
 
 
-def require_takes(selection: Selection, motions_dir: Path | None) -> None:
+def require_takes(selection: Selection) -> None:
     """Say which motions are missing, and how to get them; MissingInput if all of them are."""
-    command = fetch_command(selection.missing, motions_dir)
+    command = fetch_command(selection.missing, selection.motions_dir)
     how = "" if command is None else f". To get what is missing:\n  {command}"
     if not selection.takes:
         what = f"recipe {selection.recipe.name}: none of its trials found"

@@ -18,6 +18,7 @@ from gmrdata.read.amass_keys import SPLIT_KEYS
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import CMU_TRIAL, ReadConfig, RestPose, SourceMotion, UpAxis
+from gmrdata.stage.progress import remark
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CLIP_FORMAT, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
@@ -235,17 +236,12 @@ def find_motions(folder: Path) -> list[Path]:
     """Motion files in a folder and its subfolders, sorted by path.
 
     Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses, and what
-    gmrdata made, where there is anything else.  A trial that is there both as AMC and as BVH (same
-    name in one folder, or the same CMU name `02_03` anywhere) is listed once, as AMC: that is CMU's
-    own form.  So is what gmrdata exported both as AMASS and as BVH, as AMASS.  Hidden folders, as
-    those of what was deleted, are not entered, nor links that lead out.  MissingInput: there is no
-    such folder.
+    gmrdata made, where there is anything else: it may lie there in several forms.  A remark says
+    so.  A trial that is there both as AMC and as BVH (same name in one folder, or the same CMU name
+    `02_03` anywhere) is listed once, as AMC: that is CMU's own form.  So is what gmrdata exported
+    both as AMASS and as BVH, as AMASS.  Hidden folders, as those of what was deleted, are not
+    entered, nor links that lead out.  MissingInput: there is no such folder.
     """
-    return motions_and_made(folder)[0]
-
-
-def motions_and_made(folder: Path) -> tuple[list[Path], list[Path]]:
-    """`find_motions`, and what of the folder gmrdata made: all of it is listed, or none."""
     folder = Path(folder)
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
@@ -254,11 +250,16 @@ def motions_and_made(folder: Path) -> tuple[list[Path], list[Path]]:
     there = [path for path in files_inside(folder, shown) if _is_motion(path)]
     of_stages = {parent for parent in {path.parent for path in there} if _is_of_a_stage(parent)}
     made = [path for path in there if path.parent in of_stages]
-    listed = {path: None for path in there if path.parent not in of_stages} or dict.fromkeys(made)
+    others = dict.fromkeys(path for path in there if path.parent not in of_stages)
+    if made:
+        more = f" and {len(made) - 1} more" if len(made) > 1 else ""
+        is_bad = "made by gmrdata, which may have rejected it"
+        remark(f"{made[0]}{more}: {'left out, as gmrdata made it' if others else is_bad}")
+    listed = others or dict.fromkeys(made)
     as_amc = {_trial(file) for file in listed if file.suffix.lower() == ".amc"}
     bvhs = [file for file in listed if file.suffix.lower() == ".bvh"]
     twice = {file for file in bvhs if _trial(file) in as_amc or _as_amass(file) in listed}
-    return [file for file in listed if file not in twice], made
+    return [file for file in listed if file not in twice]
 
 
 def _is_of_a_stage(folder: Path) -> bool:

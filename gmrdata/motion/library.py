@@ -27,7 +27,7 @@ from gmrdata.manifest.write import (
     write_manifest,
 )
 from gmrdata.motion.amass import chosen_body
-from gmrdata.motion.files import FileReading, input_files, motions_and_made, read_file
+from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG
 from gmrdata.read import source_motion
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
@@ -128,7 +128,10 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
     found = []
     for source in sources:
         folder = source if source.is_dir() else source.parent
-        found += [(path, path.relative_to(folder)) for path in _motions_in(source)]
+        paths = find_motions(source) if source.is_dir() else [source]
+        if not paths:
+            raise MissingInput(f"{source}: holds no .bvh, .amc or .npz with a motion")
+        found += [(path, path.relative_to(folder)) for path in paths]
     once = {path.resolve(): (path, inside) for path, inside in reversed(found)}
     found = list(reversed(once.values()))
     stems = Counter(path.stem for path, _ in found)
@@ -151,23 +154,6 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
                 remedy = "Leave one out, as two forms of one motion, or rename it"
             raise BadRecipe(f"{other.path} and {path} would both be clip {file.id}. {remedy}")
     return list(files.values())
-
-
-def _motions_in(source: Path) -> list[Path]:
-    """The file, or a folder's motions: of what gmrdata made only where there is nothing else, as it
-    may lie there in several forms; says so.  MissingInput: there are none."""
-    if not source.is_dir():
-        return [source]
-    found, made = motions_and_made(source)
-    if not found:
-        raise MissingInput(f"{source}: holds no .bvh, .amc or .npz with a motion")
-    if made:
-        more = f" and {len(made) - 1} more" if len(made) > 1 else ""
-        what = "left out, as gmrdata made it"
-        if found[0] in made:
-            what = "made by gmrdata, which may have rejected it"
-        remark(f"{made[0]}{more}: {what}")
-    return found
 
 
 def clip_id(name: str) -> str:

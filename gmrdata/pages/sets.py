@@ -148,7 +148,7 @@ def preview_set(
     StageFailed names clips that can't be filmed or drawn; the others are on the page.
     """
     selection = select(recipe, motions_dir)
-    require_takes(selection, motions_dir)
+    require_takes(selection)
     out_dir = out_dir.resolve() / PREVIEW_FOLDER
     body_path = keep_body(recipe.body, out_dir / "body", run=ANEW)
     todo, reasons = plan_takes(selection, body_path, out_dir / "plan", out_dir / "clips", ANEW)

@@ -12,7 +12,7 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.film.programmes import Programme
 from gmrdata.film.render import EXTRAS_FOLDER
-from gmrdata.film.render_set import render_dir, render_set
+from gmrdata.film.render_set import render_dir, render_selected
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, render_config, select
 from gmrdata.read.body_file import read_body
@@ -258,16 +258,16 @@ def make_twins(
         StageFailed: some clips failed; the sequences of the others are written.
         NothingMade: all of them failed; nothing is written.
     """
-    out_dir = out_dir.resolve()
+    out_dir, selection = out_dir.resolve(), select(recipe.set, motions_dir)
     failed: StageFailed | None = None
     try:
-        render_set(recipe.set, out_dir / SET_FOLDER, motions_dir=motions_dir, run=run)
+        render_selected(selection, out_dir / SET_FOLDER, run)
     except StageFailed as error:
         failed = error
     failures_dir = out_dir / SET_FOLDER / "failed"
     clips = [
         take.clip
-        for take in select(recipe.set, motions_dir).takes
+        for take in selection.takes
         if render_dir(out_dir / SET_FOLDER, take.id).is_dir()
         and not (failures_dir / f"{take.id}.txt").exists()
     ]

@@ -49,7 +49,7 @@ def test_find_motions_stays_in_the_folder(tmp_path):
         find_motions(tmp_path / "nowhere")
 
 
-def test_find_motions_leaves_out_what_gmrdata_made(tmp_path):
+def test_find_motions_leaves_out_what_gmrdata_made(tmp_path, capsys):
     """A solved video's person was there as its clip and in both forms of its files, a rejected one
     as its clip alone."""
     for name in ("walk/files/bvh/p/p_0-9.bvh", "own/bvh/p/q.bvh", "inferred/person_0/motion.bvh",
@@ -61,9 +61,13 @@ def test_find_motions_leaves_out_what_gmrdata_made(tmp_path):
         _touch(tmp_path / name)
     found = [path.relative_to(tmp_path).as_posix() for path in find_motions(tmp_path)]
     assert found == ["own/bvh/p/q.bvh", "own.partial/b.npz", "walk/files/amass/p/p_0-9.npz"]
+    first = tmp_path / "demo" / "motions.partial" / "training" / "a.npz"
+    assert capsys.readouterr().err == f"{first} and 2 more: left out, as gmrdata made it\n"
     # Named itself, it is taken.
     alone = tmp_path / "walk" / "pseudo_gt"
     assert find_motions(alone) == [alone / "person_0.npz"]
+    said = f"{alone / 'person_0.npz'}: made by gmrdata, which may have rejected it\n"
+    assert capsys.readouterr().err == said
     (tmp_path / "link").symlink_to(tmp_path / "inferred" / "person_0")
     assert find_motions(tmp_path / "link") == [tmp_path / "link" / "motion.bvh"]
 

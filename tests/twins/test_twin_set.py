@@ -14,7 +14,7 @@ from gmrdata.cli import main
 from gmrdata.film.programmes import camera_programme
 from gmrdata.film.render_set import render_dir
 from gmrdata.film.scene import SceneConfig
-from gmrdata.film.set_plan import SyntheticClip
+from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.body_file import read_body, save_body
 from gmrdata.read.frames import read_color
@@ -35,7 +35,14 @@ from gmrdata.twins.twin_set import (
 )
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadRecord, BadSequence, MissingInput, StageFailed, StaleOutput
+from gmrdata.values.errors import (
+    BadRecord,
+    BadSequence,
+    MissingInput,
+    NothingMade,
+    StageFailed,
+    StaleOutput,
+)
 from gmrdata.values.files import read_json, write_json
 from gmrdata.world.compose import motion_in_camera
 from tests.record_keys import assert_each_key_is_needed
@@ -312,6 +319,20 @@ def test_a_set_of_which_nothing_was_rendered_says_why(tmp_path):
     """A clip that was never begun counted as rendered, and its file was missing."""
     with pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"):
         make_twins(RECIPE, tmp_path, run=Run(scheduler="tcp://127.0.0.1:9"))
+
+
+def test_what_gmrdata_made_is_left_out_of_its_motions_with_one_remark(tmp_path, capsys):
+    """`gmrdata motions` said so, twins and rendered sets did not."""
+    for name in ("walk.bvh", "made/walk_1.bvh", "made/stage.json"):
+        (tmp_path / "motions" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "motions" / name).write_text("broken")
+    clips = [{"id": "a", "trial": "walk", "programme": {"kind": "small"}}]
+    made = SyntheticRecipe.model_validate(RECIPE.set.model_dump() | {"clips": clips})
+    recipe = RECIPE.model_copy(update={"set": made})
+    with pytest.raises(NothingMade, match=r"walk\.bvh"):
+        make_twins(recipe, tmp_path / "out", motions_dir=tmp_path / "motions")
+    left_out = f"{tmp_path / 'motions' / 'made' / 'walk_1.bvh'}: left out, as gmrdata made it\n"
+    assert capsys.readouterr().err.count(left_out) == 1
 
 
 def write_index(folder: Path, record: Any) -> None:
