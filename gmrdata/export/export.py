@@ -1,9 +1,7 @@
 """`gmrdata.export`: which files are to be written, and each as a whole or not at all."""
 
-import re
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -31,8 +29,15 @@ from gmrdata.export.sources import (
 )
 from gmrdata.gmr.config import Which
 from gmrdata.solve.request import FRAMES, SFM
-from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
-from gmrdata.solve.videos import FILES
+from gmrdata.solve.verdict import (
+    FILES,
+    FOLDERS,
+    VERDICT_FILE,
+    VideoVerdict,
+    own_parts,
+    remove,
+    remove_written,
+)
 from gmrdata.stage.locks import locked
 from gmrdata.stage.progress import progress_bar, remark
 from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput, StaleOutput, nearest
@@ -40,7 +45,7 @@ from gmrdata.values.files import write_bytes
 from gmrdata.values.people import PSEUDO_GT
 from gmrdata.world.compose import load_background
 from gmrdata.world.judge import load_record
-from gmrdata.write.cameras import BINARY_FOLDER, TEXT_FOLDER, write_tum
+from gmrdata.write.cameras import write_tum
 from gmrdata.write.emdb import emdb_name
 
 USED_BY = {
@@ -52,8 +57,6 @@ USED_BY = {
 """Settings that say nothing to most formats: what they are when left out, and whom they are for."""
 OF_CLIPS = ("clips", "body", "images", "truth")  # nothing to a network
 ONNX_ALONE = "onnx is of a training run, the other formats of clips"
-FOLDERS = ("colmap", "bvh", "amass")
-"""Formats of a folder, in which others keep files of theirs too."""
 
 
 class Unit(NamedTuple):
@@ -290,42 +293,26 @@ def _whole(unit: Unit) -> Iterator[Path]:
     ends: all of it, or what of a folder is ours.  Another process that writes the same waits."""
     path, partial = unit.path, _partial(unit.path)
     with locked(path):
-        _remove(partial)
+        remove(partial)
         try:
             yield partial
             if unit.format not in FOLDERS:
-                _remove(path)
+                remove(path)
                 partial.rename(path)
                 return
-            for old in _own_parts(path, unit.name):
-                _remove(old)
-            for new in _own_parts(partial, unit.name):
+            for old in own_parts(path, unit.name):
+                remove(old)
+            for new in own_parts(partial, unit.name):
                 placed = path / new.relative_to(partial)
                 placed.parent.mkdir(parents=True, exist_ok=True)
                 new.rename(placed)
         finally:
-            _remove(partial)
-
-
-def _own_parts(folder: Path, name: str) -> list[Path]:
-    """What is written in the folder of a unit: forms of a COLMAP model, and files that bear the
-    unit's name and their frames."""
-    run = re.compile(re.escape(name) + r"_\d{5,}-\d{5,}\.(bvh|npz)")
-    forms = [folder / form for form in (BINARY_FOLDER, TEXT_FOLDER)]
-    runs = (file for file in folder.glob("*") if run.fullmatch(file.name))
-    return [*filter(Path.is_dir, forms), *runs]
+            remove(partial)
 
 
 def _partial(path: Path) -> Path:
     """Keeps the suffix, by which some writers choose a form."""
     return path.with_name(f".partial.{path.name}")
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
 
 
 TAKEN_ALONG: tuple[FormatName, ...] = ("colmap", "tum", "bvh", "glb", "amass")
@@ -348,7 +335,7 @@ def write_files(
         people = load_record(pseudo_gt_dir).people if pseudo_gt_dir.is_dir() else ()
         clips = list_clips(people_dir := world_people_dir(out_dir)) if people else []
         ids = [files.id for files, one in zip(clips, people, strict=True) if one.accepted]
-        _remove_written(out_dir / FILES, {name for one in clips for name in (one.id, one.sequence)})
+        remove_written(out_dir / FILES, {name for one in clips for name in (one.id, one.sequence)})
         if ids:
             into = TAKEN_ALONG, out_dir / FILES
             results = export(people_dir, *into, clips=ids, body=body, images=images, redo=True)
@@ -359,24 +346,6 @@ def write_files(
     return [
         (f"{one.unit.format} of {one.unit.name}", one.left_out) for one in results if one.left_out
     ]
-
-
-def _remove_written(files: Path, names: set[str]) -> None:
-    """Remove what was written of cameras alone, of people and sequences of these names, and of
-    others whose folders tell: by files of their name, or by a model in both forms."""
-    written = {files / "colmap": _own_parts(files / "colmap", "")}
-    for folder in (folder for format in FOLDERS for folder in (files / format).glob("*/")):
-        own = _own_parts(folder, folder.name)
-        if folder.name in names or len(own) > 1 or (own and own[0].is_file()):
-            written[folder] = own
-            names = names | {folder.name}
-    alone = [files / "tum" / f"{name}.txt" for name in {"camera", *names}]
-    alone += [files / "glb" / f"{name}.glb" for name in names]
-    for path in [*alone, *(part for own in written.values() for part in own)]:
-        _remove(path)
-        for left in (folder for folder in path.parents if files in folder.parents):
-            with suppress(OSError):  # not empty, or gone
-                left.rmdir()
 
 
 def _write_cameras(out_dir: Path, images: Path, fps_hz: float) -> None:

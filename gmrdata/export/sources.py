@@ -22,8 +22,7 @@ from gmrdata.manifest.read import listed_path, load_entry, read_data_set
 from gmrdata.read.bodies import body_files, load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.solve.request import FRAMES, MASKS, SFM
-from gmrdata.solve.verdict import VERDICT_FILE
-from gmrdata.solve.videos import FILES
+from gmrdata.solve.verdict import FILES, VERDICT_FILE
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip

@@ -36,8 +36,7 @@ from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Solved, align_dataset_camera, counts_of
 from gmrdata.pages.view3d import MOST_BODIES, view_of, write_view
 from gmrdata.solve.request import FRAMES, INTRINSICS, LINES, MASKS, SFM
-from gmrdata.solve.verdict import OVERLAY, PAGE, VIEW
-from gmrdata.solve.videos import FILES
+from gmrdata.solve.verdict import FILES, OVERLAY, PAGE, VIEW
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath

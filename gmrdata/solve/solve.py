@@ -46,7 +46,7 @@ from gmrdata.solve.request import (
     Solved,
     SolveRequest,
 )
-from gmrdata.solve.verdict import VERDICT_FILE, forget_verdict, with_lens_error, write_doubts
+from gmrdata.solve.verdict import VERDICT_FILE, forget_result, with_lens_error, write_doubts
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.body import NEUTRAL
 from gmrdata.values.camera import Lens
@@ -130,7 +130,7 @@ def _if_still_true(judged: Mapping[str, bytes] | None, out_dir: Path) -> Mapping
     """The records that a verdict was written of.  Where stages are others now, it is removed, and
     None is given: a run that is killed must not leave it beside cameras that it is not of."""
     if judged is not None and judged != _records(out_dir):
-        forget_verdict(out_dir)
+        forget_result(out_dir)
         return None
     return judged
 

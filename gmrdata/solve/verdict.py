@@ -3,8 +3,10 @@
 Besides the cameras its times, its lost frames, its lens and people not seen speak against it.
 """
 
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal, Self
 
@@ -30,10 +32,12 @@ from gmrdata.solve.request import FRAMES, EstimatedPeople, Solved
 from gmrdata.values.clip import Clip, first_reasons, load_clip
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import VideoRecord
+from gmrdata.values.people import PSEUDO_GT
 from gmrdata.values.records import Record
 from gmrdata.world.bodies import unseen_reasons
 from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.recipe import Doubts, PseudoGtConfig, Verdict, verdict_of
+from gmrdata.write.cameras import BINARY_FOLDER, TEXT_FOLDER
 
 DOUBTS_FILE = "doubts.json"
 NO_DOUBTS: Mapping[str, str] = {}
@@ -132,6 +136,8 @@ def _odd_steps(steps_s: np.ndarray, fps_hz: float) -> Iterator[str]:
 VERDICT_FILE = "verdict.json"
 PAGE, VIEW, OVERLAY = "index.html", "view3d.html", "overlay"
 """What is shown of a verdict, beside it."""
+FILES, FOLDERS = "files", ("colmap", "bvh", "amass")
+"""Files for other programs, and formats of a folder, in which others keep files of theirs too."""
 CAMERA = "camera"
 NOBODY = "none of the people can be used"
 UNCHECKED = (
@@ -167,14 +173,48 @@ class VideoVerdict(Record):
         return self
 
 
-def forget_verdict(out_dir: Path) -> None:
-    """Remove a verdict that is there, and what shows it; other files of these names stay."""
-    if not (out_dir / VERDICT_FILE).exists():
-        return
+def forget_result(out_dir: Path) -> None:
+    """Remove the verdict on what was solved, and all that shows it: page, overlay, and files for
+    other programs.  What others put beside these stays."""
+    remove_written(out_dir / FILES, {path.stem for path in out_dir.glob(f"{PSEUDO_GT}/*.npz")})
     for name in (PAGE, VERDICT_FILE, VIEW):
         (out_dir / name).unlink(missing_ok=True)
     if (out_dir / OVERLAY / STAGE_FILE).is_file():
         shutil.rmtree(out_dir / OVERLAY, ignore_errors=True)  # of a link only what it leads to
+
+
+def remove_written(files: Path, names: set[str]) -> None:
+    """Remove what was written of cameras alone, of people and sequences of these names, and of
+    others whose folders tell: by files of their name, or by a model in both forms."""
+    written = {files / "colmap": own_parts(files / "colmap", "")}
+    for folder in (folder for format in FOLDERS for folder in (files / format).glob("*/")):
+        own = own_parts(folder, folder.name)
+        if folder.name in names or len(own) > 1 or (own and own[0].is_file()):
+            written[folder] = own
+            names = names | {folder.name}
+    alone = [files / "tum" / f"{name}.txt" for name in {"camera", *names}]
+    alone += [files / "glb" / f"{name}.glb" for name in names]
+    for path in [*alone, *(part for own in written.values() for part in own)]:
+        remove(path)
+        for left in (folder for folder in path.parents if files in folder.parents):
+            with suppress(OSError):  # not empty, or gone
+                left.rmdir()
+
+
+def own_parts(folder: Path, name: str) -> list[Path]:
+    """What is written in a folder of `FOLDERS`: forms of a COLMAP model, and files that bear the
+    name and their frames."""
+    run = re.compile(re.escape(name) + r"_\d{5,}-\d{5,}\.(bvh|npz)")
+    forms = [folder / form for form in (BINARY_FOLDER, TEXT_FOLDER)]
+    runs = (file for file in folder.glob("*") if run.fullmatch(file.name))
+    return [*filter(Path.is_dir, forms), *runs]
+
+
+def remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def judge_video(solved: Solved) -> VideoVerdict:

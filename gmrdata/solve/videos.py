@@ -41,11 +41,12 @@ from gmrdata.solve.request import (
 )
 from gmrdata.solve.solve import chosen_body, solve
 from gmrdata.solve.verdict import (
+    FILES,
     OVERLAY,
     PAGE,
     VERDICT_FILE,
     VideoVerdict,
-    forget_verdict,
+    forget_result,
     judge_video,
 )
 from gmrdata.stage.jobs import Job, Outcome, raise_failures, try_here, try_jobs
@@ -64,7 +65,6 @@ VIDEOS, ENTRIES, FAILED = "videos", "entries", "failed"
 """Folders of a batch: the videos' own, their lines, and the reasons of those that failed."""
 RECORD_FILE, ENTRY_FILE = "videos.json", "entry.json"
 SOLVING = "solving videos"
-FILES = "files"
 PARTS = (
     FRAMES, FOLLOWED, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES,
     LINES, BODIES, PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
@@ -209,7 +209,7 @@ def solve_alone(
     verdict = judge_video(solve(request, out_dir, config, run))
     path, text = out_dir / VERDICT_FILE, json_text(verdict.model_dump(mode="json"))
     if path.is_file() and path.read_bytes() != text.encode():
-        forget_verdict(out_dir)
+        forget_result(out_dir)
     verdict.write(path)
     if after is not None:
         after(out_dir, verdict)
@@ -377,12 +377,7 @@ def _with_files(videos: Sequence[NamedVideo], batch: Batch) -> Batch:
     if isinstance(request.people, EstimatedPeople):
         people = replace(request.people, body=str(body_path))
         request = replace(request, people=people)
-    return replace(
-        batch,
-        request=request,
-        body=str(body_path),
-        body_files={"body": body_path},
-    )
+    return replace(batch, request=request, body=str(body_path), body_files={"body": body_path})
 
 
 def solve_listed(video: NamedVideo, batch: Batch, run: Run) -> VideoEntry:

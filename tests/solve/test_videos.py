@@ -117,13 +117,18 @@ ALONE: dict[str, Any] = {
 SHOWN = {PAGE, VIEW, OVERLAY}
 
 
+FILES = ("notes.txt", "tum/camera.txt", "bvh/person_0/person_0_00000-00003.bvh", "glb/person_0.glb")
+
+
 def with_page(frames: Path, out: Path) -> dict[Path, int]:
     """The verdict on a folder of images and what shows it, with the time of each."""
     verdict_path = solve_video(frames, out, **ALONE)
     for name in (PAGE, VIEW):
         (out / name).write_text("rejected")
     run_stage("overlay", out / OVERLAY, Config(), {}, lambda _: None)
-    (out / "files").mkdir(exist_ok=True)
+    for name in FILES:
+        (out / "files" / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / "files" / name).write_text("of the first verdict")
     return {path: path.stat().st_mtime_ns for path in (verdict_path, *map(out.joinpath, SHOWN))}
 
 
@@ -133,15 +138,18 @@ def names(folder: Path) -> set[str]:
 
 @pytest.mark.parametrize("is_other", [True, False])
 def test_a_page_of_another_verdict_is_not_left(tmp_path, is_other):
-    """It called a rejected video accepted, and showed the cameras of the one before."""
+    """It called a rejected video accepted, and showed the cameras of the one before.  Files for
+    other programs stayed until the verb wrote others, and from Python for good."""
     frames, out = grey_images(tmp_path / "a"), tmp_path / "out"
     made_ns = with_page(frames, out)
     solve_video(frames, out, **ALONE, run=Run(redo=True))
     assert {path: path.stat().st_mtime_ns for path in made_ns} == made_ns
+    assert contents(out / "files").keys() == {*FILES}
     # Of a copy elsewhere all stages stay, and the verdict says where it is.
     other = grey_images(tmp_path / "b", 4) if is_other else shutil.copytree(frames, tmp_path / "b")
     solve_video(other, out, **ALONE, run=Run(redo=is_other))
-    assert not names(out) & SHOWN and names(out) >= {VERDICT_FILE, "files"}
+    assert not names(out) & SHOWN and VERDICT_FILE in names(out)
+    assert contents(out / "files").keys() == {"notes.txt"}
 
 
 def test_a_page_that_is_no_verdicts_stays(tmp_path):
