@@ -25,8 +25,8 @@ def frame_set(
     )
 
 
-def grey_images(folder: Path, n: int = 3) -> Path:
-    """A folder of images 0.png, 1.png, ... of 64x48 px in which nothing is to be seen."""
+def grey_images(folder: Path, n: int = 3, size_px: tuple[int, int] = (64, 48)) -> Path:
+    """A folder of images 0.png, 1.png, ... in which nothing is to be seen."""
     for number in range(n):
-        write_gray(folder / f"{number}.png", np.full((48, 64), 128, np.uint8))
+        write_gray(folder / f"{number}.png", np.full(size_px[::-1], 128, np.uint8))
     return folder

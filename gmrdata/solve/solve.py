@@ -98,7 +98,8 @@ def solve(
     _require_apart(request.source, out_dir)
     if request.people is None:
         config = config.for_cameras_alone
-    judged = _records(out_dir) if (out_dir / VERDICT_FILE).exists() else None
+    results = (VERDICT_FILE, f"{PSEUDO_GT}/{STAGE_FILE}")
+    judged = _records(out_dir) if any((out_dir / name).exists() for name in results) else None
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
     solved = Solved(request, out_dir, config, frames, run, body_path)
@@ -106,7 +107,7 @@ def solve(
     for step in (_followed, _masks, _lens, _cameras, _cameras_again, _people, _world):
         judged = _if_still_true(judged, out_dir)
         solved = step(solved)
-    _if_still_true(judged, out_dir)
+    judged = _if_still_true(judged, out_dir)
     made: dict[str, object] = {
         SFM: solved.sfm_dir, LINES: solved.bodies, PSEUDO_GT: solved.world_dir
     }  # fmt: skip
@@ -114,7 +115,9 @@ def solve(
         made[BODIES] = solved.bodies
     left = [out_dir / name for name, result in made.items() if not result]
     _drop(left, run, "is of an earlier run, and now there is none")
-    return _fusion(solved)
+    solved = _fusion(solved)
+    _if_still_true(judged, out_dir)
+    return solved
 
 
 def _records(out_dir: Path) -> Mapping[str, bytes]:
@@ -127,8 +130,8 @@ def _records(out_dir: Path) -> Mapping[str, bytes]:
 
 
 def _if_still_true(judged: Mapping[str, bytes] | None, out_dir: Path) -> Mapping[str, bytes] | None:
-    """The records that a verdict was written of.  Where stages are others now, it is removed, and
-    None is given: a run that is killed must not leave it beside cameras that it is not of."""
+    """The records that a result is of.  Where stages are others now, its verdict and its page are
+    removed, and None is given: a run that is killed must not leave them beside other cameras."""
     if judged is not None and judged != _records(out_dir):
         forget_result(out_dir)
         return None

@@ -11,6 +11,7 @@ import pytest
 from gmrdata import SequenceConfig, solve_sequence, solve_video
 from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.lens.vanishing_points import LinesConfig
+from gmrdata.film.programmes import Circular
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.sources import FolderSource, MasksConfig
 from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_dir
@@ -31,10 +32,11 @@ from gmrdata.solve.solve import (
     _world,
     make_masks,
 )
+from gmrdata.solve.verdict import PAGE, VIEW
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import (
     BadRecipe,
     BadRecord,
@@ -47,6 +49,7 @@ from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from tests.frame_sets import frame_set, grey_images
 from tests.reconstructions import quality_of_path
+from tests.world.test_compose import as_input, true_clip
 
 
 @pytest.mark.parametrize(("poses", "network"), [("none", QUICK_LANDMARKS), (None, POSE_LANDMARKS)])
@@ -132,6 +135,32 @@ def test_a_sequence_without_people_is_refused(tmp_path):
     with pytest.raises(MissingInput, match="frames: nobody is given"):
         solve_sequence(frames, (), tmp_path / "out", config)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_page_of_another_result_of_a_sequence_is_not_left(small_body, tmp_path):
+    """After --redo --no-page it showed the cameras of before, as did its files."""
+    true = true_clip(small_body, Circular()).take(slice(4))
+    save_clip(tmp_path / "in.npz", as_input(true), small_body.rest_pelvis_m(true.motion.shape))
+    people, out = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),), tmp_path / "out"
+    shown = [out / name for name in (PAGE, VIEW, "files/tum/camera.txt")]
+
+    def solve_again(name: str, run: Run, error: type[Exception]) -> list[bool]:
+        grey_images(tmp_path / name, 4, lens_px)
+        masks = MasksConfig(sources=(FolderSource(path=tmp_path / name),))
+        with pytest.raises(error):
+            solve_sequence(frames, people, out, SequenceConfig(masks=masks), run=run)
+        return [path.exists() for path in shown]
+
+    lens_px = camera_of(true).lens.size_px
+    frames = grey_images(tmp_path / "frames", 4, lens_px)
+    assert not any(solve_again("masks", Run(), NoReconstruction))
+    run_stage("pseudo-gt", out / "pseudo_gt", Config(), {}, lambda _: None)
+    (out / "files" / "tum").mkdir(parents=True)
+    for path in shown:
+        path.write_text("of the first result")
+    assert all(solve_again("masks", Run(), StaleOutput))
+    assert all(solve_again("other", Run(), StaleOutput))
+    assert not any(solve_again("other", Run(redo=True), NoReconstruction))
 
 
 def test_the_whole_recipe_of_a_sequence_counts(tmp_path, monkeypatch):
