@@ -108,16 +108,20 @@ def predict_deltas(gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 
     return held(gmr, local_rotmats, predict_with_doubt(gmr, local_rotmats)[:2], gmr.fps_hz)
 
 
+class DoubtedMotions(NamedTuple):
+    """Motions from each of T poses to the next, and how far a network's answers are apart."""
+
+    delta_rotmats: Float[np.ndarray, "frames-1 3 3"]
+    delta_m: Float[np.ndarray, "frames-1 3"]
+    doubt: Float[np.ndarray, "frames-1 2"]
+    """Of the turn and of the step, as rates [rad/s, m/s]."""
+
+
 def predict_with_doubt(
     gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 3 3"]
-) -> tuple[
-    Float[np.ndarray, "frames-1 3 3"],
-    Float[np.ndarray, "frames-1 3"],
-    Float[np.ndarray, "frames-1 2"],
-]:
+) -> DoubtedMotions:
     """The same before soles hold it, and how far apart the answers are whose mean it is: those of a
-    symmetric network and of several networks, root mean square, of dR [rad] and of dT [m]; zeros
-    for one answer."""
+    symmetric network and of several networks, root mean square; zeros for one answer."""
     given = torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64)
     poses = given_input(given, gmr.model.config)
     device = next(gmr.model.parameters()).device
@@ -128,22 +132,22 @@ def predict_with_doubt(
         delta_rotmats, delta_m, doubt = (
             values[0, :-1].cpu().double().numpy() for values in (*mean, apart)
         )
-    return _orthonormal(delta_rotmats), delta_m, doubt
+    return DoubtedMotions(_orthonormal(delta_rotmats), delta_m, gmr.fps_hz * doubt)
 
 
 def held(
     gmr: TrainedGmr,
     local_rotmats: Float[np.ndarray, "frames 23 3 3"],
-    motions: tuple[np.ndarray, np.ndarray],
+    given: Deltas,
     fps_hz: float,
 ) -> Deltas:
     """dR and dT [m] between poses of any rate, orthonormal; held by soles if these have a say."""
-    rotmats, delta_m = motions
+    delta_rotmats, delta_m = given
     if gmr.model.config.soles_hold:
         poses = torch.as_tensor(local_rotmats.astype(np.float64))
-        between = torch.as_tensor(rotmats), torch.as_tensor(delta_m)
-        rotmats, delta_m = (x.numpy() for x in held_by_soles(poses, between, fps_hz))
-    return _orthonormal(rotmats), delta_m
+        tensors = torch.as_tensor(delta_rotmats), torch.as_tensor(delta_m)
+        delta_rotmats, delta_m = (x.numpy() for x in held_by_soles(poses, tensors, fps_hz))
+    return _orthonormal(delta_rotmats), delta_m
 
 
 def _orthonormal(rotmats: np.ndarray) -> np.ndarray:
@@ -207,15 +211,6 @@ def _too_short(gmr: TrainedGmr, motion: Motion) -> BadMotionFile:
     )
 
 
-class DoubtedMotions(NamedTuple):
-    """Motions from each of T poses to the next, and how far a network's answers are apart."""
-
-    delta_rotmats: Float[np.ndarray, "frames-1 3 3"]
-    delta_m: Float[np.ndarray, "frames-1 3"]
-    doubt: Float[np.ndarray, "frames-1 2"]
-    """Of the turn and of the step, as rates [rad/s, m/s]."""
-
-
 def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
     """dR (T-1, 3, 3) and dT (T-1, 3) [m] between all T poses, from the local ones alone, before
     soles hold them: feet that stand are evidence of their own.
@@ -246,7 +241,7 @@ def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
         turns[rows] += Rotation.from_matrix(found[:count]).as_rotvec()
         steps_m[rows] += found_m[:count]
         of_motion = (np.arange(count) * gmr.fps_hz / motion.fps_hz).astype(int)
-        doubts[rows] += gmr.fps_hz * doubt[of_motion.clip(max=len(doubt) - 1)]
+        doubts[rows] += doubt[of_motion.clip(max=len(doubt) - 1)]
         counts[rows] += 1
     if not counts.any():
         raise _too_short(gmr, motion)
@@ -287,10 +282,10 @@ class _WholeNetwork(nn.Module):
         # The exporter would else take the example's sizes for those of all inputs.
         poses = poses.reshape(local_rotmats.shape[0], local_rotmats.shape[1], poses.shape[2])
         delta_rotmats, delta_m = self.model(poses)
-        between = delta_rotmats[:, :-1], delta_m[:, :-1]
+        motions = delta_rotmats[:, :-1], delta_m[:, :-1]
         if self.model.config.soles_hold:
-            between = held_by_soles(local_rotmats, between, self.gmr.fps_hz)
-        return between
+            motions = held_by_soles(local_rotmats, motions, self.gmr.fps_hz)
+        return motions
 
 
 def onnx_network(gmr: TrainedGmr) -> bytes:

@@ -33,13 +33,13 @@ RIGHT_SOLE_M = {
 }
 """Heel, and ball and toe, of the mean skeleton's right foot, from a joint in the T-pose [m]."""
 
-Between = tuple[Float[Tensor, "*batch motions 3 3"], Float[Tensor, "*batch motions 3"]]
+Deltas = tuple[Float[Tensor, "*batch motions 3 3"], Float[Tensor, "*batch motions 3"]]
 """dR and dT [m] of the root from each pose to the next."""
 
 
 def held_by_soles(
-    local_rotmats: Float[Tensor, "*batch frames 23 3 3"], between: Between, fps_hz: float
-) -> Between:
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"], deltas: Deltas, fps_hz: float
+) -> Deltas:
     """Motions of the root from each pose to the next, corrected.
 
     To each the rates w of a turn and v of a step are added that minimise
@@ -50,9 +50,9 @@ def held_by_soles(
     before_m, after_m = soles_m[..., :-1, :, :], soles_m[..., 1:, :, :]
     sure_of_turn = after_m.new_tensor(TURN_SIGMA_RAD_PER_S) ** -2.0
     sure_of_step = STEP_SIGMA_M_PER_S**-2.0
-    turn = step = torch.zeros_like(between[1])
+    turn = step = torch.zeros_like(deltas[1])
     for _ in range(ITERATIONS):
-        rotmats, delta_m = _corrected(between, turn, step, fps_hz)
+        rotmats, delta_m = _corrected(deltas, turn, step, fps_hz)
         points_m = after_m @ rotmats.transpose(-1, -2)
         moved = fps_hz * (points_m + delta_m[..., None, :] - before_m)
         stands = SLIP_SIGMA_M_PER_S**-2.0 * _stillness(moved)
@@ -67,11 +67,11 @@ def held_by_soles(
         change = -solved(arms + sure_of_turn * torch.eye(3).to(arms), pull)
         step = step - drift - torch.linalg.cross(change, centre_m)
         turn = turn + change
-    return _corrected(between, turn, step, fps_hz)
+    return _corrected(deltas, turn, step, fps_hz)
 
 
-def _corrected(between: Between, turn: Tensor, step: Tensor, fps_hz: float) -> Between:
-    rotmats, delta_m = between
+def _corrected(deltas: Deltas, turn: Tensor, step: Tensor, fps_hz: float) -> Deltas:
+    rotmats, delta_m = deltas
     return rotations.to_rotmats(turn / fps_hz, "axis-angle") @ rotmats, delta_m + step / fps_hz
 
 
