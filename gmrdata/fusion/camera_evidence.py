@@ -320,17 +320,18 @@ def _own_change(motions: SeenMotions, fps_hz: float, apart: int) -> np.ndarray:
 
 
 def planted_feet(
-    body: BodyModel, motion: Motion, motions: SeenMotions, config: FusionConfig
+    body: BodyModel, motion: Motion, deltas: tuple[np.ndarray, np.ndarray], config: FusionConfig
 ) -> PlantedFeet:
-    """Points of a person's feet, and when they stand by the network's motion.
+    """Points of a person's feet, and when they stand by the network's motions (`held`).
 
     Joints of a leg err slowly, so a standing point seems to creep one way for a while.  As the
     graph takes steps for independent, each gets the spread that adds up to the same over a stance.
     """
     n, fps_hz = motion.n_frames, motion.fps_hz
     points_m = _points_root_m(body, motion)
-    later_m = (motions.delta_rotmats[:, None] @ points_m[1:, ..., None])[..., 0]
-    steps_m = later_m + motions.delta_m[:, None] - points_m[:-1]
+    delta_rotmats, delta_m = deltas
+    later_m = (delta_rotmats[:, None] @ points_m[1:, ..., None])[..., 0]
+    steps_m = later_m + delta_m[:, None] - points_m[:-1]
     still = np.linalg.norm(steps_m, axis=-1) * fps_hz < config.planted_m_per_s
     lasting = np.sqrt(max(1.0, 2 * config.slip_time_s * fps_hz))
     height_sigma_m = config.ground_sigma_m * lasting * np.sqrt(points_m.shape[1])

@@ -45,17 +45,10 @@ from gmrdata.fusion.record import (
     overall_sigma,
     sigma_file,
 )
-from gmrdata.fusion.smoothing import SamePlace, SeenMotions, smooth
+from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.config import BUNDLED, Which, network_dir, weights_dir
 from gmrdata.gmr.infer import stand
-from gmrdata.gmr.predict import (
-    Deltas,
-    DoubtedMotions,
-    TrainedGmr,
-    deltas_at_source_rate,
-    held,
-    load_gmr,
-)
+from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, held, load_gmr
 from gmrdata.gmr.runs import check_finite, given_body
 from gmrdata.motion.resample import between_known, valid_runs
 from gmrdata.read.bodies import load_body
@@ -450,7 +443,7 @@ def _fused(
     motion, known = clip.motion, known_frames(clip)
     check_finite(clip)
     found = deltas_at_source_rate(gmr, motion)
-    path = _held(gmr, motion, found)
+    path = held(gmr, motion.local_rotmats, found[:2], motion.fps_hz)
     motions = seen_motions(found, motion.fps_hz, network.errors)
     hidden = hidden_frames(person.seen, motion.fps_hz)
     # With a camera or without: a hand over the lens hides the person too.
@@ -467,10 +460,9 @@ def _fused(
         motions = corrected_by_like_poses(body, motion, motions, seen)
     feet = None
     if config.feet:  # which stand is clearer where soles hold the motion
-        rotmats, delta_m = _held(gmr, motion, motions)
-        standing = replace(motions, delta_rotmats=rotmats, delta_m=delta_m)
-        feet = planted_feet(body, motion, standing, config)
-    if feet is not None:
+        corrected = motions.delta_rotmats, motions.delta_m
+        deltas = held(gmr, motion.local_rotmats, corrected, motion.fps_hz)
+        feet = planted_feet(body, motion, deltas, config)
         feet = replace(feet, still=feet.still & ~steps_of(hidden))
     poses = smooth(motion.fps_hz, seen, motions, feet=feet, loops=person.loops)
     first = int(known.argmax())
@@ -499,11 +491,6 @@ def _posed(clip: Clip) -> Clip:
     local_rotmats = local_rotmats.copy()
     local_rotmats[lacking] = made_up
     return replace(clip, motion=replace(clip.motion, local_rotmats=local_rotmats))
-
-
-def _held(gmr: TrainedGmr, motion: Motion, seen: DoubtedMotions | SeenMotions) -> Deltas:
-    between = seen.delta_rotmats, seen.delta_m
-    return held(gmr, motion.local_rotmats, between, motion.fps_hz)
 
 
 def _placed(

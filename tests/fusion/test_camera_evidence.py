@@ -199,7 +199,8 @@ def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion):
 
 
 def test_a_walking_persons_feet_stand_in_turn(motion, small_body):
-    feet = planted_feet(small_body, motion, motions_of(motion), CONFIG)
+    seen = deltas(motion.root_rotmats, motion.pelvis_m)
+    feet = planted_feet(small_body, motion, seen, CONFIG)
     assert feet.points_root_m.shape == (240, 6, 3)
     by_foot = feet.still.reshape(239, 2, 3).any(axis=2)
     assert 0.3 < by_foot.mean() < 0.8
