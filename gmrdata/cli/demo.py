@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe, MotionsConfig
+from gmrdata.cli.demo_recipe import FPS_HZ, DemoClip, DemoPaths, DemoRecipe, MotionsConfig
 from gmrdata.film.programmes import Film, film_motion, plan_clip
 from gmrdata.film.render import RenderJob, optional_outputs
 from gmrdata.film.render_set import render_clips
@@ -40,14 +40,14 @@ from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values import plain_yaml
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadRecipe, GmrdataError, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import write_text
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.judge import load_record, quality_record
 
-SHORTEST_S = 1.2  # a trial shorter than this has too few motions at 10 fps to say anything
+SHORTEST_S = 1.2  # a trial shorter than this has too few motions at FPS_HZ to say anything
 WIDEST_M = 7.0  # the scene's free ground; a trial that walks further than this doesn't fit
 LEAST_TRAVEL_M = 0.5  # a trial that stays in place would make a dull picture
 
@@ -141,10 +141,11 @@ def choose_files(
         fitting = (file for file, reading in read if reading and _fits(reading, recipe.film))
         filmed = tuple(islice(fitting, n_clips))
     if len(filmed) != n_clips:
-        raise MissingInput(
-            f"{folder}: the recipe films {n_clips} motions, but {len(filmed)} of {len(files)} "
-            f"files were {'named' if trials else 'found to fit'}. Name {n_clips} with --trials"
-        )
+        found = f"the recipe films {n_clips} motions, but {len(filmed)} of {len(files)} files were"
+        least = f"at least {_shortest_s(recipe.film):g} s, {_slowest_hz(recipe.film):g} Hz"
+        fit = f"found to fit: {least} and {LEAST_TRAVEL_M:g} m, at most {WIDEST_M:g} m"
+        how = "named" if trials else fit
+        raise MissingInput(f"{folder}: {found} {how}. Name {n_clips} with --trials")
     others = tuple(file for file in files if file not in filmed)
     return MotionFiles(filmed, others[: recipe.training.max_files])
 
@@ -172,11 +173,20 @@ def _readable(file: LibraryFile, body: BodyModel) -> FileReading | None:
 def _fits(reading: FileReading, film: Film) -> bool:
     motion = reading.motion
     n_frames = min(motion.n_frames, round(film.duration_s * motion.fps_hz))
-    if not reading.valid[:n_frames].all():
+    if not reading.valid[:n_frames].all() or motion.fps_hz < _slowest_hz(film):
         return False
     path = motion.pelvis_m[:n_frames, :2]
     extent_m = float(np.ptp(path, axis=0).max())
-    return n_frames >= SHORTEST_S * motion.fps_hz and LEAST_TRAVEL_M <= extent_m <= WIDEST_M
+    is_long = n_frames >= round(_shortest_s(film) * motion.fps_hz)
+    return is_long and LEAST_TRAVEL_M <= extent_m <= WIDEST_M
+
+
+def _shortest_s(film: Film) -> float:
+    return min(SHORTEST_S, film.duration_s)
+
+
+def _slowest_hz(film: Film) -> float:
+    return film.fps_hz or FPS_HZ
 
 
 def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, run: Run) -> Path:
@@ -198,6 +208,9 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
                 reading = read_file(path, body, DEFAULT_READING, ground=True)
                 require_motion(reading, path, 0.0, config.film.duration_s)
                 motion = reading.motion
+                if motion.fps_hz < FPS_HZ:  # no report could be written of it
+                    what = f"{motion.fps_hz:g} Hz, and errors are measured at {FPS_HZ:g}"
+                    raise BadMotionFile(f"{path}: {what}. Film a motion of that rate or more")
             else:
                 motion = make_gait(spec.gait, config.film.duration_s, 30.0, body, rng)
             filmed = film_motion(motion, config.film)
@@ -226,22 +239,22 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
     """Embedded gait and, where files were given, those that are not filmed."""
     training = config.training
     rng = np.random.default_rng([config.seed, len(config.clips)])
-    gaits = embedded_motions(
-        body,
-        rng,
-        count=training.gait_count,
-        fps_hz=training.fps_hz,
-        duration_s=training.gait_duration_s,
-    )
+    n, seconds = training.gait_count, training.gait_duration_s
+    gaits = embedded_motions(body, rng, count=n, fps_hz=training.fps_hz, duration_s=seconds)
     motions = [
         (f"gait_{index:03d}", motion, np.ones(motion.n_frames, dtype=bool))
         for index, motion in enumerate(gaits)
     ]
     for file in track(files.training, "reading training motions") if files.training else ():
-        reading = _readable(file, body)
-        if reading and reading.valid.sum() / reading.motion.fps_hz >= SHORTEST_S:
-            valid = resample_valid(reading.valid, reading.motion.fps_hz, training.fps_hz)
-            motions.append((file.id, resample(reading.motion, training.fps_hz), valid))
+        if (reading := _readable(file, body)) is None:
+            continue
+        fps_hz, seconds = reading.motion.fps_hz, reading.valid.sum() / reading.motion.fps_hz
+        if fps_hz < FPS_HZ or seconds < SHORTEST_S:
+            what = f"{seconds:.3g} s at {fps_hz:.3g} Hz are too little to train on"
+            remark(f"left out: {file.path}: {what}")
+            continue
+        valid = resample_valid(reading.valid, fps_hz, training.fps_hz)
+        motions.append((file.id, resample(reading.motion, training.fps_hz), valid))
     return [Clip(id, motion, ok, np.full(len(ok), -1), None) for id, motion, ok in motions]
 
 

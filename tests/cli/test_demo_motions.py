@@ -11,6 +11,7 @@ from gmrdata.cli.demo_figures import _data_source
 from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import LICENCES, motions_head, write_motions
+from gmrdata.motion.resample import resample
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.body import BodyModel
@@ -112,6 +113,39 @@ def test_frames_without_a_motion_are_neither_filmed_nor_trained_on(tmp_path, sma
         BadMotionFile, match=r"a_late\.npz: 20 of its frames, from frame 0 on, hold"
     ):
         make_motions(paths, recipe, named, run=ANEW)
+
+
+def test_short_and_slow_motions_are_said_to_be_so_before_they_are_filmed(
+    tmp_path, small_body, capsys
+):
+    """A clip of 8 Hz was rendered and trained beside, and then could not be scored.  With clips
+    shorter than 1.2 s no file at all was found to fit; what is too short was not said."""
+    paths, recipe = demo_of(tmp_path / "demo", small_body)
+    motion = make_gait("walk", 4.0, 30.0, small_body, np.random.default_rng(0))
+    for name, one in {
+        "a_slow": resample(motion, 8.0),
+        "b_short": motion.take(np.arange(33)),
+        "c_good": motion,
+    }.items():
+        valid = np.ones(one.n_frames, dtype=bool)
+        save_bare(tmp_path / "in" / f"{name}.npz", small_body, one, valid)
+    files = choose_files(tmp_path / "in", (), recipe, small_body)
+    assert [file.id for file in files.filmed] == ["c_good"]
+    make_motions(paths, recipe, files, run=DEFAULT_RUN)
+    assert {path.stem for path in paths.training_dir.iterdir()} == {"gait_000"}
+    said = "".join(capsys.readouterr().err.split())
+    assert "a_slow.npz:4sat8Hzaretoolittletotrainon" in said
+    assert "b_short.npz:1.1sat30Hzaretoolittletotrainon" in said
+    named = choose_files(tmp_path / "in", ("a_slow",), recipe, small_body)
+    with pytest.raises(BadMotionFile, match=r"a_slow\.npz: 8 Hz, and errors are measured at 10\."):
+        make_motions(paths, recipe, named, run=ANEW)
+    shorter = DemoRecipe.model_validate(TINY | {"film": {"duration_s": 1.0}})
+    files = choose_files(tmp_path / "in", (), shorter, small_body)
+    assert [file.id for file in files.filmed] == ["b_short"]
+    (tmp_path / "in" / "c_good.npz").unlink()
+    found = "0 of 2 files were found to fit: at least 1.2 s, 10 Hz and 0.5 m, at most 7 m"
+    with pytest.raises(MissingInput, match=found):
+        choose_files(tmp_path / "in", (), recipe, small_body)
 
 
 def test_a_motion_without_its_skeleton_is_left_out_where_nobody_named_it(tmp_path, small_body):
