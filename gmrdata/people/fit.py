@@ -26,10 +26,10 @@ from gmrdata.people.landmark_body import (
     offsets_of,
 )
 from gmrdata.people.landmark_network import LANDMARKS, N_LANDMARKS
+from gmrdata.people.pose_prior import N_PRIOR, PRIOR_JOINTS, prior_by_turn, prior_errors
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import posed_joints_m
-from gmrdata.values.transforms import cross_matrices
 
 
 class FitConfig(Config):
@@ -48,6 +48,12 @@ class FitConfig(Config):
     """Of the pelvis before the camera [m/s2]."""
     turn_acceleration: float = Field(default=40.0, gt=0)
     """Of the pelvis's orientation [rad/s2]: hips are near to each other, and hardly tell of it."""
+    hinge_acceleration: float = Field(default=40.0, gt=0)
+    """Of the axes about which hips and knees bend [rad/s2]: straight legs hardly tell of them."""
+    foot_acceleration: float = Field(default=20.0, gt=0)
+    """Of those of ankles [rad/s2]: heel and toes are near to each other, too."""
+    prior: float = Field(default=0.1, ge=0)
+    """How much the pose prior (`gmrdata.people.pose_prior`) counts; frames are alike."""
     rest: float = Field(default=1.0, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
     stop_share: float = Field(default=1e-4, gt=0)
@@ -87,6 +93,7 @@ TURNED = tuple(n for n, name in enumerate(JOINT_NAMES) if not name.endswith(("fo
 """Joints that landmarks tell of."""
 N_TURNS = 3 * len(TURNED)
 N_UNKNOWNS = N_TURNS + 3
+BY_PRIOR = np.array([TURNED.index(joint) for joint in PRIOR_JOINTS])
 
 
 def fit(seen: SeenLandmarks, rest_joints_m: np.ndarray, config: FitConfig) -> FittedPose:
@@ -187,6 +194,20 @@ for _n in range(N_LANDMARKS):
     _MOVES[_n, _above(HANGS_ON[_n])[1:] + _above(TURNS_WITH[_n])] = True
 
 
+_SMOOTH = np.array(
+    [(JOINT["pelvis"], axis) for axis in range(3)]
+    + [
+        (JOINT[f"{side}_{part}"], 0)
+        for part in ("hip", "knee", "ankle")
+        for side in ("left", "right")
+    ]
+)
+"""Joints, and which of their axes turn smoothly; legs bend about x, which is across them."""
+_TURNS_AXES = np.zeros((len(_SMOOTH), N_JOINTS), dtype=bool)
+for _n, (_joint, _) in enumerate(_SMOOTH):
+    _TURNS_AXES[_n, _above(int(_joint))] = True
+
+
 class _Placed(NamedTuple):
     """A body that lies somewhere, and how far it is off."""
 
@@ -209,6 +230,10 @@ class _Problem:
         self.weights = seen.weights / SAME_TIME
         self.rest_weights = _WEIGHTS / config.rest**2
         self.over_time = _second_differences(seen.times_s)
+        # Three axes of what turns by w change by the root of 2 w together, one across w by w.
+        usual = [np.sqrt(2) * config.turn_acceleration] * 3
+        usual += [config.hinge_acceleration] * 4 + [config.foot_acceleration] * 2
+        self.per_axis = 1 / np.array(usual)[:, None]
         self.rotmats = first_rotmats(seen, rest_joints_m)
         depth_m = 0.5 / seen.sizes[:, None]
         self.pelvis_m = np.c_[seen.rays[:, HIPS].mean(axis=1) * depth_m, depth_m]
@@ -260,7 +285,7 @@ class _Problem:
         placed = self._placed(rotmats, pelvis_m)
         energy = self._of_landmarks(placed).sum() + self._of_joints(rotmats).sum()
         if self.over_time is not None:
-            for values in (*self._in_time(placed.about_m, pelvis_m), self._axes(rotmats)):
+            for values in (*self._in_time(placed.about_m, pelvis_m), self._axes(placed)):
                 energy += (self.over_time.of(values) ** 2).sum()
         return float(energy)
 
@@ -277,13 +302,16 @@ class _Problem:
         usual = config.acceleration * np.sqrt(N_LANDMARKS)
         return about / usual, pelvis_m / config.pelvis_acceleration
 
-    def _axes(self, rotmats: np.ndarray) -> np.ndarray:
-        """(T, 9) the same of the pelvis's axes; those of a turn by w change by the root of 2 w."""
-        return rotmats[:, 0].reshape(-1, 9) / (np.sqrt(2) * self.config.turn_acceleration)
+    def _axes(self, placed: _Placed) -> np.ndarray:
+        """(T, 27) the same of axes that turn smoothly."""
+        axes = placed.turned[:, _SMOOTH[:, 0], :, _SMOOTH[:, 1]].swapaxes(0, 1)
+        return np.asarray((axes * self.per_axis).reshape(len(axes), -1))
 
     def _of_joints(self, rotmats: np.ndarray) -> np.ndarray:
-        """(T,) joints that turn, and hinges that bend aside or back."""
+        """(T,) joints that turn, also otherwise than usual ones, and hinges that bend aside."""
         off = ((rotmats - np.eye(3)) ** 2).sum((-1, -2)) @ self.rest_weights
+        square = self.config.prior * (prior_errors(rotmats) ** 2).sum(-1)
+        off = off + OUTLIER * square / (OUTLIER + square)
         for joint, row, column, weight, sign in _LIMITS:
             value = rotmats[:, joint, row, column]
             off = off + weight * (value if sign == 0 else np.minimum(sign * value, 0)) ** 2
@@ -296,22 +324,21 @@ class _Problem:
         blocks, slope = np.zeros((3, n, N_UNKNOWNS, N_UNKNOWNS)), np.zeros((n, N_UNKNOWNS))
         by_turn = self._by_turn(placed)
         self._add_landmarks(placed, by_turn, blocks[0], slope)
+        self._add_prior(blocks[0], slope)
         self._add_joints(blocks[0], slope)
         if self.over_time is not None:
             config = self.config
             about, pelvis = self._in_time(placed.about_m, self.pelvis_m)
             usual = config.acceleration * np.sqrt(N_LANDMARKS)
             by_turn = (by_turn - by_turn[:, HIPS].mean(1, keepdims=True)) / usual
-            root, turns, places = slice(0, 3), slice(0, N_TURNS), slice(N_TURNS, None)
+            turns, places = slice(0, N_TURNS), slice(N_TURNS, None)
             by_place = np.tile(np.eye(3) / config.pelvis_acceleration, (n, 1, 1))
             by_turn = by_turn.reshape(n, -1, N_TURNS)
             self.over_time.add(about, by_turn, blocks[:, :, turns, turns], slope[:, turns])
             self.over_time.add(pelvis, by_place, blocks[:, :, places, places], slope[:, places])
-            axes = self._axes(self.rotmats)
-            # R exp(w) is R (1 + [w]x) for a small turn w about the pelvis's own axes.
-            by_root = axes.reshape(n, 1, 3, 3) @ cross_matrices(np.eye(3))
-            by_root = by_root.reshape(n, 3, 9).swapaxes(-1, -2)
-            self.over_time.add(axes, by_root, blocks[:, :, root, root], slope[:, root])
+            axes = self._axes(placed)
+            by_axes = self._axes_by_turn(placed, axes)
+            self.over_time.add(axes, by_axes, blocks[:, :, turns, turns], slope[:, turns])
         return blocks, slope
 
     def _by_turn(self, placed: _Placed) -> np.ndarray:
@@ -321,6 +348,14 @@ class _Problem:
         levers_m = levers_m * _MOVES[:, TURNED, None]
         moved = np.cross(axes[:, None], levers_m[..., None, :])  # (T, 33, joints, axis, 3)
         return np.asarray(moved.reshape(*moved.shape[:2], N_TURNS, 3).swapaxes(-1, -2))
+
+    def _axes_by_turn(self, placed: _Placed, axes: np.ndarray) -> np.ndarray:
+        """(T, 27, turns) how they move."""
+        own = placed.turned[:, TURNED].swapaxes(-1, -2)  # (T, joints, axis, 3)
+        moved = np.cross(own[:, None], axes.reshape(len(axes), -1, 1, 1, 3))
+        moved = moved * _TURNS_AXES[:, TURNED, None, None]
+        moved = moved.reshape(*moved.shape[:2], N_TURNS, 3).swapaxes(-1, -2)
+        return np.asarray(moved.reshape(len(axes), -1, N_TURNS))
 
     def _add_landmarks(
         self, placed: _Placed, by_turn: np.ndarray, blocks: np.ndarray, slope: np.ndarray
@@ -340,6 +375,16 @@ class _Problem:
         believed = np.sqrt(self.weights) * _belief(placed.depth**2)
         turns = slice(0, N_TURNS)
         _add_squares(by_depth * believed[..., None], placed.depth * believed,
+                     blocks[:, turns, turns], slope[:, turns])  # fmt: skip
+
+    def _add_prior(self, blocks: np.ndarray, slope: np.ndarray) -> None:
+        off = np.sqrt(self.config.prior) * prior_errors(self.rotmats)
+        believed = np.sqrt(self.config.prior) * _belief((off**2).sum(-1))
+        by_turn = np.zeros((len(off), N_PRIOR, len(TURNED), 3))
+        by_turn[:, :, BY_PRIOR] = prior_by_turn(self.rotmats) * believed[:, None, None, None]
+        off = off * _belief((off**2).sum(-1))[:, None]
+        turns = slice(0, N_TURNS)
+        _add_squares(by_turn.reshape(len(off), N_PRIOR, N_TURNS), off,
                      blocks[:, turns, turns], slope[:, turns])  # fmt: skip
 
     def _add_joints(self, blocks: np.ndarray, slope: np.ndarray) -> None:
