@@ -30,6 +30,7 @@ from gmrdata.people.pose_prior import N_PRIOR, PRIOR_JOINTS, prior_by_turn, prio
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.transforms import cross_matrices
 
 
 class FitConfig(Config):
@@ -45,14 +46,12 @@ class FitConfig(Config):
     acceleration: float = Field(default=12.0, gt=0)
     """Of landmarks about the hips [m/s2]."""
     pelvis_acceleration: float = Field(default=8.0, gt=0)
-    """Of the pelvis before the camera [m/s2]."""
+    """Of the pelvis across the camera's axis [m/s2]."""
+    depth_acceleration: float = Field(default=2.0, gt=0)
+    """Of the pelvis along it [m/s2]: people's sizes tell little of it, and change as they bend."""
     turn_acceleration: float = Field(default=40.0, gt=0)
     """Of the pelvis's orientation [rad/s2]: hips are near to each other, and hardly tell of it."""
-    hinge_acceleration: float = Field(default=40.0, gt=0)
-    """Of the axes about which hips and knees bend [rad/s2]: straight legs hardly tell of them."""
-    foot_acceleration: float = Field(default=20.0, gt=0)
-    """Of those of ankles [rad/s2]: heel and toes are near to each other, too."""
-    prior: float = Field(default=0.1, ge=0)
+    prior: float = Field(default=0.05, ge=0)
     """How much the pose prior (`gmrdata.people.pose_prior`) counts; frames are alike."""
     rest: float = Field(default=1.0, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
@@ -194,20 +193,6 @@ for _n in range(N_LANDMARKS):
     _MOVES[_n, _above(HANGS_ON[_n])[1:] + _above(TURNS_WITH[_n])] = True
 
 
-_SMOOTH = np.array(
-    [(JOINT["pelvis"], axis) for axis in range(3)]
-    + [
-        (JOINT[f"{side}_{part}"], 0)
-        for part in ("hip", "knee", "ankle")
-        for side in ("left", "right")
-    ]
-)
-"""Joints, and which of their axes turn smoothly; legs bend about x, which is across them."""
-_TURNS_AXES = np.zeros((len(_SMOOTH), N_JOINTS), dtype=bool)
-for _n, (_joint, _) in enumerate(_SMOOTH):
-    _TURNS_AXES[_n, _above(int(_joint))] = True
-
-
 class _Placed(NamedTuple):
     """A body that lies somewhere, and how far it is off."""
 
@@ -230,10 +215,8 @@ class _Problem:
         self.weights = seen.weights / SAME_TIME
         self.rest_weights = _WEIGHTS / config.rest**2
         self.over_time = _second_differences(seen.times_s)
-        # Three axes of what turns by w change by the root of 2 w together, one across w by w.
-        usual = [np.sqrt(2) * config.turn_acceleration] * 3
-        usual += [config.hinge_acceleration] * 4 + [config.foot_acceleration] * 2
-        self.per_axis = 1 / np.array(usual)[:, None]
+        across = 1 / config.pelvis_acceleration
+        self.per_pelvis = np.array([across, across, 1 / config.depth_acceleration])
         self.rotmats = first_rotmats(seen, rest_joints_m)
         depth_m = 0.5 / seen.sizes[:, None]
         self.pelvis_m = np.c_[seen.rays[:, HIPS].mean(axis=1) * depth_m, depth_m]
@@ -285,7 +268,7 @@ class _Problem:
         placed = self._placed(rotmats, pelvis_m)
         energy = self._of_landmarks(placed).sum() + self._of_joints(rotmats).sum()
         if self.over_time is not None:
-            for values in (*self._in_time(placed.about_m, pelvis_m), self._axes(placed)):
+            for values in (*self._in_time(placed.about_m, pelvis_m), self._axes(rotmats)):
                 energy += (self.over_time.of(values) ** 2).sum()
         return float(energy)
 
@@ -300,12 +283,11 @@ class _Problem:
         config = self.config
         about = from_hips(about_m).reshape(len(about_m), -1)
         usual = config.acceleration * np.sqrt(N_LANDMARKS)
-        return about / usual, pelvis_m / config.pelvis_acceleration
+        return about / usual, pelvis_m * self.per_pelvis
 
-    def _axes(self, placed: _Placed) -> np.ndarray:
-        """(T, 27) the same of axes that turn smoothly."""
-        axes = placed.turned[:, _SMOOTH[:, 0], :, _SMOOTH[:, 1]].swapaxes(0, 1)
-        return np.asarray((axes * self.per_axis).reshape(len(axes), -1))
+    def _axes(self, rotmats: np.ndarray) -> np.ndarray:
+        """(T, 9) the same of the pelvis's axes; those of a turn by w change by the root of 2 w."""
+        return rotmats[:, 0].reshape(-1, 9) / (np.sqrt(2) * self.config.turn_acceleration)
 
     def _of_joints(self, rotmats: np.ndarray) -> np.ndarray:
         """(T,) joints that turn, also otherwise than usual ones, and hinges that bend aside."""
@@ -331,14 +313,16 @@ class _Problem:
             about, pelvis = self._in_time(placed.about_m, self.pelvis_m)
             usual = config.acceleration * np.sqrt(N_LANDMARKS)
             by_turn = (by_turn - by_turn[:, HIPS].mean(1, keepdims=True)) / usual
-            turns, places = slice(0, N_TURNS), slice(N_TURNS, None)
-            by_place = np.tile(np.eye(3) / config.pelvis_acceleration, (n, 1, 1))
+            root, turns, places = slice(0, 3), slice(0, N_TURNS), slice(N_TURNS, None)
+            by_place = np.tile(np.diag(self.per_pelvis), (n, 1, 1))
             by_turn = by_turn.reshape(n, -1, N_TURNS)
             self.over_time.add(about, by_turn, blocks[:, :, turns, turns], slope[:, turns])
             self.over_time.add(pelvis, by_place, blocks[:, :, places, places], slope[:, places])
-            axes = self._axes(placed)
-            by_axes = self._axes_by_turn(placed, axes)
-            self.over_time.add(axes, by_axes, blocks[:, :, turns, turns], slope[:, turns])
+            axes = self._axes(self.rotmats)
+            # R exp(w) is R (1 + [w]x) for a small turn w about the pelvis's own axes.
+            by_root = axes.reshape(n, 1, 3, 3) @ cross_matrices(np.eye(3))
+            by_root = by_root.reshape(n, 3, 9).swapaxes(-1, -2)
+            self.over_time.add(axes, by_root, blocks[:, :, root, root], slope[:, root])
         return blocks, slope
 
     def _by_turn(self, placed: _Placed) -> np.ndarray:
@@ -348,14 +332,6 @@ class _Problem:
         levers_m = levers_m * _MOVES[:, TURNED, None]
         moved = np.cross(axes[:, None], levers_m[..., None, :])  # (T, 33, joints, axis, 3)
         return np.asarray(moved.reshape(*moved.shape[:2], N_TURNS, 3).swapaxes(-1, -2))
-
-    def _axes_by_turn(self, placed: _Placed, axes: np.ndarray) -> np.ndarray:
-        """(T, 27, turns) how they move."""
-        own = placed.turned[:, TURNED].swapaxes(-1, -2)  # (T, joints, axis, 3)
-        moved = np.cross(own[:, None], axes.reshape(len(axes), -1, 1, 1, 3))
-        moved = moved * _TURNS_AXES[:, TURNED, None, None]
-        moved = moved.reshape(*moved.shape[:2], N_TURNS, 3).swapaxes(-1, -2)
-        return np.asarray(moved.reshape(len(axes), -1, N_TURNS))
 
     def _add_landmarks(
         self, placed: _Placed, by_turn: np.ndarray, blocks: np.ndarray, slope: np.ndarray

@@ -10,10 +10,8 @@ from gmrdata.motion.resample import resample
 from gmrdata.people import fit as fitting
 from gmrdata.people.fit import FitConfig, FittedPose, fit
 from gmrdata.people.landmark_body import SeenLandmarks
-from gmrdata.people.landmark_network import LANDMARKS
-from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import angles_deg
 from tests.people.exact import aligned_mm, seen_exactly
 
@@ -118,34 +116,20 @@ def test_the_slope_is_that_of_the_energy(walk, anny):
         assert (after - before) / 2 == pytest.approx(2 * (slope * step).sum(), rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("landmarks", "joint", "usual"),
-    [
-        (("left_hip", "right_hip"), "pelvis", "turn_acceleration"),
-        (("left_knee", "left_ankle"), "left_hip", "hinge_acceleration"),
-        (("left_heel", "left_foot_index"), "left_ankle", "foot_acceleration"),
-    ],
-)
-def test_landmarks_that_jitter_hardly_turn_what_they_lie_on(landmarks, joint, usual, walk, anny):
+def test_hips_that_jitter_hardly_turn_the_pelvis(walk, anny):
     """Of rendered walks at 20 Hz the pelvis turned by 8 degrees in a tenth of a second, and another
-    8 back, and so did feet: more than people turn."""
+    8 back: more than people turn."""
     seen, rng = seen_exactly(walk, anny), np.random.default_rng(3)
     rays, rest_joints_m = seen.rays.copy(), anny.rest_joints_m(walk.shape)
-    shaken = [LANDMARKS.index(name) for name in landmarks]
-    rays[:, shaken] += rng.normal(0, 0.02, rays[:, shaken].shape)
+    rays[:, fitting.HIPS] += rng.normal(0, 0.02, rays[:, fitting.HIPS].shape)
     seen = replace(seen, rays=rays)
-
-    def across(rotmats: np.ndarray) -> np.ndarray:
-        """The way of the joint's x axis from frame to frame."""
-        turned = posed_joints_m(rest_joints_m, rotmats, np.zeros((len(rotmats), 3)))[1]
-        return np.asarray(np.diff(turned[:, JOINT[joint], :, 0], axis=0))
-
-    true = across(np.concatenate([walk.root_rotmats[:, None], walk.local_rotmats], axis=1))
-    off = []
-    for config in (FitConfig(), FitConfig.model_validate({usual: 1e6})):
-        found = across(fit(seen, rest_joints_m, config).rotmats)
-        off.append(np.linalg.norm(found - true, axis=-1).mean())
-    assert off[0] < 0.7 * off[1]
+    off_deg = []
+    for usual in (FitConfig().turn_acceleration, 1e6):
+        found = fit(seen, rest_joints_m, FitConfig(turn_acceleration=usual)).rotmats[:, 0]
+        turns, true = (r[:-1].swapaxes(-1, -2) @ r[1:] for r in (found, walk.root_rotmats))
+        cosines = np.einsum("tij,tij->t", turns, true)
+        off_deg.append(np.rad2deg(np.arccos(((cosines - 1) / 2).clip(-1, 1))).mean())
+    assert off_deg[0] < 0.7 * off_deg[1]
 
 
 def test_a_pelvis_that_hips_do_not_show_turns_as_legs_and_shoulders_tell(walk, anny):
