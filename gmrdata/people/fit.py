@@ -53,7 +53,7 @@ class FitConfig(Config):
     foot_acceleration: float = Field(default=20.0, gt=0)
     """Of those of ankles [rad/s2]: heel and toes are near to each other, too."""
     prior: float = Field(default=0.1, ge=0)
-    """How much the pose prior (`gmrdata.people.pose_prior`) counts; frames are alike."""
+    """How much the pose prior (`gmrdata.people.pose_prior`) counts: little, as frames are alike."""
     rest: float = Field(default=1.0, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
     stop_share: float = Field(default=1e-4, gt=0)
@@ -378,13 +378,11 @@ class _Problem:
                      blocks[:, turns, turns], slope[:, turns])  # fmt: skip
 
     def _add_prior(self, blocks: np.ndarray, slope: np.ndarray) -> None:
-        off = np.sqrt(self.config.prior) * prior_errors(self.rotmats)
-        believed = np.sqrt(self.config.prior) * _belief((off**2).sum(-1))
-        by_turn = np.zeros((len(off), N_PRIOR, len(TURNED), 3))
+        off, by_turn = prior_errors(self.rotmats), np.zeros((len(slope), N_PRIOR, len(TURNED), 3))
+        believed = np.sqrt(self.config.prior) * _belief(self.config.prior * (off**2).sum(-1))
         by_turn[:, :, BY_PRIOR] = prior_by_turn(self.rotmats) * believed[:, None, None, None]
-        off = off * _belief((off**2).sum(-1))[:, None]
         turns = slice(0, N_TURNS)
-        _add_squares(by_turn.reshape(len(off), N_PRIOR, N_TURNS), off,
+        _add_squares(by_turn.reshape(len(off), N_PRIOR, N_TURNS), off * believed[:, None],
                      blocks[:, turns, turns], slope[:, turns])  # fmt: skip
 
     def _add_joints(self, blocks: np.ndarray, slope: np.ndarray) -> None:
