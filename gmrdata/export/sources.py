@@ -403,5 +403,4 @@ def _clip_name(path: Path) -> str:
     try:
         return file_name(load_clip(path).id)
     except BadMotionFile:
-        own = path.absolute().parent.name if path.name == "clip.npz" else path.stem
-        return file_name(own)
+        return file_name(path.absolute().parent.name if path.name == "clip.npz" else path.stem)

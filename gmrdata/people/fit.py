@@ -196,11 +196,7 @@ for _n in range(N_LANDMARKS):
 
 _SMOOTH = np.array(
     [(JOINT["pelvis"], axis) for axis in range(3)]
-    + [
-        (JOINT[f"{side}_{part}"], 0)
-        for part in ("hip", "knee", "ankle")
-        for side in ("left", "right")
-    ]
+    + [(JOINT[side + part], 0) for part in ("hip", "knee", "ankle") for side in ("left_", "right_")]
 )
 """Joints, and which of their axes turn smoothly; legs bend about x, which is across them."""
 _TURNS_AXES = np.zeros((len(_SMOOTH), N_JOINTS), dtype=bool)
@@ -381,9 +377,8 @@ class _Problem:
         off, by_turn = prior_errors(self.rotmats), np.zeros((len(slope), N_PRIOR, len(TURNED), 3))
         believed = np.sqrt(self.config.prior) * _belief(self.config.prior * (off**2).sum(-1))
         by_turn[:, :, BY_PRIOR] = prior_by_turn(self.rotmats) * believed[:, None, None, None]
-        turns = slice(0, N_TURNS)
         _add_squares(by_turn.reshape(len(off), N_PRIOR, N_TURNS), off * believed[:, None],
-                     blocks[:, turns, turns], slope[:, turns])  # fmt: skip
+                     blocks[:, :N_TURNS, :N_TURNS], slope[:, :N_TURNS])  # fmt: skip
 
     def _add_joints(self, blocks: np.ndarray, slope: np.ndarray) -> None:
         for place, joint in enumerate(TURNED):

@@ -228,10 +228,9 @@ def _translations(tree: Hierarchy, table: np.ndarray) -> tuple[np.ndarray, np.nd
             translations[:, joint, "XYZ".index(axis)] = table[:, column]
     # Some programs write how far joints are from their offsets, and then along all three axes.
     placed = np.array([j > 0 and len(channels) == 3 for j, channels in enumerate(columns)])
-    usual, sizes = np.median(translations, axis=0), np.linalg.norm(offsets, axis=1)
-    is_small, is_near = (
-        placed & (2 * np.linalg.norm(apart, axis=1) < sizes) for apart in (usual, usual - offsets)
-    )
+    usual = np.median(translations, axis=0)
+    place, move, size = (np.linalg.norm(one, axis=1) for one in (usual, usual - offsets, offsets))
+    is_small, is_near = placed & (2 * place < size), placed & (2 * move < size)
     if is_small.sum() > is_near.sum():  # not where hips alone stand near nothing
         translations[:, is_small] += offsets[is_small]
     if not offsets[1:].any():
