@@ -3,9 +3,10 @@
     gmrdata motions path/to/cmu --out out/cmu
     PYTHONPATH=benchmarks python -m training.pose_prior out/cmu/motions.yaml OUT/pose_prior.npz
 
-Turns of hips, knees and spine at 10 Hz, each motion and its mirror image, each person alike.  That
-of CMU's people that ships is without those on whom anything is scored: subjects 02 and 08, and the
-paper's trials.  Few of them sit, squat or kneel, so how far both legs bend is left open.
+Turns of hips, knees and spine at 10 Hz, each motion and its mirror image, each person alike.  The
+shipped one is of the 17 people of the network's card: without subjects 02 and 08, whom `make
+bench-poses` films, and the paper's trials, but with the two low clips' of `make bench-people`.
+Few sit, squat or kneel, so how far both legs bend is left open.
 """
 
 import sys
@@ -67,7 +68,7 @@ def make(manifest_path: Path, out: Path) -> None:
     by_person: dict[str, list[np.ndarray]] = {}
     for file in track(files, "reading motions"):
         by_person.setdefault(str(subject_of(file.entry.source)), []).append(turns_rad(file))
-    mean, covariance = pose_prior({one: np.concatenate(all) for one, all in by_person.items()})
+    mean, covariance = pose_prior({one: np.concatenate(of) for one, of in by_person.items()})
     write_npz(
         out,
         {

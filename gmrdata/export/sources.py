@@ -25,7 +25,7 @@ from gmrdata.solve.request import FRAMES, MASKS, SFM
 from gmrdata.solve.verdict import FILES, VERDICT_FILE
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel, body_of, sized
-from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
+from gmrdata.values.clip import CLIP_FORMAT, Clip, file_name, load_clip
 from gmrdata.values.errors import (
     BadBodyFile,
     BadFrames,
@@ -364,7 +364,7 @@ def _pseudo_gt_clip(path: Path) -> ClipFiles:
     folder = path.absolute().parent.parent
     return ClipFiles(
         id=path.stem,
-        sequence=_file_name(folder.name),
+        sequence=file_name(folder.name),
         clip_path=path,
         images_dir=_there(folder / FRAMES),
         masks_dir=_there(folder / MASKS),
@@ -401,12 +401,6 @@ def _there(folder: Path) -> Path | None:
 def _clip_name(path: Path) -> str:
     """A clip's id as the name of a file; of a file that can't be read its own, or its folder's."""
     try:
-        return _file_name(load_clip(path).id)
+        return file_name(load_clip(path).id)
     except BadMotionFile:
-        own = path.absolute().parent.name if path.name == "clip.npz" else path.stem
-        return _file_name(own)
-
-
-def _file_name(clip_id: str) -> str:
-    """A clip's id as a name that leads nowhere; ids of manifests stay as they are."""
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", clip_id).lstrip(".-")[:200] or "clip"
+        return file_name(path.absolute().parent.name if path.name == "clip.npz" else path.stem)

@@ -1,5 +1,5 @@
 """Local poses from pictures, by the built-in estimator.
 
 `following` finds and follows people, `landmark_network` says where their landmarks are in a
-picture, `landmark_body` where they are on a body, and `fit` lays a body onto them.
+picture, `landmark_body` where on a body, `pose_prior` how joints turn; `fit` lays a body onto them.
 """

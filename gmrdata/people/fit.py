@@ -1,12 +1,12 @@
 """The fit: a body laid onto a track's landmarks, up to 600 frames at once, until it stands still.
 
 Least squares with few outliers (Geman and McClure 1987): landmarks in the picture, how much nearer
-to the camera than the hips the network has them, second differences over time, and how far joints
-turn.  A network that sees a crop takes each part as it looks along its own ray: feet that stand
-0.9 m below the hips and 2.5 m away look tilted back, and it has them 0.15 m further away.
-Levenberg and Marquardt's steps; a frame hangs on the two after it alone, so that the equations of
-all frames are a narrow band (Cholesky).  All is in metres and seconds and each frame adds to every
-term alike, so a video at 15 and at 60 Hz gets the same motion.
+to the camera than the hips the network has them, second differences over time, how far joints turn,
+and the pose prior.  A network that sees a crop takes each part as it looks along its own ray: feet
+that stand 0.9 m below the hips and 2.5 m away look tilted back, and it has them 0.15 m further
+away.  Levenberg and Marquardt's steps; a frame hangs on the two after it alone, so that the
+equations of all frames are a narrow band (Cholesky).  All is in metres and seconds and each frame
+adds to every term alike, so a video at 15 and at 60 Hz gets the same motion.
 """
 
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class FitConfig(Config):
     turn_acceleration: float = Field(default=40.0, gt=0)
     """Of the pelvis's orientation [rad/s2]: hips are near to each other, and hardly tell of it."""
     prior: float = Field(default=0.05, ge=0)
-    """How much the pose prior (`gmrdata.people.pose_prior`) counts; frames are alike."""
+    """How much the pose prior (`gmrdata.people.pose_prior`) counts: little, as frames are alike."""
     rest: float = Field(default=1.0, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
     stop_share: float = Field(default=1e-4, gt=0)
@@ -66,7 +66,7 @@ class FittedPose:
 
     rotmats: np.ndarray  # (T, 24, 3, 3), the root's in the camera's axes
     pelvis_m: np.ndarray  # (T, 3) before the camera
-    energies: np.ndarray  # (T,) what is left of landmarks and joints' limits; motion is not in it
+    energies: np.ndarray  # (T,) what is left of landmarks, limits and prior; motion is not in it
     converged: bool
 
 
@@ -80,7 +80,7 @@ _REST_WEIGHTS = {
 stands with bent knees stood on straighter legs, and so 4 cm below the floor."""
 _WEIGHTS = np.array([_REST_WEIGHTS.get(name, 0.15) for name in JOINT_NAMES])
 SAME_TIME = 4.0  # landmarks of a frame err together: so many of them tell as much as one
-OUTLIER = 9.0  # the most that a landmark costs
+OUTLIER = 9.0  # the most that a landmark costs, or by the prior a frame
 SLOPES_S = 1.0  # over which a body slopes alike
 SLOPE_NOISE = 0.6  # of a body that does not slope: a share of slopes like it is believed
 HINGE_SIDE, HINGE_BACK = 2.0, 40.0
@@ -354,14 +354,11 @@ class _Problem:
                      blocks[:, turns, turns], slope[:, turns])  # fmt: skip
 
     def _add_prior(self, blocks: np.ndarray, slope: np.ndarray) -> None:
-        off = np.sqrt(self.config.prior) * prior_errors(self.rotmats)
-        believed = np.sqrt(self.config.prior) * _belief((off**2).sum(-1))
-        by_turn = np.zeros((len(off), N_PRIOR, len(TURNED), 3))
+        off, by_turn = prior_errors(self.rotmats), np.zeros((len(slope), N_PRIOR, len(TURNED), 3))
+        believed = np.sqrt(self.config.prior) * _belief(self.config.prior * (off**2).sum(-1))
         by_turn[:, :, BY_PRIOR] = prior_by_turn(self.rotmats) * believed[:, None, None, None]
-        off = off * _belief((off**2).sum(-1))[:, None]
-        turns = slice(0, N_TURNS)
-        _add_squares(by_turn.reshape(len(off), N_PRIOR, N_TURNS), off,
-                     blocks[:, turns, turns], slope[:, turns])  # fmt: skip
+        _add_squares(by_turn.reshape(len(off), N_PRIOR, N_TURNS), off * believed[:, None],
+                     blocks[:, :N_TURNS, :N_TURNS], slope[:, :N_TURNS])  # fmt: skip
 
     def _add_joints(self, blocks: np.ndarray, slope: np.ndarray) -> None:
         for place, joint in enumerate(TURNED):

@@ -3,7 +3,7 @@
 Landmarks of hips lie near to each other and in the body, so a frame hardly tells how the pelvis
 turns and leans.  But who has the left leg before him turns the pelvis with it, and shoulders
 against it.  `pose_prior.npz` has mean and covariance of these turns (`benchmarks/training`), in
-which both legs, or the whole leg, may bend as they like: few of those people sit or squat.
+which both hips, or both knees, may bend alike as they like: few of those people sit or squat.
 """
 
 from functools import cache

@@ -4,8 +4,8 @@ The zero pose is the hierarchy's offsets with all rotations zero.  A joint's rot
 applied in the listed order about the joint's own moving axes (R = R1 R2 R3); its position channels
 replace the offset, which for the root is what exporters write although the 1999 description adds
 them (for a motion that is put on the floor afterwards the two differ by a constant shift).  Of any
-other joint they are added to the offset where most joints' are nearer to nothing than to that.
-Where all offsets but the root's are nothing, the channels' medians stand for them.
+other joint they are added to the offset where they are near nothing, unless more joints' are near
+their offsets.  Where all offsets but the root's are nothing, the channels' medians stand for them.
 """
 
 import re
@@ -228,9 +228,10 @@ def _translations(tree: Hierarchy, table: np.ndarray) -> tuple[np.ndarray, np.nd
             translations[:, joint, "XYZ".index(axis)] = table[:, column]
     # Some programs write how far joints are from their offsets, and then along all three axes.
     placed = np.array([j > 0 and len(channels) == 3 for j, channels in enumerate(columns)])
-    usual, sizes = (np.linalg.norm(one, axis=1) for one in (np.median(translations, 0), offsets))
-    is_small = placed & (2 * usual < sizes)
-    if 2 * is_small.sum() > (placed & (sizes > 0)).sum():  # not hips alone that stand near nothing
+    usual = np.median(translations, axis=0)
+    place, move, size = (np.linalg.norm(one, axis=1) for one in (usual, usual - offsets, offsets))
+    is_small, is_near = placed & (2 * place < size), placed & (2 * move < size)
+    if is_small.sum() > is_near.sum():  # not where hips alone stand near nothing
         translations[:, is_small] += offsets[is_small]
     if not offsets[1:].any():
         offsets[1:] = np.median(translations[:, 1:], axis=0)

@@ -317,7 +317,7 @@ def _of_values(value: Any, frames_px: tuple[int, int], *, from_middle: bool) -> 
 def _by_camera(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
     """Camera by camera what EasyMocap's `intri.yml` has as K_<name>, dist_<name> of all `names`."""
     names = value.get("names")
-    if not isinstance(names, list) or not all(f"K_{name}" in value for name in names):
+    if not names or not isinstance(names, list) or any(f"K_{one}" not in value for one in names):
         return value
     return {
         name: {key[: -len(end)]: one for key, one in value.items() if str(key).endswith(end)}
@@ -425,9 +425,11 @@ def _with_terms(values: Values) -> Values:
     OpenCV's beside PROX's `camera_mtx`, the radial ones beside mmpose's and Human3.6M's `p`."""
     k, p = (_numbers(values.get(name)) for name in ("k", "p"))
     others = {name: value for name, value in values.items() if name not in ("k", "p")}
-    if k is None or len(k) in (9, 12, 16) or not _has_focal(others):
+    is_matrix = k is not None and (len(k) in (9, 12, 16) or (len(k) == 4 and k[0] > MOST_SHARE))
+    if k is None or is_matrix or not _has_focal(others):
         return values
-    if p is None:
+    p = p if p is not None and len(p) == 2 else []  # else the matrix of a projection
+    if not p and len(k) > 3:
         return others | {"coeffs": k}
     return others | {f"{n}{i}": x for n, xs in (("k", k), ("p", p)) for i, x in enumerate(xs, 1)}
 

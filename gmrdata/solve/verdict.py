@@ -29,7 +29,7 @@ from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.people.sources import MasksConfig
 from gmrdata.read.intrinsics import GIVEN_SIGMA
 from gmrdata.solve.request import FRAMES, EstimatedPeople, Solved
-from gmrdata.values.clip import Clip, first_reasons, load_clip
+from gmrdata.values.clip import Clip, file_name, first_reasons, load_clip
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.people import PSEUDO_GT
@@ -176,7 +176,8 @@ class VideoVerdict(Record):
 def forget_result(out_dir: Path) -> None:
     """Remove the verdict on what was solved, and all that shows it: page, overlay, and files for
     other programs.  What others put beside these stays."""
-    remove_written(out_dir / FILES, {path.stem for path in out_dir.glob(f"{PSEUDO_GT}/*.npz")})
+    people = {path.stem for path in out_dir.glob(f"{PSEUDO_GT}/*.npz")}
+    remove_written(out_dir / FILES, {file_name(out_dir.absolute().name), *people})
     for name in (PAGE, VERDICT_FILE, VIEW):
         (out_dir / name).unlink(missing_ok=True)
     if (out_dir / OVERLAY / STAGE_FILE).is_file():

@@ -4,6 +4,7 @@ Beside it runs of rows that share a text, as reasons of dropped frames are; and 
 rendered clip, row by row: places of joints, and a character's residual.
 """
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -171,6 +172,11 @@ def _rotvecs(rotmats: np.ndarray) -> np.ndarray:
     if known.any():
         rotvecs[known] = rotvecs_from_rotmats(flat[known])
     return rotvecs.reshape(*rotmats.shape[:-1])
+
+
+def file_name(clip_id: str) -> str:
+    """A clip's id as a name that leads nowhere; ids of manifests stay as they are."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", clip_id).lstrip(".-")[:200] or "clip"
 
 
 def text_runs(texts: Iterable[str]) -> list[tuple[int, int, str]]:

@@ -35,7 +35,13 @@ from gmrdata.fusion.record import (
     result_rows,
 )
 from gmrdata.fusion.smoothing import SamePlace, smooth
-from gmrdata.gmr.predict import DoubtedMotions, TrainedGmr, deltas_at_source_rate
+from gmrdata.gmr.model import MeanGmr
+from gmrdata.gmr.predict import (
+    DoubtedMotions,
+    TrainedGmr,
+    deltas_at_source_rate,
+    predict_with_doubt,
+)
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
@@ -73,6 +79,18 @@ def test_motions_at_the_poses_rate_are_shares_of_the_networks(fps_hz, walk, cons
     assert doubt.tolist() == [[0.0, 0.0]] * 40, "one answer"
     # Along the arc's chord; at a lower rate than the steps', in straight pieces.
     np.testing.assert_allclose(np.linalg.norm(found_m, axis=1), 0.1 * 10 / fps_hz, rtol=0.01)
+
+
+@pytest.mark.parametrize("fps_hz", [10.0, 30.0, 25.0])
+def test_doubt_is_a_rate_whatever_that_of_the_poses(fps_hz, walk, constant):
+    """Two answers that are 0.1 rad and 4 cm apart, ten times a second."""
+    slow, fast = (constant([0.0, 0.2 + x, 0.0], [0.0, 0.0, 0.1 + 0.4 * x]) for x in (-0.05, 0.05))
+    both = replace(slow, model=MeanGmr([slow.model, fast.model]).eval())
+    motion = walk(fps_hz, 41)
+    of_network = predict_with_doubt(both, walk(10.0, 41).local_rotmats).doubt
+    np.testing.assert_allclose(of_network, [[0.5, 0.2]] * 40, rtol=1e-3)
+    found = deltas_at_source_rate(both, motion).doubt
+    np.testing.assert_allclose(found, [[0.5, 0.2]] * 40, rtol=1e-3)
 
 
 def test_too_few_poses_are_refused(walk, untrained):

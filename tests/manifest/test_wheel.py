@@ -40,6 +40,14 @@ def test_wheel_carries_every_resource(wheel):
     }
     assert "gmrdata/published/schema/v1.json" in wanted
     assert wanted - carried == set()
+    read = {
+        file.relative_to(REPOSITORY).as_posix()
+        for folder in ("gmr/weights", "pages", "people", "read")
+        for file in (REPOSITORY / "gmrdata" / folder).rglob("*.*")
+        if "__pycache__" not in file.parts
+    }
+    assert {"gmrdata/people/pose_prior.npz", "gmrdata/people/landmark_body.json"} <= read
+    assert read - carried == set()
     assert {"blender/start.py", "blender/requirements.txt"} <= carried
     templates = [file.name for file in (REPOSITORY / "gmrdata/pages/templates").iterdir()]
     assert {f"gmrdata/pages/templates/{name}" for name in templates} - carried == set()

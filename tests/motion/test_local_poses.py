@@ -174,9 +174,13 @@ def test_phalp_of_images_that_its_sorting_put_out_of_order_is_refused(tmp_path, 
     path = write_phalp(tmp_path / "p.pkl", frames)
     with pytest.raises(BadMotionFile, match=r"p\.pkl: image 2 follows on image 11.*00012\.jpg"):
         read_local_poses(path, 30.0, body=small_body)
-    padded = [{**frame, "frame_path": f"{t:02d}.jpg"} for t, frame in enumerate(frames)]
-    (run,) = read_local_poses(write_phalp(path, padded), 30.0, body=small_body)
-    assert run.image_numbers.tolist() == list(range(12))
+    # Times in seconds have their own numbers of digits, and their parts begin again.
+    times_s = [f"1305031102.{t}" for t in (175, 2, 304, 45, 6, 72, 854, 95)]
+    times_s += [f"1305031103.{t}" for t in ("004", "04", 1, 14)]
+    for right in ([f"{t:02d}" for t in range(12)], times_s, list("abcdefghijkl")):
+        named = [{**one, "frame_path": f"{t}.jpg"} for one, t in zip(frames, right, strict=True)]
+        (run,) = read_local_poses(write_phalp(path, named), 30.0, body=small_body)
+        assert run.image_numbers.tolist() == list(range(12))
 
 
 def test_gvhmr_has_21_joints_and_straight_hands(tmp_path, small_body):

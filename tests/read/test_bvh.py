@@ -136,6 +136,20 @@ def test_hips_that_stand_near_nothing_are_where_their_channels_say(write_bvh, tm
     np.testing.assert_allclose(source.translations_m.reshape(3, -1), rows, atol=1e-12)
 
 
+def test_hips_that_walk_say_nothing_of_whether_others_are_moved_from_their_offsets(
+    write_bvh, tmp_path
+):
+    """Half of two joints with a place are not most: the hand came to lie in the hips."""
+    offsets = np.array([[0.0, 0, 0], [0, 90, 0], [20, 10, 0]])
+    place = ["Xposition", "Yposition", "Zposition"]
+    rows = np.zeros((3, 9))
+    rows[:, 3:6] = [[0, 88, 100], [0, 89, 200], [0, 88, 300]]
+    path = write_bvh(tmp_path / "a.bvh", list("abc"), [-1, 0, 1], offsets, [place] * 3, rows)
+    source = read_bvh(path, unit_m=1.0, drop_rest_frame=False)
+    np.testing.assert_allclose(source.translations_m[:, 1], rows[:, 3:6], atol=1e-12)
+    np.testing.assert_allclose(source.translations_m[:, 2], [offsets[2]] * 3, atol=1e-12)
+
+
 def test_units_rate_and_end_sites(tmp_path):
     path = tmp_path / "a.bvh"
     path.write_text(GOOD)

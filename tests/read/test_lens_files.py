@@ -169,6 +169,10 @@ error = 0.0
     "mmpose.json": json.dumps(
         {"f": [600, 605], "c": [320, 240], "k": [-0.1, 0, 0], "p": [0, 0], "w": 640, "h": 480}
     ),
+    "with_projection.json": json.dumps(
+        {"camera_mtx": K, "k": [-0.1, 0, 0, 0, 0], "P": np.eye(3, 4).tolist()}
+    ),
+    "no_names.json": json.dumps(FLAT | {"names": []}),
     "metashape.xml": """<?xml version="1.0" encoding="UTF-8"?>
 <calibration>
   <projection>frame</projection>
@@ -231,6 +235,7 @@ PINHOLES = {
         {"K": [600, 0, 0, 0, 605, 0, 320, 240, 1], "w": 640, "h": 480, "fps": 30}
     ),
     "four.txt": "600, 605, 320, 240",
+    "four_in_k.json": json.dumps({"K": [600, 605, 320, 240], "focal_length": 600}),
     "k.txt": "600 0 320\n0 605 240\n0 0 1\n",
     "ros_block.yaml": "image_width: 640\nimage_height: 480\n"
     f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: {K_ROW}\n"

@@ -211,7 +211,8 @@ def test_three_systems_of_one_sequence_are_compared_by_one_command(tmp_path, dat
     vibe(folder, body, true)
     out = tmp_path / "out"
     given = ("--body", str(data / "body.npz"), "--fps-hz", "30", "--out", str(out))
-    main(["evaluate", str(folder), str(data / "manifest.yaml"), *given])
+    asked = ["evaluate", str(folder), str(data / "manifest.yaml"), *given]
+    main([*asked, "--person", f"wham/{true.id}=3"])
     found = Comparison.read(out / "comparison" / "comparison.json")
     assert found.runs == ("gvhmr", "vibe", "wham") and found.clips == (true.id,)
     tme = {row.run: row.mean_of_clips for row in found.metrics["tme_mm"]}

@@ -142,7 +142,7 @@ def test_a_page_of_another_result_of_a_sequence_is_not_left(small_body, tmp_path
     true = true_clip(small_body, Circular()).take(slice(4))
     save_clip(tmp_path / "in.npz", as_input(true), small_body.rest_pelvis_m(true.motion.shape))
     people, out = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),), tmp_path / "out"
-    shown = [out / name for name in (PAGE, VIEW, "files/tum/camera.txt")]
+    shown = [out / name for name in (PAGE, VIEW, "files/tum/camera.txt", "files/tum/out.txt")]
 
     def solve_again(name: str, run: Run, error: type[Exception]) -> list[bool]:
         grey_images(tmp_path / name, 4, lens_px)

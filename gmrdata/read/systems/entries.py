@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.frames import number_in_name
 from gmrdata.read.numbers import finite_numbers, require_radians
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadMotionFile
@@ -141,11 +140,6 @@ def whole_number(value: Any) -> int | None:
     """A whole number of a reasonable size, else None."""
     is_whole = isinstance(value, int | np.integer) and abs(int(value)) < LARGEST_NUMBER
     return int(value) if is_whole else None
-
-
-def picture_number(key: Any) -> int | None:
-    """The number of a picture by its key, which may be the name of its file; None without one."""
-    return number_in_name(key) if isinstance(key, str) else whole_number(key)
 
 
 def shown(key: Any) -> str:

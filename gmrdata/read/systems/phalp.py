@@ -20,15 +20,16 @@ No motion is bridged over the beginning of a shot, although tracks go on there.
 Of a video it reads 1300 frames, unless it is told otherwise (`VideoConfig.end_frame`).
 """
 
+import re
 from collections import defaultdict
 from collections.abc import Mapping
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
-from gmrdata.read.systems.entries import Entry, person_name, picture_number, shown, whole_number
+from gmrdata.read.systems.entries import Entry, person_name, shown, whole_number
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.people import Crop, EstimatedPeople, EstimatedPerson, InCamera
@@ -40,6 +41,7 @@ CROP_KEYS = ("camera_bbox", "center", "scale")
 END_FRAME, ALL_FRAMES = 1300, "video.end_frame=-1"
 """How many frames of a video it takes, and what it has to be told for all of them."""
 LISTS = ("tid", "tracked_time", "smpl", "camera", "size", *CROP_KEYS)
+NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")  # in a name, which may be a time in seconds
 
 
 def read_phalp(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
@@ -48,22 +50,23 @@ def read_phalp(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
     for key, values in content.items():
         frame = Entry(values, f"frame {shown(key)}", path)
         time, tracked = _tracked(frame)
-        pictures[time] = picture_number(key)
+        pictures[time] = PurePosixPath(str(key)).stem
         if whole_number(frame.values.get("shot")):
             cuts.add(time)
         for name, row in tracked:
             if time in tracks[name]:
                 raise frame.fault(f"times of {name} are not rising frame numbers")
             tracks[name][time] = row
-    _require_in_order([n for _, n in sorted(pictures.items()) if n is not None], path)
+    _require_in_order([name for _, name in sorted(pictures.items())], path)
     people = (_person(name, rows, frozenset(cuts)) for name, rows in tracks.items())
     return EstimatedPeople("phalp", (path,), tuple(people), len(content))
 
 
-def _require_in_order(pictures: list[int], path: Path) -> None:
+def _require_in_order(pictures: list[str], path: Path) -> None:
     """Refuse images that followed each other by the letters of their names, and not as filmed."""
     for before, after in pairwise(pictures):
-        if after < before:
+        numbers = [[*map(float, NUMBER.findall(name))] for name in (before, after)]
+        if len(numbers[0]) == len(numbers[1]) and numbers[1] < numbers[0]:
             what = f"image {after} follows on image {before}, as PHALP sorts names by their letters"
             remedy = "Number the images with as many digits each (00012.jpg), and run it again"
             raise BadMotionFile(f"{path}: {what}. {remedy}")

@@ -27,7 +27,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.systems.entries import Entry, person_name, picture_number
+from gmrdata.read.frames import number_in_name
+from gmrdata.read.systems.entries import Entry, person_name, whole_number
 from gmrdata.values.body import JOINT, PARENTS
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.people import EstimatedPeople, EstimatedPerson, InCamera, Pinhole
@@ -84,8 +85,8 @@ def _in_order(content: Any, path: Path) -> list[Any]:
     """
     if not isinstance(content, Mapping):
         return list(content)
-    numbered = {picture_number(key): picture for key, picture in content.items()}
-    numbers = sorted(number for number in map(picture_number, content) if number is not None)
+    numbered = {_picture_number(key): picture for key, picture in content.items()}
+    numbers = sorted(number for number in map(_picture_number, content) if number is not None)
     if not numbers:
         return list(content.values())
     if len(numbers) < len(content):
@@ -99,6 +100,11 @@ def _in_order(content: Any, path: Path) -> list[Any]:
             remedy = "Give an empty list for a picture without anybody"
             raise BadMotionFile(f"{path}: {what}. {remedy}, and each number once")
     return [numbered[number] for number in numbers]
+
+
+def _picture_number(key: Any) -> int | None:
+    """By the picture's key, which may be the name of its file; None without one."""
+    return number_in_name(key) if isinstance(key, str) else whole_number(key)
 
 
 def are_rows(content: Any) -> bool:
