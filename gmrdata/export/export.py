@@ -263,7 +263,7 @@ def _write(
     if (reason := why_not(format, people, options)) or dry_run:
         return reason
     try:
-        for lacking in not_held(unit.format, people):
+        for lacking in not_held(unit.format, people, options.of):
             remark(f"{unit.name}: {lacking}")
         with _whole(unit) as partial:
             format.write(people, partial, options)
