@@ -374,7 +374,7 @@ def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
 
     usable = zip(clips, _usable(clips, "left out"), strict=True)
     people = [_tracked(one) if is_usable else None for one, is_usable in usable]
-    write_wham(path, people, clips[0].clip.camera)
+    write_wham(path, people)
 
 
 def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
@@ -383,7 +383,7 @@ def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOpt
 
     person = _tracked(clips[0])
     _require_each_frame(person, "GVHMR has a row for each frame; wham names its frames")
-    write_gvhmr(path, person, clips[0].clip.camera)
+    write_gvhmr(path, person)
 
 
 def _require_each_frame(person: "TrackedPerson", remedy: str) -> None:
@@ -401,17 +401,15 @@ def _tracked(exported: "ExportedClip") -> "TrackedPerson":
     from gmrdata.score.results import frames_of_rows
     from gmrdata.write.systems import TrackedPerson
 
-    folder, numbers = exported.images_dir, exported.clip.image_numbers
+    folder, clip, numbers = exported.images_dir, exported.clip, exported.clip.image_numbers
     video = None if folder is None else video_record(folder)
     if video is not None and (numbers >= 0).any():
         frame_of = video.frame_of
         frames = np.array([frame_of.get(number, -1) for number in numbers.tolist()])
     else:
-        frames = frames_of_rows(
-            exported.clip, [] if folder is None else list(images_by_number(folder))
-        )
-    rows = exported.clip.valid & (frames >= 0)
-    return TrackedPerson(exported.clip.motion, exported.rest_pelvis_m, rows, frames)
+        frames = frames_of_rows(clip, [] if folder is None else list(images_by_number(folder)))
+    rows = clip.valid & (frames >= 0)
+    return TrackedPerson(clip.motion, exported.rest_pelvis_m, rows, frames, clip.camera)
 
 
 def export_usd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:

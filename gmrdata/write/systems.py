@@ -35,6 +35,7 @@ class TrackedPerson:
     rest_pelvis_m: np.ndarray  # (3,) J0 of the person's shape, rest frame [m]
     rows: np.ndarray  # (T,) bool: frames that may be used
     frame_numbers: np.ndarray  # (T,) int: which frame of the video each row is, from 0
+    camera: CameraPath | None = None  # over the same frames
 
 
 Y_UP_FROM_WORLD = rigid(WORLD_FROM_REST.T, np.zeros(3))
@@ -60,7 +61,7 @@ if TYPE_CHECKING:
     import torch
 
 
-def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) -> None:
+def write_gvhmr(path: Path, person: TrackedPerson) -> None:
     """Write `hmr4d_results.pt`: one person, with a row for every frame.
 
     SMPL-X has other shape coefficients than the person's body, so `betas` are zero, the mean shape;
@@ -73,7 +74,7 @@ def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) ->
     """
     import torch
 
-    motion = person.motion
+    motion, camera = person.motion, person.camera
     require_finite(motion, np.arange(motion.n_frames))
     valid = person.rows
     content: dict[str, object] = {GVHMR.world: _smplx_params(motion, Y_UP_FROM_WORLD)}
@@ -107,9 +108,7 @@ def _smplx_params(motion: Motion, frame_from_world: np.ndarray) -> dict[str, "to
     return {key: torch.tensor(values, dtype=torch.float32) for key, values in params.items()}
 
 
-def write_wham(
-    path: Path, people: Sequence[TrackedPerson | None], camera: CameraPath | None
-) -> None:
+def write_wham(path: Path, people: Sequence[TrackedPerson | None]) -> None:
     """Write `wham_output.pkl`: each person's frames that may be used, numbered from person 0.
 
     A person who is None is left out; the others keep their numbers.
@@ -121,11 +120,12 @@ def write_wham(
     Raises:
         BadMotionFile: a person has no frame that may be used, or one that is not finite.
     """
-    content = {n: _wham_person(one, camera) for n, one in enumerate(people) if one is not None}
+    content = {n: _wham_person(one) for n, one in enumerate(people) if one is not None}
     write_bytes(path, python3_pickle(content))
 
 
-def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, object]:
+def _wham_person(person: TrackedPerson) -> dict[str, object]:
+    camera = person.camera
     rows = person.rows if camera is None else person.rows & camera.has_camera
     if not rows.any():
         raise BadMotionFile("a person has no frame that may be used; give a clip with one")
