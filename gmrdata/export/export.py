@@ -117,7 +117,7 @@ def export(
         MissingInput: there is no such source, clip, body, image folder or network.
     """
     source, out = Path(source), Path(out)
-    options = ExportOptions(of, observations, _path(threedpw))
+    options = ExportOptions(of, observations, None if threedpw is None else Path(threedpw))
     of_clips = {"clips": clips, "body": body, "images": images, "truth": truth}
     _require_used(formats, vars(options) | {"which": which} | of_clips)
     wanted = tuple(dict.fromkeys(name for name in formats if name != "onnx"))
@@ -127,7 +127,8 @@ def export(
     plan = [(people, list(_units(people, wanted, options, out))) for people in people_of]
     paths = _apart([unit for _, units in plan for unit in units])
     _refuse_to_overwrite([] if redo or dry_run else paths)
-    return _export_clips(plan, _Given(body, _path(images), _path(truth)), options, dry_run)
+    folders = (None if path is None else Path(path) for path in (images, truth))
+    return _export_clips(plan, _Given(body, *folders), options, dry_run)
 
 
 def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
@@ -160,10 +161,6 @@ def _export_clips(
             loaded = {one.id: _load(one, given, truths, len(plan) == 1) for one in people}
             results += [Exported(unit, _write(unit, loaded, options, dry_run)) for unit in units]
     return results
-
-
-def _path(given: str | Path | None) -> Path | None:
-    return None if given is None else Path(given)
 
 
 class _Given(NamedTuple):

@@ -373,8 +373,7 @@ def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     from gmrdata.write.systems import write_wham
 
     usable = zip(clips, _usable(clips, "left out"), strict=True)
-    people = [_tracked(one) if is_usable else None for one, is_usable in usable]
-    write_wham(path, people)
+    write_wham(path, [_tracked(one) if is_usable else None for one, is_usable in usable])
 
 
 def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:

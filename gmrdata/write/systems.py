@@ -135,17 +135,14 @@ def _wham_person(person: TrackedPerson) -> dict[str, object]:
     rest_pelvis_m = person.rest_pelvis_m if is_smpl else np.array(SMPL_REST_PELVIS_M)
     shape = motion.shape if is_smpl else np.zeros(N_BETAS)
     shape = np.pad(shape, (0, max(0, N_BETAS - len(shape))))
-    content: dict[str, object] = {}
+    arrays = dict[str, np.ndarray]()
     if camera is not None:
-        cam_from_world = invert(camera.world_from_cam[rows])
-        content |= _named(placed(motion, cam_from_world, rest_pelvis_m), "pose", "trans")
-    world = placed(motion, Y_UP_FROM_WORLD, rest_pelvis_m)
-    content |= _named(world, "pose_world", "trans_world")
-    content["betas"] = np.tile(shape, (motion.n_frames, 1)).astype(np.float32)
+        in_camera = placed(motion, invert(camera.world_from_cam[rows]), rest_pelvis_m)
+        arrays |= zip(("pose", "trans"), in_camera, strict=True)
+    in_world = placed(motion, Y_UP_FROM_WORLD, rest_pelvis_m)
+    arrays |= zip(("pose_world", "trans_world"), in_world, strict=True)
+    arrays["betas"] = np.tile(shape, (motion.n_frames, 1))
+    content: dict[str, object] = {key: of.astype(np.float32) for key, of in arrays.items()}
     content["frame_ids"] = person.frame_numbers[rows].astype(np.int64)
     content["body"] = motion.body if is_smpl else NEUTRAL
     return content
-
-
-def _named(arrays: tuple[np.ndarray, np.ndarray], *keys: str) -> dict[str, object]:
-    return dict(zip(keys, (values.astype(np.float32) for values in arrays), strict=True))
