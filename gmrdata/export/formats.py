@@ -237,8 +237,8 @@ def times_of(images_dir: Path | None, image_numbers: np.ndarray, fps_hz: float) 
     known = np.isfinite(own_s)
     if not known.any():
         return by_rate_s
-    # A row without an image has no time of its own.
-    return np.where(known, own_s, np.interp(by_rate_s, by_rate_s[known], own_s[known]))
+    # A row without an image has no time of its own: outside of those that have, by the rate.
+    return by_rate_s + np.interp(by_rate_s, by_rate_s[known], (own_s - by_rate_s)[known])
 
 
 def export_kitti(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:

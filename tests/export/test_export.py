@@ -305,10 +305,10 @@ def test_folders_whose_names_become_one_are_two_sequences():
 PERSON = "walk/pseudo_gt/person_0.npz"
 
 
-@pytest.mark.parametrize("without_image", [[], [3]])
+@pytest.mark.parametrize("without_image", [[], [3], [0, 1, 28, 29]])
 def test_times_are_those_of_the_video(without_image, walkers, small_body, tmp_path, capsys):
     """Whose part was solved, and which stopped for a second: as those of cameras alone are.  With a
-    row without an image, all times began at 0, at the usual rate."""
+    row without an image, all times began at 0, at the usual rate, or several had the same time."""
     clip, rows = walkers[0], np.arange(walkers[0].motion.n_frames)
     numbers = np.where(np.isin(rows, without_image), -1, clip.image_numbers)
     clip = replace(clip, image_numbers=numbers)
