@@ -54,13 +54,13 @@ def emdb(motion: Motion, body: BodyModel, folder: Path) -> Motion:
 
 
 def wham(motion: Motion, body: BodyModel, folder: Path) -> Motion:
-    write_wham(folder / "wham_output.pkl", [_tracked(motion, body)], None)
+    write_wham(folder / "wham_output.pkl", [_tracked(motion, body)])
     return _of_result(folder / "wham_output.pkl", motion, body)
 
 
 def gvhmr(motion: Motion, body: BodyModel, folder: Path) -> Motion:
     """SMPL-X's body has no two hand joints: these are taken over."""
-    write_gvhmr(folder / "hmr4d_results.pt", _tracked(motion, body), None)
+    write_gvhmr(folder / "hmr4d_results.pt", _tracked(motion, body))
     found = _of_result(folder / "hmr4d_results.pt", motion, body)
     local_rotmats = np.concatenate(
         [found.local_rotmats[:, :21], motion.local_rotmats[:, 21:]], axis=1

@@ -10,7 +10,7 @@ from pydantic import NonNegativeInt, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.values import records
-from gmrdata.values.camera import CameraPath, Lens, Origin, bent
+from gmrdata.values.camera import CameraPath, Lens, Origin, bent, turning_points
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import write_npz
 from gmrdata.values.records import PART, Figure
@@ -145,12 +145,11 @@ def bent_points(points_cam: np.ndarray, lens: Distortion | None) -> np.ndarray:
     those that lie so far out that the lens's terms do not hold."""
     if lens is None:
         return points_cam
-    depths = points_cam[:, 2:]
+    depths, (edge, _) = points_cam[:, 2:], turning_points(lens.k1, lens.k2)
     with np.errstate(divide="ignore", invalid="ignore"):
         rays = points_cam[:, :2] / depths
-        r2 = (rays**2).sum(axis=1, keepdims=True)
-        grows = 1 + 3 * lens.k1 * r2 + 5 * lens.k2 * r2**2 > 0
-        seen = np.where(grows, bent(rays, lens.k1, lens.k2), np.nan)
+        within = np.linalg.norm(rays, axis=1, keepdims=True) < edge
+        seen = np.where(within, bent(rays, lens.k1, lens.k2), np.nan)
         return np.concatenate([seen * depths, depths], axis=1)
 
 

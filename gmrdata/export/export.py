@@ -117,7 +117,7 @@ def export(
         MissingInput: there is no such source, clip, body, image folder or network.
     """
     source, out = Path(source), Path(out)
-    options = ExportOptions(of, observations, _path(threedpw))
+    options = ExportOptions(of, observations, None if threedpw is None else Path(threedpw))
     of_clips = {"clips": clips, "body": body, "images": images, "truth": truth}
     _require_used(formats, vars(options) | {"which": which} | of_clips)
     wanted = tuple(dict.fromkeys(name for name in formats if name != "onnx"))
@@ -127,7 +127,8 @@ def export(
     plan = [(people, list(_units(people, wanted, options, out))) for people in people_of]
     paths = _apart([unit for _, units in plan for unit in units])
     _refuse_to_overwrite([] if redo or dry_run else paths)
-    return _export_clips(plan, _Given(body, _path(images), _path(truth)), options, dry_run)
+    folders = (None if path is None else Path(path) for path in (images, truth))
+    return _export_clips(plan, _Given(body, *folders), options, dry_run)
 
 
 def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
@@ -160,10 +161,6 @@ def _export_clips(
             loaded = {one.id: _load(one, given, truths, len(plan) == 1) for one in people}
             results += [Exported(unit, _write(unit, loaded, options, dry_run)) for unit in units]
     return results
-
-
-def _path(given: str | Path | None) -> Path | None:
-    return None if given is None else Path(given)
 
 
 class _Given(NamedTuple):
@@ -263,7 +260,7 @@ def _write(
     if (reason := why_not(format, people, options)) or dry_run:
         return reason
     try:
-        for lacking in not_held(unit.format, people):
+        for lacking in not_held(unit.format, people, options.of):
             remark(f"{unit.name}: {lacking}")
         with _whole(unit) as partial:
             format.write(people, partial, options)
@@ -340,7 +337,7 @@ def write_files(
             into = TAKEN_ALONG, out_dir / FILES
             results = export(people_dir, *into, clips=ids, body=body, images=images, redo=True)
         elif verdict_path.is_file() and (verdict := VideoVerdict.read(verdict_path)).accepted:
-            _write_cameras(out_dir, images or out_dir / FRAMES, verdict.fps_hz)
+            _write_cameras(out_dir, images or out_dir / FRAMES, verdict)
     except (GmrdataError, ValueError) as error:
         return [("all formats", str(error))]
     return [
@@ -348,13 +345,15 @@ def write_files(
     ]
 
 
-def _write_cameras(out_dir: Path, images: Path, fps_hz: float) -> None:
-    """Cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world."""
+def _write_cameras(out_dir: Path, images: Path, verdict: VideoVerdict) -> None:
+    """Cameras alone, in the frames that the verdict keeps, as a COLMAP model and as TUM's
+    trajectory, in their own unit and world."""
     sfm_dir, colmap = out_dir / SFM, out_dir / FILES / "colmap"
     found = load_background(sfm_dir, None)
+    known = found.camera.has_camera & verdict.camera.kept
+    found = replace(found, camera=replace(found.camera, has_camera=known))
     names, points = seen_points(found, sfm_dir, "keyframes")
-    known = found.camera.has_camera
     colmap.mkdir(parents=True, exist_ok=True)
     write_background(colmap, found, names, points, images)
-    times_s = times_of(images, found.image_numbers, fps_hz)[known]
+    times_s = times_of(images, found.image_numbers, verdict.fps_hz)[known]
     write_tum(out_dir / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from gmrdata.read.frames import is_turned, number_in_name, video_record
+from gmrdata.read.frames import check_images, is_turned, number_in_name, video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
 from gmrdata.values.body import SMPL
@@ -23,6 +23,7 @@ from gmrdata.values.people import FUSED, PSEUDO_GT
 
 if TYPE_CHECKING:
     from gmrdata.export.sources import ExportedClip
+    from gmrdata.values.camera import CameraPath
     from gmrdata.world.compose import Background
     from gmrdata.write.cameras import ColmapPoints
     from gmrdata.write.systems import TrackedPerson
@@ -102,8 +103,12 @@ STEADY: tuple[FormatName, ...] = ("amass", "bvh", "glb", "usd", "rrd", "mp4")
 """Formats that hold a rate, and no times of frames."""
 
 
-def not_held(format: str, clips: Sequence["ExportedClip"]) -> Iterator[str]:
+def not_held(format: str, clips: Sequence["ExportedClip"], of: Trajectory) -> Iterator[str]:
     """What a format has no place for, in words: it is written all the same."""
+    needs = FORMATS[format].needs
+    for one in clips if "world" in needs or ("trajectory" in needs and of == "person") else ():
+        if why := _why_rejected(one):
+            yield f"{one.id} is rejected, which {format} does not show: {why}"
     if format in PINHOLES and (off_px := _bend_px(clips)) >= 1:
         what = f"the lens bends the pictures by {off_px:.0f} px at the corner"
         yield f"{what}, {format} holds a camera without it; colmap has it"
@@ -189,12 +194,24 @@ def write_background(
     from gmrdata.write.cameras import write_colmap
 
     radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
-    paths = [] if images_dir is None else [images_dir / name for name in image_names if name]
-    if any(is_turned(path) for path in paths[:1] if path.is_file()):
-        what = "images are turned by EXIF, which COLMAP and others do not heed"
-        remark(f"{images_dir}: {what}: turn their pixels before use. Points have no colours")
-        images_dir = None
+    if images_dir is not None:
+        paths = (images_dir / name for name in image_names if name)
+        if why := _why_no_colours(next(filter(Path.is_file, paths), None), found.camera):
+            remark(f"{images_dir}: {why}. Points have no colours")
+            images_dir = None
     write_colmap(folder, found.camera, image_names, points, radial=radial, images_dir=images_dir)
+
+
+def _why_no_colours(image: Path | None, camera: "CameraPath") -> str:
+    """Why COLMAP would not find points' colours in images like this one; empty if it would."""
+    if image is None:
+        return "has none of the model's images"
+    if is_turned(image):
+        what = "images are turned by EXIF, which COLMAP and others do not heed"
+        return f"{what}: turn their pixels before use"
+    if (size_px := check_images([image])) != (camera.width_px, camera.height_px):
+        return f"images of {size_px} px, and the model's are {camera.width_px, camera.height_px}"
+    return ""
 
 
 def _image_names(exported: "ExportedClip") -> list[str | None]:
@@ -220,8 +237,8 @@ def times_of(images_dir: Path | None, image_numbers: np.ndarray, fps_hz: float) 
     known = np.isfinite(own_s)
     if not known.any():
         return by_rate_s
-    # A row without an image has no time of its own.
-    return np.where(known, own_s, np.interp(by_rate_s, by_rate_s[known], own_s[known]))
+    # A row without an image has no time of its own: outside of those that have, by the rate.
+    return by_rate_s + np.interp(by_rate_s, by_rate_s[known], (own_s - by_rate_s)[known])
 
 
 def export_kitti(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
@@ -269,7 +286,11 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     from gmrdata.threedpw.clips import sequence_arrays, with_original
     from gmrdata.write.threedpw import write_sequence_file
 
-    clips = [_without_rejected(one) for one in clips]
+    usable = [one.clip.valid & (not _why_rejected(one)) for one in clips]
+    clips = [
+        replace(one, clip=replace(one.clip, valid=valid))
+        for one, valid in zip(clips, usable, strict=True)
+    ]
     _usable(clips, "campose_valid is 0 in all frames")
     _require_images_by_row(clips[0])
     for one in clips:
@@ -291,9 +312,9 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     write_sequence_file(path, arrays)
 
 
-def _without_rejected(exported: "ExportedClip") -> "ExportedClip":
-    """The clip, without a valid frame if `quality.json` rejects the person.  A manifest says itself
-    which frames are kept, also where a person decided otherwise."""
+def _why_rejected(exported: "ExportedClip") -> str:
+    """Why `quality.json` rejects the person; empty where it doesn't.  A manifest says itself which
+    frames are kept, also where a person decided otherwise."""
     from gmrdata.cameras.files import QUALITY_FILE
     from gmrdata.world.judge import load_record
 
@@ -301,11 +322,9 @@ def _without_rejected(exported: "ExportedClip") -> "ExportedClip":
     record_dir, number = path.parent.with_name(PSEUDO_GT), number_in_name(path.name)
     of_sequence = path.parent.name in (PSEUDO_GT, FUSED) and (record_dir / QUALITY_FILE).is_file()
     if exported.listed is not None or number is None or not of_sequence:
-        return exported
-    if all(one.accepted for one in load_record(record_dir).people[number : number + 1]):
-        return exported
-    clip = replace(exported.clip, valid=np.zeros_like(exported.clip.valid))
-    return replace(exported, clip=clip)
+        return ""
+    person = load_record(record_dir).people[number : number + 1]
+    return "".join("; ".join(one.reasons) or "no reason" for one in person if not one.accepted)
 
 
 def _usable(clips: Sequence["ExportedClip"], rest: str) -> list[bool]:
@@ -354,8 +373,7 @@ def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     from gmrdata.write.systems import write_wham
 
     usable = zip(clips, _usable(clips, "left out"), strict=True)
-    people = [_tracked(one) if is_usable else None for one, is_usable in usable]
-    write_wham(path, people, clips[0].clip.camera)
+    write_wham(path, [_tracked(one) if is_usable else None for one, is_usable in usable])
 
 
 def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
@@ -364,7 +382,7 @@ def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOpt
 
     person = _tracked(clips[0])
     _require_each_frame(person, "GVHMR has a row for each frame; wham names its frames")
-    write_gvhmr(path, person, clips[0].clip.camera)
+    write_gvhmr(path, person)
 
 
 def _require_each_frame(person: "TrackedPerson", remedy: str) -> None:
@@ -382,17 +400,15 @@ def _tracked(exported: "ExportedClip") -> "TrackedPerson":
     from gmrdata.score.results import frames_of_rows
     from gmrdata.write.systems import TrackedPerson
 
-    folder, numbers = exported.images_dir, exported.clip.image_numbers
+    folder, clip, numbers = exported.images_dir, exported.clip, exported.clip.image_numbers
     video = None if folder is None else video_record(folder)
     if video is not None and (numbers >= 0).any():
         frame_of = video.frame_of
         frames = np.array([frame_of.get(number, -1) for number in numbers.tolist()])
     else:
-        frames = frames_of_rows(
-            exported.clip, [] if folder is None else list(images_by_number(folder))
-        )
-    rows = exported.clip.valid & (frames >= 0)
-    return TrackedPerson(exported.clip.motion, exported.rest_pelvis_m, rows, frames)
+        frames = frames_of_rows(clip, [] if folder is None else list(images_by_number(folder)))
+    rows = clip.valid & (frames >= 0)
+    return TrackedPerson(clip.motion, exported.rest_pelvis_m, rows, frames, clip.camera)
 
 
 def export_usd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:

@@ -87,7 +87,7 @@ class Lens:
     def folds(self) -> bool:
         """Whether the picture's corners are further out than its distortion shows anything."""
         k1, k2 = self.radial
-        edge, _ = _turning_points(k1, k2)
+        edge, _ = turning_points(k1, k2)
         return bool(np.isfinite(edge) and self.corner_radius > edge + k1 * edge**3 + k2 * edge**5)
 
     def at_size(self, size_px: tuple[int, int]) -> "Lens":
@@ -139,7 +139,7 @@ def straightened(seen: np.ndarray, radial_k1: float, radial_k2: float = 0.0) -> 
     if k1 == k2 == 0:
         return seen
     size = np.sqrt((seen**2).sum(axis=-1, keepdims=True))
-    edge, steepest = _turning_points(k1, k2)
+    edge, steepest = turning_points(k1, k2)
     most = np.minimum(edge, WIDEST * size)
     # Newton's method, begun where every step comes nearer.
     r = np.minimum(size, min(edge, steepest))
@@ -149,7 +149,7 @@ def straightened(seen: np.ndarray, radial_k1: float, radial_k2: float = 0.0) -> 
     return seen * np.where(size > 0, r / np.where(size > 0, size, 1.0), 1.0)
 
 
-def _turning_points(k1: float, k2: float) -> tuple[float, float]:
+def turning_points(k1: float, k2: float) -> tuple[float, float]:
     """Radii r below which r + k1 r^3 + k2 r^5 grows, and where it grows fastest if k1 > 0."""
     under_root = 9 * k1**2 - 20 * k2
     over = float(np.sqrt(under_root)) - 3 * k1 if under_root >= 0 else 0.0

@@ -34,27 +34,20 @@ def write_amass(path: Path, motion: Motion, body: BodyModel) -> None:
     poses = np.zeros((motion.n_frames, SMPLH_VALUES // 3, 3))
     poses[:, :22] = rotvecs[:, :22]
     poses[:, list(HANDS[SMPLH_VALUES])] = rotvecs[:, 22:]
-    betas, trans_m = _on_smpl(motion, body)
+    is_smpl = body.name.startswith(SMPL)
+    shape = motion.shape if is_smpl else np.zeros(N_BETAS)
+    rest_pelvis_m = body.rest_pelvis_m(shape) if is_smpl else np.array(SMPL_REST_PELVIS_M)
     write_npz(
         path,
         {
             "poses": poses.reshape(motion.n_frames, SMPLH_VALUES),
-            "trans": trans_m,
-            "betas": betas,
+            "trans": motion.pelvis_m * smpl_legs(motion, body) - rest_pelvis_m,
+            "betas": np.pad(shape, (0, max(0, N_BETAS - len(shape)))),
             "dmpls": np.zeros((motion.n_frames, N_DMPLS)),
-            "gender": motion.gender if body.name.startswith(SMPL) else "neutral",
+            "gender": motion.gender if is_smpl else "neutral",
             "mocap_framerate": motion.fps_hz,
         },
     )
-
-
-def _on_smpl(motion: Motion, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
-    """Betas (16 or more,) and SMPL's `trans` (T, 3) [m]."""
-    betas = np.zeros(max(N_BETAS, len(motion.shape)))
-    if body.name.startswith(SMPL):
-        betas[: len(motion.shape)] = motion.shape
-        return betas, motion.pelvis_m - body.rest_pelvis_m(motion.shape)
-    return betas, motion.pelvis_m * smpl_legs(motion, body) - np.array(SMPL_REST_PELVIS_M)
 
 
 def smpl_legs(motion: Motion, body: BodyModel) -> float:

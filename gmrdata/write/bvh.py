@@ -1,6 +1,7 @@
 """A world motion as BVH: Mixamo's joint names, centimetres, y up, the T-pose as zero pose."""
 
 import warnings
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -25,13 +26,8 @@ def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
     order = _depth_first(0)
     rotmats = motion.rotmats
     rotmats[:, 0] = WORLD_FROM_REST.T @ rotmats[:, 0]
-    with warnings.catch_warnings():
-        # At a right angle two of the three angles say the same; any pair of them will do.
-        warnings.simplefilter("ignore", UserWarning)
-        turned = Rotation.from_matrix(rotmats[:, order].reshape(-1, 3, 3))
-        angles_deg = turned.as_euler(ORDER, degrees=True)
     pelvis_cm = motion.pelvis_m @ WORLD_FROM_REST * CENTIMETRES
-    rows = np.concatenate([pelvis_cm, angles_deg.reshape(motion.n_frames, -1)], axis=1)
+    rows = np.concatenate([pelvis_cm, _angles_deg(rotmats[:, order])], axis=1)
     lines = [
         "HIERARCHY",
         *_joint_lines(0, 0, rest_joints_m, tips_m),
@@ -43,14 +39,30 @@ def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
+def _angles_deg(rotmats: np.ndarray) -> np.ndarray:
+    """(T, 3 J) angles of `ORDER` of rotations (T, J, 3, 3), each row's those that are nearest to
+    the row before: programs that show a moment between two rows go straight from one to the other.
+    """
+    with warnings.catch_warnings():
+        # At a right angle two of the three angles say the same; any pair of them will do.
+        warnings.simplefilter("ignore", UserWarning)
+        found = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_euler(ORDER, degrees=True)
+    angles_deg = found.reshape(*rotmats.shape[:2], 3)
+    for before, now in pairwise(angles_deg):
+        either = np.stack([now, now * [1, -1, 1] + 180])  # both are the same rotation
+        either += 360 * np.round((before - either) / 360)
+        nearer = np.abs(either - before).sum(-1).argmin(axis=0)
+        now[:] = np.where(nearer[:, None], either[1], either[0])
+    return angles_deg.reshape(len(rotmats), -1)
+
+
 def frame_time(fps_hz: float) -> str:
     """The shortest decimal number of seconds, of 7 digits or more, that is read as this rate.
 
     For a rate that is believed in no file, and is asked for with --fps-hz, it has 20.
     """
-    if not LOWEST_HEADER_HZ <= fps_hz <= HIGHEST_HZ:
-        return f"{1 / fps_hz:.20f}"
-    texts = (f"{1 / fps_hz:.{digits}f}" for digits in range(7, 20))
+    most = 20 if LOWEST_HEADER_HZ <= fps_hz <= HIGHEST_HZ else 0
+    texts = (f"{1 / fps_hz:.{digits}f}" for digits in range(7, most))
     rates = ((text, rate_of_frame_time_hz(text, Path(), 0)) for text in texts)
     return next((text for text, hz in rates if hz == fps_hz), f"{1 / fps_hz:.20f}")
 

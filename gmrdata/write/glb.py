@@ -43,11 +43,8 @@ class _Document:
     def bytes(self) -> bytes:
         """The file: a header, then each chunk with its size, filled up to whole words."""
         text = json.dumps(self.json, separators=(",", ":")).encode()
-        chunks = b""
-        for kind, chunk in (
-            (_JSON_CHUNK, text + b" " * (-len(text) % 4)),
-            (_DATA_CHUNK, self.data),
-        ):
+        text, chunks = text + b" " * (-len(text) % 4), b""
+        for kind, chunk in ((_JSON_CHUNK, text), (_DATA_CHUNK, self.data)):
             chunks += np.array([len(chunk), kind], "<u4").tobytes() + chunk
         return b"glTF" + np.array([2, 12 + len(chunks)], "<u4").tobytes() + chunks
 

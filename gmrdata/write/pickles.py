@@ -90,9 +90,5 @@ def _unicode(text: str) -> bytes:
     return b"X" + struct.pack("<I", len(data)) + data
 
 
-def _bytes(data: bytes) -> bytes:
-    return b"\x8e" + struct.pack("<Q", len(data)) + data
-
-
 _PYTHON_2 = _Strings(text=lambda text: _byte_string(text.encode("latin1")), data=_byte_string)
-_PYTHON_3 = _Strings(text=_unicode, data=_bytes)
+_PYTHON_3 = _Strings(text=_unicode, data=lambda data: b"\x8e" + struct.pack("<Q", len(data)) + data)

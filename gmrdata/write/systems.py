@@ -35,6 +35,7 @@ class TrackedPerson:
     rest_pelvis_m: np.ndarray  # (3,) J0 of the person's shape, rest frame [m]
     rows: np.ndarray  # (T,) bool: frames that may be used
     frame_numbers: np.ndarray  # (T,) int: which frame of the video each row is, from 0
+    camera: CameraPath | None = None  # over the same frames
 
 
 Y_UP_FROM_WORLD = rigid(WORLD_FROM_REST.T, np.zeros(3))
@@ -60,7 +61,7 @@ if TYPE_CHECKING:
     import torch
 
 
-def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) -> None:
+def write_gvhmr(path: Path, person: TrackedPerson) -> None:
     """Write `hmr4d_results.pt`: one person, with a row for every frame.
 
     SMPL-X has other shape coefficients than the person's body, so `betas` are zero, the mean shape;
@@ -73,7 +74,7 @@ def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) ->
     """
     import torch
 
-    motion = person.motion
+    motion, camera = person.motion, person.camera
     require_finite(motion, np.arange(motion.n_frames))
     valid = person.rows
     content: dict[str, object] = {GVHMR.world: _smplx_params(motion, Y_UP_FROM_WORLD)}
@@ -107,9 +108,7 @@ def _smplx_params(motion: Motion, frame_from_world: np.ndarray) -> dict[str, "to
     return {key: torch.tensor(values, dtype=torch.float32) for key, values in params.items()}
 
 
-def write_wham(
-    path: Path, people: Sequence[TrackedPerson | None], camera: CameraPath | None
-) -> None:
+def write_wham(path: Path, people: Sequence[TrackedPerson | None]) -> None:
     """Write `wham_output.pkl`: each person's frames that may be used, numbered from person 0.
 
     A person who is None is left out; the others keep their numbers.
@@ -121,11 +120,12 @@ def write_wham(
     Raises:
         BadMotionFile: a person has no frame that may be used, or one that is not finite.
     """
-    content = {n: _wham_person(one, camera) for n, one in enumerate(people) if one is not None}
+    content = {n: _wham_person(one) for n, one in enumerate(people) if one is not None}
     write_bytes(path, python3_pickle(content))
 
 
-def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, object]:
+def _wham_person(person: TrackedPerson) -> dict[str, object]:
+    camera = person.camera
     rows = person.rows if camera is None else person.rows & camera.has_camera
     if not rows.any():
         raise BadMotionFile("a person has no frame that may be used; give a clip with one")
@@ -135,17 +135,14 @@ def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, 
     rest_pelvis_m = person.rest_pelvis_m if is_smpl else np.array(SMPL_REST_PELVIS_M)
     shape = motion.shape if is_smpl else np.zeros(N_BETAS)
     shape = np.pad(shape, (0, max(0, N_BETAS - len(shape))))
-    content: dict[str, object] = {}
+    arrays = dict[str, np.ndarray]()
     if camera is not None:
-        cam_from_world = invert(camera.world_from_cam[rows])
-        content |= _named(placed(motion, cam_from_world, rest_pelvis_m), "pose", "trans")
-    world = placed(motion, Y_UP_FROM_WORLD, rest_pelvis_m)
-    content |= _named(world, "pose_world", "trans_world")
-    content["betas"] = np.tile(shape, (motion.n_frames, 1)).astype(np.float32)
+        in_camera = placed(motion, invert(camera.world_from_cam[rows]), rest_pelvis_m)
+        arrays |= zip(("pose", "trans"), in_camera, strict=True)
+    in_world = placed(motion, Y_UP_FROM_WORLD, rest_pelvis_m)
+    arrays |= zip(("pose_world", "trans_world"), in_world, strict=True)
+    arrays["betas"] = np.tile(shape, (motion.n_frames, 1))
+    content: dict[str, object] = {key: of.astype(np.float32) for key, of in arrays.items()}
     content["frame_ids"] = person.frame_numbers[rows].astype(np.int64)
     content["body"] = motion.body if is_smpl else NEUTRAL
     return content
-
-
-def _named(arrays: tuple[np.ndarray, np.ndarray], *keys: str) -> dict[str, object]:
-    return dict(zip(keys, (values.astype(np.float32) for values in arrays), strict=True))

@@ -50,8 +50,17 @@ def check_take(take: Take) -> None:
         raise BadMotionFile(f"take {take.name}: two people have one name: {', '.join(names)}")
     for person in take.people:
         _check_person(person, take)
-    if take.camera is not None:
-        _check_camera(f"take {take.name}", take.camera, take.n_frames)
+    what, camera = f"take {take.name}", take.camera
+    if camera is None:
+        return
+    if camera.n_frames != take.n_frames:
+        raise BadMotionFile(f"{what}: {camera.n_frames} cameras for {take.n_frames} frames")
+    known = camera.world_from_cam[camera.has_camera]
+    if not (np.isfinite(known).all() and np.isfinite(camera.intrinsics_px).all()):
+        raise BadMotionFile(f"{what}: NaN in a camera that is said to be known")
+    if camera.intrinsics_px[0, 1]:
+        skew = f"{camera.intrinsics_px[0, 1]:g} px"
+        raise BadMotionFile(f"{what}: the camera's axes are skewed by {skew}, which no viewer has")
 
 
 def _check_person(person: Performer, take: Take) -> None:
@@ -84,14 +93,3 @@ def finite_rows(motion: Motion) -> np.ndarray:
     """(T,) bool: frames whose pose and place are known."""
     values = np.concatenate([motion.rotmats.reshape(motion.n_frames, -1), motion.pelvis_m], axis=1)
     return np.asarray(np.isfinite(values).all(axis=1))
-
-
-def _check_camera(what: str, camera: CameraPath, n_frames: int) -> None:
-    if camera.n_frames != n_frames:
-        raise BadMotionFile(f"{what}: {camera.n_frames} cameras for {n_frames} frames")
-    known = camera.world_from_cam[camera.has_camera]
-    if not (np.isfinite(known).all() and np.isfinite(camera.intrinsics_px).all()):
-        raise BadMotionFile(f"{what}: NaN in a camera that is said to be known")
-    if camera.intrinsics_px[0, 1]:
-        skew = f"{camera.intrinsics_px[0, 1]:g} px"
-        raise BadMotionFile(f"{what}: the camera's axes are skewed by {skew}, which no viewer has")

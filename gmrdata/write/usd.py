@@ -38,7 +38,7 @@ def write_usd(path: Path, take: Take) -> None:
     """Write a take to a `.usdc` (binary), `.usda` (text) or `.usd` file."""
     check_take(take)
     try:
-        from pxr import Tf, Usd, UsdGeom
+        from pxr import Tf, Usd, UsdGeom, UsdSkel
     except ImportError as error:
         raise MissingExtra(f"USD files need usd-core ({error}): pip install usd-core") from None
 
@@ -57,7 +57,10 @@ def write_usd(path: Path, take: Take) -> None:
         while name in used:
             name += "_"
         used.add(name)
-        _write_person(stage, f"/World/{name}", person)
+        _hide(UsdSkel.Root.Define(stage, f"/World/{name}"), person.shown)
+        _write_skeleton(stage, f"/World/{name}", person)
+        _write_animation(stage, f"/World/{name}", person)
+        _write_body(stage, f"/World/{name}", person.body, person.motion.shape)
     if take.camera is not None:
         _write_camera(stage, "/World/camera", take.camera)
     with atomic_path(path) as temporary:
@@ -65,16 +68,6 @@ def write_usd(path: Path, take: Take) -> None:
             stage.GetRootLayer().Export(str(temporary))
         except Tf.ErrorException:
             raise OSError(EIO, "can't be written; is the disk full?", str(path)) from None
-
-
-def _write_person(stage: Any, path: str, person: Performer) -> None:
-    from pxr import UsdSkel
-
-    root = UsdSkel.Root.Define(stage, path)
-    _hide(root, person.shown)
-    _write_skeleton(stage, path, person)
-    _write_animation(stage, path, person)
-    _write_body(stage, path, person.body, person.motion.shape)
 
 
 def _hide(prim: Any, shown: np.ndarray) -> None:

@@ -6,10 +6,12 @@ import numpy as np
 import pycolmap
 import trimesh
 
+from gmrdata.cameras.files import load_cameras
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import IMAGES_FACT
 from gmrdata.cli.video import leave_files_and_page
 from gmrdata.export.export import write_files
+from gmrdata.solve.verdict import VERDICT_FILE
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import STAGE_FILE, read_npz
@@ -20,6 +22,7 @@ from tests.film.set_kills import contents
 from tests.fixtures.command_line import fails_cleanly
 from tests.pages.html_pages import Page
 from tests.pages.solved_video import N_ROWS, camera_verdict, fuse_video, solved_video
+from tests.write.test_colmap import models
 
 
 def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected(
@@ -72,6 +75,22 @@ def test_files_are_of_the_network_s_motions_where_these_are_there(small_body, ru
     cameras = np.loadtxt(folder / "files" / "tum" / "walk.txt")
     assert len(cameras) == N_ROWS - 3
     assert contents(folder / "pseudo_gt") == before
+
+
+def test_frames_that_the_verdict_drops_are_in_no_file_of_cameras_alone(small_body, tmp_path):
+    """Where the camera jumps, say: they stood there as the others do."""
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body, person=False)
+    camera_verdict("", "the camera jumps", "the camera jumps").write(folder / VERDICT_FILE)
+    assert write_files(folder) == []
+    kept = np.delete(np.arange(N_ROWS), [1, 2])
+    path = load_cameras(folder / "sfm").path
+    written = np.loadtxt(folder / "files/tum/camera.txt")
+    np.testing.assert_allclose(written[:, 0], kept / 10, atol=1e-9)
+    np.testing.assert_allclose(written[:, 1:4], path.centres_world_m[kept], atol=1e-9)
+    for model in models(folder / "files/colmap"):
+        assert sorted(image - 1 for image in model.images) == kept.tolist()
+        assert model.num_points3D() > 20
 
 
 def test_what_others_made_beside_a_colmap_model_stays(small_body, tmp_path):

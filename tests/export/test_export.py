@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-import cv2  # noqa: F401  (before pycolmap)
+import cv2  # before pycolmap
 import numpy as np
 import pytest
 import torch
@@ -251,6 +251,30 @@ def test_images_that_exif_turns_are_named_and_give_no_colours(small_body, tmp_pa
     assert coloured == [True, False]
 
 
+@pytest.mark.parametrize(
+    ("kind", "why"),
+    [
+        ("renamed", "has none of the model's images"),
+        ("halved", r"images of \(\d+, \d+\) px, and the model's are \(\d+, \d+\)"),
+    ],
+)
+def test_images_that_are_not_the_model_s_are_named_and_give_no_colours(
+    kind, why, small_body, tmp_path, capsys
+):
+    """Without a word all points were black, or had the colours of other places."""
+    solved_video(tmp_path / "walk", small_body)
+    for path in (tmp_path / "walk/frames").iterdir():
+        if kind == "halved":
+            cv2.imwrite(str(path), cv2.imread(str(path))[::2, ::2])
+        else:
+            path.rename(path.with_suffix(".png"))
+    gmrdata.export(tmp_path / "walk", ["colmap"], tmp_path / "out")
+    for model in models(tmp_path / "out/colmap/walk"):
+        assert model.num_points3D() and not any(p.color.any() for p in model.points3D.values())
+    said = " ".join(capsys.readouterr().err.split())
+    assert re.search(f"{why}. Points have no colours", said)
+
+
 def test_each_format_is_described_in_the_help_and_on_the_page(gmrdata):
     page = (Path(__file__).parents[2] / "docs/export.md").read_text(encoding="utf-8")
     described = re.sub(r"[\s│]+", " ", gmrdata("export", "--help").stdout)
@@ -281,10 +305,10 @@ def test_folders_whose_names_become_one_are_two_sequences():
 PERSON = "walk/pseudo_gt/person_0.npz"
 
 
-@pytest.mark.parametrize("without_image", [[], [3]])
+@pytest.mark.parametrize("without_image", [[], [3], [0, 1, 28, 29]])
 def test_times_are_those_of_the_video(without_image, walkers, small_body, tmp_path, capsys):
     """Whose part was solved, and which stopped for a second: as those of cameras alone are.  With a
-    row without an image, all times began at 0, at the usual rate."""
+    row without an image, all times began at 0, at the usual rate, or several had the same time."""
     clip, rows = walkers[0], np.arange(walkers[0].motion.n_frames)
     numbers = np.where(np.isin(rows, without_image), -1, clip.image_numbers)
     clip = replace(clip, image_numbers=numbers)

@@ -111,6 +111,14 @@ def test_of_a_sequence_s_folder_no_frame_of_a_rejected_person_is_valid(small_bod
     (path,) = (tmp_path / "out").rglob("*.pkl")
     valid = [person.campose_valid for person in read_sequence_file(path).people]
     assert valid[0].sum() == clip.valid.sum() > 0 and not valid[1].any()
+    # Other formats have no place for a verdict, and wrote both without a word.
+    bodies = ("--to", "bvh", "tum", "--of", "person", "--out", tmp_path / "out")
+    said = " ".join(works("export", folder, *bodies).stderr.split())
+    for name in ("bvh", "tum"):
+        assert said.count(f"p1 is rejected, which {name} does not show: it floats") == 1
+    assert "p0 is rejected" not in said
+    cameras = works("export", folder, "--to", "tum", "--out", tmp_path / "cameras")
+    assert "rejected" not in cameras.stderr
 
 
 def test_two_clips_that_would_be_one_file_are_refused(walkers, small_body, tmp_path, gmrdata):

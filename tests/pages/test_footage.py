@@ -228,6 +228,14 @@ def test_points_beyond_what_a_lens_can_show_are_left_out():
     assert np.isnan(bent[1, 0])
 
 
+def test_points_beyond_the_fold_of_a_lens_are_left_out_where_its_terms_grow_again():
+    """One 65 degrees beside the axis was drawn where the lens shows one at 29 degrees."""
+    points = np.array([[1.2, 0.0, 1.0], [2.15, 0.0, 1.0], [0.0, 9.0, 1.0]])
+    bent = bent_points(points, Distortion(-0.3, 0.03, 0.5))
+    assert bent[0, 0] == pytest.approx(1.2 * (1 - 0.3 * 1.2**2 + 0.03 * 1.2**4))
+    assert np.isnan(bent[1:, :2]).all()
+
+
 FILM = Film(intrinsics_from_fov(50.0, 160, 120), 160, 120)
 
 

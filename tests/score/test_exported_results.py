@@ -12,9 +12,9 @@ __all__ = ["body", "data", "true"]  # fixtures
 def test_what_this_project_exports_is_scored_as_no_error(tmp_path, data, body, true):
     """Their camera's frame too, so that figures there are of its own camera."""
     rows = np.arange(N) != 30
-    person = TrackedPerson(true.motion, rest(body, true), rows, FRAMES)
+    person = TrackedPerson(true.motion, rest(body, true), rows, FRAMES, true.camera)
     (tmp_path / "wham").mkdir()
-    write_wham(tmp_path / "wham" / "wham_output.pkl", [person], true.camera)
+    write_wham(tmp_path / "wham" / "wham_output.pkl", [person])
     scores = only(score(data, tmp_path / "wham", tmp_path / "a", protocol="wham", missing="drop"))
     clip = scores.clips[0]
     assert clip.dropped_frames == 1 and clip.seen_in == "own_camera"
@@ -24,9 +24,9 @@ def test_what_this_project_exports_is_scored_as_no_error(tmp_path, data, body, t
 
 def test_a_video_of_gvhmr_keeps_the_frames_that_count(tmp_path, true, body):
     valid = np.arange(N) > 3
-    person = TrackedPerson(true.motion, rest(body, true), valid, np.arange(N))
+    person = TrackedPerson(true.motion, rest(body, true), valid, np.arange(N), true.camera)
     path = tmp_path / "hmr4d_results.pt"
-    write_gvhmr(path, person, true.camera)
+    write_gvhmr(path, person)
     (found,) = read_system(path, "world").people
     assert found.frame_numbers.tolist() == list(range(4, N))
     assert found.in_world is not None and true.camera is not None

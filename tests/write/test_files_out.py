@@ -74,6 +74,31 @@ def test_bvh_comes_back_through_our_reader(
     np.testing.assert_allclose(joints_m, expected_m[:, order], atol=1e-6)
 
 
+def test_bvh_turns_the_short_way_between_frames(walk, small_body, tmp_path):
+    """What shows a BVH at another rate goes straight from each angle to the next.  At half past a
+    frame a leg stood elsewhere as it was lifted over 90 degrees, and the hips as they turned
+    through half a turn."""
+    n, motion = 30, walk(30.0, 30)
+    lifted = Rotation.from_rotvec(np.linspace([0, 0, 0], [-2.5, 0.3, 0.1], n)).as_matrix()
+    turned = Rotation.from_rotvec(np.linspace([0, 0, 0], [0, 0, 9], n)).as_matrix()
+    local_rotmats = motion.local_rotmats.copy()
+    local_rotmats[:, JOINT["left_hip"] - 1] = lifted
+    roots = turned @ motion.root_rotmats
+    motion = replace(motion, local_rotmats=local_rotmats, root_rotmats=roots)
+    write_bvh(tmp_path / "walk.bvh", motion, small_body)
+    lines = (tmp_path / "walk.bvh").read_text().splitlines()[-n:]
+    angles_deg = np.array([line.split()[3:] for line in lines], dtype=float).reshape(n, 24, 3)
+    assert np.abs(np.diff(angles_deg, axis=0)).max() < 35
+    between = (angles_deg[1:] + angles_deg[:-1]).reshape(-1, 3) / 2
+    found = Rotation.from_euler("ZXY", between, degrees=True)
+    ends = [
+        Rotation.from_euler("ZXY", rows.reshape(-1, 3), degrees=True)
+        for rows in (angles_deg[:-1], angles_deg[1:])
+    ]
+    halfway = ends[0] * Rotation.from_rotvec((ends[0].inv() * ends[1]).as_rotvec() / 2)
+    assert np.rad2deg((found.inv() * halfway).magnitude()).max() < 3
+
+
 @pytest.mark.parametrize("shape_given", [True, False])
 def test_bvh_of_a_walk_comes_back_onto_the_body(shape_given, walk, small_body, tmp_path):
     """All of it, feet, shape, world and rate: the file's skeleton is the body's own."""

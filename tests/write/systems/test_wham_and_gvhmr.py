@@ -36,7 +36,7 @@ def people(walkers, small_body) -> list[TrackedPerson]:
 
 def test_wham_by_plain_pickle(people, walkers, small_body, tmp_path):
     path, camera = tmp_path / "walk" / "wham_output.pkl", camera_of(walkers[0])
-    write_wham(path, people, camera)
+    write_wham(path, [replace(one, camera=camera) for one in people])
     found = pickle.loads(path.read_bytes())
     assert list(found) == [0, 1]
     assert found[1].pop("body") == found[0].pop("body") == "smpl-female"
@@ -66,7 +66,7 @@ def test_wham_by_plain_pickle(people, walkers, small_body, tmp_path):
 
 def test_wham_comes_back(people, tmp_path):
     path = tmp_path / "wham_output.pkl"
-    write_wham(path, people, None)
+    write_wham(path, people)
     assert "pose" not in pickle.loads(path.read_bytes())[0]
     for found, person in zip(read_system(path, "world").people, people, strict=True):
         motion, world = person.motion.take(person.rows), found.in_world
@@ -81,10 +81,30 @@ def test_wham_comes_back(people, tmp_path):
         assert (found.betas_body, path.name) == (motion.body, "wham_output.pkl")
 
 
+def test_each_person_of_wham_is_seen_by_the_camera_of_their_own_rows(people, walkers, tmp_path):
+    """The first one's camera was taken: of a person of fewer frames it ended in a traceback, and
+    of other frames it gave wrong places without a word."""
+    camera, later = camera_of(walkers[0]), slice(11, 26)
+    second = people[1]
+    part = TrackedPerson(
+        second.motion.take(later), second.rest_pelvis_m, second.rows[later],
+        second.frame_numbers[later], camera.at_rows(later),
+    )  # fmt: skip
+    found = []
+    for given in ([replace(people[0], camera=camera), part], [replace(second, camera=camera)]):
+        write_wham(tmp_path / "wham_output.pkl", given)
+        found.append(pickle.loads((tmp_path / "wham_output.pkl").read_bytes()))
+    one, whole = found[0][1], found[1][0]
+    same = np.isin(whole["frame_ids"], one["frame_ids"])
+    assert one["frame_ids"].tolist() == list(range(14, 29)) and same.sum() == 15
+    for key in ("pose", "trans", "pose_world", "trans_world"):
+        np.testing.assert_allclose(one[key], whole[key][same], atol=1e-6)
+
+
 def test_wham_of_another_body_is_of_smpls_mean(people, tmp_path):
     """Its shape means nothing to SMPL, and its pelvis stood 0.22 m low by SMPL's own J0."""
     person = replace(people[0], motion=replace(people[0].motion, body="anny"))
-    write_wham(tmp_path / "wham_output.pkl", [person], None)
+    write_wham(tmp_path / "wham_output.pkl", [person])
     found = pickle.loads((tmp_path / "wham_output.pkl").read_bytes())[0]
     assert found["body"] == "smpl-neutral" and not found["betas"].any()
     pelvis_m = (found["trans_world"] + SMPL_REST_PELVIS_M) @ Z_UP_FROM_Y_UP.T
@@ -95,7 +115,8 @@ def test_gvhmr_by_torchs_safe_loader(people, walkers, tmp_path):
     path, person, camera = tmp_path / "hmr4d_results.pt", people[1], camera_of(walkers[0])
     has = np.arange(camera.n_frames) != 9
     known = np.where(has[:, None, None], camera.world_from_cam, np.nan)
-    write_gvhmr(path, person, replace(camera, world_from_cam=known, has_camera=has))
+    held = replace(camera, world_from_cam=known, has_camera=has)
+    write_gvhmr(path, replace(person, camera=held))
     found = torch.load(path, weights_only=True)
     n, motion = person.motion.n_frames, person.motion
     assert {key: tuple(value.shape) for key, value in found["smpl_params_global"].items()} == {
@@ -124,7 +145,7 @@ def test_gvhmr_by_torchs_safe_loader(people, walkers, tmp_path):
 
 def test_gvhmr_comes_back(people, tmp_path):
     path = tmp_path / "hmr4d_results.pt"
-    write_gvhmr(path, people[1], None)
+    write_gvhmr(path, people[1])
     assert set(torch.load(path, weights_only=True)) == {"smpl_params_global", "valid"}
     (found,) = read_system(path, "world").people
     rows, motion = people[1].rows, people[1].motion
@@ -141,13 +162,13 @@ def test_frames_without_a_motion_are_left_out_or_refused(people, tmp_path):
     pelvis_m = people[1].motion.pelvis_m.copy()
     pelvis_m[6] = np.nan
     gap = replace(people[1], motion=replace(people[1].motion, pelvis_m=pelvis_m))
-    write_wham(tmp_path / "a.pkl", [gap], None)
+    write_wham(tmp_path / "a.pkl", [gap])
     with pytest.raises(BadMotionFile, match="frame 6 has no motion"):
-        write_gvhmr(tmp_path / "a.pt", gap, None)
+        write_gvhmr(tmp_path / "a.pt", gap)
     with pytest.raises(BadMotionFile, match="frame 6 has no motion"):
-        write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.ones_like(gap.rows))], None)
+        write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.ones_like(gap.rows))])
     with pytest.raises(BadMotionFile, match="no frame that may be used"):
-        write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.zeros_like(gap.rows))], None)
-    write_wham(tmp_path / "a.pkl", [None, gap], None)
+        write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.zeros_like(gap.rows))])
+    write_wham(tmp_path / "a.pkl", [None, gap])
     assert list(pickle.loads((tmp_path / "a.pkl").read_bytes())) == [1]
     assert [one.name for one in tmp_path.iterdir()] == ["a.pkl"]
