@@ -5,6 +5,7 @@ no clip lasts longer.  The result and what it is held against are scored over th
 in which the person has a pose and the camera a place, whatever the verdict says.
 """
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -74,7 +75,9 @@ class WorldRow:
 
 
 def solve(clip_dir: Path, work_dir: Path, models_dir: Path) -> VideoVerdict:
-    """What `gmrdata video --poses own` leaves of a clip's frames."""
+    """What `gmrdata video --poses own` leaves of a clip's frames; people's world is made anew."""
+    for made in (OWN_POSES, BODIES, PSEUDO_GT, FUSED):
+        shutil.rmtree(work_dir / made, ignore_errors=True)
     facts = VideoFacts.read(clip_dir / FACTS_FILE)
     config = own_people(networks_in(models_dir))
     frames_dir = clip_dir / FRAMES_FOLDER
