@@ -12,7 +12,8 @@ from pydantic import Field
 from gmrdata.people.facing import looks_reversed, unsure_frames
 from gmrdata.people.fit import FitConfig, fit
 from gmrdata.people.following import FOLLOWED_FILE, FollowedRecord, Sightings, load_tracks
-from gmrdata.people.landmark_body import SeenLandmarks
+from gmrdata.people.landmark_body import BODY_FILE, SeenLandmarks
+from gmrdata.people.pose_prior import PRIOR_FILE
 from gmrdata.read.body_file import read_body
 from gmrdata.stage.progress import remark
 from gmrdata.stage.progress import track as with_bar
@@ -91,6 +92,7 @@ def local_poses(
         ).write(partial / POSES_FILE)
 
     inputs = {"followed": followed_dir, "body": body_path}
+    inputs |= {"landmark_body": BODY_FILE, "pose_prior": PRIOR_FILE}
     return run_stage("local_poses", out_dir, recipe, inputs, work, run=run)
 
 

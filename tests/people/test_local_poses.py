@@ -128,6 +128,17 @@ def test_poses_for_another_lens_or_body_are_refused(poses_dir, small_body, tmp_p
     )
 
 
+@pytest.mark.parametrize("shipped", ["BODY_FILE", "PRIOR_FILE"])
+def test_poses_by_other_shipped_files_are_refused(shipped, poses_dir, tmp_path, monkeypatch):
+    """A later version's may be others."""
+    other = tmp_path / "other"
+    other.write_bytes(b"other")
+    monkeypatch.setattr(f"gmrdata.people.local_poses.{shipped}", other)
+    followed_dir, config = poses_dir.parent / "followed", LocalPosesConfig()
+    with pytest.raises(StaleOutput, match=r"made with other values of inputs\.(landmark|pose)_"):
+        local_poses(followed_dir, Filmed(TIMES, LENS), ANNY_FILE, poses_dir, config)
+
+
 def test_a_video_without_people_has_no_bodies(networks, grey_dir, tmp_path):
     made = posed(grey_dir, frame_set(np.arange(2), (160, 120), 15.0), tmp_path, networks)
     assert LocalPosesRecord.read(made / POSES_FILE).people == 0
