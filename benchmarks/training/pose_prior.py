@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 from render.tables import show
 
+from gmrdata.gmr.augmentation import mirror_local
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.runs import ClipFile, split_manifests, subject_of
 from gmrdata.motion.resample import resample, resample_valid
 from gmrdata.people.pose_prior import N_PRIOR, PRIOR_JOINTS, TAG
 from gmrdata.stage.progress import track
-from gmrdata.values.body import JOINT, MIRRORED
+from gmrdata.values.body import JOINT
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import write_npz
 from gmrdata.values.transforms import rotvecs_from_rotmats
@@ -33,25 +34,17 @@ OPEN_RAD = np.deg2rad(80.0)
 
 
 def turns_rad(file: ClipFile) -> np.ndarray:
-    """(T, 7, 3) of a motion."""
+    """(2 T, 7, 3) of a motion and its mirror image."""
     clip = load_clip(file.arrays_path)
     valid = resample_valid(clip.valid, clip.motion.fps_hz, RATE_HZ)
-    rotmats = resample(clip.motion, RATE_HZ).local_rotmats[valid]
+    seen = resample(clip.motion, RATE_HZ).local_rotmats[valid]
+    rotmats = np.concatenate([seen, mirror_local(seen)])
     return rotvecs_from_rotmats(rotmats[:, [joint - 1 for joint in PRIOR_JOINTS]])
-
-
-def mirrored(turns: np.ndarray) -> np.ndarray:
-    """The turns of the mirror image: left and right exchanged, x kept."""
-    exchanged = [PRIOR_JOINTS.index(MIRRORED[joint]) for joint in PRIOR_JOINTS]
-    return np.asarray(turns[:, exchanged] * np.array([1.0, -1.0, -1.0]))
 
 
 def pose_prior(by_person: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Mean (21,) and covariance (21, 21) over people, each of whom counts alike."""
-    people = [
-        np.concatenate([turns, mirrored(turns)]).reshape(-1, N_PRIOR)
-        for turns in by_person.values()
-    ]
+    people = [turns.reshape(-1, N_PRIOR) for turns in by_person.values()]
     mean = np.mean([one.mean(axis=0) for one in people], axis=0)
     covariance = np.mean([(one - mean).T @ (one - mean) / len(one) for one in people], axis=0)
     covariance += OWN_RAD**2 * np.eye(N_PRIOR)
