@@ -12,17 +12,17 @@ from pathlib import Path
 
 import numpy as np
 from networks import networks_in, own_people
+from poses.world import WORLD
 
 from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 from gmrdata.people.following import load_tracks
 from gmrdata.people.landmark_body import HIPS, SeenLandmarks
 from gmrdata.people.local_poses import seen_landmarks
 from gmrdata.read.frames import read_frames
-from gmrdata.solve.request import FOLLOWED, FRAMES, LINES, OWN_POSES
+from gmrdata.solve.request import FOLLOWED, FRAMES, OWN_POSES
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.camera import Lens
 from gmrdata.values.files import write_bytes
-from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
 from gmrdata.values.transforms import apply, invert, rigid
 
 VIEWS = ("cam01", "cam02", "cam03", "cam04")
@@ -108,7 +108,7 @@ def solved(
     the views of `Demo_MultiPerson`.
     """
     config = own_people(networks_in(data_dir / "models"))
-    for made in (LINES, BODIES, PSEUDO_GT, FUSED, *([OWN_POSES] if height_m is None else [])):
+    for made in (*WORLD, *([OWN_POSES] if height_m is None else [])):
         shutil.rmtree(out_dir / made, ignore_errors=True)
     if name == DANCE:
         source, lens = _dance_frames(data_dir, out_dir), None

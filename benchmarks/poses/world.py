@@ -22,7 +22,7 @@ from gmrdata.people.local_poses import POSES_FOLDER, seen_landmarks
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import read_frames
 from gmrdata.score.metrics import root_errors_percent
-from gmrdata.solve.request import FOLLOWED, INTRINSICS, OWN_POSES
+from gmrdata.solve.request import FOLLOWED, INTRINSICS, LINES, OWN_POSES
 from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.solve.videos import solve_video
 from gmrdata.values.body import BodyModel
@@ -74,9 +74,13 @@ class WorldRow:
         return self.programme not in STANDS
 
 
+WORLD = (LINES, BODIES, PSEUDO_GT, FUSED)
+"""What is made of poses: people's world."""
+
+
 def solve(clip_dir: Path, work_dir: Path, models_dir: Path) -> VideoVerdict:
     """What `gmrdata video --poses own` leaves of a clip's frames; people's world is made anew."""
-    for made in (OWN_POSES, BODIES, PSEUDO_GT, FUSED):
+    for made in (OWN_POSES, *WORLD):
         shutil.rmtree(work_dir / made, ignore_errors=True)
     facts = VideoFacts.read(clip_dir / FACTS_FILE)
     config = own_people(networks_in(models_dir))
