@@ -239,8 +239,13 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
     """Embedded gait and, where files were given, those that are not filmed."""
     training = config.training
     rng = np.random.default_rng([config.seed, len(config.clips)])
-    n, seconds = training.gait_count, training.gait_duration_s
-    gaits = embedded_motions(body, rng, count=n, fps_hz=training.fps_hz, duration_s=seconds)
+    gaits = embedded_motions(
+        body,
+        rng,
+        count=training.gait_count,
+        fps_hz=training.fps_hz,
+        duration_s=training.gait_duration_s,
+    )
     motions = [
         (f"gait_{index:03d}", motion, np.ones(motion.n_frames, dtype=bool))
         for index, motion in enumerate(gaits)

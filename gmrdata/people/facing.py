@@ -28,7 +28,7 @@ BETWEEN_LEAPS_S = 0.5
 AGAINST = -0.35  # cosine between where a body's left is before and after, of more than 110 degrees
 MIRROR_GAIN = 0.92
 """What is left of the errors by the mirrored body, over what the seen one leaves, from which it is
-believed.  Of right views: 1.2 to 3.4, and 1.01 to 1.06 of who stands still with straight limbs; of
+believed.  Of right views: 1.1 to 3.3, and 1.01 to 1.06 of who stands still with straight limbs; of
 mirrored ones the inverse."""
 COMPARED_HZ, COMPARED_FRAMES = 8.0, 64
 """Of the frames by which a whole track is compared with its mirror image."""
