@@ -10,13 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gmrdata.people.following import Sightings
-from gmrdata.people.landmark_body import (
-    HANGS_ON,
-    LEG_M,
-    MIRRORED_LANDMARKS,
-    TURNS_WITH,
-    SeenLandmarks,
-)
+from gmrdata.people.landmark_body import HANGS_ON, LEG_M, TURNS_WITH, SeenLandmarks
+from gmrdata.people.landmark_network import MIRRORED_LANDMARKS
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.shapes import Float

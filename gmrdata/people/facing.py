@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from gmrdata.people.fit import FitConfig, fit
-from gmrdata.people.landmark_body import MIRRORED_LANDMARKS, SeenLandmarks
-from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmark_body import SeenLandmarks
+from gmrdata.people.landmark_network import LANDMARKS, MIRRORED_LANDMARKS
 
 TRUNK = tuple(
     LANDMARKS.index(f"{side}_{part}")

@@ -33,6 +33,7 @@ from gmrdata.people.landmark_network import (
     Person,
     crop_around,
     open_landmark_network,
+    seen_twice,
 )
 from gmrdata.people.linking import (
     Detection,
@@ -483,6 +484,7 @@ class _Follower:
         if self._is_met(person.box_px, row) or self._shows_another(person, crop, image, row):
             return []
         self.met_px[row][piece] = person.box_px
+        person = seen_twice(self.look, image, crop, person, self.config.min_score)
         write_gray(outline_path(self.folder, self.frames.paths[row], piece), person.mask)
         seen: Seen = {
             "image_numbers": int(self.frames.numbers[row]),

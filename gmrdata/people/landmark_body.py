@@ -24,16 +24,6 @@ BODY_FILE = Path(__file__).with_name("landmark_body.json")
 LEG_M = 0.80
 """Leg, hip to ankle, for which the offsets are written [m]."""
 
-MIRRORED_LANDMARKS = tuple(
-    LANDMARKS.index(
-        name.replace("left", "*").replace("right", "left").replace("*", "right")
-        if "left" in name or "right" in name
-        else name
-    )
-    for name in LANDMARKS
-)
-"""Index of each landmark's counterpart on the other side of the body."""
-
 HIPS = (LANDMARKS.index("left_hip"), LANDMARKS.index("right_hip"))
 SIZED_BY = tuple(
     LANDMARKS.index(f"{side}_{part}")

@@ -6,6 +6,9 @@ landmarks, the middle of the hips and a point above it, give the crop of the nex
 are of the body, in the picture and in metres; those in metres are as seen in the crop, and are
 turned back here with it.
 
+It is wrong otherwise of a person than of the mirror image: by 80 mm in the mean, as much as it is
+wrong at all.  So `seen_twice` takes the mean of both, as usual for networks of keypoints.
+
 LiteRT, of the network's own makers, takes 0.4 of the time of OpenCV 5 and gives the same to 0.001
 pixels.
 """
@@ -15,7 +18,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +29,8 @@ from gmrdata.values.errors import BadDetector
 from gmrdata.values.transforms import about_z
 
 CROP_PX = 256
+CORNER_PX = 0.5
+"""The network counts from the corner of the crop's first pixel, OpenCV from its middle [px]."""
 LANDMARKS = (
     "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye",
     "right_eye_outer", "left_ear", "right_ear", "mouth_left", "mouth_right",
@@ -40,6 +45,15 @@ TRUNK = tuple(LANDMARKS.index(f"{side}_{part}") for part in ("shoulder", "hip")
               for side in ("left", "right"))  # fmt: skip
 LIMBS = (*TRUNK, *(LANDMARKS.index(f"{side}_{part}") for part in ("elbow", "wrist", "knee", "ankle")
                    for side in ("left", "right")))  # fmt: skip
+MIRRORED_LANDMARKS = tuple(
+    LANDMARKS.index(
+        name.replace("left", "*").replace("right", "left").replace("*", "right")
+        if "left" in name or "right" in name
+        else name
+    )
+    for name in LANDMARKS
+)
+"""Index of each landmark's counterpart on the other side of the body."""
 HIP_CENTRE, UPRIGHT = 33, 34  # Two more: the middle of the hips, and half a person above it
 CROP_MARGIN = 1.25  # A crop is larger than the person by this
 OUTPUT_SIZES = {"landmarks": 39 * 5, "score": 1, "mask": CROP_PX * CROP_PX, "world": 39 * 3}
@@ -100,6 +114,35 @@ def open_landmark_network(model_path: Path) -> LandmarkNetwork:
 
     _outputs(net, np.zeros((CROP_PX, CROP_PX, 3), np.uint8), model_path)
     return look
+
+
+def seen_twice(
+    look: LandmarkNetwork, image: np.ndarray, crop: Crop, person: Person, least_score: float
+) -> Person:
+    """The person of a crop, whose landmarks are the mean of that look and of one at the mirror
+    image; as it is where that one sees nobody, or a body that faces the other way."""
+    last_px = image.shape[1] - 1
+    centre_px = np.array([last_px - crop.centre_px[0], crop.centre_px[1]])
+    mirror = Crop(centre_px, crop.side_px, -crop.turn_rad)
+    other = look(np.ascontiguousarray(image[:, ::-1]), mirror)
+    sides = list(MIRRORED_LANDMARKS)
+    image_px, world_m = other.image_px[sides], other.world_m[sides] * (-1.0, 1.0, 1.0)
+    image_px[:, 0] = last_px - image_px[:, 0]
+    faces_alike = _to_the_left(world_m) @ _to_the_left(person.world_m) > 0
+    if not faces_alike or other.score < least_score:
+        return person
+    return replace(
+        person,
+        image_px=(person.image_px + image_px) / 2,
+        world_m=(person.world_m + world_m) / 2,
+        visibility=(person.visibility + other.visibility[sides]) / 2,
+    )
+
+
+def _to_the_left(world_m: np.ndarray) -> np.ndarray:
+    """(3,) from the right side of the trunk to the left."""
+    left, right = world_m[list(TRUNK[::2])], world_m[list(TRUNK[1::2])]
+    return np.asarray((left - right).sum(axis=0))
 
 
 LandmarkFeatures = Callable[[np.ndarray, Crop], np.ndarray]
@@ -194,7 +237,7 @@ def _person(outputs: dict[str, np.ndarray], crop: Crop, size_px: tuple[int, ...]
 
     image_from_crop = cv2.invertAffineTransform(crop.crop_from_image)
     landmarks = outputs["landmarks"].reshape(39, 5).astype(np.float64)
-    seen_px = landmarks[:, :2] @ image_from_crop[:, :2].T + image_from_crop[:, 2]
+    seen_px = (landmarks[:, :2] - CORNER_PX) @ image_from_crop[:, :2].T + image_from_crop[:, 2]
     hips_px, up_px = seen_px[HIP_CENTRE], seen_px[UPRIGHT] - seen_px[HIP_CENTRE]
     logits = outputs["mask"].reshape(CROP_PX, CROP_PX)
     # Outside of the crop nobody was looked for.

@@ -5,13 +5,12 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.people.landmark_body import (
     LEG_M,
-    MIRRORED_LANDMARKS,
     SeenLandmarks,
     landmark_offsets_m,
     landmarks_about,
     offsets_of,
 )
-from gmrdata.people.landmark_network import LANDMARKS
+from gmrdata.people.landmark_network import LANDMARKS, MIRRORED_LANDMARKS
 from gmrdata.values.body import JOINT, leg_length_m
 
 
