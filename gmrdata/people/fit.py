@@ -38,9 +38,9 @@ class FitConfig(Config):
 
     image: float = Field(default=0.08, gt=0)
     """Landmarks in the picture, in the person's size."""
-    depth_m: float = Field(default=0.18, gt=0)
+    depth_m: float = Field(default=0.21, gt=0)
     """Distances beside that of the hips, by the network [m]."""
-    depth_share: float = Field(default=0.85, gt=0, le=1)
+    depth_share: float = Field(default=0.8, gt=0, le=1)
     """What is believed of them beside the slope of the whole body: errors make depths larger than
     they are, and a body that is as deep stands too near."""
     acceleration: float = Field(default=12.0, gt=0)
@@ -51,12 +51,13 @@ class FitConfig(Config):
     """Of the pelvis along it [m/s2]: people's sizes tell little of it, and change as they bend."""
     turn_acceleration: float = Field(default=40.0, gt=0)
     """Of the pelvis's orientation [rad/s2]: hips are near to each other, and hardly tell of it."""
-    prior: float = Field(default=0.1, ge=0)
+    prior: float = Field(default=0.05, ge=0)
     """How much the pose prior (`gmrdata.people.pose_prior`) counts: little, as frames are alike."""
     rest: float = Field(default=1.0, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
-    stop_share: float = Field(default=1e-4, gt=0)
-    """Gain of a step that ends the fit, as a share of what is left: joints move by 1 mm after."""
+    stop_share: float = Field(default=1e-5, gt=0)
+    """Gain of a step that ends the fit, as a share of what is left.  At ten times as much a track
+    stopped 10 cm too far away, where steps bring it along frame by frame."""
     most_steps: int = Field(default=200, ge=1)
 
 
