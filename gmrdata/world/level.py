@@ -81,6 +81,9 @@ STEEP_SHARE, STEEP_SIGMA_RAD = 0.1, np.deg2rad(8.0)
 UNSURE_RAD = np.deg2rad(60.0)
 """From the picture's up to the bodies', from which one of them is not up; and of up then, along
 each axis.  Whoever lies straight has the pose of somebody who stands: only the picture tells."""
+ASIDE_RAD = np.deg2rad(30.0)
+"""The same to the picture's side alone, where cameras that look up or down tip by few degrees: 7 at
+most at hand, and 45 of somebody who leans on the hands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +171,11 @@ def across(up: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.svd(up[None])[2][1:])
 
 
-def from_picture_rad(world_from_cam: np.ndarray, up: np.ndarray) -> float:
-    """Angle between a direction (3,) and up in the pictures of cameras (N, 4, 4): the median."""
-    cosines = -world_from_cam[:, :3, 1] @ up
-    return float(np.median(np.arccos(np.clip(cosines, -1.0, 1.0))))
+def from_picture_rad(world_from_cam: np.ndarray, up: np.ndarray) -> tuple[float, float]:
+    """Angle between a direction (3,) and up in the pictures of cameras (N, 4, 4), and what of it is
+    to their sides: the medians."""
+    aside, down, _ = np.clip(up @ world_from_cam[:, :3, :3], -1.0, 1.0).T
+    return float(np.median(np.arccos(-down))), float(np.median(np.abs(np.arcsin(aside))))
 
 
 def body_cue(

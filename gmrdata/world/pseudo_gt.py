@@ -23,6 +23,7 @@ from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.compose import metric_cameras, motion_in_world
 from gmrdata.world.judge import SolvedCameras, judge_people, telling_rows
 from gmrdata.world.level import (
+    ASIDE_RAD,
     ONE_FLOOR_M,
     UNSURE_RAD,
     LevelEstimate,
@@ -369,8 +370,8 @@ def _level(
     plane = ground_plane(points_m, feet_m, upright.up, 1.0, config) if len(feet_m) else None
     cues = [contact_cue(planted_m, stances, upright.up, config.stance_sigma_m)]
     cues += [] if plane is None else [ground_cue(plane.normal, plane.points, plane.rms)]
-    apart_rad = from_picture_rad(world_from_cam[metric.path.has_camera], upright.up)
-    tipped = apart_rad > UNSURE_RAD
+    apart_rad, aside_rad = from_picture_rad(world_from_cam[metric.path.has_camera], upright.up)
+    tipped = apart_rad > UNSURE_RAD or aside_rad > ASIDE_RAD
     steady = _steady_cues(metric, upright, tipped)
     up, level = up_of(steady, [cue for cue in cues if cue is not None])
     if tipped and steady[0].name != "gravity":

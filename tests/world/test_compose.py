@@ -292,10 +292,10 @@ def test_feet_that_nobody_saw_say_where_the_floor_is_only_where_none_was_seen(sm
     assert world.level.floor_sigma_m == (0.0 if seen == 60 else 0.25)
 
 
-def on_its_side(clip: Clip) -> Clip:
-    """The same before a camera that was turned by 90 degrees about its axis."""
-    quarter = transforms.rigid(Rotation.from_euler("z", 90, degrees=True).as_matrix(), np.zeros(3))
-    return filmed_from(clip, camera_of(clip).world_from_cam @ quarter)
+def on_its_side(clip: Clip, turn_deg: float = 90.0) -> Clip:
+    """The same before a camera that was turned about its axis."""
+    turn = Rotation.from_euler("z", turn_deg, degrees=True).as_matrix()
+    return filmed_from(clip, camera_of(clip).world_from_cam @ transforms.rigid(turn, np.zeros(3)))
 
 
 def filmed_from(clip: Clip, world_from_cam: np.ndarray) -> Clip:
@@ -305,18 +305,24 @@ def filmed_from(clip: Clip, world_from_cam: np.ndarray) -> Clip:
 
 def test_a_picture_on_its_side_makes_up_unsure_and_is_said(small_body, tmp_path):
     """Who lies straight before an upright camera gives the same numbers, and up was told to 5
-    degrees.  People who stand before a camera on its side still stand."""
+    degrees; of somebody on hands and feet, who leans by 45 in the picture, to 6.  People who stand
+    before a camera on its side still stand."""
     true = true_clip(small_body, Circular())
     levels = []
-    for name, clip in (("upright", true), ("side", on_its_side(true))):
+    for name, clip in (
+        ("upright", on_its_side(true, 20.0)),
+        ("side", on_its_side(true)),
+        ("aslant", on_its_side(true, 40.0)),
+    ):
         (tmp_path / name).mkdir()
         out_dir = made(tmp_path / name, clip, small_body, "full", [])
         error = compare_clips(load_clip(out_dir / person_file(0)), clip)
         assert error.true_from_pseudo[2, 2] > np.cos(np.deg2rad(1.0))
         levels.append(load_record(out_dir).level)
-    upright, side = levels
+    upright, side, aslant = levels
     assert upright is not None and upright.sigma_deg < 10 and upright.tipped is None
     assert side is not None and side.sigma_deg == pytest.approx(60 * np.sqrt(2), rel=1e-3)
+    assert aslant is not None and aslant.sigma_deg == side.sigma_deg and aslant.tipped is not None
     assert [cue.name for cue in side.cues] == [*(cue.name for cue in upright.cues), "picture"]
     off_deg = side.cues[-1].apart_deg
     assert off_deg == pytest.approx(90, abs=4) and not side.cues[-1].used
