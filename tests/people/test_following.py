@@ -37,6 +37,7 @@ from gmrdata.people.landmark_network import (
     Person,
     crop_around,
     open_landmark_network,
+    seen_twice,
 )
 from gmrdata.people.linking import (
     LinkConfig,
@@ -114,6 +115,18 @@ def test_landmarks_are_a_standing_person_s(followed_dir):
     np.testing.assert_allclose(track.world_m[:, [23, 24]].mean(1), 0, atol=0.02)
     height_px = np.ptp(track.image_px[0, :, 1])
     assert 0.9 * height_px < track.crops[0, 2] < 2 * height_px
+
+
+def test_landmarks_are_of_two_looks(followed_dir, frames_dir, networks):
+    look, track = open_landmark_network(networks.landmarks), load_tracks(followed_dir)[0]
+    image = read_color(read_frames(frames_dir).paths[-1])
+    x_px, y_px, side_px, turn_rad = track.crops[-1]
+    crop = Crop(np.array([x_px, y_px]), side_px, turn_rad)
+    once = look(image, crop)
+    twice = seen_twice(look, image, crop, once, CONFIG.min_score)
+    np.testing.assert_allclose(track.image_px[-1], twice.image_px, atol=1e-3)
+    np.testing.assert_allclose(track.world_m[-1], twice.world_m, atol=1e-4)
+    assert np.abs(once.world_m - twice.world_m).max() > 0.01
 
 
 def test_a_stopped_run_goes_on_where_it_was(
