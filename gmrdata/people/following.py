@@ -116,6 +116,8 @@ class _FollowedAt(FollowConfig):
     """The stage's recipe: who is joined to whom also depends on how fast frames follow."""
 
     rate_hz: float
+    looks: int = 2
+    """At each person (`seen_twice`); former versions' folders, of one, are not taken for these."""
 
 
 class Networks(NamedTuple):

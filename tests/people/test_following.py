@@ -1,5 +1,6 @@
 """People of real frames, detected, followed and linked: who is seen, where, how often."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -54,6 +55,7 @@ from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.frames import list_images, read_color, read_frames, read_gray
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadRecord, StaleOutput
+from gmrdata.values.files import STAGE_FILE, read_json, write_json
 
 N_FRAMES = 4
 CONFIG = FollowConfig(min_frames=3)
@@ -393,6 +395,16 @@ def test_who_is_who_is_found_again_at_another_rate(followed_dir, frames_dir, net
     frames = read_frames(frames_dir).with_rate(60.0)
     with pytest.raises(StaleOutput, match="rate_hz"):
         follow_people(frames, followed_dir, CONFIG, networks)
+
+
+def test_a_folder_of_one_look_at_each_person_is_stale(followed_dir, frames_dir, networks, tmp_path):
+    former = tmp_path / "followed"
+    shutil.copytree(followed_dir, former)
+    record = read_json(former / STAGE_FILE)  # as the version before left it
+    del record["config"]["looks"]
+    write_json(former / STAGE_FILE, record)
+    with pytest.raises(StaleOutput, match="looks"):
+        follow_people(read_frames(frames_dir), former, CONFIG, networks)
 
 
 def test_a_track_is_cut_where_another_takes_over():
