@@ -5,10 +5,10 @@
 A CLIP is a folder with frames/ and clip.npz, as `render_set` and `video/clips.py` leave it, and
 clip.json where a lens bends it.  MODELS holds the two networks.  People are kept in
 OUT/followed and found once.  Those that ship were made of poses/clips.py's courtyard_walk,
-room_scoop, street_stride, park_walk, room_wash and street_strike as BlazePose GHUM heavy saw them.
-Across and forward the landmarks of limbs, hands and feet stay as they are, joints but for fingers
-and feet: a real man's lie there, and shoulders and hips of people seen from the side are drawn
-together.
+room_scoop, street_stride, park_walk, room_wash and street_strike as BlazePose GHUM heavy saw them,
+twice each.  Across and forward the landmarks of limbs, hands and feet stay as they are, joints but
+for fingers and feet: a real man's lie there, and shoulders and hips of people seen from the side
+are drawn together.
 """
 
 import argparse

@@ -77,9 +77,9 @@ OWN_FUSION = FusionConfig(
     lasting_place_m=0.03,
     slow_turn_deg=8.0,
 )
-"""For poses of the built-in estimator: on real people its distance is off by 2 to 3 % for half a
-second at a time, and hips by 3.4 cm across the ray, most of which lasts, as landmarks are not quite
-the body's joints (docs/figures.md); and a network sees a third less of a walker's pace in its
+"""For poses of the built-in estimator: on real people its distance is off by 1.5 to 3 % for a third
+of a second at a time, and hips by 3.4 cm across the ray, most of which lasts, as landmarks are not
+quite the body's joints (docs/figures.md); and a network sees a third less of a walker's pace in its
 poses."""
 
 

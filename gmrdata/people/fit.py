@@ -25,7 +25,7 @@ from gmrdata.people.landmark_body import (
     landmarks_on,
     offsets_of,
 )
-from gmrdata.people.landmark_network import LANDMARKS, N_LANDMARKS
+from gmrdata.people.landmark_network import LANDMARKS, N_LANDMARKS, TRUNK, to_the_left
 from gmrdata.people.pose_prior import N_PRIOR, PRIOR_JOINTS, prior_by_turn, prior_errors
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
 from gmrdata.values.records import Config
@@ -153,9 +153,8 @@ def _believed_m(seen: SeenLandmarks, share: float) -> np.ndarray:
 def first_rotmats(seen: SeenLandmarks, rest_joints_m: np.ndarray) -> np.ndarray:
     """(T, 24, 3, 3) trunk and limbs as the network's metres have them, without a twist."""
     world_m = seen.world_m @ seen.cam_from_ray.swapaxes(-1, -2)
-    left = world_m[:, [11, 23]].sum(1) - world_m[:, [12, 24]].sum(1)
-    up = world_m[:, [11, 12]].sum(1) - world_m[:, [23, 24]].sum(1)
-    x = _unit(left)
+    up = world_m[:, TRUNK[:2]].sum(1) - world_m[:, TRUNK[2:]].sum(1)
+    x = _unit(to_the_left(world_m))
     z = _unit(np.cross(x, up))
     local = np.tile(np.eye(3), (len(x), N_JOINTS, 1, 1))
     local[:, 0] = np.stack([x, np.cross(z, x), z], axis=-1)

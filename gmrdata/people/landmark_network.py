@@ -6,8 +6,8 @@ landmarks, the middle of the hips and a point above it, give the crop of the nex
 are of the body, in the picture and in metres; those in metres are as seen in the crop, and are
 turned back here with it.
 
-It is wrong otherwise of a person than of the mirror image: by 80 mm in the mean, as much as it is
-wrong at all.  So `seen_twice` takes the mean of both, as usual for networks of keypoints.
+Of a crop and of its mirror image it gives landmarks that are 80 mm apart in the mean, about as much
+as each are wrong.  `seen_twice` takes the mean of both, as is usual for networks of keypoints.
 
 LiteRT, of the network's own makers, takes 0.4 of the time of OpenCV 5 and gives the same to 0.001
 pixels.
@@ -128,7 +128,7 @@ def seen_twice(
     sides = list(MIRRORED_LANDMARKS)
     image_px, world_m = other.image_px[sides], other.world_m[sides] * (-1.0, 1.0, 1.0)
     image_px[:, 0] = last_px - image_px[:, 0]
-    faces_alike = _to_the_left(world_m) @ _to_the_left(person.world_m) > 0
+    faces_alike = to_the_left(world_m) @ to_the_left(person.world_m) > 0
     if not faces_alike or other.score < least_score:
         return person
     return replace(
@@ -139,10 +139,10 @@ def seen_twice(
     )
 
 
-def _to_the_left(world_m: np.ndarray) -> np.ndarray:
-    """(3,) from the right side of the trunk to the left."""
-    left, right = world_m[list(TRUNK[::2])], world_m[list(TRUNK[1::2])]
-    return np.asarray((left - right).sum(axis=0))
+def to_the_left(world_m: np.ndarray) -> np.ndarray:
+    """(..., 3) from the right side of the trunk to the left, of landmarks (..., 33, 3) [m]."""
+    left_m, right_m = (world_m[..., list(side), :].sum(-2) for side in (TRUNK[::2], TRUNK[1::2]))
+    return np.asarray(left_m - right_m)
 
 
 LandmarkFeatures = Callable[[np.ndarray, Crop], np.ndarray]

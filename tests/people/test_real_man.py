@@ -113,16 +113,16 @@ def test_a_view_that_is_reversed_throughout_is_doubted(numbers, anny):
 
 
 def test_who_stands_with_bent_knees_stands_on_the_floor(anny):
-    """Every 16th frame of a dancer, as heavy sees her twice, and up and the camera's height over
-    the floor by a phone's LiDAR [m], on a body of her height.  Legs that were drawn to their rest
-    pose put her 8 cm below it."""
+    """Every 16th frame of a dancer of 1.64 m, seen twice by heavy, and up and the camera's height
+    over the floor by a phone's LiDAR [m].  Legs that were drawn to their rest pose put the dancer
+    8 cm below it."""
     with np.load(Path(__file__).with_name("dancer_bent.npz")) as file:
         dance = {key: file[key].astype(np.float64) for key in file.files}
     landmarks = (dance[key] for key in ("rays", "world_m", "visibility"))
     found = fit(SeenLandmarks(dance["rows"] / 30, *landmarks), mean_rest_m(anny), FitConfig())
     given = {"shape": np.zeros(anny.n_shape), "body": anny.name, "frame": "camera"}
     motion = made_up(found.rotmats[:, 1:], found.rotmats[:, 0], found.pelvis_m, **given)
-    motion = of_height(motion, anny, 1.64)  # hers
+    motion = of_height(motion, anny, 1.64)
     soles_m = foot_points_m(anny, motion)[:, :, SOLE_POINTS].mean(axis=2)
     over_m = dance["camera_height_m"] + np.einsum("tfk,tk->tf", soles_m, dance["up_cam"]).min(1)
     assert abs(np.median(over_m)) < 0.01
