@@ -5,6 +5,7 @@ import logging
 import os
 import platform
 import signal
+import sys
 import threading
 import uuid
 from collections.abc import Callable, Iterator, Mapping
@@ -25,6 +26,8 @@ CONNECT_S = 5.0  # how long a scheduler may take to answer
 FIRST_WORKER_S = 60.0  # and the first of its workers to come
 IDLE = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"}
 """Dask's processes look at themselves 50 to 100 times a second, which takes a tenth of a core."""
+FORKED = {"distributed.worker.multiprocessing-method": "forkserver"}
+"""One process loads Dask for all workers of all pools, which then start in a tenth of the time."""
 
 
 def give_sigterm_back() -> None:
@@ -98,14 +101,16 @@ def _local_client(run: Run, workers: int) -> Iterator[Any]:
     threads = max(1, own_cores() // count)
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
     with (
-        config.set(IDLE),
+        # What other systems' libraries do to a process that forks is not known here.
+        config.set(IDLE | (FORKED if sys.platform == "linux" else {})),
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=True,
             dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
             memory_limit=0,
-            env=dict.fromkeys(names, str(threads)),
+            # Theirs would else be that of the first pool.
+            env=os.environ | dict.fromkeys(names, str(threads)),
             silence_logs="CRITICAL",
         ) as cluster,
         Client(cluster) as client,

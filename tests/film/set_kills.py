@@ -159,12 +159,14 @@ def _children(process: psutil.Process) -> list[psutil.Process]:
 
 def _role(process: psutil.Process) -> str | None:
     try:
-        command = process.cmdline()
+        command, before = process.cmdline(), process.parent()
+        starts = before.cmdline() if before else []
     except psutil.Error:
         return None
     if "blender" in command and "--parent" in command:
         return "blender"
-    return "worker" if any("spawn_main" in word for word in command) else None
+    # A worker is called as the process that it was forked from.
+    return "worker" if any("forkserver" in word for word in starts) else None
 
 
 def _kill(process: psutil.Process) -> None:

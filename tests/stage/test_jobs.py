@@ -68,6 +68,19 @@ def fail_and_count(path: Path) -> None:
     raise BadFrames(f"{path.name}: not an image")
 
 
+def heard() -> str | None:
+    return os.environ.get("GMRDATA_HEARD")
+
+
+def kill_own_starter_once(path: Path) -> int:
+    """Kill the process that starts workers, wherever nobody has done so."""
+    if not path.exists():
+        path.touch()
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(0.5)  # so that its end is known before this job's
+    return os.getppid()
+
+
 def kill_own_process() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -340,6 +353,24 @@ def test_a_worker_has_its_share_of_the_cores(tmp_path, monkeypatch):
     for said, expected in (("3", 3), ("", cores), ("0", cores), ("many", cores)):
         monkeypatch.setenv("OMP_NUM_THREADS", said)
         assert own_cores() == expected
+
+
+def test_workers_have_the_environment_of_now(tmp_path, monkeypatch):
+    for said in ("one", "two"):
+        monkeypatch.setenv("GMRDATA_HEARD", said)
+        with worker_pool(Run(workers=1)) as pool:
+            found = run_jobs("hearing", [Job("clip", heard, {})], pool, tmp_path / "failed")
+        assert found == {"clip": said}
+
+
+def test_the_process_that_starts_workers_may_die(tmp_path):
+    ids, death = ("a", "b", "c", "d"), tmp_path / "death"
+    with worker_pool(Run(workers=2)) as pool:
+        jobs = [Job(id, kill_own_starter_once, {"path": death}) for id in ids]
+        found = run_jobs("working", jobs, pool, tmp_path / "failed")
+        assert set(found) == set(ids)
+        again = run_jobs("working", jobs, pool, tmp_path / "failed")
+    assert death.exists() and set(again) == set(ids)
 
 
 def test_a_process_has_the_cores_that_it_may_use(monkeypatch):
