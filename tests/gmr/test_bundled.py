@@ -208,9 +208,10 @@ def network(
     return TrainedGmr(Gmr(config).eval(), 10.0, "some_run", 12)
 
 
-def run_onnx(model: bytes, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def run_onnx(
+    session: onnxruntime.InferenceSession, local_rotmats: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """dR and dT of a batch (B, T, 23, 3, 3) by onnxruntime."""
-    session = onnxruntime.InferenceSession(model)
     turns, steps_m = session.run(None, {"local_rotmats": local_rotmats.astype(np.float32)})
     return turns, steps_m
 
@@ -235,7 +236,7 @@ def wild_poses(n_frames: int, seed: int) -> np.ndarray:
 def test_every_kind_of_network_is_the_same_as_in_torch(kinds, variant):
     gmr = network(*kinds, *variant)
     poses = np.stack([wild_poses(9, seed) for seed in range(3)])
-    turns, steps_m = run_onnx(onnx_network(gmr), poses)
+    turns, steps_m = run_onnx(onnxruntime.InferenceSession(onnx_network(gmr)), poses)
     assert (turns.shape, steps_m.shape) == ((3, 8, 3, 3), (3, 8, 3))
     for at, one in enumerate(poses):
         wanted = predict_deltas(gmr, one)
@@ -257,7 +258,7 @@ def test_any_length_of_a_motion(usual, small_body, n_frames):
     motion = embedded_motions(small_body, rng, count=1, fps_hz=10.0, duration_s=seconds)[0]
     local_rotmats = motion.local_rotmats[:n_frames]
     gmr, model = usual
-    turns, steps_m = run_onnx(model, local_rotmats[None])
+    turns, steps_m = run_onnx(onnxruntime.InferenceSession(model), local_rotmats[None])
     wanted = predict_deltas(gmr, local_rotmats)
     assert np.abs(turns[0] - wanted[0]).max() < SAME
     assert np.abs(steps_m[0] - wanted[1]).max() < SAME
@@ -385,7 +386,7 @@ def test_a_padded_batch_is_its_sequences():
 def test_as_an_onnx_model():
     """One model takes any number of frames."""
     gmr = TrainedGmr(symmetric_network().float(), 10.0, "some_run", 3)
-    network = onnx_network(gmr)
+    network = onnxruntime.InferenceSession(onnx_network(gmr))
     for poses in (random_poses(2, 2).numpy(), random_poses(2, 9).numpy()):
         turns, steps_m = run_onnx(network, poses)
         for at, one in enumerate(poses):

@@ -225,9 +225,9 @@ def _told(ways: np.ndarray, lines: _Pencils, blur_rad: float) -> np.ndarray:
     for share, direction in zip(SHARES, _directions(ways), strict=True):
         off = direction @ lines.normals.T
         # Near the point in which they meet, lines of a direction have any slope.
-        across = np.sqrt(np.maximum(1 - (direction @ lines.middles.T) ** 2, 1e-6))
-        sigmas = np.hypot(np.hypot(SLANT_RAD, blur_rad), lines.turn_sigmas * across)
-        near = np.sqrt(np.pi / 2) * across / sigmas * np.exp(-0.5 * (off / sigmas) ** 2)
+        across2 = np.maximum(1 - (direction @ lines.middles.T) ** 2, 1e-6)
+        variances = SLANT_RAD**2 + blur_rad**2 + lines.turn_sigmas**2 * across2
+        near = np.sqrt(np.pi / 2 * across2 / variances) * np.exp(-0.5 * off**2 / variances)
         likely = likely + share * near
     return np.asarray(TOLD_SHARE * np.log(likely / lines.by_chance))
 
