@@ -24,6 +24,7 @@ from gmrdata.values.transforms import rotmats_from_quaternions, smallest_rotatio
 
 SIDES = ("left", "right")
 PLANTED_M_PER_S = 0.2  # a foot counts as standing while its ankle and its toe joint are slower
+STILL_M_PER_S = 0.25  # speed of a foot at which it carries a third of what one at rest does
 SHORTEST_STAND_S = 0.1
 LARGEST_SPREAD_DEG = 15.0
 """Quartile distance of the pitch of standing feet, beyond which it says nothing about flat ones."""
@@ -104,6 +105,15 @@ def on_ground(body: BodyModel, motion: Motion) -> Motion:
     if off_m <= OFF_FLOOR_M or _on_foot(body, motion, sole_points_m(body, motion)).mean() < 0.5:
         return motion
     return replace(floored, source=f"{motion.source}, put on the floor")
+
+
+def support_m(feet_m: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What feet (T, 2, 3) at speeds (T, 2) [m/s] stand on, (T, 3) [m], and how far they do, (T,):
+    1 at rest, less the faster the slower one is."""
+    # By the slower foot: of a jump, as where a depth is wrong, both feet carry 0 in a float.
+    shares = np.exp((speeds.min(axis=1, keepdims=True) - speeds) / STILL_M_PER_S)
+    stood_on_m = np.einsum("tf,tfk->tk", shares / shares.sum(axis=1, keepdims=True), feet_m)
+    return stood_on_m, np.exp(-speeds.min(axis=1) / STILL_M_PER_S)
 
 
 def lowest_others_m(joints_m: np.ndarray) -> np.ndarray:

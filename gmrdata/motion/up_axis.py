@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gmrdata.motion.ground import soles_of_feet_m
+from gmrdata.motion.ground import soles_of_feet_m, support_m
 from gmrdata.motion.resample import valid_runs
 from gmrdata.motion.rest_pose import middles, pair, to_left
 from gmrdata.read.source_motion import UpAxis, axis_of
@@ -220,12 +220,10 @@ def walking_m_per_s(person: Person) -> float:
 
 def tilt_over_feet_deg(person: Person) -> float:
     """How far the way from standing feet to the middle of the trunk is off z, on average."""
-    carried = np.exp(-person.slowest() / STILL_M_PER_S)
     feet_m = np.stack([one.mean(axis=1) for one in person.soles_m], axis=1)
-    weights = carried / carried.sum(axis=1, keepdims=True)
+    stood_on_m, carried = support_m(feet_m, person.slowest())
     trunk_m = person.joints_m[:, [JOINT["pelvis"], JOINT["neck"]]].mean(axis=1)
-    over_m = trunk_m - np.einsum("tf,tfk->tk", weights, feet_m)
-    return float(angles_deg(carried.max(axis=1) @ over_m, _UP))
+    return float(angles_deg(carried @ (trunk_m - stood_on_m), _UP))
 
 
 def sliding_m_per_s(person: Person) -> float:

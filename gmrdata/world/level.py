@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.motion.ground import LOW_PERCENTILE
+from gmrdata.motion.ground import LOW_PERCENTILE, support_m
 from gmrdata.values import transforms
 from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
 from gmrdata.values.motion import Motion
@@ -48,7 +48,6 @@ OVER_SOLES_RAD = np.deg2rad(15.0)
 flat feet, 25 to 45 on a chair, whose back holds the mass behind the feet."""
 STRAIGHT_RAD = np.deg2rad(30.0)  # of a knee that is hardly bent, and of a trunk in line with legs
 FEWEST_S = 0.1  # of standing that is believed
-STILL_M_PER_S = 0.25  # speed of a foot at which it carries a third of what one at rest does
 SPEED_TIME_S = 0.1
 FEET_M2 = 0.04
 """Variance of places of feet on one spot, along each axis: the plane of soles turns with the body
@@ -275,18 +274,15 @@ def balance(
     after = np.minimum(np.searchsorted(frames, frames + reach), len(frames) - 1)
     seconds = np.maximum(frames[after] - frames[before], 1)[:, None] / motion.fps_hz
     speeds = np.linalg.norm(feet_m[after] - feet_m[before], axis=-1) / seconds
-    carried = np.exp(-speeds / STILL_M_PER_S)
-    # By the slower foot: of a jump, as where a depth is wrong, both feet carry 0 in a float.
-    shares = np.exp((speeds.min(axis=1, keepdims=True) - speeds) / STILL_M_PER_S)
-    support_m = np.einsum("tf,tfk->tk", shares / shares.sum(axis=1, keepdims=True), feet_m)
+    stood_on_m, carried = support_m(feet_m, speeds)
     joints_m = motion_joints_m(body, motion)
-    above_m = np.einsum("j,tjk->tk", MASSES, joints_m) - support_m
+    above_m = np.einsum("j,tjk->tk", MASSES, joints_m) - stood_on_m
     rest_m = body.rest_joints_m(motion.shape)
     usual_m = float((MASSES @ rest_m - rest_m[[JOINT["left_foot"], JOINT["right_foot"]]].min(0))[1])
     heights = np.linalg.norm(above_m, axis=1) / usual_m
     stands = (heights > LOW) | ((heights > STANDS) & ~_sits(joints_m, soles_m, above_m))
     # Little of a moment in which no foot stands, as in a run.
-    return above_m, carried.max(axis=1) * stands
+    return above_m, carried * stands
 
 
 def _sits(joints_m: np.ndarray, soles_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.files import read_file, read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library
-from gmrdata.motion.up_axis import person_of, standing_along
+from gmrdata.motion.up_axis import person_of, remarks_on, standing_along, tilt_over_feet_deg
 from gmrdata.read.source_motion import ReadConfig, UpAxis, axis_of
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.clip import load_clip
@@ -145,6 +145,21 @@ def test_one_who_lies_in_a_rig_that_shows_no_up(tmp_path, small_body, write_pers
     assert [what for what in turned.remarks if "no up" in what]
     said = read_file(path, small_body, ReadConfig(rest_pose="first_frame", up="z"))
     assert not [what for what in said.remarks if "no up" in what]
+
+
+@pytest.mark.parametrize("far_m", [0.0, 13.0, 100.0])
+def test_a_jump_does_not_hide_that_the_world_is_tilted(small_body, far_m):
+    """One frame 13 m away: both feet carried 0 there, the tilt was NaN, and nothing was said."""
+    walk = make_gait("walk", 6.0, 30.0, small_body, np.random.default_rng(0))
+    turn = Rotation.from_euler("x", 30, degrees=True).as_matrix()
+    tilted = _moved(walk, turn, walk.pelvis_m @ turn.T)
+    upright_deg, own_deg = (tilt_over_feet_deg(person_of(small_body, m)) for m in (walk, tilted))
+    assert own_deg == pytest.approx(30.0, abs=upright_deg + 0.1)
+    tilted.pelvis_m[90, 0] += far_m
+    person = person_of(small_body, tilted)
+    assert tilt_over_feet_deg(person) == pytest.approx(own_deg, abs=0.1)
+    (remark,) = remarks_on(person, 30.0)
+    assert remark.startswith(f"leans by {own_deg:.0f} degrees over the feet on average")
 
 
 def test_up_stands_in_the_record(tmp_path, small_body, body_path):
