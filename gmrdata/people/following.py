@@ -116,8 +116,8 @@ class _FollowedAt(FollowConfig):
     """The stage's recipe: who is joined to whom also depends on how fast frames follow."""
 
     rate_hz: float
-    looks: int = 2
-    """At each person (`seen_twice`); former versions' folders, of one, are not taken for these."""
+    landmarks: str = "of two looks, from the picture's corner"
+    """Folders of former versions, of one look or half a pixel off, are not taken for these."""
 
 
 class Networks(NamedTuple):

@@ -30,7 +30,8 @@ from gmrdata.values.transforms import about_z
 
 CROP_PX = 256
 CORNER_PX = 0.5
-"""The network counts from the corner of the crop's first pixel, OpenCV from its middle [px]."""
+"""The network counts from the corner of the crop's first pixel, as we do in the picture, OpenCV
+from its middle [px]."""
 LANDMARKS = (
     "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye",
     "right_eye_outer", "left_ear", "right_ear", "mouth_left", "mouth_right",
@@ -127,7 +128,7 @@ def seen_twice(
     other = look(np.ascontiguousarray(image[:, ::-1]), mirror)
     sides = list(MIRRORED_LANDMARKS)
     image_px, world_m = other.image_px[sides], other.world_m[sides] * (-1.0, 1.0, 1.0)
-    image_px[:, 0] = last_px - image_px[:, 0]
+    image_px[:, 0] = image.shape[1] - image_px[:, 0]
     faces_alike = to_the_left(world_m) @ to_the_left(person.world_m) > 0
     if not faces_alike or other.score < least_score:
         return person
@@ -253,7 +254,7 @@ def _person(outputs: dict[str, np.ndarray], crop: Crop, size_px: tuple[int, ...]
             side_px=max(1.0, 2 * CROP_MARGIN * float(np.linalg.norm(up_px))),
             turn_rad=float(np.arctan2(up_px[0], -up_px[1])),
         ),
-        image_px=seen_px[:N_LANDMARKS],
+        image_px=seen_px[:N_LANDMARKS] + CORNER_PX,
         world_m=outputs["world"].reshape(39, 3)[:N_LANDMARKS] @ about_z(crop.turn_rad).T,
         visibility=1 / (1 + np.exp(-landmarks[:N_LANDMARKS, 3])),
     )

@@ -397,13 +397,18 @@ def test_who_is_who_is_found_again_at_another_rate(followed_dir, frames_dir, net
         follow_people(frames, followed_dir, CONFIG, networks)
 
 
-def test_a_folder_of_one_look_at_each_person_is_stale(followed_dir, frames_dir, networks, tmp_path):
+@pytest.mark.parametrize("looks", [{}, {"looks": 2}])
+def test_a_folder_of_landmarks_of_a_former_version_is_stale(
+    followed_dir, frames_dir, networks, tmp_path, looks
+):
+    """Of one look at each person, or half a pixel off."""
     former = tmp_path / "followed"
     shutil.copytree(followed_dir, former)
-    record = read_json(former / STAGE_FILE)  # as the version before left it
-    del record["config"]["looks"]
+    record = read_json(former / STAGE_FILE)  # as versions before left it
+    del record["config"]["landmarks"]
+    record["config"] |= looks
     write_json(former / STAGE_FILE, record)
-    with pytest.raises(StaleOutput, match="looks"):
+    with pytest.raises(StaleOutput, match="landmarks"):
         follow_people(read_frames(frames_dir), former, CONFIG, networks)
 
 

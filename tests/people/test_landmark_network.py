@@ -13,6 +13,7 @@ from gmrdata.people.landmark_network import (
     LIMBS,
     MIRRORED_LANDMARKS,
     Crop,
+    _person,
     crop_around,
     open_landmark_network,
     seen_twice,
@@ -122,7 +123,7 @@ def test_a_person_seen_twice_is_the_mirror_image_of_one_who_is_mirrored(seen):
     other_image, other_crop = mirrored(image, crop)
     other = seen_twice(look, other_image, other_crop, look(other_image, other_crop), 0.5)
     sides = list(MIRRORED_LANDMARKS)
-    back_px = np.array([image.shape[1] - 1, 0]) + other.image_px[sides] * (-1, 1)
+    back_px = np.array([image.shape[1], 0]) + other.image_px[sides] * (-1, 1)
     np.testing.assert_allclose(back_px, person.image_px, atol=1e-6)
     np.testing.assert_allclose(other.world_m[sides] * (-1, 1, 1), person.world_m, atol=1e-9)
     np.testing.assert_allclose(other.visibility[sides], person.visibility, atol=1e-9)
@@ -137,10 +138,28 @@ def test_landmarks_count_from_the_corner_of_a_pixel(seen, shared_path):
     for number in range(3, 27, 2):
         image = read_color(shared_path(f"video/static_people/{number:05}.jpg"))
         once, other = look(image, crop), look(*mirrored(image, crop))
-        back_px = image.shape[1] - 1 - other.image_px[list(MIRRORED_LANDMARKS), 0]
+        back_px = image.shape[1] - other.image_px[list(MIRRORED_LANDMARKS), 0]
         apart.append((once.image_px[:, 0] - back_px)[list(LIMBS)] * CROP_PX / crop.side_px)
         crop = once.next_crop
     assert abs(np.mean(apart)) < 0.5
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.7])
+@pytest.mark.parametrize("side_px", [256.0, 768.0])
+def test_landmarks_of_the_picture_count_from_its_corner(turn_rad, side_px):
+    """As the lens does: what lies on a pixel's middle lay half a pixel up and left of it."""
+    at_px = np.random.default_rng(0).uniform(200, 500, (39, 2))  # from the picture's corner
+    crop = Crop(np.array([350.0, 340.0]), side_px, turn_rad)
+    # Both OpenCV's from middles of pixels to such, and the network's from the corner of its own.
+    in_crop_px = (at_px - 0.5) @ crop.crop_from_image[:, :2].T + crop.crop_from_image[:, 2] + 0.5
+    outputs = {
+        "landmarks": np.c_[in_crop_px, np.zeros((39, 3))].ravel(),
+        "score": np.ones(1),
+        "mask": np.ones(CROP_PX * CROP_PX, np.float32),
+        "world": np.zeros(39 * 3),
+    }
+    person = _person(outputs, crop, (640, 480))
+    np.testing.assert_allclose(person.image_px, at_px[:33], atol=1e-9)
 
 
 @pytest.mark.parametrize(
