@@ -24,7 +24,8 @@ LEAP_M = 0.12
 it is a leap; 0.09 at most on people who were seen right, at 15 to 60 Hz [m]."""
 LEAP_WITHIN_S = 0.099  # 10 Hz is too slow: who walks moves as far from frame to frame
 BETWEEN_LEAPS_S = 0.5
-"""Frames between two leaps that are nearer to each other are unsure [s]."""
+"""Frames between two leaps that are nearer to each other are unsure; and over a longer gap a person
+may turn, so that what is seen before tells nothing of what is seen after [s]."""
 AGAINST = -0.35  # cosine between where a body's left is before and after, of more than 110 degrees
 MIRROR_GAIN = 0.92
 """What is left of the errors by the mirrored body, over what the seen one leaves, from which it is
@@ -44,7 +45,14 @@ def rate_remarks(rate_hz: float, every: int = 1) -> tuple[str, ...]:
 
 
 def unsure_frames(seen: SeenLandmarks) -> np.ndarray:
-    """(T,) bool: frames between leaps, and those that look the other way than most."""
+    """(T,) bool: frames between leaps, and those that look the other way than most of their stretch
+    without a gap."""
+    gaps = np.flatnonzero(np.diff(seen.times_s) >= BETWEEN_LEAPS_S) + 1
+    edges = pairwise([0, *gaps.tolist(), len(seen.times_s)])
+    return np.concatenate([_unsure_of_stretch(seen.take(slice(*one))) for one in edges])
+
+
+def _unsure_of_stretch(seen: SeenLandmarks) -> np.ndarray:
     n, times_s = len(seen.times_s), seen.times_s
     about_m = (seen.world_m @ seen.cam_from_ray.swapaxes(-1, -2))[:, TRUNK]
     moved_m = np.sqrt((np.diff(about_m, axis=0) ** 2).sum(-1).mean(-1))

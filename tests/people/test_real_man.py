@@ -90,6 +90,17 @@ def test_a_long_run_that_looks_the_other_way_is_told(at, numbers):
     assert unsure.sum() == 24 and len(set(unsure[at])) == 1
 
 
+@pytest.mark.parametrize("reversed_at", [slice(30, 34), slice(26, 30), slice(30, 42)])
+def test_of_two_stretches_each_is_told_by_itself(reversed_at, numbers):
+    """Who was found again looked the other way for four frames: the rest of that stretch was
+    unsure, and these were sure."""
+    seen = seen_by("heavy", numbers)
+    times_s = np.arange(60) / 30 + 1.0 * (np.arange(60) >= 30)
+    late = SeenLandmarks(times_s, seen.rays, seen.world_m, seen.visibility)
+    unsure = unsure_frames(spoiled(late, reversed_at))
+    assert np.flatnonzero(unsure).tolist() == [*range(60)[reversed_at]]
+
+
 def test_at_ten_frames_a_second_leaps_are_none_wherever_the_video_begins(numbers):
     """By rounding about half of the steps were shorter than 0.1 s, and right frames left out."""
     seen = spoiled(seen_by("heavy", numbers, 6), slice(5, 10))
