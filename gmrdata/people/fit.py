@@ -10,6 +10,7 @@ adds to every term alike, so a video at 15 and at 60 Hz gets the same motion.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from gmrdata.people.pose_prior import N_PRIOR, PRIOR_JOINTS, prior_by_turn, prio
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import posed_joints_m
-from gmrdata.values.transforms import cross_matrices
+from gmrdata.values.transforms import cross_matrices, slerp
 
 
 class FitConfig(Config):
@@ -99,25 +100,24 @@ BY_PRIOR = np.array([TURNED.index(joint) for joint in PRIOR_JOINTS])
 def fit(seen: SeenLandmarks, rest_joints_m: np.ndarray, config: FitConfig) -> FittedPose:
     """Lay a body with rest joints (24, 3) onto a track; metres are along each frame's ray.
 
-    Long tracks are fitted in windows that overlap.
+    Long tracks are fitted in windows, each of which goes over into the next where they overlap.
     """
-    parts: list[FittedPose] = []
     starts = range(0, max(1, len(seen.times_s) - OVERLAP), WINDOW - OVERLAP)
-    for start in starts:
-        part = seen.take(slice(start, start + WINDOW))
-        parts.append(_Problem(part, rest_joints_m, config).solved())
-    # Each window is good from the middle of its overlap on.
-    kept = [
-        slice(OVERLAP // 2 if n else 0, None if n == len(parts) - 1 else WINDOW - OVERLAP // 2)
-        for n in range(len(parts))
-    ]
-    pairs = list(zip(parts, kept, strict=True))
-    return FittedPose(
-        np.concatenate([one.rotmats[rows] for one, rows in pairs]),
-        np.concatenate([one.pelvis_m[rows] for one, rows in pairs]),
-        np.concatenate([one.energies[rows] for one, rows in pairs]),
-        all(one.converged for one in parts),
+    windows = (seen.take(slice(start, start + WINDOW)) for start in starts)
+    parts = [_Problem(window, rest_joints_m, config).solved() for window in windows]
+    share = np.arange(1, OVERLAP + 1) / (OVERLAP + 1)
+    share = share**2 * (3 - 2 * share)  # a window is worst at its ends
+    for before, after in pairwise(parts):
+        ends, begins = slice(-OVERLAP, None), slice(OVERLAP)
+        after.rotmats[begins] = slerp(before.rotmats[ends], after.rotmats[begins], share)
+        apart_m = after.pelvis_m[begins] - before.pelvis_m[ends]
+        after.pelvis_m[begins] = before.pelvis_m[ends] + share[:, None] * apart_m
+    kept = [slice(-OVERLAP)] * (len(parts) - 1) + [slice(None)]
+    rotmats, pelvis_m, energies = (
+        np.concatenate([getattr(one, key)[rows] for one, rows in zip(parts, kept, strict=True)])
+        for key in ("rotmats", "pelvis_m", "energies")
     )
+    return FittedPose(rotmats, pelvis_m, energies, all(one.converged for one in parts))
 
 
 _BONES = {

@@ -12,7 +12,7 @@ from gmrdata.people.fit import FitConfig, FittedPose, fit
 from gmrdata.people.landmark_body import SeenLandmarks
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
-from gmrdata.values.transforms import angles_deg
+from gmrdata.values.transforms import angles_deg, rotvecs_from_rotmats
 from tests.people.exact import aligned_mm, seen_exactly
 
 TRUE_DEPTHS = FitConfig(depth_share=1.0)
@@ -84,6 +84,27 @@ def test_windows_of_a_long_track_meet(walk, anny, monkeypatch):
     assert parts.pelvis_m.shape == whole.pelvis_m.shape == (walk.n_frames, 3)
     np.testing.assert_allclose(parts.pelvis_m, whole.pelvis_m, atol=0.02)
     np.testing.assert_allclose(parts.rotmats[:, 0], whole.rotmats[:, 0], atol=0.05)
+
+
+def test_windows_that_differ_go_over_into_each_other(walk, anny, monkeypatch):
+    """Windows of 60 frames a second differed by 12 cm in depth, and were cut from one to the next:
+    a person jumped by it in a frame."""
+    monkeypatch.setattr(fitting, "WINDOW", 16)
+    monkeypatch.setattr(fitting, "OVERLAP", 5)
+
+    def solved(problem: fitting._Problem) -> FittedPose:
+        n, is_later = len(problem.seen.times_s), problem.seen.times_s[0] > 0
+        turns = Rotation.from_rotvec(np.deg2rad([0.0, 30.0 * is_later, 0.0])).as_matrix()
+        pelvis_m = np.tile([0.0, 0.0, 4.0 + 0.12 * is_later], (n, 1))
+        return FittedPose(np.tile(turns, (n, 24, 1, 1)), pelvis_m, np.zeros(n), True)
+
+    monkeypatch.setattr(fitting._Problem, "solved", solved)
+    found = laid(seen_exactly(walk, anny).take(slice(24)), walk, anny)
+    shares = np.r_[np.zeros(11), np.array([2, 7, 13.5, 20, 25]) / 27, np.ones(8)]
+    np.testing.assert_allclose(found.pelvis_m[:, 2], 4.0 + 0.12 * shares, atol=1e-12)
+    turned_deg = np.rad2deg(rotvecs_from_rotmats(found.rotmats)[..., 1])
+    np.testing.assert_allclose(turned_deg, np.tile(30.0 * shares[:, None], 24), atol=1e-9)
+    assert len(found.energies) == 24
 
 
 @pytest.mark.parametrize("above_deg", [0.0, 50.0])
