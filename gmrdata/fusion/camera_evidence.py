@@ -192,9 +192,11 @@ def error_bars(
     whole_m2[:, 2] += (tilt_rad * across_m) ** 2 + errors.floor_sigma_m**2
     if errors.floor_at_m is not None:
         from_floor_m = np.linalg.norm(middle_m[:2] - errors.floor_at_m)
-        camera_above_m = clip.camera.centres_world_m[:, 2] - poses.pelvis_m[:, 2]
+        with_camera = np.flatnonzero(clip.camera.has_camera)  # between them, as high as both
+        heights_m = clip.camera.centres_world_m[with_camera, 2]
+        camera_m = np.interp(np.arange(len(known)), with_camera, heights_m)
         whole_m2[:, 2] += (tilt_rad * from_floor_m) ** 2
-        whole_m2[:, 2] += (errors.distance_share * np.nan_to_num(camera_above_m)) ** 2
+        whole_m2[:, 2] += (errors.distance_share * (camera_m - poses.pelvis_m[:, 2])) ** 2
     lasting_rad2 = np.deg2rad(config.slow_turn_deg) ** 2 + tilt_rad**2
     return {
         "place_sigma_m": np.sqrt(whole_m2),

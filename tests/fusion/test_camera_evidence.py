@@ -198,6 +198,24 @@ def test_what_is_wrong_with_a_world_is_part_of_the_error_bar(motion):
     assert none["place_sigma_m"].max() == 0 and np.isnan(none["camera_sigma_m"]).all()
 
 
+def test_on_steps_the_height_is_no_surer_where_no_camera_is_known(motion):
+    """What a person's distance is wrong by was left out of the height there."""
+    clip, zero = clip_of(motion), np.zeros((motion.n_frames, 3, 3))
+    assert clip.camera is not None
+    cameras, has_camera = clip.camera.world_from_cam.copy(), clip.camera.has_camera.copy()
+    cameras[:, 2, 3] = np.linspace(1.5, 3.5, motion.n_frames)
+    gone = replace(clip.camera, world_from_cam=cameras.copy(), has_camera=has_camera)
+    has_camera[100:140] = has_camera[-20:] = False
+    gone.world_from_cam[~has_camera] = np.nan
+    poses = FusedPoses(motion.root_rotmats, motion.pelvis_m, zero, zero, 1)
+    errors = WorldErrors(distance_share=0.07, floor_at_m=(0.0, 0.0))
+    found_m = error_bars(poses, replace(clip, camera=gone), CONFIG, errors)["place_sigma_m"]
+    cameras[-20:, 2, 3] = cameras[-21, 2, 3]
+    np.testing.assert_allclose(
+        found_m[:, 2], 0.07 * np.abs(cameras[:, 2, 3] - motion.pelvis_m[:, 2])
+    )
+
+
 def test_a_walking_persons_feet_stand_in_turn(motion, small_body):
     seen = deltas(motion.root_rotmats, motion.pelvis_m)
     feet = planted_feet(small_body, motion, seen, CONFIG)
