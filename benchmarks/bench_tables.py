@@ -27,7 +27,7 @@ from gmrdata.twins.pseudo_gt_error import FPS_HZ
 from gmrdata.twins.twin_set import SET_FOLDER, TwinRecipe, make_twins
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import deltas
-from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.values.transforms import angles_rad
 
 pytestmark = pytest.mark.bench
 MOST_DEG, MOST_MM = 0.3, 10.0

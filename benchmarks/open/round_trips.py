@@ -17,8 +17,8 @@ from gmrdata.motion.files import read_motion
 from gmrdata.stage.progress import track
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
-from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.transforms import angles_rad
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 

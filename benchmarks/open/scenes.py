@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 from gmrdata.values.body import JOINT_NAMES, BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.motion import Motion
-from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import motion_joints_m
-from gmrdata.values.transforms import rigid
+from gmrdata.values.transforms import angles_rad, rigid
 from gmrdata.write.glb import write_glb
 from gmrdata.write.recording import write_recording
 from gmrdata.write.take import Performer, Take

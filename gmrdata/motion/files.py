@@ -33,8 +33,8 @@ from gmrdata.values.files import (
 )
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
-from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.records import first_problem
+from gmrdata.values.transforms import angles_rad
 
 STIFF_DEG, STIFF_WAY_M = 2.0, 1.0  # radians make at most 1.6 degrees of a quarter turn
 SUFFIXES = (".amc", ".bvh", ".npz")

@@ -24,7 +24,6 @@ from gmrdata.threedpw.sequence import PeopleRecord
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, rows_of_numbers
-from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.world.judge import PseudoGtQuality, window_differences
 from gmrdata.world.recipe import PseudoGtConfig, Verdict
 
@@ -257,7 +256,7 @@ def align_dataset_camera(
     shift_m = (ours[:, :3, 3] - theirs[:, :3, 3] @ rotmat.T).mean(axis=0)
     moved = transforms.rigid(rotmat, shift_m) @ dataset_camera
     apart_m = np.linalg.norm(moved[both, :3, 3] - ours[:, :3, 3], axis=1)
-    apart_rad = angles_rad(rotmat.T @ turns)
+    apart_rad = transforms.angles_rad(rotmat.T @ turns)
     rms_m, rms_rad = (float(np.sqrt(np.mean(apart**2))) for apart in (apart_m, apart_rad))
     return Aligned(moved, int(both.sum()), rms_m, float(np.rad2deg(rms_rad)))
 

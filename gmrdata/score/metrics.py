@@ -15,9 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from gmrdata.score import Remainder
-from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.shapes import Float
-from gmrdata.values.transforms import Similarities, fit_similarity
+from gmrdata.values.transforms import Similarities, angles_rad, fit_similarity
 
 Rows = tuple[int, int]  # frames start, start + 1, ... stop - 1
 Places = Float[np.ndarray, "frames 3"]
@@ -173,7 +172,7 @@ def accelerations(points_m: Points, runs: Sequence[Rows], trim: int = 0) -> Samp
 
     `trim` samples at both ends of a run are left out.
     """
-    parts = [np.linalg.norm(_second(points_m[a:b]), axis=-1).mean(-1) for a, b in runs]
+    parts = [np.linalg.norm(np.diff(points_m[a:b], n=2, axis=0), axis=-1).mean(-1) for a, b in runs]
     return pooled([part[trim : len(part) - trim] for part in parts])
 
 
@@ -184,7 +183,8 @@ def acceleration_length_errors(
     found = []
     for start, stop in runs:
         lengths = [
-            np.linalg.norm(_second(one[start:stop]), axis=-1) for one in (predicted_m, true_m)
+            np.linalg.norm(np.diff(one[start:stop], n=2, axis=0), axis=-1)
+            for one in (predicted_m, true_m)
         ]
         found.append(np.linalg.norm(lengths[1] - lengths[0], axis=-1))
     return pooled(found)
@@ -199,7 +199,3 @@ def path_error_m(
     """ATE: mean distance of two camera paths after the best alignment of the whole [m]."""
     true_from_predicted = fit_similarity(true_m, predicted_m, scale=scale)
     return float(np.linalg.norm(true_from_predicted.apply(predicted_m) - true_m, axis=-1).mean())
-
-
-def _second(places_m: Points) -> np.ndarray:
-    return np.diff(places_m, n=2, axis=0)

@@ -14,12 +14,11 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import NothingToCompare, StageFailed
 from gmrdata.values.motion import deltas, whole_ratio
 from gmrdata.values.motion_metrics import (
-    angles_rad,
     orientation_errors_deg,
     posed_vertex_errors_mm,
     translation_errors_mm,
 )
-from gmrdata.values.transforms import fit_similarity, mean_rotation
+from gmrdata.values.transforms import angles_rad, fit_similarity, mean_rotation
 
 MIN_CAMERA_EXTENT_M = 0.05
 """Extent of the true camera path below which a scale can't be read off it [m]."""

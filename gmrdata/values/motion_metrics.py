@@ -12,14 +12,7 @@ import numpy as np
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.shapes import Float
-
-
-def angles_rad(rotmats: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
-    """Angles in [0, pi] [rad], from sine and cosine: as accurate near 0 and pi as between."""
-    skew = rotmats - np.swapaxes(rotmats, -1, -2)
-    sines = 0.5 * np.sqrt(skew[..., 2, 1] ** 2 + skew[..., 0, 2] ** 2 + skew[..., 1, 0] ** 2)
-    cosines = 0.5 * (np.trace(rotmats, axis1=-2, axis2=-1) - 1)
-    return np.asarray(np.arctan2(sines, cosines))
+from gmrdata.values.transforms import angles_rad
 
 
 def orientation_errors_deg(

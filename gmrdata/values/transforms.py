@@ -153,6 +153,14 @@ def between(
     return turned.reshape(3, -1, 3).transpose(1, 0, 2).reshape(rotmats.shape)
 
 
+def angles_rad(rotmats: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
+    """Angles in [0, pi] [rad], from sine and cosine: as accurate near 0 and pi as between."""
+    skew = rotmats - np.swapaxes(rotmats, -1, -2)
+    sines = 0.5 * np.sqrt(skew[..., 2, 1] ** 2 + skew[..., 0, 2] ** 2 + skew[..., 1, 0] ** 2)
+    cosines = 0.5 * (np.trace(rotmats, axis1=-2, axis2=-1) - 1)
+    return np.asarray(np.arctan2(sines, cosines))
+
+
 def angles_deg(
     a: Float[np.ndarray, "*a 3"], b: Float[np.ndarray, "*b 3"]
 ) -> Float[np.ndarray, "*batch"]:
@@ -192,12 +200,8 @@ def fit_similarity(
     Points on a line, or in one place, leave a part of the rotation open; one of the best is given.
     Where the scale is fitted, and not kept at 1, the points in b are not all in one place.
     """
-    mean_a, mean_b = points_a_m.mean(0), points_b_m.mean(0)
-    centred_a, centred_b = points_a_m - mean_a, points_b_m - mean_b
-    covariance = centred_a.T @ centred_b / len(points_a_m)
-    rotmat, singular = nearest_rotations(covariance)
-    factor = float(singular.sum() / centred_b.var(0).sum()) if scale else 1.0
-    return Similarity(factor, rotmat, mean_a - factor * rotmat @ mean_b)
+    found = fit_similarities(points_a_m[None], points_b_m[None], scale=scale)
+    return Similarity(float(found.scales[0]), found.rotmats[0], found.translations_m[0])
 
 
 class Similarities(NamedTuple):
@@ -214,14 +218,17 @@ class Similarities(NamedTuple):
 
 
 def fit_similarities(
-    points_a_m: Float[np.ndarray, "sets n 3"], points_b_m: Float[np.ndarray, "sets n 3"]
+    points_a_m: Float[np.ndarray, "sets n 3"],
+    points_b_m: Float[np.ndarray, "sets n 3"],
+    *,
+    scale: bool = True,
 ) -> Similarities:
-    """`fit_similarity` with its scale for each of many sets of points."""
+    """`fit_similarity` for each of many sets of points."""
     mean_a, mean_b = points_a_m.mean(1), points_b_m.mean(1)
     centred_a, centred_b = points_a_m - mean_a[:, None], points_b_m - mean_b[:, None]
     covariances = np.swapaxes(centred_a, 1, 2) @ centred_b / points_a_m.shape[1]
     rotmats, singular = nearest_rotations(covariances)
-    scales = singular.sum(1) / centred_b.var(1).sum(1)
+    scales = singular.sum(1) / centred_b.var(1).sum(1) if scale else np.ones(len(mean_a))
     translations_m = mean_a - scales[:, None] * (rotmats @ mean_b[..., None])[..., 0]
     return Similarities(scales, rotmats, translations_m)
 
@@ -263,10 +270,7 @@ def mean_rotation(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3 3
 
 def turns_about_mean_rad(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, " n"]:
     """Angle of each rotation from the mean of them all."""
-    from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
-
-    rotations = Rotation.from_matrix(rotmats)
-    return np.asarray((rotations.mean().inv() * rotations).magnitude())
+    return angles_rad(mean_rotation(rotmats).T @ rotmats)
 
 
 def nearest_rotations(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -407,8 +407,7 @@ def body_jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
     motion, known = clip.motion, clip.valid[1:] & clip.valid[:-1]
     far_m = np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1)
     turns = motion.root_rotmats[:-1].swapaxes(1, 2) @ motion.root_rotmats[1:]
-    cosines = np.clip((np.trace(turns, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0)
-    turned_deg = np.rad2deg(np.arccos(cosines))
+    turned_deg = np.rad2deg(transforms.angles_rad(turns))
     most_m = max(config.max_body_speed_m_per_s / motion.fps_hz, config.body_step_m)
     most_deg = np.clip(config.max_body_turn_deg_per_s / motion.fps_hz, *config.body_step_deg)
     beyond = (far_m > most_m) | (turned_deg > most_deg)

@@ -34,8 +34,8 @@ from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion, deltas
-from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.values.transforms import angles_rad
 from gmrdata.world.compose import motion_in_camera, motion_in_world
 from gmrdata.write.bvh import write_bvh
 from tests.motions import random_motion, save_bare

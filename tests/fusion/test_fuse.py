@@ -55,8 +55,8 @@ from gmrdata.values.errors import (
 )
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion, deltas
-from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.people import person_file
+from gmrdata.values.transforms import angles_rad
 from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.level import LevelEstimate
 from gmrdata.world.picture_fit import PictureFit

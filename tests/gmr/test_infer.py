@@ -16,7 +16,7 @@ from gmrdata.values import transforms
 from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, deltas
-from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.values.transforms import angles_rad
 from gmrdata.world.upright import up_of_standing_feet
 from tests.motions import moved
 

@@ -18,8 +18,7 @@ from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, SourceMotion
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import CMU_BVH, is_cmu, joints_by_name, line_to
-from gmrdata.values.motion_metrics import angles_rad
-from gmrdata.values.transforms import rigid
+from gmrdata.values.transforms import angles_rad, rigid
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import frame_time, write_bvh
 from tests.fixtures.command_line import fails_cleanly

@@ -39,7 +39,7 @@ from gmrdata.values.errors import (
 )
 from gmrdata.values.files import read_json, read_npz, write_npz
 from gmrdata.values.motion import deltas
-from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.values.transforms import angles_rad
 from tests.folders import bytes_of
 from tests.motions import walking_clips
 

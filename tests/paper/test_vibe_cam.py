@@ -31,7 +31,7 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadKeypoints, BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion, deltas
-from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.values.transforms import angles_rad
 from gmrdata.world.compose import motion_in_camera
 from tests.fixtures.command_line import fails_cleanly
 from tests.paper.openpose_files import person, write_frame, write_frames

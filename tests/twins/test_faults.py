@@ -31,9 +31,9 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadFrames, BadSequence
 from gmrdata.values.motion import Motion
-from gmrdata.values.motion_metrics import angles_rad, orientation_errors_deg
+from gmrdata.values.motion_metrics import orientation_errors_deg
 from gmrdata.values.skinning import motion_joints_m
-from gmrdata.values.transforms import apply, invert, rigid
+from gmrdata.values.transforms import angles_rad, apply, invert, rigid
 from gmrdata.world.compose import motion_in_camera
 from tests.motions import made_up, with_camera, with_motion
 

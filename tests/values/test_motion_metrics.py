@@ -13,14 +13,13 @@ from gmrdata.score.predictions import still_motion
 from gmrdata.values import motion_metrics as vertices
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.motion_metrics import (
-    angles_rad,
     orientation_errors_deg,
     run_vertex_errors,
     translation_errors_mm,
     vertex_errors_mm,
 )
 from gmrdata.values.skinning import motion_vertices_m
-from gmrdata.values.transforms import rigid
+from gmrdata.values.transforms import angles_rad, rigid
 from tests.motions import moved
 
 STILL = np.eye(3)[None]

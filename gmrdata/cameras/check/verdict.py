@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.files import Agreement, CamerasQuality, SfmCameras, WeakestStep
 from gmrdata.cameras.recipe import CamerasVerdictConfig
@@ -249,8 +248,4 @@ def relative_moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
 
 def angles_deg(moves: np.ndarray) -> np.ndarray:
     """(N,) rotation angles of transforms (N, 4, 4) [degrees]; NaN where unknown."""
-    known = np.isfinite(moves).all(axis=(1, 2))
-    angles = np.full(len(moves), np.nan)
-    if known.any():
-        angles[known] = Rotation.from_matrix(moves[known, :3, :3]).magnitude()
-    return np.rad2deg(angles)
+    return np.rad2deg(transforms.angles_rad(moves[:, :3, :3]))
