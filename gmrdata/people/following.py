@@ -12,7 +12,8 @@ the pieces.
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import chain, pairwise
@@ -32,6 +33,7 @@ from gmrdata.people.landmark_network import (
     LandmarkNetwork,
     Person,
     crop_around,
+    look_mirrored,
     open_landmark_network,
     seen_twice,
 )
@@ -286,12 +288,18 @@ def follow_people(
     recipe = _FollowedAt(**dict(config), rate_hz=frames.known_or_usual_hz)
 
     def work(partial: Path) -> None:
-        look = open_landmark_network(networks.landmarks)
+        look, other = (open_landmark_network(networks.landmarks) for _ in range(2))
         least = config.min_detector_score
         people = OnnxConfig(classes=("person",), min_score=least, weak_score=least)
         detect = open_detector(networks.detector, people)
-        follower = _Follower(frames, partial, config, detect, look)
-        known, facts, seldom = _known_people(follower.all_sightings(), frames.numbers, recipe)
+        with ThreadPoolExecutor(1) as beside:
+
+            def mirrored(image: np.ndarray, crop: Crop) -> Future[Person]:
+                return beside.submit(look_mirrored, other, image, crop)
+
+            follower = _Follower(frames, partial, config, detect, look, mirrored)
+            found = follower.all_sightings()
+        known, facts, seldom = _known_people(found, frames.numbers, recipe)
         known.write(partial / SIGHTINGS_FILE)
         FollowedRecord(
             size_px=frames.size_px,
@@ -346,6 +354,8 @@ class _Follower:
     config: FollowConfig
     detect: Detector
     look: LandmarkNetwork
+    mirrored: Callable[[np.ndarray, Crop], Future[Person]]
+    """`look_mirrored` by a network of its own, in another thread."""
     detections: list[Detections] = field(default_factory=list)  # of the frames gone through
     n_pieces: int = 0
     met_px: defaultdict[int, dict[int, np.ndarray]] = field(
@@ -388,7 +398,8 @@ class _Follower:
             if self._is_met(box_px, row):
                 continue
             person, crop = self._first_look(image, box_px)
-            newcomer = self._note(person, crop, self.n_pieces, image, row)
+            mirrored = self.mirrored(image, crop)
+            newcomer = self._note(person, crop, mirrored, self.n_pieces, image, row)
             if newcomer:
                 here += newcomer
                 self.n_pieces += 1
@@ -464,7 +475,8 @@ class _Follower:
         for one in people:
             x, y, side_px, turn_rad = one["next_crops"]
             crop = Crop(np.array([x, y]), side_px, turn_rad)
-            kept += self._note(self.look(image, crop), crop, one["pieces"], image, row)
+            mirrored = self.mirrored(image, crop)
+            kept += self._note(self.look(image, crop), crop, mirrored, one["pieces"], image, row)
         return kept
 
     def _go_back(self, people: list[Seen], row: int) -> list[Seen]:
@@ -477,7 +489,13 @@ class _Follower:
         return earlier
 
     def _note(
-        self, person: Person, crop: Crop, piece: int, image: np.ndarray, row: int
+        self,
+        person: Person,
+        crop: Crop,
+        mirrored: Future[Person],
+        piece: int,
+        image: np.ndarray,
+        row: int,
     ) -> list[Seen]:
         """A person who was seen in a crop of a frame; nothing where there is none, one who was met
         already, or one body made of two people."""
@@ -486,8 +504,8 @@ class _Follower:
         if self._is_met(person.box_px, row) or self._shows_another(person, crop, image, row):
             return []
         self.met_px[row][piece] = person.box_px
-        person = seen_twice(self.look, image, crop, person, self.config.min_score)
         write_gray(outline_path(self.folder, self.frames.paths[row], piece), person.mask)
+        person = seen_twice(person, mirrored.result(), self.config.min_score)
         seen: Seen = {
             "image_numbers": int(self.frames.numbers[row]),
             "people": -1,

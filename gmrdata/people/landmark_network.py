@@ -117,26 +117,29 @@ def open_landmark_network(model_path: Path) -> LandmarkNetwork:
     return look
 
 
-def seen_twice(
-    look: LandmarkNetwork, image: np.ndarray, crop: Crop, person: Person, least_score: float
-) -> Person:
-    """The person of a crop, whose landmarks are the mean of that look and of one at the mirror
-    image; as it is where that one sees nobody, or a body that faces the other way."""
-    last_px = image.shape[1] - 1
-    centre_px = np.array([last_px - crop.centre_px[0], crop.centre_px[1]])
+def look_mirrored(look: LandmarkNetwork, image: np.ndarray, crop: Crop) -> Person:
+    """What the network says of a crop's mirror image; landmarks are mirrored back."""
+    centre_px = np.array([image.shape[1] - 1 - crop.centre_px[0], crop.centre_px[1]])
     mirror = Crop(centre_px, crop.side_px, -crop.turn_rad)
     other = look(np.ascontiguousarray(image[:, ::-1]), mirror)
     sides = list(MIRRORED_LANDMARKS)
     image_px, world_m = other.image_px[sides], other.world_m[sides] * (-1.0, 1.0, 1.0)
     image_px[:, 0] = image.shape[1] - image_px[:, 0]
-    faces_alike = to_the_left(world_m) @ to_the_left(person.world_m) > 0
+    visibility = other.visibility[sides]
+    return replace(other, image_px=image_px, world_m=world_m, visibility=visibility)
+
+
+def seen_twice(person: Person, other: Person, least_score: float) -> Person:
+    """The person of a crop, whose landmarks are the mean of that look and of `look_mirrored`; as it
+    is where that one sees nobody, or a body that faces the other way."""
+    faces_alike = to_the_left(other.world_m) @ to_the_left(person.world_m) > 0
     if not faces_alike or other.score < least_score:
         return person
     return replace(
         person,
-        image_px=(person.image_px + image_px) / 2,
-        world_m=(person.world_m + world_m) / 2,
-        visibility=(person.visibility + other.visibility[sides]) / 2,
+        image_px=(person.image_px + other.image_px) / 2,
+        world_m=(person.world_m + other.world_m) / 2,
+        visibility=(person.visibility + other.visibility) / 2,
     )
 
 
@@ -177,8 +180,8 @@ def _open(model_path: Path, *, all_layers: bool = False) -> Any:
 
     content = require_model(model_path).read_bytes()
     try:
-        # Only what is given as bytes is verified before it is read.  One thread: beside it another
-        # one looks for people in the next frames.
+        # Only what is given as bytes is verified before it is read.  One thread: beside it others
+        # look at the mirror image, and for people in the next frames.
         with _in_silence():
             net = Interpreter(
                 model_content=content, num_threads=1, experimental_preserve_all_tensors=all_layers

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,8 +36,10 @@ from gmrdata.people.landmark_network import (
     LANDMARKS,
     LIMBS,
     Crop,
+    LandmarkNetwork,
     Person,
     crop_around,
+    look_mirrored,
     open_landmark_network,
     seen_twice,
 )
@@ -125,7 +128,7 @@ def test_landmarks_are_of_two_looks(followed_dir, frames_dir, networks):
     x_px, y_px, side_px, turn_rad = track.crops[-1]
     crop = Crop(np.array([x_px, y_px]), side_px, turn_rad)
     once = look(image, crop)
-    twice = seen_twice(look, image, crop, once, CONFIG.min_score)
+    twice = seen_twice(once, look_mirrored(look, image, crop), CONFIG.min_score)
     np.testing.assert_allclose(track.image_px[-1], twice.image_px, atol=1e-3)
     np.testing.assert_allclose(track.world_m[-1], twice.world_m, atol=1e-4)
     assert np.abs(once.world_m - twice.world_m).max() > 0.01
@@ -171,6 +174,20 @@ def test_who_is_seen_late_is_followed_back_and_left_out_images_are_not_looked_at
         follow_people(read_frames(frames_dir), made, CONFIG, networks)
 
 
+def follower_of(
+    look: LandmarkNetwork, frames_dir: Path, folder: Path, config: FollowConfig = CONFIG
+) -> _Follower:
+    """At its first frame, with a network for all looks."""
+
+    def mirrored(image: np.ndarray, crop: Crop) -> Future[Person]:
+        looked = Future[Person]()
+        looked.set_result(look_mirrored(look, image, crop))
+        return looked
+
+    frames = read_frames(frames_dir)
+    return _Follower(frames, folder, config, lambda image: detections_from_json([]), look, mirrored)
+
+
 BESIDE, APART = [330.0, 100.0, 430.0, 500.0], [450.0, 100.0, 550.0, 500.0]
 UPPER, LOWER = [250.0, 100.0, 350.0, 380.0], [250.0, 250.0, 350.0, 500.0]
 
@@ -204,11 +221,12 @@ def test_who_is_another_in_a_closer_look_beside_or_as_somebody_is_not_seen(
         mask = np.full(image.shape[:2], 255, np.uint8)
         return Person(1.0, mask, box_px, crop, moved_px, np.zeros((33, 3)), np.ones(33))
 
-    follower = _Follower(read_frames(frames_dir), tmp_path, FollowConfig(), lambda image: [], look)
+    follower = follower_of(look, frames_dir, tmp_path, FollowConfig())
     found = [{"box_px": one_px, "class": 0, "score": 0.9} for one_px in found_px]
     follower.detections.append(detections_from_json(found))
     image = read_color(follower.frames.paths[0])
-    assert bool(follower._note(look(image, crop), crop, 0, image, 0)) is seen
+    mirrored = follower.mirrored(image, crop)
+    assert bool(follower._note(look(image, crop), crop, mirrored, 0, image, 0)) is seen
 
 
 @pytest.mark.parametrize("quarters", [1, 2, 3])
@@ -226,7 +244,7 @@ def test_who_lies_or_is_head_down_is_looked_at_in_turned_crops(
     turned_px = np.stack(turned[quarters], axis=1)
     box_px = np.concatenate([turned_px[-2:].min(axis=0), turned_px[-2:].max(axis=0)])
     look = open_landmark_network(networks.landmarks)
-    follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
+    follower = follower_of(look, frames_dir, tmp_path)
     size_px = np.ptp(track.image_px[0, :, 1])
 
     def off(person: Person) -> float:
@@ -251,7 +269,7 @@ def test_who_is_hidden_below_the_hips_is_not_squeezed_into_the_box(
     upper_px = np.array([*track.boxes_px[0][:3], hips_px[1] + 10])
     image[int(upper_px[3]) :] = 105
     look = open_landmark_network(networks.landmarks)
-    follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
+    follower = follower_of(look, frames_dir, tmp_path)
 
     def trunk(image_px: np.ndarray) -> float:
         """Over that of the same person whose legs are seen."""
@@ -281,7 +299,7 @@ def test_a_look_that_grows_ends_where_somebody_is_seen(frames_dir, tmp_path, see
         marks_px, mask = np.zeros((33, 2)), np.zeros(image.shape[:2], np.uint8)
         return Person(score, mask, np.zeros(4), wanted, marks_px, np.zeros((33, 3)), np.ones(33))
 
-    follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
+    follower = follower_of(look, frames_dir, tmp_path)
     image, first = read_color(follower.frames.paths[0]), Crop(np.array([300.0, 300.0]), 500.0)
     person, crop = follower._grown(image, look(image, first), first)
     assert person.score == 1 and crop.side_px == pytest.approx(side_px)
@@ -309,7 +327,7 @@ def test_who_stands_is_looked_at_once_more_alone(followed_dir, frames_dir, netwo
         looked.append(crop.turn_rad)
         return network(image, crop)
 
-    follower = _Follower(read_frames(frames_dir), tmp_path, CONFIG, lambda image: [], look)
+    follower = follower_of(look, frames_dir, tmp_path)
     follower._first_look(image, load_tracks(followed_dir)[0].boxes_px[0])
     assert len(looked) == 2 and looked[0] == 0.0
 
