@@ -12,13 +12,9 @@ import numpy as np
 
 from gmrdata.people.fit import FitConfig, fit
 from gmrdata.people.landmark_body import SeenLandmarks
-from gmrdata.people.landmark_network import LANDMARKS, MIRRORED_LANDMARKS
+from gmrdata.people.landmark_network import LANDMARKS, MIRRORED_LANDMARKS, TRUNK
 
-TRUNK = tuple(
-    LANDMARKS.index(f"{side}_{part}")
-    for part in ("shoulder", "hip", "knee")
-    for side in ("left", "right")
-)
+TRUNK_AND_KNEES = (*TRUNK, LANDMARKS.index("left_knee"), LANDMARKS.index("right_knee"))
 LEAP_M = 0.12
 """Motion of these landmarks about the hips from one frame to the next, root mean square, from which
 it is a leap; 0.09 at most on people who were seen right, at 15 to 60 Hz [m]."""
@@ -54,7 +50,7 @@ def unsure_frames(seen: SeenLandmarks) -> np.ndarray:
 
 def _unsure_of_stretch(seen: SeenLandmarks) -> np.ndarray:
     n, times_s = len(seen.times_s), seen.times_s
-    about_m = (seen.world_m @ seen.cam_from_ray.swapaxes(-1, -2))[:, TRUNK]
+    about_m = (seen.world_m @ seen.cam_from_ray.swapaxes(-1, -2))[:, TRUNK_AND_KNEES]
     moved_m = np.sqrt((np.diff(about_m, axis=0) ** 2).sum(-1).mean(-1))
     leaps = np.flatnonzero((moved_m > LEAP_M) & (np.diff(times_s) < LEAP_WITHIN_S)) + 1
     if not len(leaps):
