@@ -6,10 +6,9 @@ here, is refused by that name: k1 of a fisheye is none of a pinhole.
 """
 
 import ast
-import io
 import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -56,7 +55,7 @@ def parse_lens(path: Path, frames_px: tuple[int, int]) -> InFile:
         return _of_values(_braced_values(text), frames_px, from_middle=False)
     lines = [line.split() for line in text.splitlines() if line.strip()[:1] not in ("", "#")]
     if lines and len(lines[0]) > 4 and lines[0][1].isupper():
-        return _one_of([_colmap_line(words) for words in lines])
+        return _one_of([_colmap_camera(words[1], [*map(float, words[2:])]) for words in lines])
     if lines and lines[0][0].lower() in PLAIN_FIRST:
         raise ValueError(f"DSO's calibration ({lines[0][0]})")
     if (numbers := _listed_numbers(text)) is not None:
@@ -81,24 +80,19 @@ COLMAP_OTHERS = {
 }  # fmt: skip
 
 
-def _colmap_camera(model: str, size_px: tuple[float, float], params: tuple[float, ...]) -> InFile:
-    _, n, n_params = COLMAP_TERMS[model]
+def _colmap_camera(model: str, numbers: Sequence[float]) -> InFile:
+    """By MODEL, and WIDTH, HEIGHT, PARAMS[]."""
+    if model not in COLMAP_TERMS:
+        raise OtherModel(model)
+    (_, n, n_params), (width, height, *params) = COLMAP_TERMS[model], numbers
     if len(params) != n_params:
         raise ValueError(f"{model} with {len(params)} parameters")
     focal_px, centre_px = (params[0], params[n - 1]), (params[n], params[n + 1])
-    return Lens(focal_px, centre_px, _whole(size_px)), _known_terms(params[n + 2 :])
+    return Lens(focal_px, centre_px, _whole((width, height))), _known_terms(tuple(params[n + 2 :]))
 
 
 def _whole(size_px: tuple[float, float]) -> tuple[int, int]:
     return round(size_px[0]), round(size_px[1])
-
-
-def _colmap_line(words: list[str]) -> InFile:
-    """CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]."""
-    if words[1] not in COLMAP_TERMS:
-        raise OtherModel(words[1])
-    width, height, *params = map(float, words[2:])
-    return _colmap_camera(words[1], (width, height), tuple(params))
 
 
 def _colmap_binary(content: bytes) -> InFile:
@@ -111,7 +105,7 @@ def _colmap_binary(content: bytes) -> InFile:
             raise OtherModel(COLMAP_OTHERS.get(model, f"number {model}"))
         params = struct.unpack_from(f"<{COLMAP_TERMS[names[model]][2]}d", content, at + 24)
         at += 24 + 8 * len(params)
-        found.append(_colmap_camera(names[model], (width, height), params))
+        found.append(_colmap_camera(names[model], (width, height, *params)))
     return _one_of(found)
 
 
@@ -135,13 +129,9 @@ def _binary_values(path: Path, content: bytes) -> Any:
     if content.startswith(b"MATLAB"):
         raise ValueError("a file of MATLAB's; write its matrix as 3x3 numbers, for pixels from 0")
     try:
-        if content.startswith(b"\x93NUMPY"):
-            try:
-                return np.load(io.BytesIO(content), allow_pickle=False)
-            except ValueError as error:  # numpy.save writes a dict as an object
-                if "allow_pickle" not in str(error):
-                    raise
-                return load_object_npy(path)
+        if content.startswith(b"\x93NUMPY"):  # numpy.save writes a dict as an object
+            is_object = b"'|O'" in content[:128]
+            return load_object_npy(path) if is_object else np.load(path, allow_pickle=False)
         if content.startswith(b"PK"):
             return read_npz(path, plain_alone=True)
         return load_plain(path)
@@ -223,6 +213,8 @@ def _by_picture(numbers: list[float], n_lines: int) -> list[list[float]]:
 
 def _of_numbers(numbers: list[float], frames_px: tuple[int, int]) -> InFile:
     """A matrix alone, of 3x3, 3x4 or 4x4; or fx, fy, cx, cy, and the terms if any."""
+    if len(numbers) == 6:  # ARKitScenes' .pincam begins with the size
+        return _of_numbers(numbers[2:], _whole((numbers[0], numbers[1])))
     if len(numbers) in (4, 8) or (len(numbers) == 9 and numbers[1] and numbers[3]):
         fx, fy, cx, cy, *terms = numbers
         return Lens((fx, fy), (cx, cy), frames_px), _known_terms(tuple(terms))
@@ -354,7 +346,10 @@ def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[An
             yield from _split(one["data"], own)
         elif isinstance(one, Mapping) and "data" in one:
             _put(own, name, one["data"])
-        elif isinstance(one, Mapping) and (name in PARTS or OF_DISTORTION.search(name)):
+        elif isinstance(one, Mapping) and OF_DISTORTION.search(name):
+            # Its model and its lists are no camera's: maplab's has a type of its own, unlike ours.
+            yield from _split({_of_distortion(key, part): part for key, part in one.items()}, own)
+        elif isinstance(one, Mapping) and name in PARTS:
             yield from _split(one, own)
         elif isinstance(one, Mapping):
             yield one
@@ -364,7 +359,15 @@ def _split(value: Mapping[Any, Any], own: dict[str, Any]) -> Iterator[Mapping[An
             _put(own, name, one)
 
 
+def _of_distortion(key: object, value: Any) -> str:
+    """The name of what stands in a distortion, as it is called where it stands beside a camera."""
+    own = OF_DISTORTION.search(_name(key)) or TERMS.fullmatch(_name(key)) or key == "data"
+    return str(key) if own or not isinstance(value, str | list | Mapping) else f"distortion {key}"
+
+
 def _put(own: dict[str, Any], name: str, value: Any) -> None:
+    if name == "calibration" and len(listed := _numbers(value) or []) > 3:  # MASt3R-SLAM's
+        own |= {"intrinsics": listed[:4], "distortioncoefficients": listed[4:]}
     if name in own and name in (*MATRICES, *FOCALS_X) and str(own[name]) != str(value):
         raise ValueError(f"2 cameras: {name} stands twice; keep the one of these frames")
     own[name] = value
@@ -382,18 +385,14 @@ def _numbers(value: Any) -> list[float] | None:
     if isinstance(value, str):
         value = value.replace(",", " ").split()
     with suppress(ValueError, TypeError):
-        flat = np.asarray(value, dtype=np.float64).ravel().tolist()
-        return flat or None
+        return np.asarray(value, dtype=np.float64).ravel().tolist() or None
     return None
 
 
 def _first(values: Values, names: tuple[str, ...], n: tuple[int, ...] = (1,)) -> list[float] | None:
     """The numbers under the first of several names that has so many."""
-    for name in names:
-        numbers = _numbers(values[name]) if name in values else None
-        if numbers is not None and len(numbers) in n:
-            return numbers
-    return None
+    found = (_numbers(values.get(name)) or [] for name in names)
+    return next((numbers for numbers in found if len(numbers) in n), None)
 
 
 def _camera(values: Values, frames_px: tuple[int, int], from_middle: bool) -> InFile:
@@ -516,6 +515,8 @@ def _terms(values: Values) -> tuple[float, ...]:
     elif any(re.fullmatch(ALL_RADIAL, _name(values.get(name, ""))) for name in MODELS):
         k1, k2, k3 = (*listed, 0.0, 0.0)[:3]
         listed = [k1, k2, 0.0, 0.0, k3]
+    if len(_numbers(values.get("distortionparams")) or ()) == 6:  # nerfstudio's k1 to k4, p1, p2
+        listed = [*listed[:2], *listed[4:], *listed[2:4]]
     unknown = [n for n in said if len(said[n]) > 14 or not (n in TERM_NAMES or TERMS.fullmatch(n))]
     if unknown:
         raise ValueError(f"a distortion {unknown[0]} that is not known here")

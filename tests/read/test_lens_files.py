@@ -213,6 +213,26 @@ error = 0.0
     **{f"{group}.json": json.dumps({"w": 640, "h": 480, "fx": 600, "fy": 605, "cx": 320, "cy": 240,
        group: {"k1": -0.1, "k2": 0}}) for group in ("distortion_coeffs", "lens_distortion", "D")},
     "droid.txt": "600 605 320 240 -0.1 0 0 0",
+    "mast3r_slam.yaml": "width: 640\nheight: 480\n# fx, fy, cx, cy, k1, k2, p1, p2, k3\n"
+    "calibration: [600, 605, 319.5, 239.5, -0.1, 0, 0, 0, 0]\n",
+    "nerfstudio.json": json.dumps(
+        {"w": 640, "h": 480, "fl_x": 600, "fl_y": 605, "cx": 320, "cy": 240, "frames": [],
+         "camera_model": "OPENCV", "distortion_params": [-0.1, 0, 0, 0, 1e-4, 0]}
+    ),
+    "maplab.yaml": """label: rig
+cameras:
+- camera:
+    distortion:
+      parameters: {cols: 1, rows: 4, data: [-0.1, 0, 0, 0]}
+      type: radial-tangential
+    image_height: 480
+    image_width: 640
+    intrinsics: {cols: 1, rows: 4, data: [600, 605, 319.5, 239.5]}
+    label: cam0
+    line-delay-nanoseconds: 0
+    type: pinhole
+  T_B_C: {cols: 4, rows: 4, data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}
+""",
     "full_opencv.txt": "1 FULL_OPENCV 640 480 600 605 320 240 -0.1 0 0 0 0 0 0 0",
     "equals.cfg": "fx = 600\nfy = 605\ncx = 319.5\ncy = 239.5\nk1 = -0.1\nwidth = 640\n"
     "height = 480\n",
@@ -235,6 +255,7 @@ PINHOLES = {
         {"K": [600, 0, 0, 0, 605, 0, 320, 240, 1], "w": 640, "h": 480, "fps": 30}
     ),
     "four.txt": "600, 605, 320, 240",
+    "41048190_3426.250.pincam": "1280 960 1200 1210 640 480\n",
     "four_in_k.json": json.dumps({"K": [600, 605, 320, 240], "focal_length": 600}),
     "k.txt": "600 0 320\n0 605 240\n0 0 1\n",
     "ros_block.yaml": "image_width: 640\nimage_height: 480\n"
@@ -335,6 +356,15 @@ REFUSED = {
     ),
     "model_of_group.json": (
         json.dumps(FLAT | {"distortion_model": {"type": "equidistant", "k1": -0.1}}), "equidistant"
+    ),
+    "maplab_fisheye.yaml": (
+        READ["maplab.yaml"].replace("radial-tangential", "equidistant"), "equidistant"
+    ),
+    "list_of_group.json": (
+        json.dumps(FLAT | {"distortion": {"values": [-0.1, 0, 0, 0]}}), "values that is not known"
+    ),
+    "nerfstudio_p1.json": (
+        READ["nerfstudio.json"].replace("0.0001, 0]", "0.01, 0]"), "beyond k1 and k2 move"
     ),
     "model_beside.json": (json.dumps(FLAT | {"lens": {"model": "OPENCV_FISHEYE"}}), "FISHEYE"),
     "prefix.json": (json.dumps(FLAT | {"cam_k1": -0.3}), "camk1 that is not known"),
