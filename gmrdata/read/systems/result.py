@@ -29,10 +29,11 @@ from gmrdata.values.transforms import rotvecs_from_rotmats
 
 POSES_FILES = (
     "wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl", "hpe_results.pt",
-    "preprocess/hpe_results.pt", "smpl_params.pt", "results.pkl",
+    "preprocess/hpe_results.pt", "smpl_params.pt", "results.pkl", "tcmr_output.pkl",
+    "mpsnet_output.pkl", "GLoT_output.pkl", "pare_output.pkl", "meva_output.pkl",
 )  # fmt: skip
-"""What WHAM, GVHMR, VIBE, GEM-X, GEM-SMPL and PromptHMR call their results in the folder that they
-make for a video."""
+"""What WHAM, GVHMR, VIBE, GEM-X, GEM-SMPL, PromptHMR and VIBE's kin call their results in the
+folder that they make for a video."""
 _PARAMS = {key for one in (gvhmr.GVHMR, gem.GEM) for key in (one.world, one.camera)}
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
 NUMPY = b"\x93NUMPY"

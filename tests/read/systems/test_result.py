@@ -15,7 +15,7 @@ from gmrdata.read.systems.result import read_system
 from gmrdata.read.systems.sam3d import _JOINTS
 from gmrdata.values.body import JOINT, WORLD_FROM_REST
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
-from gmrdata.values.people import EstimatedPeople, Part, Pinhole
+from gmrdata.values.people import Crop, EstimatedPeople, Part, Pinhole
 from gmrdata.world.placement import assumed_place
 from tests.joblib_layout import joblib_bytes
 from tests.read import system_files
@@ -141,6 +141,53 @@ def test_vibe_saw_a_tenth_more_than_its_box(tmp_path):
     wider = person["orig_cam"] * [1.1, 1.1, 1 / 1.1, 1 / 1.1]
     assert second.in_picture is not None
     np.testing.assert_allclose(second.in_picture, wider)
+
+
+@pytest.mark.parametrize(
+    ("name", "crop_over_box"),
+    [
+        ("vibe_output.pkl", 1.1),
+        ("any.pkl", 1.1),
+        ("tcmr_output.pkl", 1.0),
+        ("GLoT/any.pkl", 1.0),
+        ("output.pkl", 1.0),
+        ("mpsnet_output.pkl", 1.1 / 1.2),
+        ("MPS-Net/any.pkl", 1.1 / 1.2),
+        ("meva_output.pkl", 1.2),
+        ("glottis/any.pkl", 1.1),
+    ],
+)
+def test_systems_with_vibes_keys_saw_other_crops(name, crop_over_box, tmp_path):
+    """demo.py of TCMR and GLoT takes the box times 1.2 and writes it so; PyMAF takes the box alone;
+    MPS-Net takes 1.1 and writes 1.2, MEVA takes 1.2 and writes the box.  All were 1.1."""
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    person = system_files.vibe_person(T) | {"bboxes": np.full((T, 4), 200.0)}
+    for added, widened in (
+        ({}, crop_over_box),
+        ({"joints2d_img_coord": np.zeros((T, 49, 2))}, 1.1),
+    ):
+        (tmp_path / name).write_bytes(joblib_bytes({1: person | added}))
+        (found,) = read_system(tmp_path / name, "world").people
+        assert found.in_camera is not None and isinstance(found.in_camera.camera, Crop)
+        np.testing.assert_allclose(found.in_camera.camera.side_px, 200 * widened)
+        assert found.in_camera.in_picture is not None
+        np.testing.assert_allclose(found.in_camera.in_picture[:, :2], widened)
+
+
+def test_pares_poses_are_matrices_of_the_box(tmp_path):
+    """They were refused as (4, 24, 3, 3), not (T, 72)."""
+    person = system_files.vibe_person(T) | {"bboxes": np.full((T, 4), 200.0)}
+    rotmats = system_files.rotmats(person["pose"])
+    pare = person | {"pose": rotmats.astype(np.float32), "smpl_joints2d": np.zeros((T, 49, 2))}
+    system_files.write_joblib(tmp_path / "pare_output.pkl", {1: pare})
+    (found,) = read_system(tmp_path, "world").people
+    assert found.in_camera is not None and isinstance(found.in_camera.camera, Crop)
+    np.testing.assert_allclose(found.in_camera.root_rotmats, rotmats[:, 0], atol=1e-6)
+    np.testing.assert_allclose(found.local_rotmats, rotmats[:, 1:], atol=1e-6)
+    np.testing.assert_allclose(found.in_camera.camera.side_px, 200)
+    system_files.write_joblib(tmp_path / "pare_output.pkl", {1: pare | {"pose": 2 * rotmats}})
+    with pytest.raises(BadMotionFile, match="pose of person_1 holds matrices that are no rot"):
+        read_system(tmp_path)
 
 
 def test_gem_x_is_off_somas_t_pose_and_has_two_necks(tmp_path):
