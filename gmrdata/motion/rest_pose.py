@@ -15,7 +15,7 @@ from gmrdata.read.source_motion import RestPose, SourceMotion, UpAxis, axis_of
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS, BodyModel, leg_length_m
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
-from gmrdata.values.transforms import angles_deg, mean_rotation, smallest_rotation
+from gmrdata.values.transforms import angles_deg, euler_rotmats, mean_rotation, smallest_rotation
 
 _LEG, _ARM = (("hip", "knee"), ("knee", "ankle")), (("shoulder", "elbow"), ("elbow", "wrist"))
 LIMBS = tuple(
@@ -185,11 +185,11 @@ def from_standing(
 
     The file's own zero pose counts if it stands, with arms that hang or are spread.  Others lie
     along their bones' axes (Rokoko, Bandai Namco, LAFAN1) or reach up (Geno), or their hips turn
-    beside the pelvis's joint (deep-motion-editing): then it is frame 0 if that is a T-pose, else
-    the mean of the motion's poses, in which arms hang as they mostly do and the trunk is held as
-    that of the body at rest, (24, 3).  `rest` says which it is: what the zero pose is, or the file
-    whose first frame is `added_pose`, where the person stands.  `said_up` is the axis that a person
-    says is up.
+    beside the pelvis's joint (deep-motion-editing): then it is SOMA's T-pose on that skeleton, else
+    frame 0 if that is one, else the mean of the motion's poses, in which arms hang as they mostly
+    do and the trunk is held as that of the body at rest, (24, 3).  `rest` says which it is: what
+    the zero pose is, or the file whose first frame is `added_pose`, where the person stands.
+    `said_up` is the axis that a person says is up.
 
     Raises:
         BadMotionFile: the person stands in none of these, or not as `rest` says.
@@ -237,6 +237,8 @@ def _first_poses(
     A rest pose that the reader dropped is the file's frame 0.  Where nobody says that the person
     stands there, the first frame of the recording may be a T-pose as well.
     """
+    if rest in (None, "along_axes") and set(SOMA_T_DEG) <= set(source.names):
+        return [(_soma_t_pose(source), "SOMA's T-pose")]
     added, recorded = source.added_pose, source.local_rotmats[0]
     first = recorded if added is None else added
     if isinstance(rest, Path):
@@ -247,6 +249,30 @@ def _first_poses(
         return [(recorded, "frame 0, a T-pose")]
     row = source.first_row
     return [(added, "frame 0, a T-pose"), (recorded, f"frame {row}, a T-pose")]
+
+
+SOMA_T_DEG = {
+    "Hips": (90, 0.2, 90), "Spine1": (90, 0.2, 90), "Spine2": (90, 6.2, 90), "Chest": (90, 0.2, 90),
+    "Neck1": (90, -16.6, 90), "Head": (90, 6.7, 90), "LeftShoulder": (0, 20.2, 90),
+    "LeftArm": (0, 0, 90), "LeftHand": (0, 0, 99.7), "LeftLeg": (-90, 1.1, -90),
+    "LeftShin": (-90, 4.7, -90), "LeftFoot": (-90, -69.1, -90), "LeftToeBase": (-90, -73.8, -90),
+}  # fmt: skip
+"""How joints of SOMA's skeleton, whose BVH lies along its bones, are turned in its T-pose about z,
+y and x [deg] (nv-tlabs/kimodo, assets/skeletons/somaskel77); others as their parents."""
+
+
+def _soma_t_pose(source: SourceMotion) -> np.ndarray:
+    """(J, 3, 3) local rotations; those of the right are mirrored, with x against the bone."""
+    above, pose = [np.eye(3)], []
+    for name, parent in zip(source.names, source.parents, strict=True):
+        turned = above[parent + 1]
+        if (left := name.replace("Right", "Left")) in SOMA_T_DEG:
+            z, y, x = map(float, SOMA_T_DEG[left])
+            angles_deg = (z, y, x) if left == name else (-z, -y, x + 180)
+            turned = euler_rotmats("ZYX", np.array(angles_deg))
+        pose.append(above[parent + 1].T @ turned)
+        above.append(turned)
+    return np.array(pose)
 
 
 def _check_arms(rest_m: np.ndarray, said: RestPose, name: str) -> None:

@@ -66,8 +66,8 @@ MIXAMO = {
 """Mixamo's rig, and rigs with MotionBuilder's names."""
 
 _WORDS = {
-    "hip": ("upleg", "upperleg", "thigh", "thighbend", "hip"),
     "knee": ("knee", "shin", "calf", "lowerleg", "lowleg", "loleg", "leg"),
+    "hip": ("upleg", "upperleg", "thigh", "thighbend", "hip", "leg"),
     "ankle": ("ankle", "foot"),
     "foot": ("toebase", "toes", "toe", "ball", "forefoot", "foot"),
     "shoulder": ("upperarm", "uparm", "uarm", "arm", "shldr", "shldrbend", "shoulder"),

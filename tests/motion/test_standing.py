@@ -1,5 +1,6 @@
 """Files of any zero pose, unit and naming, beside the same motion from a T-pose."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -178,6 +179,41 @@ def test_without_a_t_pose_it_is_the_mean_pose(write, small_body):
     # Nobody knows how far a walker's palms are turned and the trunk leans in the mean.
     assert apart_deg[JOINT["pelvis"]] < 6 and apart_deg.max() < 30, apart_deg.round(1)
     assert "limbs 0.0 (0.0)" in other.source
+
+
+SOMA_DEG = {
+    "pelvis Hips": (90, 0.19, 90), "spine1 Spine1": (90, 0.24, 90), "head Head": (90, 6.75, 90),
+    "spine2 Spine2": (90, 6.17, 90), "spine3 Chest": (90, 0.2, 90), "neck Neck1": (90, -16.63, 90),
+    "left_collar LeftShoulder": (0, 20.24, 90), "right_collar RightShoulder": (0, -20.24, -90),
+    "left_shoulder LeftArm": (0, 0, 90), "right_shoulder RightArm": (0, 0, -90),
+    "left_elbow LeftForeArm": (0, 0, 90), "right_elbow RightForeArm": (0, 0, -90),
+    "left_wrist LeftHand": (0, 0, 99.71), "right_wrist RightHand": (0, 0, -80.29),
+    "left_hand LeftHandMiddle1": (0, 0, 99.71), "right_hand RightHandMiddle1": (0, 0, -80.29),
+    "left_hip LeftLeg": (-90, 1.06, -90), "right_hip RightLeg": (90, -1.06, 90),
+    "left_knee LeftShin": (-90, 4.72, -90), "right_knee RightShin": (90, -4.72, 90),
+    "left_ankle LeftFoot": (-90, -69.07, -90), "right_ankle RightFoot": (90, 69.07, 90),
+    "left_foot LeftToeBase": (-90, -73.8, -90), "right_foot RightToeBase": (90, 73.8, 90),
+}  # fmt: skip
+"""Joints of the body and of SOMA, and their z, y, x in SOMA's T-pose, as Kimodo writes BVH."""
+
+
+def test_somas_t_pose_is_known(write, small_body):
+    """By the mean pose upper arms were rolled by 70 degrees, and heads bent by 40."""
+    zero, names = T_POSE.copy(), {}
+    for both, angles_deg in SOMA_DEG.items():
+        joint, name = both.split()
+        zero[JOINT[joint]] = Rotation.from_euler("ZYX", angles_deg, degrees=True).as_matrix().T
+        names[NAME[joint]] = name
+    motion = read_motion(write("t", T_POSE), small_body, ground=True)
+    path = write("soma", zero)
+    text = path.read_text()
+    for name in sorted(names, key=len, reverse=True):
+        text = re.sub(rf"(ROOT|JOINT) {name}\n", rf"\1 soma:{names[name]}\n", text)
+    path.write_text(text.replace("soma:", ""))
+    other = read_motion(path, small_body, ground=True)
+    assert "turns told from SOMA's T-pose" in other.source
+    assert _apart_deg(motion, other).max() < 0.6
+    np.testing.assert_allclose(other.pelvis_m, motion.pelvis_m, atol=2e-3)
 
 
 def test_the_zero_pose_may_be_given(write, small_body):
@@ -359,6 +395,8 @@ NAMINGS = {
     "{}Shoulder {}UpperArm {}ForeArm {}Hand",
     "second life": "mPelvis|mHip{} mKnee{} mAnkle{} mToe{}|mTorso mChest|mNeck mHead|"
     "mCollar{} mShoulder{} mElbow{} mWrist{}",
+    "soma": "Hips|{}Leg {}Shin {}Foot {}ToeBase|Spine1 Spine2 Chest|Neck1 Head|"
+    "{}Shoulder {}Arm {}ForeArm {}Hand",
     "biovision": "Hips|{}UpLeg {}LowLeg {}Foot {}Toe|Chest|Neck Head|"
     "{}Collar {}UpArm {}LowArm {}Hand",
     "humanik": "Character1_Hips|Character1_{}UpLeg Character1_{}Leg Character1_{}Foot "
