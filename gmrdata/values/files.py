@@ -312,6 +312,10 @@ _KINDS = (
     (re.compile(r"^recipe: *['\"]?\w", re.M), "a recipe"),
     (re.compile(r"^\{.*\"format\": *\"gmrdata-", re.S), "a record that a stage left"),
     (re.compile(r"^HIERARCHY"), "a BVH motion"),
+    (
+        re.compile(r"^version https://git-lfs"),
+        "a Git LFS pointer: fetch the file with git lfs pull",
+    ),
 )
 _BEGIN_CHARS = 1 << 16
 

@@ -38,6 +38,8 @@ _PARAMS = {key for one in (gvhmr.GVHMR, gem.GEM) for key in (one.world, one.came
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
 NUMPY = b"\x93NUMPY"
 OLD_TORCH = b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."  # and how before version 1.6
+PICKLES = tuple(b"\x80 ( } ] x\x01 x^ x\x9c x\xda \x1f\x8b BZh \xfd7zXZ".split(b" "))
+"""How pickles begin, as they are and packed."""
 UNREAD = frozenset({"verts", "pred_vertices", "masks", "mask", "prhmr_img_feats"})
 """Keys that are not read and hold thousands of numbers in each frame: the meshes of VIBE, WHAM and
 SAM 3D Body, the masks of PromptHMR and PHALP, and PromptHMR's features."""
@@ -99,8 +101,10 @@ def _read(path: Path) -> EstimatedPeople:
         raise BadMotionFile(f"{path}: {what}. Load it with torch and save it again with torch.save")
     if first.startswith(NUMPY):
         return _pickled(load_object_npy(path), path)
-    if first[:1] != b"\x80" and (kind := taken_for(path)):
-        raise BadMotionFile(f"{path}: holds no poses{kind}. {KNOWN}, .npz, .bvh and .amc")
+    if not first.startswith(PICKLES):
+        raise BadMotionFile(
+            f"{path}: holds no poses{taken_for(path)}. {KNOWN}, .npz, .bvh and .amc"
+        )
     return _pickled(load_plain(path, without=UNREAD), path)
 
 

@@ -1,5 +1,6 @@
 """Broken results of other systems are refused with the file, whatever part of them is broken."""
 
+import pickle  # noqa: TID251  Of plain arrays, to read them.
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -511,6 +512,35 @@ def test_a_folder_that_is_no_result_is_named(tmp_path):
     (tmp_path / "x.pkl").write_bytes(joblib_bytes({1: {"pose": np.zeros((T, 72))}}))
     with pytest.raises(BadMotionFile, match=r"x\.pkl: person_1 has no 'frame_ids\'"):
         read_system(tmp_path / "x.pkl")
+
+
+@pytest.mark.parametrize(
+    ("name", "begin"),
+    [
+        ("opencap.trc", "PathFileType\t4\t(X/Y/Z)\ta.trc\n"),
+        ("opencap.mot", "Coordinates\nversion=1\nnRows=5\n"),
+        ("easymocap.json", '[{"id": 0, "Rh": [[0, 0, 0]], "poses": [[0]]}]'),
+        ("mot.txt", "1, 2, 3.0, 4, 5, 6, 1, -1, -1, -1\n"),
+        ("take.fbx", "Kaydara FBX Binary  \0"),
+        ("page.pkl", "<!DOCTYPE html>"),
+    ],
+)
+def test_what_is_no_pickle_is_not_called_a_broken_or_an_unsafe_one(name, begin, tmp_path):
+    """A .trc asked for an outside object, as P is a step of a pickle; others were truncated."""
+    (tmp_path / name).write_text(begin)
+    with pytest.raises(BadMotionFile, match=rf"{name}: holds no poses\. Known are results of"):
+        read_system(tmp_path / name)
+    (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\n")
+    with pytest.raises(BadMotionFile, match="holds no poses; it is a Git LFS pointer: fetch"):
+        read_system(tmp_path / name)
+
+
+@pytest.mark.parametrize("protocol", range(6))
+def test_pickles_of_all_protocols_are_read(protocol, tmp_path):
+    person = {"pose_world": np.zeros((T, 72)), "trans_world": np.zeros((T, 3))}
+    person |= {"betas": np.zeros((T, 10)), "frame_ids": np.arange(T)}
+    (tmp_path / "x.pkl").write_bytes(pickle.dumps({1: person}, protocol))
+    assert read_system(tmp_path / "x.pkl", "world").system == "wham"
 
 
 def test_two_tracks_of_one_number_are_refused(tmp_path):
