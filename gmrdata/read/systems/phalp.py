@@ -17,7 +17,8 @@ entry for each track:
 
 No motion is bridged over the beginning of a shot, although tracks go on there.
 
-Of a video it reads 1300 frames, unless it is told otherwise (`VideoConfig.end_frame`).
+Of a video it reads 1300 frames, unless it is told otherwise (`VideoConfig.end_frame`).  Told to
+begin later (`PHALPConfig.start_frame`), it counts from there, and the images' names from the first.
 """
 
 import re
@@ -41,6 +42,7 @@ CROP_KEYS = ("camera_bbox", "center", "scale")
 END_FRAME, ALL_FRAMES = 1300, "video.end_frame=-1"
 """How many frames of a video it takes, and what it has to be told for all of them."""
 LISTS = ("tid", "tracked_time", "smpl", "camera", "size", *CROP_KEYS)
+OF_VIDEO = re.compile(r"/_DEMO/[^/]+/img/(\d{6,9})\.jpg$")  # which it takes out of a video, from 1
 NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")  # in a name, which may be a time in seconds
 
 
@@ -50,6 +52,8 @@ def read_phalp(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
     for key, values in content.items():
         frame = Entry(values, f"frame {shown(key)}", path)
         time, tracked = _tracked(frame)
+        if own := OF_VIDEO.search(str(key)):
+            time = int(own[1]) - 1
         pictures[time] = PurePosixPath(str(key)).stem
         if whole_number(frame.values.get("shot")):
             cuts.add(time)
@@ -59,7 +63,7 @@ def read_phalp(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
             tracks[name][time] = row
     _require_in_order([name for _, name in sorted(pictures.items())], path)
     people = (_person(name, rows, frozenset(cuts)) for name, rows in tracks.items())
-    return EstimatedPeople("phalp", (path,), tuple(people), len(content))
+    return EstimatedPeople("phalp", (path,), tuple(people), max(pictures, default=-1) + 1)
 
 
 def _require_in_order(pictures: list[str], path: Path) -> None:

@@ -191,6 +191,20 @@ def test_pares_poses_are_matrices_of_the_box(tmp_path):
         read_system(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("folder", "first", "expected"),
+    [("outputs//_DEMO/walk/img", 1, 0), ("outputs//_DEMO/walk/img", 101, 100), ("walk", 101, 0)],
+)
+def test_phalp_that_began_later_is_counted_by_its_images(folder, first, expected, tmp_path):
+    """With phalp.start_frame=100 its times begin at 0, and image 101 was taken for frame 0."""
+    poses = system_files.phalp_poses(T)
+    frames = [system_files.phalp_frame(n, {1: poses[n]}) for n in range(T)]
+    content = {f"{folder}/{first + n:06d}.jpg": frame for n, frame in enumerate(frames)}
+    found = read_system(system_files.write_joblib(tmp_path / "demo_walk.pkl", content))
+    np.testing.assert_array_equal(found.people[0].frame_numbers, expected + np.arange(T))
+    assert found.n_frames == expected + T
+
+
 def test_gem_x_is_off_somas_t_pose_and_has_two_necks(tmp_path):
     """LeftArm is SOMA's joint 12, Neck1 and Neck2 are 4 and 5, RightToeBase is 75."""
     pose = np.zeros((T, 77, 3))
