@@ -70,13 +70,9 @@ def dump_lines(head: PlainData, clips: Iterable[PlainData]) -> str:
 
 def _line(clip: PlainData) -> str:
     text = json.dumps(clip, ensure_ascii=False, allow_nan=False)
-    text = _TEXT_OR_DOTLESS.sub(lambda found: (found[1] or "") + _dotted(found[2] or ""), text)
+    # A number like 1e-05 with a dot: YAML takes it for a text else.
+    text = _TEXT_OR_DOTLESS.sub(lambda m: (m[1] or "") + (m[2] or "").replace("e", ".0e"), text)
     return _NOT_IN_YAML.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
-
-
-def _dotted(number: str) -> str:
-    """A number like 1e-05 with a dot: YAML takes it for a text else."""
-    return number.replace("e", ".0e")
 
 
 class ClipLines(Sequence[Any]):
@@ -97,10 +93,7 @@ class ClipLines(Sequence[Any]):
         """BadManifest where it is no JSON, or a key stands twice in it."""
         try:
             return json.loads(
-                self.texts[at],
-                object_pairs_hook=_once,
-                parse_float=_finite,
-                parse_constant=_refuse,
+                self.texts[at], object_pairs_hook=_once, parse_float=_finite, parse_constant=_refuse
             )
         except (ValueError, RecursionError) as error:
             where = f"{self.path}:{self.first_line + at}"

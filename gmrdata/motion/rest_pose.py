@@ -245,10 +245,8 @@ def _first_poses(
         return [(first, "the first frame of rest_pose's file")]
     if rest == "first_frame":
         return [(first, "frame 0")]
-    if added is None:
-        return [(recorded, "frame 0, a T-pose")]
-    row = source.first_row
-    return [(added, "frame 0, a T-pose"), (recorded, f"frame {row}, a T-pose")]
+    later = [] if added is None else [(recorded, f"frame {source.first_row}, a T-pose")]
+    return [(first, "frame 0, a T-pose"), *later]
 
 
 SOMA_T_DEG = {

@@ -122,12 +122,8 @@ def load_object_npy(path: Path) -> Any:
     require_file(path)
     stream, budget = io.BytesIO(path.read_bytes()), Budget.of(path)
     with explained(path, "a .npy of an object"):
-        read_header = (
-            np.lib.format.read_array_header_1_0
-            if np.lib.format.read_magic(stream)[0] == 1
-            else np.lib.format.read_array_header_2_0
-        )
-        shape, _, dtype = read_header(stream)
+        version = min(np.lib.format.read_magic(stream)[0], 2)
+        shape, _, dtype = getattr(np.lib.format, f"read_array_header_{version}_0")(stream)
         if shape != () or dtype != np.dtype(object):
             raise ValueError(f"holds an array of dtype {dtype} and shape {shape}")
         found = Interpreter(stream, budget).load()

@@ -16,7 +16,6 @@ have the rate to which the run brought the video, which Hydra notes in `.hydra/c
 
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +46,6 @@ FRAME_RATE_HZ = 30.0  # of video_to_frames in slahmr/preproc, where the config s
 KEYS = frozenset({"root_orient", "pose_body", "trans"})
 
 
-@dataclass(frozen=True)
-class _Track:
-    name: str
-    seen: np.ndarray  # (N,) bool: images of SLAHMR's data interval that show the person
-
-
 def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
     beside = (path.with_name(TRACK_INFO), path.parent.parent / TRACK_INFO)
     info_path = next((one for one in beside if one.is_file()), None)
@@ -76,10 +69,8 @@ def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
         values["cam_R"] = entry.array("cam_R", *sizes, 3, 3)
         values["cam_t"] = entry.array("cam_t", *sizes, 3)
     people = [
-        _person(
-            Entry({key: one[index] for key, one in values.items()}, track.name, path), track, first
-        )
-        for index, track in enumerate(tracks)
+        _person(Entry({key: one[index] for key, one in values.items()}, name, path), seen, first)
+        for index, (name, seen) in enumerate(tracks.items())
     ]
     config_path = info_path.parent / CONFIG
     if not config_path.is_file():
@@ -100,9 +91,9 @@ def _rate_hz(path: Path) -> float | None:
         return rate_hz
 
 
-def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:
-    """The people in the order of the arrays; where the images' interval and the rows in it begin;
-    and the number of rows."""
+def _track_info(path: Path) -> tuple[dict[str, np.ndarray], tuple[int, int], int]:
+    """The people in the order of the arrays, with (N,) bool which images of the interval show each;
+    where that and the rows in it begin; and the number of rows."""
     with explained(path, f"SLAHMR's {TRACK_INFO}", BadMotionFile):
         content = parse_json(path.read_text(encoding="utf-8"))
         meta = content["meta"]
@@ -112,20 +103,20 @@ def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:
             raise ValueError("the tracks' indices are not 0, 1, 2, ...")
         if not 0 <= start < LARGEST_NUMBER or not 0 <= row_start < row_stop:
             raise ValueError("its intervals hold no frames")
-        tracks = [
-            _Track(f"person_{int(key)}", np.asarray(info["vis_mask"], dtype=bool).ravel())
+        seen = {
+            f"person_{int(key)}": np.asarray(info["vis_mask"], dtype=bool).ravel()
             for key, info in found
-        ]
-        if not all(len(track.seen) >= row_stop for track in tracks):
+        }
+        if any(len(mask) < row_stop for mask in seen.values()):
             raise ValueError("a vis_mask is shorter than its interval")
-        return tracks, (start, row_start), row_stop - row_start
+        return seen, (start, row_start), row_stop - row_start
 
 
-def _person(entry: Entry, track: _Track, first: tuple[int, int]) -> EstimatedPerson:
+def _person(entry: Entry, mask: np.ndarray, first: tuple[int, int]) -> EstimatedPerson:
     values, (start, row_start) = entry.values, first
-    seen = np.flatnonzero(track.seen[row_start : row_start + len(values["trans"])])
+    seen = np.flatnonzero(mask[row_start : row_start + len(values["trans"])])
     if not seen.size:
-        raise entry.fault(f"{track.name} is seen in no frame")
+        raise entry.fault(f"{entry.name} is seen in no frame")
     # Before the first and after the last image that shows the person the rows are padding.
     rows = np.arange(seen[0], seen[-1] + 1)
     z_up, camera = turned(Z_UP_FROM_Y_DOWN, len(rows)), None
@@ -134,7 +125,7 @@ def _person(entry: Entry, track: _Track, first: tuple[int, int]) -> EstimatedPer
         camera = z_up @ invert(rigid(turns, values["cam_t"][rows]))
     roots = rotmats_of(values["root_orient"][rows])[:, 0]
     return EstimatedPerson(
-        name=track.name,
+        name=entry.name,
         frame_numbers=start + row_start + rows,
         local_rotmats=smplx_local(values["pose_body"][rows]),
         in_world=InWorld(roots, values["trans"][rows], z_up, camera, camera is not None),
