@@ -158,10 +158,7 @@ def list_clips(source: Path, ids: Sequence[str] = ()) -> list[ClipFiles]:
 
 
 def load_exported(
-    files: ClipFiles,
-    *,
-    body: str | None = None,
-    images: Path | None = None,
+    files: ClipFiles, *, body: str | None = None, images: Path | None = None
 ) -> ExportedClip:
     """Load one clip.
 

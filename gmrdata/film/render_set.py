@@ -38,13 +38,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made
 from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import (
-    CHARACTER_FILE,
-    Clip,
-    load_character,
-    load_clip,
-    save_clip,
-)
+from gmrdata.values.clip import CHARACTER_FILE, Clip, load_character, load_clip, save_clip
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.limits import MIB

@@ -136,10 +136,7 @@ def predict_with_doubt(
 
 
 def held(
-    gmr: TrainedGmr,
-    local_rotmats: Float[np.ndarray, "frames 23 3 3"],
-    given: Deltas,
-    fps_hz: float,
+    gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 3 3"], given: Deltas, fps_hz: float
 ) -> Deltas:
     """dR and dT [m] between poses of any rate, orthonormal; held by soles if these have a say."""
     delta_rotmats, delta_m = given

@@ -86,9 +86,7 @@ def _inertia(points_m: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]
     return squares * torch.eye(3).to(points_m) - outer
 
 
-def sole_points_m(
-    local_rotmats: Float[Tensor, "*batch 23 3 3"],
-) -> Float[Tensor, "*batch 6 3"]:
+def sole_points_m(local_rotmats: Float[Tensor, "*batch 23 3 3"]) -> Float[Tensor, "*batch 6 3"]:
     """Heel, ball and toe of the left and of the right foot on the mean skeleton, root frame [m]."""
     places_m, root_from_joint = joints_in_root_frame(local_rotmats)
     points = []

@@ -52,9 +52,7 @@ class StandingShares(nn.Module):
         self.logits = nn.Linear(n_features, n_supports + 1)
 
     def forward(
-        self,
-        features: Features,
-        scores: Float[Tensor, "batch frames supports"] | None = None,
+        self, features: Features, scores: Float[Tensor, "batch frames supports"] | None = None
     ) -> Float[Tensor, "batch frames supports 1"]:
         """Shares of the supports, without that of none; `scores` are added to their logits."""
         logits = self.logits(features)
@@ -76,9 +74,7 @@ class SupportScores(nn.Module):
         nn.init.zeros_(self.scores.bias)
 
     def forward(
-        self,
-        features: Features,
-        numbers: Float[Tensor, "batch frames supports numbers"],
+        self, features: Features, numbers: Float[Tensor, "batch frames supports numbers"]
     ) -> Float[Tensor, "batch frames supports 2"]:
         numbers = numbers.clamp(-MOST, MOST)
         hidden = self.context(features)[..., None, :] + self.numbers(numbers) + self.own

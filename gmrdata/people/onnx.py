@@ -74,12 +74,7 @@ class DetectionsRecord(Record):
 
 
 def onnx_masks(
-    model_path: Path,
-    frames: FrameSet,
-    out_dir: Path,
-    config: OnnxConfig,
-    *,
-    run: Run = DEFAULT_RUN,
+    model_path: Path, frames: FrameSet, out_dir: Path, config: OnnxConfig, *, run: Run = DEFAULT_RUN
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 in the boxes found, and `detections.json`.
 

@@ -45,11 +45,7 @@ class AssumedPlace:
 
 
 def place_body(
-    person: EstimatedPerson,
-    body: BodyModel,
-    lens: Lens,
-    size_px: tuple[int, int],
-    path: Path,
+    person: EstimatedPerson, body: BodyModel, lens: Lens, size_px: tuple[int, int], path: Path
 ) -> PlacedBody:
     """The person on `body`, whose skeleton stands for the system's own.
 

@@ -4,14 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.values.body import (
-    HANDS,
-    SMPL,
-    SMPL_LEG_M,
-    SMPL_REST_PELVIS_M,
-    BodyModel,
-    leg_length_m,
-)
+from gmrdata.values.body import HANDS, SMPL, SMPL_LEG_M, SMPL_REST_PELVIS_M, BodyModel, leg_length_m
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rotvecs_from_rotmats

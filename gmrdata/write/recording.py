@@ -27,13 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.frames import (
-    check_images,
-    exif_orientation,
-    image_bytes,
-    read_color,
-    read_gray,
-)
+from gmrdata.read.frames import check_images, exif_orientation, image_bytes, read_color, read_gray
 from gmrdata.values.body import PARENTS
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import text_runs
