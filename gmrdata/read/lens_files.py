@@ -242,7 +242,8 @@ MATRICES = (
 FOCALS_X = ("fx", "flx", "fu", "focallengthx", "focalx")
 FOCALS_Y = ("fy", "fly", "fv", "focallengthy", "focaly")
 FOCALS = ("focallength", "f", "focal", "focallengthpx")
-CENTRES_X, CENTRES_Y = ("cx", "ppx", "u0", "pu", "cu"), ("cy", "ppy", "v0", "pv", "cv")
+CENTRES_X = ("cx", "ppx", "u0", "pu", "cu", "principalpointx")
+CENTRES_Y = ("cy", "ppy", "v0", "pv", "cv", "principalpointy")
 CENTRES = ("principalpoint", "c", "cc", "center", "centre")
 WIDTHS = ("w", "width", "imagewidth", "imgwidth")
 HEIGHTS = ("h", "height", "imageheight", "imgheight")
@@ -512,7 +513,9 @@ def _terms(values: Values) -> tuple[float, ...]:
         if several := [name for name in TERM_NAMES if len(said.get(name, [0.0])) > 1]:
             raise ValueError(f"{len(said[several[0]])} numbers of {several[0]}: {COMMAS}")
         listed = [said.pop(name, [0.0])[0] for name in TERM_NAMES] if is_said else []
-    elif any(re.fullmatch(ALL_RADIAL, _name(values.get(name, ""))) for name in MODELS):
+    elif len(listed) == 3 or any(
+        re.fullmatch(ALL_RADIAL, _name(values.get(name, ""))) for name in MODELS
+    ):
         k1, k2, k3 = (*listed, 0.0, 0.0)[:3]
         listed = [k1, k2, 0.0, 0.0, k3]
     if len(_numbers(values.get("distortionparams")) or ()) == 6:  # nerfstudio's k1 to k4, p1, p2

@@ -213,6 +213,9 @@ error = 0.0
     **{f"{group}.json": json.dumps({"w": 640, "h": 480, "fx": 600, "fy": 605, "cx": 320, "cy": 240,
        group: {"k1": -0.1, "k2": 0}}) for group in ("distortion_coeffs", "lens_distortion", "D")},
     "droid.txt": "600 605 320 240 -0.1 0 0 0",
+    "spectacular.json": json.dumps({"cameras": [
+        {"focalLengthX": 600, "focalLengthY": 605, "model": "pinhole", "principalPointX": 320,
+         "principalPointY": 240, "distortionCoefficients": [-0.1, 0.0, 0.02]}]}),
     "mast3r_slam.yaml": "width: 640\nheight: 480\n# fx, fy, cx, cy, k1, k2, p1, p2, k3\n"
     "calibration: [600, 605, 319.5, 239.5, -0.1, 0, 0, 0, 0]\n",
     "nerfstudio.json": json.dumps(
