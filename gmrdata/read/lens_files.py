@@ -367,8 +367,8 @@ def _of_distortion(key: object, value: Any) -> str:
 
 
 def _put(own: dict[str, Any], name: str, value: Any) -> None:
-    if name == "calibration" and len(listed := _numbers(value) or []) > 3:  # MASt3R-SLAM's
-        own |= {"intrinsics": listed[:4], "distortioncoefficients": listed[4:]}
+    if name == "calibration" and len(listed := _numbers(value) or []) > 3 and listed[1]:
+        own |= {"intrinsics": listed[:4], "distortioncoefficients": listed[4:]}  # MASt3R-SLAM's
     if name in own and name in (*MATRICES, *FOCALS_X) and str(own[name]) != str(value):
         raise ValueError(f"2 cameras: {name} stands twice; keep the one of these frames")
     own[name] = value
