@@ -33,8 +33,6 @@ HAND_DEG, LARGEST_HAND_DEG = 15.0, 75.0
 """Between these angles off the body's a hand is bent; below, its skeleton has another form; above,
 what hangs on the wrist is no hand."""
 LARGEST_TILT_DEG = 40.0  # how far a zero pose may lean or face away from the coordinate axes
-
-
 BACKWARDS = 0.5  # of a foot's length
 
 
@@ -109,14 +107,17 @@ def arms_deg(rest_m: np.ndarray) -> np.ndarray:
 def limb_corrections(
     source_rest_m: np.ndarray, body_rest_m: np.ndarray, source_hands_m: np.ndarray | None = None
 ) -> dict[int, np.ndarray]:
-    """C (3, 3) of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
+    """C (3, 3) of hips, knees, shoulders, elbows: the body's bone into the source's, upper first.
 
     Wrists and hands get the elbow's: in both rest poses they go on in the line of the forearm.  A
     hand that the source's zero pose bends by more than `HAND_DEG` is bent so.  Both zero poses are
     (24, 3) in rest axes [m], the source's hands (2, 3) left and right from the wrist; NaN: unknown.
     """
-    poses_m = (body_rest_m, source_rest_m)
-    limbs = {a: smallest_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
+    limbs: dict[int, np.ndarray] = {}
+    for start, end in LIMBS:
+        straight = limbs.get(PARENTS[start], np.eye(3))  # a bent elbow bends what the arm turned
+        own_m, source_m = (rest_m[end] - rest_m[start] for rest_m in (body_rest_m, source_rest_m))
+        limbs[start] = smallest_rotation(straight @ own_m, source_m) @ straight
     hands, shortest_m = {}, SHORTEST_HAND * leg_length_m(source_rest_m)
     hands_m = np.full((2, 3), np.nan) if source_hands_m is None else source_hands_m
     for side, hand_m in zip(("left", "right"), hands_m, strict=True):

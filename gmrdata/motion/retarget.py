@@ -10,8 +10,8 @@ gets the global rotation
 with a constant C_j that turns the body's rest pose into the source's zero pose at that joint:
 
 - hip, knee, shoulder, elbow: the smallest rotation that takes the body's rest bone (thigh, shank,
-  upper arm, forearm) to the source's.  Bone directions then are the source's, always.  The smallest
-  rotation adds no twist: palms that look down in both rest poses look the same way afterwards.
+  upper arm, forearm) to the source's, of knee and elbow after the bone above.  Bone directions then
+  are the source's, always, and without twist: palms that look down in both rest poses still do.
 - ankle, foot: the zero pose may splay the legs and roll the feet with them (CMU: 20 degrees).  That
   shows in the plane through ankle, toe joint and toe tip, which is upright in a flat foot, and is
   undone.  The heading of the body's ankle-to-toe bone is made the source's; its pitch is not, as

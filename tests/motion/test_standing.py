@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library, motion_table
 from gmrdata.motion.local_poses import read_local_poses
 from gmrdata.motion.pelvis import hung_on
+from gmrdata.motion.rest_pose import limb_corrections
 from gmrdata.motion.retarget import _turned as turned_source
 from gmrdata.motion.retarget import retarget
 from gmrdata.motion.up_axis import is_upright, person_of
@@ -26,6 +28,7 @@ from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import MIXAMO, find_joints, joints_by_name
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats
+from gmrdata.values.transforms import smallest_rotation
 from tests.clip_manifests import clips_of
 
 NAME = {joint: name for name, joint in MIXAMO.items()}
@@ -47,8 +50,12 @@ def write(write_person, small_body, tmp_path) -> Callable[..., Path]:
         t_pose: bool = False,
         per_unit: float = 0.01,
         lies: bool = False,
+        bent_deg: float = 0.0,
     ) -> Path:
         local = np.concatenate([walk.root_rotmats[:, None], walk.local_rotmats], axis=1)
+        for side, sign in (("left", -1), ("right", 1)):
+            bent = Rotation.from_euler("y", sign * bent_deg, degrees=True).as_matrix()
+            local[:, JOINT[f"{side}_elbow"]] = local[:, JOINT[f"{side}_elbow"]] @ bent
         from_rest = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # z up -> y up
         local[:, 0] = from_rest @ local[:, 0]
         pelvis_m = walk.pelvis_m @ from_rest.T
@@ -179,6 +186,32 @@ def test_without_a_t_pose_it_is_the_mean_pose(write, small_body):
     # Nobody knows how far a walker's palms are turned and the trunk leans in the mean.
     assert apart_deg[JOINT["pelvis"]] < 6 and apart_deg.max() < 30, apart_deg.round(1)
     assert "limbs 0.0 (0.0)" in other.source
+
+
+def test_elbows_that_are_bent_in_the_mean_pose_are_not_rolled(write, small_body):
+    """Forearms were turned straight to the mean pose, and rolled by 64 degrees."""
+    motion = read_motion(write("t", T_POSE, bent_deg=60.0), small_body)
+    other = read_motion(write("bones", _along_bones(small_body), bent_deg=60.0), small_body)
+    assert "turns told from the mean pose" in other.source
+    local = [m.rotmats[:, [JOINT["left_elbow"], JOINT["right_elbow"]]] for m in (motion, other)]
+    turns = local[0].swapaxes(-1, -2) @ local[1]
+    assert np.rad2deg(Rotation.from_matrix(turns.reshape(-1, 3, 3)).magnitude()).max() < 15.0
+
+
+def test_a_bent_limb_is_bent_after_the_one_above_is_turned(small_body):
+    rest_m = small_body.rest_joints_m(np.zeros(10))
+    source_m = rest_m.copy()
+    chain = [JOINT[f"left_{part}"] for part in ("shoulder", "elbow", "wrist")]
+    upper_m, lower_m = (rest_m[b] - rest_m[a] for a, b in pairwise(chain))
+    down = smallest_rotation(upper_m, np.array([0.2, -1.0, 0.1]))
+    hinge = np.cross(down @ lower_m, [0.0, 0.0, 1.0])
+    bent = Rotation.from_rotvec(1.2 * hinge / np.linalg.norm(hinge)).as_matrix() @ down
+    source_m[chain[1]] = source_m[chain[0]] + down @ upper_m
+    source_m[chain[2]] = source_m[chain[1]] + bent @ lower_m
+    found = limb_corrections(source_m, rest_m)
+    np.testing.assert_allclose(found[chain[0]], down, atol=1e-12)
+    np.testing.assert_allclose(found[chain[1]], bent, atol=1e-12)
+    np.testing.assert_allclose(found[chain[2]], bent, atol=1e-12)
 
 
 SOMA_DEG = {
