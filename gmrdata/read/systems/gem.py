@@ -9,8 +9,8 @@ hips, `global_orient` and `transl` (T, 3), where the hips are [m].  By soma/soma
 a rotation is off SOMA's T-pose, in axes that are the body's, as SMPL's are: y up, z front.
 
 SOMA has one neck joint more; what lies between two joints of SMPL's tree is taken together, and the
-hands stay straight.  The two T-poses differ by what the skeletons differ: SOMA's rest skeleton is
-not published with its code, so by how much was not measured.  `identity_coeffs` are of SOMA.
+hands stay straight.  By nv-tlabs/kimodo's skeleton of SOMA thighs, shins and arms then point 1, 5
+and 0 degrees off on the default body.  `identity_coeffs` are of SOMA.
 """
 
 from collections.abc import Mapping
