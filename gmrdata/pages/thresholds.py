@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmrdata.cameras.check.verdict import angles_deg, relative_moves
+from gmrdata.cameras.check.verdict import relative_moves
 from gmrdata.cameras.files import CamerasQuality
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.pages.html import Cell, Table
@@ -13,6 +13,8 @@ from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Solved
 from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
+from gmrdata.values.records import compared
+from gmrdata.values.transforms import angles_rad
 from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.recipe import PseudoGtConfig
 
@@ -124,11 +126,12 @@ def frame_rows(found: Solved) -> list[Row]:
     fps_hz = found.fps_hz
     moves = relative_moves(world_from_cam, 1)
     speed_m_per_s = fps_hz * np.linalg.norm(moves[:, :3, 3], axis=1)
+    turn_deg_per_s = fps_hz * np.rad2deg(angles_rad(moves[:, :3, :3]))
     inliers = np.array([] if found.cameras is None else found.cameras.inliers_per_frame, float)
     rows = [
         _worst("fewest inliers", inliers, config.min_inliers, least=True),
         _worst("fastest camera [m/s]", speed_m_per_s, config.max_speed_m_per_s),
-        _worst("fastest turn [°/s]", fps_hz * angles_deg(moves), config.max_turn_deg_per_s),
+        _worst("fastest turn [°/s]", turn_deg_per_s, config.max_turn_deg_per_s),
     ]
     if (apart := found.window_differences()) is not None:
         span = f"over {config.window_s:g} s, difference from the data set’s camera"
@@ -203,19 +206,19 @@ def _focal_row(
 
 
 def _row(
-    name: str, value: float | None, threshold: float, *, least: bool = False, unit: int = 1
-) -> Row:
+    name: str, value: float | None, threshold: float, spec: str = ".3g", *,
+    least: bool = False, unit: int = 1,
+) -> Row:  # fmt: skip
     """A figure that must be at most (or at least) its threshold."""
     said = f"{'≥' if least else '≤'} {unit * threshold:g}"
     if value is None:
         return Row(name, NO_FIGURE, said, None)
     met = value >= threshold if least else value <= threshold
-    return Row(name, f"{unit * value:.3g}", said, met)
+    return Row(name, compared("{}", unit * value, unit * threshold, spec), said, met)
 
 
 def _share(name: str, value: float | None, least: float) -> Row:
-    row = _row(f"{name} [%]", value, least, least=True, unit=100)
-    return row if value is None else row._replace(value=f"{100 * value:.1f}")
+    return _row(f"{name} [%]", value, least, ".1f", least=True, unit=100)
 
 
 def _worst(name: str, values: np.ndarray, threshold: float, *, least: bool = False) -> Row:

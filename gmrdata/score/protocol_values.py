@@ -43,6 +43,9 @@ class SeenBody:
     vertices_m: Callable[[slice], Points]  # vertices of some frames, since all need much memory
 
 
+TwoBodies = tuple[WorldBody, WorldBody] | tuple[SeenBody, SeenBody]
+
+
 @dataclass(frozen=True, eq=False)
 class WorldPair:
     """A prediction in a world of its own, and the truth of the same frames."""
@@ -148,7 +151,8 @@ def _parts(
         case "wa_mpjpe_mm":
             return _segments(protocol, pair, segments, None)
         case "pa_mpjpe_mm":
-            errors_mm = _procrustes_errors_mm(protocol, pair)
+            both = pair.predicted, pair.true  # the same before the camera
+            errors_mm = metrics.aligned_errors_mm(*_joints_m(protocol, both), _best(protocol, both))
             in_segments = protocol.sample == "segment"
             return [errors_mm[a:b] for a, b in segments] if in_segments else [errors_mm]
         case "accel_length_error_mm_per_frame2":
@@ -228,23 +232,14 @@ def _accelerations(
     return errors_m * (fps_hz**2 if metric == "accel_error_m_per_s2" else 1000)
 
 
-def _joints_m(
-    protocol: Protocol, bodies: tuple[WorldBody, WorldBody] | tuple[SeenBody, SeenBody]
-) -> tuple[Points, Points]:
+def _joints_m(protocol: Protocol, bodies: TwoBodies) -> tuple[Points, Points]:
     """The protocol's joints, of the prediction and of the truth [m]."""
     predicted_m, true_m = (one.joints_m[:, list(protocol.joints)] for one in bodies)
     return predicted_m, true_m
 
 
-def _procrustes_errors_mm(protocol: Protocol, pair: WorldPair) -> Samples:
-    """PA-MPJPE, which is the same in the world and in the camera's frame."""
-    predicted_m, true_m = _joints_m(protocol, (pair.predicted, pair.true))
-    best = fit_similarities(true_m, predicted_m)
-    return metrics.aligned_errors_mm(predicted_m, true_m, best)
-
-
-def _best(protocol: Protocol, seen: tuple[SeenBody, SeenBody]) -> Similarities:
-    predicted_m, true_m = _joints_m(protocol, seen)
+def _best(protocol: Protocol, bodies: TwoBodies) -> Similarities:
+    predicted_m, true_m = _joints_m(protocol, bodies)
     return fit_similarities(true_m, predicted_m)
 
 

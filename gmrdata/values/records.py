@@ -86,6 +86,14 @@ def figure(value: float | np.floating) -> float:
     return float(f"{float(value):.6g}")
 
 
+def compared(text: str, value: float, limit: float, spec: str) -> str:
+    """A text with a value by ".1f", ".0%" or the like and its limit in its two {}; with as many
+    more digits as tell them apart, so that no 90% are said to be fewer than 90%."""
+    finer = (f".{digits}{spec[-1]}" for digits in range(int(spec[1]), 10))
+    spec = next((one for one in finer if format(value, one) != format(limit, one)), spec)
+    return text.format(format(value, spec), format(limit, spec if spec[-1] == "%" else "g"))
+
+
 Figure = Annotated[float, AfterValidator(figure)]  # rounded to six significant digits
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import model_validator
 
 from gmrdata.cameras.check.verdict import (
-    angles_deg,
     both_sides,
     camera_reasons,
     frame_tests,
@@ -27,7 +26,7 @@ from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionClass, MotionFigures, classify
 from gmrdata.values.clip import Clip, camera_of, first_reasons, text_runs
-from gmrdata.values.records import Figure, Record, figure
+from gmrdata.values.records import Figure, Record, compared, figure
 from gmrdata.world.level import LevelEstimate
 from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.recipe import (
@@ -298,9 +297,9 @@ def _frames_reasons(
     kept_share: float, often: Sequence[tuple[str, int]], config: VerdictConfig
 ) -> Iterator[str]:
     if kept_share < config.min_kept_share:
-        can = f"{kept_share:.0%} of the frames with an undoubted pose can be used"
+        can = "{} of the frames with an undoubted pose can be used, fewer than {}"
         why = "".join(f"; in {frames}: {reason}" for reason, frames in often)
-        yield f"{can}, fewer than {config.min_kept_share:.0%}{why}"
+        yield compared(can, kept_share, config.min_kept_share, ".0%") + why
 
 
 def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[str]:
@@ -315,10 +314,11 @@ def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[s
         return
     share, most = estimate.sigma / estimate.scale, config.max_scale_sigma_share
     if estimate.matters and share > most:
-        yield f"the metric scale is uncertain by {share:.1%}, more than {most:.1%}"
+        yield compared("the metric scale is uncertain by {}, more than {}", share, most, ".1%")
     apart, furthest = estimate.disagreement or 0.0, config.max_cue_disagreement
     if apart > furthest:
-        yield f"two cues of the scale are {apart:.1f} standard errors apart, more than {furthest:g}"
+        what = "two cues of the scale are {} standard errors apart, more than {}"
+        yield compared(what, apart, furthest, ".1f")
 
 
 def _fit_reasons(fit: PictureFit, config: VerdictConfig) -> Iterator[str]:
@@ -353,10 +353,9 @@ def _stiff_reasons(clip: Clip, config: VerdictConfig) -> Iterator[str]:
     chord = np.linalg.norm(rotmats - rotmats.mean(axis=0), axis=(-2, -1))
     turn_deg = float(np.rad2deg(np.percentile(chord, 95) / np.sqrt(2)))
     if turn_deg < config.min_joint_deg:
-        yield (
-            f"the body is stiff: its joints turn by {turn_deg:.1f} degrees, less than "
-            f"{config.min_joint_deg:g}, while it travels {travel_m:.1f} m"
-        )
+        stiff = "the body is stiff: its joints turn by {} degrees, less than {}"
+        turn = compared(stiff, turn_deg, config.min_joint_deg, ".1f")
+        yield f"{turn}, while it travels {travel_m:.1f} m"
 
 
 def frame_reasons(
@@ -431,4 +430,5 @@ def window_differences(
     NaN where one is unknown."""
     ours, theirs = relative_moves(world_from_cam, step), relative_moves(dataset_camera, step)
     apart_m = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
-    return angles_deg(transforms.invert(ours) @ theirs), apart_m
+    apart_rad = transforms.angles_rad((transforms.invert(ours) @ theirs)[:, :3, :3])
+    return np.rad2deg(apart_rad), apart_m

@@ -79,6 +79,16 @@ def test_a_second_solution_stands_beside_its_thresholds():
     assert (place.value, place.threshold, place.met) == ("5.2", "≤ 3", False)
 
 
+def test_what_just_misses_its_threshold_does_not_read_as_if_it_met_it():
+    cameras = good_quality(90, registered_share=0.6996, mean_reprojection_px=1.0004)
+    share, error, *_ = camera_rows(cameras, PseudoGtConfig().verdict)
+    assert (share.value, share.threshold, share.met) == ("69.96", "≥ 70", False)
+    assert (error.value, error.threshold, error.met) == ("1.0004", "≤ 1", False)
+    met = good_quality(90, registered_share=0.7, mean_reprojection_px=1.0)
+    share, error, *_ = camera_rows(met, PseudoGtConfig().verdict)
+    assert (share.value, share.met, error.value, error.met) == ("70.0", True, "1", True)
+
+
 @pytest.mark.parametrize(
     ("travel", "wide_px", "threshold", "met"),
     [

@@ -86,6 +86,8 @@ def test_a_good_sequence_is_accepted_whole(clip):
     ("figures", "reason"),
     [
         ({"registered_share": 0.6}, "60% of the images have a camera, fewer than 70%"),
+        ({"registered_share": 0.696}, "69.6% of the images have a camera, fewer than 70.0%"),
+        ({"mean_reprojection_px": 1.004}, "reprojection error is 1.004 px, more than 1 px"),
         ({"mean_reprojection_px": 1.5}, "reprojection error is 1.50 px, more than 1 px"),
         ({"cuts_after_frames": list(range(0, 88, 2))}, "to another place 44 times"),
         (
@@ -112,6 +114,7 @@ def test_a_good_sequence_is_accepted_whole(clip):
             "of some keyframes, solved alone, 40% get a camera, fewer than 50%: nothing confirms "
             "the path",
         ),
+        ({"agreement": Agreement(9, 1.04, 0.004)}, "turns 1.04 degrees otherwise, more than 1"),
         ({"agreement": Agreement(9, 0.3, 0.08)}, "8.0% of its way off, more than 3.0%"),
         (
             {"travel_set_aside": 0.042},

@@ -12,6 +12,7 @@ import numpy as np
 from gmrdata.cameras.files import Agreement, CamerasQuality, SfmCameras, WeakestStep
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.values import transforms
+from gmrdata.values.records import compared
 
 if TYPE_CHECKING:
     from gmrdata.cameras.lens.intrinsics import Intrinsics
@@ -28,7 +29,7 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
     if registered < fewest:
         known = [f"{featureless} are black or even, or wholly masked"] if featureless else []
         known += [f"the picture changes to another place {cuts} times"] if cuts else []
-        few = f"{registered:.0%} of the images have a camera, fewer than {fewest:.0%}"
+        few = compared("{} of the images have a camera, fewer than {}", registered, fewest, ".0%")
         yield "; ".join([few, ", ".join(known)] if known else [few])
     if quality.geometry != "full" and quality.frames < config.min_frames_in_place:
         yield (
@@ -38,7 +39,8 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
     yield from _travel_reasons(quality, config)
     error_px, most_px = quality.mean_reprojection_px, config.max_reprojection_px
     if error_px > most_px:
-        yield f"the mean reprojection error is {error_px:.2f} px, more than {most_px:g} px"
+        what = "the mean reprojection error is {} px, more than {} px"
+        yield compared(what, error_px, most_px, ".2f")
     if cuts / max(1, quality.frames - 1) > config.max_cuts_share:
         yield (
             f"the picture changes to another place {cuts} times: images of several takes, out of "
@@ -48,10 +50,8 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
     yield from _focal_reasons(quality, config)
     share, least = quality.second_share, config.min_second_share
     if share is not None and share < least:
-        yield (
-            f"of some keyframes, solved alone, {share:.0%} get a camera, fewer than {least:.0%}: "
-            "nothing confirms the path"
-        )
+        what = "of some keyframes, solved alone, {} get a camera, fewer than {}"
+        yield f"{compared(what, share, least, '.0%')}: nothing confirms the path"
     if (again := quality.agreement) is not None:
         yield from agreement_reasons("a part of the keyframes, solved alone,", again, config)
 
@@ -63,25 +63,21 @@ def _travel_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> It
     if travel is None or travel <= config.max_travel_set_aside:
         return
     if off_px > config.max_turn_wide_median_px:
+        far = "the camera travels by about {} of the background's distance, more than {}"
+        wide = "a turn leaves {} px in the worst pairs, more than {}"
         yield (
-            f"the camera travels by about {travel:.1%} of the background's distance, more than "
-            f"{config.max_travel_set_aside:.1%}, and no path of it holds: a turn leaves "
-            f"{off_px:.1f} px in the worst pairs, more than {config.max_turn_wide_median_px:g}"
+            f"{compared(far, travel, config.max_travel_set_aside, '.1%')}, and no path of it "
+            f"holds: {compared(wide, off_px, config.max_turn_wide_median_px, '.1f')}"
         )
 
 
 def agreement_reasons(what: str, again: Agreement, config: CamerasVerdictConfig) -> Iterator[str]:
     """Why cameras can't be used of which a second solution, named by `what`, says otherwise."""
-    if again.turn_deg > config.max_again_deg:
-        yield (
-            f"{what} gives another path: the camera turns {again.turn_deg:.1f} degrees otherwise, "
-            f"more than {config.max_again_deg:g}"
-        )
-    if again.place_share > config.max_again_share:
-        yield (
-            f"{what} gives another path: the camera is {again.place_share:.1%} of its way off, "
-            f"more than {config.max_again_share:.1%}"
-        )
+    what = f"{what} gives another path: the camera "
+    if (deg := again.turn_deg) > (most := config.max_again_deg):
+        yield what + compared("turns {} degrees otherwise, more than {}", deg, most, ".1f")
+    if (share := again.place_share) > (most := config.max_again_share):
+        yield what + compared("is {} of its way off, more than {}", share, most, ".1%")
 
 
 def _step_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
@@ -99,22 +95,24 @@ def _step_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iter
 def _hold_reasons(step: WeakestStep, config: CamerasVerdictConfig) -> Iterator[str]:
     hold = (
         f"the cameras up to row {step.after} and those from row {step.before} on hardly hold each "
-        f"other: {step.loose_share:.2%} of their way is open"
+        "other: "
     )
     together, most = step.loose_moving_share, config.max_loose_moving_share
     if (ratio := step.distance_ratio) > config.max_distance_ratio:
-        yield (
-            f"what one keyframe sees is {ratio:.0f} times as far away as what the next one sees, "
-            f"more than {config.max_distance_ratio:g}: pieces of different scale"
+        apart = (
+            "what one keyframe sees is {} times as far away as what the next one sees, more than "
+            "{}: pieces of different scale"
         )
+        yield compared(apart, ratio, config.max_distance_ratio, ".0f")
     if step.loose_share > config.max_loose_share:
-        yield f"{hold}, more than {config.max_loose_share:.2%}; the two may differ in scale"
+        loose = "{} of their way is open, more than {}; the two may differ in scale"
+        yield hold + compared(loose, step.loose_share, config.max_loose_share, ".2%")
     elif together > most:
+        moves = "which together is {}, more than {}; they may follow what moves"
         yield (
-            f"{hold}, and up to {step.moving_share:.0%} of what two frames share moves otherwise "
-            f"than they say, which together is {together:.3%}, more than {most:.3%}; they may "
-            "follow what moves"
-        )
+            f"{hold}{step.loose_share:.2%} of their way is open, and up to {step.moving_share:.0%} "
+            "of what two frames share moves otherwise than they say, "
+        ) + compared(moves, together, most, ".3%")
 
 
 def _focal_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
@@ -141,11 +139,12 @@ def lens_reasons(
     spread_deg = turn_spread_deg(cameras.path.world_from_cam)
     off_deg, most_deg = lens.focal_sigma * spread_deg, config.max_focal_turn_deg
     if off_deg > most_deg:
-        yield (
+        what = (
             f"the focal length is known to ±{lens.focal_sigma:.0%} only, so the camera's turns, "
-            f"{spread_deg:.1f} degrees about their mean, are to ±{off_deg:.1f} degrees, more than "
-            f"{most_deg:g}; give it (--focal, --fov, --intrinsics)"
+            f"{spread_deg:.1f} degrees about their mean, are to ±{{}} degrees, more than {{}}; "
+            "give it (--focal, --fov, --intrinsics)"
         )
+        yield compared(what, off_deg, most_deg, ".1f")
 
 
 def lens_notes(cameras: SfmCameras, lens: "Intrinsics") -> list[str]:
@@ -230,7 +229,7 @@ def turns_too_fast(
 ) -> np.ndarray:
     """(T - 1,) bool: steps between frames over which no camera turns that somebody holds."""
     # A comparison with NaN is False: an unknown step is no jump.
-    turn_deg = angles_deg(relative_moves(world_from_cam, 1))
+    turn_deg = np.rad2deg(transforms.angles_rad(relative_moves(world_from_cam, 1)[:, :3, :3]))
     return np.asarray(turn_deg * fps_hz > config.max_turn_deg_per_s)
 
 
@@ -244,8 +243,3 @@ def both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:
 def relative_moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
     """(T - step, 4, 4) motion over `step` frames, in the axes of the first camera of each."""
     return np.asarray(transforms.invert(world_from_cam[:-step]) @ world_from_cam[step:])
-
-
-def angles_deg(moves: np.ndarray) -> np.ndarray:
-    """(N,) rotation angles of transforms (N, 4, 4) [degrees]; NaN where unknown."""
-    return np.rad2deg(transforms.angles_rad(moves[:, :3, :3]))
