@@ -42,6 +42,7 @@ from gmrdata.values.clip import CHARACTER_FILE, Clip, load_character, load_clip,
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.limits import MIB
+from gmrdata.values.records import compared
 
 DESCRIPTION = "rendering frames"
 MASKS = "masks/[0-9]*.png"  # one for each frame
@@ -189,9 +190,10 @@ def _reading_warnings(out_dir: Path, takes: Sequence[Take]) -> list[str]:
 def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, str]:
     """One line for each clip that has the person out of frame too often, by id."""
     shares = {entry.id: (entry.quality or Quality()).figures[IN_FRAME] for entry in entries}
+    seen = "the whole person is in {} of the frames, less than {}"
     return {
-        id: f"clip {id}: the whole person is in {share:.0%} of the frames, less than "
-        f"{min_share:.0%}; give its camera more distance_m, or leave distance_m out"
+        id: f"clip {id}: {compared(seen, share, min_share, '.0%')}; give its camera more "
+        "distance_m, or leave distance_m out"
         for id, share in shares.items()
         if share < min_share
     }

@@ -10,7 +10,7 @@ import pytest
 from gmrdata.values import limits
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import npz_format, read_json, write_json, write_npz
-from gmrdata.values.records import ArrayShapes, Record, read_arrays
+from gmrdata.values.records import ArrayShapes, Record, compared, read_arrays
 
 ROWS: ArrayShapes = {"rows": ("i", ("N",))}
 
@@ -81,6 +81,22 @@ def test_another_format_is_refused(tmp_path, text):
 def test_a_name_that_is_no_text_stays_readable(tmp_path, text, read):
     write_json(tmp_path / "a.json", {"file": text})
     assert read_json(tmp_path / "a.json") == {"file": read}
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "spec", "text"),
+    [
+        (0.5, 0.9, ".0%", "50% of 90%"),
+        (0.896, 0.9, ".0%", "89.6% of 90.0%"),
+        (0.122, 0.124, ".0%", "12.2% of 12.4%"),
+        (1.5, 1, ".2f", "1.50 of 1"),
+        (1.0004, 1, ".2f", "1.0004 of 1"),
+        (1, 1, ".2f", "1.00 of 1"),
+        (float("nan"), 1, ".3g", "nan of 1"),
+    ],
+)
+def test_a_value_and_its_limit_are_told_apart(value, limit, spec, text):
+    assert compared("{} of {}", value, limit, spec) == text
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -93,10 +93,7 @@ def _step_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iter
 
 
 def _hold_reasons(step: WeakestStep, config: CamerasVerdictConfig) -> Iterator[str]:
-    hold = (
-        f"the cameras up to row {step.after} and those from row {step.before} on hardly hold each "
-        "other: "
-    )
+    hold = f"the cameras up to row {step.after} and those from row {step.before} on hardly hold "
     together, most = step.loose_moving_share, config.max_loose_moving_share
     if (ratio := step.distance_ratio) > config.max_distance_ratio:
         apart = (
@@ -105,13 +102,13 @@ def _hold_reasons(step: WeakestStep, config: CamerasVerdictConfig) -> Iterator[s
         )
         yield compared(apart, ratio, config.max_distance_ratio, ".0f")
     if step.loose_share > config.max_loose_share:
-        loose = "{} of their way is open, more than {}; the two may differ in scale"
+        loose = "each other: {} of their way is open, more than {}; the two may differ in scale"
         yield hold + compared(loose, step.loose_share, config.max_loose_share, ".2%")
     elif together > most:
         moves = "which together is {}, more than {}; they may follow what moves"
         yield (
-            f"{hold}{step.loose_share:.2%} of their way is open, and up to {step.moving_share:.0%} "
-            "of what two frames share moves otherwise than they say, "
+            f"{hold}each other: {step.loose_share:.2%} of their way is open, and up to "
+            f"{step.moving_share:.0%} of what two frames share moves otherwise than they say, "
         ) + compared(moves, together, most, ".3%")
 
 

@@ -24,7 +24,7 @@ from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 from gmrdata.values.errors import NoReconstruction
-from gmrdata.values.records import figure
+from gmrdata.values.records import compared, figure
 
 MATCHES_PER_PAIR, FEWEST_PER_PAIR, MOST_MATCHES = 200, 30, 500_000
 MAX_ITERATIONS = 30
@@ -438,9 +438,9 @@ def require_cover(
     most_px = config.rotation_only_inlier_px
     share = covered_share(turning, matches, frames.intrinsics_px, frames.size_px, most_px)
     if share < (least := config.choice.least_covered):
+        what = "a camera that stays in its place explains only {} of the picture, less than {}"
         raise NoReconstruction(
-            f"a camera that stays in its place explains only {share:.0%} of the picture, less than "
-            f"{least:.0%}. A logo, a subtitle or the hood of a car stays in the picture, and masks "
-            "may keep it out; or most of the picture moves by itself",
+            f"{compared(what, share, least, '.0%')}. A logo, a subtitle or the hood of a car stays "
+            "in the picture, and masks may keep it out; or most of the picture moves by itself",
             frames.images[0].parent,
         )
