@@ -11,10 +11,10 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
-from scipy.spatial.transform import Rotation
 
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.records import PART, Config
+from gmrdata.values.transforms import angles_rad
 
 MotionClass = Literal["static", "small", "panning", "linear", "linear_panning", "circular"]
 MOST_ROWS = 400  # pairs of frames are compared on so many evenly spaced rows
@@ -91,7 +91,6 @@ def motion_figures(
     places_m = centres_m[rows]
     apart_m = np.linalg.norm(places_m[:, None] - places_m[None], axis=-1)
     relative = world_from_cam[rows][:, None, :3, :3].swapaxes(-1, -2) @ world_from_cam[rows, :3, :3]
-    turns_rad = Rotation.from_matrix(relative.reshape(-1, 3, 3)).magnitude()
     centred_m = centres_m - centres_m.mean(axis=0)
     off_line_m = np.linalg.svd(centred_m, compute_uv=False)[1:]
     # Places every half second: a hand's tremble adds up to metres otherwise.
@@ -101,7 +100,7 @@ def motion_figures(
     return MotionFigures(
         extent_m=float(apart_m.max()),
         path_m=float(np.linalg.norm(np.diff(calm_m, axis=0), axis=1).sum()),
-        turn_deg=float(np.rad2deg(turns_rad.max())),
+        turn_deg=float(np.rad2deg(angles_rad(relative).max())),
         line_rms_m=float(np.sqrt((off_line_m**2).sum() / len(centres_m))),
         circle_rms_m=circle_rms_m,
         bend_deg=bend_deg,
