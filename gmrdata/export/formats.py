@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from gmrdata.motion.resample import valid_runs
 from gmrdata.read.frames import check_images, is_turned, number_in_name, video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
@@ -121,11 +122,13 @@ def not_held(format: str, clips: Sequence["ExportedClip"], of: Trajectory) -> It
         if abs((share := smpl_legs(clips[0].clip.motion, clips[0].body)) - 1) > SAME_LEGS:
             yield f"SMPL's mean legs walk {share:.3f} of the path in amass; bvh has all of it"
     if format in STEADY:
-        motion, images_dir = clips[0].clip.motion, clips[0].images_dir
-        times_s = times_of(images_dir, clips[0].clip.image_numbers, motion.fps_hz)
-        off_s = np.ptp(times_s - np.arange(len(times_s)) / motion.fps_hz)
-        if off_s > 0.5 / motion.fps_hz:
-            what = f"the video's frames are up to {off_s:.2f} s off a steady {motion.fps_hz:.5g} Hz"
+        clip, fps_hz = clips[0].clip, clips[0].clip.motion.fps_hz
+        late_s = times_of(clips[0].images_dir, clip.image_numbers, fps_hz)
+        late_s = late_s - np.arange(len(late_s)) / fps_hz
+        files = valid_runs(clip.valid) if format in ("amass", "bvh") else [(0, len(late_s))]
+        off_s = max((np.ptp(late_s[slice(*rows)]) for rows in files), default=0.0)
+        if off_s > 0.5 / fps_hz:
+            what = f"the video's frames are up to {off_s:.2f} s off a steady {fps_hz:.5g} Hz"
             yield f"{what}, which {format} has; tum has their times"
 
 
@@ -461,7 +464,6 @@ def export_runs(
 ) -> None:
     """A file of AMASS's layout or BVH for each unbroken stretch of valid frames, named by its first
     and last row."""
-    from gmrdata.motion.resample import valid_runs
     from gmrdata.write.amass import write_amass
     from gmrdata.write.bvh import write_bvh
 

@@ -59,9 +59,10 @@ from gmrdata.values.clip import Clip, clip_on_body, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput, StageFailed
 from gmrdata.values.files import STAGE_FILE, write_npz
 from gmrdata.values.motion import Motion, accumulate
-from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
+from gmrdata.values.people import BODIES, DOUBTS_FILE, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.judge import PseudoGtQuality
+from gmrdata.world.recipe import Doubts
 
 AROUND_S = 1.0
 """About the time in which a person is seen: the motion before and after counts for the network, and
@@ -94,11 +95,17 @@ class FusedInputs:
     network_dir: Path
     errors_path: Path
     quality_path: Path | None  # of a pseudo ground truth; None of other clips
+    doubts_path: Path | None  # the same
 
     @cached_property
     def quality(self) -> PseudoGtQuality | None:
         """The record, read once for all people: that of a long film is large."""
         return None if self.quality_path is None else PseudoGtQuality.read(self.quality_path)
+
+    @cached_property
+    def doubts(self) -> Doubts | None:
+        """The same of what speaks against frames."""
+        return None if self.doubts_path is None else Doubts.read(self.doubts_path)
 
     @cached_property
     def has_world(self) -> bool:
@@ -116,18 +123,20 @@ class FusedInputs:
         """Of a source as `person_clips` takes it; MissingInput for what is not there."""
         folder = network_dir(network)
         paths = tuple(path.absolute() for path in person_clips(Path(source)))
-        beside = paths[0].with_name(QUALITY_FILE)
-        quality_path = beside if person_number(paths[0]) is not None and beside.is_file() else None
-        return cls(paths, folder, errors_file(folder, errors_path), quality_path)
+        beside = paths[0].with_name(QUALITY_FILE), paths[0].parent.with_name(DOUBTS_FILE)
+        is_solved = person_number(paths[0]) is not None and beside[0].is_file()
+        there = (path if is_solved and path.is_file() else None for path in beside)
+        return cls(paths, folder, errors_file(folder, errors_path), *there)
 
     def files(self, body_path: str | Path | None) -> dict[str, Path]:
         """By role, for the stage's record."""
-        clips = tuple(enumerate(self.clip_paths))
-        found = {f"clip_{n}": path for n, path in clips}
-        seen = {f"seen_{n}": path for n, clip in clips if (path := seen_path(clip))}
-        found |= seen | {"run": weights_dir(self.network_dir), "errors": self.errors_path}
-        found |= {} if body_path is None else {"body": Path(body_path)}
-        return found | ({} if self.quality_path is None else {"quality": self.quality_path})
+        found: dict[str, str | Path | None] = {
+            "run": weights_dir(self.network_dir), "errors": self.errors_path, "body": body_path,
+            "quality": self.quality_path, "doubts": self.doubts_path,
+        }  # fmt: skip
+        for n, path in enumerate(self.clip_paths):
+            found |= {f"clip_{n}": path, f"seen_{n}": seen_path(path)}
+        return {role: Path(path) for role, path in found.items() if path is not None}
 
 
 def seen_path(clip_path: Path) -> Path | None:
@@ -206,7 +215,9 @@ def fuse(
         body = load_body(body_path)
         weighed = WeighedGmr.load(given, config.which)
         said = []
-        fusion = _on_floors(config.fusion, given.quality)
+        level, fusion = given.quality and given.quality.level, config.fusion
+        if level and level.remark:  # on steps, a slope or a platform feet would be pulled to z = 0
+            fusion = fusion.model_copy(update={"ground": False})
         for number, person in enumerate(_people(given, config)):
             fused = fuse_person(person, weighed, body, fusion)
             if not known_frames(person.clip).any() and given.has_world:
@@ -267,20 +278,14 @@ def world_errors(quality: PseudoGtQuality | None, number: int = 0) -> WorldError
     )
 
 
-def _on_floors(config: FusionConfig, quality: PseudoGtQuality | None) -> FusionConfig:
-    """The same without a ground at z = 0 where a pseudo ground truth has people on steps, on a
-    slope or on a platform: they would be pulled down to it."""
-    level = None if quality is None else quality.level
-    if level is None or level.remark is None:
-        return config
-    return config.model_copy(update={"ground": False})
-
-
-def _off_rows(quality: PseudoGtQuality | None, number: int) -> tuple[int, ...]:
+def _unusable_rows(given: FusedInputs, number: int) -> list[int]:
     """Rows in which a body of a pseudo ground truth lies on nobody in the picture, as far as that
-    was checked."""
-    fit = None if quality is None else quality.picture_fits[number]
-    return () if fit is None else fit.off_rows
+    was checked, or whose times are no steps of its rate.  What is said of all rows is said of the
+    person."""
+    fit = None if given.quality is None else given.quality.picture_fits[number]
+    doubted = () if given.doubts is None else given.doubts.frames[number]
+    rows = [] if all(doubted) else [row for row, doubt in enumerate(doubted) if doubt]
+    return rows if fit is None else [*rows, *fit.off_rows]
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,10 +354,13 @@ def _person(given: FusedInputs, path: Path, config: FuseConfig) -> WorldPerson:
     number, loops = person_number(path) or 0, tuple(_loop_rows(clip, config))
     if given.quality is not None and number >= len(given.quality.distance_sigmas):
         raise BadRecord(f"{given.quality_path}: knows no person {number}; {MAKE_AGAIN}")
+    by_person = () if given.doubts is None else given.doubts.frames
+    if by_person and [len(one) for one in by_person[number:][:1]] != [len(clip.valid)]:
+        raise BadRecord(f"{given.doubts_path}: is of other people or frames; {MAKE_AGAIN}")
     errors = world_errors(given.quality, number)
     seen = seen_frames(clip) if before is None else before
-    on_nobody = np.isin(np.arange(len(seen)), _off_rows(given.quality, number))
-    seen = seen & ~on_nobody | clip.valid
+    unusable = np.isin(np.arange(len(seen)), _unusable_rows(given, number))
+    seen = seen & ~unusable | clip.valid
     return WorldPerson(clip, seen, loops, errors)
 
 

@@ -28,12 +28,12 @@ from gmrdata.solve.request import FRAMES, INTRINSICS, MASKS, SFM
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, judge_cameras, with_lens_error
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict
-from gmrdata.threedpw.sequence import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
+from gmrdata.threedpw.sequence import DATASET_CAMERA_FILE, PEOPLE_FILE, PeopleRecord
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput, some
-from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
+from gmrdata.values.people import DOUBTS_FILE, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.world.bodies import NOT_SEEN
 from gmrdata.world.judge import PseudoGtQuality, load_record

@@ -32,14 +32,13 @@ from gmrdata.solve.request import FRAMES, EstimatedPeople, Solved
 from gmrdata.values.clip import Clip, file_name, first_reasons, load_clip
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import VideoRecord
-from gmrdata.values.people import PSEUDO_GT
+from gmrdata.values.people import DOUBTS_FILE, PSEUDO_GT
 from gmrdata.values.records import Record
 from gmrdata.world.bodies import unseen_reasons
 from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.recipe import Doubts, PseudoGtConfig, Verdict, verdict_of
 from gmrdata.write.cameras import BINARY_FOLDER, TEXT_FOLDER
 
-DOUBTS_FILE = "doubts.json"
 NO_DOUBTS: Mapping[str, str] = {}
 MAX_RATE_ERROR = 0.05
 """Share by which the rate of a body may differ from that of the video."""

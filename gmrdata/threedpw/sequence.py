@@ -24,12 +24,12 @@ from gmrdata.threedpw.clips import camera_clip, world_clip
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadRecord, NoReconstruction
-from gmrdata.values.people import PersonFiles, person_file
+from gmrdata.values.people import DOUBTS_FILE, PersonFiles, person_file
 from gmrdata.values.records import MAKE_AGAIN, Config, Record
 from gmrdata.world.judge import load_record, quality_record, unsolved_quality
 from gmrdata.world.recipe import Doubts, Override, overridden, save_dataset_camera, verdict_of
 
-PEOPLE_FILE, DOUBTS_FILE = "people.json", "doubts.json"
+PEOPLE_FILE = "people.json"
 DATASET_CAMERA_FILE = "dataset_camera.npz"
 
 

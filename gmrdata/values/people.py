@@ -17,6 +17,8 @@ from gmrdata.values.records import MAKE_AGAIN, ArrayShapes, Record, check_shapes
 BODIES, PSEUDO_GT, FUSED = "bodies", "pseudo_gt", "fused"
 """Folders of a sequence's people: before the camera, in the world by the cameras, and there with a
 network's motions too."""
+DOUBTS_FILE = "doubts.json"
+"""Beside these folders: why frames must not be used, as those of odd times."""
 
 
 @dataclass(frozen=True)

@@ -315,11 +315,17 @@ def test_times_are_those_of_the_video(without_image, walkers, small_body, tmp_pa
     save_clip(tmp_path / PERSON, clip, small_body.rest_pelvis_m(clip.motion.shape))
     times_s = 4.0 + rows / 30 + (rows > 20)
     video(times_s.tolist()).write(tmp_path / "walk/frames/video.json")
-    gmrdata.export(tmp_path / "walk", ["tum", "glb"], tmp_path)
+    gmrdata.export(tmp_path / "walk", ["tum", "glb", "bvh"], tmp_path)
     (written,) = (tmp_path / "tum").iterdir()
     np.testing.assert_allclose(np.loadtxt(written)[:, 0], times_s, atol=1e-9)
     said = " ".join(capsys.readouterr().err.split())
-    assert "frames are up to 1.00 s off a steady" in said and "which glb has" in said
+    assert "frames are up to 1.00 s off a steady" in said
+    assert "which glb has" in said and "which bvh has" in said
+    clip = replace(clip, valid=rows != 21)  # so that each file of a BVH has one pace
+    save_clip(tmp_path / PERSON, clip, small_body.rest_pelvis_m(clip.motion.shape))
+    gmrdata.export(tmp_path / "walk", ["glb", "bvh"], tmp_path, redo=True)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "which glb has" in said and "which bvh has" not in said
 
 
 @pytest.mark.parametrize(("every", "first"), [(2, 0), (1, 60)])

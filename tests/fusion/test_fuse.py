@@ -60,6 +60,7 @@ from gmrdata.values.transforms import angles_rad
 from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.level import LevelEstimate
 from gmrdata.world.picture_fit import PictureFit
+from gmrdata.world.recipe import Doubts
 from tests.fusion.test_camera_evidence import clip_of
 from tests.fusion.test_network_evidence import record
 from tests.reconstructions import pseudo_gt_quality, quality_of_path
@@ -252,6 +253,25 @@ def test_frames_in_which_the_body_lies_on_nobody_are_not_seen(video, clip):
         np.testing.assert_array_equal(load_clip(made / "person_0.npz").valid, expected)
         place_m.append(load_sigma(made / "sigma_0.npz")["place_sigma_m"][60].max())
     assert place_m[1] > max(0.3, 1.2 * place_m[0])
+
+
+def test_frames_of_other_times_are_not_seen(video, clip):
+    """They were valid, with the motion that a network finds in steps of another length; so a film
+    that goes on at half its rate fell over in its files."""
+    late = np.isin(np.arange(90), range(60, 90))
+    video.save(replace(clip, valid=clip.valid & ~late))
+    video.save(replace(clip, valid=np.ones(90, dtype=bool)), part="bodies")
+    doubts = video.folder / "doubts.json"
+    times = tuple("shown 0.067 s after the image before" if one else "" for one in late)
+    for reasons, rows in ((times, late), (90 * ("mirrored",), np.zeros(90, dtype=bool))):
+        Doubts(frames=(reasons,), sequence=()).write(doubts)
+        made = video.fuse(run=Run(redo=True))
+        np.testing.assert_array_equal(load_clip(made / "person_0.npz").valid, ~rows)
+    Doubts(frames=(times[1:],), sequence=()).write(doubts)
+    with pytest.raises(StaleOutput, match="doubts"):
+        video.fuse()
+    with pytest.raises(BadRecord, match="doubts.json: is of other people or frames"):
+        video.fuse(run=Run(redo=True))
 
 
 def test_who_never_met_a_camera_is_not_shown_beside_who_did(video, clip):

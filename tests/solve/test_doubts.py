@@ -14,7 +14,6 @@ from gmrdata.people.sources import MasksConfig, OnnxSource, PersonSource
 from gmrdata.solve import solve, verdict
 from gmrdata.solve.request import EstimatedPeople, SolveConfig, Solved, SolveRequest
 from gmrdata.solve.verdict import (
-    DOUBTS_FILE,
     TOO_FEW,
     UNCHECKED,
     judge_cameras,
@@ -29,6 +28,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadRecord, NoReconstruction
 from gmrdata.values.files import write_json
 from gmrdata.values.frame_set import VideoRecord
+from gmrdata.values.people import DOUBTS_FILE
 from gmrdata.values.transforms import rigid
 from gmrdata.world.recipe import Doubts, Dropped, PseudoGtConfig, ScaleConfig, VerdictConfig
 from tests.frame_sets import frame_set
