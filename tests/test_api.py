@@ -100,3 +100,31 @@ def test_the_page_has_the_parameters_of_each_function(name):
         for part in written
         if part in has_default
     )
+
+
+def test_paths_may_be_text(tmp_path, small_body):
+    """Records and bodies ended in an AttributeError."""
+    body_path, record = str(tmp_path / "body.npz"), str(tmp_path / "verdict.json")
+    gmrdata.save_body(body_path, small_body)
+    assert gmrdata.load_body(body_path).name == small_body.name
+    with pytest.raises(gmrdata.GmrdataError, match=r"verdict\.json: no such file"):
+        gmrdata.VideoVerdict.read(record)
+    config = gmrdata.RenderConfig()
+    with pytest.raises(gmrdata.GmrdataError, match=r"walk\.npz: no such file"):
+        gmrdata.render_clip(str(tmp_path / "walk.npz"), body_path, str(tmp_path / "out"), config)
+
+
+def test_one_path_is_no_list_of_letters(tmp_path):
+    """`o: no such file`, it said of `out/motions.yaml`; and `/` is a folder of many files."""
+    path, out = str(tmp_path / "not there.yaml"), tmp_path / "out"
+    calls = (
+        lambda: gmrdata.train(path, out),
+        lambda: gmrdata.train([], out, held_out_paths=path),
+        lambda: gmrdata.make_library(path, "anny", out),
+        lambda: gmrdata.plan_videos(path),
+    )
+    for call in calls:
+        with pytest.raises(gmrdata.GmrdataError, match=r"not there\.yaml: no such"):
+            call()
+    with pytest.raises(gmrdata.GmrdataError, match="fewer than two scored runs"):
+        gmrdata.compare(path, out)

@@ -198,14 +198,14 @@ def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Any]:
 
 
 def render_clip(
-    clip_path: Path,
-    body_path: Path,
-    out_dir: Path,
+    clip_path: str | Path,
+    body_path: str | Path,
+    out_dir: str | Path,
     config: RenderConfig,
     *,
     run: Run = DEFAULT_RUN,
     threads: int = 1,
-    layout_paths: Sequence[Path] = (),
+    layout_paths: Sequence[str | Path] = (),
     on_frame: Callable[[int], None] | None = None,
 ) -> Path:
     """Render a clip: `frames/00000.jpg` or .png, `masks/00000.png`, and `clip.npz`.
@@ -230,16 +230,16 @@ def render_clip(
         RenderOverLimit: it took more time or memory than `values.limits` grants.
     """
     job = RenderJob(
-        clip_path=clip_path,
-        body_path=body_path,
-        out_dir=out_dir,
+        clip_path=Path(clip_path),
+        body_path=Path(body_path),
+        out_dir=Path(out_dir),
         config=config,
         threads=threads,
-        layout_paths=tuple(layout_paths),
+        layout_paths=tuple(map(Path, layout_paths)),
     )
 
     work = Resumable(partial(_render, job, on_frame))
-    return run_stage("render", out_dir, config, job.inputs, work, run=run)
+    return run_stage("render", job.out_dir, config, job.inputs, work, run=run)
 
 
 def _render(

@@ -11,13 +11,14 @@ the weights that it would have had: each step's windows and dropout depend on (s
 Started by `torchrun`, several processes train one network (gmrdata.gmr.steps).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
+from gmrdata.values.files import as_paths
 from gmrdata.values.records import Config
 
 
@@ -32,12 +33,12 @@ class GmrRecipe(Config):
 
 
 def train(
-    manifest_paths: Sequence[Path | str],
+    manifest_paths: str | Path | Iterable[str | Path],
     run_dir: Path | str,
     config: TrainConfig | None = None,
     *,
     body_path: Path | str | None = None,
-    held_out_paths: Sequence[Path | str] = (),
+    held_out_paths: str | Path | Iterable[str | Path] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Train a network on the clips of manifests; resumes a killed run.
@@ -61,7 +62,7 @@ def train(
     from gmrdata.read.bodies import body_inputs
 
     config, run_dir = config or TrainConfig(), Path(run_dir)
-    manifests, held_out = [*map(Path, manifest_paths)], [*map(Path, held_out_paths)]
+    manifests, held_out = as_paths(manifest_paths), as_paths(held_out_paths)
     body = None if body_path is None else Path(body_path)
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifests)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out)}

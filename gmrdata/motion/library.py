@@ -6,7 +6,7 @@ Which files go in, what each clip is called, where its motion came from, and wha
 import os
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
@@ -40,7 +40,7 @@ from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError, MissingInput
-from gmrdata.values.files import as_text
+from gmrdata.values.files import as_paths, as_text
 from gmrdata.values.records import Config, Record
 
 LICENCES = {
@@ -238,7 +238,7 @@ TO_DO = "to do"
 
 
 def plan_library(
-    sources: Sequence[str | Path], out_dir: str | Path | None
+    sources: str | Path | Iterable[str | Path], out_dir: str | Path | None
 ) -> list[tuple[str, str, str]]:
     """Rows of `PLAN_HEADINGS`: what `make_library` would read; no file is opened."""
     clips_dir = None if out_dir is None else Path(out_dir) / CLIPS
@@ -248,12 +248,12 @@ def plan_library(
             str(file.path),
             "there" if clips_dir and (clips_dir / file.id).is_dir() else TO_DO,
         )
-        for file in library_files(tuple(map(Path, sources)))
+        for file in library_files(tuple(as_paths(sources)))
     ]
 
 
 def make_library(
-    sources: Sequence[str | Path],
+    sources: str | Path | Iterable[str | Path],
     body: str,
     out_dir: str | Path,
     *,
@@ -274,7 +274,7 @@ def make_library(
     """
     out_dir = Path(out_dir).resolve()
     # By absolute paths: a worker of another machine may run in another folder.
-    files = library_files(tuple(Path(source).absolute() for source in sources))
+    files = library_files(tuple(source.absolute() for source in as_paths(sources)))
     body_paths = _keep(body, out_dir / "body", run)
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
     config = ReadConfig.model_validate(said | {"up": up})

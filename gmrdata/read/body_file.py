@@ -16,7 +16,7 @@ BODY_FORMAT = "gmrdata-body/1"
 _OPTIONAL = ("pose_dirs_m", "adult_shapes", "adult_phenotypes")
 
 
-def save_body(path: Path, body: BodyModel) -> None:
+def save_body(path: str | Path, body: BodyModel) -> None:
     """Write a body as float32 and int32 arrays; the same body gives the same bytes."""
     arrays = {"format": np.array(BODY_FORMAT)}
     for field in fields(BodyModel):
@@ -25,7 +25,7 @@ def save_body(path: Path, body: BodyModel) -> None:
             arrays[field.name] = np.array(value)
         elif value is not None:
             arrays[field.name] = value.astype(np.int32 if field.name == "faces" else np.float32)
-    write_npz(path, arrays, compressed=True)
+    write_npz(Path(path), arrays, compressed=True)
 
 
 def read_body(path: Path) -> BodyModel:

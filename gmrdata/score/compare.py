@@ -1,7 +1,7 @@
 """Compare several scored runs on the clips that all of them have."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Literal, Self
 
@@ -16,6 +16,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import limits
 from gmrdata.values.errors import BadRecord, MissingInput
+from gmrdata.values.files import as_paths
 from gmrdata.values.records import Config, Record
 
 HEADINGS = ("metric", "run", "mean of clips", "difference", "95 % interval", "p", "clips")
@@ -82,7 +83,7 @@ class Comparison(Record):
 
 
 def compare(
-    scores_paths: Sequence[Path | str],
+    scores_paths: str | Path | Iterable[str | Path],
     out_dir: Path | str,
     config: CompareConfig | None = None,
     *,
@@ -95,7 +96,7 @@ def compare(
     at one frame rate of each clip.
     `out_dir` gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
     """
-    config, paths, out_dir = config or CompareConfig(), [*map(Path, scores_paths)], Path(out_dir)
+    config, paths, out_dir = config or CompareConfig(), as_paths(scores_paths), Path(out_dir)
     if len(paths) < 2:
         raise MissingInput("fewer than two scored runs. Give a scores.json for each run")
 

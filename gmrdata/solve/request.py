@@ -16,6 +16,7 @@ from gmrdata.read.video_files import NamedVideo
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction
+from gmrdata.values.files import as_paths
 from gmrdata.values.frame_set import FrameSet, require_rate
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
@@ -173,10 +174,8 @@ class Solved:
 
 
 def paths_of(sources: str | Path | Iterable[str | Path]) -> list[Path]:
-    """Sources as paths; one that is no list of them is a source, not its letters.  BadRecipe for
-    none, as a pattern that fits no file gives."""
-    listed = [sources] if isinstance(sources, str | Path) else sources
-    paths = [Path(source) for source in listed]
+    """One or several sources; BadRecipe for none, as a pattern that fits no file gives."""
+    paths = as_paths(sources)
     if not paths:
         raise BadRecipe("nothing given. Name a video, or a folder of numbered images or of videos")
     return paths

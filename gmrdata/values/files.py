@@ -63,6 +63,11 @@ def require_text(path: Path, error: type[GmrdataError]) -> None:
         raise error(f"{as_text(path)}: the bytes of its name are no UTF-8. Rename it")
 
 
+def as_paths(given: str | Path | Iterable[str | Path]) -> list[Path]:
+    """A list of paths; one that is no list is a path, not its letters."""
+    return [Path(one) for one in ([given] if isinstance(given, str | Path) else given)]
+
+
 def require_file(path: Path) -> None:
     """MissingInput where there is no such file."""
     if not path.is_file():

@@ -57,9 +57,9 @@ class Record(Config):
         return str(get_args(cls.model_fields["format"].annotation)[0])
 
     @classmethod
-    def read(cls, path: Path) -> Self:
+    def read(cls, path: str | Path) -> Self:
         """Read a record; BadRecord names file and key that are wrong."""
-        return cls.of_value(path, read_json(path))
+        return cls.of_value(Path(path), read_json(Path(path)))
 
     @classmethod
     def of_value(cls, path: Path, value: Any) -> Self:
