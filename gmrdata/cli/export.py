@@ -64,7 +64,7 @@ def export(
         truth=truth, threedpw=threedpw, which=which, redo=redo, dry_run=dry_run,
     )  # fmt: skip
     if dry_run:
-        print_table(HEADINGS, [_planned(one) for one in results])
+        print_table(HEADINGS, [_planned(one, redo) for one in results])
         return
     _say(results, out)
 
@@ -81,7 +81,8 @@ def _say(results: "Sequence[Exported]", out: Path) -> None:
         raise StageFailed(f"{len(left_out)} of {len(results)} could not be written, see above")
 
 
-def _planned(one: "Exported") -> tuple[str, str, str, str]:
-    state = "to replace" if one.unit.path.exists() else "to write"
+def _planned(one: "Exported", redo: bool) -> tuple[str, str, str, str]:
+    there = "to replace" if redo else "there, which needs --redo"
+    state = there if one.unit.path.exists() else "to write"
     state = f"left out: {one.left_out}" if one.left_out else state
     return one.unit.format, one.unit.name, str(one.unit.path), state

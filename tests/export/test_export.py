@@ -117,6 +117,25 @@ def test_a_dry_run_lists_and_writes_nothing(manifest, tmp_path, works):
     assert "to write" in said.stdout and "left out: has no camera" in said.stdout
 
 
+def test_a_dry_run_says_what_is_there_and_needs_redo(manifest, tmp_path, works):
+    """`to replace`, it said, of what is refused."""
+    command = (
+        "export",
+        manifest,
+        "--to",
+        "tum",
+        "--out",
+        tmp_path,
+        "--of",
+        "person",
+        "--clips",
+        "alone",
+    )
+    works(*command)
+    assert "there, which needs --redo" in works(*command, "--dry-run").stdout
+    assert "to replace" in works(*command, "--dry-run", "--redo").stdout
+
+
 def test_a_truth_of_none_of_the_clips_is_refused(manifest, walkers, small_body, tmp_path):
     truth, out = tmp_path / "truth.npz", tmp_path / "out"
     save_clip(truth, walkers[1], small_body.rest_pelvis_m(walkers[1].motion.shape))
