@@ -20,7 +20,7 @@ from typing import Any, Literal, TypeVar
 import torch
 from pydantic import Field
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
 from gmrdata.gmr.config import ModelConfig, Which
@@ -143,7 +143,8 @@ def save_step(
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir(parents=True)
     for name, values in (tensors | dict(more or {})).items():
-        save_file(values, temporary / f"{name}.safetensors")
+        # Its own writing to a file gives an error of its own for a full disk.
+        (temporary / f"{name}.safetensors").write_bytes(save(values))
     write_json(temporary / STATE_FILE, state.model_dump(mode="json"))
     for file in temporary.iterdir():
         _fsync(file)

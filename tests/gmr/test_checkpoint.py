@@ -1,5 +1,6 @@
 """Checkpoints: whole or refused."""
 
+import errno
 import json
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from gmrdata.values.errors import BadCheckpoint, MissingInput
 from gmrdata.values.files import write_json
 from tests.fixtures.inference import keep_gmr, stepped_gmr
 from tests.record_keys import assert_each_key_is_needed
+from tests.write.test_full_disk import small_files
 
 CONFIG = ModelConfig(layers=2, hidden=6, dropout=0.1)
 
@@ -56,6 +58,14 @@ def test_everything_comes_back(run_dir):
     assert load_gmr(run_dir).step == 40
 
 
+def test_a_full_disk_is_said_as_one_and_leaves_the_step_before(run_dir):
+    """It was a traceback of an error that only safetensors has."""
+    with small_files(), pytest.raises(OSError) as caught:
+        keep_gmr(run_dir, 80, *stepped(ModelConfig(layers=1, hidden=64)))
+    assert caught.value.errno == errno.EFBIG
+    assert read_state(latest_checkpoint(run_dir)).step == 40
+
+
 def test_a_run_has_its_folders_name_wherever_it_is_called_from(run_dir, monkeypatch):
     monkeypatch.chdir(run_dir)
     assert load_gmr(".").name == run_dir.name
@@ -83,7 +93,7 @@ def test_a_kill_while_writing_leaves_the_former(run_dir, monkeypatch):
         raise Killed
 
     for place in (
-        "gmrdata.gmr.checkpoint.save_file",
+        "gmrdata.gmr.checkpoint.save",
         "gmrdata.gmr.checkpoint.write_json",
         "gmrdata.gmr.checkpoint.write_text",
     ):
