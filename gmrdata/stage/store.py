@@ -1,5 +1,6 @@
 """Stages: folders that are complete when they exist, and the records that say what made them."""
 
+import errno
 import logging
 import platform
 import shutil
@@ -232,6 +233,8 @@ def _make(out_dir: Path, recipe: RecipeRecord, work: Work | Resumable, partial: 
         if made or not resumes or {path.name for path in partial.glob("*")} <= {RECIPE_FILE}:
             shutil.rmtree(partial, ignore_errors=True)  # nothing goes on from it
         if not made:
+            if isinstance(error, RuntimeError) and "disk is full" in str(error):  # COLMAP's word
+                raise OSError(errno.ENOSPC, str(error), str(partial)) from error
             raise
 
 

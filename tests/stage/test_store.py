@@ -1,5 +1,6 @@
 """Stages and files that are complete when they exist; inputs that did not change."""
 
+import errno
 import json
 import os
 import signal
@@ -210,6 +211,18 @@ def test_an_exception_leaves_no_result(tmp_path):
         made(tmp_path / "out", fail)
     assert not [path for path in tmp_path.iterdir() if path.name.startswith("out")]
     assert names(made(tmp_path / "out", Counter())) == ["result.txt", "stage.json"]
+
+
+def test_a_full_disk_is_one_whoever_says_so(tmp_path):
+    """COLMAP's database raises a RuntimeError, which ended with a traceback."""
+
+    def work(partial: Path) -> None:
+        raise RuntimeError("[database_sqlite.cc:1362] SQLite error: database or disk is full")
+
+    with pytest.raises(OSError) as caught:
+        store.run_stage("part", tmp_path / "out", Recipe(), {}, work)
+    assert caught.value.errno == errno.ENOSPC
+    assert caught.value.filename == str(tmp_path / "out.partial")
 
 
 def test_what_is_read_is_never_replaced(tmp_path):
