@@ -98,7 +98,8 @@ def doctor(as_json: AsJson = False) -> None:
 def find_parts() -> list[Part]:
     """All parts, in the order of the table.  What takes long to load does so side by side."""
     blender = _start_blender()
-    names = (*LOADED, *_installed_extras())
+    extras = (one.module for one in EXTRAS.values() if _version(one.package) is not None)
+    names = (*LOADED, *extras)
     halves = [[name for name in names if (name in ON_TORCH) == on_torch] for on_torch in (1, 0)]
     libraries = [_start("-c", LIBRARIES, *half) for half in halves]
     packages, files, machine = [*_packages()], [*_models(), *_bodies()], [*_machine()]
@@ -187,10 +188,6 @@ def _extras(loaded: Loaded) -> Iterator[Part]:
         else:
             state: State = "broken" if why_not else "there"
             yield Part("extras", name, state, f"{extra.package} {found}", why_not)
-
-
-def _installed_extras() -> list[str]:
-    return [extra.module for extra in EXTRAS.values() if _version(extra.package) is not None]
 
 
 def _loaded(process: subprocess.Popen[str], names: Sequence[str]) -> Loaded:

@@ -230,14 +230,9 @@ def render_clip(
         RenderOverLimit: it took more time or memory than `values.limits` grants.
     """
     job = RenderJob(
-        clip_path=Path(clip_path),
-        body_path=Path(body_path),
-        out_dir=Path(out_dir),
-        config=config,
-        threads=threads,
-        layout_paths=tuple(map(Path, layout_paths)),
-    )
-
+        clip_path=Path(clip_path), body_path=Path(body_path), out_dir=Path(out_dir),
+        config=config, threads=threads, layout_paths=tuple(map(Path, layout_paths)),
+    )  # fmt: skip
     work = Resumable(partial(_render, job, on_frame))
     return run_stage("render", job.out_dir, config, job.inputs, work, run=run)
 

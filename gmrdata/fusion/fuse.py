@@ -197,8 +197,8 @@ def fuse(
         source: A pseudo ground truth, a video's folder that holds one, or a clip in the world.
             One without any camera is the network's path alone, bent by feet and loops.
         out_dir: Gets `fusion.json`, and of each person `sigma_<n>.npz` and `person_<n>.npz`, with a
-            pose in each frame.  `valid` are those in which the person was seen.  A person without
-            a usable camera is valid nowhere in a world with cameras.
+            pose in each frame.  `valid` are those in which the person was seen at steady times.
+            A person without a usable camera is valid nowhere in a world with cameras.
         network: Run folder of a trained network, or "bundled" for the one of the package.
         body_path: Body of the clips; None for the default body.
         config: When None, settings that suit the system that saw the people.
@@ -537,7 +537,6 @@ def _described(fused: FusedClip, loops: tuple[SamePlace, ...]) -> FusedPerson:
         )
         for start, stop in valid_runs(~known & there)
     )
-    ends = [(loop, clip.motion.pelvis_m, fused.network_m) for loop in loops]
     return FusedPerson(
         id=clip.id,
         frames=clip.motion.n_frames,
@@ -555,10 +554,10 @@ def _described(fused: FusedClip, loops: tuple[SamePlace, ...]) -> FusedPerson:
             LoopFound(
                 time_s=loop.row / fps_hz,
                 other_time_s=loop.other_row / fps_hz,
-                apart_m=_apart_m(path_m, loop),
-                network_apart_m=_apart_m(network_m, loop),
+                apart_m=_apart_m(clip.motion.pelvis_m, loop),
+                network_apart_m=_apart_m(fused.network_m, loop),
             )
-            for loop, path_m, network_m in ends
+            for loop in loops
         ),
     )
 

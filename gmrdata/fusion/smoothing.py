@@ -139,7 +139,7 @@ class _Graph:
         if self.seen.known.any():
             yield from _seen_terms(state, self.seen)
         else:
-            yield _anchor_terms(state)
+            yield _Terms(np.zeros((1, 6)), [(np.array([TURN]), np.eye(6)[None] / ANCHOR)])
         if self.feet is not None:
             yield from _feet_terms(state, self.feet)
         if self.loops:
@@ -292,10 +292,6 @@ def _seen_terms(state: _State, seen: SeenPoses) -> Iterator[_Terms]:
         (rows * WIDTH + SHIFT, -whitening @ seen.shift_m[rows]),
     ]
     yield _robust(_Terms(whitened, blocks))
-
-
-def _anchor_terms(state: _State) -> _Terms:
-    return _Terms(np.zeros((1, 6)), [(np.array([TURN]), np.eye(6)[None] / ANCHOR)])
 
 
 def _feet_terms(state: _State, feet: PlantedFeet) -> Iterator[_Terms]:

@@ -55,7 +55,8 @@ def held_by_soles(
         rotmats, delta_m = _corrected(deltas, turn, step, fps_hz)
         points_m = after_m @ rotmats.transpose(-1, -2)
         moved = fps_hz * (points_m + delta_m[..., None, :] - before_m)
-        stands = SLIP_SIGMA_M_PER_S**-2.0 * _stillness(moved)
+        still = (1 + moved.square().sum(-1, keepdim=True) / STILL_M_PER_S**2) ** -2.0
+        stands = SLIP_SIGMA_M_PER_S**-2.0 * still
         # The best step for any turn is a mean of points; put in, it leaves an equation of the turn.
         weight = stands.sum(-2) + sure_of_step
         centre_m = (stands * points_m).sum(-2) / weight
@@ -73,10 +74,6 @@ def held_by_soles(
 def _corrected(deltas: Deltas, turn: Tensor, step: Tensor, fps_hz: float) -> Deltas:
     rotmats, delta_m = deltas
     return rotations.to_rotmats(turn / fps_hz, "axis-angle") @ rotmats, delta_m + step / fps_hz
-
-
-def _stillness(moved: Float[Tensor, "*batch points 3"]) -> Float[Tensor, "*batch points 1"]:
-    return (1 + moved.square().sum(-1, keepdim=True) / STILL_M_PER_S**2) ** -2.0
 
 
 def _inertia(points_m: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:

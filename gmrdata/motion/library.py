@@ -243,12 +243,8 @@ def plan_library(
     """Rows of `PLAN_HEADINGS`: what `make_library` would read; no file is opened."""
     clips_dir = None if out_dir is None else Path(out_dir) / CLIPS
     return [
-        (
-            file.id,
-            str(file.path),
-            "there" if clips_dir and (clips_dir / file.id).is_dir() else TO_DO,
-        )
-        for file in library_files(tuple(as_paths(sources)))
+        (one.id, str(one.path), "there" if clips_dir and (clips_dir / one.id).is_dir() else TO_DO)
+        for one in library_files(tuple(as_paths(sources)))
     ]
 
 

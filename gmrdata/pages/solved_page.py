@@ -193,7 +193,8 @@ def _makers(
     yield "verdict", partial(_judged_by, found)
     if by_video:
         yield "overlay", partial(_overlay, found)
-    if _has_paths(found):
+    # Where people were judged, that their motions can't be read is said there.
+    if found.is_solved and (found.camera is not None or not found.is_alone):
         yield "view3d", view
         yield "paths", partial(_paths, found)
     if found.fused is not None:
@@ -212,11 +213,6 @@ def _makers(
         yield "camera_class", partial(_camera_class, record, found.config.motion_class)
     if cameras is not None:
         yield "reconstruction", partial(_reconstruction_rows, cameras)
-
-
-def _has_paths(found: Solved) -> bool:
-    """Where people were judged, that their motions can't be read is said there."""
-    return found.is_solved and (found.camera is not None or not found.is_alone)
 
 
 def _lead(found: Solved) -> str:
