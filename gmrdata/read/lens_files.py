@@ -213,7 +213,7 @@ def _by_picture(numbers: list[float], n_lines: int) -> list[list[float]]:
 
 def _of_numbers(numbers: list[float], frames_px: tuple[int, int]) -> InFile:
     """A matrix alone, of 3x3, 3x4 or 4x4; or fx, fy, cx, cy, and the terms if any."""
-    if len(numbers) == 6:  # ARKitScenes' .pincam begins with the size
+    if len(numbers) == 6 and min(numbers) > 1:  # ARKitScenes' .pincam: the size first, no terms
         return _of_numbers(numbers[2:], _whole((numbers[0], numbers[1])))
     if len(numbers) in (4, 8) or (len(numbers) == 9 and numbers[1] and numbers[3]):
         fx, fy, cx, cy, *terms = numbers

@@ -397,6 +397,7 @@ REFUSED = {
     "prism.txt": ("1 THIN_PRISM_FISHEYE 640 480 600 600 320 240 0 0 0 0 0 0 0 0", "THIN_PRISM"),
     "rational.txt": ("1 FULL_OPENCV 640 480 600 605 320 240 0 0 0 0 0 0.2 0 0", "k4 of a rational"),
     "billion.xml": ("<!DOCTYPE x [<!ENTITY a 'b'>]><x>&a;</x>", "DOCTYPE"),
+    "six.txt": ("640 480 320 240 0.1 0.05", "array of size 6"),  # terms, or a size: nobody knows
     "moves.txt": ("600 0 320 5\n0 605 240 0\n0 0 1 0\n", "a projection that also moves"),
     "no_centre.json": (json.dumps({"fx": 600, "fy": 605}), "no principal point"),
     "other.json": (json.dumps({"exposure": 3, "iso": 100}), "but exposure, iso"),
