@@ -13,6 +13,7 @@ from typing import Any
 
 import dask
 import numpy as np
+import psutil
 import pytest
 from distributed import LocalCluster
 
@@ -32,6 +33,7 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.workers import Pool, own_cores, worker_pool
 from gmrdata.values.errors import BadFrames, NoWorkers, RenderFailed, StageFailed
 from gmrdata.values.limits import allowed_cores
+from tests.folders import REPOSITORY
 
 
 def write_process_id(path: Path) -> int:
@@ -79,6 +81,30 @@ def kill_own_starter_once(path: Path) -> int:
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(0.5)  # so that its end is known before this job's
     return os.getppid()
+
+
+def wait_a_little(path: Path) -> None:
+    path.touch()
+    time.sleep(0.1)
+
+
+WAITING = """
+import sys
+from pathlib import Path
+from gmrdata.stage.jobs import Job, run_jobs
+from gmrdata.stage.run import Run
+from gmrdata.stage.workers import worker_pool
+from tests.stage.test_jobs import wait_a_little
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    jobs = [Job(f"{n}", wait_a_little, {"path": folder / f"{n}"}) for n in range(1000)]
+    try:
+        with worker_pool(Run(workers=2)) as pool:
+            run_jobs("waiting", jobs, pool, folder / "failed")
+    except KeyboardInterrupt:
+        print("stopped")
+"""
 
 
 def kill_own_process() -> None:
@@ -371,6 +397,29 @@ def test_the_process_that_starts_workers_may_die(tmp_path):
         assert set(found) == set(ids)
         again = run_jobs("working", jobs, pool, tmp_path / "failed")
     assert death.exists() and set(again) == set(ids)
+
+
+def test_of_ctrl_c_the_command_speaks_alone_and_its_workers_end(tmp_path):
+    """A terminal sends it to all: each worker showed where it was, in 60 lines."""
+    script = tmp_path / "waiting.py"
+    script.write_text(WAITING)
+    command = psutil.Popen(
+        [sys.executable, script, tmp_path],
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    while not (tmp_path / "9").exists():
+        assert command.poll() is None, command.stdout.read()
+        time.sleep(0.05)
+    started = command.children(recursive=True)
+    os.killpg(command.pid, signal.SIGINT)
+    said, _ = command.communicate(timeout=30)
+    assert command.returncode == 0 and said.endswith("stopped\n")
+    assert "Traceback" not in said and "KeyboardInterrupt" not in said
+    assert len(started) > 2 and not psutil.wait_procs(started, timeout=10)[1]
 
 
 def test_a_process_has_the_cores_that_it_may_use(monkeypatch):
