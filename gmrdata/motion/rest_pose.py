@@ -29,9 +29,9 @@ SHORTEST_LEG_M, LONGEST_LEG_M = 0.3, 1.5
 """Hip-knee-ankle of a small child and more than that of the tallest person."""
 SHORTEST_LIMB_M, SHORTEST_HAND = 0.02, 0.05
 """Of a limb [m], and of a hand over the leg; what is shorter shows no direction."""
-HAND_DEG, LARGEST_HAND_DEG = 15.0, 75.0
-"""Between these angles off the body's a hand is bent; below, its skeleton has another form; above,
-what hangs on the wrist is no hand."""
+BENT_DEG, LARGEST_HAND_DEG = 15.0, 75.0
+"""From this angle off the body's on, a knee, elbow or hand is bent; below, its skeleton has another
+form.  Beyond the second, what hangs on the wrist is no hand."""
 LARGEST_TILT_DEG = 40.0  # how far a zero pose may lean or face away from the coordinate axes
 BACKWARDS = 0.5  # of a foot's length
 
@@ -107,16 +107,19 @@ def arms_deg(rest_m: np.ndarray) -> np.ndarray:
 def limb_corrections(
     source_rest_m: np.ndarray, body_rest_m: np.ndarray, source_hands_m: np.ndarray | None = None
 ) -> dict[int, np.ndarray]:
-    """C (3, 3) of hips, knees, shoulders, elbows: the body's bone into the source's, upper first.
+    """C (3, 3) of hips, knees, shoulders and elbows: turns the body's bone into the source's.
 
     Wrists and hands get the elbow's: in both rest poses they go on in the line of the forearm.  A
-    hand that the source's zero pose bends by more than `HAND_DEG` is bent so.  Both zero poses are
-    (24, 3) in rest axes [m], the source's hands (2, 3) left and right from the wrist; NaN: unknown.
+    knee, elbow or hand that the source's zero pose bends by more than `BENT_DEG` is bent after the
+    bone above is turned.  Both zero poses are (24, 3) in rest axes [m], the source's hands (2, 3)
+    left and right from the wrist; NaN: unknown.
     """
     limbs: dict[int, np.ndarray] = {}
     for start, end in LIMBS:
-        straight = limbs.get(PARENTS[start], np.eye(3))  # a bent elbow bends what the arm turned
         own_m, source_m = (rest_m[end] - rest_m[start] for rest_m in (body_rest_m, source_rest_m))
+        straight = limbs.get(PARENTS[start], np.eye(3))
+        if angles_deg(straight @ own_m, source_m) < BENT_DEG:
+            straight = np.eye(3)  # a thigh's twist, which is a guess, is not the shank's
         limbs[start] = smallest_rotation(straight @ own_m, source_m) @ straight
     hands, shortest_m = {}, SHORTEST_HAND * leg_length_m(source_rest_m)
     hands_m = np.full((2, 3), np.nan) if source_hands_m is None else source_hands_m
@@ -124,7 +127,7 @@ def limb_corrections(
         elbow, wrist, hand = (JOINT[f"{side}_{part}"] for part in ("elbow", "wrist", "hand"))
         straight_m = limbs[elbow] @ (body_rest_m[hand] - body_rest_m[wrist])
         bent = np.linalg.norm(hand_m) > shortest_m  # False for NaN
-        if bent and HAND_DEG < angles_deg(straight_m, hand_m) < LARGEST_HAND_DEG:
+        if bent and BENT_DEG < angles_deg(straight_m, hand_m) < LARGEST_HAND_DEG:
             hands[wrist] = smallest_rotation(straight_m, hand_m) @ limbs[elbow]
         hands[hand] = hands.setdefault(wrist, limbs[elbow])
     return limbs | hands

@@ -10,7 +10,7 @@ gets the global rotation
 with a constant C_j that turns the body's rest pose into the source's zero pose at that joint:
 
 - hip, knee, shoulder, elbow: the smallest rotation that takes the body's rest bone (thigh, shank,
-  upper arm, forearm) to the source's, of knee and elbow after the bone above.  Bone directions then
+  upper arm, forearm) to the source's, where it is bent after the bone above.  Bone directions then
   are the source's, always, and without twist: palms that look down in both rest poses still do.
 - ankle, foot: the zero pose may splay the legs and roll the feet with them (CMU: 20 degrees).  That
   shows in the plane through ankle, toe joint and toe tip, which is upright in a flat foot, and is
