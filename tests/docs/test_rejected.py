@@ -23,7 +23,8 @@ def pieces(file: str) -> set[str]:
         for node in ast.walk(function):
             parts = node.values if isinstance(node, ast.JoinedStr) else [node]
             texts = [p.value for p in parts if isinstance(p, ast.Constant)]
-            words = [t for t in texts if isinstance(t, str) and t != documented]
+            told = (t for t in texts if isinstance(t, str) and t != documented)
+            words = [piece for text in told for piece in text.split("{}")]
             longest = max(words, key=len, default="").strip(" ,;:.")
             if len(longest) >= SHORTEST and " " in longest:
                 found.add(longest)

@@ -89,6 +89,7 @@ def wait_a_little(path: Path) -> None:
 
 
 WAITING = """
+import signal
 import sys
 from pathlib import Path
 from gmrdata.stage.jobs import Job, run_jobs
@@ -97,6 +98,7 @@ from gmrdata.stage.workers import worker_pool
 from tests.stage.test_jobs import wait_a_little
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # whoever started the tests ignores it
     folder = Path(sys.argv[1])
     jobs = [Job(f"{n}", wait_a_little, {"path": folder / f"{n}"}) for n in range(1000)]
     try:
