@@ -354,8 +354,8 @@ def _person(given: FusedInputs, path: Path, config: FuseConfig) -> WorldPerson:
     number, loops = person_number(path) or 0, tuple(_loop_rows(clip, config))
     if given.quality is not None and number >= len(given.quality.distance_sigmas):
         raise BadRecord(f"{given.quality_path}: knows no person {number}; {MAKE_AGAIN}")
-    by_person = () if given.doubts is None else given.doubts.frames
-    if by_person and [len(one) for one in by_person[number:][:1]] != [len(clip.valid)]:
+    told = given.doubts and given.doubts.frames[number : number + 1]
+    if told is not None and [*map(len, told)] != [len(clip.valid)]:
         raise BadRecord(f"{given.doubts_path}: is of other people or frames; {MAKE_AGAIN}")
     errors = world_errors(given.quality, number)
     seen = seen_frames(clip) if before is None else before

@@ -176,7 +176,7 @@ def _texts(value: Any) -> Any:
 
 
 class Doubts(Record):
-    """`doubts.json`: why the data set does not vouch for frames, or for the whole sequence."""
+    """`doubts.json`: why the data set, or the video, does not vouch for frames or for the whole."""
 
     format: Literal["gmrdata-doubts/2"] = "gmrdata-doubts/2"
     frames: tuple[

@@ -267,11 +267,12 @@ def test_frames_of_other_times_are_not_seen(video, clip):
         Doubts(frames=(reasons,), sequence=()).write(doubts)
         made = video.fuse(run=Run(redo=True))
         np.testing.assert_array_equal(load_clip(made / "person_0.npz").valid, ~rows)
-    Doubts(frames=(times[1:],), sequence=()).write(doubts)
-    with pytest.raises(StaleOutput, match="doubts"):
-        video.fuse()
-    with pytest.raises(BadRecord, match="doubts.json: is of other people or frames"):
-        video.fuse(run=Run(redo=True))
+    for others in ((times[1:],), ()):
+        Doubts(frames=others, sequence=()).write(doubts)
+        with pytest.raises(StaleOutput, match="doubts"):
+            video.fuse()
+        with pytest.raises(BadRecord, match="doubts.json: is of other people or frames"):
+            video.fuse(run=Run(redo=True))
 
 
 def test_who_never_met_a_camera_is_not_shown_beside_who_did(video, clip):
