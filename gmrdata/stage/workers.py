@@ -26,8 +26,6 @@ CONNECT_S = 5.0  # how long a scheduler may take to answer
 FIRST_WORKER_S = 60.0  # and the first of its workers to come
 IDLE = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"}
 """Dask's processes look at themselves 50 to 100 times a second, which takes a tenth of a core."""
-OURS_ALONE = {"distributed.worker.preload": [__name__]}
-"""Local workers leave Ctrl-C, which a terminal sends to all, to the command (`dask_setup`)."""
 FORKED = {"distributed.worker.multiprocessing-method": "forkserver"}
 """One process loads Dask for all workers of all pools, which then start in a tenth of the time."""
 
@@ -104,16 +102,17 @@ def _local_client(run: Run, workers: int) -> Iterator[Any]:
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
     with (
         # What other systems' libraries do to a process that forks is not known here.
-        config.set(IDLE | OURS_ALONE | (FORKED if sys.platform == "linux" else {})),
+        config.set(IDLE | (FORKED if sys.platform == "linux" else {})),
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=True,
+            preload=[__name__],  # `dask_setup`
             dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
             memory_limit=0,
             # Theirs would else be that of the first pool.
             env=os.environ | dict.fromkeys(names, str(threads)),
-            silence_logs="CRITICAL",
+            silence_logs=logging.CRITICAL + 1,  # Ctrl-C during a message is critical to Dask
         ) as cluster,
         Client(cluster) as client,
     ):
@@ -121,7 +120,8 @@ def _local_client(run: Run, workers: int) -> Iterator[Any]:
 
 
 def dask_setup(_: Any) -> None:
-    """In a local worker, by Dask's name for it."""
+    """In a local worker, by Dask's name for it: Ctrl-C, which a terminal sends to all, is left to
+    the command."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
