@@ -13,7 +13,14 @@ from gmrdata.motion.amass import amass_rate, is_amass_extra, read_amass
 from gmrdata.motion.pelvis import NO_TURN, on_pelvis
 from gmrdata.motion.rest_pose import TOLD_FROM, in_metres, pose_of
 from gmrdata.motion.retarget import Residual, Retargeting, retarget
-from gmrdata.motion.up_axis import BY_TRUNK, LIES, person_of, remarks_on, shows_z_up
+from gmrdata.motion.up_axis import (
+    BY_TRUNK,
+    FASTEST_M_PER_S,
+    LIES,
+    person_of,
+    remarks_on,
+    shows_z_up,
+)
 from gmrdata.read.amass_keys import SPLIT_KEYS
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
@@ -141,6 +148,7 @@ def read_file(
     if NO_TURN in motion.source:
         remarks = (*remarks, f"{NO_TURN} {motion.source.split(NO_TURN)[1].split(',')[0].strip()}")
     valid = np.ones(motion.n_frames, dtype=bool) if valid is None else valid
+    remarks += _jump(motion, valid)
     return FileReading(motion, LIES not in remarks, remarks, rate_from, residual, valid)
 
 
@@ -151,6 +159,18 @@ def require_motion(reading: FileReading, path: Path, first_s: float, last_s: flo
     if len(empty):
         what = f"{len(empty)} of its frames, from frame {empty[0]} on, hold no motion"
         raise BadMotionFile(f"{path}: {what}. Take a part that does")
+
+
+def _jump(motion: Motion, valid: np.ndarray) -> tuple[str, ...]:
+    """A remark on a pelvis that is elsewhere in the next frame, which trackers leave."""
+    steps_m = np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1) * (valid[1:] & valid[:-1])
+    jumps = np.flatnonzero(steps_m * motion.fps_hz > FASTEST_M_PER_S)
+    if not 0 < len(jumps) <= len(steps_m) / 10:  # of more `remarks_on` says that they are no path
+        return ()
+    at = int(jumps[0])
+    what = f"jumps by {steps_m[at]:.2f} m from frame {at} to {at + 1}"
+    more = f", the first of {len(jumps)} such steps" if len(jumps) > 1 else ""
+    return (f"{what}{more}: nobody moves so, and it is trained on and scored as a motion",)
 
 
 def _stiffness(motion: Motion, turns: np.ndarray) -> tuple[str, ...]:

@@ -162,6 +162,24 @@ def test_a_jump_does_not_hide_that_the_world_is_tilted(small_body, far_m):
     assert remark.startswith(f"leans by {own_deg:.0f} degrees over the feet on average")
 
 
+def test_a_pelvis_that_jumps_is_said(tmp_path, small_body):
+    """A file with places of one trial and then of another had no remark, and was trained on."""
+    walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
+    assert (
+        read_file(_save(tmp_path / "a.npz", walk, small_body), small_body, ReadConfig()).remarks
+        == ()
+    )
+    walk.pelvis_m[40:, 1] += 0.5
+    path = _save(tmp_path / "b.npz", walk, small_body)
+    (said,) = read_file(path, small_body, ReadConfig()).remarks
+    assert said.startswith("jumps by 0.5") and "from frame 39 to 40: nobody" in said
+    walk.pelvis_m[50:] -= 0.6
+    (said,) = read_file(
+        _save(tmp_path / "c.npz", walk, small_body), small_body, ReadConfig()
+    ).remarks
+    assert "from frame 39 to 40, the first of 2 such steps: nobody" in said
+
+
 def test_up_stands_in_the_record(tmp_path, small_body, body_path):
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
     path = _save(tmp_path / "walk.npz", _in_world(walk, "y"), small_body)
