@@ -14,6 +14,7 @@ from gmrdata.cameras.check.agreement import (
     compare_turned_again,
     disagreement,
 )
+from gmrdata.cameras.check.dissolve import dissolve_after, points_of_matches, points_of_tracks
 from gmrdata.cameras.files import CamerasQuality, Evidence
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words, reduced
 from gmrdata.cameras.map.covered import without_seen_again
@@ -38,7 +39,7 @@ from gmrdata.cameras.map.solution import Solution, fill_short_gaps, quality_of, 
 from gmrdata.cameras.match.features import FeatureFinder
 from gmrdata.cameras.match.keyframes import Keyframes, choose_keyframes, with_frames_between
 from gmrdata.cameras.match.keypoint_adjustment import adjust_keypoints
-from gmrdata.cameras.match.matches import Matches, match_behind_masks, match_frames
+from gmrdata.cameras.match.matches import Matches, match_behind_masks, match_frames, parted
 from gmrdata.cameras.match.tracks import (
     TRACKS_FILE,
     Tracks,
@@ -198,12 +199,32 @@ def _solve_by(
         mapped = without_seen_again(matches, config.mapping)
         keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
         solution, evidence, set_aside = _solve_keyframes(keyed, work_dir)
+        while (after := _dissolve_after(solution, keyed)) is not None:
+            keys = replace(keys, cuts=np.union1d(keys.cuts, keys.rows[after]))
+            work_dir, before = work_dir / "parted", work_dir
+            matches = parted(matches, keyframes, after, before, work_dir)
+            mapped = without_seen_again(matches, config.mapping)
+            timeline = Timeline(frames.numbers, keys.cuts)
+            keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
+            solution, evidence, set_aside = _solve_keyframes(keyed, work_dir)
     except NoReconstruction as error:
         why = f"{error.why}{cuts_in_words(frames.numbers[keys.cuts])}"
         raise NoReconstruction(why, error.frames_dir) from None
     filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
     quality = quality_of(solution, marks, evidence, keys, set_aside, frames.size_px)
     return replace(solution, world_from_cam=filled), quality
+
+
+def _dissolve_after(solution: Solution, keyed: "_Keyed") -> int | None:
+    """The keyframe at which the picture goes over into another place; None where it never does."""
+    intrinsics_px, cameras = keyed.frames.intrinsics_px, solution.world_from_cam[keyed.rows]
+    if solution.tracks is None:
+        seen = points_of_matches(keyed.matches, cameras, intrinsics_px)
+    else:
+        seen = points_of_tracks(solution.tracks, solution.points, keyed.rows)
+    after = dissolve_after(seen, cameras, intrinsics_px, keyed.frames.size_px)
+    # Once parted there, frames that both places are seen in are what they are.
+    return None if after is None or keyed.rows[after] in keyed.timeline.cuts else after
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,13 +285,13 @@ def _solve_keyframes(keyed: _Keyed, work_dir: Path) -> tuple[Solution, Evidence,
 def _mapped(keyed: _Keyed, work_dir: Path, *, turns: bool) -> tuple[Solution | None, Matches]:
     """A model of the keyframes that are mapped, unless the camera only turns, with what a second
     one says of it; and the matches of all frames."""
-    config, matches = keyed.config, keyed.mapped_matches
+    config, matches, cuts = keyed.config, keyed.mapped_matches, keyed.timeline.cuts
     keys = keyed.frames.some(keyed.mapped_rows)
     # Mapping takes one core.  No second mapping is run beside it: of two at once pycolmap 4.2.1 now
     # and then gives another model.
     with ThreadPoolExecutor(1) as beside:
         between = beside.submit(
-            with_frames_between, keyed.matches, keyed.rows, keyed.frames, config
+            with_frames_between, keyed.matches, keyed.rows, keyed.frames, cuts, config
         )
         mapped = None if turns else map_frames(keys, matches, work_dir, config)
         if mapped is not None:

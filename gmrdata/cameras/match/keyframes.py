@@ -140,9 +140,10 @@ def _corners(image: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 
 def with_frames_between(
-    key_matches: Matches, key_rows: np.ndarray, frames: Frames, config: SfmConfig
+    key_matches: Matches, key_rows: np.ndarray, frames: Frames, cuts: np.ndarray, config: SfmConfig
 ) -> Matches:
-    """Matches of all T frames, from those of the K keyframes.
+    """Matches of all T frames, from those of the K keyframes, but for frames between two with a cut
+    (C,) between them.
 
     A feature is followed from frame to frame, and its place in each frame is then sought once more
     against the keyframe itself, so that errors don't add up along the way.
@@ -156,7 +157,7 @@ def with_frames_between(
     ]
     chosen = _most_matched(key_matches, config.followed_points)
     for key, (first, last) in enumerate(pairwise(key_rows)):
-        if last - first < 2:
+        if last - first < 2 or ((cuts >= first) & (cuts < last)).any():
             continue
         run = [frames.read(image) for image in frames.images[first : last + 1]]
         from_first = _follow_into(run, keypoints_px[first], chosen[key])

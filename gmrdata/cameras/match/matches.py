@@ -1,5 +1,6 @@
 """Verified matches between frames, and the features of each, those inside its mask last."""
 
+import shutil
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -296,3 +297,24 @@ def _forget_hidden(matches: Matches, frames: Frames, database_path: Path) -> Non
             pair = pycolmap.pair_id_to_image_pair(pair_id)
             outside = np.asarray(table) < [n_free[image_id] for image_id in pair]
             database.write_matches(*pair, table[outside.any(axis=1)])
+
+
+def parted(
+    matches: Matches, frames: Frames, after: int, work_dir: Path, parted_dir: Path
+) -> Matches:
+    """Those that don't join frames up to a row with later ones; `parted_dir` gets a database of
+    these alone."""
+    parted_dir.mkdir()
+    shutil.copy(work_dir / DATABASE_FILE, parted_dir)
+    row_of_name = frames.row_of_name
+    with closing(pycolmap.Database.open(parted_dir / DATABASE_FILE)) as database:
+        late = {
+            image.image_id: row_of_name[image.name] > after for image in database.read_all_images()
+        }
+        for pair_id in database.read_all_matches()[0]:
+            pair = pycolmap.pair_id_to_image_pair(pair_id)
+            if late[pair[0]] != late[pair[1]]:
+                database.delete_matches(*pair)
+                database.delete_two_view_geometry(*pair)
+    pairs = [pair for pair in matches.pairs if (pair.first > after) == (pair.second > after)]
+    return replace(matches, pairs=pairs)

@@ -197,7 +197,7 @@ def test_features_are_followed_into_the_frames_between(tmp_path):
     same = np.stack([np.arange(n - 1)] * 2, axis=1)
     keys = Matches([points_px, points_px - [10.0, 0]], [PairMatches(0, 1, same, "CALIBRATED")])
     config = SfmConfig(followed_points=20)
-    all_frames = with_frames_between(keys, np.array([0, 4]), given(frames), config)
+    all_frames = with_frames_between(keys, np.array([0, 4]), given(frames), np.zeros(0), config)
     assert len(all_frames.keypoints_px) == 5
     rows = [(pair.first, pair.second, pair.configuration) for pair in all_frames.pairs]
     between = [(0, row, FOLLOWED) for row in (1, 2, 3)] + [(row, 4, FOLLOWED) for row in (1, 2, 3)]
