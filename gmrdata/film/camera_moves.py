@@ -118,10 +118,13 @@ def line(
 def held(
     subject: SubjectPath, world_from_cam: np.ndarray, drift_m: float, shake_deg: float
 ) -> np.ndarray:
-    """Cameras (T, 4, 4) with a hand's unrest on them; the same for amplitudes of zero."""
+    """Cameras (T, 4, 4) with a hand's unrest on them; the same for amplitudes of zero.  BadRecipe
+    where that takes them below the ground, z = 0, which would hide everything."""
     unsteady = world_from_cam.copy()
-    if drift_m > 0:
-        unsteady[:, :3, 3] += drift_m * subject.waves[:, :3]
+    unsteady[:, :3, 3] += drift_m * subject.waves[:, :3]
+    if (lowest_m := float(unsteady[:, 2, 3].min())) <= 0:
+        what = f"the hand that holds the camera would go down to a height of {lowest_m:.2f} m"
+        raise BadRecipe(f"{what}; give more height_m, or less drift_m or handheld_m")
     if shake_deg > 0:
         shake = rotmats_from_rotvecs(np.deg2rad(shake_deg) * subject.waves[:, 3:])
         unsteady[:, :3, :3] = unsteady[:, :3, :3] @ shake

@@ -279,7 +279,8 @@ class Film(Config):
 def frame_rate_hz(duration_s: float, film: Film, fastest_hz: float = np.inf) -> float:
     """The recipe's rate, or the highest multiple of 10 fps within `film.max_frames`, of those that
     are not faster than a motion."""
-    fitting = (r for r in RATES_HZ if duration_s * r <= film.max_frames and r <= fastest_hz)
+    known = (rate_hz for rate_hz in RATES_HZ if rate_hz <= fastest_hz)
+    fitting = (rate_hz for rate_hz in known if round(duration_s * rate_hz, 6) <= film.max_frames)
     return film.fps_hz or next(fitting, RATES_HZ[-1])
 
 
@@ -290,11 +291,11 @@ def film_motion(motion: Motion, film: Film) -> Motion:
     if film.fps_hz is not None and rate_hz < film.fps_hz:
         what = f"{motion.fps_hz:g} Hz are fewer than the {film.fps_hz:g} of film.fps_hz"
         raise BadMotionFile(f"{motion.source}: {what}. Take a faster motion, or a lower rate")
-    cut = resample(slice_motion(motion, 0, round(duration_s * motion.fps_hz)), rate_hz)
+    cut = resample(slice_motion(motion, 0, max(1, round(duration_s * motion.fps_hz))), rate_hz)
     if cut.n_frames < MIN_FRAMES:
         enough = f"it takes {MIN_FRAMES / rate_hz:.2f} s, {MIN_FRAMES} frames at {rate_hz:g} Hz"
         what = f"{duration_s:.2f} s are too short to film; {enough}"
-        raise BadMotionFile(f"{motion.source}: {what}. Take a longer trial")
+        raise BadMotionFile(f"{motion.source}: {what}. Take a longer trial or duration_s")
     low, high = cut.pelvis_m.min(axis=0), cut.pelvis_m.max(axis=0)
     middle_m = np.array([*(low + high)[:2] / 2, 0.0])
     return replace(cut, pelvis_m=cut.pelvis_m - middle_m)

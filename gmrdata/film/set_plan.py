@@ -230,10 +230,11 @@ def planned_clip(
         require_motion(reading, motion_path, first_s, last_s)
     else:
         rate_hz = max(GAIT_FPS_HZ, film.fps_hz or 0.0)
-        lasts_s = max(film.duration_s, (clip.hold_s or 0.0) + 1 / rate_hz)
+        lasts_s = max(film.duration_s, (round((clip.hold_s or 0.0) * rate_hz) + 1) / rate_hz)
         motion = make_gait(clip.gait or "", lasts_s, rate_hz, body, rng, shape=shape)
     if clip.hold_s is not None:
-        motion = hold_pose(motion, clip.hold_s, round(film.duration_s * motion.fps_hz))
+        n_frames = max(1, round(film.duration_s * motion.fps_hz))
+        motion = hold_pose(motion, clip.hold_s, n_frames)
     return plan_clip(clip.id, film_motion(motion, film), clip.programme, film, rng), reading
 
 

@@ -20,7 +20,7 @@ from gmrdata.film.programmes import (
     static_twin,
 )
 from gmrdata.film.scene import Cast, Extras, load_cast, looks_of, make_cast, save_cast, save_extras
-from gmrdata.film.set_plan import SyntheticClip, planned_clip
+from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, planned_clip
 from gmrdata.film.walkers import CAR_SIZE_M, HALF_DRIVE_M, move_motion, way_driven_m
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.resample import hold_pose
@@ -346,6 +346,18 @@ def test_passers_by_hold_their_poses_too(small_body):
     clip = plan_clip("a", film_motion(motion, film), Circular(), film, np.random.default_rng(3))
     cast = make_cast(Extras(passers_by=2, hold_s=0.5), [clip], small_body, 4)
     assert len(cast.walkers) == 2 and all(map(holds_still, cast.walkers))
+
+
+@pytest.mark.parametrize(("hold_s", "held_s"), [(6.0, "6.000"), (6.05, "6.067"), (7.25, "7.267")])
+def test_a_gait_lasts_until_any_pose_that_is_to_be_held(small_body, hold_s, held_s):
+    """A time in the middle between two frames may be nearer to one that the gait lacked."""
+    given = {"id": "a", "gait": "walk", "hold_s": hold_s, "programme": {"kind": "static"}}
+    recipe = SyntheticRecipe.model_validate({"recipe": "synthetic", "name": "s", "clips": [given]})
+    (clip,) = recipe.clips
+    assert planned_clip(clip, recipe, None, small_body)[0].motion.source.endswith(f"{held_s} s")
+    short = recipe.model_copy(update={"film": Film(duration_s=0.01)})
+    with pytest.raises(BadMotionFile, match=r"0\.01 s are too short to film; it takes 0\.17 s"):
+        planned_clip(clip, short, None, small_body)
 
 
 @pytest.mark.parametrize("hold_s", [0.4, 0.35, 2.5])  # 0.35 s lie between two frames

@@ -232,6 +232,24 @@ def test_a_held_camera_keeps_the_person_in_frame():
     assert in_frame(camera, person_box(pelvis)).mean() == 1.0
 
 
+@pytest.mark.parametrize(
+    ("programme", "remedied"),
+    [
+        (Small(height_m=0.1, drift_m=0.3), Small(height_m=0.1, drift_m=0.02)),
+        (
+            Panning(height_m=0.1, handheld_m=0.3, distance_m=4.0),
+            Panning(height_m=2, handheld_m=0.3),
+        ),
+    ],
+)
+def test_a_hand_that_would_go_below_the_ground_is_refused(programme, remedied):
+    """The ground hid the person from such a camera, and all figures of the clip were the best."""
+    pelvis = straight(0.1)
+    with pytest.raises(BadRecipe, match=r"to a height of -0\.\d\d m; give more height_m, or less"):
+        filmed_by(programme, pelvis)
+    assert filmed_by(remedied, pelvis).centres_world_m[:, 2].min() > 0
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_the_target_is_in_the_middle_and_the_horizon_level(seed):
     rng = np.random.default_rng(seed)
@@ -283,6 +301,13 @@ def test_short_motions_get_a_higher_rate(duration_s, rate_hz):
     assert frame_rate_hz(duration_s, Film(max_frames=56)) == rate_hz
 
 
+@pytest.mark.parametrize(("n_frames", "rate_hz"), [(31, 30.0), (62, 30.0), (33, 20.0), (249, 10.0)])
+def test_as_many_frames_as_there_may_be_are_not_too_many(n_frames, rate_hz):
+    """31 frames of 30 Hz last 1.0333... s, which makes 31.000000000000004 frames of them."""
+    film = Film(max_frames=n_frames, duration_s=100.0)
+    assert frame_rate_hz(n_frames / rate_hz, film) == rate_hz
+
+
 def test_a_rate_that_is_given_is_kept():
     assert frame_rate_hz(1.0, Film(fps_hz=10)) == 10.0
 
@@ -317,8 +342,10 @@ def test_the_motion_is_cut_and_its_middle_lies_over_the_origin(small_body):
 def test_too_short_a_motion_is_named(small_body):
     motion = make_gait("walk", 0.5, 30.0, small_body, np.random.default_rng(0))
     motion = replace(motion, source="short.bvh")
-    with pytest.raises(BadMotionFile, match="0.10 s are too short to film; it takes 0.17 s, 5 f"):
-        film_motion(motion, Film(duration_s=0.1))
+    for duration_s in (0.1, 0.01):
+        fault = f"{duration_s:.2f} s are too short to film; it takes 0.17 s, 5 f.* or duration_s"
+        with pytest.raises(BadMotionFile, match=fault):
+            film_motion(motion, Film(duration_s=duration_s))
 
 
 def test_last_bits_of_a_camera_path_do_not_reach_the_clip(small_body, monkeypatch):
