@@ -10,6 +10,8 @@ from gmrdata.values.errors import BadRecipe
 from gmrdata.values.transforms import quaternions_from_rotmats
 
 SENSOR_WIDTH_MM = 36.0
+FARTHEST_M = 1e6
+"""What is farther is not drawn: a recipe's camera may be 10 km away, a file's mountains farther."""
 OPENCV_FROM_BLENDER_AXES = np.diag([1.0, -1.0, -1.0, 1.0])
 """Blender's camera looks along -z with y up; OpenCV's along +z with y down.  Its own inverse."""
 
@@ -40,7 +42,7 @@ def make_camera(scene: Any, camera_path: CameraPath) -> Any:
     # Shifts are in units of the sensor's fitted side, here the width; positive moves the view.
     data.shift_x = (width_px / 2 - cx) / width_px
     data.shift_y = (cy - height_px / 2) / width_px
-    data.clip_start, data.clip_end = 0.05, 500.0
+    data.clip_start, data.clip_end = 0.05, FARTHEST_M
     scene.render.resolution_x, scene.render.resolution_y = width_px, height_px
     scene.render.resolution_percentage = 100
     scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0

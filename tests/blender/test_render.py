@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,12 +17,14 @@ from scipy.spatial.transform import Rotation
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.scene import SceneConfig
 from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.camera import intrinsics_from_fov
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import RenderFailed
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
 from tests.blender.jobs import (
     Job,
+    camera_at,
     circling,
     coverage,
     facing_x,
@@ -100,6 +103,17 @@ def test_masks_are_the_projected_mesh(rendered, small_body):
         assert iou > 0.97, f"frame {row}: IoU {iou:.4f}"
         for shift in ((0, 1), (0, -1), (1, 0), (-1, 0)):  # not even one pixel off
             assert overlap(mask, np.roll(expected, shift, axis=(0, 1))) < iou
+
+
+def test_someone_at_the_other_end_of_a_long_lens_is_drawn(small_body, tmp_path):
+    """Blender drew nothing that is farther than 500 m, and a recipe's camera may be."""
+    motion = facing_x(small_body, [[0.0, 0.0, 0.95]])
+    camera = camera_at([[600.0, 0.0, 1.5]], [[0.0, 0.0, 0.95]], (64, 48))
+    camera = replace(camera, intrinsics_px=intrinsics_from_fov(0.5, 64, 48))
+    config = RenderConfig(samples=7, scene=SceneConfig(kind="room"))
+    out_dir = save_job(tmp_path, small_body, motion, camera).render(tmp_path / "far", config)
+    expected = coverage(camera, small_body, motion_vertices_m(small_body, motion)[0], 0) >= 0.5
+    assert expected.sum() > 50 and overlap(mask_of(out_dir, 0), expected) > 0.9
 
 
 def test_the_scene_has_enough_to_match(rendered):
