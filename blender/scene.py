@@ -142,8 +142,8 @@ def save_blend(clip_scene: ClipScene, folder: Path) -> None:
     full_paths = [cache.filepath for cache in caches]
     for cache in caches:
         cache.filepath = f"//{Path(cache.filepath).name}"
-    for image in bpy.data.images:
-        if image.source == "GENERATED":
+    for image in bpy.data.images:  # our own, and a sky's, which is a file elsewhere
+        if image.source in ("GENERATED", "FILE") and image.packed_file is None:
             image.pack()
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), copy=True, compress=True)

@@ -10,7 +10,7 @@ from gmrdata.film.render import RenderConfig
 from gmrdata.film.scene import SceneConfig
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import MissingInput, RenderFailed, StaleOutput
-from tests.blender.jobs import Job, camera_at, facing_x, n_features, save_job
+from tests.blender.jobs import Job, camera_at, facing_x, in_blender, n_features, save_job
 
 SIZE_PX = (320, 180)
 
@@ -21,9 +21,21 @@ def save_view(folder: Path, body: BodyModel, target_m: tuple[float, float, float
     return save_job(folder, body, facing_x(body, [[0.0, 0.0, 0.95]]), camera)
 
 
-def picture(job: Job, out_dir: Path, scene: SceneConfig) -> np.ndarray:
-    job.render(out_dir, RenderConfig(samples=4, scene=scene, jpeg_quality=98))
+def picture(job: Job, out_dir: Path, scene: SceneConfig, *, blend: bool = False) -> np.ndarray:
+    job.render(out_dir, RenderConfig(samples=4, scene=scene, jpeg_quality=98, blend=blend))
     return np.asarray(cv2.imread(str(out_dir / "frames/00000.jpg"), cv2.IMREAD_COLOR))
+
+
+def loose_pictures(blend_path: Path, folder: Path) -> list[str]:
+    """Pictures that a saved scene doesn't hold itself, so that it loses them elsewhere."""
+    script = folder / "loose.py"
+    script.write_text(
+        "import sys, bpy\n"
+        "bpy.ops.wm.open_mainfile(filepath=sys.argv[1])\n"
+        "print('LOOSE', *(i.name for i in bpy.data.images if i.packed_file is None))\n"
+    )
+    _, *names = in_blender(script, blend_path).stdout.strip().splitlines()[-1].split()
+    return names
 
 
 @pytest.mark.parametrize("light", ["overcast", None])
@@ -46,10 +58,11 @@ def test_the_sky_is_the_file(small_body, tmp_path):
     assert cv2.imwrite(str(sky_path), linear)
     scene = SceneConfig(hdri_path=sky_path)
     out_dir = tmp_path / "out"
-    frame = picture(job, out_dir, scene)
+    frame = picture(job, out_dir, scene, blend=True)
     bright = round(255 * (1.055 * 0.25 ** (1 / 2.4) - 0.055))
     colours = {tuple(np.round(frame[20, x] / bright).astype(int).tolist()) for x in (40, 280)}
     assert colours == {(0, 0, 1), (1, 0, 0)}
+    assert loose_pictures(out_dir / "scene/scene.blend", tmp_path) == []
     linear[:] = 0.5
     assert cv2.imwrite(str(sky_path), linear)
     with pytest.raises(StaleOutput, match=r"inputs\.hdri"):
