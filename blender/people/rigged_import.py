@@ -193,6 +193,8 @@ def _remove_new(before: dict[str, set[str]]) -> None:
     bpy.data.batch_remove([data for data in made_of.values() if data.users == 0])
 
 
+CLEAR = "clear"
+"""Name of the node that has the opacity of a material of which nothing can be seen."""
 ACTIVE_UV = "active"
 """Name of the layer with the picture coordinates that each part uses where none is named."""
 
@@ -305,6 +307,11 @@ def _add_materials(whole: Any, parts: Sequence[Part], path: Path, light: Light) 
                 whole.materials.append(_painted(material, path, light))
             number_of_slot[slot] = number_of[name]
         numbers.append(number_of_slot[slot_of_face])
+    if all(CLEAR in material.node_tree.nodes for material in whole.materials):
+        raise BadCharacter(
+            f"{path}: nothing of it can be seen, as all its materials have an opacity below one "
+            "half; export it with opaque ones"
+        )
     whole.polygons.foreach_set("material_index", np.concatenate(numbers))
 
 
@@ -347,10 +354,15 @@ def _colour_socket(material: Any, tree: Any) -> Any:
 
 
 def _alpha_socket(tree: Any) -> Any:
-    """The node output that has the surface's opacity, where it is not the same everywhere."""
-    for node in tree.nodes:
-        if node.type == "BSDF_PRINCIPLED" and node.inputs["Alpha"].is_linked:
-            return node.inputs["Alpha"].links[0].from_socket
+    """The node output that has the surface's opacity, where that may be below one half."""
+    shaders = [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]
+    for alpha in (shader.inputs["Alpha"] for shader in shaders):
+        if alpha.is_linked:
+            return alpha.links[0].from_socket
+        if alpha.default_value < 0.5:  # of a visor, or the like
+            clear = tree.nodes.new("ShaderNodeValue")
+            clear.name, clear.outputs[0].default_value = CLEAR, alpha.default_value
+            return clear.outputs[0]
     return None
 
 

@@ -301,6 +301,47 @@ def test_there_is_nothing_in_the_holes_of_a_picture(film, characters, twin, clip
     assert np.percentile(apart_px, 95) < 0.5 and apart_px.max() < 2.0
 
 
+def of_two_materials(character: Path, path: Path, second: Mapping[str, Any]) -> Path:
+    """The same character, the second half of whose faces has another material."""
+    scene, binary = read_glb(character)
+    (first,) = scene["meshes"][0]["primitives"]
+    indices = scene["accessors"][first["indices"]]
+    n_first = indices["count"] // 6 * 3
+    bytes_each = {5123: 2, 5125: 4}[indices["componentType"]]
+    rest = {"count": indices["count"] - n_first, "byteOffset": n_first * bytes_each}
+    scene["accessors"].append(indices | rest)
+    indices["count"] = n_first
+    scene["materials"].append(second)
+    other = {"indices": len(scene["accessors"]) - 1, "material": len(scene["materials"]) - 1}
+    scene["meshes"][0]["primitives"] = [first, first | other]
+    return write_glb(path, scene, binary)
+
+
+def test_a_part_that_is_clear_all_over_is_not_there(film, characters, twin, clip_path, folder):
+    """A visor, a cornea: a file gives such a part one opacity, and no picture of it."""
+    masks = []
+    for opacity in (0.8, 0.2):
+        paint = {"baseColorFactor": [0.1, 0.6, 0.2, opacity]}
+        material = {"name": "visor", "alphaMode": "BLEND", "pbrMetallicRoughness": paint}
+        path = of_two_materials(characters["twin"], folder / f"visor_{opacity}.glb", material)
+        out_dir = film(clip_path, folder / path.stem, Character(path=path), instances=True)
+        masks.append(mask_of(out_dir, 0))
+        instances = read_instances(out_dir / "instances/00000.png")
+        assert overlap(instances == 1, masks[-1]) > 0.9
+    dense, clear = masks
+    np.testing.assert_array_equal(dense, mask_of(twin, 0))
+    assert not (clear & ~dense).any() and 0.2 < clear.sum() / dense.sum() < 0.9
+
+
+def test_a_character_of_which_nothing_can_be_seen_is_refused(film, characters, clip_path, folder):
+    scene, binary = read_glb(characters["twin"])
+    paint = {"baseColorFactor": [0.1, 0.6, 0.2, 0.2]}
+    scene["materials"][0] |= {"alphaMode": "BLEND", "pbrMetallicRoughness": paint}
+    character = Character(path=write_glb(folder / "clear.glb", scene, binary))
+    with pytest.raises(RenderFailed, match=r"clear\.glb: nothing of it can be seen, as all its"):
+        film(clip_path, folder / "clear", character)
+
+
 def test_feet_stand_on_the_floor_where_the_bodys_do(
     film, clip_path, small_body, characters, folder
 ):
