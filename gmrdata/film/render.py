@@ -38,8 +38,9 @@ EXTRAS_FOLDER = "extras"
 CAST_FILE = "cast.npz"
 """The scene's extras, in `RenderJob.out_dir` while Blender runs."""
 LOG_LINES = 12
-OUT_OF_MEMORY = ("returns null: len=", "std::bad_alloc", "MemoryError")
-"""What Blender, its C++ and its Python say then.  Blender may go on, without a picture of its."""
+GOES_ON = "returns null: len="
+OUT_OF_MEMORY = (GOES_ON, "std::bad_alloc", "MemoryError")
+"""What Blender, its C++ and its Python say then.  Blender itself goes on, without a picture."""
 TICK_S = 1.0
 KEEP_MEMORY = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(1 << 32)}
 """What tells glibc to keep freed memory for the next array: it gives large ones back to the kernel
@@ -277,11 +278,14 @@ def run_blender(
         _write_cast(clip_job, partial_dir / CAST_FILE)
     write_text(job_path, full_json(job))
     command = blender_command(module, job_path, "--parent", os.getpid())
-    frame_s = _frame_s(clip_job)
+    frame_s, there = _frame_s(clip_job), set(partial_dir.glob("*/*"))
     with log_path.open("w", encoding="utf-8") as log:
         exit_code = _run_and_listen(command, log, on_frame, frame_s)
     lines = log_path.read_text(encoding="utf-8").splitlines()
     if any(phrase in line for line in lines for phrase in OUT_OF_MEMORY):
+        if any(GOES_ON in line for line in lines):  # no frame of this run may be gone on from
+            for path in set(partial_dir.glob("*/*")) - there:
+                path.unlink()
         most_mib = limits.blender_bytes() / limits.MIB
         raise RenderOverLimit(
             f"Blender asked for more memory than the {most_mib:.0f} MiB that it may have; take "

@@ -42,6 +42,39 @@ def test_a_limit_that_was_hit_is_said_and_not_tried_again(environment, said, job
     assert (job.out_dir / "started").read_text() == "x"
 
 
+STARVED = """
+import json, sys
+from pathlib import Path
+
+frames = Path(json.loads(Path(sys.argv[1]).read_text())["out_dir"]) / "frames"
+for row in range(3):
+    if not (frame := frames / f"{row:05d}.jpg").exists():
+        frame.write_text("perhaps without a picture of its")
+    print("gmrdata-frame", row, flush=True)
+sys.exit("%s")
+"""
+
+
+@pytest.mark.parametrize(
+    ("said", "kept"),
+    [
+        ("Calloc returns null: len=6400000000 in imb_alloc_buffer, total 9194280", 1),
+        ("terminate called after throwing an instance of 'std::bad_alloc'", 3),  # it ends at once
+    ],
+)
+def test_frames_that_blender_made_without_memory_are_not_gone_on_from(job, tmp_path, said, kept):
+    """The next run, with more memory, took them for good."""
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames/00000.jpg").write_text("of an earlier run")
+    script = tmp_path / "starved.py"
+    script.write_text(STARVED % said)
+    with pytest.raises(RenderOverLimit, match="asked for more memory"):
+        run_blender(job, tmp_path, print, module=str(script))
+    frames = sorted((tmp_path / "frames").iterdir())
+    assert [frame.name for frame in frames] == [f"{row:05d}.jpg" for row in range(kept)]
+    assert frames[0].read_text() == "of an earlier run"
+
+
 def test_limits_grow_with_the_recipe_and_are_the_environments_where_it_says_so(monkeypatch):
     assert 600 == blender_frame_s(0) < blender_frame_s(1920 * 1080 * 7) < 2100
     assert 256 * MIB < blender_bytes() <= 8 * 1024 * MIB
