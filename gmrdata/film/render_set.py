@@ -193,7 +193,7 @@ def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, 
     seen = "the whole person is in {} of the frames, less than {}"
     return {
         id: f"clip {id}: {compared(seen, share, min_share, '.0%')}; give its camera more "
-        "distance_m, or leave distance_m out"
+        "distance_m (of a circular one: radius_m), or leave that out"
         for id, share in shares.items()
         if share < min_share
     }
@@ -247,7 +247,8 @@ class Probe:
 
     frame_cpu_s: float
     clip_cpu_s: float  # before its first frame: Blender's start, the scene [s]
-    frame_bytes: float  # of all files of a frame
+    frame_bytes: float  # of all files of a frame, and its share of those that grow with a clip
+    clip_bytes: float  # of what a clip has besides, as its saved scene
     memory_mib: float  # of this process and Blender's, at their largest [MiB]; NaN: not known
 
 
@@ -275,8 +276,10 @@ class DryRun:
 
     @property
     def size_bytes(self) -> float | None:
-        """Estimate of the disk that the frames to do take [bytes]."""
-        return None if self.probe is None else self.frames_to_do * self.probe.frame_bytes
+        """Estimate of the disk that what is to do takes [bytes]."""
+        if (probe := self.probe) is None:
+            return None
+        return self.clips_to_do * probe.clip_bytes + self.frames_to_do * probe.frame_bytes
 
 
 def dry_run(
@@ -330,9 +333,13 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
     # Blender's time is known as a whole; the clock says which share of it the last frame took.
     frame_s = (told_s[-1] - told_s[0]) / (len(told_s) - 1) if len(told_s) > 1 else wall_s
     frame_cpu_s = cpu_s * frame_s / wall_s
-    size_bytes = sum(path.stat().st_size for path in made.glob("*/*") if path.is_file())
     clip_cpu_s = max(0.0, cpu_s - len(rows) * frame_cpu_s)
-    return Probe(frame_cpu_s, clip_cpu_s, size_bytes / len(rows), _memory_mib())
+    sizes = {path: path.stat().st_size for path in made.glob("*/*") if path.is_file()}
+    frame_bytes = sum(size for path, size in sizes.items() if path.stem.isdigit()) / len(rows)
+    caches_bytes = sum(size for path, size in sizes.items() if path.suffix == ".pc2")
+    frame_bytes += caches_bytes / (len(rows) + 2)  # which have a frame more at either end
+    clip_bytes = sum(sizes.values()) - len(rows) * frame_bytes
+    return Probe(frame_cpu_s, clip_cpu_s, frame_bytes, clip_bytes, _memory_mib())
 
 
 def summary_lines(plan: DryRun) -> list[str]:
@@ -346,7 +353,8 @@ def summary_lines(plan: DryRun) -> list[str]:
             f"about {_duration(plan.seconds or 0.0)} with {plan.workers} workers on as many cores, "
             f"{(plan.size_bytes or 0.0) / 1e6:,.1f} MB (measured on {PROBE_FRAMES} "
             f"frames: {probe.frame_cpu_s:.2f} s a frame and {probe.clip_cpu_s:.1f} s a clip of "
-            f"processor time, {probe.frame_bytes / 1e3:.0f} kB a frame{memory})"
+            f"processor time, {probe.frame_bytes / 1e3:.0f} kB a frame and "
+            f"{probe.clip_bytes / 1e3:.0f} kB a clip{memory})"
         )
     return lines
 

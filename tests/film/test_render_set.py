@@ -5,17 +5,22 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import psutil
 import pytest
 
+from gmrdata.film.programmes import Film, Static, plan_clip
 from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.render_set import (
+    DryRun,
     _licence,
     _write_listing,
     dry_run,
+    frame_warnings,
+    probe_clip,
     render_set,
     summary_lines,
     try_render_clips,
@@ -161,6 +166,38 @@ def test_a_dry_run_measures_two_frames(rendered, cmu_dir, tmp_path):
     assert real / 2 < found.size_bytes < 2 * real
     assert any("22 frames" in line for line in summary_lines(found))
     assert dry_run(RECIPE, out_dir, motions_dir=cmu_dir, probe=False).seconds is None
+
+
+def test_a_saved_scene_is_counted_once_for_a_clip(small_body, body_path, tmp_path, monkeypatch):
+    """A clip of 48 frames, whose scene is saved once, was to take 24 scenes."""
+    motion = make_gait("walk", 1.0, 10.0, small_body, np.random.default_rng(0))
+    clip = plan_clip("a", motion, Static(), Film(), np.random.default_rng(0))
+    sizes = {"frames/%05d.jpg": 3000, "masks/%05d.png": 100}
+    of_clip = {"scene/scene.blend": 9_000_000, "scene/person.pc2": 4 * 500, "extras/car_1.npz": 50}
+
+    def rendered(_clip: Path, _body: Path, out: Path, _config: RenderConfig, **said: Any) -> Path:
+        files = {name % row: size for row in range(2) for name, size in sizes.items()} | of_clip
+        for name, size in files.items():
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+            (out / name).write_bytes(bytes(size))
+        said["on_frame"](1)
+        return out
+
+    monkeypatch.setattr("gmrdata.film.render_set.render_clip", rendered)
+    probe = probe_clip(clip, body_path, RenderConfig(blend=True), tmp_path)
+    assert (probe.frame_bytes, probe.clip_bytes) == (3600.0, 9_001_050.0)
+    plan = DryRun([], 2, 2, 96, 96, 1, probe)
+    assert plan.size_bytes == 2 * 9_001_050 + 96 * 3600
+    assert (
+        "18.3 MB" in summary_lines(plan)[1]
+        and "4 kB a frame and 9001 kB a clip" in (summary_lines(plan)[1])
+    )
+
+
+def test_a_warning_names_the_key_that_the_camera_goes_by(rendered):
+    """A circular camera with a radius_m does not heed its distance_m."""
+    (warning, *_) = frame_warnings(clips_of(rendered), 1.1).values()
+    assert "more distance_m (of a circular one: radius_m), or leave that out" in warning
 
 
 def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path, anny):
