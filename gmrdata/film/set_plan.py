@@ -33,13 +33,14 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.motion.ground import on_ground
 from gmrdata.motion.library import READING_FILE, ReadingRecord, gait_source, motion_source
 from gmrdata.motion.resample import hold_pose
+from gmrdata.motion.rest_pose import LONGEST_LEG_M, SHORTEST_LEG_M
 from gmrdata.read.body_file import read_body
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig
 from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import limits
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
 from gmrdata.values.records import Config
@@ -218,6 +219,11 @@ def planned_clip(
     """A clip's motion and camera, and how its file was read, if it has one."""
     film = _film(clip, recipe)
     shape = None if clip.shape is None else np.array(clip.shape)  # None: as the motion has it
+    if shape is not None and len(shape) == body.n_shape:  # another number is refused below
+        leg_m = leg_length_m(body.rest_joints_m(shape))
+        if not SHORTEST_LEG_M <= leg_m <= LONGEST_LEG_M:
+            what = f"clip {clip.id}: shape: its legs are {leg_m:.4g} m long, which nobody's are"
+            raise BadRecipe(f"{what}; give coefficients of -3 to 3, or none for the mean")
     if shape is None and recipe.people.vary:
         person_rng = clip_rng(recipe.seed, clip.id, "person")
         shape = sample_person(body, person_rng, recipe.people.spread)

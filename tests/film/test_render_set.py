@@ -188,10 +188,8 @@ def test_a_saved_scene_is_counted_once_for_a_clip(small_body, body_path, tmp_pat
     assert (probe.frame_bytes, probe.clip_bytes) == (3600.0, 9_001_050.0)
     plan = DryRun([], 2, 2, 96, 96, 1, probe)
     assert plan.size_bytes == 2 * 9_001_050 + 96 * 3600
-    assert (
-        "18.3 MB" in summary_lines(plan)[1]
-        and "4 kB a frame and 9001 kB a clip" in (summary_lines(plan)[1])
-    )
+    _, line = summary_lines(plan)
+    assert "18.3 MB" in line and "4 kB a frame and 9001 kB a clip" in line
 
 
 def test_a_warning_names_the_key_that_the_camera_goes_by(rendered):

@@ -1,6 +1,7 @@
 """What a set's recipe may say, and each clip's own person and place."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -119,6 +120,21 @@ def test_a_trial_s_name_that_two_motions_have_is_refused(tmp_path):
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / "run.bvh").write_text("HIERARCHY")
     assert select(recipe, tmp_path).files["walk"] == paths[0]
+
+
+def test_a_shape_that_is_nobodys_leaves_the_others(body_path, small_body, tmp_path):
+    """A giant was filmed without a word, and somebody turned inside out ended the set."""
+    walk = {"gait": "walk", "programme": {"kind": "small"}}
+    sizes = {"giant": 1e4, "inside_out": -1e4, "usual": 2.0}
+    clips = [walk | {"id": id, "shape": [size] * small_body.n_shape} for id, size in sizes.items()]
+    recipe = recipe_of(clips=[*clips, walk | {"id": "short", "shape": [1.0]}])
+    jobs, reasons = plan_takes(select(recipe, None), body_path, tmp_path / "plan", tmp_path)
+    assert jobs.keys() == {"usual"} and reasons.keys() == {"giant", "inside_out", "short"}
+    for id in ("giant", "inside_out"):
+        assert re.fullmatch(
+            rf"clip {id}: shape: its legs are [\d.e+]+ m long, which nobody's are; .*", reasons[id]
+        )
+    assert f"takes a shape of {small_body.n_shape} finite numbers" in reasons["short"]
 
 
 def test_a_motion_that_lacks_its_skeleton_leaves_the_others(body_path, tmp_path):
