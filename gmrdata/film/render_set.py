@@ -263,16 +263,12 @@ class DryRun:
     probe: Probe | None  # None when there is nothing to do, or no probe was wanted
 
     @property
-    def cpu_s(self) -> float | None:
-        """Estimate of the processor time of all that is to do [s]."""
-        if (probe := self.probe) is None:
-            return None
-        return self.clips_to_do * probe.clip_cpu_s + self.frames_to_do * probe.frame_cpu_s
-
-    @property
     def seconds(self) -> float | None:
         """Estimate of the wall time when each worker has a core of its own [s]."""
-        return None if self.cpu_s is None else self.cpu_s / self.workers
+        if (probe := self.probe) is None:
+            return None
+        cpu_s = self.clips_to_do * probe.clip_cpu_s + self.frames_to_do * probe.frame_cpu_s
+        return cpu_s / self.workers
 
     @property
     def size_bytes(self) -> float | None:
@@ -326,9 +322,9 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
     files = (folder / "slice.npz", body_path, folder / "render")
     told_s: list[float] = []
     save_clip(files[0], piece, read_body(body_path).rest_pelvis_m(piece.motion.shape))
-    before_cpu_s, start_s = _children_cpu_s(), time.monotonic()
+    before_cpu_s, start_s = sum(os.times()[2:4]), time.monotonic()  # of child processes that ended
     made = render_clip(*files, config, on_frame=lambda _: told_s.append(time.monotonic()))
-    wall_s, cpu_s = time.monotonic() - start_s, _children_cpu_s() - before_cpu_s
+    wall_s, cpu_s = time.monotonic() - start_s, sum(os.times()[2:4]) - before_cpu_s
     cpu_s = cpu_s or wall_s  # Windows does not say
     # Blender's time is known as a whole; the clock says which share of it the last frame took.
     frame_s = (told_s[-1] - told_s[0]) / (len(told_s) - 1) if len(told_s) > 1 else wall_s
@@ -369,12 +365,6 @@ def _memory_mib() -> float:
     whose = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
     unit = float(MIB) if sys.platform == "darwin" else 1024.0
     return sum(resource.getrusage(who).ru_maxrss for who in whose) / unit
-
-
-def _children_cpu_s() -> float:
-    """Processor time of all ended child processes so far [s]."""
-    usage = os.times()
-    return usage.children_user + usage.children_system
 
 
 def _duration(seconds: float) -> str:

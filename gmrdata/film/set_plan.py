@@ -239,8 +239,7 @@ def planned_clip(
         lasts_s = max(film.duration_s, (round((clip.hold_s or 0.0) * rate_hz) + 1) / rate_hz)
         motion = make_gait(clip.gait or "", lasts_s, rate_hz, body, rng, shape=shape)
     if clip.hold_s is not None:
-        n_frames = max(1, round(film.duration_s * motion.fps_hz))
-        motion = hold_pose(motion, clip.hold_s, n_frames)
+        motion = hold_pose(motion, clip.hold_s, max(1, round(film.duration_s * motion.fps_hz)))
     return plan_clip(clip.id, film_motion(motion, film), clip.programme, film, rng), reading
 
 
