@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+import numpy as np
 from pydantic import ValidationError
 
 from gmrdata.film.blender_environment import VERSIONS_LINE
@@ -116,6 +117,8 @@ def camera_of(job: RenderJob, clip: Clip, body: BodyModel) -> CameraPath:
         raise BadMotionFile(f"{job.clip_path}: has no camera; give it one with a camera programme")
     if not clip.camera.has_camera.all():
         raise BadMotionFile(f"{job.clip_path}: some frames have no camera; slice them off first")
+    if not (np.isfinite(clip.motion.rotmats).all() and np.isfinite(clip.motion.pelvis_m).all()):
+        raise BadMotionFile(f"{job.clip_path}: some frames hold no motion; slice them off first")
     if clip.motion.body != body.name or len(clip.motion.shape) != body.n_shape:
         raise BadMotionFile(
             f"{job.clip_path}: made for body {clip.motion.body!r}, "

@@ -54,6 +54,12 @@ def lens(clip: Clip, **changes: Any) -> Clip:
     return replace(clip, camera=replace(camera_of(clip), **changes))
 
 
+def nowhere(clip: Clip, key: str) -> Clip:
+    """A frame that is not valid may say nothing of the person."""
+    lost = {key: np.full_like(getattr(clip.motion, key), np.nan)}
+    return replace(clip, motion=replace(clip.motion, **lost), valid=np.zeros(1, dtype=bool))
+
+
 STRETCHED = np.array([[1.0], [1.1], [1.0]])
 
 
@@ -63,6 +69,8 @@ STRETCHED = np.array([[1.0], [1.1], [1.0]])
         (lambda c: replace(c, camera=None), "has no camera; give it one"),
         (lambda c: replace(c, motion=replace(c.motion, frame="camera")), "not in the world frame"),
         (lambda c: lens(c, has_camera=np.zeros(1, dtype=bool)), "some frames have no camera"),
+        (lambda c: nowhere(c, "pelvis_m"), "some frames hold no motion; slice them off"),
+        (lambda c: nowhere(c, "local_rotmats"), "some frames hold no motion; slice them off"),
         (lambda c: replace(c, motion=replace(c.motion, body="someone")), "made for body 'someone'"),
         (lambda c: lens(c, intrinsics_px=c.camera.intrinsics_px * STRETCHED), "square pixels"),
     ],
