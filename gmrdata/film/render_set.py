@@ -39,7 +39,7 @@ from gmrdata.stage.store import is_made
 from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CHARACTER_FILE, Clip, load_character, load_clip, save_clip
-from gmrdata.values.errors import MissingInput
+from gmrdata.values.errors import BadCharacter, BadRecipe, MissingInput, StageFailed
 from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.limits import MIB
 from gmrdata.values.records import compared
@@ -282,26 +282,28 @@ def dry_run(
     recipe: SyntheticRecipe, out_dir: Path, *, motions_dir: Path | None = None, probe: bool = True
 ) -> DryRun:
     """Plan every clip in a temporary folder and, for a probe, render two frames of one there.
-    Nothing is written below `out_dir`, and what is done there counts as done."""
+    Nothing is written below `out_dir`, and what is done there counts as done.  A clip that no probe
+    can be made of leaves its reason in its row, and another is taken."""
     selection = select(recipe, motions_dir)
     with tempfile.TemporaryDirectory(prefix="gmrdata-") as name:
         folder = Path(name)
         body_path = keep_body(recipe.body, folder / "body")
         jobs, reasons = plan_takes(selection, body_path, folder / "plan", render_dir(out_dir))
         clips = {id: load_clip(job.clip_path) for id, job in jobs.items()}
-        todo = [
-            id
-            for id, job in jobs.items()
-            if not is_made("render", job.out_dir, job.config, job.inputs)
-        ]
-        measured = None
-        if probe and todo:
-            config = jobs[todo[0]].config
-            measured = probe_clip(clips[todo[0]], body_path, config, folder / "probe")
+        todo, faults, measured = list[str](), dict[str, str](), None
+        for id, job in jobs.items():
+            try:
+                if not is_made("render", job.out_dir, job.config, job.inputs):
+                    todo.append(id)
+                    if probe and measured is None:
+                        place = folder / "probe" / id
+                        measured = probe_clip(clips[id], body_path, job.config, place)
+            except (BadCharacter, BadRecipe, MissingInput, StageFailed) as error:
+                faults[id] = f"no probe could be rendered: {error}"
     new = [id for id in todo if not jobs[id].out_dir.exists()]
     states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, OTHER_VALUES)
     states |= dict.fromkeys(new, "to do")
-    states |= {id: f"can't be filmed: {reason}" for id, reason in reasons.items()}
+    states |= faults | {id: f"can't be filmed: {reason}" for id, reason in reasons.items()}
     frames = {id: clip.motion.n_frames for id, clip in clips.items()}
     rows: list[tuple[str, ...]] = []
     for take in selection.takes:

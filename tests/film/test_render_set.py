@@ -168,6 +168,24 @@ def test_a_dry_run_measures_two_frames(rendered, cmu_dir, tmp_path):
     assert dry_run(RECIPE, out_dir, motions_dir=cmu_dir, probe=False).seconds is None
 
 
+def test_a_clip_that_no_probe_can_be_made_of_does_not_end_a_dry_run(cmu_dir, tmp_path):
+    """It ended in the first one's reason, without its name and without the table."""
+    extras = {"passers_by": 1, "hold_s": 60.0, "motions": [cmu_dir / "bvh/02_03.bvh"]}
+    odd = {
+        "gone": {"character": {"path": tmp_path / "gone.glb"}},
+        "late": {"scene": ROOM | {"extras": extras}},
+        "fine": {},
+    }
+    clip = {"gait": "side_step", "programme": {"kind": "small"}}
+    clips = [clip | {"id": id} | said for id, said in odd.items()]
+    recipe = RECIPE.model_dump() | {"clips": clips, "camera_off": False, "render": PLAIN}
+    found = dry_run(SyntheticRecipe.model_validate(recipe), tmp_path / "out")
+    gone, late, fine = (row[-1] for row in found.rows)
+    assert gone.startswith("no probe could be rendered: ") and "gone.glb: no such file" in gone
+    assert re.search(r"no probe could be rendered: .*02_03\.bvh lasts \d.* takes 60\.10 s", late)
+    assert fine == "to do" and found.probe is not None and found.clips_to_do == 2
+
+
 def test_a_saved_scene_is_counted_once_for_a_clip(small_body, body_path, tmp_path, monkeypatch):
     """A clip of 48 frames, whose scene is saved once, was to take 24 scenes."""
     motion = make_gait("walk", 1.0, 10.0, small_body, np.random.default_rng(0))
