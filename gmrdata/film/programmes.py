@@ -242,8 +242,6 @@ def static_twin(camera: CameraPath, pelvis_world_m: np.ndarray) -> CameraPath:
     target_m = (pelvis_world_m.min(axis=0) + pelvis_world_m.max(axis=0)) / 2
     across_m = place_m[:2] - target_m[:2]
     near_m = float(np.linalg.norm(across_m))
-    if near_m == 0:
-        raise BadRecipe("the camera is straight above its subject; give it another place")
     resting = replace(camera, has_camera=np.ones(camera.n_frames, dtype=bool))
 
     def at(distance_m: float) -> CameraPath:

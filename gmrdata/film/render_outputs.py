@@ -17,6 +17,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import in_frame, project_cam
 from gmrdata.values.clip import Clip, Joints2d, camera_of
 from gmrdata.values.errors import BadFrames
+from gmrdata.values.motion_metrics import chunks
 from gmrdata.values.records import Record
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
@@ -29,7 +30,6 @@ _MOST = 65535
 CLEARANCE_FILE = "clearance.json"
 IN_FRAME = "in_frame_share"
 """The manifest's figure: share of a clip's frames with the whole person in frame."""
-CHUNK_FRAMES = 64
 
 
 def project_joints(clip: Clip, body: BodyModel) -> Joints2d:
@@ -135,10 +135,8 @@ def clearance_figures(folder: Path) -> Mapping[str, float]:
 
 def whole_person_share(clip: Clip, body: BodyModel) -> float:
     """Share of a clip's frames (0 to 1) in which every vertex of the body is inside the image."""
-    camera = camera_of(clip)
-    n_frames = clip.motion.n_frames
+    camera, parts = camera_of(clip), chunks(clip.motion.n_frames, len(body.template_m))
     seen = [
-        in_frame(camera.at_rows(rows), motion_vertices_m(body, clip.motion, rows=rows))
-        for rows in np.array_split(np.arange(n_frames), -(-n_frames // CHUNK_FRAMES))
+        in_frame(camera.at_rows(rows), motion_vertices_m(body, clip.motion, rows)) for rows in parts
     ]
     return float(np.concatenate(seen).mean())

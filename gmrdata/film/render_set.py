@@ -31,7 +31,6 @@ from gmrdata.motion.library import READING_FILE, ReadingRecord, licence_of, moti
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
 from gmrdata.stage import jobs as stage_jobs
-from gmrdata.stage.jobs import count_files
 from gmrdata.stage.progress import remark
 from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -76,7 +75,7 @@ def try_render_clips(
         calls,
         pool,
         failures_dir,
-        units=(n_frames, lambda: count_files(folders, MASKS, counted)),
+        units=(n_frames, lambda: stage_jobs.count_files(folders, MASKS, counted)),
     )
 
 
@@ -310,7 +309,7 @@ def dry_run(
         motion, count = take.clip.trial or f"gait {take.clip.gait}", str(frames.get(take.id, ""))
         rows.append((take.id, motion, take.camera_motion, count, states[take.id]))
     rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
-    there = count_files([jobs[id].out_dir for id in new], MASKS, {})
+    there = stage_jobs.count_files([jobs[id].out_dir for id in new], MASKS, {})
     frames_to_do = max(0, sum(frames[id] for id in todo) - there)
     workers = max(1, min(recipe.workers, len(todo)))
     counts = (len(clips), len(todo), sum(frames.values()), frames_to_do)

@@ -94,8 +94,6 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
     Those of one kind don't depend on how many more of their kind are asked for; passers-by make way
     for company, and cars for both.  BadRecipe: no room for someone, or a motion is too short.
     """
-    if not extras.names:
-        return Cast((), ())
     shot = shot_of(clips, extras.hold_s)
     kinds = np.random.SeedSequence(seed, spawn_key=(EXTRAS_STREAM,)).spawn(3)
     walkers: list[Motion] = []

@@ -134,10 +134,6 @@ class _Wanted:
     place: str
     company: int
 
-    @property
-    def farthest_m(self) -> float:
-        return FARTHEST_IN_ROOM_M if self.place == "room" else FARTHEST_M
-
 
 def _sample_clip(
     wanted: _Wanted,
@@ -208,7 +204,7 @@ def _planned(
     distance_m = round(roomy * _distance_m(nearest) + FOR_COMPANY_M * wanted.company, 2)
     if not _has_feet_on_the_floor(nearest, body):
         return "lying, climbing or jumping"
-    if distance_m > wanted.farthest_m:
+    if distance_m > (FARTHEST_IN_ROOM_M if wanted.place == "room" else FARTHEST_M):
         return NO_CAMERA
     given["programme"] = given["programme"] | {"distance_m": distance_m}
     moved = SyntheticClip.model_validate(given).programme
@@ -262,14 +258,11 @@ def _in_view(clip: Clip, share: float) -> bool:
 
 def is_beyond_doubt(clip: Clip, kind: MotionClass) -> bool:
     """Whether a clip's camera is of a class by whatever thresholds, within reason."""
-    own = MotionClassConfig()
-    configs = [own]
-    for factor in (DOUBT, 1 / DOUBT):
-        scaled = {key: value * factor for key, value in own.model_dump().items()}
-        configs.append(MotionClassConfig(**scaled))
-    path, motion = camera_of(clip).world_from_cam, clip.motion
+    own, path, motion = MotionClassConfig(), camera_of(clip).world_from_cam, clip.motion
     _, figures = classify(path, motion.pelvis_m, motion.fps_hz, own)
-    return {class_of(figures, config) for config in configs} == {kind}
+    factors = (1.0, DOUBT, 1 / DOUBT)
+    scaled = ({key: value * factor for key, value in own} for factor in factors)
+    return {class_of(figures, MotionClassConfig(**one)) for one in scaled} == {kind}
 
 
 def _has_room(scene: SceneConfig, planned: Clip, body: BodyModel) -> bool:
