@@ -164,7 +164,7 @@ def _nearest_in_frame(
         camera = at(float(distance_m))
         if in_frame(camera, box, FRAME_MARGIN_SHARE).all():
             return camera
-    what = f"keep the subject in frame from any distance up to {DISTANCES_M[-1]:.0f} m"
+    what = f"keep the subject in frame from any distance up to {distances_m[-1]:.0f} m"
     raise BadRecipe(f"a {kind} camera can't {what}; widen hfov_deg, shorten the clip, or {remedy}")
 
 

@@ -401,9 +401,10 @@ def test_it_steps_back_no_further_than_it_must():
     assert in_frame(replace(twin, world_from_cam=pose), person_box(pelvis_m), 0.03).mean() < 1.0
 
 
-def test_a_path_that_no_static_camera_sees_is_refused():
-    camera, pelvis_m = filmed(LinearPanning(distance_m=6.0), 80.0)
-    with pytest.raises(BadRecipe, match="up to 25 m"):
+@pytest.mark.parametrize(("distance_m", "farthest"), [(6.0, "25 m"), (40.0, "40 m")])
+def test_a_path_that_no_static_camera_sees_is_refused(distance_m, farthest):
+    camera, pelvis_m = filmed(LinearPanning(distance_m=distance_m), 80.0)
+    with pytest.raises(BadRecipe, match=f"from any distance up to {farthest};"):
         static_twin(camera, pelvis_m)
 
 
