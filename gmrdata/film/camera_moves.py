@@ -118,8 +118,7 @@ def line(
 def held(
     subject: SubjectPath, world_from_cam: np.ndarray, drift_m: float, shake_deg: float
 ) -> np.ndarray:
-    """Cameras (T, 4, 4) with a hand's unrest on them; the same for amplitudes of zero.  BadRecipe
-    where that takes them below the ground, z = 0, which would hide everything."""
+    """Cameras (T, 4, 4) with a hand's unrest; BadRecipe where that takes one below the ground."""
     unsteady = world_from_cam.copy()
     unsteady[:, :3, 3] += drift_m * subject.waves[:, :3]
     if (lowest_m := float(unsteady[:, 2, 3].min())) <= 0:

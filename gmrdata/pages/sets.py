@@ -76,7 +76,8 @@ def _clip_section(clip: ClipEntry, warning: str | None) -> dict[str, object]:
     place = "unknown"
     if clip.recipe is not None:
         scene = SceneConfig.of_plain(clip.recipe.config["scene"])
-        place = f"{scene.kind}, {scene.lit_by}, seed {scene.seed}"
+        light = scene.lit_by if scene.backdrop is None else "its own light"
+        place = f"{scene.kind}, {light}, seed {scene.seed}"
     rows: list[tuple[str, Cell | str]] = [
         ("motion", f"{clip.source.dataset} {clip.source.sequence}"),
         ("camera", clip.camera_motion),

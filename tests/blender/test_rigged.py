@@ -465,6 +465,7 @@ def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
     write_set_pages(recipe, folder / "set")
     page = (folder / "set" / "index.html").read_text()
     assert page.count("directions of limbs 0.00 degrees") == 1
+    assert page.count("blend, its own light, seed 0") == 2  # and not sun
     record_path = path.parent / someone.character.path
     save_character(record_path, replace(record, in_frame=record.in_frame[1:]))
     with pytest.raises(BadManifest, match="clip someone: character: .*: no array 'joints_w"):
