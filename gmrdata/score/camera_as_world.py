@@ -170,4 +170,8 @@ def _prediction(
 
 
 def _is_seen(subject: predictions.Subject) -> bool:
-    return subject.clip.motion.frame == "camera" or subject.clip.camera is not None
+    """Whether a camera sees the person in some row that is to be predicted."""
+    clip = subject.clip
+    if clip.motion.frame == "camera":
+        return True
+    return clip.camera is not None and bool((clip.valid & clip.camera.has_camera).any())

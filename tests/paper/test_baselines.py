@@ -37,6 +37,7 @@ from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.world.compose import metric_cameras, motion_in_camera
 from tests.clips_in_memory import counted_clips
+from tests.motions import with_camera
 from tests.reconstructions import good_quality, pseudo_gt_quality
 
 RECOVERED = CameraAsWorldConfig(camera="recovered")
@@ -115,10 +116,16 @@ def test_rows_without_a_true_camera_are_not_predicted(filmed, write_set, tmp_pat
     cameras = np.where(has_camera[:, None, None], camera.world_from_cam, np.nan)
     lost = replace(filmed[0], camera=replace(camera, world_from_cam=cameras, has_camera=has_camera))
     unseen = replace(filmed[1], camera=None)
-    made = predict_camera_as_world(write_set(tmp_path / "set", [lost, unseen]), tmp_path / "out")
+    # Where its person is, its camera is not, and it is where the person can't be used.
+    elsewhere = with_camera(filmed[2], has_camera=np.arange(40) < 20)
+    elsewhere = replace(elsewhere, valid=np.arange(40) >= 20)
+    manifest = write_set(tmp_path / "set", [lost, unseen, elsewhere])
+    made = predict_camera_as_world(manifest, tmp_path / "out")
     found = load_clip(made / "predictions" / "walk_0.npz")
     np.testing.assert_array_equal(found.valid, has_camera)
-    assert read_json(made / "predictions.json")["left_out"] == {"walk_1": "no camera sees it"}
+    assert read_json(made / "predictions.json")["left_out"] == dict.fromkeys(
+        ("walk_1", "walk_2"), "no camera sees it"
+    )
 
 
 def test_a_clip_in_the_camera_frame_is_taken_as_it_is(filmed, write_set, tmp_path):
