@@ -104,9 +104,8 @@ def network_clip(gmr: "TrainedGmr", one: UsableClip, how: Pairing) -> PredictedC
         runs.append(PredictedRun(true, predicted))
     if not runs:
         return f"no two valid frames in a row at {gmr.fps_hz:g} fps"
-    rows = _rows_of_runs(one.clip, gmr.fps_hz, all_phases=all_phases)
     smoothed = [_smoothed(run.predicted, how.smoothing_frames) for run in runs]
-    cameras = _cam_rotmats(one.clip, rows)
+    cameras = _cam_rotmats(one.clip, gmr.fps_hz, all_phases=all_phases)
     worlds = tuple(
         (replace(run, predicted=predicted, true_cam_rotmats=seen),)
         for run, predicted, seen in zip(runs, smoothed, cameras, strict=True)
@@ -308,38 +307,37 @@ def _frame_numbers(clip: Clip, fps_hz: float) -> np.ndarray:
 def _world(true: Clip, predicted: Clip, fps_hz: float, numbers: np.ndarray) -> World:
     """The runs of one world, with their cameras and `numbers` of the frames at its rate."""
     runs = _paired(true, predicted, fps_hz, all_phases=False)
-    rows = _rows_of_runs(true, fps_hz, all_phases=False)
-    cameras = zip(_cam_rotmats(true, rows), _cam_rotmats(predicted, rows), strict=True)
-    # The numbers are of every step-th row from the first one on.
+    cameras = (_cam_rotmats(clip, fps_hz, all_phases=False) for clip in (true, predicted))
+    # A whole ratio; the numbers are of every step-th row from the first one on.
     step = whole_ratio(true.motion.fps_hz, fps_hz) or 1
+    rows = [np.arange(len(true.valid))[of_run] for of_run in run_slices(true.valid, step, 1)]
     return tuple(
         replace(
             run,
             true_cam_rotmats=true_camera,
             predicted_cam_rotmats=own_camera,
-            frames=None if of_run is None else numbers[of_run // step],
+            frames=numbers[of_run // step],
         )
-        for run, of_run, (true_camera, own_camera) in zip(runs, rows, cameras, strict=True)
+        for run, of_run, true_camera, own_camera in zip(runs, rows, *cameras, strict=True)
     )
 
 
-def _rows_of_runs(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[np.ndarray | None]:
-    """Rows of each of the runs that `runs_at` takes; None for runs that are resampled."""
-    step = whole_ratio(clip.motion.fps_hz, fps_hz)
-    if step is None:
-        return [None for _ in runs_at(clip, fps_hz, all_phases=all_phases)]
-    numbers = np.arange(len(clip.valid))
-    return [numbers[rows] for rows in run_slices(clip.valid, step, step if all_phases else 1)]
-
-
-def _cam_rotmats(clip: Clip, rows_of_runs: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
-    """cam_from_world rotations (T, 3, 3) of each run; None for all unless all frames have one."""
-    known = [rows for rows in rows_of_runs if rows is not None]
-    camera = clip.camera
-    has_all = camera is not None and all(camera.has_camera[rows].all() for rows in known)
-    if camera is None or not has_all or len(known) < len(rows_of_runs):
-        return [None for _ in rows_of_runs]
-    return [np.swapaxes(camera.world_from_cam[rows, :3, :3], 1, 2) for rows in known]
+def _cam_rotmats(
+    clip: Clip, fps_hz: float, *, all_phases: bool
+) -> Sequence[np.ndarray] | Sequence[None]:
+    """cam_from_world rotations (T, 3, 3) of each of the runs that `runs_at` takes, at their times;
+    None for all unless all frames have one."""
+    camera, motion = clip.camera, clip.motion
+    known = np.zeros_like(clip.valid) if camera is None else camera.has_camera
+    seen = np.tile(np.eye(3), (motion.n_frames, 1, 1))
+    if camera is not None:
+        seen[known] = camera.world_from_cam[known, :3, :3]
+    # The camera in the root's place, and whether it is known in the pelvis's.
+    looks = replace(motion, root_rotmats=seen, pelvis_m=np.tile(1.0 * known[:, None], 3))
+    runs = runs_at(replace(clip, motion=looks), fps_hz, all_phases=all_phases)
+    if any((run.pelvis_m < 1).any() for run in runs):
+        return [None] * len(runs)
+    return [np.swapaxes(run.root_rotmats, 1, 2) for run in runs]
 
 
 def _smoothed_clip(clip: Clip, sigma_rows: float) -> Clip:

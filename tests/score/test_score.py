@@ -11,18 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.checkpoint import best_of
 from gmrdata.gmr.config import DataConfig, LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
-from gmrdata.gmr.runs import runs_at, usable_files
+from gmrdata.gmr.runs import UsableClip, runs_at, usable_files
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality
 from gmrdata.read.body_file import save_body
 from gmrdata.score import METHODS, METRICS, Metric
-from gmrdata.score.clip_errors import ClipErrors
-from gmrdata.score.predictions import Pairing, network_clip
+from gmrdata.score.clip_errors import ClipErrors, clip_errors
+from gmrdata.score.predictions import Pairing, PredictedClip, network_clip
 from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.records import Protocol, Scores
@@ -32,6 +33,7 @@ from gmrdata.stage.progress import answers
 from gmrdata.stage.run import Run
 from gmrdata.values import motion_metrics as vertices
 from gmrdata.values.body import BodyModel, with_vertices
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import (
     BadBodyFile,
@@ -43,10 +45,11 @@ from gmrdata.values.errors import (
 from gmrdata.values.files import write_json
 from gmrdata.values.motion import deltas
 from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.values.transforms import rigid
 from tests.clip_manifests import write_clips as write_manifest_of
 from tests.clips_in_memory import counted_clips
 from tests.fixtures.inference import keep_gmr, stepped_gmr
-from tests.motions import walking_clips
+from tests.motions import bare_clip, walking_clips, with_camera
 
 FLOOR_GROUP = {
     "sequences": 1,
@@ -326,6 +329,28 @@ def test_the_camera_does_not_matter(clips, small_body, run_dir):
     found = [scored_by(gmr, small_body, one) for one in (clip, replace(clip, motion=still))]
     assert not np.allclose(found[0].errors["zero"]["ome_deg"], 0)
     np.testing.assert_allclose(found[1].errors["zero"]["ome_deg"], 0, atol=1e-9)
+
+
+def test_a_network_is_seen_by_the_cameras_of_clips_of_any_rate(walk, small_body, run_dir):
+    """Of 25 fps, which is no multiple of 10, the truth was said to have no camera, and
+    accelerations were those in the world."""
+    motion = walk(25.0, 45)
+    turns = Rotation.from_euler("z", 1.6 * np.arange(45)[:, None], degrees=True).as_matrix()
+    path = CameraPath(np.eye(3), 1, 1, rigid(turns, np.zeros(3)), np.ones(45, bool))
+    clip = replace(bare_clip("walk", motion), camera=path)
+    gmr: TrainedGmr = load_gmr(run_dir)
+    found = network_clip(gmr, UsableClip(clip, "panning"), Pairing(10.0))
+    assert isinstance(found, PredictedClip)
+    ((run,),) = found.worlds
+    expected = Rotation.from_euler("z", -4.0 * np.arange(18)[:, None], degrees=True).as_matrix()
+    np.testing.assert_allclose(run.true_cam_rotmats, expected, atol=1e-12)
+    assert clip_errors(found, small_body, PROTOCOLS["vibe"]).seen_in == "true_camera"
+    # One that is not known between two frames of the network is not known.
+    for row, is_known in ((43, False), (44, True)):
+        lost = with_camera(clip, has_camera=np.arange(45) != row)
+        found = network_clip(gmr, UsableClip(lost, "panning"), Pairing(10.0))
+        assert isinstance(found, PredictedClip)
+        assert (found.worlds[0][0].true_cam_rotmats is not None) == is_known
 
 
 def test_clips_of_another_body_or_without_motions_are_refused(
