@@ -63,13 +63,15 @@ class LazyClips(Sequence[Clip]):
 
 
 def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
-    """The clips of a manifest, except those that its quality record rejects; the reason by id for
-    those; and the manifest."""
+    """The clips of a manifest, except those that its quality record rejects or of which no frame is
+    kept; the reason by id for those; and the manifest."""
     manifest = read_data_set(path)
     files, skipped = [], {}
     for entry in manifest.clips:
         if entry.quality is not None and entry.quality.verdict == "rejected":
             skipped[entry.id] = "rejected: " + "; ".join(entry.quality.reasons)
+        elif not entry.kept:
+            skipped[entry.id] = "no frame is valid"
         else:
             files.append(ClipFile(path, entry))
     return files, skipped, manifest
@@ -91,7 +93,7 @@ def fitting_clips(clips: Iterable[Clip], bodies: Sequence[BodyModel]) -> Iterato
         body = given_body(clip.motion, bodies, BadManifest, f"clip {clip.id}: of", remedy)
         yield clip_on_body(clip, body)
     if clip is None:
-        raise BadManifest("no usable clips. Give manifests with clips that are not rejected")
+        raise BadManifest(NO_CLIPS)
 
 
 def given_body(
@@ -113,6 +115,7 @@ def no_runs(n_clips: int, what: str, fps_hz: float, remedy: str) -> BadManifest:
     return BadManifest(f"{said}. {remedy}")
 
 
+NO_CLIPS = "no usable clips. Give manifests with clips that keep frames and are not rejected"
 MIN_FRAMES = 2  # which make one motion
 
 
@@ -275,7 +278,7 @@ def _require_training(split: Split) -> None:
         remedy = "Give others, or change data.never_train_on or data.held_out_subjects"
         raise BadManifest(f"no usable clips ({split.statement}). {remedy}")
     if not split.training:
-        raise BadManifest("no usable clips. Give manifests with clips that are not rejected")
+        raise BadManifest(NO_CLIPS)
 
 
 def require_own_ids(files: Sequence[ClipFile], what: str) -> None:

@@ -22,6 +22,7 @@ from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality
 from gmrdata.read.body_file import save_body
 from gmrdata.score import METHODS, METRICS, Metric
+from gmrdata.score.baselines import predict_zero
 from gmrdata.score.clip_errors import ClipErrors, clip_errors
 from gmrdata.score.predictions import Pairing, PredictedClip, network_clip
 from gmrdata.score.predictors import ScoreConfig
@@ -423,6 +424,23 @@ def test_predictions_that_are_missing(clips, small_body, body_path, tmp_path):
         "clip_1": "no prediction clip_1.npz", "clip_2": "no prediction clip_2.npz",
     }  # fmt: skip
     assert "clip_2: no prediction" in (tmp_path / "scores" / "scores.md").read_text()
+
+
+def test_a_clip_without_a_frame_to_use_needs_no_prediction(
+    clips, small_body, body_path, tmp_path, run_dir
+):
+    """Nobody can predict it: a baseline's folder could not be scored, and its remedy was to."""
+    nothing = replace(clips[1], valid=np.zeros(60, bool))
+    manifest_path = write_clips(tmp_path / "data", small_body, [clips[0], nothing, clips[2]])
+    zero = predict_zero(manifest_path, tmp_path / "zero") / "predictions"
+    for name, predictor in (("files", zero), ("network", run_dir)):
+        (path,) = score(predictor, manifest_path, tmp_path / name, body_path=body_path).scores
+        scores = Scores.read(path)
+        assert [clip.id for clip in scores.clips] == ["clip_0", "clip_2"]
+        assert scores.skipped == {"clip_1": "no frame is valid"}
+    alone = write_manifest_of(tmp_path / "alone", small_body, [nothing])
+    with pytest.raises(BadManifest, match="no usable clips. Give .* keep frames"):
+        score(run_dir, alone, tmp_path / "none", body_path=body_path)
 
 
 def test_predictions_of_another_body_need_that_body(
