@@ -219,7 +219,10 @@ def _show_comparison(path: Path, scores: tuple[Path, ...]) -> None:
     from gmrdata.pages.scores import write_comparison_page
     from gmrdata.score import compare as stage
 
-    print_table(stage.HEADINGS, stage.table_rows(stage.Comparison.read(path)))
+    comparison = stage.Comparison.read(path)
+    print_table(stage.HEADINGS, stage.table_rows(comparison))
+    for line in stage.comparison_remarks(comparison):
+        answer(line)
     answer(write_comparison_page(path, scores))
     answer(path)
 

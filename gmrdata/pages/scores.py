@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from gmrdata.pages.html import Table, render, write_page
 from gmrdata.pages.plots import COLOURS, picture, quiet, svg
 from gmrdata.score import compare
-from gmrdata.score.records import ScoredResults, Scores
-from gmrdata.score.table import explanations, lead, protocol_rows, result_lines, score_rows
+from gmrdata.score.records import Scores
+from gmrdata.score.table import explanations, lead, protocol_rows, score_rows
 from gmrdata.values.files import remove_orphans, write_bytes
 
 ROLES = ("gmr", "person", "camera", "good", "bad")
@@ -61,20 +61,10 @@ def comparison_page(comparison: compare.Comparison, records: Sequence[Scores]) -
     table = Table(compare.HEADINGS, compare.table_rows(comparison), caption)
     return _page(
         comparison.runs, records, "Comparison of runs", lead=compare.comparison_lead(comparison),
-        heading="Runs", tables=[("", table)], statements=_matches(comparison.runs, records),
-        n_clips=None,
+        heading="Runs", tables=[("", table)], n_clips=None,
+        statements=compare.comparison_remarks(comparison),
         explanations=compare.comparison_explanations(comparison),
     )  # fmt: skip
-
-
-def _matches(names: Sequence[str], records: Sequence[Scores]) -> list[str]:
-    """What of other systems' results was scored, run by run."""
-    return [
-        f"{name}: {line}"
-        for name, scores in zip(names, records, strict=True)
-        if isinstance(scores.model, ScoredResults)
-        for line in result_lines(scores.model)
-    ]
 
 
 def _page(names: Sequence[str], records: Sequence[Scores], title: str, **shown: object) -> str:

@@ -71,6 +71,8 @@ class Comparison(Record):
     """Clips that only some have, by run."""
     metrics: dict[str, tuple[ComparedRun, ...]]
     """By metric: each run, in their order."""
+    statements: tuple[str, ...]
+    """What must be known of single runs, as sentences."""
 
     @model_validator(mode="after")
     def _has_every_run(self) -> Self:
@@ -107,6 +109,7 @@ def compare(
         comparison.write(path)
         shown = {"": (HEADINGS, table_rows(comparison))}
         lead, lines = comparison_lead(comparison), comparison_explanations(comparison)
+        lines += comparison_remarks(comparison)
         text = table.markdown("Comparison of runs", lead, shown, lines)
         table.write_table_files(path, csv_rows(comparison), text)
 
@@ -141,6 +144,11 @@ def compare_records(
         metrics={
             one: _compared(one, of_runs, names, config, rng) for one in metrics_with(protocol)
         },
+        statements=tuple(
+            f"{name}: {line}"
+            for name, record in zip(names, records, strict=True)
+            for line in (*record.statements, *table.of_predictions(record))
+        ),
     )
 
 
@@ -292,10 +300,17 @@ def comparison_explanations(comparison: Comparison) -> list[str]:
         "p: two-sided paired permutation test over clips. Values are not corrected for the number "
         "of metrics and runs.",
         *table.meanings(metrics),
+    ]
+
+
+def comparison_remarks(comparison: Comparison) -> list[str]:
+    """What is not compared, and what must be known of single runs, as sentences."""
+    return [
         *([comparison.protocol_left_out] if comparison.protocol_left_out else []),
         *(
             f"Only in some runs, and left out of {name}: {', '.join(ids)}."
             for name, ids in comparison.left_out.items()
             if ids
         ),
+        *comparison.statements,
     ]

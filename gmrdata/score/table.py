@@ -212,7 +212,16 @@ def explanations(scores: Scores) -> list[str]:
         "Zero motion is a body that neither turns nor moves.",
         "OME, TME and VME take no difference between frames over a gap.",
         *_of_protocol(scores),
+        *of_predictions(scores),
     ]
+    if scores.dropped_frames:
+        lines.append(f"{scores.dropped_frames} valid frames had no prediction and are left out.")
+    return lines + [f"Left out: {id}: {why}" for id, why in sorted(scores.skipped.items())]
+
+
+def of_predictions(scores: Scores) -> list[str]:
+    """What was scored, and which camera it knew, as sentences."""
+    lines = _seen_in(scores)
     if isinstance(scores.model, records.ScoredResults):
         lines += result_lines(scores.model)
     if given := sum(clip.took_true_camera for clip in scores.clips):
@@ -220,9 +229,7 @@ def explanations(scores: Scores) -> list[str]:
             f"{given} predictions are in the camera's frame, without a camera. The true one took "
             "them to the world, so that their figures there know how it moved."
         )
-    if scores.dropped_frames:
-        lines.append(f"{scores.dropped_frames} valid frames had no prediction and are left out.")
-    return lines + [f"Left out: {id}: {why}" for id, why in sorted(scores.skipped.items())]
+    return lines
 
 
 def result_lines(model: records.ScoredResults) -> list[str]:
@@ -253,7 +260,6 @@ def _of_protocol(scores: Scores) -> list[str]:
         lines.append(f"As its released code in what `--original {names}` switches.")
     if protocol.joints_from == "mesh":
         lines.append("Joints are regressed from both meshes by the given regressor.")
-    lines += _seen_in(scores)
     rates = sorted({clip.protocol_fps_hz for clip in scores.clips if clip.protocol_fps_hz})
     if protocol.metrics and rates != [protocol.fps_hz]:
         lines.append(

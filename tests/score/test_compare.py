@@ -1,6 +1,7 @@
 """Runs compared on their common clips, with bootstrap intervals."""
 
 import csv
+import html
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
@@ -140,6 +141,22 @@ def test_a_protocol_is_compared_at_one_rate(tmp_path):
     write_comparison_page(tmp_path / "other" / "comparison.json", paths)
     for name in ("comparison.md", "comparison.html"):
         assert said in (tmp_path / "other" / name).read_text()
+
+
+def test_what_single_runs_know_is_said(tmp_path, works):
+    """That a run knew the camera, or its network the clips, stood in its own scores alone."""
+    paths = [write_scores(tmp_path / name, {"x": 1.0, "yy": 2.0}, name) for name in ("a", "b")]
+    known, known_by = read_json(paths[1]), "The network was trained on this manifest."
+    clips = [known["clips"][0], known["clips"][1] | {"took_true_camera": True}]
+    write_json(paths[1], known | {"clips": clips, "statements": [known_by]})
+    words = works("compare", *paths, "--out", tmp_path / "out").stdout
+    camera = "b: 1 predictions are in the camera's frame, without a camera."
+    pages = (tmp_path / "out" / name for name in ("comparison.md", "comparison.html"))
+    for said in (words, *(html.unescape(page.read_text()) for page in pages)):
+        said = " ".join(said.split())
+        assert f"b: {known_by}" in said and camera in said
+    comparison = read_json(tmp_path / "out" / "comparison.json")
+    assert [line[:3] for line in comparison["statements"]] == ["b: ", "b: "]
 
 
 def test_runs_of_one_name_are_told_apart(tmp_path):
