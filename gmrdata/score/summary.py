@@ -31,6 +31,7 @@ from gmrdata.values.errors import BadManifest, BadRecord
 from gmrdata.values.shapes import Float
 
 LEVEL = 0.95  # share of the resampled figures that an interval holds
+MOST_PERMUTED = 1 << 20  # figures that are permuted at a time
 Counts = Float[np.ndarray, "resamples clips"]
 PerClip = Float[np.ndarray, " clips"]
 
@@ -93,6 +94,7 @@ def paired_difference(
         permutation_type="samples",
         vectorized=True,
         n_resamples=permutations,
+        batch=max(1, MOST_PERMUTED // n),  # all at once take 7 GB for 10,000 clips
         alternative="two-sided",
         rng=rng,
     )

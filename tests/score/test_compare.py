@@ -3,6 +3,7 @@
 import csv
 import html
 import itertools
+import tracemalloc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -279,6 +280,19 @@ def test_p_is_the_share_of_all_sign_flips():
     means = [np.mean(differences * signs) for signs in itertools.product((1, -1), repeat=9)]
     expected = np.mean(np.abs(means) >= abs(differences.mean()) - 1e-12)
     assert runs_compared(list(first), list(other)).p_value == pytest.approx(expected)
+
+
+def test_many_clips_take_no_more_memory_than_some():
+    """Permutations of 10,000 clips took 7 GB."""
+    first, other = np.random.default_rng(3).normal(5, 1, (2, 4000))
+    tracemalloc.start()
+    try:
+        found = paired_difference(first, other, 100, 1999, np.random.default_rng(0))
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found.p_value == pytest.approx(0.4)
+    assert peak_bytes < 100e6
 
 
 def test_runs_that_are_the_same_do_not_differ():
