@@ -18,6 +18,7 @@ from gmrdata.score import Remainder
 from gmrdata.values.shapes import Float
 from gmrdata.values.transforms import Similarities, angles_rad, fit_similarity
 
+STANDS_M = 1e-6  # a path that goes less far is of rounding alone
 Rows = tuple[int, int]  # frames start, start + 1, ... stop - 1
 Places = Float[np.ndarray, "frames 3"]
 Rotmats = Float[np.ndarray, "frames 3 3"]
@@ -79,7 +80,7 @@ def root_errors_percent(
     the true root does not move, so that there is nothing to divide by.
     """
     length_m = sum(float(_steps_m(true_root_m[start:stop]).sum()) for start, stop in runs)
-    if length_m <= 0:
+    if length_m < STANDS_M:
         return np.zeros(0)
     true_from_predicted = fit_similarity(true_root_m, predicted_root_m, scale=False)
     offsets_m = true_from_predicted.apply(predicted_root_m) - true_root_m

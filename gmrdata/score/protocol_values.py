@@ -7,14 +7,13 @@ from itertools import pairwise
 import numpy as np
 
 from gmrdata.score import ProtocolMetric, metrics
-from gmrdata.score.metrics import Places, Points, Rotmats, Rows, Samples, pooled
+from gmrdata.score.metrics import STANDS_M, Places, Points, Rotmats, Rows, Samples, pooled
 from gmrdata.score.records import Protocol
 from gmrdata.values.motion_metrics import chunks
 from gmrdata.values.shapes import Float
 from gmrdata.values.transforms import Similarities, fit_similarities
 
 Joints = Float[np.ndarray, "frames joints 3"]
-STANDS_M = 1e-6  # a path that goes less far is of rounding alone
 MAJOR_JOINTS = (0, 1, 2, 4, 5, 16, 17, 18, 19)
 """Joints of MPJAE: SMPL_OR_JOINTS of eth-ait/emdb."""
 ACCELERATIONS: tuple[ProtocolMetric, ...] = (
