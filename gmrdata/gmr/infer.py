@@ -444,9 +444,9 @@ def _described(world: _World) -> InferredMotion:
 
 
 def _folder_name(clip_id: str, taken: Collection[str]) -> str:
-    """A name that leads nowhere and is not taken yet."""
+    """A name that leads nowhere and is not taken yet, on no disk: some see no case."""
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", clip_id).strip(".")[:100] or "motion"
-    number = 2
-    while name in taken:
+    number, folded = 2, {one.casefold() for one in taken}
+    while name.casefold() in folded:
         name, number = f"{name}_{number}", number + 1
     return name
