@@ -197,16 +197,15 @@ def _scored(made: "Scored") -> dict[str, object]:
 def show_scores(path: Path) -> None:
     """Print a `scores.json`, and write its page."""
     from gmrdata.pages.scores import write_scores_page
-    from gmrdata.score.records import ScoredResults, Scores
-    from gmrdata.score.table import protocol_rows, result_lines, score_rows
+    from gmrdata.score.records import Scores
+    from gmrdata.score.table import of_predictions, protocol_rows, score_rows
 
     scores = Scores.read(path)
     print_table(*score_rows(scores))
     if besides := protocol_rows(scores):
         print_table(*besides)
-    matched = result_lines(scores.model) if isinstance(scores.model, ScoredResults) else ()
     skipped = (f"{id}: left out: {why}" for id, why in sorted(scores.skipped.items()))
-    for line in (*scores.statements, *matched, *skipped):
+    for line in (*scores.statements, *of_predictions(scores), *skipped):
         answer(line)
     if scores.dropped_frames:
         answer(f"{scores.dropped_frames} valid frames had no prediction and are left out")
