@@ -108,9 +108,8 @@ def compare(
         path = partial_dir / "comparison.json"
         comparison.write(path)
         shown = {"": (HEADINGS, table_rows(comparison))}
-        lead, lines = comparison_lead(comparison), comparison_explanations(comparison)
-        lines += comparison_remarks(comparison)
-        text = table.markdown("Comparison of runs", lead, shown, lines)
+        lines = [*comparison_explanations(comparison), *comparison_remarks(comparison)]
+        text = table.markdown("Comparison of runs", comparison_lead(comparison), shown, lines)
         table.write_table_files(path, csv_rows(comparison), text)
 
     inputs = {f"scores_{number}": path for number, path in enumerate(paths, 1)}
@@ -294,7 +293,7 @@ def comparison_explanations(comparison: Comparison) -> list[str]:
     metrics = (metric for metric in METRIC_WORDS if metric in comparison.metrics)
     return [
         "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "
-        "smaller error than the first run's.",
+        "smaller figure than the first run's: a smaller error, but for jitter and Accel.",
         f"Intervals: 95 %, by bootstrap: {comparison.resamples} times clips were drawn with "
         "replacement.",
         "p: two-sided paired permutation test over clips. Values are not corrected for the number "

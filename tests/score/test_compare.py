@@ -101,6 +101,7 @@ def test_its_files(tmp_path):
     assert float(rows[4]["difference"]) == -2.0 and rows[3]["difference"] == ""
     page, text = (out / "comparison.html").read_text(), (out / "comparison.md").read_text()
     assert "| TME [mm] | ours | 18.0 | -2.0 |" in text
+    assert "a smaller error, but for jitter and Accel" in text
     assert "left out of paper: only_a" in text and "left out of paper: only_a" in page
     assert page.count("<svg") == 1 and "ours against paper" not in page.split("<body>")[0]
     before = page.encode()
