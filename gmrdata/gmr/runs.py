@@ -268,17 +268,11 @@ def split_manifests(
     sizes, of = tuple(len(part) for _, part in parts), tuple(n for n, _ in parts)
     mix = Mix(sizes, config.weights, names, of, config.balance)
     split = Split(tuple(chain(*(part for _, part in parts))), tuple(held_out), dict(left_out), mix)
-    if to_train:
-        _require_training(split)
-    return split
-
-
-def _require_training(split: Split) -> None:
-    if not split.training and split.left_out:
+    if to_train and not split.training:
         remedy = "Give others, or change data.never_train_on or data.held_out_subjects"
-        raise BadManifest(f"no usable clips ({split.statement}). {remedy}")
-    if not split.training:
-        raise BadManifest(NO_CLIPS)
+        said = f"no usable clips ({split.statement}). {remedy}"
+        raise BadManifest(said if split.left_out else NO_CLIPS)
+    return split
 
 
 def require_own_ids(files: Sequence[ClipFile], what: str) -> None:

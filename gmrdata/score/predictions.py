@@ -1,6 +1,6 @@
 """Predictions beside their truth, whoever predicted: a trained network, or files in a folder."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -322,9 +322,7 @@ def _world(true: Clip, predicted: Clip, fps_hz: float, numbers: np.ndarray) -> W
     )
 
 
-def _cam_rotmats(
-    clip: Clip, fps_hz: float, *, all_phases: bool
-) -> Sequence[np.ndarray] | Sequence[None]:
+def _cam_rotmats(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[np.ndarray] | list[None]:
     """cam_from_world rotations (T, 3, 3) of each of the runs that `runs_at` takes, at their times;
     None for all unless all frames have one."""
     camera, motion = clip.camera, clip.motion

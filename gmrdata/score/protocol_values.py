@@ -68,9 +68,10 @@ def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[ProtocolMetric,
     """
     if protocol.gaps != "kept":
         pair = replace(pair, runs=((0, len(pair.true.joints_m)),))
-    return {
-        metric: _sampled(protocol, _parts(protocol, metric, pair)) for metric in protocol.metrics
-    }
+    parts = {metric: _parts(protocol, metric, pair) for metric in protocol.metrics}
+    if protocol.sample == "segment":  # each of which counts once
+        parts = {metric: [mean_sample(one) for one in found] for metric, found in parts.items()}
+    return {metric: pooled(found) for metric, found in parts.items()}
 
 
 def values_together(
@@ -122,11 +123,6 @@ def accelerations_over_clips(
         for one, part in zip(found, np.split(values, np.maximum(ends[:-1] - 2, 0)), strict=True):
             one[metric] = part
     return found
-
-
-def _sampled(protocol: Protocol, parts: Sequence[np.ndarray]) -> Samples:
-    """The values themselves, or their means where each segment counts once."""
-    return pooled([mean_sample(part) for part in parts] if protocol.sample == "segment" else parts)
 
 
 def mean_sample(values: np.ndarray) -> Samples:

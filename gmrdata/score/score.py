@@ -237,9 +237,10 @@ def _labelled(
 ) -> list[ClipErrors]:
     """Clips with what a protocol takes across them, and with the groups that they belong to."""
     types, subsets = motion_types(manifest), subsets_of(manifest)
+    videos = {one.id: f"{one.source.dataset}/{one.source.sequence}" for one in manifest.clips}
     return [
         replace(one, motion_type=types.get(one.clip_id), subsets=subsets.get(one.clip_id, ()))
-        for one in across_clips(scored, protocol, videos_of(manifest))
+        for one in across_clips(scored, protocol, videos)
     ]
 
 
@@ -310,11 +311,6 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
                     labels.setdefault(source_key(row.source), row.label)
     keys = {one.id: source_key(one.source) for one in manifest.clips}
     return {id: labels[key] for id, key in keys.items() if key in labels}
-
-
-def videos_of(manifest: Manifest) -> dict[str, str]:
-    """Which video each clip is of, by clip id."""
-    return {one.id: f"{one.source.dataset}/{one.source.sequence}" for one in manifest.clips}
 
 
 SUBSETS = {"emdb1": "EMDB 1", "emdb2": "EMDB 2"}  # figures of a clip, 1 or 0, and their names
