@@ -170,17 +170,20 @@ def check_read(config: ScoreConfig, what: str) -> None:
             raise BadRecipe(f"--{name.replace('_', '-')}: not for {what}. Leave it out")
 
 
-def clip_names(manifest_path: Path) -> list[ClipName]:
-    """The clips that can be scored; people of rejected clips count among those of a sequence."""
-    files, _, manifest = usable_files(manifest_path)
+def clip_names(manifest_path: Path) -> tuple[list[ClipName], list[ClipName]]:
+    """The clips that can be scored, and those that can't; people of these count among those of a
+    sequence."""
+    _, left_out, manifest = usable_files(manifest_path)
     people: dict[str, set[str]] = {}
     for entry in manifest.clips:
         people.setdefault(entry.source.sequence, set()).add(entry.source.person or "")
-    return [
+    names = [
         ClipName(entry.id, source.sequence, source.person or "", len(people[source.sequence]))
-        for entry in (file.entry for file in files)
+        for entry in manifest.clips
         for source in (entry.source,)
     ]
+    scored = [name for name in names if name.id not in left_out]
+    return scored, [name for name in names if name.id in left_out]
 
 
 def check_people(

@@ -62,11 +62,14 @@ class ClipFiles:
     folder: Path
 
 
-def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | ClipFiles]:
+def find_result_sets(
+    path: Path, clips: Sequence[ClipName], others: Sequence[ClipName] = ()
+) -> list[ResultSet | ClipFiles]:
     """The sets of results of some clips in a folder, or a single file, by name.
 
-    Results of others are read; of gmrdata's own, folders are named.  MissingInput where there is
-    none, BadMotionFile where two results are of one clip and system.
+    Results of other systems are read; of gmrdata's own, folders are named.  MissingInput where
+    there is none, BadMotionFile where two results are of one clip and system.  `others` are the
+    manifest's clips whose results are not wanted.
     """
     if not path.exists():
         raise MissingInput(f"{path}: no such file or folder of predictions")
@@ -77,7 +80,7 @@ def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | 
     sequences: dict[Path, str] = {}
     found: dict[tuple[Path, str], dict[str, EstimatedPeople]] = defaultdict(dict)
     by_id: set[tuple[Path, str]] = set()
-    for root, clip, file in _candidates(path, clips):
+    for root, clip, file in _candidates(path, clips, others):
         result = read[file] if file in read else read_system(file, "world")
         read[file] = result
         if sequences.setdefault(file, clip.sequence) != clip.sequence:
@@ -143,15 +146,18 @@ def _named(
     return sets
 
 
-def _candidates(path: Path, clips: Sequence[ClipName]) -> Iterator[tuple[Path, ClipName, Path]]:
+def _candidates(
+    path: Path, clips: Sequence[ClipName], others: Sequence[ClipName]
+) -> Iterator[tuple[Path, ClipName, Path]]:
     """Folder of the set, clip, and file or folder of its result."""
-    one_sequence = len({clip.sequence for clip in clips}) == 1
+    listed = (*clips, *others)
+    one_sequence = len({clip.sequence for clip in listed}) == 1
     if path.is_file() or (one_sequence and is_tram_folder(path)):
         for clip in clips:
             if one_sequence or any(_is_named(Path(path.name), name) for name in clip.names()):
                 yield path, clip, path
         return
-    taken = {name for clip in clips for name in clip.names()} | {HPS_FOLDER}
+    taken = {name for clip in listed for name in clip.names()} | {HPS_FOLDER}
     inside = [
         one
         for one in sorted(path.iterdir())

@@ -155,14 +155,14 @@ def _sources(predictor: Path | str, given: _Given, config: ScoreConfig) -> list[
         if given.predictions_body_path is not None:
             raise BadRecipe("--predictions-body: a network's motions are on the clips' own bodies")
         return [network_source(network_dir(predictor), config)]
-    names, path = clip_names(given.manifest_path), Path(predictor)
-    found = find_result_sets(path, names)
+    (names, others), path = clip_names(given.manifest_path), Path(predictor)
+    found = find_result_sets(path, names, others)
     check_people(config, names, found)
-    others = [one for one in found if not isinstance(one, ClipFiles)]
-    check_read(config, "results of other systems" if others else "clips of gmrdata")
+    results = [one for one in found if not isinstance(one, ClipFiles)]
+    check_read(config, "results of other systems" if results else "clips of gmrdata")
     body_path = given.predictions_body_path or given.body_path
     folders = [one.folder for one in found if isinstance(one, ClipFiles)]
-    sets = ResultSets(path, others, names, given.manifest_path, body_path, config, folders)
+    sets = ResultSets(path, results, names, given.manifest_path, body_path, config, folders)
     return [
         clips_source(one, config, sets) if isinstance(one, ClipFiles) else sets.source(one)
         for one in found

@@ -1,6 +1,7 @@
 """Other systems' results, as they write them: exact figures, people, frames, what is refused."""
 
 import json
+import shutil
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
-from gmrdata.manifest.current import Source
+from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.body_file import save_body
@@ -294,6 +295,22 @@ def test_people_of_one_sequence_are_told_by_names_alone(tmp_path, body, true):
     (found,) = find_result_sets(tmp_path / "id", clips)
     assert isinstance(found, ResultSet)
     assert people_of_clips(found, clips, {})["walk.p1"].name == "person_5"
+
+
+def test_results_of_a_rejected_clip_are_nobody_elses(tmp_path, data, body, true):
+    """They were scored as another system's of the one clip that is left, with a comparison."""
+    rejected = Quality(verdict="rejected", reasons=("blurred",))
+    both = [true, replace(true, id="other")]
+    write_clips(tmp_path / "set", body, both, {"other": rejected}, camera_motions=["linear"] * 2)
+    shutil.copy(data / "body.npz", tmp_path / "set")
+    folder, still = tmp_path / "results", 0 * true.motion.pelvis_m
+    wham(folder / true.id, body, true)
+    wham(folder / "other", body, true, replace(true.motion, pelvis_m=still))
+    made = score(tmp_path / "set", folder, tmp_path / "out")
+    (clip,) = only(made).clips
+    assert made.comparison is None and clip.predicted.tme_mm < 1e-3
+    with pytest.raises(MissingInput, match=r"other: no result named after a clip .*walk\.p0"):
+        score(tmp_path / "set", folder / "other", tmp_path / "no")
 
 
 @pytest.mark.parametrize("system", ["phalp", "slahmr"])
