@@ -121,9 +121,6 @@ class Row(Config):
     paper: dict[Metric, float] = Field(default_factory=dict)
     """The paper's figures [deg, mm]; none for a row that the paper doesn't have."""
 
-    def name_at(self, scale: ScaleName) -> str:
-        return self.at.get(scale, RowAtScale()).name or self.name
-
     @property
     def trains(self) -> bool:
         """Whether a network is trained for it, by its own settings."""
@@ -292,7 +289,7 @@ class Plan:
 
     def shown_name(self, row: Row) -> str:
         """What a row is called here, with the estimator's name in VIBE's place."""
-        name, given = row.name_at(self.scale), self.given
+        name, given = row.at.get(self.scale, RowAtScale()).name or row.name, self.given
         if given.estimator == VIBE:
             return name
         if self.recipe.scored_row(row).poses == "given":

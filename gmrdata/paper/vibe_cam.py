@@ -102,7 +102,10 @@ def predict_vibe_cam(
     subjects, left_out = predictions.manifest_subjects(
         manifest_path, lambda id: (files.poses_dir / f"{id}.npz", files.keypoints_dir / id)
     )
-    _check_ids(config, [*(one.clip.id for one in subjects), *left_out])
+    known = [*(one.clip.id for one in subjects), *left_out]
+    if unknown := sorted(config.person_ids.keys() - set(known)):
+        what = f"no clip {', '.join(unknown)} in the manifest, which has {', '.join(known)}"
+        raise BadRecipe(f"person_ids: {what}")
     inputs = {"manifest": manifest_path} | body_inputs(files.body_path)
     for id in (one.clip.id for one in subjects):
         inputs[f"poses_{id}"] = files.poses_dir / f"{id}.npz"
@@ -166,15 +169,6 @@ def _prediction(
             ],
         },
     )
-
-
-def _check_ids(config: VibeCamConfig, clip_ids: list[str]) -> None:
-    unknown = sorted(config.person_ids.keys() - set(clip_ids))
-    if unknown:
-        raise BadRecipe(
-            f"person_ids: no clip {', '.join(unknown)} in the manifest, which has"
-            f" {', '.join(clip_ids)}"
-        )
 
 
 def infer_poses(

@@ -236,10 +236,15 @@ def _labelled(
     scored: Sequence[ClipErrors], manifest: Manifest, protocol: Protocol | None
 ) -> list[ClipErrors]:
     """Clips with what a protocol takes across them, and with the groups that they belong to."""
-    types, subsets = motion_types(manifest), subsets_of(manifest)
+    types = motion_types(manifest)
+    figures = {one.id: one.quality.figures if one.quality else {} for one in manifest.clips}
+    subsets = {
+        id: tuple(name for key, name in SUBSETS.items() if of_clip.get(key) == 1)
+        for id, of_clip in figures.items()
+    }
     videos = {one.id: f"{one.source.dataset}/{one.source.sequence}" for one in manifest.clips}
     return [
-        replace(one, motion_type=types.get(one.clip_id), subsets=subsets.get(one.clip_id, ()))
+        replace(one, motion_type=types.get(one.clip_id), subsets=subsets[one.clip_id])
         for one in across_clips(scored, protocol, videos)
     ]
 
@@ -314,15 +319,6 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
 
 
 SUBSETS = {"emdb1": "EMDB 1", "emdb2": "EMDB 2"}  # figures of a clip, 1 or 0, and their names
-
-
-def subsets_of(manifest: Manifest) -> dict[str, tuple[str, ...]]:
-    """Named parts of a data set that each clip belongs to, by clip id."""
-    figures = {one.id: one.quality.figures if one.quality else {} for one in manifest.clips}
-    return {
-        id: tuple(name for key, name in SUBSETS.items() if of_clip.get(key) == 1)
-        for id, of_clip in figures.items()
-    }
 
 
 SUM_OFF = 0.01  # of a joint's weights, which files round
