@@ -118,7 +118,8 @@ def _solved(
     seeded = config.reseeded(way.seed)
     lens = replace(first.lens, radial=known_radial(sfm_dir))
     try:
-        again = read_frames(given[0].parent)
+        times_s, again = frames.times_s[rows] / way.step, read_frames(given[0].parent)
+        again = replace(again, times_s=times_s, rate_hz=frames.rate_hz)
         solved = reconstruct(again, masks, lens, folder / "sfm", seeded)
     except NoReconstruction as error:
         return SolvedAgain(way.name, None, None, error.why)

@@ -186,9 +186,9 @@ def _seen_at(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """When the T frames were taken, as far as their names and pictures tell."""
+    """When the T frames were taken, as far as times, names and pictures tell."""
 
-    image_numbers: np.ndarray  # (T,) ascending; the numbers of left-out images are missing
+    image_numbers: np.ndarray  # (T,) ascending; those of left-out and dropped ones are missing
     cuts: np.ndarray  # (C,) rows t after which the picture changes to another place
 
     def near(self, rows: np.ndarray, max_gap_frames: int) -> np.ndarray:

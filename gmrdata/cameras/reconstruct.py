@@ -106,7 +106,7 @@ def reconstruct(
     def work(partial: Path) -> dict[str, str]:
         given = Frames(list(frames.paths), masks_dir, lens.matrix_px, lens.size_px)
         try:
-            _leave_cameras(partial, given, lens, config)
+            _leave_cameras(partial, given, lens, config, frames.numbers_in_time)
         except NoReconstruction as error:
             # The reduced frames are gone when somebody reads this.
             raise error.of(frames.folder) from None
@@ -116,13 +116,15 @@ def reconstruct(
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
 
 
-def _leave_cameras(folder: Path, given: Frames, lens: Lens, config: SfmConfig) -> None:
+def _leave_cameras(
+    folder: Path, given: Frames, lens: Lens, config: SfmConfig, in_time: np.ndarray
+) -> None:
     """Find the cameras of frames, and write them and what holds them into the stage's folder."""
     # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
     work_dir = folder / "colmap"
     work_dir.mkdir()
     frames = reduced(given, config.max_image_size_px, work_dir / "reduced", lens.radial)
-    solution, quality = solve(frames, work_dir, config)
+    solution, quality = solve(frames, work_dir, config, in_time)
     shutil.rmtree(work_dir)
     cameras = solution.world_from_cam
     path = CameraPath(lens.matrix_px, *lens.size_px, cameras, solution.has_camera)
@@ -171,8 +173,11 @@ def _require_usable(lens: Lens, frames: FrameSet) -> None:
         raise BadRecipe(f"{frames.folder}: {what}; give that of these frames")
 
 
-def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
-    """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
+def solve(
+    frames: Frames, work_dir: Path, config: SfmConfig, in_time: np.ndarray
+) -> tuple[Solution, CamerasQuality]:
+    """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved.
+    `in_time` (T,) are numbers of the frames as of `FrameSet.numbers_in_time`."""
     if (n := len(frames.images)) < config.min_frames_registered:
         raise NoReconstruction(
             f"{n} frames, but a camera path needs {config.min_frames_registered} at least; take "
@@ -182,14 +187,19 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
     # Features of the first keyframes are found while the last ones are chosen.
     with FeatureFinder(frames, work_dir, config) as finder:
         keys = choose_keyframes(frames, config, finder.begin)
-        return _solve_by(keys, frames, finder, work_dir, config)
+        return _solve_by(keys, frames, finder, work_dir, config, in_time)
 
 
 def _solve_by(
-    keys: Keyframes, frames: Frames, finder: FeatureFinder, work_dir: Path, config: SfmConfig
+    keys: Keyframes,
+    frames: Frames,
+    finder: FeatureFinder,
+    work_dir: Path,
+    config: SfmConfig,
+    in_time: np.ndarray,
 ) -> tuple[Solution, CamerasQuality]:
     # Neither the prior nor the filling reaches over what looks like a cut, matched or not.
-    timeline = Timeline(frames.numbers, keys.cuts)
+    timeline = Timeline(in_time, keys.cuts)
     keyframes = frames.some(keys.rows)
     try:
         matches = match_frames(keyframes, work_dir, config, finder)

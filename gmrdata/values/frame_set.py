@@ -102,6 +102,16 @@ class FrameSet:
         return replace(self, times_s=self.frame_numbers / fps_hz, rate_hz=fps_hz)
 
     @property
+    def numbers_in_time(self) -> np.ndarray:
+        """(T,) the images' numbers, with room for frames that the camera dropped: the next one is
+        shown later by whole frames of the video."""
+        every = 1 if self.video is None else self.video.every
+        steps = np.maximum(1, np.rint(np.diff(self.times_s) * self.rate_hz * every) / every)
+        if not np.isfinite(steps).all() or (steps == np.diff(self.numbers)).all():
+            return self.numbers
+        return np.asarray(self.numbers[0] + np.cumsum([0.0, *steps]))
+
+    @property
     def known_or_usual_hz(self) -> float:
         """Images per second; those of a usual video where nobody says it."""
         return self.rate_hz if np.isfinite(self.rate_hz) else USUAL_HZ

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from gmrdata.cameras.again import solve_again
 from gmrdata.cameras.check.verdict import camera_reasons
 from gmrdata.cameras.files import Evidence, load_cameras, load_quality
 from gmrdata.cameras.match.tracks import load_tracks
@@ -55,6 +56,25 @@ def test_a_pan_is_recognised_and_solved_as_a_pure_rotation(pan, pan_dir):
     assert quality.evidence.reason.startswith("a pure rotation explains")
     again = quality.agreement
     assert again is not None and again.turn_deg < 0.1 and again.place_share == 0
+
+
+def test_cameras_are_sought_and_sought_again_by_the_times_of_the_frames(
+    pan, pan_dir, tmp_path, monkeypatch
+):
+    shown = np.array([0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13, 14])
+    frames = replace(pan.taken(), times_s=shown / 30, rate_hz=30.0)
+    heard = []
+
+    def solve(frames, work_dir, config, in_time):
+        heard.append(in_time.tolist())
+        raise NoReconstruction("heard", work_dir)
+
+    monkeypatch.setattr("gmrdata.cameras.reconstruct.solve", solve)
+    with pytest.raises(NoReconstruction):
+        reconstruct(frames, None, pan.lens, tmp_path / "first", SMALL)
+    solve_again(pan_dir, frames, None, tmp_path / "again", SMALL)
+    back, half = (14 - shown[::-1]).tolist(), [0, 1, 2, 4, 5, 6]
+    assert heard == [shown.tolist(), back, half, shown.tolist(), shown.tolist()]
 
 
 def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(dolly, dolly_dir):

@@ -20,8 +20,10 @@ from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 from gmrdata.values.camera import project
+from gmrdata.values.frame_set import FrameSet, VideoRecord
 from gmrdata.values.transforms import fit_similarity
 from tests.filming import motion_errors, solve_keyframes_once
+from tests.frame_sets import frame_set
 
 INTRINSICS_PX = np.array([[300.0, 0, 160], [0, 310.0, 90], [0, 0, 1]])
 CONFIG = SfmConfig()
@@ -174,6 +176,38 @@ def test_uneven_steps_and_missing_cameras():
     assert np.nan_to_num(result) == pytest.approx(np.nan_to_num(true), abs=1e-9)
     few = second_differences(np.isfinite(true[:, 0, 0]), times, 1)
     assert [2, 3, 5] in few.rows.tolist() and not any(5 in row[:2] for row in few.rows.tolist())
+
+
+def dropped(fps_hz: float, every: int) -> FrameSet:
+    """Every so-manieth of 120 frames, of which a camera at that rate dropped five in the middle."""
+    shown = np.delete(np.arange(120), np.arange(61, 66))[::every]
+    video = VideoRecord.model_construct(every=every)
+    even = frame_set(np.arange(len(shown)) * every, (320, 180), fps_hz / every)
+    return replace(even, times_s=(shown / fps_hz).round(6), video=video)
+
+
+@pytest.mark.parametrize("fps_hz", [10.0, 29.97, 240.0])
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_pan_over_frames_that_were_dropped_is_left_as_it_is(fps_hz, every):
+    frames = dropped(fps_hz, every)
+    numbers = frames.numbers_in_time
+    # The five take two and a half steps of every second frame.
+    assert np.diff(numbers).tolist() == [
+        1 + 5 / every * (at == 60 // every) for at in frames.numbers[:-1]
+    ]
+    true = steady(120)[(every * numbers).astype(int)]
+    time = Timeline(numbers, np.zeros(0, dtype=np.int64))
+    n = len(true)
+    result, _ = smooth_cameras(true, held(n, 0.01, 1e-4), np.zeros(6 * n), time, UNIT, CONFIG)
+    assert result == pytest.approx(true, abs=1e-9)
+
+
+def test_images_in_even_steps_and_those_without_times_keep_their_numbers():
+    even = frame_set(np.arange(9), (320, 180), 30.0)
+    jittery = replace(even, times_s=even.times_s + 0.01 * (np.arange(9) % 2))
+    unknown = replace(even, times_s=np.full(9, np.nan), rate_hz=np.nan)
+    for frames in (even, jittery, unknown):
+        assert frames.numbers_in_time is frames.numbers
 
 
 def test_too_few_frames_are_left_alone():
