@@ -5,7 +5,7 @@ mirrored as the file says, without lines of two times, and as wide as its pixels
 """
 
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -84,26 +84,42 @@ def has_times(source: Path) -> bool:
 
 
 def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]:
-    """About how many images `extract_video` would write, and their (width, height), by the file's
-    own word, or by its packets where it has none: nothing is decoded.  Errors as there."""
+    """About how many images `extract_video` would write, and their (width, height): by the times
+    in the file's index or of its packets, and its first picture alone.  Errors as there."""
     import av
 
     require_file(path)
     with _explained(path), opened(path) as container:
         stream = _video_stream(path, container)
-        codec = stream.codec_context
-        length_s = float(container.duration or 0) / av.time_base
-        stated = _stated_frames(container, stream)
-        n_frames = stated or round(length_s * float(stream.average_rate or 0))
-        if not n_frames:  # as of what a browser records
-            at_s = [_packet_time_s(packet) for packet in container.demux(stream) if packet.size]
-            known_s = [time_s for time_s in at_s if time_s is not None]
-            n_frames, apart_s = len(at_s), float(np.ptp(known_s)) if known_s else 0.0
-            length_s = apart_s * n_frames / max(1, n_frames - 1)
-        rate_hz = n_frames / length_s if length_s else 0.0
-        to_s = length_s if config.to_s is None else min(config.to_s, length_s)
-        n_taken = round(max(0.0, to_s - config.from_s) * rate_hz) if rate_hz else n_frames
-        return max(1, n_taken // config.every), (codec.width, codec.height)
+        shown_s, within_s = _shown_s(container, stream), _same_time_s(stream)
+        size_px = stream.codec_context.width, stream.codec_context.height
+        with suppress(av.FFmpegError, StopIteration):
+            container.seek(0)
+            _, image = next(_pictures(path, container, stream, VideoConfig(), _Reading()))
+            size_px = image.shape[1], image.shape[0]
+        to_s = np.inf if config.to_s is None else config.to_s
+        taken = (shown_s >= config.from_s - within_s) & (shown_s <= to_s + within_s)
+        n_taken = int(taken[:: config.every].sum())
+        _require_in_budget(path, n_taken, size_px)
+        _require_several(path, n_taken, _Reading(times_s=shown_s.tolist()))
+        return n_taken, size_px
+
+
+def _shown_s(container: "InputContainer", stream: Any) -> np.ndarray:
+    """(T,) when each frame is shown, from the first one on [s]; nothing is decoded."""
+    entries = getattr(stream, "index_entries", None) or ()
+    if container.format.name.startswith("mov") and entries:
+        # When they are decoded, which for so many is as far apart.
+        ticks = [entry.timestamp for entry in entries if entry.size and not entry.is_discard]
+        shown_s = np.sort(ticks) * float(stream.time_base)
+    else:
+        at_s = [_packet_time_s(one) for one in container.demux(stream) if one.size]
+        rate_hz, rows = float(stream.average_rate or stream.guessed_rate or 1), np.arange(len(at_s))
+        known = [row for row in rows if at_s[row] is not None]
+        shown_s = rows / rate_hz
+        if known:
+            shown_s = np.interp(rows, known, np.sort([at_s[row] for row in known]))
+    return shown_s - shown_s[:1]
 
 
 def as_frames(

@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import tempfile
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import partial
@@ -434,8 +435,40 @@ def test_a_recording_that_says_no_length_is_counted(tmp_path):
     """As browsers write them."""
     video = make_video(tmp_path / "a.webm", codec="libvpx", muxer={"live": "1"})
     assert count_images(video, VideoConfig()) == (8, (64, 48))
-    assert count_images(video, VideoConfig(to_s=0.16, every=2))[0] == 2
+    part = VideoConfig(to_s=0.16, every=2)
+    assert count_images(video, part)[0] == len(_images(video, part)) == 3
     assert extracted(video)[1].rate_hz == 25
+
+
+def _images(video: Path, part: VideoConfig) -> list[Path]:
+    """The images of a part of a video, in a folder that no other part has."""
+    return sorted(
+        extract_video(video, Path(tempfile.mkdtemp(dir=video.parent)) / "part", part).glob("*.jpg")
+    )
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_a_variable_rate_is_counted_by_its_frames(suffix, tmp_path):
+    """One second at 25 Hz, two at 5 Hz; a Matroska file had the first's rate for its length."""
+    ticks = [*range(25), *range(25, 75, 5)]
+    images = [picture(row) for row in range(len(ticks))]
+    video = make_video(tmp_path / f"a{suffix}", images, ticks=ticks, options={"bf": "0"})
+    assert count_images(video, VideoConfig())[0] == 35
+    for part in (VideoConfig(from_s=0.8), VideoConfig(to_s=1.2), VideoConfig(from_s=0.4, every=3)):
+        assert count_images(video, part)[0] == len(_images(video, part))
+    said = r"0 frames could be read, but a motion needs at least 2; the video has 35, up to 2\.8 s"
+    for read in (_images, count_images):
+        with pytest.raises(BadFrames, match=said):
+            read(video, VideoConfig(from_s=2.9))
+
+
+def test_images_are_planned_as_they_will_stand(tmp_path):
+    image = np.zeros((48, 64, 3), np.uint8)
+    turned_mp4 = make_video(tmp_path / "turned.mp4", [image] * 3, rotation_deg=90)
+    wide = make_video(tmp_path / "wide.mkv", [image] * 3, pixel_aspect=Fraction(4, 3))
+    for video, size_px in ((turned_mp4, (48, 64)), (wide, (85, 48))):
+        assert count_images(video, VideoConfig()) == (3, size_px)
+        assert extracted(video)[1].size_px == size_px
 
 
 @pytest.mark.parametrize("place", ["mkv_frame_rate/obs60.mkv", "mkv_frame_rate/base.mkv"])
