@@ -178,12 +178,6 @@ def solve(
 ) -> tuple[Solution, CamerasQuality]:
     """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved.
     `in_time` (T,) are numbers of the frames as of `FrameSet.numbers_in_time`."""
-    if (n := len(frames.images)) < config.min_frames_registered:
-        raise NoReconstruction(
-            f"{n} frames, but a camera path needs {config.min_frames_registered} at least; take "
-            "more of the video",
-            frames.images[0].parent,
-        )
     # Features of the first keyframes are found while the last ones are chosen.
     with FeatureFinder(frames, work_dir, config) as finder:
         keys = choose_keyframes(frames, config, finder.begin)

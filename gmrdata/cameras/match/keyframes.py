@@ -21,6 +21,7 @@ from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.stage.jobs import made_ahead
 from gmrdata.values import transforms
+from gmrdata.values.errors import NoReconstruction
 
 WINDOW_PX = 21
 LEVELS = 3
@@ -56,8 +57,14 @@ def choose_keyframes(
     frames: Frames, config: SfmConfig, tell: Callable[[Path], None] = lambda _: None
 ) -> Keyframes:
     """Choose keyframes by how far the background moves in the image, and how far its near parts;
-    `tell` hears of most as soon as they are known."""
+    `tell` hears of most as soon as they are known.  NoReconstruction where frames are too few."""
     images, size_px = frames.images, frames.size_px
+    if (n := len(images)) < config.min_frames_registered:
+        raise NoReconstruction(
+            f"{n} frames, but a camera path needs {config.min_frames_registered} at least; take "
+            "more of the video",
+            images[0].parent,
+        )
     shrink = min(1.0, config.keyframe_image_size_px / max(size_px))
     steps_px = max(size_px) * shrink * np.array([config.keyframe_step, config.keyframe_parallax])
     intrinsics_px = np.diag([shrink, shrink, 1.0]) @ frames.intrinsics_px
@@ -157,7 +164,10 @@ def with_frames_between(
     ]
     chosen = _most_matched(key_matches, config.followed_points)
     for key, (first, last) in enumerate(pairwise(key_rows)):
-        if last - first < 2 or ((cuts >= first) & (cuts < last)).any():
+        # Keyframes are further apart only where frames between show nothing, of which a long
+        # video may have gigabytes.
+        near = 2 <= last - first <= config.keyframe_gap
+        if not near or ((cuts >= first) & (cuts < last)).any():
             continue
         run = [frames.read(image) for image in frames.images[first : last + 1]]
         from_first = _follow_into(run, keypoints_px[first], chosen[key])

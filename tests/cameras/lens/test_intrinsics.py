@@ -68,12 +68,13 @@ def made(
     given: GivenIntrinsics | None = None,
     config: IntrinsicsConfig = UNASKED,
     film_mm: int | None = None,
+    n_frames: int = 2,
 ) -> Intrinsics:
-    """The lens of two black frames, which may note one."""
+    """The lens of black frames, which may note one."""
     frames = folder / "frames"
     frames.mkdir(parents=True, exist_ok=True)
     content = jpeg_with(folder, {} if film_mm is None else {0xA405: film_mm}).read_bytes()
-    for number in range(2):
+    for number in range(n_frames):
         (frames / f"{number:05d}.jpg").write_bytes(content)
     read = read_frames(frames)
     return load_intrinsics(find_intrinsics(read, None, folder / "out", config, given=given))
@@ -182,8 +183,14 @@ def test_then_the_frames_and_then_a_guess_that_says_so(tmp_path, shown):
 
 
 def test_even_frames_show_no_lens_and_the_note_names_no_folder_that_is_gone(tmp_path):
-    lens = made(tmp_path, config=IntrinsicsConfig())
+    lens = made(tmp_path, config=IntrinsicsConfig(), n_frames=3)
     assert lens.notes[1].startswith("The camera's motion does not show the focal length: 0 f")
+
+
+def test_two_frames_are_too_few_for_a_lens_and_not_textureless(tmp_path):
+    lens = made(tmp_path, config=IntrinsicsConfig())
+    few = "2 frames, but a camera path needs 3 at least; take more of the video"
+    assert lens.notes[1] == f"The camera's motion does not show the focal length: {few}."
 
 
 def test_a_guess_takes_the_little_that_the_frames_show(tmp_path, shown):

@@ -163,7 +163,7 @@ def test_a_cut_and_black_frames_are_noticed(tmp_path):
     assert keys.but_matched(Matches(points_px, pairs)).cuts.tolist() == [7]
 
 
-def test_a_covered_lens_takes_few_keyframes(tmp_path):
+def test_a_covered_lens_takes_few_keyframes(tmp_path, monkeypatch):
     """Each was one, and stood between those before and after, which were not matched."""
     pictures = [shifted(texture(0), 4.0 * row) for row in range(6)]
     pictures += [np.zeros(SIZE_PX[::-1], np.uint8)] * 40
@@ -173,6 +173,18 @@ def test_a_covered_lens_takes_few_keyframes(tmp_path):
     rows = keys.rows.tolist()
     assert [row for row in rows if 6 <= row < 46] == [6] and {0, 5, 46, 51} <= set(rows)
     assert keys.featureless.tolist() == list(range(6, 46))
+    # Nor are the frames between decoded all at once: of four minutes they took 8 GB.
+    decoded, read = [], Frames.read
+
+    def noted(self: Frames, image: Path, shrink: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        decoded.append(int(image.stem))
+        return read(self, image, shrink)
+
+    monkeypatch.setattr(Frames, "read", noted)
+    nothing = Matches([np.zeros((0, 2))] * len(rows), [])
+    found = with_frames_between(nothing, keys.rows, frames, SfmConfig(keyframe_gap=10))
+    assert len(found.keypoints_px) == 52 and not [row for row in decoded if 6 < row < 45]
+    assert set(range(1, 5)) <= set(decoded)
 
 
 def test_a_low_frame_rate_is_no_cut_where_features_match(tmp_path):
