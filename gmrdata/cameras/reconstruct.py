@@ -9,11 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras import files
-from gmrdata.cameras.check.agreement import (
-    compare_again,
-    compare_turned_again,
-    disagreement,
-)
+from gmrdata.cameras.check.agreement import compare_again, compare_turned_again, disagreement
 from gmrdata.cameras.check.dissolve import dissolve_after, points_of_matches, points_of_tracks
 from gmrdata.cameras.files import CamerasQuality, Evidence
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words, reduced
@@ -26,7 +22,7 @@ from gmrdata.cameras.map.mapping import (
     refine_mapped,
     travel_share,
 )
-from gmrdata.cameras.map.models import weakest_step
+from gmrdata.cameras.map.models import weakest_step, zoom_spread
 from gmrdata.cameras.map.rotation_only import (
     RotationOnly,
     refine_turning,
@@ -37,7 +33,7 @@ from gmrdata.cameras.map.rotation_only import (
 )
 from gmrdata.cameras.map.solution import Solution, fill_short_gaps, quality_of, turning_solution
 from gmrdata.cameras.match.features import FeatureFinder
-from gmrdata.cameras.match.keyframes import Keyframes, choose_keyframes, with_frames_between
+from gmrdata.cameras.match.keyframes import choose_keyframes, with_frames_between
 from gmrdata.cameras.match.keypoint_adjustment import adjust_keypoints
 from gmrdata.cameras.match.matches import Matches, match_behind_masks, match_frames, parted
 from gmrdata.cameras.match.tracks import (
@@ -54,8 +50,9 @@ from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath, Lens
 from gmrdata.values.errors import BadRecipe, NoReconstruction
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, compared
 
+MOST_ZOOM_SPREAD = 0.01  # fixed lenses, also wrong ones, have 0.005 at most, a zoom of 30 % 0.05
 IMAGES_FACT = "images_dir"
 """Fact of the stage's record: the folder of images; a video's lie beside the cameras."""
 
@@ -124,7 +121,9 @@ def _leave_cameras(
     work_dir = folder / "colmap"
     work_dir.mkdir()
     frames = reduced(given, config.max_image_size_px, work_dir / "reduced", lens.radial)
-    solution, quality = solve(frames, work_dir, config, in_time)
+    # Features of the first keyframes are found while the last ones are chosen.
+    with FeatureFinder(frames, work_dir, config) as finder:
+        solution, quality = solve(finder, work_dir, in_time)
     shutil.rmtree(work_dir)
     cameras = solution.world_from_cam
     path = CameraPath(lens.matrix_px, *lens.size_px, cameras, solution.has_camera)
@@ -174,24 +173,12 @@ def _require_usable(lens: Lens, frames: FrameSet) -> None:
 
 
 def solve(
-    frames: Frames, work_dir: Path, config: SfmConfig, in_time: np.ndarray
+    finder: FeatureFinder, work_dir: Path, in_time: np.ndarray
 ) -> tuple[Solution, CamerasQuality]:
     """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved.
     `in_time` (T,) are numbers of the frames as of `FrameSet.numbers_in_time`."""
-    # Features of the first keyframes are found while the last ones are chosen.
-    with FeatureFinder(frames, work_dir, config) as finder:
-        keys = choose_keyframes(frames, config, finder.begin)
-        return _solve_by(keys, frames, finder, work_dir, config, in_time)
-
-
-def _solve_by(
-    keys: Keyframes,
-    frames: Frames,
-    finder: FeatureFinder,
-    work_dir: Path,
-    config: SfmConfig,
-    in_time: np.ndarray,
-) -> tuple[Solution, CamerasQuality]:
+    frames, config = finder.frames, finder.config
+    keys = choose_keyframes(frames, config, finder.begin)
     # Neither the prior nor the filling reaches over what looks like a cut, matched or not.
     timeline = Timeline(in_time, keys.cuts)
     keyframes = frames.some(keys.rows)
@@ -208,7 +195,7 @@ def _solve_by(
             work_dir, before = work_dir / "parted", work_dir
             matches = parted(matches, keyframes, after, before, work_dir)
             mapped = without_seen_again(matches, config.mapping)
-            timeline = Timeline(frames.numbers, keys.cuts)
+            timeline = Timeline(in_time, keys.cuts)
             keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
             solution, evidence, set_aside = _solve_keyframes(keyed, work_dir)
     except NoReconstruction as error:
@@ -319,6 +306,13 @@ def _as_mapped(keyed: _Keyed, mapped: Solution, matches: Matches) -> Solution:
     config, intrinsics_px = keyed.config, keyed.frames.intrinsics_px
     rows, both = keyed.mapped_rows, (keyed.mapped_matches, matches)
     of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in both)
+    if (spread := zoom_spread(mapped, of_keys, intrinsics_px)) > MOST_ZOOM_SPREAD:
+        what = "single pictures ask for focal lengths that differ by {}, more than {}"
+        raise NoReconstruction(
+            f"{compared(what, spread, MOST_ZOOM_SPREAD, '.1%')}: the camera zooms while it moves, "
+            "or the path is wrong; film without zooming",
+            keyed.frames.images[0].parent,
+        )
     step = weakest_step(mapped, of_keys, rows, intrinsics_px, config.max_reprojection_px)
     others = np.setdiff1d(keyed.rows, rows)
     mapped = replace(mapped, weakest_step=step)

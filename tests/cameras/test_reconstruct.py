@@ -65,7 +65,7 @@ def test_cameras_are_sought_and_sought_again_by_the_times_of_the_frames(
     frames = replace(pan.taken(), times_s=shown / 30, rate_hz=30.0)
     heard = []
 
-    def solve(frames, work_dir, config, in_time):
+    def solve(finder, work_dir, in_time):
         heard.append(in_time.tolist())
         raise NoReconstruction("heard", work_dir)
 
@@ -233,6 +233,21 @@ def test_frames_without_a_reconstruction_say_why(pictures, said, tmp_path):
         lens = Lens((150.0, 150.0), (80.0, 60.0), frames.size_px)
         reconstruct(frames, None, lens, tmp_path / "out", SMALL)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_zoom_on_the_way_is_refused(film, tmp_path):
+    """Its path was accepted, two degrees and 2 % of its extent off."""
+    filmed = film("arc", 14, person=False)
+    (tmp_path / "zoomed").mkdir()
+    for image, zoom in zip(list_images(filmed.images_dir), np.linspace(1.0, 1.5, 14), strict=True):
+        about_middle = np.array([[zoom, 0, 159.5 * (1 - zoom)], [0, zoom, 89.5 * (1 - zoom)]])
+        seen = cv2.warpAffine(
+            cv2.imread(str(image)), about_middle, (320, 180), flags=cv2.INTER_CUBIC
+        )
+        cv2.imwrite(str(tmp_path / "zoomed" / image.name), seen)
+    said = "differ by [0-9.]+%, more than 1.0%: the camera zooms while it moves, or"
+    with pytest.raises(NoReconstruction, match=said):
+        reconstruct(read_frames(tmp_path / "zoomed"), None, filmed.lens, tmp_path / "out", SMALL)
 
 
 def test_a_cut_is_named_by_its_images_number(tmp_path):

@@ -16,7 +16,7 @@ from gmrdata.cameras.map.refinement import background_distance
 from gmrdata.cameras.map.rotation_only import RotationOnly, solve_rotation_only
 from gmrdata.cameras.map.solution import Solution
 from gmrdata.cameras.match.matches import Matches
-from gmrdata.cameras.recipe import SecondConfig, SfmConfig
+from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 
 FEWEST_CAMERAS = 4  # with fewer common ones two paths always agree
@@ -74,14 +74,13 @@ def compare_again(
         # With too few of its keyframes a second solution says nothing.
         if not compared.is_confirmed_by(of.enough_share) or found.is_confirmed_by(of.enough_share):
             compared = found
-        if compared.is_confirmed_by(of.enough_share) and _is_same(compared.agreement, of):
+        again = compared.agreement
+        same = again is None or (
+            again.turn_deg <= of.same_deg and again.place_share <= of.same_share
+        )
+        if compared.is_confirmed_by(of.enough_share) and same:
             break
     return compared
-
-
-def _is_same(again: Agreement | None, of: SecondConfig) -> bool:
-    """Whether a second solution gives the same path."""
-    return again is None or (again.turn_deg <= of.same_deg and again.place_share <= of.same_share)
 
 
 def _started_again(

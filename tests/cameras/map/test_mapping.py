@@ -23,6 +23,7 @@ from gmrdata.cameras.map.models import (
     parts_of,
     weakest_step,
     with_anchors,
+    zoom_spread,
 )
 from gmrdata.cameras.map.rotation_only import solve_rotation_only
 from gmrdata.cameras.map.solution import Placed, Solution
@@ -468,6 +469,25 @@ def test_fewer_than_two_cameras_have_no_step():
     mapped, matches = solved(STRAIGHT, along(0, 1))
     alone = replace(mapped, seen={4: mapped.seen[4], 5: mapped.seen[5][:0]})
     assert weakest_step(alone, matches, np.arange(N), K_PX, 2.0) is None
+
+
+@pytest.mark.parametrize("zoom", [1.0, 1.003, 0.996])
+def test_a_zoom_is_how_far_the_focal_lengths_of_keyframes_are_apart(zoom):
+    mapped, matches = solved(STRAIGHT, np.ones((N, POINTS), dtype=bool))
+    mapped, middle_px = replace(mapped, adjusted=np.ones(N, dtype=bool)), K_PX[:2, 2]
+    zooms = np.linspace(1.0, zoom, N)
+    zoomed = [
+        middle_px + z * (px - middle_px) for z, px in zip(zooms, matches.keypoints_px, strict=True)
+    ]
+    expected = 0.8 * abs(np.log(zoom))
+    spread = zoom_spread(mapped, Matches(zoomed, []), K_PX)
+    assert spread == pytest.approx(expected, rel=0.1, abs=0.001)
+    few = replace(mapped, adjusted=np.arange(N) < 5)
+    assert zoom_spread(few, Matches(zoomed, []), K_PX) == 0.0
+    # A wall at a right angle is as large for who zooms as for who goes there.
+    wall = mapped.points * [1, 1, 0] + [0, 0, 5]
+    seen_px = [project(cam, wall, K_PX) for cam in mapped.world_from_cam]
+    assert zoom_spread(replace(mapped, points=wall), Matches(seen_px, []), K_PX) == 0.0
 
 
 @pytest.fixture(scope="module")
