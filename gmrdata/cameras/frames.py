@@ -95,7 +95,10 @@ def reduced(
     share = min(1.0, longest_px / max(frames.size_px))
     stem_of = _stems(frames)
     if share == 1 and not any(radial) and not any(map(is_turned, frames.images)):
-        return _renamed(frames, stem_of, out_dir)
+        if all(stem == image.stem for image, stem in stem_of.items()):
+            return frames
+        links = linked({stem: image for image, stem in stem_of.items()}, frames.masks_dir, out_dir)
+        return Frames(*links, frames.intrinsics_px, frames.size_px)
     width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
     size_px = width_px, height_px
     lens = Lens.of_matrix(frames.intrinsics_px, frames.size_px, radial).at_size(size_px)
@@ -131,14 +134,6 @@ def _stems(frames: Frames) -> dict[Path, str]:
     if unlisted or names != sorted(names) or stems != sorted(stems):
         stems = [f"{number:0{MOST_DIGITS}d}" for number in frames.numbers.tolist()]
     return dict(zip(frames.images, stems, strict=True))
-
-
-def _renamed(frames: Frames, stem_of: Mapping[Path, str], out_dir: Path) -> Frames:
-    """The frames, linked under other names where they have such."""
-    if all(stem == image.stem for image, stem in stem_of.items()):
-        return frames
-    images = {stem: image for image, stem in stem_of.items()}
-    return Frames(*linked(images, frames.masks_dir, out_dir), frames.intrinsics_px, frames.size_px)
 
 
 def linked(

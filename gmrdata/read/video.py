@@ -113,12 +113,11 @@ def _shown_s(container: "InputContainer", stream: Any) -> np.ndarray:
         ticks = [entry.timestamp for entry in entries if entry.size and not entry.is_discard]
         shown_s = np.sort(ticks) * float(stream.time_base)
     else:
-        at_s = [_packet_time_s(one) for one in container.demux(stream) if one.size]
-        rate_hz, rows = float(stream.average_rate or stream.guessed_rate or 1), np.arange(len(at_s))
-        known = [row for row in rows if at_s[row] is not None]
-        shown_s = rows / rate_hz
-        if known:
-            shown_s = np.interp(rows, known, np.sort([at_s[row] for row in known]))
+        at_s = np.array([_packet_time_s(one) for one in container.demux(stream) if one.size], float)
+        rows, known = np.arange(len(at_s)), np.flatnonzero(np.isfinite(at_s))
+        shown_s = rows / float(stream.average_rate or stream.guessed_rate or 1)
+        if len(known):
+            shown_s = np.interp(rows, known, np.sort(at_s[known]))
     return shown_s - shown_s[:1]
 
 
@@ -569,8 +568,7 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
         end_s = stopped_at_s + first_s - 1e-6
         before = sum(time_s is not None and time_s < end_s for time_s in times_s)
         return max(before - n_cut, reading.n_frames)
-    stated = _stated_frames(container, stream, reading.n_discarded)
-    n_counted = max(len(times_s), stated)
+    n_counted = max(len(times_s), _stated_frames(container, stream, reading.n_discarded))
     expected = max(n_counted - n_cut, reading.n_frames)
     is_mixed = container.format.name in BROADCAST and len(container.streams) > 1
     if stream.frames or is_mixed or not container.duration:
@@ -584,7 +582,7 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
     return max(int(expected), _count_by_length(length_s, reading, first_s))
 
 
-def _stated_frames(container: "InputContainer", stream: Any, n_discarded: int = 0) -> int:
+def _stated_frames(container: "InputContainer", stream: Any, n_discarded: int) -> int:
     """Frames that the file says it shows, without those that an edit list leaves out; 0 if it
     does not say.  `n_discarded` is as far as it was read, for a PyAV without the index."""
     entries = [entry for entry in getattr(stream, "index_entries", None) or () if entry.size]

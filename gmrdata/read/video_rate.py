@@ -5,7 +5,7 @@ was made from one of these keeps such times.  The container's rate is taken wher
 its grid, within that rounding; else a rate that fits all times.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -34,14 +34,14 @@ def rated(
     """
     fit_hz, uneven, sigma_hz = _fit(times_s)
     # A fit over few frames is as coarse as their times.
-    fitted = list(_usual(fit_hz, 2 * max(tick_s, REMUXED_S) / times_s[-1] * fit_hz))
+    fitted = _usual(fit_hz, 2 * max(tick_s, REMUXED_S) / times_s[-1] * fit_hz)
     for rounding_s in (EXACT_S, tick_s, max(tick_s, REMUXED_S)):
         # A mean over the file's length, which is no usual rate, is as coarse as its times.
         coarse = 2 * rounding_s / times_s[-1]
         stated = [
             rate_hz
             for one in stated_hz
-            for rate_hz in (*_usual(one, SAME_RATE * one), *_mean_of(one, coarse * one), one)
+            for rate_hz in (*(_usual(one, SAME_RATE * one) or _usual(one, coarse * one)), one)
         ]
         for rate_hz in (*stated, *fitted):
             steps = _steps(times_s, rate_hz)
@@ -68,7 +68,7 @@ def _usual_step_hz(times_s: np.ndarray) -> float:
     # One of the steps: between two kinds, half and half, no step is like their mean.
     median_s = np.quantile(each_s, 0.5, method="lower")
     rate_hz = 1.0 / float(each_s[np.abs(each_s / median_s - 1) <= ALIKE].mean())
-    return next(_usual(rate_hz, SAME_RATE * rate_hz), rate_hz)
+    return (*_usual(rate_hz, SAME_RATE * rate_hz), rate_hz)[0]
 
 
 def _fit(times_s: np.ndarray) -> tuple[float, float, float]:
@@ -83,13 +83,7 @@ def _fit(times_s: np.ndarray) -> tuple[float, float, float]:
     return 1.0 / float(step_s), float(np.ptp(apart)), error / float(step_s)
 
 
-def _mean_of(rate_hz: float, within_hz: float) -> Iterator[float]:
-    """Usual rates that one which is none itself may be the mean of."""
-    return iter(()) if any(_usual(rate_hz, SAME_RATE * rate_hz)) else _usual(rate_hz, within_hz)
-
-
-def _usual(rate_hz: float, within_hz: float) -> Iterator[float]:
+def _usual(rate_hz: float, within_hz: float) -> list[float]:
     """Rates that cameras and programs have, so near to another."""
-    for usual_hz in (round(rate_hz), round(rate_hz * 1.001) / 1.001, round(2 * rate_hz) / 2):
-        if usual_hz > 0 and abs(usual_hz - rate_hz) <= within_hz:
-            yield float(usual_hz)
+    usual_hz = round(rate_hz), round(rate_hz * 1.001) / 1.001, round(2 * rate_hz) / 2
+    return [float(one) for one in usual_hz if one > 0 and abs(one - rate_hz) <= within_hz]

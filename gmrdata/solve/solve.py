@@ -95,7 +95,9 @@ def solve(
             raise.
     """
     request.check()
-    _require_apart(request.source, out_dir)
+    if request.source.is_dir() and out_dir.resolve() == request.source.resolve():
+        # Files among frames would be others when the run goes on.
+        raise StaleOutput(f"{out_dir}: is the folder of frames. Pass another --out, as one in it")
     if request.people is None:
         config = config.for_cameras_alone
     results = (VERDICT_FILE, f"{PSEUDO_GT}/{STAGE_FILE}")
@@ -169,12 +171,6 @@ def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
     frames = as_frames(request.source, into, request.part, left_out=left_out, run=run)
     is_given = isinstance(request.people, GivenPeople)
     return frames if is_given else frames.with_rate(request.fps_hz)
-
-
-def _require_apart(frames: Path, out_dir: Path) -> None:
-    """Refuse to write files among frames: they would be others when the run goes on."""
-    if frames.is_dir() and out_dir.resolve() == frames.resolve():
-        raise StaleOutput(f"{out_dir}: is the folder of frames. Pass another --out, as one in it")
 
 
 def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:

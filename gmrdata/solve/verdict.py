@@ -231,7 +231,12 @@ def judge_video(solved: Solved) -> VideoVerdict:
             doubts += AgainRecord.read(solved.again_dir / AGAIN_FILE).reasons(thresholds)
         camera = judge_cameras(solved.sfm_dir, frames.rate_hz, thresholds, doubts)
         notes += lens_notes(cameras, lens)
-    people = _judged_people(solved)
+    if solved.world_dir is not None:
+        people = load_record(solved.world_dir).people
+    else:  # all share the reason
+        clips = [load_clip(person.clip_path) for person in solved.bodies]
+        why = str(solved.unsolved)
+        people = tuple(unsolved(why, len(clip.image_numbers), clip.id) for clip in clips)
     notes += solved.remarks
     if solved.world_dir is not None:
         world = load_record(solved.world_dir)
@@ -278,14 +283,6 @@ def _why(solved: Solved) -> str:
     if images_dir.is_relative_to(solved.out_dir):
         images_dir = images_dir.relative_to(solved.out_dir)
     return "; ".join([str(solved.unsolved.of(images_dir)), *solved.lens.objections])
-
-
-def _judged_people(solved: Solved) -> tuple[Verdict, ...]:
-    """By person; without a world all share the reason."""
-    if solved.world_dir is not None:
-        return load_record(solved.world_dir).people
-    clips = [load_clip(person.clip_path) for person in solved.bodies]
-    return tuple(unsolved(str(solved.unsolved), len(c.image_numbers), c.id) for c in clips)
 
 
 def judge_cameras(

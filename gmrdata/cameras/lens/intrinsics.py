@@ -230,8 +230,9 @@ def find_intrinsics(
             of_number = READOUT_S * frames.known_or_usual_hz * np.median(np.diff(frames.numbers))
             found = self_calibrate(sought, work_dir, config.self_calibration, float(of_number))
             shutil.rmtree(work_dir)
-            if not found.observable:
-                lines = _asked_by_lines(sought, known, config.lines)
+            own = None if known is None else known[0]
+            if not found.observable and (asked := focal_of_lines(sought, own, config.lines)):
+                lines = AskedByLines(asked.focal * max(frames.size_px), asked.focal_sigma)
         shown = _Shown(found, lines)
         _decided(known, shown, frames.size_px, config).write(partial / INTRINSICS_FILE)
 
@@ -254,15 +255,6 @@ class _Shown(NamedTuple):
     found: SelfCalibration | None
     """By the camera's motion; None where they were not asked."""
     lines: AskedByLines | None
-
-
-def _asked_by_lines(
-    frames: Frames, known: tuple[Lens, str] | None, config: LinesConfig
-) -> AskedByLines | None:
-    asked = focal_of_lines(frames, None if known is None else known[0], config)
-    if asked is None:
-        return None
-    return AskedByLines(asked.focal * max(frames.size_px), asked.focal_sigma)
 
 
 def _known(given: GivenIntrinsics | None, frames: FrameSet) -> tuple[Lens, str] | None:
@@ -368,9 +360,10 @@ def _decided(
         if abs(apart) <= max(config.doubt_sigmas * both_sigma, config.object_share):
             notes.append(f"{words}, which agrees." if not other_bend else f"{words}.")
             if one.focal_from.source == "metadata" and asked is None:
-                taken = _together(one, says)
-                sigma = taken.focal_from.sigma or 0.0
-                notes.append(f"Together they make {taken.focal_px[0]:.0f} px.")
+                sigmas = one.focal_from.sigma or 0.0, says.focal_sigma
+                focal_px, sigma = _averaged((one.focal_px[0], says.focal_px), sigmas)
+                taken = Lens.centred(focal_px, size_px, Origin("metadata", sigma))
+                notes.append(f"Together they make {focal_px:.0f} px.")
         elif one.focal_from.source == "given" and abs(apart) <= config.object_sigmas * both_sigma:
             notes.append(f"{words}: the two disagree, but not by enough to object.")
         elif one.focal_from.source == "given":
@@ -398,13 +391,6 @@ def _decided(
         objections=tuple(objections),
         notes=tuple(notes),
     )
-
-
-def _together(noted: Lens, lines: AskedLens | AskedByLines) -> Lens:
-    """The noted lens, drawn to what lines ask for."""
-    sigmas = noted.focal_from.sigma or 0.0, lines.focal_sigma
-    focal_px, sigma = _averaged((noted.focal_px[0], lines.focal_px), sigmas)
-    return Lens.centred(focal_px, noted.size_px, Origin("metadata", sigma))
 
 
 def _averaged(focals: tuple[float, ...], sigmas: tuple[float, ...]) -> tuple[float, float]:
@@ -448,8 +434,10 @@ def _taken(
     size_px: tuple[int, int],
 ) -> tuple[Lens, str]:
     """What is given; else what is firmer, the camera's own note or the frames; else a guess."""
-    if known is not None and not _is_firmer(asked, known[0]):
-        return known
+    if known is not None:
+        source, sigma = known[0].focal_from
+        if source != "metadata" or asked is None or asked.focal_sigma >= (sigma or 0.0):
+            return known
     if asked is None:
         return _guess(shown, size_px)
     lens = Lens.centred(asked.focal_px, size_px, Origin("self_calibrated", asked.focal_sigma))
@@ -473,12 +461,6 @@ def _guess(shown: _Shown, size_px: tuple[int, int]) -> tuple[Lens, str]:
     focal_px = focal * max(size_px)
     words = f"{why} {GUESSED.format(focal_px=focal_px, sigma=100 * sigma)}"
     return Lens.centred(focal_px, size_px, Origin("prior", sigma)), words
-
-
-def _is_firmer(asked: AskedLens | None, known: Lens) -> bool:
-    """Whether the frames say more than a camera's own note."""
-    source, sigma = known.focal_from
-    return source == "metadata" and asked is not None and asked.focal_sigma < (sigma or 0.0)
 
 
 def _asked(found: SelfCalibration, size_px: tuple[int, int]) -> AskedLens | None:
