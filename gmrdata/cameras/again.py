@@ -33,6 +33,10 @@ class _Way:
     step: int = 1  # from frame to frame; backward where it is negative
     seed: int = 0  # what is added to the recipe's
 
+    def rows(self, n_frames: int) -> np.ndarray:
+        """The rows of the frames in their order."""
+        return np.arange(n_frames)[:: self.step]
+
 
 WAYS = (
     _Way("backward, the video", step=-1),
@@ -108,7 +112,7 @@ def _solved(
 ) -> SolvedAgain:
     first, points = load_cameras(sfm_dir).path, load_points(sfm_dir)
     images = frames.paths
-    rows = np.arange(len(images))[:: way.step]
+    rows = way.rows(len(images))
     chosen = {f"{number:05d}": images[row] for number, row in enumerate(rows)}
     given, masks = linked(chosen, masks_dir, folder)
     seeded = config.reseeded(way.seed)

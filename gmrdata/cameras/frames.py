@@ -106,7 +106,11 @@ def reduced(
     (out_dir / "frames").mkdir(parents=True)
     if masks_dir is not None:
         masks_dir.mkdir()
-    seen_at = None if lens.is_pinhole else _seen_at(lens)
+    seen_at = None
+    if not lens.is_pinhole:  # where it shows each pixel of a pinhole's picture, as cv2.remap counts
+        pinhole_px = np.meshgrid(*(np.arange(side_px) + 0.5 for side_px in size_px))
+        seen_px = (lens.seen_px(np.stack(pinhole_px, axis=-1)) - 0.5).astype(np.float32)
+        seen_at = np.ascontiguousarray(seen_px[..., 0]), np.ascontiguousarray(seen_px[..., 1])
 
     def reduce_one(image: Path) -> Path:
         # As PNG it would take 40 times as long to write, and 14 times to read.
@@ -170,13 +174,6 @@ def _reduced_mask(
     edge, linear = cv2.BORDER_CONSTANT, cv2.INTER_LINEAR
     straight = cv2.remap(white, *seen_at, linear, borderMode=edge, borderValue=(255,))
     return 255 * (straight > 0).astype(np.uint8)
-
-
-def _seen_at(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
-    """Where a lens shows each pixel of a pinhole's picture, x and y (h, w), as cv2.remap counts."""
-    pinhole_px = np.meshgrid(*(np.arange(side_px) + 0.5 for side_px in lens.size_px))
-    seen_px = (lens.seen_px(np.stack(pinhole_px, axis=-1)) - 0.5).astype(np.float32)
-    return np.ascontiguousarray(seen_px[..., 0]), np.ascontiguousarray(seen_px[..., 1])
 
 
 @dataclass(frozen=True, eq=False)

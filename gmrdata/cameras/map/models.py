@@ -394,15 +394,14 @@ def _moving_share(
     return float(np.percentile(shares, 90)) if shares else 0.0
 
 
-FEWEST_TELLING, KNOWN_LOG_FOCAL = 6, 0.003
-"""Keyframes that must tell their focal length, and the standard error of its logarithm in one that
-tells: before a wall at a right angle none does."""
+FEWEST_TELLING = 6  # keyframes that must tell their focal length
+KNOWN_LOG_FOCAL = 0.0015  # standard error of its logarithm in one that tells, as before no wall
 
 
 def zoom_spread(mapped: Solution, matches: Matches, intrinsics_px: np.ndarray) -> float:
     """How far apart the focal lengths are that single keyframes of a model ask for: the difference
-    of their logarithms' 10th and 90th percentile; 0 where few tell.  Of a zoom a tenth is left, as
-    cameras stand too near or too far instead."""
+    of their logarithms' 10th and 90th percentile; 0 where few tell.  Of a zoom a tenth is left at
+    most, as cameras stand too near or too far instead."""
     logs = []
     for row in np.flatnonzero(mapped.adjusted).tolist():
         features, of = mapped.seen[row].T
@@ -413,8 +412,9 @@ def zoom_spread(mapped: Solution, matches: Matches, intrinsics_px: np.ndarray) -
         weights = 1.0 / (1.0 + (off_px**2).sum(axis=1) / LOSS_PX**2)
         told = np.einsum("nki,n,nkj->ij", slopes, weights, slopes)
         covariance = np.linalg.inv(told + 1e-12 * np.trace(told) * np.eye(7))
-        if noise_px(off_px) * np.sqrt(covariance[6, 6]) < KNOWN_LOG_FOCAL:
-            logs.append(covariance[6] @ np.einsum("nki,n,nk->i", slopes, weights, off_px))
+        step = -covariance @ np.einsum("nki,n,nk->i", slopes, weights, off_px)
+        if noise_px(off_px + slopes @ step) * np.sqrt(covariance[6, 6]) < KNOWN_LOG_FOCAL:
+            logs.append(step[6])
     return float(np.ptp(np.percentile(logs, [10, 90]))) if len(logs) >= FEWEST_TELLING else 0.0
 
 
