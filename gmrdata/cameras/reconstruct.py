@@ -187,17 +187,15 @@ def solve(
         matches = match_behind_masks(matches, keyframes, work_dir, config)
         matches = adjust_keypoints(matches, keyframes, work_dir)
         keys = keys.but_matched(matches)
-        mapped = without_seen_again(matches, config.mapping)
-        keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
-        solution, evidence, set_aside = _solve_keyframes(keyed, work_dir)
-        while (after := _dissolve_after(solution, keyed)) is not None:
-            keys = replace(keys, cuts=np.union1d(keys.cuts, keys.rows[after]))
-            work_dir, before = work_dir / "parted", work_dir
-            matches = parted(matches, keyframes, after, before, work_dir)
+        while True:
             mapped = without_seen_again(matches, config.mapping)
-            timeline = Timeline(in_time, keys.cuts)
             keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
             solution, evidence, set_aside = _solve_keyframes(keyed, work_dir)
+            if (after := _dissolve_after(solution, keyed)) is None:
+                break
+            matches = parted(matches, keyframes, after, work_dir, work_dir / "parted")
+            keys, work_dir = keys.cut_after(after), work_dir / "parted"
+            timeline = Timeline(in_time, np.union1d(timeline.cuts, keys.cuts))
     except NoReconstruction as error:
         why = f"{error.why}{cuts_in_words(frames.numbers[keys.cuts])}"
         raise NoReconstruction(why, error.frames_dir) from None

@@ -52,6 +52,10 @@ class Keyframes:
         cuts = [row for row in self.cuts if (row, row + 1) not in linked]
         return replace(self, cuts=np.array(cuts, dtype=np.int64))
 
+    def cut_after(self, key: int) -> "Keyframes":
+        """The same with a cut more, after a keyframe."""
+        return replace(self, cuts=np.union1d(self.cuts, self.rows[key]))
+
 
 def choose_keyframes(
     frames: Frames, config: SfmConfig, tell: Callable[[Path], None] = lambda _: None

@@ -182,7 +182,8 @@ def test_a_covered_lens_takes_few_keyframes(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Frames, "read", noted)
     nothing = Matches([np.zeros((0, 2))] * len(rows), [])
-    found = with_frames_between(nothing, keys.rows, frames, SfmConfig(keyframe_gap=10))
+    config = SfmConfig(keyframe_gap=10)
+    found = with_frames_between(nothing, keys.rows, frames, np.zeros(0), config)
     assert len(found.keypoints_px) == 52 and not [row for row in decoded if 6 < row < 45]
     assert set(range(1, 5)) <= set(decoded)
 
