@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from gmrdata.cameras.match.keyframes import unit_rays
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.match.tracks import Tracks
-from gmrdata.values import transforms
+from gmrdata.values.camera import project
 
 KEYFRAMES_APART = (2, 3)  # on either side: over more a camera goes too far by itself
 FEWEST_POINTS = 30  # in the picture on the other side, and
@@ -46,17 +46,16 @@ def points_of_matches(
     matches: Matches, world_from_cam: np.ndarray, intrinsics_px: np.ndarray
 ) -> SeenPoints:
     """Directions of what the matches of K keyframes show, whose cameras (K, 4, 4) only turn."""
-    counts = [len(points_px) for points_px in matches.keypoints_px]
-    start, n = np.cumsum([0, *counts[:-1]]), sum(counts)
-    ends = [p.features + start[[p.first, p.second]] for p in matches.pairs]
+    starts, n_keys = matches.starts, len(matches.keypoints_px)
+    ends = [p.features + starts[[p.first, p.second]] for p in matches.pairs]
     first, second = np.concatenate([np.zeros((0, 2), dtype=np.int64), *ends]).T
-    links = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(n, n))
+    links = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(starts[-1],) * 2)
     point = connected_components(links, directed=False)[1]
-    row = np.repeat(np.arange(len(counts)), counts)
+    row = np.repeat(np.arange(n_keys), np.diff(starts))
     rays = unit_rays(np.concatenate(matches.keypoints_px), intrinsics_px)
     directions = (world_from_cam[row, :3, :3] @ rays[..., None])[..., 0]
     known = np.isfinite(directions[:, 0])
-    points = np.zeros((n, 3))
+    points = np.zeros((len(point), 3))
     points[point[known]] = directions[known]
     return _seen(points, point[known], row[known])
 
@@ -116,11 +115,7 @@ def _in_picture(
     size_px: tuple[int, int],
 ) -> np.ndarray:
     """(N,) whether points lie well inside a camera's picture; none does where it has no camera."""
-    points_cam = transforms.apply(transforms.invert(world_from_cam), points)
-    ahead = points_cam[:, 2] > 0
-    image_px = points_cam @ intrinsics_px.T
-    image_px = image_px[:, :2] / np.where(ahead, image_px[:, 2], 1.0)[:, None]
-    edge_px = MARGIN * min(size_px)
-    return np.asarray(
-        ahead & ((image_px > edge_px) & (image_px < np.subtract(size_px, edge_px))).all(1)
-    )
+    image_px, edge_px = project(world_from_cam, points, intrinsics_px), MARGIN * min(size_px)
+    # Comparisons with NaN are False, of points behind the camera too.
+    inside = (image_px > edge_px) & (image_px < np.subtract(size_px, edge_px))
+    return np.asarray(inside.all(axis=1))

@@ -41,16 +41,16 @@ class Motions:
 
 def adjust_keypoints(matches: Matches, keyframes: Frames, work_dir: Path) -> Matches:
     """Move the image points of keyframes, in the matches and in COLMAP's database."""
-    starts = np.cumsum([0, *(len(points_px) for points_px in matches.keypoints_px)])
-    measured = _measure(matches, keyframes, starts)
+    measured = _measure(matches, keyframes)
     everything = np.concatenate(matches.keypoints_px)
-    adjusted = np.split(_fitted(everything, measured), starts[1:-1])
+    adjusted = np.split(_fitted(everything, measured), matches.starts[1:-1])
     _write(adjusted, keyframes, work_dir / DATABASE_FILE)
     return replace(matches, keypoints_px=adjusted)
 
 
-def _measure(matches: Matches, keyframes: Frames, starts: np.ndarray) -> Motions:
+def _measure(matches: Matches, keyframes: Frames) -> Motions:
     """How the patches of matches move from each keyframe to the next; none that touch a mask."""
+    starts = matches.starts
     neighbours = [pair for pair in matches.pairs if pair.second == pair.first + 1]
     found = in_threads(partial(_moved, matches, keyframes), neighbours)
     points, moved_px = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2))]

@@ -48,6 +48,11 @@ class Matches:
     """Of the same image points; None where nothing is masked."""
 
     @property
+    def starts(self) -> np.ndarray:
+        """(T+1,) which image point is each frame's first, counted through all frames."""
+        return np.cumsum([0, *(len(points_px) for points_px in self.keypoints_px)])
+
+    @property
     def n_of_pair(self) -> dict[tuple[int, int], int]:
         """How many matches each pair of rows has."""
         return {(pair.first, pair.second): len(pair.features) for pair in self.pairs}
@@ -305,10 +310,9 @@ def parted(
         late = {
             image.image_id: row_of_name[image.name] > after for image in database.read_all_images()
         }
-        for pair_id in database.read_all_matches()[0]:
+        for pair_id in database.read_two_view_geometries()[0]:
             pair = pycolmap.pair_id_to_image_pair(pair_id)
             if late[pair[0]] != late[pair[1]]:
-                database.delete_matches(*pair)
                 database.delete_two_view_geometry(*pair)
     pairs = [pair for pair in matches.pairs if (pair.first > after) == (pair.second > after)]
     return replace(matches, pairs=pairs)
