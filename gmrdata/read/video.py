@@ -4,7 +4,7 @@ PyAV decodes, and OpenCV writes the JPEGs.  A frame is as a person sees it in a 
 mirrored as the file says, without lines of two times, and as wide as its pixels make it.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -48,6 +48,7 @@ MOST_REORDERED = 16  # frames that a decoder may hold back, as H.264 and HEVC ha
 REPEATED, FEWEST_REPEATED, MOST_ON_END = 0.1, 0.15, 10
 """A frame repeats the one before if it changes by so small a share of what most do; how many repeat
 where 24 pictures a second were made 30 (a fifth); and of how many frames one picture is made."""
+FAR_ON = 95  # percentile of all changes; of real clips that hang for a third of a second, all are
 FINEST_S = 1e-5  # times are not compared more finely [s]
 FEWEST_LOST_S = 0.5  # a file without a count of frames may say so much more than they last [s]
 
@@ -259,7 +260,7 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         _require_whole(path, n_expected, reading, config)
         _require_several(path, len(numbers), reading)
         rate_hz, times_s = _rated(path, stream, reading)
-        if repeats := said_of_repeats(np.array(changes), config.every):
+        if repeats := said_of_repeats(np.array(changes), numbers):
             remark(f"{path}: {repeats}")
         return VideoRecord(
             container=container.format.name,
@@ -279,19 +280,27 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         )
 
 
-def said_of_repeats(changes: np.ndarray, taken_every: int = 1) -> str | None:
+def said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
     """What to say of frames that repeat the one before, by mean changes (N-1,) between those that
-    are taken; None where few do, or many on end, as of a picture that stands still."""
+    are taken, and their numbers; None where few do, or a picture stands still and then goes on as before."""
     repeats = changes < REPEATED * np.percentile(changes, 90)
     moves = np.flatnonzero(np.r_[True, ~repeats, True])
     apart = np.diff(moves)
-    if len(apart) < 3 or repeats.mean() < FEWEST_REPEATED or apart.max() > MOST_ON_END:
+    if len(apart) < 3:
+        return None
+    if apart.max() > MOST_ON_END:
+        first, after = moves[(longest := int(apart.argmax())) : longest + 2].tolist()
+        if after > len(changes) or changes[after - 1] <= np.percentile(changes[~repeats], FAR_ON):
+            return None
+        what = f"frames {numbers[first]} to {numbers[after - 1]} show one picture"
+        return f"{what}, and the next is far on: the recording hung, people did not; cut it there"
+    if repeats.mean() < FEWEST_REPEATED:
         return None
     every = int(apart[1])
     even = (apart[1:-1] == every).all()
     if even and every == 1:
         return None  # it only stands still at an end
-    remedy = f"--every {every * taken_every} leaves them out" if even else "give the original"
+    remedy = f"--every {every * (numbers[1] - numbers[0])} leaves them out" if even else "give the original"
     n, of = int(repeats.sum()), len(changes) + 1
     return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"
 
