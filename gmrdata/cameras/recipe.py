@@ -85,6 +85,9 @@ class MappingConfig(Config):
     that what merely moves fast stays."""
     most_jumps: int = Field(default=10, ge=0)
     """Keyframes that are tried so at most, since each takes an adjustment."""
+    most_zoom_spread: float = Field(default=0.01, ge=0)
+    """Spread of the focal lengths that single keyframes ask for, as a share, above which the lens
+    zooms: fixed ones, wrong ones too, have half of it, a zoom by a third five times."""
 
     def in_parts(self, n_keyframes: int) -> bool:
         """Whether so many are more than one part has: what is done of long videos alone."""
@@ -166,6 +169,25 @@ class SecondConfig(Config):
     most_of_them: float = Field(default=0.6, ge=0, le=1)
     """Share of the keyframes that a model, or a second one, needs to say that another is wrong; one
     of few keyframes does not tell how far the camera travels over all."""
+
+
+class DissolveConfig(Config):
+    """When the picture goes over from one place into another, and the cameras with it."""
+
+    keyframes_apart: tuple[int, ...] = (2, 3)
+    """Keyframes on either side that are compared; over more a camera goes too far by itself."""
+    none_again: float = Field(default=0.04, ge=0, le=1)
+    """Share of the points in the picture on the other side that are seen there, below which two
+    places have nothing in common but wrong matches, or a logo."""
+    usually_again: float = Field(default=0.25, ge=0, le=1)
+    """Median of that share in a clip, below which nothing is seen twice: photos far apart."""
+    least_in_picture: float = Field(default=0.25, ge=0, le=1)
+    """Share of a keyframe's points that must lie in the picture on the other side: with less the
+    cameras may have turned away."""
+    fewest_points: int = Field(default=30, ge=1)
+    """And how many."""
+    margin: float = Field(default=0.05, ge=0, lt=0.5)
+    """Of the picture's shorter side: what is at the edge may be out of it."""
 
 
 class SfmConfig(Config):
@@ -252,6 +274,7 @@ class SfmConfig(Config):
     distortion: DistortionConfig = DistortionConfig()
     choice: ChoiceConfig = ChoiceConfig()
     second: SecondConfig = SecondConfig()
+    dissolve: DissolveConfig = DissolveConfig()
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
     """Seed of every random choice."""
 

@@ -52,7 +52,6 @@ from gmrdata.values.errors import BadRecipe, NoReconstruction
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.records import Config, compared
 
-MOST_ZOOM_SPREAD = 0.01  # fixed lenses, also wrong ones, have 0.005 at most, a zoom of 30 % 0.05
 IMAGES_FACT = "images_dir"
 """Fact of the stage's record: the folder of images; a video's lie beside the cameras."""
 
@@ -211,7 +210,8 @@ def _dissolve_after(solution: Solution, keyed: "_Keyed") -> int | None:
         seen = points_of_matches(keyed.matches, cameras, intrinsics_px)
     else:
         seen = points_of_tracks(solution.tracks, solution.points, keyed.rows)
-    after = dissolve_after(seen, cameras, intrinsics_px, keyed.frames.size_px)
+    size_px, config = keyed.frames.size_px, keyed.config.dissolve
+    after = dissolve_after(seen, cameras, intrinsics_px, size_px, config)
     # Once parted there, frames that both places are seen in are what they are.
     return None if after is None or keyed.rows[after] in keyed.timeline.cuts else after
 
@@ -304,10 +304,11 @@ def _as_mapped(keyed: _Keyed, mapped: Solution, matches: Matches) -> Solution:
     config, intrinsics_px = keyed.config, keyed.frames.intrinsics_px
     rows, both = keyed.mapped_rows, (keyed.mapped_matches, matches)
     of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in both)
-    if (spread := zoom_spread(mapped, of_keys, intrinsics_px)) > MOST_ZOOM_SPREAD:
+    spread, most = zoom_spread(mapped, of_keys, intrinsics_px), config.mapping.most_zoom_spread
+    if spread > most:
         what = "single pictures ask for focal lengths that differ by {}, more than {}"
         raise NoReconstruction(
-            f"{compared(what, spread, MOST_ZOOM_SPREAD, '.1%')}: the camera zooms while it moves, "
+            f"{compared(what, spread, most, '.1%')}: the camera zooms while it moves, "
             "or the path is wrong; film without zooming",
             keyed.frames.images[0].parent,
         )

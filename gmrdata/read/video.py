@@ -282,7 +282,7 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
 
 def said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
     """What to say of frames that repeat the one before, by mean changes (N-1,) between those that
-    are taken, and their numbers; None where few do, or a picture stands still and then goes on as before."""
+    are taken, and their numbers; None where few do, or one stands still and goes on as before."""
     repeats = changes < REPEATED * np.percentile(changes, 90)
     moves = np.flatnonzero(np.r_[True, ~repeats, True])
     apart = np.diff(moves)
@@ -300,7 +300,8 @@ def said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
     even = (apart[1:-1] == every).all()
     if even and every == 1:
         return None  # it only stands still at an end
-    remedy = f"--every {every * (numbers[1] - numbers[0])} leaves them out" if even else "give the original"
+    leaves_out = f"--every {every * (numbers[1] - numbers[0])} leaves them out"
+    remedy = leaves_out if even else "give the original"
     n, of = int(repeats.sum()), len(changes) + 1
     return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"
 

@@ -16,14 +16,8 @@ from scipy.sparse.csgraph import connected_components
 from gmrdata.cameras.match.keyframes import unit_rays
 from gmrdata.cameras.match.matches import Matches
 from gmrdata.cameras.match.tracks import Tracks
+from gmrdata.cameras.recipe import DissolveConfig
 from gmrdata.values.camera import project
-
-KEYFRAMES_APART = (2, 3)  # on either side: over more a camera goes too far by itself
-FEWEST_POINTS = 30  # in the picture on the other side, and
-LEAST_IN_PICTURE = 0.25  # of those seen on this one: with less the cameras may have turned away
-NONE_AGAIN = 0.04  # wrong matches, or a logo; of 70 clips without one the least has 0.07
-USUALLY_AGAIN = 0.25  # the median of a clip: of photos far apart nothing is seen twice anyway
-MARGIN = 0.05  # of the picture's shorter side: what is at the edge may be out of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,16 +67,22 @@ def dissolve_after(
     world_from_cam: np.ndarray,
     intrinsics_px: np.ndarray,
     size_px: tuple[int, int],
+    config: DissolveConfig,
 ) -> int | None:
     """The keyframe of K, with cameras (K, 4, 4), in the middle of the first dissolve; None where
     there is none."""
-    for apart in KEYFRAMES_APART:
+    for apart in config.keyframes_apart:
         pairs = [(key, key + 2 * apart - 1) for key in range(len(world_from_cam) - 2 * apart + 1)]
         again = np.array([
-            _seen_again(seen, world_from_cam, intrinsics_px, size_px, pair) for pair in pairs
+            _seen_again(seen, world_from_cam, intrinsics_px, size_px, pair, config)
+            for pair in pairs
         ])  # fmt: skip
         known = again[np.isfinite(again)]
-        if len(known) and known.min() < NONE_AGAIN and np.median(known) >= USUALLY_AGAIN:
+        if (
+            len(known)
+            and known.min() < config.none_again
+            and (np.median(known) >= config.usually_again)
+        ):
             lowest = np.flatnonzero(again == known.min())
             return int(lowest[len(lowest) // 2]) + apart - 1
     return None
@@ -94,28 +94,25 @@ def _seen_again(
     intrinsics_px: np.ndarray,
     size_px: tuple[int, int],
     keys: tuple[int, int],
+    config: DissolveConfig,
 ) -> float:
     """The share of points that one of two keyframes sees and that lie in the other's picture, that
     a keyframe from there on sees: the larger share of both ways; NaN where too few lie in it."""
     shares = []
     for here, there in (keys, keys[::-1]):
         now = (seen.first <= here) & (seen.last >= here)
-        inside = _in_picture(seen.points[now], world_from_cam[there], intrinsics_px, size_px)
-        if inside.sum() < FEWEST_POINTS or inside.mean() < LEAST_IN_PICTURE:
+        image_px = project(world_from_cam[there], seen.points[now], intrinsics_px)
+        inside = _is_inside(image_px, size_px, config.margin)
+        if inside.sum() < config.fewest_points or inside.mean() < config.least_in_picture:
             return float("nan")
         ahead = seen.last[now] >= there if here < there else seen.first[now] <= there
         shares.append(float(ahead[inside].mean()))
     return max(shares)
 
 
-def _in_picture(
-    points: np.ndarray,
-    world_from_cam: np.ndarray,
-    intrinsics_px: np.ndarray,
-    size_px: tuple[int, int],
-) -> np.ndarray:
-    """(N,) whether points lie well inside a camera's picture; none does where it has no camera."""
-    image_px, edge_px = project(world_from_cam, points, intrinsics_px), MARGIN * min(size_px)
-    # Comparisons with NaN are False, of points behind the camera too.
+def _is_inside(image_px: np.ndarray, size_px: tuple[int, int], margin: float) -> np.ndarray:
+    """(N,) whether points (N, 2) lie well inside a picture; NaN, as of a camera that is not known
+    or behind it, does not."""
+    edge_px = margin * min(size_px)
     inside = (image_px > edge_px) & (image_px < np.subtract(size_px, edge_px))
     return np.asarray(inside.all(axis=1))
