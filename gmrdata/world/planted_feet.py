@@ -132,7 +132,7 @@ def planted_feet_scale(
 
 def _search(turned_m: np.ndarray, centres: np.ndarray, slip_m: float, config: ScaleConfig) -> float:
     """The scale of a logarithmic grid at which the least moving foot points move least."""
-    steps_m = np.diff(turned_m, axis=0).reshape(len(turned_m) - 1, -1, 3)
+    steps_m = np.diff(turned_m.reshape(len(turned_m), -1, 3), axis=0)
     moves = np.diff(centres, axis=0)
     known = np.isfinite(steps_m).all(axis=(1, 2)) & np.isfinite(moves).all(axis=1)
     if not known.any():

@@ -316,6 +316,20 @@ def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body):
     assert [cue.person for cue in estimate.cues] == [1]
 
 
+@pytest.mark.parametrize("fps_hz", [10.0, 120.0])
+def test_who_is_known_in_the_last_frame_alone_leaves_the_scale_to_the_others(fps_hz, small_body):
+    """No other frame is left to compare it with, which ended the world in a traceback."""
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0, fps_hz=fps_hz)
+    at_last = np.arange(path.n_frames) == path.n_frames - 1
+    last = np.where(at_last[:, None, None], path.world_from_cam, np.nan)
+    seldom = replace(path, world_from_cam=last, has_camera=at_last)
+    people = [seen_person(small_body, motion, path, one) for one in (seldom, path)]
+    estimate = estimate_scale(people, "full", CONFIG)
+    assert estimate.scale == scale_of(small_body, motion, path).scale
+    with pytest.raises(NoReconstruction, match="no two frames in a row have both pose and camera"):
+        estimate_scale(people[:1], "full", CONFIG)
+
+
 def test_what_cues_share_is_not_lowered_by_their_number():
     cues = tuple(CueEstimate(f"cue_{i}", 2.0, 0.02, 9, 0.01, None) for i in range(100))
     assert fuse(cues).sigma == pytest.approx(0.002)
