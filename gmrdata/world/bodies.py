@@ -248,7 +248,8 @@ def _require_even(path: Path, frames: FrameSet) -> None:
     differ: VIBE gets its images from ffmpeg, which repeats and leaves out frames until they have
     one.  Phones are off by a frame or so in a minute."""
     video_hz = frames.video_hz
-    off_s = float(np.ptp(frames.times_s - frames.frame_numbers / video_hz))
+    # Also before a part: numbers and times count from the video's first frame.
+    off_s = float(np.ptp([0.0, *(frames.times_s - frames.frame_numbers / video_hz)]))
     if off_s > ODD_FRAMES / video_hz:
         what = f"the video's frames are up to {off_s:.2f} s off a steady {video_hz:.5g} Hz"
         steady = f"ffmpeg -i VIDEO -vf fps={video_hz:.5g} STEADY"
