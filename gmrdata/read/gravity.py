@@ -37,13 +37,7 @@ def read_gravity(path: Path, frames: FrameSet) -> np.ndarray:
     Raises:
         MissingInput, BadIntrinsics: there is no file, it is none of these, or of other frames.
     """
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file of gravity; give {TAKEN}")
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-        ups = dict(_record3d(parse_json(text)) if text.lstrip()[:1] == "{" else _rows(text))
-    except (*BROKEN, csv.Error) as error:
-        raise BadIntrinsics(f"{path}: no gravity can be read ({error}); give {TAKEN}") from None
+    ups = ups_by_frame(path)
     nowhere = np.full(3, np.nan)
     found = np.array([ups.get(int(number), nowhere) for number in frames.frame_numbers])
     if np.isfinite(found[:, 0]).sum() < 2:
@@ -57,6 +51,17 @@ def read_gravity(path: Path, frames: FrameSet) -> np.ndarray:
         remedy = "give the whole video with --from and --to, or a .csv whose frame 0 is the first"
         raise BadIntrinsics(f"{path}: {what}; {remedy}")
     return found
+
+
+def ups_by_frame(path: Path) -> dict[int, np.ndarray]:
+    """All that a file has, (3,) by the number of the frame; errors as of `read_gravity`."""
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file of gravity; give {TAKEN}")
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+        return dict(_record3d(parse_json(text)) if text.lstrip()[:1] == "{" else _rows(text))
+    except (*BROKEN, csv.Error) as error:
+        raise BadIntrinsics(f"{path}: no gravity can be read ({error}); give {TAKEN}") from None
 
 
 def _record3d(values: Mapping[str, Any]) -> Iterator[tuple[int, np.ndarray]]:

@@ -4,8 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, given_lens
 from gmrdata.cameras.lens.self_calibration import ENOUGH_FRAMES
+from gmrdata.read.bodies import load_body
+from gmrdata.read.gravity import ups_by_frame
 from gmrdata.read.video import VideoConfig, as_frames, count_images, is_video
 from gmrdata.read.video_files import NamedVideo, find_videos
 from gmrdata.solve.request import (
@@ -16,6 +18,7 @@ from gmrdata.solve.request import (
     paths_of,
     people_of,
 )
+from gmrdata.solve.solve import chosen_body
 from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
@@ -78,6 +81,8 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     }
     stages = [name for name, is_on in asked.items() if is_on]
     planned = plan_stages(request.source, request.part, stages, alone=people is None)
+    if request.lens is not None:
+        given_lens(request.lens, planned.size_px)
     n_pixels = planned.size_px[0] * planned.size_px[1]
     shrink = min(1.0, config.sfm.max_image_size_px / max(planned.size_px))
     image_mb = MASKS_MB * asked["masks"] + (PIXEL_MB * n_pixels * shrink**2 if shrink < 1 else 0.0)
@@ -133,6 +138,10 @@ def plan_videos(
     two cores; nothing is made.  Heights and gravity change neither.  Errors as there."""
     paths = paths_of(sources)
     people, results = people_of(poses, body, config, gravity)
+    if people is not None or results is not None:
+        load_body(chosen_body(body))
+    if gravity is not None:
+        ups_by_frame(Path(gravity))
     request = SolveRequest(paths[0], people, lens, fps_hz, part)
     found = find_videos(paths)
     if found is None:

@@ -13,7 +13,12 @@ import numpy as np
 
 from gmrdata.cameras.again import solve_again
 from gmrdata.cameras.files import load_quality
-from gmrdata.cameras.lens.intrinsics import beside_cameras, find_intrinsics, load_intrinsics
+from gmrdata.cameras.lens.intrinsics import (
+    beside_cameras,
+    find_intrinsics,
+    given_lens,
+    load_intrinsics,
+)
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.people import sources as mask_sources
 from gmrdata.people.facing import rate_remarks
@@ -169,6 +174,8 @@ def _drop(folders: Sequence[Path], run: Run, what: str) -> None:
 def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
     left_out, into = request.given.left_out, out_dir / FRAMES
     frames = as_frames(request.source, into, request.part, left_out=left_out, run=run)
+    if request.lens is not None:  # before hours of masks
+        given_lens(request.lens, frames.size_px)
     is_given = isinstance(request.people, GivenPeople)
     return frames if is_given else frames.with_rate(request.fps_hz)
 

@@ -168,9 +168,12 @@ def _write(
     notes = [*_check_frames(found, poses_path, frames, config), *_size_notes(found, body, config)]
     people, left_out = _seen_enough(found, poses_path, frames, config)
     facts: list[BodyFacts] = []
+    nowhere = np.full((n := len(frames.paths), 4, 4), np.nan)
+    unknown = CameraPath(lens.matrix_px, *frames.size_px, nowhere, np.zeros(n, bool))
     for person, numbers in people:
         placed = place_body(person, body, lens, frames.size_px, poses_path)
-        known = _before_camera(placed)
+        depths_m = placed.pelvis_m[:, 2]
+        known = np.flatnonzero((depths_m > NEAREST_M) & (depths_m < FURTHEST_M))
         valid = _seen(frames, numbers[known], config.frames_per_row)
         if valid.sum() < 2:
             left_out.append(f"{person.name} does not stand before the camera")
@@ -180,7 +183,7 @@ def _write(
         motion = at.moved(_motion(person, placed, body, frames.rate_hz, source).take(known))
         told_m = height_of(person.name, config.heights)
         motion = motion if told_m is None else of_height(motion, body, told_m)
-        clip = _clip(person.name, motion, valid, filmed)
+        clip = Clip(person.name, motion, valid, frames.numbers, unknown)
         path = folder / person_file(len(facts))
         save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
         own_sigma = ESTIMATED_SIGMA if person.has_betas_of(body.name) else UNKNOWN_SIGMA
@@ -246,9 +249,8 @@ def _check_frames(
 def _require_even(path: Path, frames: FrameSet) -> None:
     """Refuse VIBE's file of a video whose times are off one rate by more frames than counts may
     differ: VIBE gets its images from ffmpeg, which repeats and leaves out frames until they have
-    one.  Phones are off by a frame or so in a minute."""
+    one, from the video's first on.  Phones are off by a frame or so in a minute."""
     video_hz = frames.video_hz
-    # Also before a part: numbers and times count from the video's first frame.
     off_s = float(np.ptp([0.0, *(frames.times_s - frames.frame_numbers / video_hz)]))
     if off_s > ODD_FRAMES / video_hz:
         what = f"the video's frames are up to {off_s:.2f} s off a steady {video_hz:.5g} Hz"
@@ -328,12 +330,6 @@ def _seen_enough(
     return kept, left_out
 
 
-def _before_camera(placed: PlacedBody) -> np.ndarray:
-    """Rows (K,) in which the person stands where a picture can be of it."""
-    depths_m = placed.pelvis_m[:, 2]
-    return np.flatnonzero((depths_m > NEAREST_M) & (depths_m < FURTHEST_M))
-
-
 def _motion(
     person: EstimatedPerson, placed: PlacedBody, body: BodyModel, fps_hz: float, source: str
 ) -> Motion:
@@ -349,13 +345,6 @@ def _motion(
         frame="camera",
         source=source,
     )
-
-
-def _clip(name: str, motion: Motion, valid: np.ndarray, filmed: Filmed) -> Clip:
-    (frames, lens), n = filmed, motion.n_frames
-    nowhere = np.full((n, 4, 4), np.nan)
-    unknown = CameraPath(lens.matrix_px, *frames.size_px, nowhere, np.zeros(n, bool))
-    return Clip(name, motion, valid, frames.numbers, unknown)
 
 
 def _seen(frames: FrameSet, known: np.ndarray, frames_per_row: int) -> np.ndarray:

@@ -287,7 +287,9 @@ def compose_clips(
     )
     sizes = estimate.sizes or [(1.0, one.size_sigma) for one in people]
     camera_clips = [
-        _of_likely_size(one.clip, one.body, factor)
+        replace(one.clip, motion=of_size(one.clip.motion, one.body, factor))
+        if abs(factor - 1) >= LEAST_GROWTH
+        else one.clip
         for one, (factor, _) in zip(people, sizes, strict=True)
     ]
     # Without a scale the camera stays in place, also one that was seen to travel a little.
@@ -304,13 +306,6 @@ def compose_clips(
         for clip, rows in zip(camera_clips, usable, strict=True)
     ]
     return ComposedWorld(clips, estimate, level, tuple(sigma for _, sigma in sizes))
-
-
-def _of_likely_size(clip: Clip, body: BodyModel, factor: float) -> Clip:
-    """The clip on a body that is larger, as much further away."""
-    if abs(factor - 1) < LEAST_GROWTH:
-        return clip
-    return replace(clip, motion=of_size(clip.motion, body, factor))
 
 
 def _camera_clips(people: Sequence[PersonFiles]) -> list[Clip]:

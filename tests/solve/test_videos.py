@@ -22,7 +22,13 @@ from gmrdata.solve.verdict import OVERLAY, PAGE, VERDICT_FILE, VIEW, VideoVerdic
 from gmrdata.solve.videos import Batch, Videos, _with_files
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.errors import BadRecipe, StageFailed, StaleOutput
+from gmrdata.values.errors import (
+    BadIntrinsics,
+    BadRecipe,
+    MissingInput,
+    StageFailed,
+    StaleOutput,
+)
 from gmrdata.values.files import STAGE_FILE, read_json, write_json
 from gmrdata.values.records import Config
 from tests.film.set_kills import contents
@@ -115,6 +121,36 @@ ALONE: dict[str, Any] = {
     "config": SolveConfig(masks=None, intrinsics=IntrinsicsConfig(look_in_frames=False)),
 }
 SHOWN = {PAGE, VIEW, OVERLAY}
+
+
+@pytest.mark.parametrize(
+    ("lens", "said"),
+    [
+        ({"focal_px": 1.0}, r"length of 1 px was given\. No camera sees that of 64x48 px"),
+        ({"file": "odd.txt"}, r"odd\.txt: can't be read as intrinsics"),
+    ],
+)
+def test_a_lens_that_none_can_be_is_refused_before_anything_is_made(
+    lens, said, tmp_path, monkeypatch
+):
+    """Masks were made first, for hours maybe, and a dry run said nothing of it."""
+    monkeypatch.chdir(tmp_path)
+    Path("odd.txt").write_text("x")
+    frames, asked = grey_images(tmp_path / "frames"), ALONE | {"lens": GivenIntrinsics(**lens)}
+    with pytest.raises(BadIntrinsics, match=said):
+        plan_videos(frames, **asked)
+    with pytest.raises(BadIntrinsics, match=said):
+        solve_video(frames, "out", **asked)
+    assert not Path("out").exists()
+
+
+def test_a_dry_run_refuses_the_body_and_the_gravity_that_a_run_does(tmp_path):
+    frames, asked = grey_images(tmp_path / "frames"), ALONE | {"poses": tmp_path / "wham.pkl"}
+    with pytest.raises(MissingInput, match=r"gone\.pkl: no such body file"):
+        plan_videos(frames, **asked, body="gone.pkl")
+    (gravity := tmp_path / "gravity.csv").write_text("frame,x,y\n0,0,1\n")
+    with pytest.raises(BadIntrinsics, match=r"gravity\.csv: no gravity can be read"):
+        plan_videos(frames, **asked, gravity=gravity)
 
 
 FILES = ("notes.txt", "tum/camera.txt", "bvh/person_0/person_0_00000-00003.bvh", "glb/person_0.glb")

@@ -260,9 +260,7 @@ class _Shown(NamedTuple):
 def _known(given: GivenIntrinsics | None, frames: FrameSet) -> tuple[Lens, str] | None:
     """The lens that is given, else noted by the camera, and how that is said."""
     if given is not None:
-        lens, words = _given_lens(given, frames.size_px)
-        _require_possible(lens, words)
-        return lens, words
+        return given_lens(given, frames.size_px)
     noted = _noted(frames)
     if noted is None:
         return None
@@ -285,19 +283,26 @@ def _noted(frames: FrameSet) -> Lens | None:
     return Lens.centred(focal_px, frames.size_px, Origin("metadata", sigma))
 
 
-def _given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Lens, str]:
+def given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Lens, str]:
+    """The lens that is given, for pictures of this size, and how that is said; BadIntrinsics for
+    one that sees too wide or folds the picture, and what else reading its file raises."""
     if given.file is not None:
-        return _lens_of_file(
-            given.file, size_px
-        ), f"The lens is that of {as_text(given.file.name)}."
-    origin = Origin("given", GIVEN_SIGMA)
-    if given.fov_deg is not None:
-        focal_px = 0.5 * size_px[0] / float(np.tan(np.deg2rad(given.fov_deg) / 2))
-        words = f"A field of view of {given.fov_deg:g}° was given."
-        return Lens.centred(focal_px, size_px, origin), words
-    assert given.focal_px is not None
-    words = f"A focal length of {given.focal_px:g} px was given."
-    return Lens.centred(given.focal_px, size_px, origin), words
+        words = f"The lens is that of {as_text(given.file.name)}."
+        lens = _lens_of_file(given.file, size_px)
+    else:
+        focal_px = given.focal_px or 0.0
+        words = f"A focal length of {focal_px:g} px was given."
+        if given.fov_deg is not None:
+            focal_px = 0.5 * size_px[0] / float(np.tan(np.deg2rad(given.fov_deg) / 2))
+            words = f"A field of view of {given.fov_deg:g}° was given."
+        lens = Lens.centred(focal_px, size_px, Origin("given", GIVEN_SIGMA))
+    if lens.corner_radius > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
+        what = f"{words} No camera sees that of {size_px[0]}x{size_px[1]} px"
+        raise BadIntrinsics(f"{what}; the focal length is in pixels of these frames")
+    if lens.folds:
+        what = f"{words} Its distortion of {lens.radial[0]:g} folds the corners of the picture"
+        raise BadIntrinsics(f"{what}; calibrate again, or undistort the frames")
+    return lens, words
 
 
 def _lens_of_file(path: Path, size_px: tuple[int, int]) -> Lens:
@@ -325,17 +330,6 @@ def _is_own(path: Path) -> bool:
         said = value.get("format") if isinstance(value, dict) else None
         return str(said).startswith("gmrdata-intrinsics/")
     return False
-
-
-def _require_possible(lens: Lens, words: str) -> None:
-    """Refuse what can't be a lens: one that sees too wide, or that folds the picture."""
-    size_px = lens.size_px
-    if lens.corner_radius > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
-        what = f"{words} No camera sees that of {size_px[0]}x{size_px[1]} px"
-        raise BadIntrinsics(f"{what}; the focal length is in pixels of these frames")
-    if lens.folds:
-        what = f"{words} Its distortion of {lens.radial[0]:g} folds the corners of the picture"
-        raise BadIntrinsics(f"{what}; calibrate again, or undistort the frames")
 
 
 def _decided(
