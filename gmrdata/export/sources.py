@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from gmrdata.manifest.check import require_sound
 from gmrdata.manifest.current import READS, FolderRecord, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.read import listed_path, load_entry, read_data_set
-from gmrdata.read.bodies import body_files, load_body
+from gmrdata.read.bodies import body_files, load_body_once
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.solve.request import FRAMES, MASKS, SFM
 from gmrdata.solve.verdict import FILES, VERDICT_FILE
@@ -75,7 +75,7 @@ class ExportedClip(ClipFiles):
         """The person's body; MissingInput where it is not at hand, BadBodyFile for another one."""
         wanted, shape = self.clip.motion.body, self.clip.motion.shape
         # Of two with one name the nearer one, which stands first.
-        found = {body.name: body for body in map(_loaded, reversed(self.body_names))}
+        found = {body.name: body for body in map(load_body_once, reversed(self.body_names))}
         if wanted not in found:
             there = f"; there are {', '.join(found)}" if found else ""
             raise MissingInput(
@@ -131,11 +131,6 @@ def images_by_number(folder: Path, suffixes: Collection[str] = IMAGE_SUFFIXES) -
             what = f"two images have the number {number}, {other.name} and {path.name}"
             raise BadFrames(f"{folder}: {what}. Keep other pictures in another folder")
     return found
-
-
-@lru_cache(maxsize=8)
-def _loaded(name: str) -> BodyModel:
-    return load_body(name)
 
 
 def list_clips(source: Path, ids: Sequence[str] = ()) -> list[ClipFiles]:

@@ -8,7 +8,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path, PurePath
 from typing import Literal, Self
@@ -30,14 +29,13 @@ from gmrdata.motion.amass import chosen_body
 from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
 from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG
 from gmrdata.read import source_motion
-from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
+from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body_once
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, UpAxis
 from gmrdata.stage.jobs import Job, Outcome, try_here, try_jobs
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import AGAIN, run_stage
 from gmrdata.stage.workers import own_cores, worker_pool
-from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import as_paths, as_text
@@ -297,7 +295,7 @@ def _list(
 ) -> bool:
     """Write the manifest; False where an earlier one stays, and files have failed since."""
     used = sorted({entry.body for entry in outcome.results.values()})
-    licences = dict.fromkeys(_body(body_paths[name]).licence for name in used)
+    licences = dict.fromkeys(load_body_once(body_paths[name]).licence for name in used)
     licence = f"clips as stated by each; body: {'; '.join(licences)}"
     head = motions_head(clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
     entries = list(outcome.results.values())
@@ -317,7 +315,7 @@ def make_entry(
     body_path = body_paths[chosen_body(file.path, body_paths)]
 
     def work(partial_dir: Path) -> None:
-        body = _body(body_path)
+        body = load_body_once(body_path)
         read = read_file(file.path, body, config)
         motion = read.motion
         n = motion.n_frames
@@ -364,13 +362,7 @@ def _keep(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
     if Path(body).expanduser().is_dir():
         return keep_bodies(body, out_dir, run=run)
     path = keep_body(body, out_dir, run=run)
-    return {_body(path).name: path}
-
-
-@lru_cache(maxsize=3)
-def _body(path: Path) -> BodyModel:
-    """Read once per process and not once per file."""
-    return load_body(path)
+    return {load_body_once(path).name: path}
 
 
 def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:

@@ -1,6 +1,7 @@
 """Bodies by name, file or folder: the default one, gmrdata's own files, SMPL's models."""
 
 import re
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from gmrdata.read.body_file import BODY_FORMAT, check_body, read_body, read_plain_npz, save_body
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import file_state, run_stage
 from gmrdata.values.body import HANDS, N_JOINTS, PARENTS, BodyModel, of_equal_size
 from gmrdata.values.errors import BadBodyFile, BrokenPickle, MissingInput
 from gmrdata.values.files import files_inside, npz_format, visible
@@ -163,6 +164,17 @@ def load_body(body: Path | str | None) -> BodyModel:
     if path.suffix.lower() in (".npz", ".pkl"):
         return read_smpl(path)
     raise BadBodyFile(f"{path}: a body is 'anny', or a file ending in .npz or .pkl")
+
+
+def load_body_once(body: Path | str) -> BodyModel:
+    """The same, read once in a process for as long as the file stays as it is."""
+    path = _given(body)
+    return _as_it_is(body, file_state(path) if path is not None and path.is_file() else None)
+
+
+@lru_cache(maxsize=8)
+def _as_it_is(body: Path | str, state: object) -> BodyModel:
+    return load_body(body)
 
 
 def _given(body: Path | str | None) -> Path | None:

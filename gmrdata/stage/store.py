@@ -413,7 +413,7 @@ class _InputHashes:
     def _of_file(self, key: str, file: Path) -> str:
         if not file.is_file():
             return sha256_of_file(file)  # which says what is missing
-        device, state = _state(file)
+        device, state = file_state(file)
         earlier = self._earlier.get(key)
         if earlier is not None and earlier.state == state:
             self._known[key] = earlier
@@ -421,13 +421,14 @@ class _InputHashes:
         began_ns = time.time_ns()
         digest = _HASHED.get((device, state)) or sha256_of_file(file)
         is_old = max(state.mtime_ns, state.ctime_ns) < began_ns - FRESH_NS
-        if is_old and _state(file) == (device, state):
+        if is_old and file_state(file) == (device, state):
             _HASHED[device, state] = digest
             self._known[key] = KnownFile(digest, state)
         return digest
 
 
-def _state(file: Path) -> tuple[int, FileState]:
+def file_state(file: Path) -> tuple[int, FileState]:
+    """Its device, and what stays as long as the content does."""
     found = file.stat()
     state = FileState(found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
     return found.st_dev, state

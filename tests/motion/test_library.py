@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from gmrdata.motion.library import (
     motion_table,
     plan_library,
 )
+from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from tests.clip_manifests import clips_of
@@ -159,6 +161,16 @@ def test_another_reading_of_files_that_are_there_is_said_as_such(tmp_path, body_
     what = "2 of 2 files were read in another way before; motions.yaml is that of before:"
     assert said[0] == what and "config.fps_hz. Pass --redo" in said[1]
     assert (tmp_path / "out" / "motions.yaml").read_bytes() == before
+
+
+def test_another_body_at_the_same_place_is_read_anew(tmp_path, small_body, body_path):
+    """One process took the body of its first run for all that came later."""
+    write_amass(tmp_path, NAMES[:1])
+    other = tmp_path / "other.npz"
+    save_body(other, replace(small_body, name="other"))
+    for body, name, redo in ((body_path, small_body.name, False), (other, "other", True)):
+        made = make_library((tmp_path,), str(body), tmp_path / "out", run=Run(redo=redo))
+        assert [clip.motion.body for clip in load_clips(made)] == [name]
 
 
 def test_names_of_clips(tmp_path):
