@@ -231,18 +231,17 @@ def judge_video(solved: Solved) -> VideoVerdict:
             doubts += AgainRecord.read(solved.again_dir / AGAIN_FILE).reasons(thresholds)
         camera = judge_cameras(solved.sfm_dir, frames.rate_hz, thresholds, doubts)
         notes += lens_notes(cameras, lens)
+    notes += solved.remarks
     if solved.world_dir is not None:
-        people = load_record(solved.world_dir).people
+        world = load_record(solved.world_dir)
+        people = world.people
+        if world.level is not None:
+            notes += [one for one in (world.level.remark, world.level.tipped) if one is not None]
+        notes += [*_scale_notes(world), *_unchecked(world, solved.config.masks)]
     else:  # all share the reason
         clips = [load_clip(person.clip_path) for person in solved.bodies]
         why = str(solved.unsolved)
         people = tuple(unsolved(why, len(clip.image_numbers), clip.id) for clip in clips)
-    notes += solved.remarks
-    if solved.world_dir is not None:
-        world = load_record(solved.world_dir)
-        if world.level is not None:
-            notes += [one for one in (world.level.remark, world.level.tipped) if one is not None]
-        notes += [*_scale_notes(world), *_unchecked(world, solved.config.masks)]
     decide = isinstance(request.people, EstimatedPeople) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
     if decide and not people:

@@ -223,13 +223,11 @@ def _check_frames(
     """Refuse a file of another video or rate, as far as its frames tell; small differences."""
     if found.system == "vibe":
         _require_even(path, frames)
-    n_video, step = frames.n_frames, config.frames_per_row
-    last = max(int(person.frame_numbers[-1]) for person in found.people)
+    step, is_part = config.frames_per_row, frames.n_frames is None
+    n_video = frames.n_frames or int(frames.frame_numbers[-1]) + 1  # or more, of a part
     if min(int(person.frame_numbers[0]) for person in found.people) < 0:
         raise BadMotionFile(f"{path}: frame numbers below 0. {AGAIN}")
-    if n_video is None:
-        return []
-    n_file = found.n_frames or last + 1
+    n_file = found.n_frames or 1 + max(int(person.frame_numbers[-1]) for person in found.people)
     says = f"{path}: is of {n_file} frames" + ("" if found.n_frames else " or more")
     remedy = "If it was made of every n-th frame, say --poses-every n; else give the video's own"
     for_it = -((_first_frame(found, frames, step) - n_video) // step)
@@ -237,11 +235,14 @@ def _check_frames(
         return [f"PHALP ended after {n_file} frames: for the others run it with {phalp.ALL_FRAMES}"]
     if found.system == "phalp" and n_file < for_it:
         remedy += f", or run PHALP with {phalp.ALL_FRAMES}"
-    if n_file > for_it + ODD_FRAMES or (found.n_frames and n_file < for_it - ODD_FRAMES):
+    is_longer = n_file > for_it + ODD_FRAMES and not is_part
+    if is_longer or (found.n_frames and n_file < for_it - ODD_FRAMES):
         like = f", about every {n_video / n_file:.2g}th" if n_file < n_video else ""
-        taken = f"the video has {n_video}" + (f", every {step}th of them {for_it}" * (step > 1))
+        like = ", as of the part alone" if is_part else like
+        taken = f"the video has {n_video}" + " or more" * is_part
+        taken += f", every {step}th of them {for_it}" * (step > 1)
         raise BadMotionFile(f"{says}, and {taken}{like}: another video's, or rate. {remedy}")
-    if found.n_frames and n_file != for_it:
+    if found.n_frames and n_file != for_it and not is_part:
         return [f"the file of bodies is of {n_file} frames, the video has {for_it}"]
     return []
 

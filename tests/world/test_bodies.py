@@ -259,6 +259,18 @@ def test_a_file_of_another_video_is_refused(frames, n_frames, said, seen, neutra
         made(tmp_path, [seen], video(frames, n_frames), neutral)
 
 
+def test_a_file_of_a_part_alone_is_not_taken_for_the_whole_videos(seen, neutral, tmp_path):
+    """Its rows count from the part's first frame: bodies stood 12 frames late, where both meet."""
+    result = system_files.gvhmr_result(seen)  # of 24 frames
+    path = system_files.write_torch(tmp_path / "a" / "hmr4d_results.pt", result)
+    late, said = np.arange(12, 12 + N_FRAMES), "the video has 36 or more, as of the part alone"
+    with pytest.raises(BadMotionFile, match=f"is of 24 frames, and {said}: another video's"):
+        made_of(path, filmed(seen, video(late, None)), neutral)
+    whole = system_files.write_torch(tmp_path / "b" / path.name, result)
+    record = made_of(whole, filmed(seen, video(np.arange(2, 22), None)), neutral)
+    assert record.people[0].images == 20 and len(record.notes) == 1  # on the mean size
+
+
 def test_phalp_of_the_first_frames_of_a_longer_video_is_taken(seen, neutral, tmp_path):
     """PHALP takes 1300 frames by itself: its files of all longer videos were refused."""
     numbers = np.arange(1286, 1286 + N_FRAMES)
