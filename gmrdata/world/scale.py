@@ -189,7 +189,8 @@ def estimate_scale(
     if scale <= 0 and not vague:
         what = f"feet would stand still at {scale:.2g} ± {sigma:.2g} m a unit"
         raise NoReconstruction(f"scale: {what}, so they don't tell it")
-    return replace(NO_SCALE, cues=estimate.cues) if vague else replace(estimate, matters=matters)
+    known = replace(estimate, scale=None, sigma=None) if vague else estimate
+    return replace(known, matters=matters)
 
 
 def _matters(path: CameraPath, sigma: float, fps_hz: float, config: ScaleConfig) -> bool:
@@ -241,9 +242,7 @@ def _of_person(
         return ground_contact_scale(seen, points, rough, config)
 
     ground = None if feet is None or feet.scale <= 0 else ground_at(feet.scale)
-    below = None
-    if ground is None:
-        below = scale_by_what_is_below(path, points, motion.pelvis_m, up_cam)
+    below = None if ground else scale_by_what_is_below(path, points, motion.pelvis_m, up_cam)
     if below is not None and feet is not None:
         ground = _confirmed(ground_at, below)
     if ground is not None or below is None:

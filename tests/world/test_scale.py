@@ -198,6 +198,17 @@ def test_an_unknown_scale_that_would_matter_is_kept(small_body):
         assert estimate.scale == pytest.approx(1.0, rel=0.02) and estimate.matters == matters
 
 
+def test_cues_of_an_unknown_scale_are_as_far_apart_as_those_of_a_known_one(small_body):
+    """Errors of people's sizes were left out: cues that agree were 3.9 standard errors apart."""
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
+    person = replace(seen_person(small_body, motion, path), size_sigma=0.07)
+    taller = replace(person, motion=replace(person.motion, pelvis_m=1.05 * person.motion.pelvis_m))
+    never = ScaleConfig(vague_share=1e-6, slow_m_per_s=1e9, unseen_move_m=1e9)
+    known, unknown = (estimate_scale([person, taller], "full", one) for one in (CONFIG, never))
+    assert known.scale is not None and unknown.scale is None and not unknown.matters
+    assert unknown.disagreement == known.disagreement
+
+
 def test_feet_that_never_rest_give_no_scale(small_body):
     motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     rng = np.random.default_rng(0)
