@@ -625,8 +625,9 @@ def _require_whole(path: Path, n_expected: int, reading: _Reading, config: Video
 def _require_several(path: Path, n_images: int, reading: _Reading) -> None:
     if n_images < 2:
         what = f"{n_images} frames could be read, but a motion needs at least 2"
-        if reading.n_frames > n_images:
-            what += f"; the video has {reading.n_frames}, up to {reading.last_time_s:g} s"
+        more = "" if reading.stopped_at_s is None else ", and more behind"
+        if reading.n_frames > n_images or more:
+            what += f"; the video has {reading.n_frames}, up to {reading.last_time_s:g} s{more}"
         raise BadFrames(f"{path}: {what}. Give a longer video, or other times of it")
 
 

@@ -272,6 +272,8 @@ def test_frames_of_a_part_are_a_part_in_their_folder_too(tmp_path, to_s, n_frame
 def test_a_part_of_nothing_is_refused(tmp_path):
     with pytest.raises(BadFrames, match="0 frames could be read.*the video has 8, up to 0.28 s"):
         extracted(make_video(tmp_path / "a.mp4"), from_s=3)
+    with pytest.raises(BadFrames, match=r"the video has 3, up to 0\.08 s, and more behind\. Give"):
+        extracted(make_video(tmp_path / "b.mp4"), from_s=0.08, to_s=0.09)
     with pytest.raises(ValueError, match="not after from_s"):
         VideoConfig(from_s=2, to_s=1)
 
