@@ -49,7 +49,7 @@ from gmrdata.fusion.smoothing import SamePlace, smooth
 from gmrdata.gmr.config import BUNDLED, Which, network_dir, weights_dir
 from gmrdata.gmr.infer import stand
 from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, held, load_gmr
-from gmrdata.gmr.runs import check_finite, given_body
+from gmrdata.gmr.runs import check_finite, check_rate, given_body
 from gmrdata.motion.resample import between_known, valid_runs
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -575,10 +575,10 @@ def plan(
 ) -> list[tuple[str, ...]]:
     """What a dry run says, person by person; errors as `fuse` has them for its inputs."""
     given = FusedInputs.of(source, network, errors_path)
-    WeighedGmr.load(given, config.which)
-    rows: list[tuple[str, ...]] = []
+    gmr, rows = WeighedGmr.load(given, config.which).gmr, list[tuple[str, ...]]()
     for person in _people(given, config):
         clip, fps_hz = person.clip, person.clip.motion.fps_hz
+        check_rate(clip.id, fps_hz, gmr.fps_hz)
         known = known_frames(clip)
         runs = valid_runs(~known[person.rows])
         gaps = ", ".join(f"{(stop - start) / fps_hz:.2f}" for start, stop in runs)

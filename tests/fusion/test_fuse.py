@@ -539,6 +539,13 @@ def test_what_a_dry_run_says(video):
     assert len(rows[0]) == len(HEADINGS)
 
 
+def test_a_dry_run_refuses_a_rate_that_a_run_does(video, clip):
+    video.save(replace(clip, motion=replace(clip.motion, fps_hz=5.0)))
+    for do in (video.fuse, lambda: plan(video.pseudo_gt, config=FuseConfig(), **video.network)):
+        with pytest.raises(BadMotionFile, match="5 fps is lower than 10 fps, so frames would have"):
+            do()
+
+
 def test_bad_input_is_refused_with_the_remedy(video, clip, tmp_path):
     with pytest.raises(MissingInput, match=r"delta-errors .*--out .*/run/delta_errors\.json$"):
         video.fuse(errors_path=None)
