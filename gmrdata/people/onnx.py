@@ -301,8 +301,8 @@ def _inferred(path: Path, model: Any) -> list[tuple[str, list[int]]]:
     try:
         graph = infer_shapes(model, data_prop=True).graph
     except (InferenceError, ValueError, RuntimeError, MemoryError) as error:
-        fault = f"its sizes don't fit together ({str(error).splitlines()[0][:200]})"
-        raise BadDetector(f"{path}: {fault}; fetch or export the model again") from None
+        why = " ".join(str(error).split())[:200] or type(error).__name__
+        raise BadDetector(f"{path}: its sizes don't fit ({why}); export or fetch it anew") from None
     named = (*graph.input, *graph.value_info, *graph.output)
     return [
         (value.name, [max(1, size.dim_value) for size in value.type.tensor_type.shape.dim])

@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -338,6 +339,14 @@ def test_absurd_sizes_are_refused(hostile, said, model):
     model.write_bytes(hostile.SerializeToString())
     with pytest.raises(BadDetector, match=rf"net\.onnx: .*{said}"):
         open_detector(model, OnnxConfig())
+
+
+def test_an_error_without_words_is_told_by_its_name(model, monkeypatch):
+    """Where memory runs out there are none, and the first line of them was asked for."""
+    model.write_bytes(network().SerializeToString())
+    monkeypatch.setattr("onnx.shape_inference.infer_shapes", Mock(side_effect=MemoryError))
+    with pytest.raises(BadDetector, match=r"sizes don't fit \(MemoryError\); export"):
+        check_sizes(model)
 
 
 def test_plain_networks_are_not(yolox_nano, model):
