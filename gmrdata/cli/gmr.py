@@ -45,6 +45,7 @@ def train(
     """
     from gmrdata.gmr.train import GmrRecipe
     from gmrdata.gmr.train import train as train_gmr
+    from gmrdata.stage.store import state_of
 
     flags.need(manifests, "a manifest file")
     given = flags.read_recipe(recipe, GmrRecipe)
@@ -52,36 +53,39 @@ def train(
         said = f"{recipe}: names manifests or a body, which `gmrdata train` takes as flags"
         raise BadRecipe(f"{said}. Leave them out, or use `gmrdata run {recipe}`")
     config = flags.on_device(given.train, device)
+
+    def trained(run: Run) -> Path:
+        path = flags.body_path(body)
+        return train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run)
+
     if dry_run:
-        _show_training(manifests, held_out, out, config)
-        return
-    path, run = flags.body_path(body), Run(redo=redo)
-    answer(train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run))
+        _show_training(manifests, held_out, config)
+        answer(f"{out}: {state_of(lambda: trained(Run(anew=redo, only_look=True)))}")
+    else:
+        answer(trained(Run(redo=redo)))
 
 
 def _show_training(
-    manifests: tuple[Path, ...], held_out: tuple[Path, ...], out: Path, config: "TrainConfig"
+    manifests: tuple[Path, ...], held_out: tuple[Path, ...], config: "TrainConfig"
 ) -> None:
     """What would be trained on, and about how long it takes."""
-    from gmrdata.gmr.runs import not_trained_on, split_manifests, usable_files
+    from gmrdata.gmr.runs import scored_files, split_manifests
+    from gmrdata.manifest.show import kept_frames
     from gmrdata.paper.plan import probe_training
 
     split = split_manifests(manifests, config.data)
-    asked = [file for path in held_out for file in usable_files(path)[0]]
-    scored = [*not_trained_on(asked, split.training), *split.held_out]
+    scored, not_scored = scored_files(held_out, split)
     rows = [
-        (what, str(len(files)), str(sum(file.entry.n_frames for file in files)))
+        (what, str(len(files)), str(sum(kept_frames(file.entry) for file in files)))
         for what, files in (("trained on", split.training), ("scored", scored))
     ]
     print_table(("clips", "number", "frames"), rows)
     n_parameters, step_s, basis = probe_training(config)
     time = "" if step_s is None else f", about {config.steps * step_s / 60:.1f} minutes"
     time += f" (by {basis})" if basis else ""
-    begun = out.with_name(f"{out.name}.partial").is_dir()
-    state = "there" if out.is_dir() else "begun" if begun else "to make"
-    for line in (split.statement, f"{n_parameters:,} weights, {config.steps} steps{time}"):
-        answer(line) if line else None
-    answer(f"{out}: {state}")
+    size = f"{n_parameters:,} weights, {config.steps} steps{time}"
+    for line in filter(None, (split.statement, not_scored, size)):
+        answer(line)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction
 from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.cli.options import FEATURES, KEYPOINTS, POSES, Body, DryRun, RunFlags, body_path
 from gmrdata.paper import ScaleName
+from gmrdata.stage.run import Run
 
 if TYPE_CHECKING:
     from gmrdata.paper.plan import Plan
@@ -70,17 +71,17 @@ def tables(
         body_path(body), network and network_dir(network), seen.estimator,
     )  # fmt: skip
     if dry_run:
-        _show_plan(plan.plan_table(recipe, scale, given, seeds), out, run.workers or 2)
+        _show_plan(plan.plan_table(recipe, scale, given, seeds), out, run)
         return
     with then(lambda: write_scores_pages(out / "scores")):
         path = make_table(recipe, scale, given, out, seeds=seeds, run=run)
     _show_table(path)
 
 
-def _show_plan(planned: "Plan", out: Path, workers: int) -> None:
-    from gmrdata.paper.plan import HEADINGS, planned_runs
+def _show_plan(planned: "Plan", out: Path, run: Run) -> None:
+    from gmrdata.paper.make import HEADINGS, planned_runs
 
-    rows, lines = planned_runs(planned, out, workers)
+    rows, lines = planned_runs(planned, out, run)
     print_table(HEADINGS, rows)
     for line in (*lines, *([planned.lacking_text()] if planned.lacking else ())):
         answer(line)

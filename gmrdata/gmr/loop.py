@@ -23,15 +23,14 @@ from gmrdata.gmr.runs import (
     Split,
     fitting_clips,
     no_runs,
-    not_trained_on,
     runs_at,
+    scored_files,
     split_manifests,
-    usable_files,
 )
 from gmrdata.gmr.steps import ALONE, Processes
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch, make_training_set
 from gmrdata.read.bodies import load_bodies
-from gmrdata.stage.progress import console, track
+from gmrdata.stage.progress import remark, track
 from gmrdata.values.body import BodyModel, names_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, StageFailed
@@ -52,20 +51,13 @@ def fit_manifests(
     The training frames are files in the run's folder until the training is done.
     """
     split = split_manifests(manifest_paths, config.data)
-    asked = [file for path in held_out_paths for file in usable_files(path)[0]]
-    # Whoever is trained on would choose weights that know nobody else.
-    scored = not_trained_on(asked, split.training)
-    statements = [split.statement] if split.statement else []
-    if len(scored) < len(asked):
-        n_known = len(asked) - len(scored)
-        statements.append(f"not scored: {n_known} of {len(asked)} held-out clips are trained on")
-    for statement in statements if processes.is_first else ():
-        console.print(statement, markup=False, soft_wrap=True)
+    scored, not_scored = scored_files(held_out_paths, split)
+    for statement in filter(None, (split.statement, not_scored)) if processes.is_first else ():
+        remark(statement)
     bodies = load_bodies(body_path)
     pack_dir, clips = run_dir / "pack", LazyClips(split.training)
     training_set = _training_set(clips, bodies, config, split.mix, pack_dir)
-    held_out = LazyClips([*scored, *split.held_out])
-    _fit(training_set, bodies, run_dir, config, held_out, processes)
+    _fit(training_set, bodies, run_dir, config, LazyClips(scored), processes)
     if processes.is_first:
         shutil.rmtree(pack_dir, ignore_errors=True)
     return split

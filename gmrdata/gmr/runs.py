@@ -282,6 +282,17 @@ def require_own_ids(files: Sequence[ClipFile], what: str) -> None:
         raise BadManifest(f"{what} of one id in two manifests: {', '.join(twice)}")
 
 
+def scored_files(held_out_paths: Sequence[Path], split: Split) -> tuple[list[ClipFile], str]:
+    """What a training scores, each clip once, and in words what it does not: the clips of manifests
+    but those that are trained on, who would choose weights that know nobody else; and the held-out
+    people."""
+    asked = [file for path in held_out_paths for file in usable_files(path)[0]]
+    others = not_trained_on(asked, split.training)
+    n_known = len(asked) - len(others)
+    said = f"not scored: {n_known} of {len(asked)} held-out clips are trained on" if n_known else ""
+    return list({one.entry.arrays.sha256: one for one in (*others, *split.held_out)}.values()), said
+
+
 def not_trained_on(files: Sequence[ClipFile], training: Sequence[ClipFile]) -> list[ClipFile]:
     """Those of some clips that are not among those of a training, in whatever form."""
     known = {key for file in training for key in _known_by(file)}

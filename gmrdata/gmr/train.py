@@ -58,7 +58,7 @@ def train(
         StaleOutput: the folder was made with another recipe.
     """
     from gmrdata.gmr.loop import fit_manifests
-    from gmrdata.gmr.steps import in_all_processes, join_processes
+    from gmrdata.gmr.steps import ALONE, in_all_processes, join_processes
     from gmrdata.read.bodies import body_inputs
 
     config, run_dir = config or TrainConfig(), Path(run_dir)
@@ -67,7 +67,7 @@ def train(
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifests)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out)}
     inputs |= body_inputs(body)
-    processes = join_processes(config.device)
+    processes = ALONE if run.only_look else join_processes(config.device)
 
     def work(partial_dir: Path) -> dict[str, Any]:
         split = fit_manifests(manifests, partial_dir, config, body, held_out, processes)

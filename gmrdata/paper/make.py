@@ -7,6 +7,7 @@ import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -29,10 +30,12 @@ from gmrdata.paper.plan import (
     Given,
     JointConfig,
     Plan,
+    Probe,
     Row,
     Scoring,
     TableRecipe,
     plan_table,
+    probe_training,
     train_config,
 )
 from gmrdata.paper.vibe_cam import SeenFiles, infer_poses, predict_vibe_cam
@@ -44,9 +47,9 @@ from gmrdata.score.score import score
 from gmrdata.stage.jobs import Job, run_jobs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import run_stage, state_of
 from gmrdata.stage.workers import worker_pool
-from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.values.errors import BadManifest, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import read_npz, resolve_inside, write_npz
 
 
@@ -279,6 +282,46 @@ def train_one(
         assert given.features is not None
         files = split_videos(given.videos, given.held_out).training
         train_joint(files, given.features, run_dir, config, body_path=body, run=run)
+
+
+HEADINGS = ("training", "parameters", "steps", "state", "minutes")
+
+
+def planned_runs(
+    plan: Plan, out_dir: Path, run: Run = DEFAULT_RUN
+) -> tuple[list[tuple[str, ...]], list[str]]:
+    """The trainings of a table as rows under `HEADINGS`, and lines on the sum of what is left.  The
+    estimate is of the network's forward and backward pass here; loss and data come on top."""
+    probed: dict[object, Probe] = {}
+    rows: list[tuple[str, ...]] = []
+    left_minutes: list[float | None] = []
+    look, workers = Run(anew=run.redo, only_look=True), run.workers or 2
+    for id, config in plan.trainings.items():
+        parameters, step_s = "-", None
+        if isinstance(config, TrainConfig):
+            frames, on = config.windows.frames, (config.device, config.threads)
+            key = config.model, config.batch_size, frames, on
+            if key not in probed:
+                probed[key] = probe_training(config)
+            parameters, step_s = f"{probed[key].n_parameters:,}", probed[key].step_s
+        minutes = None if step_s is None else config.steps * step_s / 60
+        try:
+            state = state_of(partial(train_one, id, config, plan.given, out_dir, look))
+        except (GmrdataError, OSError) as error:  # as its worker would say
+            state = str(error)
+        if state in ("to make", "begun"):
+            left_minutes.append(minutes)
+        shown = "?" if minutes is None else f"{minutes:.1f}"
+        rows.append((id, parameters, str(config.steps), state, shown))
+    n_left, known = len(left_minutes), [one for one in left_minutes if one is not None]
+    least = sum(known) / max(1, min(workers, n_left))
+    total = f"at least {least:.0f} minutes, loss and data on top"
+    if len(known) < n_left:
+        total = "no estimate for those with ?: their device is not here, or their input is unknown"
+    return rows, [
+        f"{n_left} of {len(plan.trainings)} trainings to make with {workers} workers: {total}",
+        f"{sum(map(len, plan.scorings.values()))} scores",
+    ]
 
 
 def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:

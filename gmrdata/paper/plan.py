@@ -354,43 +354,8 @@ def folder_name(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
-HEADINGS = ("training", "parameters", "steps", "state", "minutes")
 PROBED_STEPS = 2
 PROBED_S = 1.0
-
-
-def planned_runs(
-    plan: Plan, out_dir: Path, workers: int
-) -> tuple[list[tuple[str, ...]], list[str]]:
-    """The trainings of a table as rows under `HEADINGS`, and lines on the sum of what is left.  The
-    estimate is of the network's forward and backward pass here; loss and data come on top."""
-    probed: dict[str, Probe] = {}
-    rows: list[tuple[str, ...]] = []
-    left_minutes: list[float | None] = []
-    for run, config in plan.trainings.items():
-        parameters, step_s = "-", None
-        if isinstance(config, TrainConfig):
-            key = f"{config.model!r} {config.batch_size} {config.windows.frames} {config.device}"
-            if key not in probed:
-                probed[key] = probe_training(config)
-            parameters, step_s = f"{probed[key].n_parameters:,}", probed[key].step_s
-        minutes = None if step_s is None else config.steps * step_s / 60
-        run_dir = out_dir / "runs" / run
-        is_begun = run_dir.with_name(run_dir.name + ".partial").is_dir()
-        state = "made" if run_dir.is_dir() else "begun" if is_begun else "to make"
-        if state != "made":
-            left_minutes.append(minutes)
-        shown = "?" if minutes is None else f"{minutes:.1f}"
-        rows.append((run, parameters, str(config.steps), state, shown))
-    n_left, known = len(left_minutes), [one for one in left_minutes if one is not None]
-    least = sum(known) / max(1, min(workers, n_left))
-    total = f"at least {least:.0f} minutes, loss and data on top"
-    if len(known) < n_left:
-        total = "no estimate for those with ?: their device is not here, or their input is unknown"
-    return rows, [
-        f"{n_left} of {len(plan.trainings)} trainings to make with {workers} workers: {total}",
-        f"{sum(map(len, plan.scorings.values()))} scores",
-    ]
 
 
 class Probe(NamedTuple):
@@ -426,10 +391,9 @@ def probe_training(config: TrainConfig) -> Probe:
     threads = torch.get_num_threads()
     torch.set_num_threads(config.threads)
     try:
-        # The first step loads what the others find loaded: it only counts where it is long itself.
-        frames, step_s = min(2, whole), timed_s(min(2, whole))
-        is_short = step_s < PROBED_S
-        while is_short and (step_s := timed_s(frames)) < PROBED_S and frames < whole:
+        frames = min(2, whole)
+        timed_s(frames)  # loads, perhaps for seconds, what all others find loaded
+        while (step_s := timed_s(frames)) < PROBED_S and frames < whole:
             frames = min(2 * frames, whole)
     finally:
         torch.set_num_threads(threads)

@@ -94,6 +94,10 @@ Kind = TypeVar("Kind", bound=Record)
 class NotMade(Exception):
     """A run that only looks met a stage that has work to do."""
 
+    def __init__(self, out_dir: Path, *, begun: bool = False) -> None:
+        super().__init__(out_dir)
+        self.begun = begun  # by a killed run, whose costly work goes on
+
 
 Work = Callable[[Path], Mapping[str, Any] | None]
 """Fills the folder that it is given; may return facts for the record that don't decide the result,
@@ -133,11 +137,15 @@ def run_stage(
             costly work was begun so; or an input is in it.
         NotMade: there is work to do, and the run only looks.
     """
-    if run.only_look:
-        if not check_out(name, out_dir, config, inputs, run):
-            raise NotMade(out_dir)
-        return out_dir
     folder = _behind_link(out_dir)
+    if run.only_look:
+        if check_out(name, out_dir, config, inputs, run):
+            return out_dir
+        begun = isinstance(work, Resumable) and work.costly and _partial(folder).is_dir()
+        if isinstance(work, Resumable) and begun:  # only then are the inputs worth hashing
+            recipe = _recipe(name, config, _InputHashes(folder, run).of(inputs))
+            begun = _goes_on(_partial(folder), recipe, work, run)
+        raise NotMade(out_dir, begun=begun)
     _keep_inputs(folder, inputs)
     with locked(folder) as alone:
         hashes = _InputHashes(folder, run)
@@ -187,6 +195,15 @@ def check_out(
         return False
     hashes.remember()
     return True
+
+
+def state_of(look: Callable[[], object]) -> str:
+    """What a call that only looks at a stage finds, in a word; errors are its own."""
+    try:
+        look()
+    except NotMade as error:
+        return "begun" if error.begun else "to make"
+    return "made"
 
 
 def is_made(
@@ -247,14 +264,10 @@ def _partial_dir(
     locks reach so far.  Files of a resumable stage are the same then, each whole; another stage
     works in a folder of its own name.
     """
-    partial = out_dir.with_name(out_dir.name + ".partial")
+    partial = _partial(out_dir)
     begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
     if isinstance(work, Resumable):
-        keys = [] if begun_by is None else begun_by.differences(recipe)
-        begun = {path.name for path in partial.glob("*")} != {RECIPE_FILE}
-        if keys and begun and work.costly and not run.replaces:
-            raise StaleOutput(f"{partial}: begun with other values of {', '.join(keys)}. {AGAIN}")
-        if begun_by is None or keys:
+        if not _goes_on(partial, recipe, work, run):
             shutil.rmtree(partial, ignore_errors=True)
     elif alone and (begun_by is None or begun_by.host == recipe.host):
         shutil.rmtree(partial, ignore_errors=True)
@@ -262,6 +275,20 @@ def _partial_dir(
         partial = out_dir.with_name(f"{temporary_name(out_dir)}.partial")
     partial.mkdir(exist_ok=True)
     return partial
+
+
+def _partial(out_dir: Path) -> Path:
+    return out_dir.with_name(out_dir.name + ".partial")
+
+
+def _goes_on(partial: Path, recipe: RecipeRecord, work: Resumable, run: Run) -> bool:
+    """Whether work goes on in what is unfinished; StaleOutput where another recipe's is kept."""
+    begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
+    keys = [] if begun_by is None else begun_by.differences(recipe)
+    begun = {path.name for path in partial.glob("*")} != {RECIPE_FILE}
+    if keys and begun and work.costly and not run.replaces:
+        raise StaleOutput(f"{partial}: begun with other values of {', '.join(keys)}. {AGAIN}")
+    return begun_by is not None and not keys
 
 
 def _fill(partial: Path, recipe: RecipeRecord, work: Work) -> None:

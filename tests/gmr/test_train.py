@@ -17,9 +17,10 @@ from safetensors.torch import load_file
 
 from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import latest_checkpoint
-from gmrdata.gmr.config import LossConfig, ModelConfig
+from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
 from gmrdata.gmr.loop import own_part
 from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.runs import scored_files, split_manifests
 from gmrdata.gmr.steps import Processes
 from gmrdata.gmr.train import train
 from gmrdata.gmr.windows import make_batch, make_training_set
@@ -35,8 +36,9 @@ from gmrdata.values.errors import (
     StaleOutput,
     TrainingDiverged,
 )
-from gmrdata.values.files import read_json, read_npz, sha256_of_file, write_npz
+from gmrdata.values.files import host_word, read_json, read_npz, sha256_of_file, write_npz
 from tests.clip_manifests import write_clips
+from tests.fixtures.command_line import fails_cleanly
 from tests.folders import bytes_of
 from tests.gmr.test_loop import lines_of
 
@@ -319,3 +321,76 @@ def test_a_dry_run_counts_no_clip_as_scored_that_is_trained_on(
     main([*asked, "--held-out", str(manifest_path), str(held_out_path), "--dry-run"])
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["trained", "on", "2", "160"] in rows and ["scored", "1", "80"] in rows
+
+
+def test_a_dry_run_times_no_loading(monkeypatch):
+    """The first pass loads for seconds what all others find loaded, and stood for every step."""
+    passes = iter([30.0])
+    monkeypatch.setattr(
+        plan.timeit, "repeat", lambda *_, repeat, **__: [next(passes, 0.01)] * repeat
+    )
+    probe = plan.probe_training(TrainConfig(model=ModelConfig(hidden=8, layers=1), batch_size=4))
+    assert probe.step_s == 0.01 and "of 64 of 64 frames" in probe.basis
+
+
+def test_a_dry_run_says_of_a_folder_what_the_training_would(
+    manifest_path, body_path, small_config, tmp_path, gmrdata, works
+):
+    """What other settings had made or begun was said to be there; the training refused it."""
+    run_dir, recipe = tmp_path / "run", tmp_path / "small.yaml"
+    train([manifest_path], run_dir, small_config, body_path=body_path)
+    asked = ["train", manifest_path, "--recipe", recipe, "--out", run_dir, "--body", body_path]
+
+    def write_recipe(config: TrainConfig) -> None:
+        recipe.write_text(json.dumps({"recipe": "gmr", "train": config.model_dump(mode="json")}))
+
+    def last_line(*more: str) -> str:
+        return works(*asked, "--dry-run", *more).stdout.splitlines()[-1]
+
+    write_recipe(small_config)
+    assert last_line() == f"{run_dir}: made"
+    longer = small_config.model_copy(update={"steps": 13})
+    write_recipe(longer)
+    stale = "made with other values of config.steps. Pass --redo"
+    fails_cleanly(gmrdata(*asked, "--dry-run"), f"{run_dir}: {stale}")
+    assert last_line("--redo") == f"{run_dir}: to make"
+    write_recipe(small_config)
+    (run_dir / "stage.json").unlink()
+    begun = run_dir.rename(tmp_path / "run.partial")
+    assert last_line() == f"{run_dir}: to make"  # by whom it was begun isn't known
+    record = read_json(
+        train([manifest_path], run_dir, small_config, body_path=body_path) / "stage.json"
+    )
+    run_dir.rename(begun)
+    said = {key: record[key] for key in ("stage", "config", "inputs")}
+    said |= {"format": "gmrdata-recipe/2", "host": host_word()}
+    (begun / "recipe.json").write_text(json.dumps(said))
+    assert last_line() == f"{run_dir}: begun"
+    write_recipe(longer)
+    fails_cleanly(gmrdata(*asked, "--dry-run"), f"{begun}: begun with other values of config.steps")
+    assert last_line("--redo") == f"{run_dir}: to make"
+
+
+def test_a_held_out_clip_is_scored_once(
+    make_clips, small_body, body_path, small_config, tmp_path, works
+):
+    """Of a held-out person and in a held-out manifest, it counted twice among the scores."""
+    clips = [
+        replace(clip, id=id) for clip, id in zip(make_clips(2, 1), ("02_01", "05_01"), strict=True)
+    ]
+    valid = clips[1].valid.copy()
+    valid[:30] = False
+    clips[1] = replace(clips[1], valid=valid)
+    path = write_clips(tmp_path / "data", small_body, clips, sources="CMU")
+    data = small_config.data.model_copy(update={"held_out_subjects": (2,)})
+    config, recipe = small_config.model_copy(update={"data": data}), tmp_path / "small.yaml"
+    split = split_manifests([path], data)
+    scored, said = scored_files([path], split)
+    assert [file.entry.id for file in scored] == ["02_01"]
+    assert said == "not scored: 1 of 2 held-out clips are trained on"
+    recipe.write_text(json.dumps({"recipe": "gmr", "train": config.model_dump(mode="json")}))
+    asked = ("train", path, "--recipe", recipe, "--held-out", path, "--body", body_path)
+    lines = works(*asked, "--out", tmp_path / "run", "--dry-run").stdout.splitlines()
+    rows = [line.split() for line in lines]
+    assert ["trained", "on", "1", "50"] in rows and ["scored", "1", "80"] in rows
+    assert said in lines

@@ -24,10 +24,19 @@ from gmrdata.paper.comparison import (
     orderings,
 )
 from gmrdata.paper.joint import split_videos
-from gmrdata.paper.make import _data, _record, clip_figure, held_out_set, make_table, train_one
+from gmrdata.paper.make import (
+    _data,
+    _record,
+    clip_figure,
+    held_out_set,
+    make_table,
+    planned_runs,
+    train_one,
+)
 from gmrdata.paper.plan import (
     Given,
     JointConfig,
+    Plan,
     TableRecipe,
     joint_config,
     load_table,
@@ -36,7 +45,7 @@ from gmrdata.paper.plan import (
 )
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes
-from gmrdata.stage.run import Run
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.clip import camera_of, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, MissingInput
@@ -424,6 +433,25 @@ def test_a_table_from_the_command_line_and_again(write_walks, body_path, tmp_pat
     made = _written(out)
     assert tables() == said
     assert _written(out) == made
+
+
+def test_a_dry_run_says_of_each_training_what_its_worker_would(write_walks, body_path, tmp_path):
+    """Trainings of other settings were said to be made, and the table then failed."""
+    given = Given((write_walks("walks", ["01_01", "02_01"], 1),), held_out=(2,), body=body_path)
+    planned, out = plan_table(load_table(tiny(tmp_path)), "small", given), tmp_path / "out"
+    id, config = next(iter(planned.trainings.items()))
+    train_one(id, config, given, out, Run())
+
+    def states(plan: Plan, run: Run = DEFAULT_RUN) -> list[str]:
+        return [row[3] for row in planned_runs(plan, out, run)[0]]
+
+    assert states(planned) == ["made", "to make"]
+    other = plan_table(load_table(tiny(tmp_path, "steps: 4", "steps: 5")), "small", given)
+    run_dir = out / "runs" / id
+    stale = f"{run_dir}: made with other values of config.steps. Pass --redo to make it again, or"
+    assert states(other) == [f"{stale} another --out", "to make"]
+    assert states(other, Run(redo=True)) == ["to make", "to make"]
+    assert "1 of 2 trainings to make" in planned_runs(planned, out)[1][0]
 
 
 def test_a_table_says_how_many_clips_a_manifest_gave_where_people_are_balanced(
