@@ -20,9 +20,11 @@ from gmrdata.gmr.predict import load_gmr, predict_world_motion
 from gmrdata.motion import local_poses as reader
 from gmrdata.pages.inference import draw_motion
 from gmrdata.read.body_file import save_body
+from gmrdata.read.systems import slahmr
 from gmrdata.stage import store
 from gmrdata.stage.run import Run
 from gmrdata.values.body import WORLD_FROM_REST
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import (
     BadCheckpoint,
@@ -31,7 +33,7 @@ from gmrdata.values.errors import (
     MissingInput,
     StaleOutput,
 )
-from gmrdata.values.files import read_json
+from gmrdata.values.files import read_json, write_text
 from gmrdata.write.bvh import write_bvh
 from tests.fixtures.command_line import fails_cleanly
 from tests.joblib_layout import joblib_bytes
@@ -45,6 +47,7 @@ from tests.read.system_files import (
     vibe_person,
     write_joblib,
     write_phalp,
+    write_slahmr,
     write_torch,
 )
 from tests.record_keys import assert_each_key_is_needed
@@ -306,6 +309,32 @@ def test_what_lies_beside_a_runs_checkpoints_makes_nothing_stale(tmp_path, run_d
     weights.write_bytes(weights.read_bytes()[:-1])
     with pytest.raises(StaleOutput, match=r"values of inputs\.run\."):
         infer(run_dir, path, out, QUICK, body_path=body_path)
+
+
+def test_what_a_result_is_read_with_makes_its_motion_stale(
+    tmp_path, run_dir, body_path, small_body, walk
+):
+    """SLAHMR's rate and people stand in files of their own: corrected, the old motion stayed."""
+    motion, still = walk(30.0, 40), np.tile(np.eye(4), (40, 1, 1))
+    camera = CameraPath(np.diag([500.0, 500.0, 1.0]), 640, 480, still, np.ones(40, bool))
+    run = write_slahmr(tmp_path / "x", {7: motion}, camera, small_body.rest_pelvis_m(motion.shape))
+    poses, config = run / "motion_chunks" / "x_000040_world_results.npz", run / slahmr.CONFIG
+    write_text(config, "data: {type: video, frame_opts: {fps: 30}}\n")
+    out = tmp_path / "out"
+
+    def rate_hz(**more: Any) -> float:
+        made = infer(run_dir, poses, out, InferConfig(video=False), body_path=body_path, **more)
+        return load_clip(made / "person_7" / "clip.npz").motion.fps_hz
+
+    assert rate_hz() == 30.0
+    write_text(config, "data: {type: video, frame_opts: {fps: 25}}\n")
+    with pytest.raises(StaleOutput, match=r"values of inputs\.poses_config\."):
+        rate_hz()
+    assert rate_hz(run=Run(redo=True)) == 25.0
+    info = run / slahmr.TRACK_INFO
+    info.write_text(info.read_text().replace('"7"', '"8"'))
+    with pytest.raises(StaleOutput, match=r"values of inputs\.poses_tracks\."):
+        rate_hz()
 
 
 def test_redo_believes_no_remembered_hash(tmp_path, run_dir, body_path):

@@ -46,21 +46,27 @@ FRAME_RATE_HZ = 30.0  # of video_to_frames in slahmr/preproc, where the config s
 KEYS = frozenset({"root_orient", "pose_body", "trans"})
 
 
+def files_beside(path: Path) -> dict[str, Path]:
+    """What a result is read with, by role: `tracks`, and `config` if it is there; empty without."""
+    infos = (path.with_name(TRACK_INFO), path.parent.parent / TRACK_INFO)
+    found = [{"tracks": one, "config": one.parent / CONFIG} for one in infos if one.is_file()]
+    return {role: file for role, file in dict(*found[:1]).items() if file.is_file()}
+
+
 def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
-    beside = (path.with_name(TRACK_INFO), path.parent.parent / TRACK_INFO)
-    info_path = next((one for one in beside if one.is_file()), None)
-    if info_path is None:
+    beside = files_beside(path)
+    if not beside:
         remedy = f"Keep SLAHMR's {TRACK_INFO} beside the file or in the folder above"
         raise MissingInput(
             f"{path}: no {TRACK_INFO}, so its frames and people can't be told. {remedy}"
         )
-    run = info_path.parent.resolve().name
+    run = beside["tracks"].parent.resolve().name
     shot = re.fullmatch(f".+{RUN}", run)
     if shot and int(shot[1]):
         what = f"{run} is of a later shot, and its frames count from that shot's first"
         remedy = "Cut the video before the shot, or name the folder shot-0 and say --first-image"
         raise BadMotionFile(f"{path}: {what}. {remedy}")
-    tracks, first, n_rows = _track_info(info_path)
+    tracks, first, n_rows = _track_info(beside["tracks"])
     entry, sizes = Entry(arrays, "the result", path), (len(tracks), n_rows)
     values = {key: entry.array(key, *sizes, 3) for key in ("trans", "root_orient")}
     values["pose_body"] = entry.array("pose_body", *sizes, 3 * N_SMPLX_BODY)
@@ -72,11 +78,8 @@ def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
         _person(Entry({key: one[index] for key, one in values.items()}, name, path), seen, first)
         for index, (name, seen) in enumerate(tracks.items())
     ]
-    config_path = info_path.parent / CONFIG
-    if not config_path.is_file():
-        return EstimatedPeople("slahmr", (path, info_path), tuple(people))
-    files = (path, info_path, config_path)
-    return EstimatedPeople("slahmr", files, tuple(people), fps_hz=_rate_hz(config_path))
+    fps_hz = _rate_hz(beside["config"]) if "config" in beside else None
+    return EstimatedPeople("slahmr", (path, *beside.values()), tuple(people), fps_hz=fps_hz)
 
 
 def _rate_hz(path: Path) -> float | None:
