@@ -56,10 +56,13 @@ def fit_manifests(
         remark(statement)
     bodies = load_bodies(body_path)
     pack_dir, clips = run_dir / "pack", LazyClips(split.training)
-    training_set = _training_set(clips, bodies, config, split.mix, pack_dir)
-    _fit(training_set, bodies, run_dir, config, LazyClips(scored), processes)
-    if processes.is_first:
-        shutil.rmtree(pack_dir, ignore_errors=True)
+    try:
+        training_set = _training_set(clips, bodies, config, split.mix, pack_dir / "frames")
+        _fit(training_set, bodies, run_dir, config, LazyClips(scored), processes)
+    finally:
+        # Left alone after an error, it would be kept as a training that was begun.
+        if processes.is_first:
+            shutil.rmtree(pack_dir, ignore_errors=True)
     return split
 
 

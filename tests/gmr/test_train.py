@@ -17,7 +17,7 @@ from safetensors.torch import load_file
 
 from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import latest_checkpoint
-from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
+from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.loop import own_part
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.runs import scored_files, split_manifests
@@ -118,6 +118,28 @@ def test_clips_that_are_trained_on_do_not_choose_the_weights(
     said = f"not scored: {n_clips} of {n_clips} held-out clips are trained on"
     assert said in capsys.readouterr().err
     assert not list(run_dir.rglob("best.safetensors"))
+
+
+@pytest.mark.parametrize("fault", ["weight", "rate"])
+def test_a_training_that_could_not_begin_leaves_nothing(
+    fault, manifest_path, make_clips, small_body, body_path, small_config, tmp_path
+):
+    """Its frames were kept as a training that was begun, which asked for --redo once it was mended:
+    where a manifest has no window, and where a clip can't be read."""
+    clips = [one.take(slice(2)) for one in make_clips(1, 3)]
+    short = write_clips(tmp_path / "short", small_body, clips)
+    data = small_config.data.model_copy(update={"weights": (1.0, 1.0)})
+    wrong = {"data": data} if fault == "weight" else {"windows": WindowConfig(fps_hz=50.0)}
+    with pytest.raises((BadManifest, BadMotionFile)):
+        config = small_config.model_copy(update=wrong)
+        train([manifest_path, short], tmp_path / "run", config, body_path=body_path)
+    assert not (tmp_path / "run.partial").exists()
+    run_dir = train([manifest_path], tmp_path / "run", small_config, body_path=body_path)
+    assert {path.name for path in run_dir.iterdir()} == {
+        "checkpoints",
+        "metrics.jsonl",
+        "stage.json",
+    }
 
 
 def test_clips_of_several_frame_rates_are_trained_on_at_one(
