@@ -252,8 +252,9 @@ def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[s
     has_own_clips = row.method == "gmr" and row.poses == "true" and bool(given.subjects(scale))
     wants_keypoints, is_joint = row.method == "vibe_cam", row.method == "joint"
     wants_poses = row.poses == "given" or wants_keypoints
+    motions = "motions to train on (--manifest)"
     needs = (
-        ("motions to train on (--manifest) or a network (--network)",
+        (motions if compared(recipe) else f"{motions} or a network (--network)",
          row.method == "gmr", given.manifests or given.network),
         ("clips to score (--scored)", not has_own_clips, given.scored),
         ("VIBE's poses as <clip id>.npz (--poses)", wants_poses, given.poses),
@@ -312,8 +313,11 @@ def plan_table(
     if given.held_out and not given.manifests:
         said = "they are people of --manifest, and there is none"
         raise BadRecipe(f"--held-out-subjects: {said}. Leave them out, or give it")
-    if given.network is not None:
-        _require_one_network(recipe)
+    if given.network is not None and (varied := compared(recipe)):
+        raise BadRecipe(
+            f"table {recipe.table} compares trainings ({', '.join(varied)}), which no single"
+            " network stands for. Leave out --network"
+        )
     if len(set(seeds)) < len(seeds) or min(seeds, default=0) < 0:
         said = " ".join(map(str, seeds))
         raise BadRecipe(f"--seeds {said}: give each seed once, and none below 0")
@@ -340,13 +344,9 @@ def plan_table(
     return plan
 
 
-def _require_one_network(recipe: TableRecipe) -> None:
-    varied = [row.name for row in recipe.rows if row.method == "gmr" and (row.train or row.at)]
-    if varied:
-        raise BadRecipe(
-            f"table {recipe.table} compares trainings ({', '.join(varied)}), which no single"
-            " network stands for. Leave out --network"
-        )
+def compared(recipe: TableRecipe) -> list[str]:
+    """Rows whose trainings a table compares: no single network stands for them."""
+    return [row.name for row in recipe.rows if row.method == "gmr" and (row.train or row.at)]
 
 
 def folder_name(name: str) -> str:

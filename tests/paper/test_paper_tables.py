@@ -233,6 +233,10 @@ def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path):
     message = str(caught.value)
     assert "VIBE-CAM: clips to score (--scored); VIBE's poses" in message
     assert "Ours(GT input): motions to train on (--manifest)" in message
+    assert "(--manifest) or a network (--network)" in message
+    # A network stands for no table that compares trainings, and was asked for all the same.
+    compares = plan_table(load_table("2"), "small", Given(()))
+    assert {*map(tuple, compares.lacking.values())} == {("motions to train on (--manifest)",)}
     scored = Path("set.yaml")
     plan = plan_table(table5, "small", Given((Path("a.yaml"),), scored=scored))
     assert plan.lacking.keys() == {"VIBE-CAM", "Ours"}
