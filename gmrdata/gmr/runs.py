@@ -248,10 +248,12 @@ def split_manifests(
     left_out: Counter[str] = Counter()
     for path in manifest_paths:
         training.append([])
-        for file in usable_files(path)[0]:
+        files, unusable, _ = usable_files(path)
+        for why in unusable.values():
+            left_out["rejected" if why.startswith("rejected") else "without a valid frame"] += 1
+        for file in files:
             subject = subject_of(file.entry.source)
-            key = source_key(file.entry.source)
-            on_lists = [name for name, keys in lists.items() if key in keys]
+            on_lists = [name for name in lists if source_key(file.entry.source) in lists[name]]
             if subject is not None and subject in wanted:
                 found.add(subject)
                 held_out.append(file)

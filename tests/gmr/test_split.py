@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.runs import cmu_trial, recording_of, split_manifests, subject_of
 from gmrdata.gmr.train import GmrRecipe, train
-from gmrdata.manifest.current import Source
+from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.amass import amass_rate
 from gmrdata.motion.library import library_files
@@ -264,3 +264,16 @@ def test_people_come_one_after_the_other_where_they_are_balanced(make_manifest):
 def test_no_manifest_is_no_clip():
     with pytest.raises(BadManifest, match="no usable clips"):
         split_manifests([], DataConfig())
+
+
+def test_clips_that_nobody_can_use_are_counted(make_clips, small_body, tmp_path):
+    """They were neither trained on nor said to be left out: 1 of 3 clips was all of them."""
+    clips = make_clips(3, 1)
+    clips[2] = replace(clips[2], valid=np.zeros(clips[2].motion.n_frames, dtype=bool))
+    rejected = {clips[1].id: Quality(verdict="rejected", reasons=("drift",))}
+    path = write_clips(tmp_path / "data", small_body, clips, rejected)
+    split = split_manifests([path], DataConfig())
+    assert [file.entry.id for file in split.training] == [clips[0].id]
+    said = "not trained on: 2 of 3 clips (1 rejected, 1 without a valid frame)"
+    assert split.statement == said
+    assert split.left_out == {"rejected": 1, "without a valid frame": 1}
