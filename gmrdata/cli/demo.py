@@ -175,8 +175,7 @@ def _fits(reading: FileReading, film: Film) -> bool:
     n_frames = min(motion.n_frames, round(film.duration_s * motion.fps_hz))
     if not reading.valid[:n_frames].all() or motion.fps_hz < _slowest_hz(film):
         return False
-    path = motion.pelvis_m[:n_frames, :2]
-    extent_m = float(np.ptp(path, axis=0).max())
+    extent_m = float(np.ptp(motion.pelvis_m[:n_frames, :2], axis=0).max())
     is_long = n_frames >= round(_shortest_s(film) * motion.fps_hz)
     return is_long and LEAST_TRAVEL_M <= extent_m <= WIDEST_M
 

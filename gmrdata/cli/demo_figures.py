@@ -67,8 +67,7 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
 
 
 def _data_source(paths: DemoPaths, recipe: DemoRecipe) -> str:
-    record = StageRecord.of(paths.motions_dir)
-    filmed = MotionsConfig.of_plain(record.config).filmed
+    filmed = MotionsConfig.of_plain(StageRecord.of(paths.motions_dir).config).filmed
     if not filmed:
         return "Embedded gait generator: made by a program, not motion capture."
     split = split_manifests([paths.training_manifest], recipe.gmr.data)

@@ -1,6 +1,7 @@
 """Verbs for the network: train, evaluate, compare and infer."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -53,16 +54,13 @@ def train(
         said = f"{recipe}: names manifests or a body, which `gmrdata train` takes as flags"
         raise BadRecipe(f"{said}. Leave them out, or use `gmrdata run {recipe}`")
     config = flags.on_device(given.train, device)
-
-    def trained(run: Run) -> Path:
-        path = flags.body_path(body)
-        return train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run)
-
+    path = flags.body_path(body)
+    trained = partial(train_gmr, manifests, out, config, body_path=path, held_out_paths=held_out)
     if dry_run:
         _show_training(manifests, held_out, config)
-        answer(f"{out}: {state_of(lambda: trained(Run(anew=redo, only_look=True)))}")
+        answer(f"{out}: {state_of(partial(trained, run=Run(anew=redo, only_look=True)))}")
     else:
-        answer(trained(Run(redo=redo)))
+        answer(trained(run=Run(redo=redo)))
 
 
 def _show_training(

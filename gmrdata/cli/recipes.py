@@ -101,11 +101,7 @@ TAKES = {
     "table": ("manifest", "scored", "poses", "keypoints", "features", "videos", "body"),
 }
 """Inputs by kind of recipe."""
-NEEDS = {
-    "threedpw": ("threedpw",),
-    "masks": ("frames",),
-    "joint": ("manifest", "features"),
-}
+NEEDS = {"threedpw": ("threedpw",), "masks": ("frames",), "joint": ("manifest", "features")}
 """Those that no recipe of a kind does without."""
 UNSHARED = ("masks", "gmr", "joint")
 """Kinds without a dry run, and without workers and shards."""

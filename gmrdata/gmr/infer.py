@@ -18,8 +18,7 @@ pitch drift, what standing shows in each moment turns them back (`gmrdata.world.
 in which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the
 first frame.  Last, who neither stands nor falls freely is put on the floor, z = 0
 (`gmrdata.world.heights`); on stairs and slopes, or where nothing shows up, heights stay, and the
-low ones of standing soles are at z = 0.  The paper does none of this: its first pose is the
-identity (section 3.6), which is what `level: first_pose` gives, in a world with z up.
+low ones of standing soles are at z = 0.
 """
 
 import re
@@ -388,8 +387,7 @@ def _predict(
         level = None
         if config.level == "standing_feet":
             world, level = stand_and_say(world, body)
-        clip = Clip(name, world, run.valid, run.image_numbers, None)
-        worlds[name] = _World(clip, level)
+        worlds[name] = _World(Clip(name, world, run.valid, run.image_numbers, None), level)
     if not worlds:
         raise _all_too_short(source, *next(iter(left_out.items())))
     remarks = {name: one.level.remark for name, one in worlds.items() if one.level is not None}

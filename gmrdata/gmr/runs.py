@@ -285,9 +285,8 @@ def require_own_ids(files: Sequence[ClipFile], what: str) -> None:
 
 
 def scored_files(held_out_paths: Sequence[Path], split: Split) -> tuple[list[ClipFile], str]:
-    """What a training scores, each clip once, and in words what it does not: the clips of manifests
-    but those that are trained on, who would choose weights that know nobody else; and the held-out
-    people."""
+    """What a training scores, each once: held-out people, and clips of manifests but those that
+    are trained on, who would choose weights that know nobody else; and how many those are."""
     asked = [file for path in held_out_paths for file in usable_files(path)[0]]
     others = not_trained_on(asked, split.training)
     n_known = len(asked) - len(others)

@@ -203,8 +203,7 @@ def motion_table(
     rows, warnings, reasons = [], [], {}
     for file in track(files, READING):
         try:
-            one = bodies[chosen_body(file.path, bodies)]
-            read = read_file(file.path, one, config)
+            read = read_file(file.path, bodies[chosen_body(file.path, bodies)], config)
         except GmrdataError as error:
             reasons[file.id] = str(error)
             continue
@@ -318,8 +317,7 @@ def make_entry(
         body = load_body_once(body_path)
         read = read_file(file.path, body, config)
         motion = read.motion
-        n = motion.n_frames
-        clip = Clip(file.id, motion, read.valid, np.full(n, -1), None)
+        clip = Clip(file.id, motion, read.valid, np.full(motion.n_frames, -1), None)
         save_clip(partial_dir / CLIP_FILE, clip, body.rest_pelvis_m(motion.shape))
         ReadingRecord.of(read).write(partial_dir / READING_FILE)
 

@@ -217,6 +217,5 @@ def _longest_seen(rows: np.ndarray, points: np.ndarray, n_points: int) -> np.nda
     """Which observations (M,) to show: in each frame those of the points that most frames see."""
     lengths = np.bincount(points, minlength=n_points)
     order = np.lexsort((points, -lengths[points], rows))
-    first = np.searchsorted(rows[order], rows[order])
-    place = np.arange(len(order)) - first
+    place = np.arange(len(order)) - np.searchsorted(rows[order], rows[order])
     return np.sort(order[place < MARKS_PER_FRAME])

@@ -99,15 +99,12 @@ def explanations(record: TableRecord) -> list[str]:
     """What must be known to read the table: the data of both, the size, and what is missing."""
     data = record.data
     trained = ", ".join(f"{one.name} ({one.clips} clips)" for one in data.training) or "nothing"
-    held_out = ", ".join(map(str, data.held_out_subjects))
+    held_out, who = ", ".join(map(str, data.held_out_subjects)), data.estimator
     return [
         f"Paper: {data.paper}.",
         f"Here: trained on {trained}; scored on {data.scored}.",
         *([f"GMR: network {data.network}, as it is."] if data.network else []),
-        *(
-            [f"{data.estimator}: who estimates where the paper has VIBE."]
-            * (data.estimator != VIBE)
-        ),
+        *([f"{who}: who estimates where the paper has VIBE."] * (who != VIBE)),
         *([f"Not trained on: subjects {held_out}."] if held_out else []),
         f"Scale {record.scale}. {record.note}".strip(),
         *_paper_readings(record.rows),

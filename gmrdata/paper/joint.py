@@ -146,8 +146,7 @@ class JointModel(MotionNetwork):
         self, features: rotations.Sequences, lengths: rotations.Lengths = None
     ) -> JointOutput:
         """Local poses of T frames, and the T-1 motions between them; `lengths` as in `features`."""
-        scaled = (features - self.feature_mean) * self.feature_scale
-        latent = self.features(scaled, lengths)
+        latent = self.features((features - self.feature_mean) * self.feature_scale, lengths)
         poses = (self.mean_pose + self.pose(latent)).unflatten(-1, (N_LOCAL, -1))
         motions = Motions(*self.motions(self.motion(latent[:, :-1])))
         return JointOutput(motions, rotations.to_rotmats(poses, "6d"))
@@ -296,8 +295,7 @@ def train_joint(
         bodies = load_bodies(body_path)
         fitting = fitting_clips(LazyClips(files), bodies)
         pairs = [(clip, load_features(features_dir, clip)) for clip in fitting]
-        names = [body.name for body in bodies]
-        training_set = training_runs(pairs, config.fps_hz, names)
+        training_set = training_runs(pairs, config.fps_hz, [body.name for body in bodies])
         fit_joint(training_set, bodies, partial_dir, config)
 
     return run_stage("joint-train", run_dir, config, inputs, Resumable(work, costly=True), run=run)

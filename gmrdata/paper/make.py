@@ -299,8 +299,7 @@ def planned_runs(
     for id, config in plan.trainings.items():
         parameters, step_s = "-", None
         if isinstance(config, TrainConfig):
-            frames, on = config.windows.frames, (config.device, config.threads)
-            key = config.model, config.batch_size, frames, on
+            key = config.model, config.batch_size, config.windows, config.device, config.threads
             if key not in probed:
                 probed[key] = probe_training(config)
             parameters, step_s = f"{probed[key].n_parameters:,}", probed[key].step_s

@@ -185,8 +185,7 @@ class _Viewer:
         posed = posed_clip(clip, poses, between, self._body)
         path = self._out_dir / POSES_FOLDER / f"{clip.id}.npz"
         save_clip(path, posed, self._body.rest_pelvis_m(posed.motion.shape))
-        keypoints_dir = self._out_dir / KEYPOINTS_FOLDER / clip.id
-        write_keypoints(keypoints_dir, clip, track, between)
+        write_keypoints(self._out_dir / KEYPOINTS_FOLDER / clip.id, clip, track, between)
         crops = crops_between(track.crops, between)
         features = [
             self._look(read_color(images[number]), Crop(crop[:2], crop[2], crop[3]))
@@ -240,8 +239,7 @@ def rows_between(rows: np.ndarray, n_rows: int) -> Between:
 
 def crops_between(crops: np.ndarray, between: Between) -> np.ndarray:
     """Crops (N, 4) of a track at all rows; from 179 to -179 degrees they turn by 2."""
-    turns_rad = np.unwrap(crops[:, 3])
-    return between.placed(np.column_stack([crops[:, :3], turns_rad]))
+    return between.placed(np.column_stack([crops[:, :3], np.unwrap(crops[:, 3])]))
 
 
 def posed_clip(clip: Clip, poses: LocalPoses, between: Between, body: BodyModel) -> Clip:

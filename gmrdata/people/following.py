@@ -57,14 +57,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, run_stage
 from gmrdata.values.files import read_json, write_npz, write_text
 from gmrdata.values.frame_set import FrameSet
-from gmrdata.values.records import (
-    PART,
-    ArrayShapes,
-    Config,
-    Record,
-    check_shapes,
-    read_arrays,
-)
+from gmrdata.values.records import PART, ArrayShapes, Config, Record, check_shapes, read_arrays
 
 FOLLOWED_FILE, SIGHTINGS_FILE, OUTLINES_FOLDER = "followed.json", "sightings.npz", "outlines"
 SIGHTINGS_FORMAT = "gmrdata-sightings/1"
@@ -614,8 +607,7 @@ def _cut(found: Sightings, rows: np.ndarray, piece: int, config: _FollowedAt) ->
     """Places of one piece's sightings, cut where another person may have taken over."""
     places = np.flatnonzero(found.pieces == piece)
     cuts = cuts_in(_piece(found, rows, places), config.link, config.rate_hz)
-    edges = [0, *cuts, len(places)]
-    return [places[start:stop] for start, stop in pairwise(edges)]
+    return [places[start:stop] for start, stop in pairwise([0, *cuts, len(places)])]
 
 
 def _piece(found: Sightings, rows: np.ndarray, places: np.ndarray) -> Piece:

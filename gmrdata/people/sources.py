@@ -113,9 +113,7 @@ MaskSource = Annotated[
 ]
 
 
-def shows_people(
-    source: MaskSource,
-) -> TypeGuard[OnnxSource | PersonSource | MaskRcnnSource]:
+def shows_people(source: MaskSource) -> TypeGuard[OnnxSource | PersonSource | MaskRcnnSource]:
     """Whether it looks for people in the pictures, without the bodies of the sequence: a detector
     may be asked for cars alone."""
     if isinstance(source, OnnxSource | MaskRcnnSource):
@@ -184,8 +182,7 @@ def make_masks(
     """
     given = _Given(frames, people, followed_dir, run)
     made = {name: _make(one, given, sources_dir(out_dir) / name) for name, one in config.named}
-    union = _settings(config, UnionConfig)
-    return unite_masks(made, frames, out_dir, union, run=run)
+    return unite_masks(made, frames, out_dir, _settings(config, UnionConfig), run=run)
 
 
 def masks_named(
@@ -325,8 +322,7 @@ def _make(source: MaskSource, given: _Given, out_dir: Path) -> Path:
             return person_masks(followed_dir, frames, out_dir, person, run)
         case MaskRcnnSource():
             net = _settings(source, MaskRcnnConfig)
-            weights = source.weights
-            return maskrcnn_masks(weights, frames, out_dir, net, run=run)
+            return maskrcnn_masks(source.weights, frames, out_dir, net, run=run)
 
 
 def person_masks(

@@ -156,8 +156,7 @@ def check_intrinsics(path: Path, intrinsics_px: np.ndarray, width_px: int, heigh
 
 
 def _is_middle(centre_px: np.ndarray, size_px: Sequence[int]) -> bool:
-    off = np.abs(centre_px / np.array(size_px) - 0.5)
-    return bool((off <= CENTRE_TOLERANCE).all())
+    return bool((np.abs(centre_px / np.array(size_px) - 0.5) <= CENTRE_TOLERANCE).all())
 
 
 def _look_at(files: SequenceFiles, path: Path) -> tuple[tuple[int, int] | None, str]:

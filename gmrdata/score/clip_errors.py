@@ -102,8 +102,7 @@ def clip_errors(
     )
     if protocol is None:
         return found
-    bodies = body, predicted_body or body
-    pairs = _pairs(clip, protocol, bodies, regressor)
+    pairs = _pairs(clip, protocol, (body, predicted_body or body), regressor)
     across = protocol.people == "together" or protocol.gaps == "joined_over_clips"
     return replace(
         found,

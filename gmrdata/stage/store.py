@@ -141,10 +141,10 @@ def run_stage(
     if run.only_look:
         if check_out(name, out_dir, config, inputs, run):
             return out_dir
-        begun = isinstance(work, Resumable) and work.costly and _partial(folder).is_dir()
-        if isinstance(work, Resumable) and begun:  # only then are the inputs worth hashing
+        partial, begun = folder.with_name(folder.name + ".partial"), False
+        if isinstance(work, Resumable) and work.costly and partial.is_dir():  # else not hashed
             recipe = _recipe(name, config, _InputHashes(folder, run).of(inputs))
-            begun = _goes_on(_partial(folder), recipe, work, run)
+            begun = _goes_on(partial, recipe, work, run)
         raise NotMade(out_dir, begun=begun)
     _keep_inputs(folder, inputs)
     with locked(folder) as alone:
@@ -264,7 +264,7 @@ def _partial_dir(
     locks reach so far.  Files of a resumable stage are the same then, each whole; another stage
     works in a folder of its own name.
     """
-    partial = _partial(out_dir)
+    partial = out_dir.with_name(out_dir.name + ".partial")
     begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
     if isinstance(work, Resumable):
         if not _goes_on(partial, recipe, work, run):
@@ -275,10 +275,6 @@ def _partial_dir(
         partial = out_dir.with_name(f"{temporary_name(out_dir)}.partial")
     partial.mkdir(exist_ok=True)
     return partial
-
-
-def _partial(out_dir: Path) -> Path:
-    return out_dir.with_name(out_dir.name + ".partial")
 
 
 def _goes_on(partial: Path, recipe: RecipeRecord, work: Resumable, run: Run) -> bool:

@@ -225,8 +225,7 @@ def plan(
 
 def _require_made(files: SequenceFiles, recipe: ThreedpwRecipe, paths: SetPaths, look: Run) -> None:
     """NotMade, or an error, where a sequence is not as the recipe makes it."""
-    body_paths = _keep_bodies(recipe, paths, look)
-    regenerate_one(files, paths.root, recipe, body_paths, look)
+    regenerate_one(files, paths.root, recipe, _keep_bodies(recipe, paths, look), look)
 
 
 def _besides(

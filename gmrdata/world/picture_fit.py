@@ -18,12 +18,7 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.files import Distortion, bent_points
 from gmrdata.people.following import load_tracks
-from gmrdata.people.landmark_body import (
-    VISIBLE,
-    SeenLandmarks,
-    landmarks_about,
-    legs_hidden,
-)
+from gmrdata.people.landmark_body import VISIBLE, SeenLandmarks, landmarks_about, legs_hidden
 from gmrdata.people.landmark_network import LIMBS, TRUNK
 from gmrdata.people.silhouette import silhouette
 from gmrdata.read.frames import image_number, read_gray

@@ -49,8 +49,9 @@ KEYS = frozenset({"root_orient", "pose_body", "trans"})
 def files_beside(path: Path) -> dict[str, Path]:
     """What a result is read with, by role: `tracks`, and `config` if it is there; empty without."""
     infos = (path.with_name(TRACK_INFO), path.parent.parent / TRACK_INFO)
-    found = [{"tracks": one, "config": one.parent / CONFIG} for one in infos if one.is_file()]
-    return {role: file for role, file in dict(*found[:1]).items() if file.is_file()}
+    info = next((one for one in infos if one.is_file()), None)
+    found = {} if info is None else {"tracks": info, "config": info.parent / CONFIG}
+    return {role: file for role, file in found.items() if file.is_file()}
 
 
 def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
