@@ -80,7 +80,7 @@ class StageRecord(_Recipe):
     packages: dict[str, str]
     """Versions of the packages that decide what bytes come out."""
     seconds: float
-    """Wall time of the work."""
+    """Wall time of the work; where a killed run's went on, of what was left of it."""
 
     @classmethod
     def of(cls, stage_dir: Path) -> Self:
