@@ -225,8 +225,7 @@ def _with_both(
             f"{path}: no prediction for {missing.size} of {int(true.valid.sum())} valid frames, "
             f"the first is row {missing[0]}. Predict them, or pass --missing drop to leave them out"
         )
-    n = min(true.motion.n_frames, predicted.motion.n_frames)
-    valid = (true.valid & has)[:n]
+    valid = (true.valid & has)[: predicted.motion.n_frames]
     # By its path, so that what is said of it names the file.
     parts = (_first_rows(true, true.id, valid), _first_rows(predicted, str(path), valid))
     return *parts, int(missing.size)
