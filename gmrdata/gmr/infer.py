@@ -18,7 +18,8 @@ pitch drift, what standing shows in each moment turns them back (`gmrdata.world.
 in which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the
 first frame.  Last, who neither stands nor falls freely is put on the floor, z = 0
 (`gmrdata.world.heights`); on stairs and slopes, or where nothing shows up, heights stay, and the
-low ones of standing soles are at z = 0.
+low ones of standing soles are at z = 0.  The paper does none of this: its first pose is the
+identity (section 3.6), which is what `level: first_pose` gives, in a world with z up.
 """
 
 import re

@@ -8,6 +8,7 @@
 
 A run that was killed, at any moment and however, goes on when it is started again, and ends with
 the weights that it would have had: each step's windows and dropout depend on (seed, step) alone.
+Started by `torchrun`, several processes train one network (gmrdata.gmr.steps).
 """
 
 from collections.abc import Callable, Iterable
