@@ -2,6 +2,7 @@
 
 import ctypes
 import logging
+import multiprocessing
 import os
 import platform
 import signal
@@ -26,6 +27,7 @@ CONNECT_S = 5.0  # how long a scheduler may take to answer
 FIRST_WORKER_S = 60.0  # and the first of its workers to come
 IDLE = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"}
 """Dask's processes look at themselves 50 to 100 times a second, which takes a tenth of a core."""
+GUARD = 'In a script work goes under `if __name__ == "__main__":`, since they read the script again'
 FORKED = {"distributed.worker.multiprocessing-method": "forkserver"}
 """One process loads Dask for all workers of all pools, which then start in a tenth of the time."""
 
@@ -97,26 +99,30 @@ def _local_client(run: Run, workers: int) -> Iterator[Any]:
     from dask import config
     from dask.distributed import Client, LocalCluster
 
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SystemExit(1)  # a worker that reads its script again, whose command says so
     count = run.workers or workers
     threads = max(1, own_cores() // count)
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-    with (
-        # What other systems' libraries do to a process that forks is not known here.
-        config.set(IDLE | (FORKED if sys.platform == "linux" else {})),
-        LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            preload=[__name__],  # `dask_setup`
-            dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
-            memory_limit=0,
-            # Theirs would else be that of the first pool.
-            env=os.environ | dict.fromkeys(names, str(threads)),
-            silence_logs=logging.CRITICAL + 1,  # Ctrl-C during a message is critical to Dask
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+    # What other systems' libraries do to a process that forks is not known here.
+    with config.set(IDLE | (FORKED if sys.platform == "linux" else {})):
+        try:
+            cluster = LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                preload=[__name__],  # `dask_setup`
+                dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
+                memory_limit=0,
+                # Theirs would else be that of the first pool.
+                env=os.environ | dict.fromkeys(names, str(threads)),
+                silence_logs=logging.CRITICAL + 1,  # Ctrl-C during a message is critical to Dask
+            )
+        except RuntimeError as error:
+            what = str(error).rstrip(".")
+            raise NoWorkers(f"local workers did not start ({what}). {GUARD}") from error
+        with cluster, Client(cluster) as client:
+            yield client
 
 
 def dask_setup(_: Any) -> None:

@@ -88,6 +88,16 @@ def wait_a_little(path: Path) -> None:
     time.sleep(0.1)
 
 
+UNGUARDED = """
+from gmrdata.stage.run import Run
+from gmrdata.stage.workers import worker_pool
+from gmrdata.values.errors import NoWorkers
+try:
+    with worker_pool(Run(workers=1)) as pool:
+        pool.client()
+except NoWorkers as error:
+    print(error)
+"""
 WAITING = """
 import signal
 import sys
@@ -422,6 +432,22 @@ def test_of_ctrl_c_the_command_speaks_alone_and_its_workers_end(tmp_path):
     assert command.returncode == 0 and said.endswith("stopped\n")
     assert "Traceback" not in said and "KeyboardInterrupt" not in said
     assert len(started) > 2 and not psutil.wait_procs(started, timeout=10)[1]
+
+
+def test_a_script_without_a_guard_is_told_what_it_lacks(tmp_path):
+    """Its workers read it again: each of them showed a traceback, and then the pool did."""
+    script = tmp_path / "unguarded.py"
+    script.write_text(UNGUARDED)
+    ended = subprocess.run(
+        [sys.executable, script],
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert 'work goes under `if __name__ == "__main__":`' in ended.stdout
+    assert "Traceback" not in ended.stderr
 
 
 def test_a_process_has_the_cores_that_it_may_use(monkeypatch):
