@@ -18,11 +18,12 @@ from gmrdata.threedpw.clips import sequence_arrays, world_clip
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import Clip
+from gmrdata.values.files import write_bytes
 from gmrdata.values.motion import Motion
 from gmrdata.values.people import EstimatedPerson
 from gmrdata.write.emdb import emdb_sequence, write_emdb
-from gmrdata.write.systems import TrackedPerson, write_gvhmr, write_wham
-from gmrdata.write.threedpw import write_sequence_file
+from gmrdata.write.systems import TrackedPerson, gvhmr_bytes, wham_bytes
+from gmrdata.write.threedpw import sequence_bytes
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 
@@ -35,7 +36,7 @@ def threedpw(motion: Motion, body: BodyModel, folder: Path) -> Motion:
     unseen = [np.zeros((motion.n_frames, 18, 3))]
     arrays = sequence_arrays("walk", [clip], [named], [gender], unseen)
     path = folder / "walk.pkl"
-    write_sequence_file(path, arrays)
+    write_bytes(path, sequence_bytes(arrays))
     images = SequenceImages((), WIDTH_PX, HEIGHT_PX, ("",) * motion.n_frames, ())
     files = SequenceFiles(folder, "walk", "test")
     sequence = Sequence3DPW(files, read_sequence_file(path), images, ())
@@ -54,13 +55,13 @@ def emdb(motion: Motion, body: BodyModel, folder: Path) -> Motion:
 
 
 def wham(motion: Motion, body: BodyModel, folder: Path) -> Motion:
-    write_wham(folder / "wham_output.pkl", [_tracked(motion, body)])
+    write_bytes(folder / "wham_output.pkl", wham_bytes([_tracked(motion, body)]))
     return _of_result(folder / "wham_output.pkl", motion, body)
 
 
 def gvhmr(motion: Motion, body: BodyModel, folder: Path) -> Motion:
     """SMPL-X's body has no two hand joints: these are taken over."""
-    write_gvhmr(folder / "hmr4d_results.pt", _tracked(motion, body))
+    write_bytes(folder / "hmr4d_results.pt", gvhmr_bytes(_tracked(motion, body)))
     found = _of_result(folder / "hmr4d_results.pt", motion, body)
     local_rotmats = np.concatenate(
         [found.local_rotmats[:, :21], motion.local_rotmats[:, 21:]], axis=1

@@ -250,20 +250,22 @@ def _write(
     options: ExportOptions,
     dry_run: bool,
 ) -> str:
-    """Write one unit; why it can't be, or "".  A dry run only looks."""
+    """Write one unit; why it can't be, or "".  A dry run prepares all, and writes nothing."""
     people: list[ExportedClip] = []
     for one in map(loaded.__getitem__, unit.ids):
         if isinstance(one, GmrdataError):
             return str(one)
         people.append(one)
     format = FORMATS[unit.format]
-    if (reason := why_not(format, people, options)) or dry_run:
+    if reason := why_not(format, people, options):
         return reason
     try:
         for lacking in not_held(unit.format, people, options.of):
             remark(f"{unit.name}: {lacking}")
-        with _whole(unit) as partial:
-            format.write(people, partial, options)
+        write = format.prepare(people, options)
+        if not dry_run:
+            with _whole(unit) as partial:
+                write(partial)
     except GmrdataError as error:
         return str(error).replace(_partial(unit.path).name, unit.path.name)
     return ""
@@ -353,7 +355,6 @@ def _write_cameras(out_dir: Path, images: Path, verdict: VideoVerdict) -> None:
     known = found.camera.has_camera & verdict.camera.kept
     found = replace(found, camera=replace(found.camera, has_camera=known))
     names, points = seen_points(found, sfm_dir, "keyframes")
-    colmap.mkdir(parents=True, exist_ok=True)
     write_background(colmap, found, names, points, images)
     times_s = times_of(images, found.image_numbers, verdict.fps_hz)[known]
     write_tum(out_dir / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s)

@@ -1,8 +1,9 @@
 """The formats of `gmrdata export`: what each is, what a clip must have, and what writes it.
 
-A function here takes loaded clips and the path to write, and calls a writer of `gmrdata.write`
-with plain values.  What it can't write is an error, which is said of that clip alone.  Writers are
-imported where they are called, since the command line knows all formats before it runs.
+A function here takes loaded clips, and gives what writes them to a path by a writer of
+`gmrdata.write`.  What a format can't hold is an error, which is said of that clip alone, of a dry
+run too.  Writers are imported where they are called, since the command line knows all formats
+before it runs.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,6 +21,7 @@ from gmrdata.values import transforms
 from gmrdata.values.body import SMPL
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadSequence, some
+from gmrdata.values.files import write_bytes
 from gmrdata.values.people import FUSED, PSEUDO_GT
 
 if TYPE_CHECKING:
@@ -35,7 +37,7 @@ FormatName = Literal[
 ]  # fmt: skip
 Trajectory = Literal["camera", "person"]
 Seen = Literal["keyframes", "all", "none"]
-Need = Literal["camera", "world", "trajectory", "images"]
+Need = Literal["camera", "world", "trajectory"]
 """world: motions in the world, one of which has a valid frame; trajectory: a camera or a motion in
 the world, whichever is asked for."""
 
@@ -49,6 +51,10 @@ class ExportOptions:
     threedpw: Path | None = None  # 3DPW's own folder
 
 
+Writer = Callable[[Path], None]
+"""Writes the clips of one unit to a path that is not there: a file, or a folder to make."""
+
+
 class Format(NamedTuple):
     """What one format is, and how it is written."""
 
@@ -60,8 +66,7 @@ class Format(NamedTuple):
     """Below OUT/<format>/.  {id} is the clip's or the sequence's name, {split} 3DPW's, {subject}
     and {take} are the two parts of EMDB's name."""
     needs: tuple[Need, ...]  # what is looked at before anything is written
-    write: Callable[[Sequence["ExportedClip"], Path, ExportOptions], None]
-    """Writes the clips of one unit to a path that is not there: a file, or a folder to make."""
+    prepare: Callable[[Sequence["ExportedClip"], ExportOptions], Writer]
 
 
 def unit_of(format: Format, options: ExportOptions) -> Literal["clip", "sequence"]:
@@ -79,22 +84,18 @@ def why_not(format: Format, clips: Sequence["ExportedClip"], options: ExportOpti
 def _lacks(need: Need, clips: Sequence["ExportedClip"], options: ExportOptions) -> str:
     if need == "trajectory":
         need = "camera" if options.of == "camera" else "world"
-    lacks = next(filter(None, (_clip_lacks(need, one) for one in clips)), "")
+    lacks = next(filter(None, (_clip_lacks(need, one.clip) for one in clips)), "")
     nobody = need == "world" and not any(one.clip.valid.any() for one in clips)
     return lacks or ("has no valid frame" if nobody else "")
 
 
-def _clip_lacks(need: Need, exported: "ExportedClip") -> str:
-    clip = exported.clip
+def _clip_lacks(need: Need, clip: Clip) -> str:
     if need == "camera" and clip.camera is None:
         return "has no camera"
     if need == "camera" and clip.camera is not None and not clip.camera.has_camera.any():
         return "has no frame with a known camera"
-    if need == "world" and clip.motion.frame != "world":
-        return "its motion is in the camera's frame, not in a world"
-    if need == "images" and exported.images_dir is None:
-        return "has no images; give them with --images"
-    return ""
+    outside = need == "world" and clip.motion.frame != "world"
+    return "its motion is in the camera's frame, not in a world" if outside else ""
 
 
 PINHOLES: tuple[FormatName, ...] = ("gem-x", "3dpw", "emdb", "gvhmr", "glb", "usd", "rrd")
@@ -145,24 +146,23 @@ def _bend_px(clips: Sequence["ExportedClip"]) -> float:
     return abs(lens.k1 * r**3 + lens.k2 * r**5) * max(camera.lens.focal_px)
 
 
-def export_colmap(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_colmap(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
     from gmrdata.cameras.files import load_cameras
     from gmrdata.world.compose import is_kept_in_place, load_background
     from gmrdata.write.cameras import NO_POINTS, write_colmap
 
     exported = clips[0]
-    path.mkdir()
+    names: Sequence[str | None]
     if exported.sfm_dir is None:
-        write_colmap(path, camera_of(exported.clip), _image_names(exported))
-        return
+        camera, names = camera_of(exported.clip), _image_names(exported)
+        return partial(write_colmap, camera=camera, image_names=names)
     world_of: Clip | None = exported.clip
     if load_cameras(exported.sfm_dir).geometry == "full" and is_kept_in_place(exported.clip):
         what = "its scale is not known: the model is in the unit and world of its reconstruction"
         remark(f"{exported.sequence}: {what}")
         world_of = None
     found = load_background(exported.sfm_dir, world_of)
-    names: Sequence[str | None]
     if options.observations == "none":
         numbers = exported.clip.image_numbers.tolist()
         name_of = dict(zip(numbers, _image_names(exported), strict=True))
@@ -170,7 +170,7 @@ def export_colmap(clips: Sequence["ExportedClip"], path: Path, options: ExportOp
         points = replace(NO_POINTS, world_m=found.points_m)
     else:
         names, points = seen_points(found, exported.sfm_dir, options.observations)
-    write_background(path, found, names, points, exported.images_dir)
+    return lambda path: write_background(path, found, names, points, exported.images_dir)
 
 
 def seen_points(
@@ -222,14 +222,14 @@ def _image_names(exported: "ExportedClip") -> list[str | None]:
     return [None if image is None else image.name for image in exported.image_paths()]
 
 
-def export_tum(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_tum(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """The camera's or the pelvis's path; frames without one are left out, so times have gaps."""
     from gmrdata.write.cameras import write_tum
 
     poses, known = _trajectory(clips[0], options.of)
     clip = clips[0].clip
     times_s = times_of(clips[0].images_dir, clip.image_numbers, clip.motion.fps_hz)
-    write_tum(path, poses[known], times_s[known])
+    return partial(write_tum, world_from_body=poses[known], times_s=times_s[known])
 
 
 def times_of(images_dir: Path | None, image_numbers: np.ndarray, fps_hz: float) -> np.ndarray:
@@ -244,23 +244,23 @@ def times_of(images_dir: Path | None, image_numbers: np.ndarray, fps_hz: float) 
     return by_rate_s + np.interp(by_rate_s, by_rate_s[known], (own_s - by_rate_s)[known])
 
 
-def export_kitti(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_kitti(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """The same, a line for each frame: one that lacks a pose can't be left out."""
     from gmrdata.write.cameras import write_kitti
 
     poses, known = _trajectory(clips[0], options.of)
     _require_all(clips[0], known, options.of, "tum leaves such frames out")
-    write_kitti(path, poses)
+    return partial(write_kitti, world_from_body=poses)
 
 
-def export_gem_x(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_gem_x(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """`camera.pt` with cam_from_world of each frame of the video."""
     from gmrdata.write.cameras import write_gem_x
 
     camera = camera_of(clips[0].clip)
     _require_each_frame(_tracked(clips[0]), "GEM-X has a camera for each frame; tum has times")
     _require_all(clips[0], camera.has_camera, "camera", "GEM-X needs one for each frame")
-    write_gem_x(path, camera.world_from_cam)
+    return partial(write_gem_x, world_from_cam=camera.world_from_cam)
 
 
 def _require_all(exported: "ExportedClip", known: np.ndarray, of: Trajectory, remedy: str) -> None:
@@ -278,7 +278,7 @@ def _trajectory(exported: "ExportedClip", of: Trajectory) -> tuple[np.ndarray, n
     return transforms.rigid(motion.root_rotmats, motion.pelvis_m), exported.clip.valid
 
 
-def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_3dpw(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """The people of a sequence; of those who were rejected no frame is `campose_valid`."""
     from gmrdata.read.threedpw_files import (
         N_KEYPOINTS,
@@ -287,7 +287,7 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
         read_sequence_file,
     )
     from gmrdata.threedpw.clips import sequence_arrays, with_original
-    from gmrdata.write.threedpw import write_sequence_file
+    from gmrdata.write.threedpw import sequence_bytes
 
     usable = [one.clip.valid & (not _why_rejected(one)) for one in clips]
     clips = [
@@ -312,7 +312,7 @@ def export_3dpw(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
     if options.threedpw is not None:
         original = read_sequence_file(find_sequence(options.threedpw, name).pickle_path)
         arrays = with_original(arrays, original)
-    write_sequence_file(path, arrays)
+    return partial(write_bytes, content=sequence_bytes(arrays))
 
 
 def _why_rejected(exported: "ExportedClip") -> str:
@@ -355,7 +355,7 @@ def _require_images_by_row(exported: "ExportedClip") -> None:
         raise BadSequence(f"clip {exported.id}: {what}. Export a clip of all images, from 0 on")
 
 
-def export_emdb(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_emdb(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """One person; the parts of EMDB as it was read, and both for clips from elsewhere."""
     from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
     from gmrdata.write.emdb import emdb_name, emdb_sequence, seen_in_image, write_emdb
@@ -367,25 +367,27 @@ def export_emdb(clips: Sequence["ExportedClip"], path: Path, options: ExportOpti
         about = EmdbAbout.read(about_path)
         parts = (about.emdb1, about.emdb2)
     name = "_".join(emdb_name(exported.id))
-    sequence = emdb_sequence(name, exported.clip, exported.body, parts)
-    write_emdb(path, sequence, *seen_in_image(exported.clip, exported.body))
+    body = exported.body
+    sequence = emdb_sequence(name, exported.clip, body, parts)
+    return lambda path: write_emdb(path, sequence, *seen_in_image(exported.clip, body))
 
 
-def export_wham(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_wham(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """The people of a sequence, each in the frames that may be used."""
-    from gmrdata.write.systems import write_wham
+    from gmrdata.write.systems import wham_bytes
 
     usable = zip(clips, _usable(clips, "left out"), strict=True)
-    write_wham(path, [_tracked(one) if is_usable else None for one, is_usable in usable])
+    people = [_tracked(one) if is_usable else None for one, is_usable in usable]
+    return partial(write_bytes, content=wham_bytes(people))
 
 
-def export_gvhmr(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_gvhmr(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """One person, in every frame of the video."""
-    from gmrdata.write.systems import write_gvhmr
+    from gmrdata.write.systems import gvhmr_bytes
 
     person = _tracked(clips[0])
     _require_each_frame(person, "GVHMR has a row for each frame; wham names its frames")
-    write_gvhmr(path, person)
+    return partial(write_bytes, content=gvhmr_bytes(person))
 
 
 def _require_each_frame(person: "TrackedPerson", remedy: str) -> None:
@@ -414,15 +416,15 @@ def _tracked(exported: "ExportedClip") -> "TrackedPerson":
     return TrackedPerson(clip.motion, exported.rest_pelvis_m, rows, frames, clip.camera)
 
 
-def export_usd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_usd(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """All who are in a sequence, and the camera."""
     from gmrdata.export.takes import result_take
     from gmrdata.write.usd import write_usd
 
-    write_usd(path, result_take(_shown(clips)))
+    return partial(write_usd, take=result_take(_shown(clips)))
 
 
-def export_rrd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_rrd(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """The same with frames, masks and points, and the truth beside it, as far as they are there."""
     from gmrdata.export.takes import TRUTH, result_take, truth_take, with_points
     from gmrdata.write.recording import write_recording
@@ -430,16 +432,16 @@ def export_rrd(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
     people = _shown(clips)
     first, true = people[0], truth_take(people)
     takes = [with_points(result_take(people), first)]
-    write_recording(
-        path,
-        [*takes, true[0]] if true else takes,
+    return partial(
+        write_recording,
+        takes=[*takes, true[0]] if true else takes,
         shown_from_world={TRUTH: true[1]} if true else {},
         images=first.image_paths() if first.images_dir else [],
         masks=first.mask_paths(),
     )
 
 
-def export_mp4(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_mp4(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """The frames with all bodies drawn over them, as the lens shows them."""
     from gmrdata.cameras.files import bent_points, load_quality
     from gmrdata.export.takes import result_take
@@ -448,30 +450,33 @@ def export_mp4(clips: Sequence["ExportedClip"], path: Path, options: ExportOptio
     sfm_dir = clips[0].sfm_dir
     lens = None if sfm_dir is None else load_quality(sfm_dir).lens
     take, images = result_take(_shown(clips)), clips[0].image_paths()
-    write_overlay(path, take, images, lambda points_cam_m: bent_points(points_cam_m, lens))
+    return partial(write_overlay, take=take, images=images, bend=partial(bent_points, lens=lens))
 
 
-def export_glb(clips: Sequence["ExportedClip"], path: Path, options: ExportOptions) -> None:
+def export_glb(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """One person, and the camera."""
     from gmrdata.write.glb import write_glb
 
     clip, body = clips[0].clip, clips[0].body
-    write_glb(path, clip.motion, body, shown=clip.valid, camera=clip.camera)
+    motion, camera = clip.motion, clip.camera
+    return partial(write_glb, motion=motion, body=body, shown=clip.valid, camera=camera)
 
 
-def export_runs(
-    clips: Sequence["ExportedClip"], path: Path, options: ExportOptions, suffix: str
-) -> None:
+def export_runs(clips: Sequence["ExportedClip"], options: ExportOptions, suffix: str) -> Writer:
     """A file of AMASS's layout or BVH for each unbroken stretch of valid frames, named by its first
     and last row."""
     from gmrdata.write.amass import write_amass
     from gmrdata.write.bvh import write_bvh
 
-    write, exported = {".npz": write_amass, ".bvh": write_bvh}[suffix], clips[0]
-    path.mkdir()
-    for start, stop in valid_runs(exported.clip.valid):
-        name = f"{exported.id}_{start:05d}-{stop - 1:05d}{suffix}"
-        write(path / name, exported.clip.motion.take(slice(start, stop)), exported.body)
+    write = {".npz": write_amass, ".bvh": write_bvh}[suffix]
+    id, clip, body = clips[0].id, clips[0].clip, clips[0].body
+
+    def write_runs(path: Path) -> None:
+        for start, stop in valid_runs(clip.valid):
+            name = f"{id}_{start:05d}-{stop - 1:05d}{suffix}"
+            write(path / name, clip.motion.take(slice(start, stop)), body)
+
+    return write_runs
 
 
 FORMATS: dict[str, Format] = {
@@ -526,7 +531,7 @@ FORMATS: dict[str, Format] = {
     ),
     "mp4": Format(
         "the frames with bodies and paths drawn over them",
-        "sequence", "{id}.mp4", ("camera", "world", "images"), export_mp4,
+        "sequence", "{id}.mp4", ("camera", "world"), export_mp4,
     ),
 }  # fmt: skip
 NETWORK = "the network of a training run, whose folder is then the source"

@@ -64,7 +64,7 @@ def write_colmap(
     radial: tuple[float, float] | None = None,
     images_dir: Path | None = None,
 ) -> None:
-    """Write a model to a folder that is there: every frame that has a camera and an image.
+    """Write a model: every frame that has a camera and an image.
 
     Args:
         folder: Gets `sparse/0` (binary) and `text`.

@@ -8,7 +8,6 @@ left out.
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,6 @@ from gmrdata.read.systems.gvhmr import GVHMR
 from gmrdata.values.body import NEUTRAL, SMPL, SMPL_REST_PELVIS_M, WORLD_FROM_REST
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.files import write_bytes
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import invert, rigid, rotvecs_from_rotmats
 from gmrdata.write.pickles import python3_pickle
@@ -61,8 +59,8 @@ if TYPE_CHECKING:
     import torch
 
 
-def write_gvhmr(path: Path, person: TrackedPerson) -> None:
-    """Write `hmr4d_results.pt`: one person, with a row for every frame.
+def gvhmr_bytes(person: TrackedPerson) -> bytes:
+    """`hmr4d_results.pt`: one person, with a row for every frame.
 
     SMPL-X has other shape coefficients than the person's body, so `betas` are zero, the mean shape;
     `transl` puts SMPL-X's pelvis where the person's is.  The two hand joints have no place in it.
@@ -92,7 +90,7 @@ def write_gvhmr(path: Path, person: TrackedPerson) -> None:
     content["valid"] = torch.as_tensor(valid)
     stream = io.BytesIO()
     torch.save(content, stream)
-    write_bytes(path, stream.getbuffer())
+    return stream.getvalue()
 
 
 def _smplx_params(motion: Motion, frame_from_world: np.ndarray) -> dict[str, "torch.Tensor"]:
@@ -108,8 +106,8 @@ def _smplx_params(motion: Motion, frame_from_world: np.ndarray) -> dict[str, "to
     return {key: torch.tensor(values, dtype=torch.float32) for key, values in params.items()}
 
 
-def write_wham(path: Path, people: Sequence[TrackedPerson | None]) -> None:
-    """Write `wham_output.pkl`: each person's frames that may be used, numbered from person 0.
+def wham_bytes(people: Sequence[TrackedPerson | None]) -> bytes:
+    """`wham_output.pkl`: each person's frames that may be used, numbered from person 0.
 
     A person who is None is left out; the others keep their numbers.
 
@@ -120,8 +118,7 @@ def write_wham(path: Path, people: Sequence[TrackedPerson | None]) -> None:
     Raises:
         BadMotionFile: a person has no frame that may be used, or one that is not finite.
     """
-    content = {n: _wham_person(one) for n, one in enumerate(people) if one is not None}
-    write_bytes(path, python3_pickle(content))
+    return python3_pickle({n: _wham_person(one) for n, one in enumerate(people) if one is not None})
 
 
 def _wham_person(person: TrackedPerson) -> dict[str, object]:

@@ -22,18 +22,18 @@ def write_sequence(root: Path, split: str, arrays: SequenceArrays) -> SequenceFi
     if split not in SPLITS:
         raise BadSequence(f"{arrays.name}: no split {split!r}; there are {', '.join(SPLITS)}")
     files = SequenceFiles(root, arrays.name, split)
-    write_sequence_file(files.pickle_path, arrays)
+    write_bytes(files.pickle_path, sequence_bytes(arrays))
     return files
 
 
-def write_sequence_file(path: Path, arrays: SequenceArrays) -> None:
-    """Write a sequence file, as a whole or not at all; the same arrays give the same bytes.
+def sequence_bytes(arrays: SequenceArrays) -> bytes:
+    """A sequence file; the same arrays give the same bytes.
 
     `read_sequence_file` gives back the same arrays, bit for bit.  Optional arrays that no person
     has are left out.  `texture_maps` is empty, as it is in 3DPW's own files.
     """
     require_name(arrays.name)
-    write_bytes(path, python2_pickle(_content(arrays)))
+    return python2_pickle(_content(arrays))
 
 
 def _content(arrays: SequenceArrays) -> dict[str, object]:

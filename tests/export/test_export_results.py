@@ -2,6 +2,7 @@
 
 import json
 import pickle  # noqa: TID251  The oracle: what others open the files with.
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,8 @@ import trimesh
 from pxr import Usd, UsdGeom
 
 from gmrdata.cameras.files import QUALITY_FILE, Distortion, load_quality
+from gmrdata.export.export import export
+from gmrdata.export.formats import FORMATS
 from gmrdata.gmr.predict import load_gmr, predict_deltas
 from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
 from gmrdata.read.body_file import save_body
@@ -80,6 +83,32 @@ def test_files_where_others_look_for_them(manifest, tmp_path, gmrdata):
         "rejected: no 3dpw: has no valid frame",
         "rejected: no gvhmr: has no valid frame",
     )
+
+
+def test_a_dry_run_leaves_out_what_the_run_does(manifest, walkers, small_body, tmp_path, capsys):
+    """Of a clip that lacks a camera, a pose, an image or its body it said `to write`."""
+    one, without = walkers[0], np.arange(30) != 5
+    camera = camera_of(one)
+    camera = replace(camera, has_camera=without)
+    pelvis_m = np.where(without[:, None], one.motion.pelvis_m, np.nan)
+    holed = replace(one, id="holed", valid=without, camera=camera)
+    holed = replace(holed, motion=replace(one.motion, pelvis_m=pelvis_m))
+    classes = {"camera_motions": ["circular"]}
+    other = write_clips(tmp_path / "other", small_body, [holed], **classes)
+    for source in (manifest, other):
+        planned, done = (
+            [(each.unit.format, each.unit.name, each.left_out) for each in made]
+            for made in (
+                export(source, [*FORMATS], tmp_path / "out", dry_run=True),
+                export(source, [*FORMATS], tmp_path / "out"),
+            )
+        )
+        said = capsys.readouterr().err.splitlines()
+        assert planned == done and any(left_out for *_, left_out in done)
+        assert any(not left_out for *_, left_out in done)
+        shutil.rmtree(tmp_path / "out")
+        remarks = [line for line in said if not line.startswith("exporting")]
+        assert remarks[: len(remarks) // 2] == remarks[len(remarks) // 2 :]
 
 
 def test_3dpw_of_another_body_is_said(walkers, small_body, tmp_path, works):

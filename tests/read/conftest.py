@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from gmrdata.write.threedpw import write_sequence_file
+from gmrdata.write.threedpw import sequence_bytes
 
 
 @pytest.fixture
 def content(walk_arrays, tmp_path) -> dict[str, Any]:
     """The dictionary of a good sequence file of 3DPW."""
-    write_sequence_file(tmp_path / "good.pkl", walk_arrays)
+    (tmp_path / "good.pkl").write_bytes(sequence_bytes(walk_arrays))
     return dict(pickle.loads((tmp_path / "good.pkl").read_bytes(), encoding="latin1"))

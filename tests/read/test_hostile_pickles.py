@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from gmrdata.read.threedpw_files import read_sequence_file
 from gmrdata.threedpw.regenerate import sequence_rows
 from gmrdata.values.errors import BrokenPickle, UnsafePickle
-from gmrdata.write.threedpw import write_sequence_file
+from gmrdata.write.threedpw import sequence_bytes
 from tests.damage import Calls, read_or_refused
 
 NAME = "courtyard_walk_00"
@@ -60,7 +60,7 @@ def test_a_call_anywhere_in_a_sequence_is_refused_by_name(content, here, protoco
 
 def test_arrays_that_claim_absurd_sizes_are_refused_without_the_memory(here, walk_arrays):
     path = here / "some.pkl"
-    write_sequence_file(path, walk_arrays)
+    path.write_bytes(sequence_bytes(walk_arrays))
     shape = b"(K\x1eK\x48t"  # (30, 72), the first array with that shape
     data = path.read_bytes()
     assert shape in data
@@ -73,7 +73,7 @@ def test_arrays_that_claim_absurd_sizes_are_refused_without_the_memory(here, wal
 def test_changed_bytes_give_arrays_or_an_error_that_says_so(walk_arrays, tmp_path_factory, data):
     """Whatever a few changed bytes make of a file: never another kind of error."""
     path = tmp_path_factory.getbasetemp() / "changed.pkl"
-    write_sequence_file(path, walk_arrays)
+    path.write_bytes(sequence_bytes(walk_arrays))
     content = bytearray(path.read_bytes())
     structure = [match.start() for match in re.finditer(rb"cnumpy|cam_|poses|genders", content)]
     for _ in range(data.draw(st.integers(1, 3))):

@@ -3,7 +3,8 @@
 import numpy as np
 
 from gmrdata.read.systems.result import read_system
-from gmrdata.write.systems import TrackedPerson, write_gvhmr, write_wham
+from gmrdata.values.files import write_bytes
+from gmrdata.write.systems import TrackedPerson, gvhmr_bytes, wham_bytes
 from tests.score.test_results import FRAMES, N, body, data, only, rest, score, true
 
 __all__ = ["body", "data", "true"]  # fixtures
@@ -14,7 +15,7 @@ def test_what_this_project_exports_is_scored_as_no_error(tmp_path, data, body, t
     rows = np.arange(N) != 30
     person = TrackedPerson(true.motion, rest(body, true), rows, FRAMES, true.camera)
     (tmp_path / "wham").mkdir()
-    write_wham(tmp_path / "wham" / "wham_output.pkl", [person])
+    write_bytes(tmp_path / "wham" / "wham_output.pkl", wham_bytes([person]))
     scores = only(score(data, tmp_path / "wham", tmp_path / "a", protocol="wham", missing="drop"))
     clip = scores.clips[0]
     assert clip.dropped_frames == 1 and clip.seen_in == "own_camera"
@@ -26,7 +27,7 @@ def test_a_video_of_gvhmr_keeps_the_frames_that_count(tmp_path, true, body):
     valid = np.arange(N) > 3
     person = TrackedPerson(true.motion, rest(body, true), valid, np.arange(N), true.camera)
     path = tmp_path / "hmr4d_results.pt"
-    write_gvhmr(path, person)
+    write_bytes(path, gvhmr_bytes(person))
     (found,) = read_system(path, "world").people
     assert found.frame_numbers.tolist() == list(range(4, N))
     assert found.in_world is not None and true.camera is not None

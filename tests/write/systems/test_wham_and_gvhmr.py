@@ -14,7 +14,7 @@ from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion_metrics import orientation_errors_deg
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert, rigid
-from gmrdata.write.systems import TrackedPerson, write_gvhmr, write_wham
+from gmrdata.write.systems import TrackedPerson, gvhmr_bytes, wham_bytes
 from tests.read.system_files import rotmats
 
 MM, DEG = 1e-4, 0.01
@@ -35,8 +35,8 @@ def people(walkers, small_body) -> list[TrackedPerson]:
 
 
 def test_wham_by_plain_pickle(people, walkers, small_body, tmp_path):
-    path, camera = tmp_path / "walk" / "wham_output.pkl", camera_of(walkers[0])
-    write_wham(path, [replace(one, camera=camera) for one in people])
+    path, camera = tmp_path / "wham_output.pkl", camera_of(walkers[0])
+    path.write_bytes(wham_bytes([replace(one, camera=camera) for one in people]))
     found = pickle.loads(path.read_bytes())
     assert list(found) == [0, 1]
     assert found[1].pop("body") == found[0].pop("body") == "smpl-female"
@@ -66,7 +66,7 @@ def test_wham_by_plain_pickle(people, walkers, small_body, tmp_path):
 
 def test_wham_comes_back(people, tmp_path):
     path = tmp_path / "wham_output.pkl"
-    write_wham(path, people)
+    path.write_bytes(wham_bytes(people))
     assert "pose" not in pickle.loads(path.read_bytes())[0]
     for found, person in zip(read_system(path, "world").people, people, strict=True):
         motion, world = person.motion.take(person.rows), found.in_world
@@ -92,7 +92,7 @@ def test_each_person_of_wham_is_seen_by_the_camera_of_their_own_rows(people, wal
     )  # fmt: skip
     found = []
     for given in ([replace(people[0], camera=camera), part], [replace(second, camera=camera)]):
-        write_wham(tmp_path / "wham_output.pkl", given)
+        (tmp_path / "wham_output.pkl").write_bytes(wham_bytes(given))
         found.append(pickle.loads((tmp_path / "wham_output.pkl").read_bytes()))
     one, whole = found[0][1], found[1][0]
     same = np.isin(whole["frame_ids"], one["frame_ids"])
@@ -104,7 +104,7 @@ def test_each_person_of_wham_is_seen_by_the_camera_of_their_own_rows(people, wal
 def test_wham_of_another_body_is_of_smpls_mean(people, tmp_path):
     """Its shape means nothing to SMPL, and its pelvis stood 0.22 m low by SMPL's own J0."""
     person = replace(people[0], motion=replace(people[0].motion, body="anny"))
-    write_wham(tmp_path / "wham_output.pkl", [person])
+    (tmp_path / "wham_output.pkl").write_bytes(wham_bytes([person]))
     found = pickle.loads((tmp_path / "wham_output.pkl").read_bytes())[0]
     assert found["body"] == "smpl-neutral" and not found["betas"].any()
     pelvis_m = (found["trans_world"] + SMPL_REST_PELVIS_M) @ Z_UP_FROM_Y_UP.T
@@ -116,7 +116,7 @@ def test_gvhmr_by_torchs_safe_loader(people, walkers, tmp_path):
     has = np.arange(camera.n_frames) != 9
     known = np.where(has[:, None, None], camera.world_from_cam, np.nan)
     held = replace(camera, world_from_cam=known, has_camera=has)
-    write_gvhmr(path, replace(person, camera=held))
+    path.write_bytes(gvhmr_bytes(replace(person, camera=held)))
     found = torch.load(path, weights_only=True)
     n, motion = person.motion.n_frames, person.motion
     assert {key: tuple(value.shape) for key, value in found["smpl_params_global"].items()} == {
@@ -145,7 +145,7 @@ def test_gvhmr_by_torchs_safe_loader(people, walkers, tmp_path):
 
 def test_gvhmr_comes_back(people, tmp_path):
     path = tmp_path / "hmr4d_results.pt"
-    write_gvhmr(path, people[1])
+    path.write_bytes(gvhmr_bytes(people[1]))
     assert set(torch.load(path, weights_only=True)) == {"smpl_params_global", "valid"}
     (found,) = read_system(path, "world").people
     rows, motion = people[1].rows, people[1].motion
@@ -162,13 +162,13 @@ def test_frames_without_a_motion_are_left_out_or_refused(people, tmp_path):
     pelvis_m = people[1].motion.pelvis_m.copy()
     pelvis_m[6] = np.nan
     gap = replace(people[1], motion=replace(people[1].motion, pelvis_m=pelvis_m))
-    write_wham(tmp_path / "a.pkl", [gap])
+    (tmp_path / "a.pkl").write_bytes(wham_bytes([gap]))
     with pytest.raises(BadMotionFile, match="frame 6 has no motion"):
-        write_gvhmr(tmp_path / "a.pt", gap)
+        (tmp_path / "a.pt").write_bytes(gvhmr_bytes(gap))
     with pytest.raises(BadMotionFile, match="frame 6 has no motion"):
-        write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.ones_like(gap.rows))])
+        (tmp_path / "b.pkl").write_bytes(wham_bytes([replace(gap, rows=np.ones_like(gap.rows))]))
     with pytest.raises(BadMotionFile, match="no frame that may be used"):
-        write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.zeros_like(gap.rows))])
-    write_wham(tmp_path / "a.pkl", [None, gap])
+        (tmp_path / "b.pkl").write_bytes(wham_bytes([replace(gap, rows=np.zeros_like(gap.rows))]))
+    (tmp_path / "a.pkl").write_bytes(wham_bytes([None, gap]))
     assert list(pickle.loads((tmp_path / "a.pkl").read_bytes())) == [1]
     assert [one.name for one in tmp_path.iterdir()] == ["a.pkl"]
